@@ -1,0 +1,37 @@
+# One door for tools. `make reproduce` and `make test` work in a fresh clone on a machine with Python >= 3.11.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+PAPER := gallery effect_of_D effect_of_m morphology
+
+.PHONY: reproduce test test-slow lint setup smoke clean
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+reproduce: setup
+	@for study in $(PAPER); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
+	@for study in $(PAPER); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
+
+test: setup
+	@$(BIN)/python -m pytest
+
+test-slow: setup
+	@$(BIN)/python -m pytest -m slow
+
+lint: setup
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+
+smoke: setup
+	@$(BIN)/roughvol run configs/smoke.yaml --fresh --out runs/smoke
+	@$(BIN)/roughvol plot runs/smoke
+
+clean:
+	@rm -rf $(VENV) build *.egg-info runs/*/
