@@ -1,0 +1,171 @@
+"""The free volume under a rough surface in contact: element volumes, their total, their density, their domains.
+
+Conventions: g ≥ 0 is the gap at each node, δ the spacing, v = g δ² the free volume of the element around the node
+[length³], exactly 0 in contact. Contact is the active set (p > 0) handed in as a mask, never a comparison of floats.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roughvol.errors import ContactError
+
+Field = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class VolumeDensity(NamedTuple):
+    """Density f(v) of element volumes on K bins: ``edges`` (K + 1) [length³] and ``density`` (K) [1/length³]."""
+
+    edges: Field
+    density: Field
+
+    @property
+    def widths(self) -> Field:
+        """Widths Δv of the bins, shape (K,) [length³]."""
+        return np.diff(self.edges)
+
+    @property
+    def centres(self) -> Field:
+        """Centres v of the bins, shape (K,) [length³]."""
+        return 0.5 * (self.edges[1:] + self.edges[:-1])
+
+
+def element_volumes(gap: Field, spacing: float, contact: Mask) -> Field:
+    """Return the free volume of each element, v = g δ² (the paper's Section 2), exactly 0 on the contact.
+
+    Parameters
+    ----------
+    gap : ndarray
+        Gap g = u - ū [length], not negative off the contact.
+    spacing : float
+        Spacing δ [length].
+    contact : ndarray of bool, shape of ``gap``
+        True where p > 0.
+
+    Returns
+    -------
+    ndarray, shape of ``gap``
+        Volumes v [length³].
+
+    Raises
+    ------
+    ContactError
+        If the mask does not fit, or a gap off the contact is negative.
+    """
+    _check_mask(gap, contact)
+    if not np.all(gap[~contact] >= 0.0):
+        message = f"gap must be >= 0 off the contact, the lowest is {gap[~contact].min():.6g}"
+        raise ContactError(message)
+    return np.where(contact, 0.0, gap * spacing**2)
+
+
+def free_volume(gap: Field, Sq: float) -> float:
+    """Return the dimensionless free volume, V* = mean(g) / σ: the volume per element area, over σ.
+
+    The paper's V / (L² σ) with V = Σ v over the (2^m + 1)² elements is this times (1 + 2^-m)²: its elements cover
+    more than L².
+
+    Parameters
+    ----------
+    gap : ndarray
+        Gap g [length], 0 on the contact.
+    Sq : float
+        Root mean square height σ [length], or 1 for a gap already divided by σ.
+
+    Raises
+    ------
+    ContactError
+        If σ is not positive.
+    """
+    if not Sq > 0.0:
+        message = f"Sq must be positive for a free volume in units of it, got {Sq!r}"
+        raise ContactError(message)
+    return float(np.mean(gap / Sq))
+
+
+def volume_density(
+    volumes: Field, contact: Mask, bins: int = 50, include_contact: bool = False, upper: float | None = None
+) -> VolumeDensity:
+    """Return the probability density f(v) of the element volumes, ∫ f dv = 1 (the paper's Section 4, Fig. 12).
+
+    Equal bins over [0, v_max], the last one closed. Elements in contact (v = 0) are left out unless asked for: their
+    share is A*, and they would fill the first bin with something that is not a density.
+
+    Parameters
+    ----------
+    volumes : ndarray
+        Element volumes v ≥ 0 [length³].
+    contact : ndarray of bool, shape of ``volumes``
+        True where p > 0.
+    bins : int
+        Number K ≥ 1 of bins.
+    include_contact : bool
+        Whether the elements in contact are counted too.
+    upper : float, optional
+        Upper edge of the last bin [length³], at least the largest volume: one value for surfaces to be compared.
+
+    Returns
+    -------
+    VolumeDensity
+        All NaN if there is no volume to distribute (full contact).
+
+    Raises
+    ------
+    ContactError
+        If the mask does not fit, there are no bins, or a volume lies outside [0, upper].
+    """
+    _check_mask(volumes, contact)
+    if bins < 1:
+        message = f"bins must be >= 1, got {bins}"
+        raise ContactError(message)
+    counted = volumes.ravel() if include_contact else volumes[~contact]
+    largest = float(counted.max(initial=0.0))
+    end = largest if upper is None else float(upper)
+    if counted.min(initial=0.0) < 0.0 or not largest <= end:
+        message = f"volumes must lie in [0, {end:.6g}], got {counted.min(initial=0.0):.6g} … {largest:.6g}"
+        raise ContactError(message)
+    if counted.size == 0 or end == 0.0:
+        return VolumeDensity(np.full(bins + 1, np.nan), np.full(bins, np.nan))
+    numbers, edges = np.histogram(counted, bins=bins, range=(0.0, end))
+    return VolumeDensity(edges, numbers / (counted.size * np.diff(edges)))
+
+
+def domain(volumes: Field, threshold: float, contact: Mask) -> Mask:
+    """Return the free volume domain, D(v ≤ v_th) together with the contact (the paper's Section 3.2, Fig. 10).
+
+    At v_th = 0 it is the contact itself: an open element whose gap happens to be 0, as at first touch, is not black.
+
+    Parameters
+    ----------
+    volumes : ndarray
+        Element volumes v [length³].
+    threshold : float
+        Threshold v_th ≥ 0 [length³].
+    contact : ndarray of bool, shape of ``volumes``
+        True where p > 0.
+
+    Returns
+    -------
+    ndarray of bool, shape of ``volumes``
+        True on the (black) domain; all True from v_th = max(v) > 0 on.
+
+    Raises
+    ------
+    ContactError
+        If the mask does not fit or the threshold is negative or NaN.
+    """
+    _check_mask(volumes, contact)
+    if not threshold >= 0.0:
+        message = f"threshold must be >= 0, got {threshold!r}"
+        raise ContactError(message)
+    return contact.copy() if threshold == 0.0 else (volumes <= threshold) | contact
+
+
+def _check_mask(field: Field, contact: Mask) -> None:
+    if contact.dtype != np.bool_ or contact.shape != field.shape:
+        message = f"contact must be a bool mask of shape {field.shape}, got {contact.dtype} of shape {contact.shape}"
+        raise ContactError(message)

@@ -1,0 +1,287 @@
+"""Texture of a height field: ISO 25178-2 numbers, summits, retention indices, Hurst exponents.
+
+Conventions: z(x, y) are heights [length], positive up, axis 0 is x; ζ = z - z̄ are heights about the mean plane. No
+form is removed and no filter applied: the whole field is the scale-limited surface. Every mean is over nodes of equal
+weight. Amplitudes of any scale are allowed (1e-250, 1e250): heights are brought to unit range before they are squared.
+A ratio that a flat surface leaves undefined is NaN.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from roughvol.errors import SurfaceError
+
+Heights = NDArray[np.float64]
+
+FEWEST_CELLS_FOR_SPECTRUM = 32  # below, the range of `hurst_spectrum` spans less than one octave
+SPECTRUM_BINS = 8
+
+
+def Sq(heights: Heights) -> float:
+    """Return the root mean square height, Sq = √mean(ζ²) [length] (ISO 25178-2:2012, 4.1.1)."""
+    unit, exponent = _about_mean_plane(heights)
+    return math.ldexp(_root_mean_square(unit), exponent)
+
+
+def Sa(heights: Heights) -> float:
+    """Return the arithmetical mean height, Sa = mean(abs(ζ)) [length] (ISO 25178-2:2012, 4.1.7)."""
+    unit, exponent = _about_mean_plane(heights)
+    return math.ldexp(float(np.abs(unit).mean()), exponent)
+
+
+def Ssk(heights: Heights) -> float:
+    """Return the skewness, Ssk = mean(ζ³) / Sq³ [1], NaN if flat (ISO 25178-2:2012, 4.1.2)."""
+    return _standardised_moment(heights, 3)
+
+
+def Sku(heights: Heights) -> float:
+    """Return the kurtosis, Sku = mean(ζ⁴) / Sq⁴ [1], 3 for a Gaussian, NaN if flat (ISO 25178-2:2012, 4.1.3)."""
+    return _standardised_moment(heights, 4)
+
+
+def Sp(heights: Heights) -> float:
+    """Return the maximum peak height, Sp = max(ζ) [length] (ISO 25178-2:2012, 4.1.4)."""
+    unit, exponent = _about_mean_plane(heights)
+    return math.ldexp(float(unit.max()), exponent)
+
+
+def Sv(heights: Heights) -> float:
+    """Return the maximum pit height, Sv = -min(ζ) [length], not negative (ISO 25178-2:2012, 4.1.5)."""
+    unit, exponent = _about_mean_plane(heights)
+    return math.ldexp(-float(unit.min()), exponent)
+
+
+def Sz(heights: Heights) -> float:
+    """Return the maximum height, Sz = Sp + Sv = max(z) - min(z) [length] (ISO 25178-2:2012, 4.1.6)."""
+    return float(heights.max() - heights.min())
+
+
+def Sdq(heights: Heights, spacing: float) -> float:
+    """Return the root mean square gradient, Sdq = √mean((∂z/∂x)² + (∂z/∂y)²) [1] (ISO 25178-2:2012, 4.3.1).
+
+    Central differences over 2δ on the interior nodes only: exact for planes, and blind to the wavelength 2δ, so that
+    a field rough down to the lattice has a larger slope than this between neighbouring nodes.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (rows, columns), at least 3 × 3
+        Heights z [length].
+    spacing : float
+        Distance δ of neighbouring nodes [length].
+    """
+    unit, exponent = _about_mean_plane(heights)
+    along_x = unit[2:, 1:-1] - unit[:-2, 1:-1]
+    along_y = unit[1:-1, 2:] - unit[1:-1, :-2]
+    differences = math.sqrt(float(np.mean(along_x * along_x + along_y * along_y)))
+    return math.ldexp(differences, exponent) / (2.0 * spacing)
+
+
+def summits(heights: Heights) -> NDArray[np.bool_]:
+    """Return where the summits are: interior nodes strictly higher than each of their eight neighbours.
+
+    A plateau of equal nodes has no summit, and neither has the boundary, whose neighbourhood is not known.
+
+    Returns
+    -------
+    ndarray of bool, shape of the heights
+        True on summits.
+    """
+    rows, columns = heights.shape
+    inner = heights[1:-1, 1:-1]
+    higher = np.ones(inner.shape, dtype=np.bool_)
+    for i in (0, 1, 2):
+        for j in (0, 1, 2):
+            if (i, j) != (1, 1):
+                higher &= inner > heights[i : rows - 2 + i, j : columns - 2 + j]
+    mask = np.zeros(heights.shape, dtype=np.bool_)
+    mask[1:-1, 1:-1] = higher
+    return mask
+
+
+def summit_plane(heights: Heights) -> float:
+    """Return the mean height of the summits [length]: the paper's "mean plane of the asperity heights" (Section 3).
+
+    Raises
+    ------
+    SurfaceError
+        If there is no summit (see `summits`).
+    """
+    return float(heights[_some_summits(heights)].mean())
+
+
+def summit_radius(heights: Heights, spacing: float) -> float:
+    """Return the radius of curvature of the summits, ρ = 1 / mean(κ) [length].
+
+    κ = -½ (∂²z/∂x² + ∂²z/∂y²) at each summit, by second differences over δ: 1/ρ is the Spc of ISO 25178-2, over
+    the nodes of `summits` instead of pruned peaks. It is the ρ of the plasticity index.
+
+    Raises
+    ------
+    SurfaceError
+        If there is no summit (see `summits`).
+    """
+    i, j = np.nonzero(_some_summits(heights))
+    top = heights[i, j]
+    # Differences before sums: a surface far above z = 0 keeps its digits.
+    drop = (top - heights[i - 1, j]) + (top - heights[i + 1, j]) + (top - heights[i, j - 1]) + (top - heights[i, j + 1])
+    return spacing / (0.5 * float(drop.mean()) / spacing)
+
+
+def material_ratio(heights: Heights, levels: ArrayLike) -> Heights:
+    """Return the areal material ratio, the share of nodes at or above each level (Smr(c) of ISO 25178-2).
+
+    Parameters
+    ----------
+    heights : ndarray
+        Heights z [length].
+    levels : array_like
+        Levels c [length], in the same frame as z.
+
+    Returns
+    -------
+    ndarray of float, shape of ``levels``
+        1 up to the lowest height, 0 above the highest.
+    """
+    ordered = np.sort(heights, axis=None)
+    below = np.searchsorted(ordered, levels, side="left")
+    return np.asarray((ordered.size - below) / ordered.size, dtype=np.float64)
+
+
+def Svi(heights: Heights) -> float:
+    """Return the valley fluid retention index, Svi = mean(max(h₂₀ - z, 0)) / Sq [1], NaN if flat.
+
+    h₂₀ is the plane that leaves 20 % of the heights below it (the paper's Section 3.2; Dong, Sullivan & Stout, Wear
+    178 (1994) 29-43). Gaussian heights give 0.112. Applied to deformed heights it is the index after loading.
+    """
+    unit, _ = _about_mean_plane(heights)
+    spread = _root_mean_square(unit)
+    if spread == 0.0:
+        return math.nan
+    plane = float(np.quantile(unit, 0.20))
+    return float(np.maximum(plane - unit, 0.0).mean()) / spread
+
+
+def Sbi(heights: Heights) -> float:
+    """Return the surface bearing index, Sbi = Sq / ζ₀₅ [1], NaN if flat.
+
+    ζ₀₅ is the height above the mean plane that leaves 5 % of the heights above it (Dong, Sullivan & Stout, Wear 178
+    (1994) 29-43). Gaussian heights give 0.608; a larger number is a surface that bears better.
+    """
+    unit, _ = _about_mean_plane(heights)
+    spread = _root_mean_square(unit)
+    level = float(np.quantile(unit, 0.95))
+    return spread / level if level != 0.0 else math.nan
+
+
+def hurst_structure(heights: Heights, spacing: float = 1.0) -> float:
+    """Return the Hurst exponent from the structure function, H = ½ d log S / d log l, S(l) = mean((z(x+l) - z(x))²).
+
+    Least squares over the lags l = 1, 2, 4, … δ up to an eighth of the shorter side (at least 1 and 2), mean
+    of both axes. S converges slowly to its power law near H = 0 and H = 1: at m = 8 midpoint surfaces of H = 0.8 give
+    0.67 and of H = 0.2 give 0.24. `hurst_spectrum` is closer and noisier.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (rows, columns), at least 3 × 3
+        Heights z [length].
+    spacing : float
+        Distance δ of neighbouring nodes [length]; H does not depend on it.
+
+    Returns
+    -------
+    float
+        H, or NaN if S vanishes at a lag (flat or periodic heights).
+    """
+    unit, _ = _about_mean_plane(heights)
+    longest = max(2, (min(heights.shape) - 1) // 8)
+    lags = [2**k for k in range(longest.bit_length())]
+    structure = []
+    for lag in lags:
+        squares_x = np.square(unit[lag:] - unit[:-lag])
+        squares_y = np.square(unit[:, lag:] - unit[:, :-lag])
+        # Mean of the two axes, not of all pairs: their shares change with the lag where the axes differ in length.
+        structure.append(0.5 * float(squares_x.mean() + squares_y.mean()))
+    if min(structure) <= 0.0:
+        return math.nan
+    return 0.5 * _slope(np.log(np.array(lags) * spacing), np.log(structure))
+
+
+def hurst_spectrum(heights: Heights, spacing: float = 1.0) -> float:
+    """Return the Hurst exponent from the power spectrum, C(q) ~ q^(-2-2H) in two dimensions.
+
+    The heights about their (weighted) mean are multiplied by a parabolic (Welch) window, |FFT|² is averaged over
+    rings of wave vectors, eight of equal width in log q, and H comes from least squares of log C against log q over
+    4 q₀ ≤ q < q_N / 2: q₀ = 2π / shorter side and q_N = π / δ. Below, the window counts; above, aliasing does.
+    Midpoint surfaces of H = 0.2 … 0.8 give H - 0.05 on average at m = 8 (30 seeds), with a deviation of 0.04 between seeds.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (rows, columns)
+        Heights z [length].
+    spacing : float
+        Distance δ of neighbouring nodes [length]; H does not depend on it.
+
+    Returns
+    -------
+    float
+        H, or NaN for fewer than 33 nodes on an axis or flat heights.
+    """
+    cells = min(heights.shape) - 1
+    if cells < FEWEST_CELLS_FOR_SPECTRUM:
+        return math.nan
+    unit, _ = _about_mean_plane(heights)
+    rows, columns = unit.shape
+    window = np.outer(1.0 - np.linspace(-1.0, 1.0, rows) ** 2, 1.0 - np.linspace(-1.0, 1.0, columns) ** 2)
+    unit -= float((window * unit).sum() / window.sum())
+    power = np.square(np.abs(np.fft.rfft2(window * unit)))
+    # rfft2 holds half the plane; the other half has the same power, and the ring means do not need it.
+    wave = 2.0 * np.pi * np.hypot(np.fft.fftfreq(rows, spacing)[:, None], np.fft.rfftfreq(columns, spacing))
+    lowest, highest = 4.0 * 2.0 * np.pi / (cells * spacing), 0.5 * np.pi / spacing
+    used = (wave >= lowest) & (wave < highest)
+    wave, power = wave[used], power[used]
+    ring = np.floor(SPECTRUM_BINS * np.log(wave / lowest) / math.log(highest / lowest)).astype(np.int64)
+    count = np.bincount(ring)
+    filled = count > 0
+    mean_power = np.bincount(ring, power)[filled] / count[filled]
+    if not np.all(mean_power > 0.0):
+        return math.nan
+    mean_log_wave = np.bincount(ring, np.log(wave))[filled] / count[filled]
+    return -0.5 * _slope(mean_log_wave, np.log(mean_power)) - 1.0
+
+
+def _about_mean_plane(heights: Heights) -> tuple[Heights, int]:
+    """Return heights about their mean plane divided by 2^e, with range at most 1, and e."""
+    top = float(heights.max())
+    exponent = math.frexp(top - float(heights.min()))[1]  # a power of two, so that scaling back is exact
+    unit = np.ldexp(heights - top, -exponent)
+    unit -= unit.mean()
+    return unit, exponent
+
+
+def _root_mean_square(unit: Heights) -> float:
+    return math.sqrt(float(np.mean(np.square(unit))))
+
+
+def _standardised_moment(heights: Heights, order: int) -> float:
+    unit, _ = _about_mean_plane(heights)
+    spread = _root_mean_square(unit)
+    return float(np.mean((unit / spread) ** order)) if spread > 0.0 else math.nan
+
+
+def _some_summits(heights: Heights) -> NDArray[np.bool_]:
+    mask = summits(heights)
+    if not mask.any():
+        rows, columns = heights.shape
+        message = f"heights of {rows} × {columns} nodes have no summit: no interior node is above its eight neighbours"
+        raise SurfaceError(message)
+    return mask
+
+
+def _slope(x: Heights, y: Heights) -> float:
+    """Return the slope of the least squares line through (x, y)."""
+    x = x - x.mean()
+    return float(x @ y / (x @ x))
