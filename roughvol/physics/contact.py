@@ -8,8 +8,8 @@ overlap ū = Δ - (z_max - z) and the displacement u = H p the pressures solve t
     p ≥ 0,    g = u - ū ≥ 0,    p g = 0    on every element,
 
 which has exactly one solution because H is positive definite. Inside this module all is scaled: heights by their
-root mean square σ (h ≤ 0, highest point 0), pressures as q = p δ/(π E* σ), so that u/σ = K ∗ q with the lattice kernel
-of `halfspace`; b = h + Δ/σ is the scaled overlap and w = K ∗ q - b the scaled gap. No unit, however odd, gets further in.
+root mean square σ (h ≤ 0, highest point 0), pressures as q = p δ/(π E* σ), so that u/σ = K ∗ q with the lattice
+kernel of `halfspace`; b = h + Δ/σ is the scaled overlap and w = K ∗ q - b the scaled gap. No unit gets further in.
 
 The residual
 ------------
@@ -22,25 +22,24 @@ The method
 ----------
 H⁻¹ is an M-matrix for the Love kernel. Along increasing Δ therefore pressures never decrease, contact sets are nested
 and every gap is a convex function of Δ, so the secant through the last two states, w_k + θ (w_k - w_{k-1}), is a lower
-bound of the next gap: the elements it leaves at p > 0 or w < 0 *contain* the next contact set, nearly exactly. On this set
-conjugate gradients solve H p = ū, preconditioned by a sparse factorised inverse of the near field of K; elements that
-turn tensile leave the set, penetrating ones come back, and a last convolution verifies. For other kernels the same
-loop runs without the guarantee: it then relies on the verification, which re-admits whatever penetrates.
+bound of the next gap: the elements it leaves at p > 0 or w < 0 *contain* the next contact set, nearly exactly. On
+this set conjugate gradients solve H p = ū with the two-level preconditioner of `precondition`; elements that turn
+tensile leave the set, penetrating ones come back, and a last convolution verifies. For other kernels the same loop
+runs without the guarantee: it then relies on the verification, which re-admits whatever penetrates.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg as scipy_linalg
-from scipy import sparse
 
 from roughvol.errors import ContactError, ConvergenceError
+from roughvol.physics.precondition import near_field, two_level
 from roughvol.physics.surface import Surface
 
 Array = NDArray[np.float64]
@@ -166,20 +165,20 @@ def sweep(
     Arguments and errors as for `solve`. Each record owns its arrays.
     """
     problem = _Problem(surface, half_space, rtol)
-    if method not in METHODS:
-        message = f"method is {method!r}; allowed: {', '.join(METHODS)}"
-        raise ContactError(message)
+    solve_one = _method(method)
     before: _State | None = None
     now = problem.untouched()
+    last = -np.inf
     for indentation in indentations:
-        if not np.isfinite(indentation) or (before is not None and indentation <= now.indentation):
-            message = f"indentation is {indentation}; allowed: finite and increasing (the last was {now.indentation:g})"
+        if not (np.isfinite(indentation) and indentation > last):
+            message = f"indentation is {indentation}; allowed: finite and increasing (the last was {last:g})"
             raise ContactError(message)
+        last = float(indentation)
         if indentation <= 0:
             yield problem.record(problem.untouched(indentation), problem.counts(), 0, 0.0)
             continue
         counts = problem.counts()
-        after, iterations, residual = METHODS[method](problem, float(indentation), now, before)
+        after, iterations, residual = solve_one(problem, float(indentation), now, before)
         yield problem.record(after, counts, iterations, residual)
         before, now = now, after
 
@@ -196,7 +195,8 @@ def indentation_for(
     """Return the indentation Δ/σ at which the contact area fraction or the mean pressure reaches a value.
 
     Both are non-decreasing functions of Δ. The pressure is continuous and met to a relative 1e-6; the area jumps from
-    element to element, so the smallest indentation is returned (to 1e-6 of itself) at which it is at least the value.
+    element to element, so the smallest indentation (to 1e-6 of itself or of σ/1000) is returned at which it is at least
+    the value. Found by bracketing: about ten solves for a pressure, twenty for an area, each started from those below.
 
     Parameters
     ----------
@@ -204,40 +204,59 @@ def indentation_for(
 
     Raises
     ------
-    ContactError : unknown target, or a value out of range.
+    ContactError : unknown target or method, or a value out of range.
+    ConvergenceError : a solve on the way did not converge.
     """
-    measures = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
-    if target not in measures:
-        message = f"target is {target!r}; allowed: {', '.join(measures)}"
+    if target not in _TARGETS:
+        message = f"target is {target!r}; allowed: {', '.join(_TARGETS)}"
         raise ContactError(message)
-    if not value > 0 or (target == "contact_area" and value > 1):
+    if not 0 < value < np.inf or (target == "contact_area" and value > 1):
         message = f"{target} is {value}; allowed: {'0 < A* <= 1' if target == 'contact_area' else 'p* > 0'}"
         raise ContactError(message)
+    problem = _Problem(surface, half_space, rtol)
+    solve_one = _method(method)
+    before: _State | None = None
+    now = problem.untouched()
 
-    def reached(indentation: float) -> float:
-        contact = solve(surface, half_space, indentation, rtol=rtol, method=method)
-        return float(getattr(contact, measures[target])) - value
+    def try_at(indentation: float) -> tuple[_State, float]:
+        state, iterations, residual = solve_one(problem, indentation, now, before)
+        contact = problem.record(state, problem.counts(), iterations, residual)
+        return state, float(getattr(contact, _TARGETS[target])) - value
 
-    low, high = 0.0, 1.0
-    f_low, f_high = -value, reached(1.0)
-    while f_high < 0:
-        low, f_low, high = high, f_high, 2 * high
-        f_high = reached(high)
-    # Illinois false position: superlinear where the curve is smooth, never worse than bisection by much on its steps
-    side = 0
-    for _ in range(200):
-        if high - low <= 1e-6 * high or (target == "pressure" and abs(f_high) <= 1e-6 * value):
+    excess_now = -value
+    high = 0.5
+    state, excess = try_at(high)
+    while excess < 0:
+        before, now, excess_now = now, state, excess
+        high *= 2.0
+        state, excess = try_at(high)
+    halve = False
+    floor = 1e-3 if target == "contact_area" else 0.0
+    while high - now.indentation > 1e-6 * max(high, floor):
+        if target == "pressure" and excess <= 1e-6 * value:
             break
-        middle = high - f_high * (high - low) / (f_high - f_low) if side < 3 else 0.5 * (low + high)
-        f_middle = reached(middle)
-        if f_middle < 0:
-            low, f_low = middle, f_middle
-            side = side + 1 if side > 0 else 1
-            f_high = 0.5 * f_high if side > 1 else f_high
+        low = now.indentation
+        # false position where the curve is smooth, but every other time a bisection: the area is a staircase
+        share = 0.5 if halve else np.clip(-excess_now / (excess - excess_now), 0.02, 0.98)
+        halve = not halve
+        middle = float(low + share * (high - low))
+        state, excess_middle = try_at(middle)
+        if excess_middle < 0:
+            before, now, excess_now = now, state, excess_middle
         else:
-            high, f_high = middle, f_middle
-            side = 0
-    return high
+            high, excess = middle, excess_middle
+    # elements on the brink are told apart to η only: go just beyond, so that any solve to rtol finds the area reached
+    return high + 2.0 * rtol if target == "contact_area" else high
+
+
+_TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
+
+
+def _method(name: str) -> _Method:
+    if name not in METHODS:
+        message = f"method is {name!r}; allowed: {', '.join(METHODS)}"
+        raise ContactError(message)
+    return METHODS[name]
 
 
 class _Problem:
@@ -305,18 +324,24 @@ class _Problem:
 def _solve_fast(problem: _Problem, indentation: float, now: _State, before: _State | None) -> tuple[_State, int, float]:
     """Solve one indentation from the secant through the last two states; see the module's docstring."""
     overlap = problem.overlap(indentation)
+    rate: _Rate | None = None
+    pressure, displacement = now.pressure.copy(), now.displacement.copy()
     if before is None:
-        pressure, displacement = now.pressure.copy(), now.displacement.copy()
         candidates = np.flatnonzero(overlap > 0)
     else:
-        theta = (indentation - now.indentation) / (now.indentation - before.indentation)
-        pressure = np.maximum(now.pressure + theta * (now.pressure - before.pressure), 0.0)
-        displacement = now.displacement + theta * (now.displacement - before.displacement)
+        rate = _Rate(now, before)
+        pressure += (indentation - now.indentation) * rate.pressure
+        displacement += (indentation - now.indentation) * rate.displacement
+        np.maximum(pressure, 0.0, out=pressure)
         candidates = np.flatnonzero((overlap > 0) & ((pressure > 0) | (displacement < overlap)))
-    tolerance = 0.7 * problem.rtol  # the rest is for what the verification finds beyond the recursive residual
     iterations = 0
     for _ in range(_ROUNDS):
-        q, steps = _face(problem, candidates, overlap, pressure, displacement, tolerance)
+        b = overlap[candidates]
+        if candidates.size <= _DENSE_UP_TO:
+            q, steps = _dense_face(problem.half_space.influence, problem.shape[1], candidates, b), 1
+        else:
+            q, w = pressure[candidates], displacement[candidates] - b
+            q, steps = _conjugate_gradients(problem, candidates, q, w, rate)
         iterations += steps
         pressure = np.zeros_like(overlap)
         pressure[candidates] = q
@@ -333,20 +358,17 @@ def _solve_fast(problem: _Problem, indentation: float, now: _State, before: _Sta
 _ROUNDS = 60  # of solve and verify; one is the rule, two after an unlucky prediction
 
 
-def _face(
-    problem: _Problem, candidates: Index, overlap: Array, pressure: Array, displacement: Array, tolerance: float
-) -> tuple[Array, int]:
-    """Solve the complementarity problem restricted to the candidates; return q on them and the iterations."""
-    b = overlap[candidates]
-    if candidates.size <= _DENSE_UP_TO:
-        return _dense_face(problem.half_space.influence, problem.shape[1], candidates, b), 1
-    q = pressure[candidates]
-    w = displacement[candidates] - b
-    return _conjugate_gradients(problem.half_space, candidates, q, w, tolerance)
+class _Rate:
+    """Pressure and displacement per unit of further indentation, from the last two states, on the whole grid."""
+
+    def __init__(self, now: _State, before: _State) -> None:
+        self.step = now.indentation - before.indentation
+        self.pressure = (now.pressure - before.pressure) / self.step
+        self.displacement = (now.displacement - before.displacement) / self.step
 
 
 def _dense_face(influence: Array, columns: int, elements: Index, b: Array) -> Array:
-    """Solve on few elements by factorisation, removing the tensile ones until none is left and penetrating ones return."""
+    """Solve on few elements by factorisation: tensile ones leave, penetrating ones come back, until neither is left."""
     matrix = _dense(influence, columns, elements)
     q = np.zeros(b.size)
     active = np.ones(b.size, dtype=bool)
@@ -375,35 +397,54 @@ def _dense(influence: Array, columns: int, elements: Index) -> Array:
 
 
 def _conjugate_gradients(
-    half_space: Compliance, elements: Index, q: Array, w: Array, tolerance: float
+    problem: _Problem, elements: Index, q: Array, w: Array, rate: _Rate | None
 ) -> tuple[Array, int]:
-    """Bound-constrained preconditioned conjugate gradients (Polak-Ribière⁺) on the elements; q and w are updated."""
-    precondition = near_field_inverse(half_space.influence, half_space.shape[1], elements)
-    direction = old = None
-    product = 0.0
+    """Bound-constrained preconditioned conjugate gradients (Polak-Ribière⁺) on the elements; q and w are updated.
+
+    Directions are convolved in single precision: their errors shrink with them, and what remains is seen by the
+    verification, which starts another round from the true gap.
+    """
+    half_space = problem.half_space
+    tolerance = _SAFETY * problem.rtol
+    precondition = near_field(half_space.influence, half_space.shape[1], elements)
+    if rate is not None:
+        precondition = two_level(
+            precondition,
+            half_space.influence,
+            half_space.shape,
+            elements,
+            rate.pressure[elements],
+            rate.displacement[elements],
+        )
+    direction = old = np.zeros_like(q)
+    product = 1.0
     for iteration in range(_ITERATIONS):
         if iteration % 2 == 0:  # every time costs more than it saves
             _truncate(half_space, elements, q, w)
         free = (q != 0.0) | (w < 0.0)
         r = np.where(free, -w, 0.0)
-        if max(r.max(), -r.min()) <= tolerance:
-            if not _truncate(half_space, elements, q, w):
-                return q, iteration
-            continue
+        residual = float(np.abs(r).max())
+        if residual <= tolerance:
+            if _truncate(half_space, elements, q, w):
+                continue
+            return q, iteration
         z = np.where(free, precondition(r), 0.0)
+        if residual <= _LAST * tolerance and iteration:
+            # the preconditioner alone reduces the residual by this much: leave it to the verification to see that
+            return np.maximum(q + z, 0.0), iteration
         last, product = product, float(r @ z)
-        if direction is None or old is None:
-            direction = z
-        else:
-            direction = np.where(free, z + max(0.0, (product - old @ z) / last) * direction, 0.0)
+        conjugacy = max(0.0, (product - float(old @ z)) / last)
+        direction = np.where(free, z + conjugacy * direction, 0.0)
         old = r
-        response = half_space.displacement_at(elements, direction)
+        response = half_space.displacement_at(elements, direction, single=True)
         length = float(r @ direction) / float(direction @ response)
         q += length * direction
         w += length * response
     return np.maximum(q, 0.0), _ITERATIONS
 
 
+_SAFETY = 0.7  # share of the tolerance left to the recursive residual; the verification finds a little more
+_LAST = 5.0
 _ITERATIONS = 2000
 
 
@@ -430,66 +471,10 @@ def _truncate(half_space: Compliance, elements: Index, q: Array, w: Array) -> bo
 _SUMMED_UP_TO = 24  # sources; at m = 8 a sum over so many costs a tenth of a convolution
 
 
-# The 12 of 24 neighbours in a 5 × 5 square that come before an element in memory: the pattern of the factor G
-_BEFORE = tuple((i, j) for i in range(-2, 1) for j in range(-2, 3) if (i, j) < (0, 0))
-
-
-def near_field_inverse(influence: Array, columns: int, elements: Index) -> Callable[[Array], Array]:
-    """Return r ↦ Gᵀ G r ≈ K⁻¹ r on the elements, G a sparse triangular factor from the near field.
-
-    Row i of G solves K_PP y = e_i on P = element i and those of its 12 preceding neighbours that belong to the set, and
-    G_i = y/√y_i: the factorised sparse approximate inverse, symmetric positive definite whenever K is. An element has
-    only 2¹² possible neighbourhoods, so all the small systems of all surfaces are solved once, by `_near_field_rows`.
-
-    Parameters
-    ----------
-    influence : K(i, j) of the non-negative offsets.
-    columns : columns of the grid.
-    elements : flat indices, increasing.
-
-    References
-    ----------
-    L. Yu. Kolotilina, A. Yu. Yeremin, SIAM J. Matrix Anal. Appl. 14 (1993) 45-58.
-    """
-    table = _near_field_rows(tuple(map(tuple, influence[:5, :5].tolist())))
-    row, column = np.divmod(elements, columns)
-    width = columns + 4
-    place = (row - row[0] + 2) * width + column + 2
-    number = np.full((row[-1] - row[0] + 3) * width, -1, dtype=np.int32)
-    number[place] = np.arange(elements.size, dtype=np.int32)
-    shifts = np.array([i * width + j for i, j in _BEFORE] + [0])
-    neighbours = number[place[:, None] + shifts]
-    present = neighbours >= 0
-    code = present[:, :-1] @ (1 << np.arange(len(_BEFORE)))
-    start = np.concatenate(([0], np.cumsum(present.sum(axis=1))))
-    factor = sparse.csr_array((table[code][present], neighbours[present], start), shape=(elements.size, elements.size))
-    transposed = factor.T.tocsr()
-    return lambda r: transposed @ (factor @ r)
-
-
-@lru_cache(maxsize=8)
-def _near_field_rows(influence: tuple[tuple[float, ...], ...]) -> Array:
-    """Return the row of G for each of the 2¹² sets of preceding neighbours (zeros where there is none)."""
-    kernel = np.zeros((5, 5))
-    given = np.array(influence)
-    kernel[: given.shape[0], : given.shape[1]] = given
-    offsets = np.array([*_BEFORE, (0, 0)])
-    matrix = kernel[np.abs(offsets[:, None, 0] - offsets[:, 0]), np.abs(offsets[:, None, 1] - offsets[:, 1])]
-    codes = np.arange(1 << len(_BEFORE))
-    present = np.ones((codes.size, len(offsets)), dtype=bool)
-    present[:, :-1] = (codes[:, None] >> np.arange(len(_BEFORE))) & 1
-    # absent neighbours become rows of the identity, so that all systems have one size
-    systems = np.where(present[:, :, None] & present[:, None, :], matrix, np.eye(len(offsets)))
-    unit = np.zeros((len(offsets), 1))
-    unit[-1] = 1.0
-    rows: Array = np.linalg.solve(systems, unit)[:, :, 0]
-    return rows / np.sqrt(rows[:, -1:])
-
-
 def _solve_paper(
     problem: _Problem, indentation: float, now: _State, before: _State | None
 ) -> tuple[_State, int, float]:
-    """Solve by the paper's Algorithm 1: greedy removal of tensile elements, Gauss-Seidel inside, from the rigid overlap.
+    """Solve by the paper's Algorithm 1: from the rigid overlap, removal of tensile elements, Gauss-Seidel inside.
 
     A reference for small grids: the matrix is dense, every indentation starts anew, and an element that has left does
     not come back (for the Love kernel none has to).
@@ -530,4 +515,5 @@ def _solve_paper(
 
 _PAPER_UP_TO = 65
 
-METHODS = {"fast": _solve_fast, "paper": _solve_paper}
+_Method = Callable[[_Problem, float, _State, "_State | None"], tuple[_State, int, float]]
+METHODS: dict[str, _Method] = {"fast": _solve_fast, "paper": _solve_paper}

@@ -69,7 +69,7 @@ def love_kernel(x: Array, y: Array) -> Array:
 
 
 def _love_near(x: Array, y: Array) -> Array:
-    """Closed form: K = Σ± over the four corners, grouped in two pairs of logarithms per axis."""
+    """Return the closed form, Σ± over the four corners, grouped in two pairs of logarithms per axis."""
     a, b, c, d = x + 0.5, x - 0.5, y + 0.5, y - 0.5  # corner offsets; b, d ≥ -1/2
     ac, ad, bc, bd = np.hypot(a, c), np.hypot(a, d), np.hypot(b, c), np.hypot(b, d)
 
@@ -82,11 +82,11 @@ def _love_near(x: Array, y: Array) -> Array:
 
 
 def _love_far(x: Array, y: Array) -> Array:
-    """Moments of a unit square: 1/r + Δ(1/r)/24 + fourth moments; Δ is the plane Laplacian."""
+    """Return the moments of a unit square: 1/r + Δ(1/r)/24 + fourth moments; Δ is the plane Laplacian."""
     x2, y2 = x * x, y * y
     r2 = x2 + y2
     r = np.sqrt(r2)
-    # derivatives of 1/r along one axis: ∂⁴ₓ = (9 r⁴ - 90 x² r² + 105 x⁴)/r⁹, ∂²ₓ∂²_y = (105 x² y²/r⁴ - 12)/r⁵ in the plane
+    # derivatives of 1/r in the plane: ∂⁴ₓ = (9 - 90 x²/r² + 105 x⁴/r⁴)/r⁵, ∂²ₓ∂²_y = (105 x² y²/r⁴ - 12)/r⁵
     r5 = r2 * r2 * r
     fourth_x = (9.0 - 90.0 * x2 / r2 + 105.0 * (x2 / r2) ** 2) / r5
     fourth_y = (9.0 - 90.0 * y2 / r2 + 105.0 * (y2 / r2) ** 2) / r5

@@ -1,0 +1,293 @@
+"""The command line: how to run a study, never what to compute; the only place that prints, draws progress and exits."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from roughvol._version import __version__
+from roughvol.errors import CampaignError, ContactError, ConvergenceError, DatasetError, RoughvolError, StudyError
+
+if TYPE_CHECKING:
+    from roughvol.campaign import Progress
+    from roughvol.dataset import Dataset
+
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+PLAIN_EVERY = 5.0  # seconds between two lines of progress where there is no terminal to draw on
+
+
+def _examples(*lines: str) -> str:
+    """Return the end of a help page; the first character keeps click from filling the lines."""
+    return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])
+
+
+STUDY = click.argument("study", type=click.Path(path_type=Path))
+OUT = click.option("--out", type=click.Path(path_type=Path), help="Folder of the results [default: runs/NAME].")
+
+
+class _Door(click.Group):
+    """Turns errors into one message and an exit code."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            click.echo("interrupted; what is finished is kept, and the same command goes on from there", err=True)
+            ctx.exit(INTERRUPTED)
+        except RoughvolError as error:
+            click.echo(_message(error), err=True)
+            ctx.exit(FAILED if isinstance(error, CampaignError | ContactError | ConvergenceError) else BAD_INPUT)
+
+
+@click.group(
+    cls=_Door,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=_examples(
+        "roughvol check configs/effect_of_D.yaml    what it will compute, and what that costs",
+        "roughvol run configs/effect_of_D.yaml      compute it; again, to go on where it stopped",
+        "roughvol plot                              every figure that the latest run can feed",
+    ),
+)
+@click.version_option(__version__)
+def main() -> None:
+    """Free volume between rough surfaces in elastic contact: from a study file to labelled data and figures."""
+
+
+@main.command(epilog=_examples("roughvol check configs/morphology.yaml"))
+@STUDY
+def check(study: Path) -> None:
+    """Say what STUDY will compute and what it costs, without computing it.
+
+    Prints the study with every default written out, then the number of cases, memory, disk and expected time.
+    """
+    from roughvol import campaign, estimate
+    from roughvol.study import load
+
+    loaded = load(study)
+    campaign.check_surfaces(loaded)
+    click.echo(loaded.to_yaml())
+    click.echo(_cost(estimate.estimate(loaded)))
+
+
+@main.command(
+    epilog=_examples(
+        "roughvol run configs/smoke.yaml", "roughvol run configs/effect_of_D.yaml --jobs 4 --out /data/effect_of_D"
+    )
+)
+@STUDY
+@click.option("--jobs", "-j", type=click.IntRange(min=1), help="Processes to use [default: one a core].")
+@OUT
+@click.option("--fresh", is_flag=True, help="Compute every case anew, also those that are finished.")
+def run(study: Path, jobs: int | None, out: Path | None, fresh: bool) -> None:
+    """Compute every case of STUDY that is not finished yet and collect them in study.nc."""
+    started = time.monotonic()
+    from roughvol import campaign
+    from roughvol.study import load
+
+    loaded = load(study)
+    last: Progress | None = None
+
+    def follow(now: Progress) -> None:
+        nonlocal last
+        last = now
+        draw(now)
+
+    with _progress() as draw:
+        results = campaign.run(loaded, out=out, jobs=jobs, fresh=fresh, on_event=follow)
+    assert last is not None
+    click.echo(_ran(last, time.monotonic() - started))
+    click.echo(_summary(results, campaign.folder_of(loaded, out) / "study.nc"))
+
+
+@main.command(epilog=_examples("roughvol status configs/effect_of_D.yaml"))
+@STUDY
+@OUT
+def status(study: Path, out: Path | None) -> None:
+    """Say which cases of STUDY are finished."""
+    from roughvol import campaign
+
+    state = campaign.status(study, out)
+    total = len(state.done) + len(state.missing) + len(state.damaged)
+    click.echo(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))
+    for title, ids in (("missing", state.missing), ("damaged, will be computed again", state.damaged)):
+        for id in ids:
+            click.echo(f"  {id}  {title}")
+
+
+@main.command(epilog=_examples("roughvol plot", "roughvol plot effect_of_D fig04a fig06b --format pdf"))
+@click.argument("run", required=False)
+@click.argument("figure", nargs=-1)
+@click.option("--format", "suffix", type=click.Choice(["png", "pdf", "svg"]), default="png", show_default=True)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the figures [default: figures in the run].")
+def plot(run: str | None, figure: tuple[str, ...], suffix: str, out: Path | None) -> None:
+    """Draw figures of the paper from RUN: a folder, a study.nc, or a name under runs/ [default: the latest].
+
+    Without a FIGURE it draws every one that the run can feed.
+    """
+    from roughvol import dataset, figures
+
+    first_is_figure = run is not None and run in figures.FIGURES and not Path(run).exists()
+    names = (str(run), *figure) if first_is_figure else figure
+    path = _study_file(None if first_is_figure else run)
+    results = dataset.read(path)
+    folder = out or path.parent / "figures"
+    for name in _drawable(results, names):
+        target = folder / f"{name}.{suffix}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            figures.FIGURES[name](results).savefig(target)
+        except OSError as error:
+            message = f"cannot write {target}: {error}"
+            raise DatasetError(message) from error
+        click.echo(target)
+
+
+@main.command(epilog=_examples("roughvol schema > study.schema.json"))
+def schema() -> None:
+    """Print the JSON schema of study files, for editors to complete and check them."""
+    import json
+
+    from roughvol.study import json_schema
+
+    click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+
+
+def _message(error: RoughvolError) -> str:
+    if isinstance(error, StudyError):
+        lines = [f"  {problem}" for problem in error.problems]
+        return "\n".join([f"{_count(len(lines), 'problem')} in the study", *lines])
+    return f"error: {error}"
+
+
+def _ran(last: Progress, seconds: float) -> str:
+    before = f", {last.kept} of them finished before" if last.kept else ""
+    return f"{_count(last.cases, 'case')} in {_duration(seconds)}{before}"
+
+
+def _summary(results: Dataset, path: Path) -> str:
+    lines = []
+    if "step" in results.sizes:
+        solved = results.residual.notnull()
+        convolutions = (results.convolutions + results.convolutions_fp32).where(solved)
+        lines.append(
+            f"{_count(int(solved.sum()), 'state')}, {float(convolutions.mean()):.1f} convolutions each on average"
+        )
+        lines.append(f"largest residual η/σ {float(results.residual.max()):.1e}")
+        if not bool(results.converged.where(solved, True).all()):
+            message = f"states that did not converge are stored in {path}; this should not happen, please report it"
+            raise CampaignError(message)
+    for dim in ("field_at", "density_at", "box_at"):
+        for label in results.get(dim, ()):
+            absent = int((results[f"{dim}_step"].sel({dim: label}) < 0).sum())
+            if absent:
+                lines.append(f"{label.item()} was not reached in {_count(absent, 'case')}")
+    return "\n".join([*lines, str(path)])
+
+
+def _cost(cost: Any) -> str:
+    return (
+        f"# {_count(cost.cases, 'case')}, {_count(cost.steps, 'state')} to solve\n"
+        f"# memory  about {_bytes(cost.memory)} a process, {_count(cost.jobs, 'process', 'processes')} at once\n"
+        f"# disk    up to {_bytes(cost.disk)}\n"
+        f"# time    about {_duration(cost.seconds)} (an estimate, from convolutions timed on this machine)"
+    )
+
+
+def _count(number: int, one: str, many: str = "") -> str:
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def _bytes(number: float) -> str:
+    power = min(int(math.log10(max(number, 1.0)) / 3), 4)
+    return f"{number / 1000**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB')[power]}"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes / 60:.1f} h"
+
+
+def _study_file(run: str | None) -> Path:
+    if run is None:
+        # study.yaml is written by every run, also by one that finds all its cases finished
+        found = [path for path in Path("runs").glob("*/study.yaml") if path.with_name("study.nc").is_file()]
+        if not found:
+            message = "no finished run under runs/; start one with: roughvol run STUDY"
+            raise DatasetError(message)
+        return max(found, key=lambda path: path.stat().st_mtime).with_name("study.nc")
+    places = [Path(run), Path(run) / "study.nc", Path("runs") / run / "study.nc"]
+    for place in places:
+        if place.is_file():
+            return place
+    message = f"no results of {run!r}: looked for {', '.join(map(str, places))}"
+    raise DatasetError(message)
+
+
+def _drawable(results: Dataset, wanted: tuple[str, ...]) -> list[str]:
+    import difflib
+
+    from roughvol.figures import FIGURES, missing
+
+    for name in wanted:
+        if name not in FIGURES:
+            near = difflib.get_close_matches(name, FIGURES, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            message = f"no figure {name!r}{hint} (known: {', '.join(FIGURES)})"
+            raise DatasetError(message)
+    reasons = {name: missing(name, results) for name in wanted or FIGURES}
+    lacking = [reason for reason in reasons.values() if reason]
+    if lacking and (wanted or len(lacking) == len(reasons)):
+        raise DatasetError("\n".join(lacking))
+    return [name for name, reason in reasons.items() if not reason]
+
+
+@contextlib.contextmanager
+def _progress() -> Iterator[Callable[[Progress], None]]:
+    """Draw on a terminal, write a line now and then elsewhere."""
+    started = time.monotonic()
+    if not sys.stderr.isatty():
+        last = started
+
+        def write(now: Progress) -> None:
+            nonlocal last
+            if now.event or time.monotonic() - last >= PLAIN_EVERY:
+                last = time.monotonic()
+                event = f"{now.event} · " if now.event else ""
+                click.echo(event + _standing(now, last - started), err=True)
+
+        yield write
+        return
+
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+
+        def draw(now: Any) -> None:
+            if now.event and now.failed:
+                bar.console.print(now.event, markup=False, highlight=False)
+            bar.update(task, completed=now.work, description=_standing(now, time.monotonic() - started))
+
+        yield draw
+
+
+def _standing(now: Progress, seconds: float) -> str:
+    """Return cases done, steps, rate and time left in one line."""
+    failed = f" ({now.failed} failed)" if now.failed else ""
+    text = f"{now.kept + now.done} of {_count(now.cases, 'case')}{failed}"
+    if now.steps:
+        text += f" · {now.steps_done} of {now.steps} steps · {now.steps_done / max(seconds, 1e-3):.0f} steps/s"
+    if 0.01 < now.work < 1.0:
+        text += f" · {_duration(seconds * (1.0 - now.work) / now.work)} left"
+    return text

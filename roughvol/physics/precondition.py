@@ -1,0 +1,148 @@
+"""Preconditioners for the contact solver: cheap approximations of K⁻¹ on a set of elements.
+
+The inverse of the influence matrix has a near and a far character. Near: the entries of K⁻¹ fall off as 1/r³, so a
+sparse factor from a 5 × 5 neighbourhood catches most of it (`near_field`). Far: what is left are a few collective
+modes, in which whole regions of the contact shift load among each other, and their number is what makes plain
+iterations slow on large grids. These modes have the shape t(x) c(x): the pressure t that answers a uniform further
+indentation, H t = 1, times a smooth function c (`two_level`). t costs nothing, the sweep having just done that
+experiment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, sparse
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Map = Callable[[Array], Array]
+
+# The 12 of 24 neighbours in a 5 × 5 square that come before an element in memory: the pattern of the factor G
+_BEFORE = tuple((i, j) for i in range(-2, 1) for j in range(-2, 3) if (i, j) < (0, 0))
+
+_NODES_PER_HAT = 24  # spacing of the coarse grid, in elements, before the limits below
+_HATS = (4, 12)  # intervals of the coarse grid along the longer side: fewer do nothing, more cost more than they save
+_CELLS_PER_HAT = 6  # along each axis: how finely the response to a hat is resolved
+_MODES_ABOVE = 0.05  # coarse modes this much softer than uniform indentation are left to the near field
+
+
+def near_field(influence: Array, columns: int, elements: Index) -> Map:
+    """Return r ↦ Gᵀ G r ≈ K⁻¹ r on the elements, G a sparse triangular factor from the near field.
+
+    Row i of G solves K_PP y = e_i on P = element i and those of its 12 preceding neighbours that belong to the set, and
+    G_i = y/√y_i: the factorised sparse approximate inverse, symmetric positive definite whenever K is. An element has
+    only 2¹² possible neighbourhoods, so all the small systems of all surfaces are solved once.
+
+    Parameters
+    ----------
+    influence : K(i, j) of the non-negative offsets.
+    columns : columns of the grid.
+    elements : flat indices, increasing.
+
+    References
+    ----------
+    L. Yu. Kolotilina, A. Yu. Yeremin, SIAM J. Matrix Anal. Appl. 14 (1993) 45-58.
+    """
+    table = _near_field_rows(tuple(map(tuple, influence[:5, :5].tolist())))
+    row, column = np.divmod(elements, columns)
+    width = columns + 4
+    place = (row - row[0] + 2) * width + column + 2
+    number = np.full((row[-1] - row[0] + 3) * width, -1, dtype=np.int32)
+    number[place] = np.arange(elements.size, dtype=np.int32)
+    shifts = np.array([i * width + j for i, j in _BEFORE] + [0])
+    neighbours = number[place[:, None] + shifts]
+    present = neighbours >= 0
+    code = present[:, :-1] @ (1 << np.arange(len(_BEFORE)))
+    start = np.concatenate(([0], np.cumsum(present.sum(axis=1))))
+    factor = sparse.csr_array((table[code][present], neighbours[present], start), shape=(elements.size, elements.size))
+    transposed = factor.T.tocsr()
+    return lambda r: transposed @ (factor @ r)
+
+
+@lru_cache(maxsize=8)
+def _near_field_rows(influence: tuple[tuple[float, ...], ...]) -> Array:
+    """Return the row of G for each of the 2¹² sets of preceding neighbours (zeros where there is none)."""
+    kernel = np.zeros((5, 5))
+    given = np.array(influence)
+    kernel[: given.shape[0], : given.shape[1]] = given
+    offsets = np.array([*_BEFORE, (0, 0)])
+    matrix = kernel[np.abs(offsets[:, None, 0] - offsets[:, 0]), np.abs(offsets[:, None, 1] - offsets[:, 1])]
+    codes = np.arange(1 << len(_BEFORE))
+    present = np.ones((codes.size, len(offsets)), dtype=bool)
+    present[:, :-1] = (codes[:, None] >> np.arange(len(_BEFORE))) & 1
+    # absent neighbours become rows of the identity, so that all systems have one size
+    systems = np.where(present[:, :, None] & present[:, None, :], matrix, np.eye(len(offsets)))
+    unit = np.zeros((len(offsets), 1))
+    unit[-1] = 1.0
+    rows = np.linalg.solve(systems, unit)[:, :, 0]
+    return np.asarray(rows / np.sqrt(rows[:, -1:]), dtype=np.float64)
+
+
+def two_level(
+    near: Map, influence: Array, shape: tuple[int, int], elements: Index, rate: Array, rate_displacement: Array
+) -> Map:
+    r"""Return the near-field inverse corrected for the collective modes of the contact.
+
+    .. math:: M^{-1} = Q + (1 - Q \hat H)\, B\, (1 - \hat H Q), \qquad Q = Z\,(Z^T \hat H Z)^{-1} Z^T
+
+    B is the near-field inverse, the columns of Z are t times bilinear hats on a coarse grid, and Ĥ is an approximation
+    of K used on Z alone. It uses the one thing known exactly, H t = 1: for a smooth factor c,
+    (H t c)(x) = c(x) + ∫ K(x - y) (c(y) - c(x)) t(y) dy, in which the singular part of the kernel drops out, so that
+    the integral may be taken over cells of many elements. M⁻¹ is symmetric and positive definite whatever Ĥ, so a poor
+    Ĥ costs iterations, never correctness.
+
+    Parameters
+    ----------
+    near : B.
+    influence, shape, elements : the kernel, the grid and the set.
+    rate, rate_displacement : pressure on the elements and displacement there per unit of further indentation.
+
+    References
+    ----------
+    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (balancing, "BNN").
+    """
+    longer = max(shape)
+    if longer < 2 * _NODES_PER_HAT:
+        return near
+    # What the last steps tell of t misses the elements that have just come into reach: one local correction
+    t = np.maximum(rate + near(1.0 - rate_displacement), 0.0)
+    hats = int(np.clip(longer // _NODES_PER_HAT, *_HATS))
+    cells = hats * _CELLS_PER_HAT
+    size = longer / cells
+    row, column = np.divmod(elements, shape[1])
+    code = (row / size).astype(np.intp) * cells + (column / size).astype(np.intp)
+    occupied, cell = np.unique(code, return_inverse=True)
+    count = occupied.size
+    x, y = np.divmod(occupied, cells)
+    in_cells = influence[np.abs(x[:, None] - x), np.abs(y[:, None] - y)] / size
+    mass = np.bincount(cell, weights=t, minlength=count)
+    hat = _hats(x, y, hats)
+    hat = hat[:, mass @ hat > 1e-3 * mass.sum() / hat.shape[1]]
+    # Ĥ Z by cells, the self term such that Ĥ t = 1
+    moved = in_cells @ (mass[:, None] * hat) + (1.0 - in_cells @ mass)[:, None] * hat
+    coarse = hat.T @ (mass[:, None] * moved)
+    weight = 1.0 / np.sqrt(mass @ hat)
+    stiffness, modes = linalg.eigh(0.5 * (coarse + coarse.T) * weight[:, None] * weight, check_finite=False)
+    keep = stiffness > _MODES_ABOVE
+    modes = weight[:, None] * modes[:, keep] / np.sqrt(stiffness[keep])
+    moved, hat = moved @ modes, hat @ modes  # from here Q = Z Zᵀ
+
+    def apply(r: Array) -> Array:
+        s = hat.T @ np.bincount(cell, weights=t * r, minlength=count)
+        z = near(r - (moved @ s)[cell])
+        s -= moved.T @ np.bincount(cell, weights=z, minlength=count)
+        return z + t * (hat @ s)[cell]
+
+    return apply
+
+
+def _hats(x: NDArray[Any], y: NDArray[Any], intervals: int) -> Array:
+    """Return the bilinear hats at the cell centres, shape (cells, (intervals + 1)²); they add to one."""
+    position = np.arange(intervals * _CELLS_PER_HAT) + 0.5
+    tent = np.maximum(0.0, 1.0 - np.abs(position[:, None] / _CELLS_PER_HAT - np.arange(intervals + 1)))
+    return (tent[x][:, :, None] * tent[y][:, None, :]).reshape(x.size, -1)

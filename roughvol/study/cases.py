@@ -1,0 +1,218 @@
+"""A study as a whole, the cases it makes, and the rules that no section shows alone."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from roughvol.errors import Problem, StudyError
+from roughvol.study.settings import (
+    HEIGHT_FORMATS,
+    PAPER_MAX_M,
+    ContactModulus,
+    GeneratedSurface,
+    HeightFile,
+    Record,
+    Solver,
+    Strict,
+    Sweep,
+    Target,
+    Word,
+    YoungPoisson,
+    names,
+    refuse,
+    tag_material,
+    tag_surface,
+)
+from roughvol.study.yamltext import KeyPath, key_text, number_text, write
+
+ANSWER_FORMAT = 1  # part of every case id: raise it when equal settings no longer give equal stored numbers
+MAX_CASES = 100_000
+SEVERAL_ARRAYS = (".npz", ".nc")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One surface pressed once: everything `campaign.run_case` needs, picklable.
+
+    Set are either ``D``, ``m``, ``seed`` and ``midpoint_law``, or ``file``, ``sha256`` (of its content), ``variable``.
+    """
+
+    L: float
+    E_star: float
+    sweep: Sweep
+    solver: Solver
+    record: Record
+    D: float | None = None
+    m: int | None = None
+    seed: int | None = None
+    midpoint_law: Literal["std", "variance"] | None = None
+    file: Path | None = None
+    sha256: str | None = None
+    variable: str | None = None
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """What changes the stored answer, as plain data; neither names nor E*, which no starred number depends on."""
+        surface: dict[str, Any]
+        if self.file is None:
+            surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
+        else:
+            surface = {"sha256": self.sha256, "variable": self.variable}
+        key = {
+            "format": ANSWER_FORMAT,
+            "surface": {"L": self.L, **surface},
+            "record": self.record.model_dump(mode="json"),
+        }
+        if self.sweep.steps == 0:  # nothing is solved, so neither the end of the sweep nor the solver matters
+            return {**key, "sweep": {"steps": 0}}
+        solver = {"rtol": self.solver.tolerance, "kernel": self.solver.kernel, "method": self.solver.method}
+        return {**key, "sweep": self.sweep.model_dump(mode="json"), "solver": solver}
+
+    @property
+    def id(self) -> str:
+        """A readable prefix and 8 hexadecimal digits of the sha256 of `key`: ``D2.30_m8_s003-1f9c2a7b``."""
+        text = json.dumps(self.key, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return f"{self._prefix}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+    @property
+    def _prefix(self) -> str:
+        if self.file is not None:
+            return re.sub(r"[^A-Za-z0-9_.-]+", "_", self.file.stem).lstrip(".-")[:60] or "surface"
+        return f"D{self._D_text}_m{self.m}_s{self.seed:03d}"
+
+    @property
+    def _D_text(self) -> str:
+        text = f"{self.D:.2f}"
+        return text if float(text) == self.D else repr(self.D)
+
+    @property
+    def label(self) -> str:
+        """The case in words: ``D = 2.30, m = 8, seed 3``, or the name of the file."""
+        return f"D = {self._D_text}, m = {self.m}, seed {self.seed}" if self.file is None else self.file.name
+
+
+class Study(Strict):
+    """A study: which surfaces, pressed how far, solved how accurately, and what is stored."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", max_length=100)] = Field(
+        default="study", description="letters, digits, _ and -, at most 100; if left out, that of the study file"
+    )
+    surface: Annotated[
+        Annotated[GeneratedSurface, Tag("<generated>")] | Annotated[HeightFile, Tag("<file>")],
+        Discriminator(tag_surface),
+    ] = Field(description="{D, m, L, seeds, midpoint_law} for generated surfaces, or {file, L, variable}")
+    material: Annotated[
+        Annotated[ContactModulus, Tag("<modulus>")] | Annotated[YoungPoisson, Tag("<young>")],
+        Discriminator(tag_material),
+    ] = Field(default=ContactModulus(), description="{E_star} or {E, nu}, and hardness if known")
+    sweep: Sweep = Field(default=Sweep(), description="{steps, to}: how far the surfaces are pressed")
+    solver: Annotated[Solver, Word("paper", (("method", "paper"),))] = Field(
+        default=Solver(),
+        description="{accuracy or rtol, kernel, method}; the word 'paper' is short for {method: paper}",
+    )
+    record: Record = Field(default=Record(), description="{heights, fields_at, box_counting, volume_density}")
+
+    @model_validator(mode="after")
+    def _possible(self) -> Study:
+        found = [f"{key_text(path)}: {message}" for path, message in conflicts(self.model_dump(mode="json"))]
+        if found:
+            refuse("{found}", found="\n".join(found))
+        return self
+
+    def cases(self) -> tuple[Case, ...]:
+        """Return the product over D, m and seeds, seeds running fastest; a height file is one case.
+
+        Raises
+        ------
+        StudyError
+            If the height file cannot be read.
+        """
+        surface = self.surface
+        E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solver, self.record
+        if isinstance(surface, GeneratedSurface):
+            law = surface.midpoint_law
+            product = itertools.product(surface.D, surface.m, surface.seeds)
+            return tuple(
+                Case(surface.L, E_star, sweep, solver, record, D=D, m=m, seed=seed, midpoint_law=law)
+                for D, m, seed in product
+            )
+        try:
+            with Path(surface.file).open("rb") as stream:
+                sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+        except OSError as error:
+            raise StudyError([Problem(f"cannot read {surface.file}: {error.strerror}", "surface.file")]) from error
+        file, variable = Path(surface.file), surface.variable
+        return (Case(surface.L, E_star, sweep, solver, record, file=file, sha256=sha256, variable=variable),)
+
+    def to_yaml(self) -> str:
+        """Return the study with every default written out; `loads` of it gives an equal study."""
+        return write(self.model_dump(mode="json"))
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a study file, for editors."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Study.model_json_schema()}
+
+
+def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield what no key shows alone: key path and message. Works on plain data, whatever else is wrong with it."""
+
+    def mapping(*path: str) -> dict[str, Any]:
+        here: Any = data
+        for part in path:
+            here = here.get(part) if isinstance(here, dict) else None
+        return here if isinstance(here, dict) else {}
+
+    surface, record, steps = mapping("surface"), mapping("record"), mapping("sweep").get("steps", 60)
+
+    if "paper" in (data.get("solver"), mapping("solver").get("method")):
+        for path, m in _numbers(surface.get("m"), "surface", "m"):
+            if m > PAPER_MAX_M:
+                yield path, f"solver method 'paper' is dense and takes m <= {PAPER_MAX_M}, given {number_text(m)}"
+    suffix = Path(str(surface.get("file"))).suffix.lower()
+    if surface.get("variable") is not None and suffix in HEIGHT_FORMATS and suffix not in SEVERAL_ARRAYS:
+        yield ("surface", "variable"), f"a {suffix} file holds one array, without a name: leave 'variable' out"
+
+    end = mapping("sweep", "to")
+    if isinstance(mapping("sweep").get("to"), dict) and sum(value is not None for value in end.values()) != 1:
+        yield ("sweep", "to"), f"must name exactly one of {', '.join(names(Target))}"
+    for name in ("fields_at", "box_counting", "volume_density") if steps == 0 else ():
+        if record.get(name) is not None:
+            yield ("record", name), "there is no contact to record, since sweep.steps is 0"
+    selectors = (("record", "fields_at"), ("record", "box_counting", "at"), ("record", "volume_density", "at"))
+    levels = [(*place, kind) for place in selectors for kind in mapping(*place)]
+    for place in levels if steps != 0 else ():
+        kind = place[-1]
+        for _, last in _numbers(steps if kind == "step" else end.get(kind)):
+            sign = -1 if kind == "separation" else 1  # the separation falls on the way
+            for path, level in _numbers(mapping(*place[:-1])[kind], *place):
+                if sign * (level - last) > 1e-9 * max(1.0, abs(last)):
+                    yield path, f"{number_text(level)} is not reached: the sweep ends at {kind} {number_text(last)}"
+
+    lists = [("surface", "D"), ("surface", "m"), ("surface", "seeds"), ("record", "box_counting", "thresholds")]
+    for place in (*lists, *levels):
+        seen: set[float] = set()
+        for path, number in _numbers(mapping(*place[:-1]).get(place[-1]), *place):
+            if number in seen:
+                yield path, f"{number_text(number)} stands in the list twice"
+            seen.add(number)
+    seeds = surface.get("seeds", 10)
+    counts = [len(list(_numbers(surface.get(name)))) for name in ("D", "m", "seeds")]
+    cases = counts[0] * counts[1] * (seeds if isinstance(seeds, int) else counts[2])
+    if cases > MAX_CASES:
+        yield ("surface",), f"makes {cases} cases (D times m times seeds), at most {MAX_CASES} are allowed"
+
+
+def _numbers(value: Any, *path: str | int) -> Iterator[tuple[KeyPath, float]]:
+    """Yield the numbers of a number or a list, each with its key path."""
+    items = [((*path, index), item) for index, item in enumerate(value)] if isinstance(value, list) else [(path, value)]
+    yield from ((where, item) for where, item in items if isinstance(item, int | float) and not isinstance(item, bool))

@@ -1,0 +1,347 @@
+"""The sections of a study as strict, frozen records.
+
+The description of each field goes into the JSON schema and into the error messages, so it says what is allowed.
+Lengths (``L``) come in any unit, the same as the heights; moduli and hardness in any unit, the same for both. Whatever
+a sweep or a selector names is dimensionless: ``indentation`` Δ/σ, ``separation`` d/σ, ``contact_area`` A* (fraction of
+the elements in contact), ``pressure`` p* = mean(p) L/(E* σ).
+"""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, NoReturn, TypeVar
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+    ValidationInfo,
+    field_validator,
+    model_serializer,
+)
+from pydantic_core import PydanticCustomError, core_schema
+
+from roughvol.study.yamltext import number_text, printable
+
+ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
+"""Bound on the residual η/σ of each solve that an accuracy stands for."""
+
+HEIGHT_FORMATS = (".npy", ".npz", ".txt", ".csv", ".asc", ".nc")
+PAPER_MAX_M = 6  # the paper's algorithm holds a dense matrix of 4^m rows
+MAX_SEEDS = 10_000
+
+T = TypeVar("T")
+
+
+def refuse(message: str, **context: str) -> NoReturn:
+    """Refuse a value from within a validator, in our own words."""
+    kind = "refused"
+    raise PydanticCustomError(kind, message, context)
+
+
+def names(*models: type[BaseModel]) -> list[str]:
+    """Return the keys that a mapping of one of these models may have."""
+    return list(dict.fromkeys(name for model in models for name in model.model_fields))
+
+
+def nearest(word: str, known: list[str]) -> str | None:
+    """Return the known word that ``word`` probably means, whatever its case."""
+    lower = {name.lower(): name for name in known}
+    close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.65)
+    return lower[close[0]] if close else None
+
+
+class _OneOrMany:
+    """Accept one value where a list is meant, and say so in the JSON schema."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self._listed, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        many = handler(schema["schema"])
+        return {"anyOf": [many["items"], {**many, "minItems": 1}]}
+
+    @staticmethod
+    def _listed(value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, list | tuple):
+            return (value,)
+        if not value:
+            refuse("must have at least one item")
+        return tuple(value)
+
+
+@dataclass(frozen=True)
+class Word:
+    """Accept one word as short for a mapping, and say so in the JSON schema."""
+
+    word: str
+    meaning: tuple[tuple[str, Any], ...] = ()
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self._spelled_out, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [{"const": self.word}, handler(schema["schema"])]}
+
+    def _spelled_out(self, value: Any) -> Any:
+        if value == self.word:
+            return dict(self.meaning)
+        if not isinstance(value, dict | BaseModel) or (value == {} and not self.meaning):
+            refuse("must be the word '{word}' or a mapping (key: value) that is not empty", word=self.word)
+        return value
+
+
+Many = Annotated[tuple[T, ...], _OneOrMany()]
+Dimension = Annotated[float, Field(gt=2, lt=3)]
+Refinement = Annotated[int, Field(ge=1, le=13)]
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Positive = Annotated[float, Field(gt=0)]
+AreaFraction = Annotated[float, Field(gt=0, le=1)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+StepNumber = Annotated[int, Field(ge=1)]
+
+
+class Strict(BaseModel):
+    """A frozen record that takes nothing it does not know."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def _count_in_schema(schema: dict[str, Any]) -> None:
+    schema["anyOf"][0] = {"type": "integer", "minimum": 1, "maximum": MAX_SEEDS}  # a number counts the seeds
+
+
+class GeneratedSurface(Strict):
+    """Surfaces made by random midpoint displacement: every combination of D, m and seed is a case."""
+
+    D: Many[Dimension] = Field(description="fractal dimension of the generated surface, 2 < D < 3; a number or a list")
+    m: Many[Refinement] = Field(description="2^m + 1 nodes per side, whole, 1 <= m <= 13; a number or a list")
+    L: Positive = Field(default=100.0, description="lateral size, L > 0, in the unit of length of the heights")
+    seeds: Many[Seed] = Field(
+        default=10,
+        validate_default=True,
+        json_schema_extra=_count_in_schema,
+        description=f"how many seeds, 1 to {MAX_SEEDS} (10 means seeds 0 to 9), or a list of seeds >= 0",
+    )
+    midpoint_law: Literal["std", "variance"] = Field(
+        default="std", description="what each half step divides by 2^((3-D)/2): 'std' or 'variance' of the displacement"
+    )
+
+    @field_validator("seeds", mode="before")
+    @classmethod
+    def _counted(cls, value: Any) -> Any:
+        if not isinstance(value, int) or isinstance(value, bool):
+            return value
+        if not 1 <= value <= MAX_SEEDS:
+            refuse("must be 1 to {most} when it counts the seeds", most=str(MAX_SEEDS))
+        return tuple(range(value))
+
+
+class HeightFile(Strict):
+    """One surface read from a file of heights, square or not."""
+
+    file: str = Field(description="height field, one of *.npy *.npz *.txt *.csv *.asc *.nc, relative to the study file")
+    L: Positive = Field(description="length of the first axis, L > 0, in the unit of the heights")
+    variable: str | None = Field(default=None, description="name of the array inside an .npz or .nc file")
+
+    @field_validator("file")
+    @classmethod
+    def _found(cls, value: str, info: ValidationInfo) -> str:
+        path = ((info.context or {}).get("folder", Path()) / value).absolute()
+        if path.suffix.lower() not in HEIGHT_FORMATS:
+            refuse("must end in one of {known}", known=" ".join(HEIGHT_FORMATS))
+        try:
+            found = path.is_file()
+        except (OSError, ValueError):  # a name too long, a folder that may not be entered
+            found = False
+        if not found:
+            refuse("there is no such file ({path})", path=printable(str(path)))
+        return str(path)
+
+
+class ContactModulus(Strict):
+    """The material by its contact modulus; starred answers do not depend on it."""
+
+    E_star: Positive = Field(default=1.0, description="contact modulus E/(1-nu^2), > 0")
+    hardness: Positive | None = Field(default=None, description="hardness, > 0, in the unit of the modulus")
+
+    @property
+    def contact_modulus(self) -> float:
+        """E*, in the unit of the study."""
+        return self.E_star
+
+
+class YoungPoisson(Strict):
+    """The material by Young's modulus and Poisson's ratio, against a rigid plane."""
+
+    E: Positive = Field(description="Young's modulus, > 0")
+    nu: Annotated[float, Field(gt=-1, le=0.5)] = Field(description="Poisson's ratio, -1 < nu <= 0.5")
+    hardness: Positive | None = Field(default=None, description="hardness, > 0, in the unit of the modulus")
+
+    @property
+    def contact_modulus(self) -> float:
+        """E* = E/(1-ν²), in the unit of the study."""
+        return self.E / (1 - self.nu**2)
+
+
+@dataclass(frozen=True)
+class Level:
+    """A state of a sweep: ``last``, a plane (value None), or the first step that reaches a value."""
+
+    kind: str
+    value: float | None = None
+
+    @property
+    def label(self) -> str:
+        """Name of the state in datasets: ``last``, ``step=60``, ``contact_area=0.1``."""
+        return self.kind if self.value is None else f"{self.kind}={number_text(self.value)}"
+
+
+class Choice(Strict):
+    """A mapping of which only the keys given count."""
+
+    @property
+    def named(self) -> dict[str, Any]:
+        """The keys given and their values."""
+        return {name: value for name, value in self.__dict__.items() if value not in (None, ())}
+
+    @model_serializer
+    def _plain(self) -> Any:
+        return self.named
+
+
+class Target(Choice):
+    """The state at which a sweep ends, by one of its starred values."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+
+    indentation: Positive | None = Field(default=None, description="end at this Δ/σ > 0")
+    contact_area: AreaFraction | None = Field(default=None, description="end at this A*, 0 < A* <= 1")
+    pressure: Positive | None = Field(default=None, description="end at this p* > 0")
+    separation: float | None = Field(default=None, description="end at this d/σ, negative beyond the mean plane")
+
+
+class Select(Choice):
+    """The states to record: the last one, or the first step that reaches each level."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    step: Many[StepNumber] = Field(default_factory=tuple, description="step numbers, from 1 to sweep.steps")
+    contact_area: Many[AreaFraction] = Field(default_factory=tuple, description="levels of A*, 0 < A* <= 1")
+    pressure: Many[Positive] = Field(default_factory=tuple, description="levels of p* > 0")
+    separation: Many[float] = Field(default_factory=tuple, description="levels of d/σ, reached from above")
+    indentation: Many[Positive] = Field(default_factory=tuple, description="levels of Δ/σ > 0")
+
+    @model_serializer
+    def _plain(self) -> Any:
+        return {kind: list(values) for kind, values in self.named.items()} or "last"
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """The levels one by one, kind by kind; ``Level("last")`` alone if none is named."""
+        levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
+        return tuple(levels) or (Level("last"),)
+
+
+def _tag_to(value: Any) -> str:
+    return "<state>" if isinstance(value, dict | Target) else "<plane>"
+
+
+# Which form of a mapping is meant, so that only that form's problems are reported.
+
+
+def tag_surface(value: Any) -> str:
+    """Return the tag of `HeightFile` if the keys speak of a file, else that of `GeneratedSurface`."""
+    if not isinstance(value, dict):
+        return "<file>" if isinstance(value, HeightFile) else "<generated>"
+    hints = not {"D", "m"} & value.keys() and any(nearest(key, ["file", "variable"]) for key in value)
+    return "<file>" if "file" in value or hints else "<generated>"
+
+
+def tag_material(value: Any) -> str:
+    """Return the tag of `YoungPoisson` if E or nu is given, else that of `ContactModulus`."""
+    young = {"E", "nu"} & value.keys() if isinstance(value, dict) else isinstance(value, YoungPoisson)
+    return "<young>" if young else "<modulus>"
+
+
+class Sweep(Strict):
+    """How far the half space is pressed down, in how many equal steps of indentation."""
+
+    steps: Annotated[int, Field(ge=0, le=10_000)] = Field(
+        default=60, description="number of equal steps of indentation, 0 to 10000; 0 means no contact at all"
+    )
+    to: Annotated[
+        Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")] | Annotated[Target, Tag("<state>")],
+        Discriminator(_tag_to),
+    ] = Field(
+        default="mean-plane",
+        description="where the sweep ends: mean-plane, summit-plane, or one of "
+        "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}",
+    )
+
+    @property
+    def target(self) -> Level:
+        """Where the sweep ends: a plane (value None) or a starred value."""
+        return Level(self.to) if isinstance(self.to, str) else Level(*next(iter(self.to.named.items())))
+
+
+class Solver(Strict):
+    """How, and how accurately, the contact is solved."""
+
+    accuracy: Literal["draft", "standard", "reference"] = Field(
+        default="standard",
+        description=f"bound on the residual η/σ: {', '.join(f'{k} {v:g}' for k, v in ACCURACY.items())}",
+    )
+    rtol: Annotated[float, Field(ge=1e-12, le=1e-1)] | None = Field(
+        default=None, description="bound on the residual η/σ, 1e-12 to 1e-1, in place of that of accuracy"
+    )
+    kernel: Literal["love", "punch"] = Field(
+        default="love",
+        description="influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch)",
+    )
+    method: Literal["fast", "paper"] = Field(
+        default="fast", description=f"'fast', or 'paper': the paper's dense Algorithm 1, for m <= {PAPER_MAX_M}"
+    )
+
+    @property
+    def tolerance(self) -> float:
+        """The bound on η/σ in force: ``rtol`` if given, else that of ``accuracy``."""
+        return ACCURACY[self.accuracy] if self.rtol is None else self.rtol
+
+
+Selector = Annotated[Select, Word("last")]
+_STATES = "'last', or levels of step, contact_area, pressure, separation, indentation"
+
+
+class BoxCounting(Strict):
+    """Box counting of the domains v <= threshold × max(v)."""
+
+    at: Selector = Field(default=Select(), description=f"the states to count at: {_STATES}")
+    thresholds: Many[Fraction] = Field(
+        default=(0.0, 0.1, 0.25, 0.5, 1.0), description="fractions of the largest element volume, 0 to 1; a list"
+    )
+
+
+class VolumeDensity(Strict):
+    """The density f(v) of the free volume per element."""
+
+    bins: Annotated[int, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
+    at: Selector = Field(default=Select(), description=f"the states to take f(v) at: {_STATES}")
+    include_contact: bool = Field(default=False, description="whether elements in contact (v = 0) count: true or false")
+
+
+class Record(Strict):
+    """What is stored beyond the numbers every step gives."""
+
+    heights: bool = Field(default=False, description="store the heights: true or false")
+    fields_at: Selector | None = Field(default=None, description=f"store gap and pressure at these states: {_STATES}")
+    box_counting: BoxCounting | None = Field(default=None, description="box counting; {} takes the defaults")
+    volume_density: VolumeDensity | None = Field(
+        default=None, description="density of the volumes; {} takes the defaults"
+    )

@@ -1,0 +1,181 @@
+"""The text of a study: YAML in, plain data and the place of every key out; and how values are written in messages.
+
+YAML is read by the rules of YAML 1.2: ``1e-8`` is a number, ``on`` is text. Anchors, aliases and tags are refused: a
+study is plain data, and a line of it must mean what the reader sees there.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any, NoReturn
+
+import yaml
+
+MAX_BYTES, MAX_DEPTH = 1 << 20, 20
+
+TOO_LARGE = f"larger than {MAX_BYTES // 1024} KiB: heights belong in a file of their own (surface.file)"
+
+KeyPath = tuple[str | int, ...]
+
+
+class UnreadableError(Exception):
+    """Text that gives no data at all; ``line`` is where reading ended, if known."""
+
+    def __init__(self, message: str, line: int | None = None) -> None:
+        self.line = line
+        super().__init__(message)
+
+
+class Reading:
+    """Data of a text, with the line and column of every key path and the problems met on the way."""
+
+    def __init__(self) -> None:
+        self.marks: dict[KeyPath, tuple[int, int]] = {}
+        self.problems: dict[KeyPath, str] = {}
+
+    def read(self, text: str) -> dict[str, Any]:
+        """Return the data of a text; raise UnreadableError if there is no mapping in it."""
+        if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
+            raise UnreadableError(TOO_LARGE)
+        try:
+            node = _Loader(text).get_single_node()
+        except yaml.YAMLError as error:
+            mark, position = getattr(error, "problem_mark", None), getattr(error, "position", 0)
+            said = [getattr(error, name, None) for name in ("context", "problem", "reason")]
+            message = f"this is not YAML: {', '.join(filter(None, said)) or error}"
+            raise UnreadableError(message, (mark.line if mark else text.count("\n", 0, position)) + 1) from error
+        except (ValueError, OverflowError, LookupError) as error:  # escapes and directives that PyYAML does not check
+            message = f"this is not YAML: {error}"
+            raise UnreadableError(message) from error
+        data = None if node is None else self._build(node, ())
+        if not isinstance(data, dict):
+            message = f"a study is a mapping (key: value) with at least the key 'surface', given {show(data)}"
+            raise UnreadableError(message, None if node is None else node.start_mark.line + 1)
+        return data
+
+    def _build(self, node: Any, path: KeyPath) -> Any:
+        self.marks.setdefault(path, (node.start_mark.line + 1, node.start_mark.column))
+        kind = node.tag.removeprefix("tag:yaml.org,2002:")
+        if isinstance(node, yaml.SequenceNode) and kind == "seq":
+            return [self._build(item, (*path, index)) for index, item in enumerate(node.value)]
+        if isinstance(node, yaml.MappingNode) and kind == "map":
+            return self._mapping(node, path)
+        if isinstance(node, yaml.ScalarNode) and kind in ("null", "bool", "str", "int", "float"):
+            return self._scalar(node.value, kind, path)
+        self.problems[path] = f"the tag {show(node.tag)} is not read: a study is plain data"
+        return None
+
+    def _mapping(self, node: Any, path: KeyPath) -> dict[str, Any]:
+        data: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            sound = isinstance(key_node, yaml.ScalarNode) and key_node.value.isprintable()
+            key = key_node.value if sound else "?"
+            where, first = (*path, key), self.marks.get((*path, key))
+            self.marks[where] = (key_node.start_mark.line + 1, key_node.start_mark.column)
+            if not sound:
+                self.problems[where] = "a key must be a word"
+            elif first:
+                self.problems[where] = f"given twice, first in line {first[0]}"
+            else:
+                data[key] = self._build(value_node, where)
+        return data
+
+    def _scalar(self, text: str, kind: str, path: KeyPath) -> Any:
+        value: Any = {"null": None, "bool": text.lower() == "true"}.get(kind, text)
+        if kind in ("int", "float"):
+            try:
+                value = int(text) if kind == "int" else float(text)
+                sound = math.isfinite(value)
+            except (ValueError, OverflowError):  # other text behind an explicit tag, or far too many digits
+                sound = False
+        else:
+            sound = text.encode("utf-8", "ignore").decode() == text  # not so for half of a surrogate pair
+        if not sound:
+            allowed = "a finite number" if kind in ("int", "float") else "text in UTF-8"
+            self.problems[path] = f"must be {allowed}, given {_short(printable(text))}"
+        return value if sound else None
+
+
+def write(data: dict[str, Any]) -> str:
+    """Return plain data as YAML that `Reading` reads back equal."""
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
+
+
+def number_text(value: float) -> str:
+    """Write a number as short as it can be without becoming another one: ``0.1``, ``60``, ``1e-09``."""
+    if isinstance(value, int):
+        return str(value)
+    return f"{value:g}" if float(f"{value:g}") == value else repr(value)
+
+
+def printable(text: str) -> str:
+    """Write what cannot be printed as escapes, so that a message never breaks a terminal."""
+    return text if text.isprintable() else repr(text)[1:-1]
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def show(value: Any) -> str:
+    """Write a value as it would stand in the file, cut short."""
+    if isinstance(value, dict | list | tuple):
+        return ("a " if value else "an empty ") + ("mapping" if isinstance(value, dict) else "list")
+    if value is None or isinstance(value, bool):
+        return "nothing" if value is None else str(value).lower()
+    return _short(number_text(value) if isinstance(value, int | float) else repr(value))
+
+
+def key_text(path: KeyPath) -> str:
+    """Write a key path as in ``surface.D[1]``."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{_short(printable(part))}" for part in path)
+    return "".join(parts).removeprefix(".")
+
+
+_SCALARS = (
+    ("null", r"(?:~|null|Null|NULL|)\Z", ("~", "n", "N", "")),
+    ("bool", r"(?:true|True|TRUE|false|False|FALSE)\Z", "tTfF"),
+    ("int", r"[-+]?[0-9]+\Z", "-+0123456789"),
+    ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?\Z", "-+.0123456789"),
+    ("float", r"(?:[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z", "-+."),
+)
+_RESOLVERS: dict[str, list[tuple[str, re.Pattern[str]]]] = {
+    character: [
+        (f"tag:yaml.org,2002:{kind}", re.compile(pattern))
+        for kind, pattern, first in _SCALARS
+        if character in tuple(first)
+    ]
+    for character in ("", *"~nNtTfF-+.0123456789")
+}
+
+
+def _stop(message: str, event: Any) -> NoReturn:
+    raise UnreadableError(message, event.start_mark.line + 1)
+
+
+class _Loader(yaml.SafeLoader):
+    """Scalars by the rules of YAML 1.2, and no way to grow deep or to refer."""
+
+    yaml_implicit_resolvers = _RESOLVERS
+    depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()
+        if getattr(event, "anchor", None) is not None:
+            _stop("anchors (&) and aliases (*) are not read: write the value out", event)
+        if self.depth >= MAX_DEPTH:
+            _stop(f"nested more than {MAX_DEPTH} levels deep", event)
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes the text that `_Loader` would take for something else, and writes repeated values out."""
+
+    yaml_implicit_resolvers = _RESOLVERS
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True

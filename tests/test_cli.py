@@ -1,0 +1,226 @@
+"""The command line: exit codes, one clear message, nothing written for nothing, and the same answer as from Python."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+from click.testing import CliRunner, Result
+
+import roughvol
+from roughvol import dataset
+from roughvol.cli import main
+
+TEXT = """
+name: tiny
+surface: {D: [2.2, 2.7], m: [3, 4], seeds: 2, L: 10.0}
+sweep: {steps: 6, to: mean-plane}
+record:
+  volume_density: {bins: 9, at: {separation: -2, step: 6}}
+"""
+
+
+def _call(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a study file and what `roughvol run` made of it under runs/."""
+    place = tmp_path_factory.mktemp("place")
+    (place / "tiny.yaml").write_text(TEXT)
+    done = _call("run", place / "tiny.yaml", "--jobs", "2", "--out", place / "runs" / "tiny")
+    assert done.exit_code == 0, done.output
+    (place / "stdout.txt").write_text(done.stdout)
+    (place / "stderr.txt").write_text(done.stderr)
+    return place
+
+
+@pytest.fixture
+def place(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of it, which is the current folder."""
+    shutil.copytree(finished, tmp_path / "place")
+    monkeypatch.chdir(tmp_path / "place")
+    return tmp_path / "place"
+
+
+def test_help_imports_nothing_heavy() -> None:
+    heavy = "{'numpy', 'scipy', 'xarray', 'pandas', 'netCDF4', 'matplotlib', 'pydantic', 'yaml', 'pyfftw', 'rich'}"
+    code = (
+        "import sys\nfrom roughvol.cli import main\n"
+        f"main(['--help'], standalone_mode=False)\nsys.exit(str({heavy} & set(sys.modules) or ''))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stderr.strip() == ""
+    assert "Examples:" in done.stdout
+
+
+@pytest.mark.parametrize("command", ["check", "run", "status", "plot", "schema"])
+def test_every_command_has_help_with_an_example(command: str) -> None:
+    shown = _call(command, "--help")
+    assert shown.exit_code == 0
+    assert f"roughvol {command}" in shown.output
+
+
+def test_version_is_that_of_the_package() -> None:
+    assert roughvol.__version__ in _call("--version").output
+
+
+def test_run_tells_what_happened(finished: Path) -> None:
+    out = (finished / "stdout.txt").read_text()
+    assert out.startswith("8 cases in ")
+    assert "48 states, " in out
+    assert "largest residual η/σ " in out
+    assert "separation=-2 was not reached in 8 cases" in out
+    assert out.splitlines()[-1] == str(finished / "runs" / "tiny" / "study.nc")
+    # plain lines of progress elsewhere: one for each case
+    lines = (finished / "stderr.txt").read_text().splitlines()
+    assert sum(": done · " in line for line in lines) == 8
+    assert "8 of 8 cases · 48 of 48 steps" in lines[-1]
+
+
+def test_python_and_command_line_give_one_answer(finished: Path, tmp_path: Path) -> None:
+    returned = roughvol.run(finished / "tiny.yaml", out=tmp_path, jobs=1)
+    stored = dataset.read(finished / "runs" / "tiny" / "study.nc")
+    xr.testing.assert_identical(
+        returned.drop_vars("wall_time").drop_attrs(deep=False), stored.drop_vars("wall_time").drop_attrs(deep=False)
+    )
+    assert {**returned.attrs, "date": ""} == {**stored.attrs, "date": ""}
+
+
+def test_run_again_says_that_all_was_finished(place: Path) -> None:
+    again = _call("run", "tiny.yaml")
+    assert again.exit_code == 0
+    assert "8 of them finished before" in again.stdout
+
+
+def test_status_counts_and_names_what_is_missing(place: Path) -> None:
+    assert "8 of 8 cases finished, collected" in _call("status", "tiny.yaml").stdout
+    gone, broken, *_ = sorted((place / "runs" / "tiny" / "cases").iterdir())
+    gone.unlink()
+    broken.write_bytes(b"")
+    shown = _call("status", "tiny.yaml").stdout
+    assert "6 of 8 cases finished" in shown
+    assert f"{gone.stem}  missing" in shown
+    assert f"{broken.stem}  damaged" in shown
+    nowhere = _call("status", "tiny.yaml", "--out", "nowhere")
+    assert "0 of 8 cases finished" in nowhere.stdout
+    assert not Path("nowhere").exists()
+
+
+def test_check_shows_the_resolved_study_and_its_cost(place: Path) -> None:
+    shown = _call("check", "tiny.yaml")
+    assert shown.exit_code == 0
+    # what is printed is itself a study: the cost stands in comments
+    assert yaml.safe_load(shown.stdout) == yaml.safe_load(roughvol.load("tiny.yaml").to_yaml())
+    for line in ("# 8 cases, 48 states to solve", "# memory ", "# disk ", "# time "):
+        assert line in shown.stdout
+
+
+def test_schema_is_a_json_schema(place: Path) -> None:
+    schema = json.loads(_call("schema").stdout)
+    assert schema["$schema"].startswith("https://json-schema.org/")
+    assert set(schema["properties"]) >= {"surface", "sweep", "solver", "record"}
+
+
+BAD = {
+    "unknown key": ("surface: {D: 2.3, m: 3, sede: 2}", ["1 problem", "bad.yaml:1: surface.sede", "seeds"]),
+    "wrong type": ("surface:\n  D: rough\n  m: 3", ["1 problem", "bad.yaml:2: surface.D"]),
+    "out of range": ("surface: {D: [2.3, 3.5], m: 3}", ["1 problem", "bad.yaml:1: surface.D[1]", "3.5"]),
+    "missing file": ("surface: {file: none.npy, L: 1.0}", ["1 problem", "surface.file", "none.npy"]),
+    "impossible": ("surface: {D: 2.3, m: 9}\nsolver: paper", ["1 problem", "bad.yaml:1: surface.m"]),
+    "several": (
+        "surface: {D: 5, m: 0}\nsweep: {steps: -1}",
+        ["3 problems", "surface.D", "surface.m", ":2: sweep.steps"],
+    ),
+    "no yaml": ("surface: {D: [2.3", ["bad.yaml"]),
+}
+
+
+@pytest.mark.parametrize("command", ["run", "check", "status"])
+@pytest.mark.parametrize(("text", "expected"), BAD.values(), ids=BAD)
+def test_bad_study_is_refused_in_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, text: str, expected: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("bad.yaml").write_text(text)
+    refused = _call(command, "bad.yaml")
+    assert refused.exit_code == 2
+    assert all(part in refused.stderr for part in expected), refused.stderr
+    assert refused.stdout == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.yaml"]
+
+
+def test_bad_heights_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    heights = np.zeros((5, 6))
+    heights[2, 3] = heights[4, 1] = np.nan
+    np.save("heights.npy", heights)
+    Path("bad.yaml").write_text("surface: {file: heights.npy, L: 1.0}")
+    for command in ("run", "check"):
+        refused = _call(command, "bad.yaml")
+        assert refused.exit_code == 2
+        assert "heights.npy: 2 heights are missing or not finite, the first in row 2, column 3" in refused.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.yaml", "heights.npy"]
+
+
+def test_missing_study_is_refused(tmp_path: Path) -> None:
+    refused = _call("run", tmp_path / "none.yaml")
+    assert refused.exit_code == 2
+    assert "none.yaml: cannot read the study: No such file" in refused.stderr
+
+
+def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 2}\nsweep: {to: {separation: 90}}")
+    failed = _call("run", tmp_path / "s.yaml", "--out", tmp_path / "out")
+    assert failed.exit_code == 1
+    assert "error: 2 of 2 cases failed; the others are kept" in failed.stderr
+    assert "D2.30_m3_s001-" in failed.stderr
+    assert "Traceback" not in failed.output
+    assert not (tmp_path / "out" / "study.nc").exists()
+
+
+def test_plot_draws_what_the_latest_run_can_feed(place: Path) -> None:
+    drawn = _call("plot")
+    assert drawn.exit_code == 0, drawn.output
+    assert "fig04a" in drawn.stdout
+    assert "fig08" not in drawn.stdout  # it needs fields
+    for line in drawn.stdout.splitlines():
+        assert Path(line).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("run", ["tiny", "runs/tiny", "runs/tiny/study.nc", None])
+def test_plot_finds_a_run_by_name_folder_file_or_by_itself(place: Path, run: str | None) -> None:
+    drawn = _call("plot", *([run] if run else []), "fig04a", "--format", "svg", "--out", "drawn")
+    assert drawn.exit_code == 0, drawn.output
+    assert [path.name for path in (place / "drawn").iterdir()] == ["fig04a.svg"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nowhere"], "no results of 'nowhere'"),
+        (["tiny", "fig4a"], "did you mean fig04a"),
+        (["tiny", "fig08"], "fig08 needs "),
+        (["tiny.yaml"], "damaged or no netCDF"),
+    ],
+)
+def test_plot_says_what_it_cannot_draw(place: Path, arguments: list[str], message: str) -> None:
+    refused = _call("plot", *arguments)
+    assert refused.exit_code == 2
+    assert message in refused.stderr
+    assert not (place / "runs" / "tiny" / "figures").exists()
+
+
+def test_plot_without_runs_says_how_to_make_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    refused = _call("plot")
+    assert refused.exit_code == 2
+    assert "roughvol run STUDY" in refused.stderr

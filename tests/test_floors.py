@@ -1,0 +1,130 @@
+"""Who may import whom: the floors of the design, read off the syntax trees (imports inside functions count too)."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "roughvol"
+
+# module or package -> (what it may import of roughvol, third parties it may import). Physics modules do not import each
+# other, but what may import "physics" may import them all; a package named among its own imports is one module.
+ABOVE_DATASET = {"dataset", "heightfile", "record", "study", "physics", "errors", "_version"}
+FLOORS: dict[str, tuple[set[str], set[str]]] = {
+    "errors": (set(), set()),
+    "_version": (set(), set()),
+    "physics": ({"errors"}, {"numpy", "scipy"}),
+    "study": ({"study", "errors", "_version"}, {"yaml", "pydantic", "pydantic_core"}),
+    "heightfile": ({"errors"}, {"numpy", "netCDF4", "xarray"}),
+    "dataset": ({"study", "errors", "physics", "_version"}, {"numpy", "netCDF4", "xarray"}),
+    "record": ({"study", "physics", "errors"}, {"numpy"}),
+    "workers": (set(), set()),
+    "campaign": (ABOVE_DATASET | {"workers"}, {"numpy", "threadpoolctl"}),
+    "estimate": (ABOVE_DATASET | {"campaign"}, {"numpy"}),
+    "tradeoff": (ABOVE_DATASET, {"numpy", "scipy"}),
+    "claims": (ABOVE_DATASET, {"numpy", "scipy"}),
+    "figures": (ABOVE_DATASET, {"numpy", "matplotlib", "mpl_toolkits"}),
+    "report": (ABOVE_DATASET | {"figures", "claims"}, {"numpy", "matplotlib"}),
+    "cli": ({*ABOVE_DATASET, "campaign", "estimate", "tradeoff", "claims", "figures", "report"}, {"click", "rich"}),
+    "__init__": ({"_version", "campaign", "study"}, set()),  # the door: imports on first use only
+}
+EXECUTORS = {"concurrent", "multiprocessing", "subprocess", "threading", "asyncio"}
+
+
+def _modules() -> list[str]:
+    return [
+        ".".join(path.relative_to(PACKAGE).with_suffix("").parts)
+        for path in sorted(PACKAGE.rglob("*.py"))
+        if "__pycache__" not in path.parts
+    ]
+
+
+def _tree(module: str) -> ast.Module:
+    return ast.parse(PACKAGE.joinpath(*module.split(".")).with_suffix(".py").read_text(encoding="utf-8"))
+
+
+def _is_type_checking(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+
+
+def _nodes(node: ast.AST) -> Iterator[ast.AST]:
+    """Walk everything that runs: a name imported for an annotation alone is no dependency."""
+    for child in ast.iter_child_nodes(node):
+        if not _is_type_checking(child):
+            yield child
+            yield from _nodes(child)
+
+
+def _imports(module: str) -> set[str]:
+    """Full dotted names of what a module imports, `from a import b` as `a.b`, relative imports resolved."""
+    found = set()
+    package = ["roughvol", *module.split(".")[:-1]]
+    for node in _nodes(_tree(module)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            origin = ".".join([*base, *([node.module] if node.module else [])])
+            found |= {f"{origin}.{alias.name}" for alias in node.names}
+    return found
+
+
+def _floor(module: str) -> tuple[set[str], set[str]]:
+    siblings, parties = FLOORS[module.split(".")[0]]
+    if module == "physics.contact":
+        siblings = siblings | {"physics.surface"}
+    if module == "physics.halfspace":
+        parties = parties | {"pyfftw"}
+    return siblings, parties
+
+
+def _internal(name: str) -> str:
+    """`roughvol.physics.surface.Surface` -> `physics.surface`; `roughvol.study.load` -> `study`."""
+    parts = name.split(".")[1:]
+    return ".".join(parts[:2]) if parts[:1] == ["physics"] else parts[0]
+
+
+def test_every_module_stands_on_a_floor() -> None:
+    assert {name.split(".")[0] for name in _modules()} <= set(FLOORS)
+
+
+@pytest.mark.parametrize("module", _modules())
+def test_imports_go_down_only(module: str) -> None:
+    siblings, _ = _floor(module)
+    wrong = {
+        name
+        for name in _imports(module)
+        if name.split(".")[0] == "roughvol"
+        and _internal(name) not in siblings | {"__version__"}
+        and not (_internal(name).startswith("physics") and "physics" in siblings)
+    }
+    assert not wrong
+
+
+@pytest.mark.parametrize("module", _modules())
+def test_third_parties_stay_in_their_rooms(module: str) -> None:
+    _, parties = _floor(module)
+    roots = {name.split(".")[0] for name in _imports(module)} - {"roughvol"}
+    assert roots - set(sys.stdlib_module_names) <= parties
+
+
+@pytest.mark.parametrize("module", [name for name in _modules() if name != "workers"])
+def test_processes_start_in_one_place(module: str) -> None:
+    assert not {name.split(".")[0] for name in _imports(module)} & EXECUTORS
+
+
+@pytest.mark.parametrize("module", [name for name in _modules() if name != "cli"])
+def test_only_the_command_line_prints_and_exits(module: str) -> None:
+    called = {ast.unparse(node.func) for node in _nodes(_tree(module)) if isinstance(node, ast.Call)}
+    assert not called & {"print", "input", "exit", "quit", "sys.exit", "SystemExit", "sys.stdout.write"}
+
+
+@pytest.mark.parametrize("module", _modules())
+def test_importing_a_module_does_nothing(module: str) -> None:
+    # A bare call at module level is work done, or a setting changed, by the import.
+    calls = [node for node in _tree(module).body if isinstance(node, ast.Expr) and isinstance(node.value, ast.Call)]
+    assert not [ast.unparse(node) for node in calls]
