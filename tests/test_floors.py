@@ -76,7 +76,7 @@ def _imports(module: str) -> set[str]:
 def _floor(module: str) -> tuple[set[str], set[str]]:
     siblings, parties = FLOORS[module.split(".")[0]]
     if module == "physics.contact":
-        siblings = siblings | {"physics.surface"}
+        siblings = siblings | {"physics.surface", "physics.precondition"}  # its data and its other half
     if module == "physics.halfspace":
         parties = parties | {"pyfftw"}
     return siblings, parties

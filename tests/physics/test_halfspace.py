@@ -219,22 +219,28 @@ def test_single_precision_is_single_on_a_large_grid():
     assert 1e-9 < np.abs(got / exact - 1.0).max() < 1e-6
 
 
+@pytest.mark.parametrize("value", [1e30, math.nan])
 @pytest.mark.parametrize("shape", [(17, 17), (12, 7)])
-def test_nothing_is_left_behind_by_earlier_calls(shape):
-    size = shape[0] * shape[1]
-    spike, some = np.zeros(shape), np.arange(0, size, 3)
+def test_nothing_is_left_behind_by_earlier_calls(shape, value):
+    spike, everything = np.zeros(shape), np.arange(shape[0] * shape[1])
     spike[1, 2] = 1.0
-    used, ones = HalfSpace(shape), np.ones(some.size)
-    for earlier in (np.full(shape, 1e30), np.full(shape, np.nan)):
-        with np.errstate(invalid="ignore"):
-            used.displacement(earlier)
-            used.displacement_at(np.arange(size), earlier.ravel())
-            used.displacement_at(np.arange(size), earlier.ravel().astype(np.float32), single=True)
-        for single in (False, True):
-            fresh = HalfSpace(shape)
-            at = fresh.displacement_at(some, ones, single=single)
-            assert np.array_equal(used.displacement_at(some, ones, single=single), at)
-        assert np.array_equal(used.displacement(spike), HalfSpace(shape).displacement(spike))
+    some, ones, high = everything[::3], np.ones(everything[::3].size), np.full(everything.size, value)
+    calls = [
+        lambda space: space.displacement(spike),
+        lambda space: space.displacement_at(some, ones),
+        lambda space: space.displacement_at(some, ones, single=True),
+    ]
+    before = [
+        lambda space: space.displacement(high.reshape(shape)),
+        lambda space: space.displacement_at(everything, high),
+        lambda space: space.displacement_at(everything, high.astype(np.float32), single=True),
+    ]
+    for dirty in before:
+        for call in calls:
+            used = HalfSpace(shape)
+            with np.errstate(invalid="ignore"):
+                dirty(used)
+            assert np.array_equal(call(used), call(HalfSpace(shape)))
 
 
 def test_results_belong_to_the_caller():
