@@ -371,7 +371,8 @@ def _campaign_error(failures: dict[str, BaseException], cases: int) -> CampaignE
     if lost:
         shown = ", ".join(lost[:4]) + (" …" if len(lost) > 4 else "")
         lines.append(f"a process died (out of memory?), with it or waiting for it {len(lost)} cases: {shown}")
-    return CampaignError("\n".join([f"{len(failures)} of {cases} cases failed; the others are kept", *lines]))
+    others = "" if len(failures) == cases else "; the others are kept"
+    return CampaignError("\n".join([f"{len(failures)} of {cases} cases failed{others}", *lines]))
 
 
 def _text(error: BaseException) -> str:

@@ -1,8 +1,8 @@
 """What a study will cost, before it is run: cases, memory, disk, time.
 
-The time is that of the convolutions, which is nearly all there is: one is timed on this machine for each grid, and how
-many a step takes is read off a rule that was fitted to sweeps to the mean plane (m = 5 … 9, D = 2.1 … 2.9, residuals
-1e-3 … 1e-9), whose scatter is a factor of about 1.5 either way.
+The time goes with the convolutions: one is timed on this machine for each grid, and how many a step takes is read off a
+rule fitted to sweeps to the mean plane (m = 5 … 9, D = 2.1 … 2.9, residuals 1e-3 … 1e-9), which scatter about it by a
+factor of 1.5 either way.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from roughvol.physics.halfspace import HalfSpace
 from roughvol.study import Case, Study
 
 TIMED_UP_TO = 1025  # nodes a side; beyond it a convolution is long, and scales as N² log N
-STEP_OVERHEAD = 2e-4  # seconds a step outside convolutions, whatever the grid
+STEP_OVERHEAD = 5e-4  # seconds a step, whatever the grid
+PER_CONVOLUTION = 1.8  # time of a step over that of its convolutions, on grids where these matter
 CASE_OVERHEAD = 0.05  # seconds a case: its file
 START = 1.5  # seconds: processes start and import
 SEARCH = 20  # solves it takes to find an indentation, each from nothing, so about two steps' worth
 PROCESS_BYTES = 1.6e8  # of a process that has only imported what it needs
-NODE_BYTES = 300  # of the half space and the solver
+NODE_BYTES = 500  # of the half space and the solver
 FILE_BYTES = 8e4  # of a case without fields
 
 
@@ -64,17 +65,19 @@ def _seconds(case: Case, shape: tuple[int, int]) -> float:
         return CASE_OVERHEAD
     steps = case.sweep.steps + (2 * SEARCH if case.sweep.target.kind in ("contact_area", "pressure") else 0)
     convolutions = convolutions_per_step(shape, case.solver.tolerance)
-    return CASE_OVERHEAD + steps * (STEP_OVERHEAD + 1.2 * convolutions * _convolution(shape, case.solver.kernel))
+    return CASE_OVERHEAD + steps * (
+        STEP_OVERHEAD + PER_CONVOLUTION * convolutions * _convolution(shape, case.solver.kernel)
+    )
 
 
 def convolutions_per_step(shape: tuple[int, int], rtol: float) -> float:
     """Return the convolutions that one step of a sweep is expected to take to reach a residual.
 
     One verifies; a few hundred elements (m ≤ 5) are solved without any other. Each doubling of the nodes a side adds
-    2.3 at a residual of 1e-6, in proportion to the digits asked for.
+    1.25 at a residual of 1e-6, in proportion to the digits asked for.
     """
     doublings = math.log2(math.sqrt((shape[0] - 1) * (shape[1] - 1)))
-    return 1.0 + 2.3 * max(doublings - 5.0, 0.0) * -math.log10(rtol) / 6.0
+    return 1.0 + 1.25 * max(doublings - 5.0, 0.0) * -math.log10(rtol) / 6.0
 
 
 def _shape(case: Case) -> tuple[int, int]:

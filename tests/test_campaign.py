@@ -216,7 +216,7 @@ def test_a_failing_case_does_not_stop_the_others(tmp_path: Path) -> None:
     between = float(np.median(peaks))  # two surfaces are lower than the end of this sweep
     study = loads(f"name: s\nsurface: {{D: 2.5, m: 3, seeds: 4}}\nsweep: {{steps: 2, to: {{separation: {between}}}}}")
     events: list[Progress] = []
-    with pytest.raises(CampaignError, match="2 of 4 cases failed") as caught:
+    with pytest.raises(CampaignError, match="2 of 4 cases failed; the others are kept") as caught:
         run(study, out=tmp_path, jobs=2, on_event=events.append)
     failing = [case for case, peak in zip(study.cases(), peaks, strict=True) if peak < between]
     assert all(case.id in str(caught.value) for case in failing)

@@ -181,7 +181,7 @@ def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 2}\nsweep: {to: {separation: 90}}")
     failed = _call("run", tmp_path / "s.yaml", "--out", tmp_path / "out")
     assert failed.exit_code == 1
-    assert "error: 2 of 2 cases failed; the others are kept" in failed.stderr
+    assert "error: 2 of 2 cases failed\n" in failed.stderr
     assert "D2.30_m3_s001-" in failed.stderr
     assert "Traceback" not in failed.output
     assert not (tmp_path / "out" / "study.nc").exists()
