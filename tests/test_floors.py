@@ -32,7 +32,14 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "cli": ({*ABOVE_DATASET, "campaign", "estimate", "tradeoff", "claims", "figures", "report"}, {"click", "rich"}),
     "__init__": ({"_version", "campaign", "study"}, set()),  # the door: imports on first use only
 }
-EXECUTORS = {"concurrent", "multiprocessing", "subprocess", "threading", "asyncio"}
+PROCESSES = {
+    "multiprocessing",
+    "subprocess",
+    "asyncio",
+    "concurrent.futures.ProcessPoolExecutor",
+    "concurrent.futures.process",
+}
+THREADS = {"threading", "concurrent.futures.ThreadPoolExecutor", "concurrent.futures.thread"}
 
 
 def _modules() -> list[str]:
@@ -113,8 +120,9 @@ def test_third_parties_stay_in_their_rooms(module: str) -> None:
 
 
 @pytest.mark.parametrize("module", [name for name in _modules() if name != "workers"])
-def test_processes_start_in_one_place(module: str) -> None:
-    assert not {name.split(".")[0] for name in _imports(module)} & EXECUTORS
+def test_processes_start_in_one_place_and_threads_only_inside_a_convolution(module: str) -> None:
+    forbidden = PROCESSES if module == "physics.halfspace" else PROCESSES | THREADS | {"concurrent"}
+    assert not [name for name in _imports(module) if any(f"{name}.".startswith(f"{door}.") for door in forbidden)]
 
 
 @pytest.mark.parametrize("module", [name for name in _modules() if name != "cli"])
