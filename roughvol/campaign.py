@@ -30,9 +30,9 @@ from roughvol.physics.halfspace import HalfSpace
 from roughvol.physics.surface import Surface, random_midpoint_displacement
 from roughvol.study import Case, Study, load
 
-HalfSpaces = MutableMapping[tuple[tuple[int, int], str], HalfSpace]
+HalfSpaces = MutableMapping[tuple[tuple[int, int], str, int], HalfSpace]
 
-FFT = {"library": f"FFTW {halfspace.pyfftw.fftw_version}", "planner": halfspace.PLANNER, "threads": "1"}
+FFT = {"library": f"FFTW {halfspace.FFTW_VERSION}", "planner": halfspace.PLANNER}
 
 
 def run_case(
@@ -41,6 +41,7 @@ def run_case(
     study: str = "",
     half_spaces: HalfSpaces | None = None,
     on_step: Callable[[int], None] | None = None,
+    threads: int = 1,
 ) -> Dataset:
     """Return all that is asked about one surface: made (Section 2), pressed step by step (Section 3), reduced.
 
@@ -54,6 +55,8 @@ def run_case(
         Holds the half space of the last shape and kernel, for the next case to use.
     on_step : callable, optional
         Called with the number of each step solved.
+    threads : int
+        Threads inside a convolution; they change no value.
 
     Raises
     ------
@@ -65,13 +68,14 @@ def run_case(
         surface = surface_of(case)
         values = record.of_surface(case, surface)
         if case.sweep.steps > 0:
-            half_space = _half_space(surface.shape, case.solver.kernel, {} if half_spaces is None else half_spaces)
+            held = {} if half_spaces is None else half_spaces
+            half_space = _half_space(surface.shape, case.solver.kernel, threads, held)
             last = _last_indentation(case, surface, half_space)
             indentations = last * np.arange(1, case.sweep.steps + 1) / case.sweep.steps
             contacts = sweep(surface, half_space, indentations, rtol=case.solver.tolerance, method=case.solver.method)
             values |= record.of_sweep(case, surface, contacts, on_step)
     values["wall_time"] = time.perf_counter() - started
-    return dataset.build(case, values, dataset.provenance(study, fft=FFT, case=case))
+    return dataset.build(case, values, dataset.provenance(study, fft=FFT | {"threads": str(threads)}, case=case))
 
 
 def surface_of(case: Case) -> Surface:
@@ -89,11 +93,12 @@ def surface_of(case: Case) -> Surface:
     return random_midpoint_displacement(case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law)
 
 
-def _half_space(shape: tuple[int, int], kernel: str, held: HalfSpaces) -> HalfSpace:
-    if (shape, kernel) not in held:
+def _half_space(shape: tuple[int, int], kernel: str, threads: int, held: HalfSpaces) -> HalfSpace:
+    key = (shape, kernel, threads)
+    if key not in held:
         held.clear()  # one at a time: it is the largest thing in memory
-        held[shape, kernel] = HalfSpace(shape, kernel=kernel, threads=1)
-    return held[shape, kernel]
+        held[key] = HalfSpace(shape, kernel=kernel, threads=threads)
+    return held[key]
 
 
 def _last_indentation(case: Case, surface: Surface, half_space: HalfSpace) -> float:
@@ -315,7 +320,7 @@ def _compute(
         reached[message[0]] = message[1]
         tell()
 
-    def on_end(task: tuple[Case, str, Path], error: BaseException | None) -> None:
+    def on_end(task: _Task, error: BaseException | None) -> None:
         case = task[0]
         ended.add(case.id)
         if error is None:
@@ -326,7 +331,8 @@ def _compute(
             tell(f"{case.label}: FAILED, {_text(error)}")
 
     tell()
-    tasks = [(case, text, folder) for case in sorted(cases, key=lambda case: -cost[case.id])]
+    threads = max(1, jobs // len(cases))  # cores left over work inside the convolutions
+    tasks = [(case, text, folder, threads) for case in sorted(cases, key=lambda case: -cost[case.id])]
     try:
         workers.each(_work, tasks, jobs=min(jobs, len(tasks)), on_message=on_message, on_end=on_end)
     finally:
@@ -334,12 +340,13 @@ def _compute(
     return failures
 
 
+_Task = tuple[Case, str, Path, int]
 _held: HalfSpaces = {}  # in a worker process: the half space of its last case
 
 
-def _work(task: tuple[Case, str, Path], tell: workers.Tell) -> None:
-    case, text, folder = task
-    result = run_case(case, study=text, half_spaces=_held, on_step=lambda step: tell((case.id, step)))
+def _work(task: _Task, tell: workers.Tell) -> None:
+    case, text, folder, threads = task
+    result = run_case(case, study=text, half_spaces=_held, on_step=lambda step: tell((case.id, step)), threads=threads)
     dataset.write(result, _file(folder, case))
 
 

@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 # ESTIMATE chooses a plan without timing anything: the same plan, hence the same rounding, on every run and in every
 # worker process. Measured plans were not faster by a margin that shows (README, "Decisions").
 PLANNER = "FFTW_ESTIMATE"
+FFTW_VERSION: str = pyfftw.fftw_version
 
 _SERIES_FROM = 64.0  # spacings; both forms have a relative error of 4e-14 there, the worst of all
 

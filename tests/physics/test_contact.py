@@ -438,6 +438,40 @@ def test_residual_bounds_the_errors_of_pressure_and_volume(D, rtol):
     assert loosest > 1e-3 * rtol  # else nothing was put to the test
 
 
+@lru_cache
+def compact_and_rough(name):
+    x = np.linspace(-1.0, 1.0, 129)
+    generator = np.random.Generator(np.random.PCG64(2))
+    heights = {
+        "sphere": lambda: -(x[:, None] ** 2) - x**2,
+        "flat": lambda: np.zeros((129, 129)),
+        "ripples": lambda: (
+            0.02 * np.cos(17 * x[:80, None]) * np.cos(11 * x[:70]) - (x[:80, None] + 0.3) ** 2 - x[:70] ** 2
+        ),
+        "plateaus": lambda: generator.integers(0, 4, (15, 52)).astype(float),
+        "white noise": lambda: generator.standard_normal((54, 20)),
+        "fractal": lambda: fractal(6).heights,
+    }
+    return Surface(heights[name](), 1.0)
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("name", ["sphere", "flat", "ripples", "plateaus", "white noise", "fractal"])
+def test_any_accuracy_is_reached_and_less_of_it_never_costs_more(name, kernel):
+    surface = compact_and_rough(name)
+    space = half_space(surface.shape, kernel)
+    steps = (0.4, 0.7, 1.5, 12.0, 70.0)
+    work = []
+    for rtol in (1e-1, 1e-2, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10):
+        contacts = list(sweep(surface, space, steps, rtol=rtol))
+        assert max(c.residual for c in contacts) <= rtol
+        work.append(sum(c.convolutions + c.convolutions_fp32 for c in contacts))
+    # a few more may be needed where a contact set is harder to settle at one accuracy than at a higher one; without the
+    # M-matrix (punch) there is no telling
+    if kernel == "love":
+        assert (np.maximum.accumulate(work) <= 1.2 * np.array(work) + 5).all()
+
+
 # ---- other ways to the same answer
 
 
