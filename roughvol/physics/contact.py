@@ -46,6 +46,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _DENSE_UP_TO = 160  # candidates; below this a Cholesky factorisation costs less than the Python of a few iterations
+_ROUNDING = 4e-16  # no residual η/σ below this share of the indentation survives the rounding of a convolution
 _TENSILE = 1e-12  # a share of the largest pressure that counts as rounding, not as tension or contact
 
 
@@ -171,8 +172,10 @@ def sweep(
     last = -np.inf
     for indentation in indentations:
         if not (np.isfinite(indentation) and indentation > last):
-            message = f"indentation is {indentation}; allowed: finite and increasing (the last was {last:g})"
+            before_it = f" (the last was {last:g})" if np.isfinite(last) else ""
+            message = f"indentation is {indentation}; allowed: finite and increasing{before_it}"
             raise ContactError(message)
+        problem.check_reachable(float(indentation))
         last = float(indentation)
         if indentation <= 0:
             yield problem.record(problem.untouched(indentation), problem.counts(), 0, 0.0)
@@ -219,6 +222,7 @@ def indentation_for(
     now = problem.untouched()
 
     def try_at(indentation: float) -> tuple[_State, float]:
+        problem.check_reachable(indentation)
         state, iterations, residual = solve_one(problem, indentation, now, before)
         contact = problem.record(state, problem.counts(), iterations, residual)
         return state, float(getattr(contact, _TARGETS[target])) - value
@@ -247,6 +251,50 @@ def indentation_for(
             high, excess = middle, excess_middle
     # elements on the brink are told apart to η only: go just beyond, so that any solve to rtol finds the area reached
     return high + 2.0 * rtol if target == "contact_area" else high
+
+
+def first_indentation(
+    surface: Surface,
+    half_space: Compliance,
+    reached: Callable[[Contact], bool],
+    *,
+    rtol: float = 1e-6,
+    method: str = "fast",
+    accuracy: float = 1e-5,
+) -> float:
+    """Return the first indentation Δ/σ at which something holds that, once true, stays true along the loading.
+
+    Found by doubling and bisection, each solve started from the states below. Contact sets are nested, so this finds
+    where a share of a region is in contact, or where the void stops percolating.
+
+    Parameters
+    ----------
+    reached : says of a state whether it holds.
+    accuracy : of the indentation returned, relative; it holds there.
+
+    Raises
+    ------
+    ContactError : unknown method, or it does not hold at full contact either.
+    ConvergenceError : a solve on the way did not converge.
+    """
+    problem = _Problem(surface, half_space, rtol)
+    solve_one = _method(method)
+    before: _State | None = None
+    now = problem.untouched()
+    low, high, found = 0.0, 0.5, False
+    while not found or high - low > accuracy * high:
+        middle = 0.5 * (low + high) if found else high
+        state, iterations, residual = solve_one(problem, middle, now, before)
+        contact = problem.record(state, problem.counts(), iterations, residual)
+        if reached(contact):
+            high, found = middle, True
+            continue
+        if contact.contact_area_fraction == 1.0:
+            message = f"not reached at full contact (Δ/σ = {middle:g}) either"
+            raise ContactError(message)
+        before, now, low = now, state, middle
+        high = high if found else 1.2 * high
+    return high + 2.0 * rtol  # elements on the brink are told apart to η only
 
 
 _TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
@@ -279,6 +327,16 @@ class _Problem:
 
     def counts(self) -> tuple[int, int]:
         return self.half_space.convolutions, self.half_space.convolutions_fp32
+
+    def check_reachable(self, indentation: float) -> None:
+        """Refuse a residual that rounding alone exceeds: w is the difference of two numbers as large as Δ/σ."""
+        best = _ROUNDING * max(1.0, indentation)
+        if self.rtol < best:
+            message = (
+                f"rtol is {self.rtol:g} at the indentation {indentation:g}; allowed: at least {best:.1g}, "
+                f"the residual η/σ that double precision can reach there"
+            )
+            raise ContactError(message)
 
     def untouched(self, indentation: float = 0.0) -> _State:
         return _State(indentation, np.zeros(self.heights.size), np.zeros(self.heights.size))
@@ -445,7 +503,7 @@ def _conjugate_gradients(
 
 
 _SAFETY = 0.7  # share of the tolerance left to the recursive residual; the verification finds a little more
-_LAST = 5.0  # what one application of the preconditioner takes off the residual of a rough contact
+_LAST = 3.0  # what one application of the preconditioner takes off the residual of a rough contact
 _ITERATIONS = 2000
 
 
@@ -457,19 +515,17 @@ def _truncate(half_space: Compliance, elements: Index, q: Array, w: Array) -> bo
     negative = np.flatnonzero(q < 0.0)
     if negative.size == 0:
         return False
-    if negative.size <= _SUMMED_UP_TO:
-        row, column = np.divmod(elements, half_space.shape[1])
+    rows, columns = half_space.shape
+    if negative.size * elements.size <= rows * columns:  # terms of the sum; each costs about what the FFT costs a node
+        row, column = np.divmod(elements, columns)
         near = half_space.influence[np.abs(row[:, None] - row[negative]), np.abs(column[:, None] - column[negative])]
         w -= near @ q[negative]
     else:
         removed = np.zeros_like(q)
         removed[negative] = q[negative]
-        w -= half_space.displacement_at(elements, removed)
+        w -= half_space.displacement_at(elements, removed, single=True)
     q[negative] = 0.0
     return True
-
-
-_SUMMED_UP_TO = 24  # sources; at m = 8 a sum over so many costs a tenth of a convolution
 
 
 def _solve_paper(

@@ -50,7 +50,7 @@ def love_kernel(x: Array, y: Array) -> Array:
 
     Parameters
     ----------
-    x, y : array, in spacings, ≥ 0 (the kernel is even: mirror for negative offsets).
+    x, y : array, in spacings, ≥ 0 (the kernel is even: mirror for negative offsets), not on the edge of the element.
 
     Returns
     -------
@@ -198,10 +198,13 @@ class HalfSpace:
     def _quadrant_spectrum(self) -> Array:
         """Transform of the even extension of K with the 1/(M₁ M₂) of the inverse transform folded in."""
         half_rows, half_cols = (length // 2 + 1 for length in self._lengths)
-        padded = np.zeros((half_rows, half_cols))
-        rows, cols = min(self.shape[0], half_rows), min(self.shape[1], half_cols)
-        padded[:rows, :cols] = self.influence[:rows, :cols]
-        spectrum: Array = scipy_fft.dctn(padded, type=1, overwrite_x=True)
+        # Also lags beyond the grid, which never enter a result, get the kernel: zeros there would make the spectrum
+        # of a positive operator negative in places, and it could not certify anything
+        quadrant = kernel_quadrant((half_rows, half_cols), self.kernel)
+        spectrum: Array = scipy_fft.dctn(quadrant, type=1, overwrite_x=True)
+        if not spectrum.min() > 0.0:
+            message = f"the {self.kernel} kernel is not positive definite on {self.shape}; no unique solution there"
+            raise ContactError(message)
         return spectrum / (self._lengths[0] * self._lengths[1])
 
     def _engine(self, precision: str) -> _Convolution:
