@@ -1,0 +1,373 @@
+"""Transport through the gap of a contact: what is connected, where it is narrowest, how much flows, quick estimates.
+
+Conventions
+-----------
+A gap field holds g ≥ 0 on square elements, axis 0 is x and axis 1 is y. An element is open where g > 0; contact is
+closed. The void is 4-connected (through the sides of elements), the solid 8-connected (through corners as well), so
+that a flow is stopped by a chain of closed elements and by nothing less: either void leads from side to side in x, or
+solid does in y, and never both.
+
+Flow along an axis obeys div(k grad P) = 0 with the local conductance k = g^n: n = 3 is the lubrication equation, its
+coefficient is the transmissivity; n = 1 is diffusion through the gap. P = 1 and P = 0 are imposed on the outer edges of
+the first and the last line of elements, half an element from their centres; nothing flows through the two other sides
+or into closed elements. Finite volumes: two open neighbours are joined by the harmonic mean of their k, a reservoir and
+its neighbour by 2k. Coefficients are over those of two smooth plates at the mean gap of the whole field (contact
+included) between the same reservoirs; neither the unit of g nor the spacing enters.
+
+Decades of conductance
+----------------------
+g³ easily spans more decades than a double has digits. With h_c the critical constriction, every path contains an
+element of conductance ≤ h_c^n, and one path has none below. Elements that conduct `_WINDOW` times better than h_c^n
+are taken as if they conducted only that much, those that conduct as many times worse as closed; both change the
+coefficient by about 1/`_WINDOW`, and the matrix then has a condition that a factorisation can bear. The coefficient is
+taken from the dissipation Σ k (δP)², in which the error of P enters squared; P is solved for as the difference to the
+nearer of the two reservoirs, so that the flow in the wide waters before and behind a constriction keeps its digits.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, optimize, sparse
+from scipy.sparse import linalg as sparse_linalg
+
+from roughvol.errors import ContactError
+
+Field = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Sizes = NDArray[np.int64]
+
+_SIDES = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
+_SIDES_AND_CORNERS = np.ones((3, 3))
+_WINDOW = 1e7
+
+
+class Connectivity(NamedTuple):
+    """How void and contact hang together.
+
+    Attributes
+    ----------
+    percolates_x, percolates_y : whether a path through open elements leads from side to side along the axis.
+    connected : share of the free volume whose void reaches a side of the patch.
+    percolating : share of the free volume whose void percolates, along either axis.
+    trapped : share of the free volume in pockets; connected + trapped = 1 (NaN where there is no volume).
+    contact_clusters : sizes of the 8-connected clusters of contact [elements], the largest first.
+    trapped_pockets : sizes of the 4-connected pockets of void that reach no side [elements], the largest first.
+    """
+
+    percolates_x: bool
+    percolates_y: bool
+    connected: float
+    percolating: float
+    trapped: float
+    contact_clusters: Sizes
+    trapped_pockets: Sizes
+
+
+class Constriction(NamedTuple):
+    """The narrowest place of the widest way: its gap h_c (0 if there is no way) and its element, row and column."""
+
+    gap: float
+    element: tuple[int, int] | None
+
+
+class Conduction(NamedTuple):
+    """A stationary flow along an axis.
+
+    Attributes
+    ----------
+    coefficient : flow over that between two smooth plates at the mean gap.
+    conservation_error : the larger of |inflow - flow| and |outflow - flow| over the flow, which the dissipation gives.
+    flux : shape (2, rows, columns), flux along x and y in the middle of each element, over that between the plates.
+    """
+
+    coefficient: float
+    conservation_error: float
+    flux: Field
+
+
+def percolates(void: Mask, axis: int) -> bool:
+    """Return whether 4-connected void leads from the first to the last line of elements along an axis.
+
+    Parameters
+    ----------
+    void : ndarray of bool
+        True where open.
+    axis : int
+        0 for x, 1 for y.
+    """
+    labels, _ = ndimage.label(void, _SIDES)
+    return bool(_spanning(labels, axis).size)
+
+
+def connectivity(gap: Field, contact: Mask) -> Connectivity:
+    """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void.
+
+    Parameters
+    ----------
+    gap : ndarray
+        Gap g ≥ 0 [any length]; open is g > 0.
+    contact : ndarray of bool, shape of ``gap``
+        True where p > 0; its clusters are counted.
+
+    Raises
+    ------
+    ContactError
+        If the gap is no 2-D field of finite numbers ≥ 0, not 0 in contact, or the mask does not fit.
+    """
+    _check(gap)
+    if contact.shape != gap.shape or contact.dtype != np.bool_ or np.any(gap[contact]):
+        message = f"contact must be a bool mask of shape {gap.shape} with gap 0, got {contact.dtype} {contact.shape}"
+        raise ContactError(message)
+    labels, count = ndimage.label(gap > 0.0, _SIDES)
+    volumes = np.bincount(labels.ravel(), (gap / (gap.max() or 1.0)).ravel(), count + 1)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    along = [_spanning(labels, axis) for axis in (0, 1)]
+    reaches = np.zeros(count + 1, dtype=np.bool_)
+    for line in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        reaches[line] = True
+    reaches[0] = True  # label 0 is the closed rest, without volume
+    total = volumes.sum() or np.nan
+    clusters, _ = ndimage.label(contact, _SIDES_AND_CORNERS)
+    return Connectivity(
+        percolates_x=bool(along[0].size),
+        percolates_y=bool(along[1].size),
+        connected=float(volumes[reaches].sum() / total),
+        percolating=float(volumes[np.union1d(*along)].sum() / total),
+        trapped=float(volumes[~reaches].sum() / total),
+        contact_clusters=np.sort(np.bincount(clusters.ravel())[1:])[::-1],
+        trapped_pockets=np.sort(sizes[~reaches])[::-1],
+    )
+
+
+def constriction(gap: Field, axis: int) -> Constriction:
+    """Return the critical constriction: the largest h_c such that the elements with g ≥ h_c still percolate.
+
+    Elements are taken in the order of falling gap (equal ones row by row); the one that completes the first path is
+    found exactly, by bisection on the order.
+
+    Parameters
+    ----------
+    gap : ndarray
+        Gap g ≥ 0 [any length]; open is g > 0.
+    axis : int
+        0 for x, 1 for y.
+
+    Raises
+    ------
+    ContactError
+        If the gap is no 2-D field of finite numbers ≥ 0.
+    """
+    _check(gap)
+    order = np.argsort(-gap, axis=None, kind="stable")
+    rank = np.empty(gap.size, dtype=np.intp)
+    rank[order] = np.arange(gap.size)
+    ranks = rank.reshape(gap.shape)
+    # a path takes at least one element of every line across it
+    low, high = int(ranks.min(axis=1 - axis).max()) - 1, int(np.count_nonzero(gap)) - 1
+    if high <= low or not percolates(ranks <= high, axis):
+        return Constriction(0.0, None)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if percolates(ranks <= middle, axis):
+            high = middle
+        else:
+            low = middle
+    row, column = divmod(int(order[high]), gap.shape[1])
+    return Constriction(float(gap[row, column]), (row, column))
+
+
+def conduction(gap: Field, axis: int, exponent: float = 3.0) -> Conduction:
+    """Return the flow of div(g^n grad P) = 0 along an axis over that of two smooth plates at the mean gap.
+
+    Solved by a sparse factorisation on the clusters that percolate; boundary values and normalisation as at the top of
+    this module. The coefficients of Vallet et al., Tribology International 42 (2009) 250-259: transmissivity with
+    n = 3, diffusivity with n = 1.
+
+    Parameters
+    ----------
+    gap : ndarray, shape (rows, columns)
+        Gap g ≥ 0 [any length]; open is g > 0.
+    axis : int
+        Direction of the flow, 0 for x, 1 for y.
+    exponent : float
+        n of the local conductance, > 0.
+
+    Raises
+    ------
+    ContactError
+        If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
+    """
+    _check_exponent(exponent)
+    critical = constriction(gap, axis).gap
+    if critical == 0.0:
+        return Conduction(0.0, 0.0, np.zeros((2, *gap.shape)))
+    along = gap if axis == 0 else gap.T
+    # k over its critical value; logarithms, because powers of a ratio of gaps can leave the range of doubles
+    with np.errstate(divide="ignore"):
+        log_k = exponent * (np.log(along) - np.log(critical))
+    labels, _ = ndimage.label(log_k >= -np.log(_WINDOW), _SIDES)
+    flowing = np.isin(labels, _spanning(labels, 0))
+    k = np.where(flowing, np.exp(np.clip(log_k, -np.log(_WINDOW), np.log(_WINDOW))), 0.0)
+    flow = _flow(k, flowing)
+    inflow, outflow = float(flow.down[0].sum()), float(flow.down[-1].sum())
+    # over the flux between the plates, as many elements apart, under the same drop of pressure
+    largest = gap.max()
+    log_mean = np.log(largest) - np.log(critical) + np.log(np.mean(gap / largest))
+    over_plates = float(np.exp(-exponent * log_mean)) * along.shape[0]
+    aside = np.pad(flow.across, ((0, 0), (1, 1)))
+    flux = 0.5 * over_plates * np.stack([flow.down[1:] + flow.down[:-1], aside[:, 1:] + aside[:, :-1]])
+    return Conduction(
+        coefficient=flow.dissipation * over_plates / along.shape[1],
+        conservation_error=max(abs(inflow - flow.dissipation), abs(outflow - flow.dissipation)) / flow.dissipation,
+        flux=flux if axis == 0 else flux[::-1].transpose(0, 2, 1),
+    )
+
+
+def effective_medium(gap: Field, exponent: float = 3.0) -> float:
+    """Return Bruggeman's estimate of the coefficient of `conduction`, from the distribution of the gap alone.
+
+    The root k of Σ (g^n - k)/(g^n + k) = 0 over all elements, contact included, over (mean g)^n; 0 where half of the
+    elements or more are closed. In two dimensions, after Bruggeman, Annalen der Physik 416 (1935) 636-664; for the gap
+    of a contact Lorenz & Persson, European Physical Journal E 31 (2010) 159-167.
+
+    Parameters
+    ----------
+    gap : ndarray
+        Gap g ≥ 0 [any length].
+    exponent : float
+        n of the local conductance, > 0.
+
+    Raises
+    ------
+    ContactError
+        If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
+    """
+    _check(gap)
+    _check_exponent(exponent)
+    values = gap[gap > 0.0]
+    if 2 * values.size <= gap.size:
+        return 0.0
+    log_k = exponent * (np.log(values) - np.log(values.max()))
+    closed = gap.size - values.size
+
+    def excess(log_effective: float) -> float:
+        return float(np.tanh(0.5 * (log_k - log_effective)).sum()) - closed  # (a - b)/(a + b) in logarithms
+
+    low = float(log_k.min()) - np.log(gap.size)  # where all open elements count as +1 to one part in their number
+    while excess(low) < 0.0:
+        low *= 2.0
+    root = 0.0 if excess(0.0) >= 0.0 else optimize.brentq(excess, low, 0.0, xtol=1e-13, rtol=1e-13)
+    return float(np.exp(root - exponent * np.log(np.mean(gap / values.max()))))
+
+
+def single_junction(gap: Field, axis: int, exponent: float = 3.0) -> float:
+    """Return the estimate of the coefficient of `conduction` from the critical constriction alone.
+
+    All pressure is taken to drop over one square junction of the gap h_c of `constriction`, hence (h_c/mean g)^n times
+    the length of the field over its width; Persson & Yang, Journal of Physics: Condensed Matter 20 (2008) 315011.
+
+    Parameters
+    ----------
+    gap : ndarray
+        Gap g ≥ 0 [any length].
+    axis : int
+        Direction of the flow, 0 for x, 1 for y.
+    exponent : float
+        n of the local conductance, > 0.
+
+    Raises
+    ------
+    ContactError
+        If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
+    """
+    _check_exponent(exponent)
+    critical = constriction(gap, axis).gap
+    if critical == 0.0:
+        return 0.0
+    largest = gap.max()
+    return (critical / largest / float(np.mean(gap / largest))) ** exponent * gap.shape[axis] / gap.shape[1 - axis]
+
+
+class _Flow(NamedTuple):
+    """Fluxes through the faces of a field of shape (rows, columns), and the power they dissipate.
+
+    ``down``, shape (rows + 1, columns), runs from the inlet to the outlet; ``across`` has shape (rows, columns - 1).
+    """
+
+    down: Field
+    across: Field
+    dissipation: float
+
+
+def _flow(k: Field, flowing: Mask) -> _Flow:
+    """Return the flow along axis 0 between P = 1 and P = 0 through the flowing elements, which are open and connected.
+
+    Unknown is u = P - R with R = 0 or 1, whichever is nearer: where P differs from a reservoir by less than rounding,
+    u and the flux it drives still have all their digits.
+    """
+    size = int(np.count_nonzero(flowing))
+    number = np.full((k.shape[0] + 2, k.shape[1]), size)  # the inlet follows the elements, the outlet the inlet
+    number[-1] = size + 1
+    number[1:-1][flowing] = np.arange(size)
+    down = np.vstack([2.0 * k[:1], _harmonic(k[:-1], k[1:]), 2.0 * k[-1:]])
+    across = _harmonic(k[:, :-1], k[:, 1:])
+    joins_down, joins_across = down > 0.0, across > 0.0
+    tail = np.concatenate([number[:-1][joins_down], number[1:-1, :-1][joins_across]])
+    head = np.concatenate([number[1:][joins_down], number[1:-1, 1:][joins_across]])
+    w = np.concatenate([down[joins_down], across[joins_across]])
+    scale = 1.0 / np.sqrt(np.bincount(tail, w, size + 2) + np.bincount(head, w, size + 2))
+    off, one = -w * scale[tail] * scale[head], np.arange(size + 2)
+    places = np.concatenate([one, tail, head]), np.concatenate([one, head, tail])
+    matrix = sparse.csc_matrix((np.concatenate([np.ones(size + 2), off, off]), places))[:size, :size]
+    # an M-matrix needs no pivoting, so the order may follow the sparsity alone
+    options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    factor = sparse_linalg.splu(matrix, **options)
+    u, nearer = np.zeros(size + 2), np.zeros(size + 2)
+    nearer[size] = 1.0
+
+    def drops() -> Field:
+        return (nearer[tail] - nearer[head]) + (u[tail] - u[head])
+
+    for attempt in range(_SOLVES):
+        flux = w * drops()
+        surplus = np.bincount(head, flux, size + 2) - np.bincount(tail, flux, size + 2)
+        u[:size] += scale[:size] * factor.solve((scale * surplus)[:size])
+        if attempt == 0:
+            nearer[:size] = u[:size] > 0.5
+            u[:size] -= nearer[:size]
+    flux = w * drops()
+    down[joins_down], across[joins_across] = np.split(flux, [np.count_nonzero(joins_down)])
+    return _Flow(down, across, float(flux @ drops()))
+
+
+_SOLVES = 3  # the first solves, the second gives u the digits that P has not, the third takes rounding off
+
+
+def _harmonic(a: Field, b: Field) -> Field:
+    """Return 2ab/(a + b), 0 where one of them is."""
+    both = (a > 0.0) & (b > 0.0)
+    return np.divide(2.0 * a * b, a + b, out=np.zeros(a.shape), where=both)
+
+
+def _spanning(labels: NDArray[np.integer], axis: int) -> NDArray[np.integer]:
+    """Return the labels found on both sides along an axis."""
+    ends = np.moveaxis(labels, axis, 0)
+    both = np.intersect1d(ends[0], ends[-1])
+    return both[both > 0]
+
+
+def _check(gap: Field) -> None:
+    if gap.ndim != 2 or gap.size == 0 or not np.all((gap >= 0.0) & np.isfinite(gap)):
+        message = f"gap must be a 2-D field of finite numbers >= 0, got shape {gap.shape}"
+        if gap.size and np.isfinite(gap).all():
+            message += f" with minimum {gap.min():g}"
+        raise ContactError(message)
+
+
+def _check_exponent(exponent: float) -> None:
+    if not 0.0 < exponent < np.inf:
+        message = f"exponent must be > 0, got {exponent}"
+        raise ContactError(message)

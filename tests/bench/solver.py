@@ -1,0 +1,205 @@
+"""What a sweep costs: convolutions per step, their time, what is left outside them, and memory (`make bench`).
+
+The unit is one zero-padded convolution in double precision; one in single precision counts by its measured time, but at
+least one half. Counts are exact and do not depend on the machine: `--compare` holds them against the stored baseline
+and fails if one has grown. Seconds, shares and memory are measured in a process per row.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import platform
+import resource
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+BASELINE = Path(__file__).with_name("baseline.json")
+GROWTH = 1.02  # of a count per step, beyond which `--compare` fails: rounding can shift single iterations
+
+
+def measure(case: dict[str, Any]) -> dict[str, Any]:
+    """Run one sweep of 60 equal steps to d = 0 and return its counts, times and memory."""
+    from threadpoolctl import threadpool_limits
+
+    from roughvol.physics.contact import sweep
+    from roughvol.physics.halfspace import HalfSpace
+    from roughvol.physics.surface import random_midpoint_displacement
+
+    class Timed(HalfSpace):
+        spent = 0.0
+
+        def displacement(self, *args: Any, **kwargs: Any) -> Any:
+            start = time.perf_counter()
+            result = super().displacement(*args, **kwargs)
+            self.spent += time.perf_counter() - start
+            return result
+
+        def displacement_at(self, *args: Any, **kwargs: Any) -> Any:
+            start = time.perf_counter()
+            result = super().displacement_at(*args, **kwargs)
+            self.spent += time.perf_counter() - start
+            return result
+
+    surface = random_midpoint_displacement(case["D"], case["m"], side=100.0, seed=case["seed"])
+    half_space = Timed(surface.shape, threads=case["threads"])
+    elements = np.arange(0, surface.heights.size, 7)
+    unit, unit_fp32 = (_seconds(half_space, elements, single) for single in (False, True))
+    assert half_space.total_compliance.size  # belongs to the grid, not to the sweep
+    half_space.spent = 0.0
+    last = (surface.z_max - surface.mean_height) / surface.Sq
+    with threadpool_limits(1):
+        start = time.perf_counter()
+        contacts = [
+            (c.convolutions, c.convolutions_fp32, c.residual, c.contact_area_fraction)
+            for c in sweep(surface, half_space, last * np.arange(1, 61) / 60, rtol=case["rtol"])
+        ]
+        seconds = time.perf_counter() - start
+    fp64, fp32, residual, area = (np.array(column) for column in zip(*contacts, strict=True))
+    return case | {
+        "fp64": float(fp64.mean()),
+        "fp32": float(fp32.mean()),
+        "units": float(fp64.mean() + max(0.5, unit_fp32 / unit) * fp32.mean()),
+        "unit_ms": 1e3 * unit,
+        "unit_fp32_ms": 1e3 * unit_fp32,
+        "seconds": seconds,
+        "outside": 1.0 - half_space.spent / seconds,
+        "residual": float(residual.max()),
+        "area": float(area[-1]),
+        "bytes_per_element": 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / surface.heights.size,
+    }
+
+
+def _seconds(half_space: Any, elements: Any, single: bool) -> float:
+    """Return the median time of a convolution."""
+    pressure = np.ones(elements.size)
+    times = []
+    for _ in range(max(5, min(200, 10_000_000 // half_space.influence.size))):
+        start = time.perf_counter()
+        half_space.displacement_at(elements, pressure, single=single)
+        times.append(time.perf_counter() - start)
+    return float(np.median(times[1:]))
+
+
+def rows(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """Return one measurement per m, D, tolerance and seed, each from a fresh process."""
+    context = multiprocessing.get_context("spawn")
+    found = []
+    print(HEADER)
+    for m in arguments.m:
+        for rtol in arguments.rtol:
+            for D in arguments.D:
+                for seed in range(arguments.seeds):
+                    case = {"m": m, "D": D, "rtol": rtol, "seed": seed, "threads": arguments.threads}
+                    with context.Pool(1) as pool:
+                        row = pool.apply(measure, (case,))
+                    found.append(row)
+                    print(_line(row), flush=True)
+    return found
+
+
+HEADER = " m    D     η/σ  seed   fp64   fp32  units  unit ms  fp32 ms  seconds  outside  bytes/element"
+
+
+def _line(row: dict[str, Any]) -> str:
+    return (
+        f"{row['m']:2d}  {row['D']:.1f}  {row['rtol']:.0e}  {row['seed']:3d}  {row['fp64']:5.2f}  {row['fp32']:5.2f}"
+        f"  {row['units']:5.2f}  {row['unit_ms']:7.3f}  {row['unit_fp32_ms']:7.3f}  {row['seconds']:7.3f}"
+        f"  {100 * row['outside']:5.0f} %  {row['bytes_per_element']:7.0f}"
+    )
+
+
+def summary(found: list[dict[str, Any]]) -> str:
+    """Return the means over D and seeds by m and tolerance, as a Markdown table."""
+    lines = ["| m | η/σ ≤ | fp64 | fp32 | units per step | s per sweep | outside |", "|---|---|---|---|---|---|---|"]
+    for key in sorted({(row["m"], -row["rtol"]) for row in found}):
+        of = [row for row in found if (row["m"], -row["rtol"]) == key]
+        mean = {name: np.mean([row[name] for row in of]) for name in ("fp64", "fp32", "units", "seconds", "outside")}
+        lines.append(
+            f"| {key[0]} | {-key[1]:.0e} | {mean['fp64']:.2f} | {mean['fp32']:.2f} | {mean['units']:.2f} "
+            f"| {mean['seconds']:.3g} | {100 * mean['outside']:.0f} % |"
+        )
+    return "\n".join(lines)
+
+
+def regressions(found: list[dict[str, Any]]) -> list[str]:
+    """Return what has grown beyond the stored baseline, or is not in it."""
+    stored = {_name(row): row for row in json.loads(BASELINE.read_text(encoding="utf-8"))}
+    worse = []
+    for row in found:
+        known = stored.get(_name(row))
+        if known is None:
+            worse.append(f"{_name(row)}: not in the baseline")
+            continue
+        worse += [
+            f"{_name(row)}: {kind} {known[kind]:.2f} -> {row[kind]:.2f} per step"
+            for kind in ("fp64", "fp32")
+            if row[kind] > GROWTH * known[kind] + 0.02
+        ]
+    return worse
+
+
+def _name(row: dict[str, Any]) -> str:
+    return f"m={row['m']} D={row['D']} rtol={row['rtol']:.0e} seed={row['seed']}"
+
+
+def figure(found: list[dict[str, Any]], path: Path) -> None:
+    """Draw time and units per step against the number of elements, with the floor of one convolution per step."""
+    from matplotlib.figure import Figure
+
+    chosen = [row for row in found if row["rtol"] == 1e-6] or found
+    sizes = sorted({row["m"] for row in chosen})
+    elements = [(2**m + 1) ** 2 for m in sizes]
+    drawing = Figure(figsize=(7.0, 3.0), layout="constrained")
+    left, right = drawing.subplots(1, 2)
+    for D, colour, marker in zip(sorted({row["D"] for row in chosen}), ("#440154", "#2a788e", "#7ad151"), "osD"):
+        of = [[row for row in chosen if row["m"] == m and row["D"] == D] for m in sizes]
+        label = f"$D = {D}$"
+        left.plot(elements, [np.mean([r["seconds"] for r in rows]) for rows in of], marker, ls="-", c=colour, label=label)
+        right.plot(elements, [np.mean([r["units"] for r in rows]) for rows in of], marker, ls="-", c=colour, label=label)
+    floor = [60e-3 * np.mean([row["unit_ms"] for row in chosen if row["m"] == m]) for m in sizes]
+    left.plot(elements, floor, "k--", label="one convolution a step")
+    right.axhline(1.0, color="k", ls="--")
+    for axis, label in ((left, "60 steps, one thread [s]"), (right, "convolutions per step [units]")):
+        axis.set(xscale="log", xlabel="elements $N^2$", ylabel=label)
+    left.set_yscale("log")
+    right.set_ylim(0.0, None)
+    left.legend(frameon=False, fontsize=8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    drawing.savefig(path, dpi=200)
+
+
+def main() -> int:
+    """Measure, print, store, draw and compare."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--m", type=int, nargs="+", default=[4, 5, 6, 7, 8, 9])
+    parser.add_argument("--D", type=float, nargs="+", default=[2.1, 2.5, 2.9])
+    parser.add_argument("--rtol", type=float, nargs="+", default=[1e-3, 1e-6])
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=Path("runs/bench"))
+    parser.add_argument("--compare", action="store_true", help="fail if a count has grown beyond the baseline")
+    parser.add_argument("--store", action="store_true", help="make this the baseline")
+    arguments = parser.parse_args()
+    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
+    found = rows(arguments)
+    print("\n" + summary(found))
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    (arguments.out / "solver.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+    figure(found, arguments.out / "solver.png")
+    if arguments.store:
+        kept = [{k: row[k] for k in ("m", "D", "rtol", "seed", "fp64", "fp32")} for row in found]
+        BASELINE.write_text("[\n" + ",\n".join(json.dumps(row) for row in kept) + "\n]\n", encoding="utf-8")
+    worse = regressions(found) if arguments.compare else []
+    print("\n".join(worse) if worse else "")
+    return 1 if worse else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
