@@ -506,7 +506,9 @@ def _conjugate_gradients(
             if _truncate(half_space, elements, q, w):
                 continue
             return q, iteration
-        z = np.where(free, precondition(r), 0.0)
+        z = precondition(r)
+        # an element without pressure that its neighbours will lift clear (z < 0) is left alone, not made tensile first
+        z[~free | ((q <= 0.0) & (z < 0.0))] = 0.0
         if residual <= _LAST * tolerance and iteration and attempt == 0:
             return np.maximum(q + z, 0.0), iteration
         last, product = product, float(r @ z)
