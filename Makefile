@@ -4,8 +4,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 PAPER := gallery effect_of_D effect_of_m morphology
+SEAL := seal seal_map
+# Second readings of the paper's ambiguous passages, and more surfaces than it has: for the claims report.
+READINGS := ten_seeds_of_m many_seeds morphology_of_D full_contact first_contact in_plane_scaling \
+            reading_variance_law reading_variance_law_D reading_summit_plane
 
-.PHONY: reproduce test test-slow lint setup smoke clean
+.PHONY: reproduce seal test test-slow lint setup smoke clean
 
 setup: $(STAMP)
 
@@ -15,8 +19,13 @@ $(STAMP): pyproject.toml
 	@touch $@
 
 reproduce: setup
-	@for study in $(PAPER); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
+	@for study in $(PAPER) $(READINGS); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
 	@for study in $(PAPER); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
+	@$(BIN)/roughvol report $(PAPER) $(READINGS) --out runs/report --check tests/regression/expected_paper.json
+
+seal: setup
+	@for study in $(SEAL); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
+	@for study in $(SEAL); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
 
 test: setup
 	@$(BIN)/python -m pytest

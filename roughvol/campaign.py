@@ -25,7 +25,7 @@ from roughvol import dataset, heightfile, record, workers
 from roughvol.dataset import Dataset
 from roughvol.errors import CampaignError, ContactError, DatasetError, RoughvolError, SurfaceError
 from roughvol.physics import halfspace, texture
-from roughvol.physics.contact import indentation_for, sweep
+from roughvol.physics.contact import first_indentation, indentation_for, sweep
 from roughvol.physics.halfspace import HalfSpace
 from roughvol.physics.surface import Surface, random_midpoint_displacement
 from roughvol.study import Case, Study, load
@@ -105,8 +105,11 @@ def _last_indentation(case: Case, surface: Surface, half_space: HalfSpace) -> fl
     """Return Δ/σ at the end of the sweep: on a plane, at a value given, or where the search for one ends."""
     target, scale = case.sweep.target, surface.Sq or 1.0
     value = target.value or 0.0
+    rtol, method = case.solver.tolerance, case.solver.method
+    predicate = record.end_of(case)
+    if predicate is not None:
+        return first_indentation(surface, half_space, predicate, rtol=rtol, method=method)
     if target.kind in ("contact_area", "pressure"):
-        rtol, method = case.solver.tolerance, case.solver.method
         return indentation_for(surface, half_space, target.kind, value, rtol=rtol, method=method)
     if target.kind == "indentation":
         return value

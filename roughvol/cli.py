@@ -127,13 +127,16 @@ def status(study: Path, out: Path | None) -> None:
 @click.option("--format", "suffix", type=click.Choice(["png", "pdf", "svg"]), default="png", show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the figures [default: figures in the run].")
 def plot(run: str | None, figure: tuple[str, ...], suffix: str, out: Path | None) -> None:
-    """Draw figures of the paper from RUN: a folder, a study.nc, or a name under runs/ [default: the latest].
+    """Draw figures from RUN: a folder, a study.nc, or a name under runs/ [default: the latest].
+
+    Those of the paper are fig01 to fig12b, those of the flow through the gap seal_volume to seal_map.
 
     Without a FIGURE it draws every one that the run can feed.
     """
-    from roughvol import dataset, figures
+    from roughvol import dataset
 
-    first_is_figure = run is not None and run in figures.FIGURES and not Path(run).exists()
+    figures = _figures()
+    first_is_figure = run is not None and run in figures and not Path(run).exists()
     names = (str(run), *figure) if first_is_figure else figure
     path = _study_file(None if first_is_figure else run)
     results = dataset.read(path)
@@ -142,11 +145,41 @@ def plot(run: str | None, figure: tuple[str, ...], suffix: str, out: Path | None
         target = folder / f"{name}.{suffix}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            figures.FIGURES[name](results).savefig(target)
+            figures[name][0](results).savefig(target)
         except OSError as error:
             message = f"cannot write {target}: {error}"
             raise DatasetError(message) from error
         click.echo(target)
+
+
+@main.command(epilog=_examples("roughvol report", "roughvol report effect_of_D effect_of_m --out /tmp/report"))
+@click.argument("run", nargs=-1)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the report [default: the run, or runs/report].")
+@click.option(
+    "--check",
+    "expected",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help="JSON with verdicts and bands of numbers; a departure from them is an error.",
+)
+def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> None:
+    """Answer every claim of the paper from RUN..., as report.html, report.md and claims.json [default: all runs].
+
+    A RUN is a folder, a study.nc, or a name under runs/. What no run can answer is said to be not computed.
+    """
+    from roughvol import report as reporting
+
+    finished = sorted(Path("runs").glob("*/study.nc"))
+    paths = [_study_file(name) for name in run] or finished or [_study_file(None)]
+    answered = reporting.assemble(paths)
+    page = reporting.write(answered, out or (paths[0].parent if len(paths) == 1 else Path("runs/report")))
+    click.echo(reporting.summary(answered))
+    click.echo(page)
+    left = reporting.departures(answered, expected.read_text(encoding="utf-8")) if expected else []
+    if left:
+        message = "\n".join(
+            [f"{_count(len(left), 'answer')} left the bands of {expected}", *(f"  {one}" for one in left)]
+        )
+        raise CampaignError(message)
 
 
 @main.command(epilog=_examples("roughvol schema > study.schema.json"))
@@ -197,6 +230,7 @@ def _cost(cost: Any) -> str:
         f"# memory  about {_bytes(cost.memory)} a process, {_count(cost.jobs, 'process', 'processes')} at once\n"
         f"# disk    up to {_bytes(cost.disk)}\n"
         f"# time    about {_duration(cost.seconds)} (an estimate, from convolutions timed on this machine)"
+        + "".join(f"\n#         {_duration(taken)} of one core for {name}" for name, taken in cost.observables.items())
     )
 
 
@@ -232,18 +266,26 @@ def _study_file(run: str | None) -> Path:
     raise DatasetError(message)
 
 
+def _figures() -> dict[str, tuple[Callable[[Dataset], Any], Callable[[str, Dataset], str | None]]]:
+    """Return what draws each figure, and what says why it cannot."""
+    from roughvol import figures, seal_figures
+
+    return {
+        name: (module.FIGURES[name], module.missing) for module in (figures, seal_figures) for name in module.FIGURES
+    }
+
+
 def _drawable(results: Dataset, wanted: tuple[str, ...]) -> list[str]:
     import difflib
 
-    from roughvol.figures import FIGURES, missing
-
+    figures = _figures()
     for name in wanted:
-        if name not in FIGURES:
-            near = difflib.get_close_matches(name, FIGURES, n=1)
+        if name not in figures:
+            near = difflib.get_close_matches(name, figures, n=1)
             hint = f"; did you mean {near[0]}?" if near else ""
-            message = f"no figure {name!r}{hint} (known: {', '.join(FIGURES)})"
+            message = f"no figure {name!r}{hint} (known: {', '.join(figures)})"
             raise DatasetError(message)
-    reasons = {name: missing(name, results) for name in wanted or FIGURES}
+    reasons = {name: figures[name][1](name, results) for name in wanted or figures}
     lacking = [reason for reason in reasons.values() if reason]
     if lacking and (wanted or len(lacking) == len(reasons)):
         raise DatasetError("\n".join(lacking))

@@ -84,6 +84,9 @@ VARIABLES: dict[str, Variable] = {
     "edge": Variable("edge", "1", "edge of the bins of the density", "k", "index"),
     "threshold": Variable("threshold", "1", "threshold over the largest element volume", "v_th/v_max"),
     "r": Variable("r", "1", "side of the boxes in elements", "r/δ", "index"),
+    "size": Variable("size", "1", "smallest size in elements of the class that ends below twice it", "n", "index"),
+    "axis": Variable("axis", "1", "axis of the surface", "axis", "text"),
+    "flux_at": Variable("flux_at", "1", "state at which fluxes are kept", "state", "text"),
     "r_mid": Variable("r_mid", "1", "geometric mean of two box sides in elements", "r/δ"),
     # per surface
     "Sq": Variable("...", "length", "root mean square height about the mean plane", "Sq"),
@@ -103,7 +106,41 @@ VARIABLES: dict[str, Variable] = {
     "convolutions_fp32": Variable("... step", "1", "convolutions in single precision", "convolutions fp32", "count"),
     "residual": Variable("... step", "1", "largest violation of the contact conditions in the gap over Sq", "η/σ"),
     "converged": Variable("... step", "1", "the state was solved and met its residual", "converged", "flag"),
+    # of the void, at the steps a study selects; open: gap > 0; void 4-connected, contact 8-connected
+    "percolates_x": Variable("... step", "1", "1 if void leads from side to side along x, 0 if not", "Π_x", "count"),
+    "percolates_y": Variable("... step", "1", "1 if void leads from side to side along y, 0 if not", "Π_y", "count"),
+    "connected_volume_fraction": Variable("... step", "1", "free volume connected to a side over all", "V_con/V"),
+    "percolating_volume_fraction": Variable(
+        "... step", "1", "free volume that percolates along x or y, over all", "V_per/V"
+    ),
+    "trapped_volume_fraction": Variable("... step", "1", "free volume connected to no side over all", "V_tra/V"),
+    "contact_clusters": Variable("... step", "1", "clusters of contact", "n_c", "count"),
+    "trapped_pockets": Variable("... step", "1", "pockets of void connected to no side", "n_t", "count"),
+    "contact_clusters_by_size": Variable("... step size", "1", "clusters of contact in the class", "n_c(n)", "count"),
+    "trapped_pockets_by_size": Variable("... step size", "1", "pockets of void in the class", "n_t(n)", "count"),
+    "critical_gap_x": Variable("... step", "1", "largest gap over Sq still open from side to side along x", "h_c,x/σ"),
+    "critical_gap_y": Variable("... step", "1", "largest gap over Sq still open from side to side along y", "h_c,y/σ"),
+    "critical_position_x": Variable("... step axis", "1", "position of the critical gap along x over L", "x_c,x/L"),
+    "critical_position_y": Variable("... step axis", "1", "position of the critical gap along y over L", "x_c,y/L"),
+    "transmissivity_x": Variable("... step", "1", "flow along x with g^3, over that of plates at the mean gap", "T_x*"),
+    "transmissivity_y": Variable("... step", "1", "flow along y with g^3, over that of plates at the mean gap", "T_y*"),
+    "transmissivity_conservation_error": Variable("... step", "1", "inflow against outflow over the flow", "ε_T"),
+    "diffusivity_x": Variable("... step", "1", "flow along x with g, over that of plates at the mean gap", "D_x*"),
+    "diffusivity_y": Variable("... step", "1", "flow along y with g, over that of plates at the mean gap", "D_y*"),
+    "diffusivity_conservation_error": Variable("... step", "1", "inflow against outflow over the flow", "ε_D"),
+    "estimate_medium_transmissivity": Variable(
+        "... step", "1", "effective-medium estimate of the transmissivity", "T_em*"
+    ),
+    "estimate_medium_diffusivity": Variable("... step", "1", "effective-medium estimate of the diffusivity", "D_em*"),
+    "estimate_junction_transmissivity_x": Variable("... step", "1", "critical-junction estimate along x", "T_cj,x*"),
+    "estimate_junction_transmissivity_y": Variable("... step", "1", "critical-junction estimate along y", "T_cj,y*"),
+    "estimate_junction_diffusivity_x": Variable("... step", "1", "critical-junction estimate along x", "D_cj,x*"),
+    "estimate_junction_diffusivity_y": Variable("... step", "1", "critical-junction estimate along y", "D_cj,y*"),
+    "transport_time": Variable("... step", "s", "wall-clock time spent on the quantities of the void", "t"),
     # at the states a study selects
+    "flux_at_step": Variable("... flux_at", "1", "step of the state, -1 where it was not reached", "k", "index"),
+    "flux_x": Variable("... flux_at x y", "1", "flux with g^3 for a flow along x, over that of plates", "|q_x|"),
+    "flux_y": Variable("... flux_at x y", "1", "flux with g^3 for a flow along y, over that of plates", "|q_y|"),
     "field_at_step": Variable("... field_at", "1", "step of the state, -1 where it was not reached", "k", "index"),
     "gap": Variable("... field_at x y", "1", "gap over Sq, exactly 0 in contact", "g/σ"),
     "pressure": Variable("... field_at x y", "1", "contact pressure times L/(E* Sq)", "p L/(E* σ)"),
@@ -115,7 +152,13 @@ VARIABLES: dict[str, Variable] = {
     "box_count": Variable("... box_at threshold r", "1", "boxes that meet the domain v ≤ v_th", "N(r)", "count"),
     "local_dimension": Variable("... box_at threshold r_mid", "1", "local box dimension -d log N / d log r", "D_box"),
 }
-FIELDS = ("heights", "gap", "pressure")  # the large ones, compressed; smooth doubles still shrink by a tenth or more
+FIELDS = (
+    "heights",
+    "gap",
+    "pressure",
+    "flux_x",
+    "flux_y",
+)  # the large ones, compressed; smooth doubles still shrink by a tenth or more
 _DTYPES = {"real": np.float64, "count": np.float64, "index": np.int64, "flag": np.bool_, "text": object}
 _MISSING: dict[str, Any] = {"real": np.nan, "count": np.nan, "index": -1, "flag": False, "text": ""}
 
@@ -293,6 +336,8 @@ def provenance(
         "cpu_count": str(os.cpu_count()),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
+    if region := case.record.region if case is not None else None:
+        attributes["region"] = region.label
     if case is not None:
         attributes |= {"case_id": case.id, "case": json.dumps(case.key, sort_keys=True)}
     if ids := list(ids):

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roughvol import leakage
 from roughvol.campaign import cores, surface_of
 from roughvol.physics.halfspace import HalfSpace
 from roughvol.study import Case, Study
@@ -26,12 +27,18 @@ START = 1.5  # seconds: processes start and import
 SEARCH = 20  # solves it takes to find an indentation, each from nothing, so about two steps' worth
 PROCESS_BYTES = 1.6e8  # of a process that has only imported what it needs
 NODE_BYTES = 500  # of the half space and the solver
+# seconds a state and node, along both axes, timed at m = 7 … 9; that of a flow (a factorisation) grows with the nodes
+VOID = {"percolation": 6e-8, "constriction": 5e-7, "estimates": 1e-6, "transmissivity": 7e-6, "diffusivity": 7e-6}
+FLOWS, FLOW_POWER, FLOW_NODES = ("transmissivity", "diffusivity", "flux_at"), 0.15, 257**2
 FILE_BYTES = 8e4  # of a case without fields
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Cost of a study: numbers of cases and of states to solve, bytes in memory a process and on disk, seconds."""
+    """Cost of a study: numbers of cases and of states to solve, bytes in memory a process and on disk, seconds.
+
+    ``observables`` are the seconds, of all cases together, that each quantity of the void takes out of them.
+    """
 
     cases: int
     steps: int
@@ -39,6 +46,7 @@ class Estimate:
     memory: float
     disk: float
     seconds: float
+    observables: dict[str, float]
 
 
 def estimate(study: Study, jobs: int | None = None) -> Estimate:
@@ -47,6 +55,10 @@ def estimate(study: Study, jobs: int | None = None) -> Estimate:
     jobs = min(jobs or cores(), len(cases))
     shapes = [_shape(case) for case in cases]
     seconds = [_seconds(case, shape) for case, shape in zip(cases, shapes, strict=True)]
+    observables = {name: 0.0 for case in cases for name in _void_seconds(case, shapes[0])}
+    for case, shape in zip(cases, shapes, strict=True):
+        for name, taken in _void_seconds(case, shape).items():
+            observables[name] += taken
     nodes = [rows * columns for rows, columns in shapes]
     fields = [_field_count(case) for case in cases]
     return Estimate(
@@ -57,17 +69,38 @@ def estimate(study: Study, jobs: int | None = None) -> Estimate:
         # each case is stored twice, by itself and in study.nc
         disk=2 * sum(FILE_BYTES + 8 * n * f for n, f in zip(nodes, fields, strict=True)),
         seconds=START + max(sum(seconds) / jobs, max(seconds)),
+        observables=observables,
     )
 
 
 def _seconds(case: Case, shape: tuple[int, int]) -> float:
     if case.sweep.steps == 0:
         return CASE_OVERHEAD
-    steps = case.sweep.steps + (2 * SEARCH if case.sweep.target.kind in ("contact_area", "pressure") else 0)
+    searched = case.sweep.target.kind in ("contact_area", "pressure") or case.sweep.target.value is None
+    searched = searched and not case.sweep.target.kind.endswith("plane")
+    steps = case.sweep.steps + (2 * SEARCH if searched else 0)
     convolutions = convolutions_per_step(shape, case.solver.tolerance)
-    return CASE_OVERHEAD + steps * (
-        STEP_OVERHEAD + PER_CONVOLUTION * convolutions * _convolution(shape, case.solver.kernel)
+    return (
+        CASE_OVERHEAD
+        + sum(_void_seconds(case, shape).values())
+        + steps * (STEP_OVERHEAD + PER_CONVOLUTION * convolutions * _convolution(shape, case.solver.kernel))
     )
+
+
+def _void_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
+    """Return the seconds each quantity of the void takes in one case, over all the states it is asked for."""
+    asked, nodes = case.record.transport, math.prod(shape)
+    if asked is None:
+        return {}
+    if case.record.region is not None:
+        (x, y) = case.record.region.x, case.record.region.y
+        nodes = math.ceil(nodes * (x[1] - x[0]) * (y[1] - y[0]))
+    states = {name: case.sweep.steps if at is None else len(at) for name, at in leakage.levels(asked).items()}
+    if asked.flux_at is not None:
+        states["flux_at"] = len(asked.flux_at.levels)
+    dearer = (nodes / FLOW_NODES) ** FLOW_POWER
+    each = {name: VOID.get(name, VOID["transmissivity"]) * (dearer if name in FLOWS else 1.0) for name in states}
+    return {name: count * each[name] * nodes for name, count in states.items()}
 
 
 def convolutions_per_step(shape: tuple[int, int], rtol: float) -> float:
@@ -87,7 +120,9 @@ def _shape(case: Case) -> tuple[int, int]:
 
 
 def _field_count(case: Case) -> int:
-    return case.record.heights + (2 * len(case.record.fields_at.levels) if case.record.fields_at else 0)
+    flux = case.record.transport.flux_at if case.record.transport else None
+    selects = [select for select in (case.record.fields_at, flux) if select is not None]
+    return case.record.heights + sum(2 * len(select.levels) for select in selects)
 
 
 @functools.cache

@@ -1,15 +1,23 @@
 """What a study keeps: each state of a sweep reduced at once to stored numbers, and fields only at the states it names.
 
+All that is observed in contact belongs to the region of the study, as if it were cut out of the loaded surface; the
+heights, fields of gap and pressure, Sq and the separation are those of the whole, and lengths are over that Sq.
+
 Everything returned is a mapping from names of `dataset.VARIABLES` to arrays without the dimensions of the case.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from roughvol import leakage
+from roughvol.errors import ContactError
 from roughvol.physics import fractal, freevolume, texture
 from roughvol.physics.contact import Contact
 from roughvol.physics.surface import Surface
@@ -33,11 +41,89 @@ LAST = Level("last")
 ROUNDING = 1e-9  # by which a state may miss a level and still count as reaching it
 
 
+class Within:
+    """A contact seen through a window of its elements: area, pressure, free volume and fields are those inside."""
+
+    def __init__(self, contact: Contact, window: tuple[slice, slice]) -> None:
+        self.whole, self._window = contact, window
+
+    def gap(self) -> NDArray[np.float64]:
+        """Return g/σ inside."""
+        return self.whole.gap()[self._window]
+
+    def pressure(self) -> NDArray[np.float64]:
+        """Return p L/(E* σ) inside."""
+        return self.whole.pressure()[self._window]
+
+    def contact(self) -> NDArray[np.bool_]:
+        """Return where p > 0 inside."""
+        return self.whole.contact()[self._window]
+
+    @cached_property
+    def contact_area_fraction(self) -> float:
+        """A* of the elements inside."""
+        return float(self.contact().mean())
+
+    @cached_property
+    def mean_pressure(self) -> float:
+        """p* of the elements inside, L and σ of the whole."""
+        return float(self.pressure().mean())
+
+    @cached_property
+    def free_volume(self) -> float:
+        """V* of the elements inside, σ of the whole."""
+        return float(self.gap().mean())
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what does not depend on the window."""
+        return getattr(self.whole, name)
+
+
+def within(contact: Contact, case: Case) -> Contact | Within:
+    """Return a contact as seen in the region that a study observes: itself, if that is the whole."""
+    return contact if case.record.region is None else Within(contact, window(case, contact.shape))
+
+
+def window(case: Case, shape: tuple[int, int]) -> tuple[slice, slice]:
+    """Return the rows and columns of the elements whose centres lie in the region.
+
+    Raises
+    ------
+    ContactError
+        If fewer than two lie in it along an axis.
+    """
+    region = case.record.region
+    if region is None:
+        return slice(0, shape[0]), slice(0, shape[1])
+    slices = []
+    for (start, end), nodes in zip((region.x, region.y), shape, strict=True):
+        first, last = math.ceil(start * (nodes - 1) - ROUNDING), math.floor(end * (nodes - 1) + ROUNDING)
+        if last <= first:
+            message = f"the region {region.label} of {shape[0]} × {shape[1]} elements is fewer than 2 × 2"
+            raise ContactError(message)
+        slices.append(slice(first, last + 1))
+    return slices[0], slices[1]
+
+
+def end_of(case: Case) -> Callable[[Contact], bool] | None:
+    """Return what must hold of a state for the sweep to end there, if it is a matter of the region or of the void."""
+    kind, value = case.sweep.target.kind, case.sweep.target.value or 0.0
+    if kind.startswith("percolation"):
+        return lambda contact: leakage.stops_percolating(kind, within(contact, case))
+    if case.record.region is None:
+        return None
+    if kind == "contact_area":
+        return lambda contact: within(contact, case).contact_area_fraction >= value
+    if kind == "pressure":
+        return lambda contact: within(contact, case).mean_pressure >= value
+    return None
+
+
 def of_surface(case: Case, surface: Surface) -> Values:
     """Return the numbers of the undeformed surface, its heights if asked for, and the labels of its nodes."""
     values: Values = {"Sq": surface.Sq, "Sdq": texture.Sdq(surface.heights, surface.spacing), "z_max": surface.z_max}
     values["hurst_measured"] = texture.hurst_spectrum(surface.heights, surface.spacing)
-    if case.record.heights or case.record.fields_at:
+    if case.record.heights or case.record.fields_at or (case.record.transport and case.record.transport.flux_at):
         rows, columns = surface.shape
         values |= {"x": np.arange(rows) / (rows - 1), "y": np.arange(columns) / (rows - 1)}
     if case.record.heights:
@@ -64,16 +150,19 @@ def of_sweep(
     per_step: dict[str, list[Any]] = {name: [] for name in PER_STEP}
     levels = _levels(case)
     kept: dict[str, dict[str, tuple[int, Values]]] = {dim: {} for dim in levels}
-    for step, contact in enumerate(contacts, start=1):
+    void = Void(case, surface)
+    for step, whole in enumerate(contacts, start=1):
+        contact = within(whole, case)
         for name in PER_STEP:
             per_step[name].append(getattr(contact, name))
+        void.follow(step, contact)
         for dim, by_label in levels.items():
             for label, level in by_label.items():
                 if label not in kept[dim] and reached(level, step, contact, case):
                     kept[dim][label] = step, _AT[dim](case, surface, contact)
         if on_step is not None:
             on_step(step)
-    values: Values = {**per_step, "step": np.arange(1, case.sweep.steps + 1), **_labels(case, surface)}
+    values: Values = {**per_step, **void.values, "step": np.arange(1, case.sweep.steps + 1), **_labels(case, surface)}
     for dim, by_label in levels.items():
         values[dim] = list(by_label)
         values[f"{dim}_step"] = [kept[dim][label][0] if label in kept[dim] else -1 for label in by_label]
@@ -81,7 +170,36 @@ def of_sweep(
     return values
 
 
-def reached(level: Level, step: int, contact: Contact, case: Case) -> bool:
+class Void:
+    """Collects the transport quantities along the steps, each at the first state that reaches its levels."""
+
+    def __init__(self, case: Case, surface: Surface) -> None:
+        self.case, self.values = case, Values()
+        self._levels = leakage.levels(case.record.transport) if case.record.transport else {}
+        rows, columns = window(case, surface.shape)
+        self._origin, self._nodes = np.array([rows.start, columns.start]), surface.shape[0]
+        if "percolation" in self._levels:
+            self.values["size"] = leakage.size_classes((rows.stop - rows.start) * (columns.stop - columns.start))
+        if "constriction" in self._levels:
+            self.values["axis"] = ["x", "y"]
+
+    def follow(self, step: int, contact: Contact | Within) -> None:
+        """Take in the next state."""
+        quantities = []
+        for name, levels in self._levels.items():
+            hit = [label for label, level in (levels or {}).items() if reached(level, step, contact, self.case)]
+            for label in hit:
+                del (levels or {})[label]
+            if levels is None or hit:
+                quantities.append(name)
+        for name, value in leakage.of_state(contact, quantities).items():
+            if name.startswith("critical_position"):
+                value = (value + self._origin) / (self._nodes - 1)  # over L, as x and y are
+            absent = np.full((self.case.sweep.steps, *np.shape(value)), np.nan)
+            self.values.setdefault(name, absent)[step - 1] = value
+
+
+def reached(level: Level, step: int, contact: Contact | Within, case: Case) -> bool:
     """Return whether a state is at or beyond a level.
 
     The last step reaches the level that the sweep was asked to end at, though a solve to a finite residual may put it
@@ -114,15 +232,26 @@ def _levels(case: Case) -> dict[str, dict[str, Level]]:
         "field_at": record.fields_at,
         "density_at": record.volume_density.at if record.volume_density else None,
         "box_at": record.box_counting.at if record.box_counting else None,
+        "flux_at": record.transport.flux_at if record.transport else None,
     }
     return {dim: {level.label: level for level in select.levels} for dim, select in selects.items() if select}
 
 
-def _fields(case: Case, surface: Surface, contact: Contact) -> Values:
-    return {"gap": contact.gap(), "pressure": contact.pressure()}
+def _fields(case: Case, surface: Surface, contact: Contact | Within) -> Values:
+    whole = contact.whole if isinstance(contact, Within) else contact
+    return {"gap": whole.gap(), "pressure": whole.pressure()}
 
 
-def _density(case: Case, surface: Surface, contact: Contact) -> Values:
+def _flux(case: Case, surface: Surface, contact: Contact | Within) -> Values:
+    """Return the flux on the nodes of the whole surface, NaN outside the region."""
+    values = leakage.flux(contact)
+    for name, inside in values.items():
+        values[name] = np.full(surface.shape, np.nan)
+        values[name][window(case, surface.shape)] = inside
+    return values
+
+
+def _density(case: Case, surface: Surface, contact: Contact | Within) -> Values:
     assert case.record.volume_density is not None
     mask = contact.contact()
     density = freevolume.volume_density(
@@ -134,7 +263,7 @@ def _density(case: Case, surface: Surface, contact: Contact) -> Values:
     return {"volume_density": density.density, "volume_density_edges": density.edges}
 
 
-def _boxes(case: Case, surface: Surface, contact: Contact) -> Values:
+def _boxes(case: Case, surface: Surface, contact: Contact | Within) -> Values:
     assert case.record.box_counting is not None
     volumes, mask = _volumes(surface, contact), contact.contact()
     largest = float(volumes.max())
@@ -144,10 +273,10 @@ def _boxes(case: Case, surface: Surface, contact: Contact) -> Values:
     return {"volume_max": largest, "box_count": [count.counts for count in counts], "local_dimension": dimensions}
 
 
-_AT = {"field_at": _fields, "density_at": _density, "box_at": _boxes}
+_AT = {"field_at": _fields, "density_at": _density, "box_at": _boxes, "flux_at": _flux}
 
 
-def _volumes(surface: Surface, contact: Contact) -> freevolume.Field:
+def _volumes(surface: Surface, contact: Contact | Within) -> freevolume.Field:
     """Element volumes v = g δ² [length³]; a flat surface has Sq = 0 and its gap is in lengths already."""
     return freevolume.element_volumes(contact.gap() * (surface.Sq or 1.0), surface.spacing, contact.contact())
 
@@ -159,7 +288,7 @@ def _labels(case: Case, surface: Surface) -> Values:
         bins = case.record.volume_density.bins
         values |= {"bin": np.arange(bins), "edge": np.arange(bins + 1)}
     if case.record.box_counting is not None:
-        empty = fractal.box_counts(np.zeros(surface.shape, dtype=np.bool_))
+        empty = fractal.box_counts(np.zeros(surface.shape, dtype=np.bool_)[window(case, surface.shape)])
         values |= {"r": empty.r, "r_mid": fractal.local_dimension(empty).r_mid}
         values["threshold"] = list(case.record.box_counting.thresholds)
     return values

@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parents[1] / "roughvol"
 
 # module or package -> (what it may import of roughvol, third parties it may import). Physics modules do not import each
 # other, but what may import "physics" may import them all; a package named among its own imports is one module.
-ABOVE_DATASET = {"dataset", "heightfile", "record", "study", "physics", "errors", "_version"}
+ABOVE_DATASET = {"dataset", "heightfile", "leakage", "record", "study", "physics", "errors", "_version"}
 FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "errors": (set(), set()),
     "_version": (set(), set()),
@@ -21,15 +21,23 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "study": ({"study", "errors", "_version"}, {"yaml", "pydantic", "pydantic_core"}),
     "heightfile": ({"errors"}, {"numpy", "netCDF4", "xarray"}),
     "dataset": ({"study", "errors", "physics", "_version"}, {"numpy", "netCDF4", "xarray"}),
-    "record": ({"study", "physics", "errors"}, {"numpy"}),
+    "leakage": ({"study", "physics"}, {"numpy"}),
+    "record": ({"study", "physics", "errors", "leakage"}, {"numpy"}),
     "workers": (set(), set()),
     "campaign": (ABOVE_DATASET | {"workers"}, {"numpy", "threadpoolctl"}),
     "estimate": (ABOVE_DATASET | {"campaign"}, {"numpy"}),
     "tradeoff": (ABOVE_DATASET, {"numpy", "scipy"}),
-    "claims": (ABOVE_DATASET, {"numpy", "scipy"}),
+    "claims": (ABOVE_DATASET | {"claims"}, {"numpy", "scipy"}),
     "figures": (ABOVE_DATASET, {"numpy", "matplotlib", "mpl_toolkits"}),
-    "report": (ABOVE_DATASET | {"figures", "claims"}, {"numpy", "matplotlib"}),
-    "cli": ({*ABOVE_DATASET, "campaign", "estimate", "tradeoff", "claims", "figures", "report"}, {"click", "rich"}),
+    "theory_figures": (ABOVE_DATASET | {"claims", "figures"}, {"numpy", "matplotlib"}),
+    "report_style": (set(), set()),
+    "seal_figures": (ABOVE_DATASET | {"figures"}, {"numpy", "matplotlib"}),
+    "report_page": (ABOVE_DATASET | {"figures", "claims", "theory_figures", "report_style"}, {"numpy", "matplotlib"}),
+    "report": (ABOVE_DATASET | {"claims", "report_page"}, {"numpy", "matplotlib"}),
+    "cli": (
+        {*ABOVE_DATASET, "campaign", "estimate", "tradeoff", "claims", "figures", "seal_figures", "report"},
+        {"click", "rich"},
+    ),
     "__init__": ({"_version", "campaign", "study"}, set()),  # the door: imports on first use only
 }
 PROCESSES = {

@@ -14,13 +14,13 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from roughvol.errors import Problem, StudyError
+from roughvol.study.recording import Record
 from roughvol.study.settings import (
     HEIGHT_FORMATS,
     PAPER_MAX_M,
     ContactModulus,
     GeneratedSurface,
     HeightFile,
-    Record,
     Solver,
     Strict,
     Sweep,
@@ -35,6 +35,7 @@ from roughvol.study.settings import (
 from roughvol.study.yamltext import KeyPath, key_text, number_text, write
 
 ANSWER_FORMAT = 1  # part of every case id: raise it when equal settings no longer give equal stored numbers
+LATER = ("transport", "region")
 MAX_CASES = 100_000
 SEVERAL_ARRAYS = (".npz", ".nc")
 
@@ -70,12 +71,18 @@ class Case:
         key = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},
-            "record": self.record.model_dump(mode="json"),
+            "record": self._recorded,
         }
         if self.sweep.steps == 0:  # nothing is solved, so neither the end of the sweep nor the solver matters
             return {**key, "sweep": {"steps": 0}}
         solver = {"rtol": self.solver.tolerance, "kernel": self.solver.kernel, "method": self.solver.method}
         return {**key, "sweep": self.sweep.model_dump(mode="json"), "solver": solver}
+
+    @property
+    def _recorded(self) -> dict[str, Any]:
+        """The section ``record``; keys that came later count only where they are used, so that other ids stay."""
+        record = self.record.model_dump(mode="json")
+        return {name: value for name, value in record.items() if value is not None or name not in LATER}
 
     @property
     def id(self) -> str:
@@ -119,7 +126,10 @@ class Study(Strict):
         default=Solver(),
         description="{accuracy or rtol, kernel, method}; the word 'paper' is short for {method: paper}",
     )
-    record: Record = Field(default=Record(), description="{heights, fields_at, box_counting, volume_density}")
+    record: Record = Field(
+        default=Record(),
+        description="{heights, fields_at, box_counting, volume_density, transport, region}",
+    )
 
     @model_validator(mode="after")
     def _possible(self) -> Study:
@@ -185,10 +195,15 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     end = mapping("sweep", "to")
     if isinstance(mapping("sweep").get("to"), dict) and sum(value is not None for value in end.values()) != 1:
         yield ("sweep", "to"), f"must name exactly one of {', '.join(names(Target))}"
-    for name in ("fields_at", "box_counting", "volume_density") if steps == 0 else ():
+    for name in ("fields_at", "box_counting", "volume_density", "transport") if steps == 0 else ():
         if record.get(name) is not None:
             yield ("record", name), "there is no contact to record, since sweep.steps is 0"
-    selectors = (("record", "fields_at"), ("record", "box_counting", "at"), ("record", "volume_density", "at"))
+    selectors: list[tuple[str, ...]] = [
+        ("record", "fields_at"),
+        ("record", "box_counting", "at"),
+        ("record", "volume_density", "at"),
+    ]
+    selectors += [("record", "transport", quantity) for quantity in mapping("record", "transport")]
     levels = [(*place, kind) for place in selectors for kind in mapping(*place)]
     for place in levels if steps != 0 else ():
         kind = place[-1]

@@ -221,36 +221,17 @@ class Target(Choice):
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
+    percolation: Literal["x", "y", "both"] | None = Field(
+        default=None, description="end where void leads no more from side to side: along 'x', along 'y', along 'both'"
+    )
     indentation: Positive | None = Field(default=None, description="end at this Δ/σ > 0")
     contact_area: AreaFraction | None = Field(default=None, description="end at this A*, 0 < A* <= 1")
     pressure: Positive | None = Field(default=None, description="end at this p* > 0")
     separation: float | None = Field(default=None, description="end at this d/σ, negative beyond the mean plane")
 
 
-class Select(Choice):
-    """The states to record: the last one, or the first step that reaches each level."""
-
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
-
-    step: Many[StepNumber] = Field(default_factory=tuple, description="step numbers, from 1 to sweep.steps")
-    contact_area: Many[AreaFraction] = Field(default_factory=tuple, description="levels of A*, 0 < A* <= 1")
-    pressure: Many[Positive] = Field(default_factory=tuple, description="levels of p* > 0")
-    separation: Many[float] = Field(default_factory=tuple, description="levels of d/σ, reached from above")
-    indentation: Many[Positive] = Field(default_factory=tuple, description="levels of Δ/σ > 0")
-
-    @model_serializer
-    def _plain(self) -> Any:
-        return {kind: list(values) for kind, values in self.named.items()} or "last"
-
-    @property
-    def levels(self) -> tuple[Level, ...]:
-        """The levels one by one, kind by kind; ``Level("last")`` alone if none is named."""
-        levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
-        return tuple(levels) or (Level("last"),)
-
-
 def _tag_to(value: Any) -> str:
-    return "<state>" if isinstance(value, dict | Target) else "<plane>"
+    return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
 
 
 # Which form of a mapping is meant, so that only that form's problems are reported.
@@ -277,18 +258,22 @@ class Sweep(Strict):
         default=60, description="number of equal steps of indentation, 0 to 10000; 0 means no contact at all"
     )
     to: Annotated[
-        Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")] | Annotated[Target, Tag("<state>")],
+        Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
+        | Annotated[Target, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
         Discriminator(_tag_to),
     ] = Field(
         default="mean-plane",
-        description="where the sweep ends: mean-plane, summit-plane, or one of "
-        "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}",
+        description="where the sweep ends: mean-plane, summit-plane, percolation (no open way left), or one of "
+        "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}",
     )
 
     @property
     def target(self) -> Level:
-        """Where the sweep ends: a plane (value None) or a starred value."""
-        return Level(self.to) if isinstance(self.to, str) else Level(*next(iter(self.to.named.items())))
+        """Where the sweep ends: a plane or the end of percolation (value None), or a starred value."""
+        if isinstance(self.to, str):
+            return Level(self.to)
+        kind, value = next(iter(self.to.named.items()))
+        return Level(f"{kind}-{value}") if kind == "percolation" else Level(kind, value)
 
 
 class Solver(Strict):
@@ -313,35 +298,3 @@ class Solver(Strict):
     def tolerance(self) -> float:
         """The bound on η/σ in force: ``rtol`` if given, else that of ``accuracy``."""
         return ACCURACY[self.accuracy] if self.rtol is None else self.rtol
-
-
-Selector = Annotated[Select, Word("last")]
-_STATES = "'last', or levels of step, contact_area, pressure, separation, indentation"
-
-
-class BoxCounting(Strict):
-    """Box counting of the domains v <= threshold × max(v)."""
-
-    at: Selector = Field(default=Select(), description=f"the states to count at: {_STATES}")
-    thresholds: Many[Fraction] = Field(
-        default=(0.0, 0.1, 0.25, 0.5, 1.0), description="fractions of the largest element volume, 0 to 1; a list"
-    )
-
-
-class VolumeDensity(Strict):
-    """The density f(v) of the free volume per element."""
-
-    bins: Annotated[int, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
-    at: Selector = Field(default=Select(), description=f"the states to take f(v) at: {_STATES}")
-    include_contact: bool = Field(default=False, description="whether elements in contact (v = 0) count: true or false")
-
-
-class Record(Strict):
-    """What is stored beyond the numbers every step gives."""
-
-    heights: bool = Field(default=False, description="store the heights: true or false")
-    fields_at: Selector | None = Field(default=None, description=f"store gap and pressure at these states: {_STATES}")
-    box_counting: BoxCounting | None = Field(default=None, description="box counting; {} takes the defaults")
-    volume_density: VolumeDensity | None = Field(
-        default=None, description="density of the volumes; {} takes the defaults"
-    )

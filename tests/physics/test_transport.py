@@ -274,6 +274,17 @@ def test_dead_ends_and_pockets_do_not_conduct() -> None:
     )
 
 
+@pytest.mark.filterwarnings("ignore")  # of what it imports
+@pytest.mark.parametrize("share", [0.05, 0.25])
+def test_another_code_finds_the_same_flow(share) -> None:
+    other = pytest.importorskip("reynoldsflow.transport", reason="pip install 'roughvol[crosscheck]'")
+    gap = rough(share, 1)
+    gap[:, 0] = 0.0  # a wall: periodic sideways is then closed sideways
+    filtered, _, flux = other.solve_fluid_problem(gap)
+    total = abs(np.atleast_1d(other.compute_total_flux(filtered, flux, len(gap)))[0])
+    assert total == pytest.approx(conduction(gap, 0).coefficient * gap.mean() ** 3, rel=1e-7)
+
+
 # Laws
 
 

@@ -1,0 +1,164 @@
+"""What a claim is: numbers with intervals, criteria that they meet or not, and the verdict that follows by rule.
+
+The verdict is never written down, it follows from the checks:
+
+* **holds**: every check is met;
+* **holds with a qualification**: no essential check fails, but some other does, or some check is undecided;
+* **does not hold**: an essential check fails;
+* **not computed**: the datasets lack what an essential check needs.
+
+A check of a number against a limit is met if the whole interval lies on the right side, fails if the whole interval
+lies on the wrong side, and is undecided if the interval contains the limit: too few surfaces prove nothing either way.
+
+*Essential* is what the paper's sentence says in the reading that the studies are run in; *other* is how far it
+reaches: the literal wording where another reading is the default, or the adverbs ("linear", "straight", "every D").
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+HOLDS = "holds"
+QUALIFIED = "holds with a qualification"
+FAILS = "does not hold"
+ABSENT = "not computed"
+VERDICTS = (HOLDS, QUALIFIED, FAILS, ABSENT)
+
+
+@dataclass(frozen=True)
+class Number:
+    """A computed number with its 95 % interval over n surfaces; low = high = value where there is one surface.
+
+    ``key`` names it within its claim (for machines and for `--check`), ``name`` says in words what it is.
+    """
+
+    key: str
+    name: str
+    value: float
+    low: float
+    high: float
+    n: int = 1
+    method: str = ""
+
+    def __str__(self) -> str:
+        """Return value and interval with the digits that the interval leaves."""
+        if not math.isfinite(self.value):
+            return "–"
+        if not self.low < self.high:
+            return _text(self.value, 4)
+        width = self.high - self.low
+        places = max(0, 1 - math.floor(math.log10(width)))
+        if places > 5 or abs(self.value) >= 1e5:
+            return f"{_text(self.value, 4)} [{_text(self.low, 4)}, {_text(self.high, 4)}]"
+        return f"{self.value:.{places}f} [{self.low:.{places}f}, {self.high:.{places}f}]"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One criterion in words, whether it is met (None: undecided), its number, and whether the claim stands on it."""
+
+    criterion: str
+    met: bool | None
+    number: Number | None = None
+    essential: bool = True
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A sentence of the paper beside what was computed.
+
+    ``source`` names the runs that were used, ``method`` how the numbers and the criteria were chosen, ``why`` is the
+    one sentence that goes with the verdict, ``lacking`` what the datasets did not have.
+    """
+
+    id: int
+    title: str
+    place: str
+    sentence: str
+    method: str = ""
+    checks: tuple[Check, ...] = ()
+    numbers: tuple[Number, ...] = ()
+    why: str = ""
+    source: tuple[str, ...] = ()
+    figures: tuple[str, ...] = ()
+    lacking: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """One of `VERDICTS`, by the rule of the module."""
+        if self.lacking or not any(check.essential for check in self.checks):
+            return ABSENT
+        if any(check.met is False for check in self.checks if check.essential):
+            return FAILS
+        return HOLDS if all(check.met for check in self.checks) else QUALIFIED
+
+    @property
+    def all_numbers(self) -> dict[str, Number]:
+        """Every number by its key, those of the checks first."""
+        numbers = [check.number for check in self.checks if check.number is not None]
+        return {number.key: number for number in (*numbers, *self.numbers)}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One reading of an ambiguous passage: what was computed under it, and whether that is the paper's number.
+
+    ``agrees`` is None where the paper gives no number to compare with.
+    """
+
+    reading: str
+    number: Number
+    agrees: bool | None = None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """An ambiguity of the text: the quantity that tells the readings apart, the paper's value, and a row for each."""
+
+    topic: str
+    passage: str
+    quantity: str
+    paper: str
+    rows: tuple[Row, ...]
+    decided: str
+
+
+def above(number: Number, limit: float) -> bool | None:
+    """Return whether a number lies above a limit, None if its interval contains the limit or there is no number."""
+    return True if number.low > limit else False if number.high <= limit else None
+
+
+def below(number: Number, limit: float) -> bool | None:
+    """Return whether a number lies below a limit, None if its interval contains the limit or there is no number."""
+    return True if number.high < limit else False if number.low >= limit else None
+
+
+def plain(thing: Any) -> Any:
+    """Return a number, check, claim or reading as plain data for JSON; what is not finite becomes None."""
+    if isinstance(thing, Number):
+        data = {"key": thing.key, "name": thing.name, "value": thing.value, "low": thing.low, "high": thing.high}
+        return {name: plain(value) for name, value in {**data, "n": thing.n, "method": thing.method}.items()}
+    if isinstance(thing, Claim):
+        fields = ("id", "title", "place", "sentence", "verdict", "why", "method", "lacking")
+        data = {name: getattr(thing, name) for name in fields}
+        data |= {"checks": plain(thing.checks), "numbers": plain(tuple(thing.all_numbers.values()))}
+        return data | {"source": list(thing.source), "figures": list(thing.figures)}
+    if isinstance(thing, Check):
+        key = thing.number.key if thing.number else None
+        return {"criterion": thing.criterion, "met": thing.met, "essential": thing.essential, "number": key}
+    if isinstance(thing, Reading):
+        data = {name: getattr(thing, name) for name in ("topic", "passage", "quantity", "paper", "decided")}
+        return data | {"rows": plain(thing.rows)}
+    if isinstance(thing, Row):
+        return {"reading": thing.reading, "agrees": thing.agrees, "number": plain(thing.number)}
+    if isinstance(thing, list | tuple):
+        return [plain(item) for item in thing]
+    if isinstance(thing, float) and not math.isfinite(thing):
+        return None
+    return thing
+
+
+def _text(value: float, digits: int) -> str:
+    return f"{value:.{digits}g}".replace("e-0", "e-").replace("e+0", "e")

@@ -1,0 +1,278 @@
+"""Figures of the flow through the gap, each a function of a dataset: ``FIGURES["seal_map"](ds)`` is a ``Figure``.
+
+Nothing is solved here; ``missing(name, ds)`` says why a figure cannot be drawn, or returns None. Curves are by D at the
+largest m (or by file). A flow along x and one along y through the same surface count as two ways. A sweep to
+percolation ends where the last way of its surface has closed: beyond its last step nothing flows, as is drawn.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.colors import ListedColormap, LogNorm
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from roughvol.errors import DatasetError
+from roughvol.figures import (
+    CONTACT,
+    DPI,
+    LABELS,
+    PAGE,
+    STYLE,
+    A,
+    Family,
+    P,
+    V,
+    _families,
+    _held,
+    _legend,
+    _own,
+    _single,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from xarray import Dataset
+
+Array = NDArray[np.float64]
+Draw = Callable[["Dataset"], Figure]
+
+FIGURES: dict[str, Draw] = {}
+NEEDS: dict[str, tuple[str, ...]] = {}
+
+BAND = (16.0, 84.0)  # percentiles: what holds two thirds of the ways
+FLOOR = 1e-7  # of a coefficient; less is off the axis
+GRID = 240  # points of a mean curve
+MAP_RANGE = (1e-2, 1e2)  # of the flux over its mean
+
+
+def missing(name: str, ds: Dataset) -> str | None:
+    """Return why figure `name` cannot be drawn from a dataset, or None if it can (an unknown name is a KeyError)."""
+    absent = [variable for variable in NEEDS[name] if variable not in ds]
+    if absent:
+        return f"{name} needs {', '.join(absent)}, which the study did not record"
+    if not bool(_held(ds, *NEEDS[name]).any()):
+        return f"{name} needs {', '.join(NEEDS[name])}, and no case of the dataset has a value of each"
+    return None
+
+
+def _figure(*variables: str) -> Callable[[Draw], Draw]:
+    """Register a figure and what it needs; called without that, it raises the reason as a `DatasetError`."""
+
+    def register(draw: Draw) -> Draw:
+        @functools.wraps(draw)
+        def checked(ds: Dataset) -> Figure:
+            reason = missing(draw.__name__, ds)
+            if reason is not None:
+                raise DatasetError(reason)
+            with mpl.rc_context(STYLE):
+                return draw(ds)
+
+        NEEDS[draw.__name__], FIGURES[draw.__name__] = variables, checked
+        return checked
+
+    return register
+
+
+def ways(family: Family, x: str, *names: str) -> list[tuple[Array, Array]]:
+    """Return (x, y) along the loading, for each surface and each variable that holds one, where both are known."""
+    found = []
+    for seed in range(family.data.sizes["seed"]):
+        one = family.data.isel(seed=seed)
+        for name in names:
+            pair = np.array([one[x].values, one[name].values])
+            found.append(tuple(pair[:, np.isfinite(pair).all(axis=0)]))
+    return [(along, values) for along, values in found if along.size]
+
+
+def sample(members: list[tuple[Array, Array]], grid: Array, *, log: bool, closed: float | None) -> Array:
+    """Return every member on the grid, shape (members, points): NaN before its first value, `closed` beyond its last.
+
+    With `log`, values are interpolated in their logarithm, and a flow that has stopped is 0 from its last value above
+    0 on, for between that one and the next it is not known when it stopped.
+    """
+    rows = np.full((len(members), grid.size), np.nan)
+    for row, (along, values) in zip(rows, members, strict=True):
+        sign = 1.0 if along[-1] >= along[0] else -1.0  # V* falls along the loading
+        x, at, y = sign * along, sign * grid, values
+        open_ = y > 0.0 if log else np.ones(y.size, dtype=bool)
+        if open_.any():
+            kept, curve = x[open_], np.log(y[open_]) if log else y
+            inside = (at >= kept[0]) & (at <= kept[-1])
+            between = np.interp(at[inside], kept, curve)
+            row[inside] = np.exp(between) if log else between
+            row[at > kept[-1]] = np.nan if closed is None else closed
+    return rows
+
+
+def _grid(families: list[Family], x: str, *names: str) -> Array:
+    """Return points of x over all that any way of any family covers, from where all have begun."""
+    pairs = [pair for family in families for pair in ways(family, x, *names)]
+    starts, ends = [along[0] for along, _ in pairs], [along[-1] for along, _ in pairs]
+    falls = ends[0] < starts[0]
+    return np.linspace(min(ends), min(starts), GRID) if falls else np.linspace(max(starts), max(ends), GRID)
+
+
+def _panels(ds: Dataset, rows: int, *names: str) -> tuple[Figure, Any, list[Family], str]:
+    """Return a page with a column each for p*, A* and V*, and the families to draw."""
+    families, title = _families(ds, "D", *names)
+    fig = Figure(figsize=(PAGE, 2.3 * rows + 0.5), layout="constrained", dpi=DPI)
+    axes = fig.subplots(rows, 3, sharex="col", sharey="row", squeeze=False)
+    for ax, x in zip(axes[-1], (P, A, V), strict=True):
+        ax.set_xlabel(LABELS[x])
+    return fig, axes, families, title
+
+
+def _draw(ax: Axes, family: Family, grid: Array, centre: Array, low: Array, high: Array) -> None:
+    colour = family.look["color"]
+    if not np.isfinite(centre).any():
+        return
+    ax.fill_between(grid, low, high, color=colour, alpha=0.18, lw=0, zorder=2)
+    ax.plot(grid, centre, label=family.label, markevery=0.14, zorder=3, **family.look)
+
+
+def _title(ax: Axes, *words: str) -> None:
+    title = "; ".join(word for word in words if word)
+    if ax.get_legend_handles_labels()[1]:
+        _legend(ax, title)
+    else:  # ways that are known at one state only make no curve
+        ax.set_title(title)
+
+
+@_figure(P, A, V, "connected_volume_fraction", "trapped_volume_fraction")
+def seal_volume(ds: Dataset) -> Figure:
+    """Free volume connected to the sides of the patch, and trapped in pockets: mean over surfaces ± one deviation."""
+    ds = ds.assign(connected=ds[V] * ds["connected_volume_fraction"], trapped=ds[V] * ds["trapped_volume_fraction"])
+    fig, axes, families, title = _panels(ds, 2, P, "connected")
+    for row, name in zip(axes, ("connected", "trapped"), strict=True):
+        row[0].set_ylabel(rf"{name} $V^\ast$")
+        for ax, x in zip(row, (P, A, V), strict=True):
+            for family in families:
+                grid = _grid([family], x, name)
+                rows = sample(ways(family, x, name), grid, log=False, closed=None)
+                grid, rows = grid[np.isfinite(rows).all(axis=0)], rows[:, np.isfinite(rows).all(axis=0)]
+                mean, spread = rows.mean(axis=0), rows.std(axis=0)
+                _draw(ax, family, grid, mean, mean - spread, mean + spread)
+    axes[0, 0].set_yscale("log")
+    _title(axes[0, 1], title, "mean, band ± 1 std. dev. of surfaces")
+    return fig
+
+
+@_figure(P, A, V, "percolates_x", "percolates_y")
+def seal_percolation(ds: Dataset) -> Figure:
+    """Share of the ways that are open from side to side; the band is its binomial standard error."""
+    fig, axes, families, title = _panels(ds, 1, P, "percolates_x", "percolates_y")
+    names = ("percolates_x", "percolates_y")
+    axes[0, 0].set_ylabel("share of open ways")
+    for ax, x in zip(axes[0], (P, A, V), strict=True):
+        grid = _grid(families, x, *names)
+        for family in families:
+            rows = sample(ways(family, x, *names), grid, log=True, closed=0.0)
+            rows = np.where(np.isnan(rows), 1.0, rows)  # before its first step a surface hardly touches
+            share = rows.mean(axis=0)
+            error = np.sqrt(share * (1.0 - share) / len(rows))
+            _draw(ax, family, grid, share, share - error, share + error)
+    _title(axes[0, 1], title, "along x and y of each surface, band ± 1 std. error")
+    return fig
+
+
+def _coefficient(ds: Dataset, name: str, label: str) -> Figure:
+    names = (f"{name}_x", f"{name}_y")
+    fig, axes, families, title = _panels(ds, 1, P, *names)
+    axes[0, 0].set_ylabel(label)
+    for ax, x in zip(axes[0], (P, A, V), strict=True):
+        for family in families:
+            members = ways(family, x, *names)
+            grid = _grid([family], x, *names)
+            rows = sample(members, grid, log=True, closed=0.0)
+            known = np.isfinite(rows).all(axis=0)
+            low, centre, high = np.percentile(rows[:, known], [BAND[0], 50.0, BAND[1]], axis=0)
+            _draw(ax, family, grid[known], np.where(centre > 0.0, centre, np.nan), np.maximum(low, 0.1 * FLOOR), high)
+        ax.set_yscale("log")
+    axes[0, 0].set_ylim(FLOOR, 2.0)
+    words = f"median along x and y, band {BAND[0]:.0f} to {BAND[1]:.0f} %"
+    _title(axes[0, 1], title, words)
+    return fig
+
+
+@_figure(P, A, V, "transmissivity_x", "transmissivity_y")
+def seal_transmissivity(ds: Dataset) -> Figure:
+    """Flow of div(g³ grad P) = 0 over that of smooth plates at the mean gap; a median leaves where half are closed."""
+    return _coefficient(ds, "transmissivity", r"transmissivity $T^\ast$")
+
+
+@_figure(P, A, V, "diffusivity_x", "diffusivity_y")
+def seal_diffusivity(ds: Dataset) -> Figure:
+    """Flow of div(g grad P) = 0 over that of smooth plates at the mean gap; a median leaves where half are closed."""
+    return _coefficient(ds, "diffusivity", r"diffusivity $D^\ast$")
+
+
+@_figure(
+    A, "transmissivity_x", "transmissivity_y", "estimate_medium_transmissivity", "estimate_junction_transmissivity_x"
+)
+def seal_estimates(ds: Dataset) -> Figure:
+    """How far the quick estimates are off: effective medium and single critical junction over the flow computed."""
+    for axis in "xy":
+        flow = ds[f"transmissivity_{axis}"].where(ds[f"transmissivity_{axis}"] > 0.0)
+        ds = ds.assign(
+            {
+                f"medium_{axis}": ds["estimate_medium_transmissivity"] / flow,
+                f"junction_{axis}": ds[f"estimate_junction_transmissivity_{axis}"] / flow,
+            }
+        )
+    families, title = _families(ds, "D", A, "medium_x", "medium_y")
+    fig = Figure(figsize=(PAGE, 2.9), layout="constrained", dpi=DPI)
+    axes = fig.subplots(1, 2, sharey=True)
+    for ax, name, words in zip(axes, ("medium", "junction"), ("effective medium", "critical junction"), strict=True):
+        for family in families:
+            members = ways(family, A, f"{name}_x", f"{name}_y")
+            rows = sample(members, grid := _grid([family], A, f"{name}_x", f"{name}_y"), log=True, closed=None)
+            known = np.isfinite(rows).sum(axis=0) > len(rows) // 2  # as long as most ways are open
+            if known.any():
+                low, centre, high = np.nanpercentile(rows[:, known], [BAND[0], 50.0, BAND[1]], axis=0)
+                _draw(ax, family, grid[known], centre, low, high)
+        ax.axhline(1.0, color="0.3", lw=0.7, ls="--")
+        ax.set(yscale="log", xlabel=LABELS[A])
+        _title(ax, words, title, f"median of open ways, {BAND[0]:.0f} to {BAND[1]:.0f} %")
+    axes[0].set_ylabel("estimate over computed $T^\\ast$")
+    return fig
+
+
+@_figure(A, P, "flux_x", "gap", "critical_position_x")
+def seal_map(ds: Dataset) -> Figure:
+    """Flux along x at each recorded load over its mean, contact in flat blue, the critical constriction in a circle.
+
+    The flow enters at x = 0 and leaves at x = L.
+    """
+    case, name = _single(ds, "flux_x")
+    reached = [label for label in case["flux_at"].values if int(case["flux_at_step"].sel(flux_at=label)) > 0]
+    labels = [label for label in reached if label in case["field_at"].values][:3]
+    fig = Figure(figsize=(PAGE, 2.7), layout="constrained", dpi=DPI)
+    axes = fig.subplots(1, len(labels), sharey=True, squeeze=False)[0]
+    for ax, label in zip(axes, labels, strict=True):
+        state = case.sel(step=int(case["flux_at_step"].sel(flux_at=label)))
+        flux = _own(state["flux_x"].sel(flux_at=label))
+        x, y, half = flux["x"].values, flux["y"].values, flux["x"].values[1] / 2
+        options: dict[str, Any] = {"origin": "lower", "interpolation": "none"}
+        options["extent"] = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
+        shares = flux.values / (float(flux.mean()) or 1.0)
+        norm = LogNorm(*MAP_RANGE, clip=True)
+        image = ax.imshow(np.maximum(shares, MAP_RANGE[0]).T, norm=norm, cmap="OrRd", **options)
+        closed = state["gap"].sel(field_at=label, x=flux["x"], y=flux["y"]).transpose("x", "y").values == 0.0
+        ax.imshow(np.where(closed, 1.0, np.nan).T, cmap=ListedColormap([CONTACT]), **options)
+        for width, colour in ((2.6, "w"), (1.2, "k")):
+            ax.plot(*state["critical_position_x"].values, marker="o", ms=11, mfc="none", mec=colour, mew=width)
+        title = rf"$A^\ast = {float(state[A]):.3f}$, $p^\ast = {float(state[P]):.2f}$"
+        if "transmissivity_x" in state and np.isfinite(state["transmissivity_x"]):
+            mantissa, power = f"{float(state['transmissivity_x']):.1e}".split("e")
+            title += rf", $T_x^\ast = {mantissa} \times 10^{{{int(power)}}}$"
+        ax.set(xlabel="$x/L$", title=title)
+    axes[0].set_ylabel("$y/L$")
+    fig.colorbar(image, ax=list(axes), label="flux over its mean", extend="both", shrink=0.8)
+    fig.suptitle(f"{name}: flow along $x$; contact in blue, the critical constriction in a circle", fontsize=8.5)
+    return fig
