@@ -9,7 +9,7 @@ SEAL := seal seal_map
 READINGS := ten_seeds_of_m many_seeds morphology_of_D full_contact first_contact in_plane_scaling \
             reading_variance_law reading_variance_law_D reading_summit_plane
 
-.PHONY: reproduce seal test test-slow lint setup smoke clean
+.PHONY: reproduce seal test test-slow bench validation lint setup smoke clean
 
 setup: $(STAMP)
 
@@ -28,7 +28,15 @@ seal: setup
 	@for study in $(SEAL); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
 
 test: setup
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n 2
+
+# Counts are held against tests/bench/baseline.json; seconds are printed, not judged.
+bench: setup
+	@$(BIN)/python -m tests.bench.solver --m 4 5 6 7 8 9 10 --rtol 1e-3 1e-6 --compare
+
+# Errors against closed forms, by resolution.
+validation: setup
+	@$(BIN)/python -m tests.bench.validation
 
 test-slow: setup
 	@$(BIN)/python -m pytest -m slow

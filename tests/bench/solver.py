@@ -158,11 +158,12 @@ def figure(found: list[dict[str, Any]], path: Path) -> None:
     elements = [(2**m + 1) ** 2 for m in sizes]
     drawing = Figure(figsize=(7.0, 3.0), layout="constrained")
     left, right = drawing.subplots(1, 2)
-    for D, colour, marker in zip(sorted({row["D"] for row in chosen}), ("#440154", "#2a788e", "#7ad151"), "osD"):
+    colours = ("#440154", "#2a788e", "#7ad151")
+    for index, D in enumerate(sorted({row["D"] for row in chosen})):
+        style = {"marker": "osD"[index % 3], "color": colours[index % 3], "label": f"$D = {D}$"}
         of = [[row for row in chosen if row["m"] == m and row["D"] == D] for m in sizes]
-        label = f"$D = {D}$"
-        left.plot(elements, [np.mean([r["seconds"] for r in rows]) for rows in of], marker, ls="-", c=colour, label=label)
-        right.plot(elements, [np.mean([r["units"] for r in rows]) for rows in of], marker, ls="-", c=colour, label=label)
+        left.plot(elements, [np.mean([row["seconds"] for row in group]) for group in of], **style)
+        right.plot(elements, [np.mean([row["units"] for row in group]) for group in of], **style)
     floor = [60e-3 * np.mean([row["unit_ms"] for row in chosen if row["m"] == m]) for m in sizes]
     left.plot(elements, floor, "k--", label="one convolution a step")
     right.axhline(1.0, color="k", ls="--")
