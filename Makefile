@@ -9,7 +9,7 @@ SEAL := seal seal_map
 READINGS := ten_seeds_of_m many_seeds morphology_of_D full_contact first_contact in_plane_scaling \
             reading_variance_law reading_variance_law_D reading_summit_plane
 
-.PHONY: reproduce seal test test-slow bench validation lint setup smoke clean
+.PHONY: reproduce seal test test-slow bench bench-peers validation extremes tradeoff lint setup smoke clean
 
 setup: $(STAMP)
 
@@ -34,9 +34,23 @@ test: setup
 bench: setup
 	@$(BIN)/python -m tests.bench.solver --m 4 5 6 7 8 9 10 --rtol 1e-3 1e-6 --compare
 
+# The other codes are for this alone (one of them is AGPL): installed when asked for, imported nowhere else.
+bench-peers: setup
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,peers]'
+	@$(BIN)/python -m tests.bench.peers
+
 # Errors against closed forms, by resolution.
 validation: setup
 	@$(BIN)/python -m tests.bench.validation
+
+# Speed against accuracy, and what each thing asked for costs, to docs/tradeoff.md: minutes.
+tradeoff: setup
+	@$(BIN)/roughvol tradeoff configs/tradeoff.yaml
+	@$(BIN)/python -m tests.bench.asked
+
+# Extremes of every input, to docs/extremes.md: minutes.
+extremes: setup
+	@$(BIN)/python -m tests.extremes
 
 test-slow: setup
 	@$(BIN)/python -m pytest -m slow

@@ -1,161 +1,62 @@
-"""Campaigns: one case as the paper's Sections 2 and 3, and all cases of a study in parallel processes, resumable.
+"""Campaigns: all cases of a study in many processes, resumable, each stored as soon as it is finished.
 
-A study lands in one folder: ``study.yaml`` (every default written out), ``cases/<id>.nc``, ``study.nc``. A case is done
-if its file can be read whole and the key stored in it is ours; what else lies in the folder is neither trusted nor
-merged. Values do not depend on the number of processes: a case is always solved in a process of its own kind, by one
+A study lands in one folder (see `folder`). A case is done if every bit of its file is as it was written and its stamp
+says it is ours; what else lies under its name is set aside, neither trusted nor merged. Values do not depend on where
+or by how many processes they are computed: a case is always solved in a process of its own kind, its sums by one
 thread, and nothing that can change an answer passes from one case to the next.
 """
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import json
-import math
-import os
-import time
-from collections.abc import Callable, MutableMapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-from threadpoolctl import threadpool_limits
-
-from roughvol import dataset, heightfile, record, workers
+from roughvol import dataset, folder, storage, workers
+from roughvol.batch import Batch, OnEvent, Progress
 from roughvol.dataset import Dataset
-from roughvol.errors import CampaignError, ContactError, DatasetError, RoughvolError, SurfaceError
-from roughvol.physics import halfspace, texture
-from roughvol.physics.contact import first_indentation, indentation_for, sweep
-from roughvol.physics.halfspace import HalfSpace
-from roughvol.physics.surface import Surface, random_midpoint_displacement
+from roughvol.errors import CampaignError, DatasetError
+from roughvol.folder import Holder, case_file, checkpoint_file
+from roughvol.physics.surface import Surface
+from roughvol.pressing import FFT, HalfSpaces, last_indentation, run_case, surface_of
+from roughvol.resources import cores
 from roughvol.study import Case, Study, load
 
-HalfSpaces = MutableMapping[tuple[tuple[int, int], str, int], HalfSpace]
-
-FFT = {"library": f"FFTW {halfspace.FFTW_VERSION}", "planner": halfspace.PLANNER}
-
-
-def run_case(
-    case: Case,
-    *,
-    study: str = "",
-    half_spaces: HalfSpaces | None = None,
-    on_step: Callable[[int], None] | None = None,
-    threads: int = 1,
-) -> Dataset:
-    """Return all that is asked about one surface: made (Section 2), pressed step by step (Section 3), reduced.
-
-    Parameters
-    ----------
-    case : Case
-        Surface, sweep, solver, and what to record.
-    study : str
-        Resolved study as text, for the provenance.
-    half_spaces : mutable mapping, optional
-        Holds the half space of the last shape and kernel, for the next case to use.
-    on_step : callable, optional
-        Called with the number of each step solved.
-    threads : int
-        Threads inside a convolution; they change no value.
-
-    Raises
-    ------
-    SurfaceError, ContactError, ConvergenceError
-        If there is no surface, no problem or no solution; nothing is returned of a sweep that broke off.
-    """
-    started = time.perf_counter()
-    with threadpool_limits(1):  # a sum split over threads would round differently from machine to machine
-        surface = surface_of(case)
-        values = record.of_surface(case, surface)
-        if case.sweep.steps > 0:
-            held = {} if half_spaces is None else half_spaces
-            half_space = _half_space(surface.shape, case.solver.kernel, threads, held)
-            last = _last_indentation(case, surface, half_space)
-            indentations = last * np.arange(1, case.sweep.steps + 1) / case.sweep.steps
-            contacts = sweep(surface, half_space, indentations, rtol=case.solver.tolerance, method=case.solver.method)
-            values |= record.of_sweep(case, surface, contacts, on_step)
-    values["wall_time"] = time.perf_counter() - started
-    return dataset.build(case, values, dataset.provenance(study, fft=FFT | {"threads": str(threads)}, case=case))
-
-
-def surface_of(case: Case) -> Surface:
-    """Return the surface of a case, generated or read from its file."""
-    if case.file is not None:
-        heights = heightfile.read(case.file, variable=case.variable)
-        if hashlib.sha256(case.file.read_bytes()).hexdigest() != case.sha256:
-            message = f"{case.file} has changed since the study was loaded; run the study again"
-            raise SurfaceError(message)
-        return Surface(heights, case.L / (len(heights) - 1))
-    assert case.D is not None
-    assert case.m is not None
-    assert case.seed is not None
-    assert case.midpoint_law is not None
-    return random_midpoint_displacement(case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law)
-
-
-def _half_space(shape: tuple[int, int], kernel: str, threads: int, held: HalfSpaces) -> HalfSpace:
-    key = (shape, kernel, threads)
-    if key not in held:
-        held.clear()  # one at a time: it is the largest thing in memory
-        held[key] = HalfSpace(shape, kernel=kernel, threads=threads)
-    return held[key]
-
-
-def _last_indentation(case: Case, surface: Surface, half_space: HalfSpace) -> float:
-    """Return Δ/σ at the end of the sweep: on a plane, at a value given, or where the search for one ends."""
-    target, scale = case.sweep.target, surface.Sq or 1.0
-    value = target.value or 0.0
-    rtol, method = case.solver.tolerance, case.solver.method
-    predicate = record.end_of(case)
-    if predicate is not None:
-        return first_indentation(surface, half_space, predicate, rtol=rtol, method=method)
-    if target.kind in ("contact_area", "pressure"):
-        return indentation_for(surface, half_space, target.kind, value, rtol=rtol, method=method)
-    if target.kind == "indentation":
-        return value
-    if target.kind == "summit-plane":
-        end = (surface.z_max - texture.summit_plane(surface.heights)) / scale
-    else:  # d/σ = value; 0 on the mean plane
-        end = (surface.z_max - surface.mean_height) / scale - value
-    if not end > 0.0:
-        message = f"a sweep to {target.label} would end at Δ/σ = {end:.6g}; allowed: beyond first touch, Δ/σ > 0"
-        raise ContactError(message)
-    return end
-
-
-# A study of many cases -------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a run has come: counts of cases and steps, the share of the work done, and what happened last.
-
-    ``work`` runs from 0 to 1 and weighs each step by the expected cost of one at its resolution; ``kept`` are the cases
-    that were found finished. ``event`` is a line about a case that has just ended, or empty.
-    """
-
-    cases: int
-    kept: int
-    done: int = 0
-    failed: int = 0
-    steps: int = 0
-    steps_done: int = 0
-    work: float = 0.0
-    event: str = ""
+__all__ = [
+    "FFT",
+    "HalfSpaces",
+    "Progress",
+    "Status",
+    "check_surfaces",
+    "collect",
+    "cores",
+    "folder_of",
+    "last_indentation",
+    "run",
+    "run_case",
+    "status",
+    "surface_of",
+]
 
 
 @dataclass(frozen=True)
 class Status:
-    """What is there of a study: its folder and the ids of its cases that are done, missing, or damaged."""
+    """What is there of a study: its folder and the ids of its cases that are done, missing, running, damaged, failed.
+
+    ``damaged`` holds a reason for each, ``failed`` the error. ``holder`` is the process that runs now, ``left`` its
+    estimate of the seconds to go, None if there is none yet.
+    """
 
     folder: Path
     done: tuple[str, ...]
     missing: tuple[str, ...]
-    damaged: tuple[str, ...]
+    damaged: Mapping[str, str]
     collected: bool
-
-
-OnEvent = Callable[[Progress], None]
+    running: tuple[str, ...] = ()
+    failed: Mapping[str, str] = field(default_factory=dict)
+    holder: Holder | None = None
+    left: float | None = None
 
 
 def run(
@@ -165,6 +66,9 @@ def run(
     jobs: int | None = None,
     fresh: bool = False,
     on_event: OnEvent | None = None,
+    scheduler: str | None = None,
+    stopping: Callable[[], bool] = lambda: False,
+    only: Collection[str] | None = None,
 ) -> Dataset:
     """Run every case of a study that is not done yet, store each when it is finished, and return them all together.
 
@@ -175,51 +79,86 @@ def run(
     out : path, optional
         Folder of the results; ``runs/<name of the study>`` if not given.
     jobs : int, optional
-        Number of processes, ≥ 1; all cores if not given. It does not change a value.
+        Number of processes, ≥ 1; all cores if not given, fewer if the memory does not suffice. It changes no value.
     fresh : bool
-        Compute every case anew, also those that are done.
+        Compute every case anew, also those that are done, also in the folder of another study.
     on_event : callable, optional
         Called with a `Progress` when something has moved.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers compute instead of processes here.
+    stopping : callable, optional
+        Asked now and then; once it is true, the cases begun are finished and the run ends with KeyboardInterrupt.
+    only : collection of str, optional
+        Ids of the cases to compute; the others are left for another run.
 
     Returns
     -------
     Dataset
-        All cases, as stored in ``study.nc``.
+        All cases that are done, as stored in ``study.nc``.
 
     Raises
     ------
-    StudyError, SurfaceError, DatasetError
-        If the study, its height file or the folder cannot be used; then nothing has been computed.
+    StudyError, SurfaceError
+        If the study or its height file cannot be used; then nothing has been computed.
+    FolderError
+        If the folder is in use, holds another study, or cannot be written (any more); what is finished stays.
     CampaignError
         If cases failed. The others are stored, and the next run computes only what is missing.
     """
     study = study if isinstance(study, Study) else load(study)
-    check_surfaces(study)
-    folder, cases, text = folder_of(study, out), _cases(study), study.to_yaml()
+    surface = check_surfaces(study)
+    place, cases, text = folder_of(study, out), _cases(study), study.to_yaml()
     if jobs is not None and jobs < 1:
         message = f"jobs is {jobs}; allowed: 1 or more"
         raise CampaignError(message)
-    _prepare(folder, text)
-    missing = [case for id, case in cases.items() if fresh or _state(folder, case) != "done"]
-    if missing:
-        (folder / "study.nc").unlink(missing_ok=True)  # it would not belong to the cases beside it
-        for case in missing:
-            _file(folder, case).unlink(missing_ok=True)
-        failures = _compute(missing, text, folder, jobs or cores(), len(cases) - len(missing), on_event)
-        if failures:
-            raise _campaign_error(failures, len(cases)) from BaseExceptionGroup("failed", list(failures.values()))
-    elif on_event is not None:
-        on_event(Progress(cases=len(cases), kept=len(cases), work=1.0))
-    return _collected(folder, cases, text)
+    with folder.opened(place):
+        if not fresh:
+            folder.check_same_study(place, study, cases)
+        storage.store(place / "study.yaml", text.encode())
+        wanted = cases.keys() if only is None else cases.keys() & set(only)
+        notices, absent = _sorted_out(place, cases, fresh=wanted if fresh else ())
+        left = {case.id for case in absent} - wanted
+        missing = [case for case in absent if case.id in wanted]
+        cases = {id: case for id, case in cases.items() if id not in left}
+        kept = len(cases) - len(missing)
+        if on_event is not None:
+            for notice in notices:
+                on_event(Progress(cases=len(cases), kept=kept, notice=notice))
+        if missing:
+            Batch(place, text, missing, kept, surface, on_event).through(jobs, scheduler, stopping)
+        elif on_event is not None:
+            on_event(Progress(cases=len(cases), kept=len(cases), work=1.0))
+        return _collected(place, cases, text)
 
 
 def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
-    """Return which cases of a study are done, missing or damaged in a folder."""
+    """Return what the cases of a study have come to in a folder, also while a run is going on there.
+
+    Of each file only the end is read; whether every bit of it is sound, the next run finds out.
+    """
     study = study if isinstance(study, Study) else load(study)
-    folder, cases = folder_of(study, out), _cases(study)
-    found = {id: _state(folder, case) for id, case in cases.items()}
-    by_state = {state: tuple(id for id in found if found[id] == state) for state in ("done", "missing", "damaged")}
-    return Status(folder, **by_state, collected=(folder / "study.nc").is_file())
+    place, cases = folder_of(study, out), _cases(study)
+    holder = folder.holder(place)
+    now = folder.small_json(place / "progress.json") if holder else {}
+    done, missing, damaged = [], [], {}
+    failed = folder.failures(place, cases)
+    running = tuple(id for id in now.get("running", ()) if id in cases)
+    there = {path.stem for path in (place / "cases").glob("*.nc")}
+    for id, case in cases.items():
+        why = folder.why_not(case_file(place, id), dataset.labels_for(case), whole=False) if id in there else "missing"
+        if why is None:
+            done.append(id)
+        elif id in running or id in failed:
+            continue
+        elif why == "missing":
+            missing.append(id)
+        else:
+            damaged[id] = why
+    running = tuple(id for id in running if id not in set(done))
+    failed = {id: error for id, error in failed.items() if id not in {*done, *running}}
+    collected = (place / "study.nc").is_file()
+    left = now.get("left")
+    return Status(place, tuple(done), tuple(missing), damaged, collected, running, failed, holder, left)
 
 
 def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset:
@@ -231,25 +170,59 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
         If no case is done.
     """
     study = study if isinstance(study, Study) else load(study)
-    folder, cases = folder_of(study, out), _cases(study)
-    done = {id: case for id, case in cases.items() if _state(folder, case) == "done"}
+    place, cases = folder_of(study, out), _cases(study)
+    parts = []
+    done = []
+    for id, case in cases.items():
+        if folder.why_not(case_file(place, id), dataset.labels_for(case), whole=False) is None:
+            with contextlib.suppress(DatasetError):  # what is not sound is left out here, and told of by the next run
+                parts.append(dataset.read_arrays(case_file(place, id)))
+                done.append(id)
     if not done:
-        message = f"no case of {study.name} is finished in {folder}"
+        message = f"no case of {study.name} is finished in {place}"
         raise DatasetError(message)
-    return _combined(folder, done, study.to_yaml())
+    return dataset.combine(parts, dataset.provenance(study.to_yaml(), fft=FFT, ids=done))
 
 
-def check_surfaces(study: Study) -> None:
+def check_surfaces(study: Study) -> Surface | None:
     """Read the height file of a study once, so that a bad one is known before anything is computed or written.
+
+    A netCDF file is read in a process of its own, since its library may crash on a damaged one.
 
     Raises
     ------
-    SurfaceError
-        If its heights are not a surface.
+    SurfaceError, DatasetError
+        If its heights are not a surface, or cannot be read.
     """
     for case in study.cases():
-        if case.file is not None:
-            surface_of(case)
+        if case.file is None:
+            return None
+        if case.file.suffix.lower() != ".nc":
+            return surface_of(case)
+        return _read_apart(case)
+    return None
+
+
+def _read_apart(case: Case) -> Surface:
+    ended: list[tuple[Surface, BaseException | None]] = []
+    workers.each(
+        _read,
+        [case],
+        jobs=1,
+        on_message=lambda message: None,
+        on_end=lambda task, surface, error: ended.append((surface, error)),
+    )
+    surface, error = ended[0]
+    if isinstance(error, workers.Lost):
+        message = f"{case.file}: cannot be read as .nc: the netCDF library crashes on it, it is damaged"
+        raise DatasetError(message) from error
+    if error is not None:
+        raise error
+    return surface
+
+
+def _read(case: Case, tell: workers.Tell) -> Surface:
+    return surface_of(case)
 
 
 def folder_of(study: Study, out: str | Path | None = None) -> Path:
@@ -261,129 +234,41 @@ def _cases(study: Study) -> dict[str, Case]:
     return {case.id: case for case in study.cases()}
 
 
-def _file(folder: Path, case: Case) -> Path:
-    return folder / "cases" / f"{case.id}.nc"
-
-
-def _state(folder: Path, case: Case) -> str:
-    path = _file(folder, case)
-    if not path.exists():
-        return "missing"
+def _sorted_out(place: Path, cases: Mapping[str, Case], *, fresh: Collection[str]) -> tuple[list[str], list[Case]]:
+    """Set aside what is not sound or not ours; return what to tell of it, and the cases to compute."""
+    storage.remove_leftovers(place / "cases")
+    storage.remove_leftovers(place)
+    bad = {path: f"{path} is no case of this study" for path in folder.strangers(place, cases)}
+    missing = []
+    for id, case in cases.items():
+        path = case_file(place, id)
+        why = folder.why_not(path, dataset.labels_for(case), whole=True) if id not in fresh else "missing"
+        if why is not None:
+            missing.append(case)
+        if why not in (None, "missing"):
+            bad[path] = str(why)
+    notices = [f"set aside: {why} (now {folder.set_aside(path, why)})" for path, why in bad.items()]
     try:
-        return "done" if dataset.stored_key(path) == json.loads(json.dumps(case.key)) else "damaged"
-    except DatasetError:
-        return "damaged"
-
-
-def cores() -> int:
-    """Return the number of cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _prepare(folder: Path, text: str) -> None:
-    """Make the folder, write the study into it, and remove what a killed process left half-written."""
-    try:
-        (folder / "cases").mkdir(parents=True, exist_ok=True)
-        (folder / "study.yaml").write_text(text, encoding="utf-8")
+        if missing:
+            (place / "study.nc").unlink(missing_ok=True)  # it would not belong to the cases beside it
+        for case in (case for case in missing if case.id in fresh):
+            for path in (case_file(place, case.id), checkpoint_file(place, case.id)):
+                path.unlink(missing_ok=True)
     except OSError as error:
-        message = f"cannot write to {folder}: {error}"
-        raise DatasetError(message) from error
-    dataset.remove_leftovers(folder / "cases")
-    dataset.remove_leftovers(folder)
+        raise storage.cannot_write(place, error) from error
+    return notices, missing
 
 
-def _compute(
-    cases: Sequence[Case], text: str, folder: Path, jobs: int, kept: int, on_event: OnEvent | None
-) -> dict[str, BaseException]:
-    """Compute cases in worker processes, the longest first, and return the errors of those that failed by id."""
-    cost = {case.id: _cost(case) for case in cases}
-    steps = {case.id: case.sweep.steps for case in cases}
-    reached = dict.fromkeys(cost, 0)
-    ended: set[str] = set()
-    failures: dict[str, BaseException] = {}
-
-    def tell(event: str = "") -> None:
-        if on_event is None:
-            return
-        share = {id: 1.0 if id in ended else reached[id] / max(steps[id], 1) for id in cost}
-        work = sum(cost[id] * share[id] for id in cost) / sum(cost.values())
-        progress = Progress(
-            cases=kept + len(cases),
-            kept=kept,
-            done=len(ended) - len(failures),
-            failed=len(failures),
-            steps=sum(steps.values()),
-            steps_done=sum(reached.values()),
-            work=work,
-            event=event,
-        )
-        on_event(progress)
-
-    def on_message(message: tuple[str, int]) -> None:
-        reached[message[0]] = message[1]
-        tell()
-
-    def on_end(task: _Task, error: BaseException | None) -> None:
-        case = task[0]
-        ended.add(case.id)
-        if error is None:
-            reached[case.id] = steps[case.id]
-            tell(f"{case.label}: done")
-        else:
-            failures[case.id] = error
-            tell(f"{case.label}: FAILED, {_text(error)}")
-
-    tell()
-    threads = max(1, jobs // len(cases))  # cores left over work inside the convolutions
-    tasks = [(case, text, folder, threads) for case in sorted(cases, key=lambda case: -cost[case.id])]
-    try:
-        workers.each(_work, tasks, jobs=min(jobs, len(tasks)), on_message=on_message, on_end=on_end)
-    finally:
-        dataset.remove_leftovers(folder / "cases")
-    return failures
-
-
-_Task = tuple[Case, str, Path, int]
-_held: HalfSpaces = {}  # in a worker process: the half space of its last case
-
-
-def _work(task: _Task, tell: workers.Tell) -> None:
-    case, text, folder, threads = task
-    result = run_case(case, study=text, half_spaces=_held, on_step=lambda step: tell((case.id, step)), threads=threads)
-    dataset.write(result, _file(folder, case))
-
-
-def _cost(case: Case) -> float:
-    """Relative cost: N² log N a convolution, and about as many convolutions a step at every resolution."""
-    nodes = 2.0 ** (case.m or 8) + 1.0
-    return nodes**2 * math.log(nodes) * max(case.sweep.steps, 1)
-
-
-def _collected(folder: Path, cases: dict[str, Case], text: str) -> Dataset:
-    path = folder / "study.nc"
+def _collected(place: Path, cases: Mapping[str, Case], text: str) -> Dataset:
+    path = place / "study.nc"
     with contextlib.suppress(DatasetError):
         stored = dataset.read(path)
         if stored.attrs["study"] == text and stored.attrs.get("case_ids") == dataset.ids_text(cases):
             return stored
-    dataset.write(_combined(folder, cases, text), path)
+    dataset.write(_combined(place, cases, text), path)
     return dataset.read(path)
 
 
-def _combined(folder: Path, cases: dict[str, Case], text: str) -> Dataset:
-    parts = [dataset.read(_file(folder, case)) for case in cases.values()]
+def _combined(place: Path, cases: Mapping[str, Case], text: str) -> Dataset:
+    parts = [dataset.read_arrays(case_file(place, id)) for id in cases]
     return dataset.combine(parts, dataset.provenance(text, fft=FFT, ids=cases))
-
-
-def _campaign_error(failures: dict[str, BaseException], cases: int) -> CampaignError:
-    """Name every case that failed, but a dead process only once: it takes all cases that were waiting with it."""
-    lost = [id for id, error in failures.items() if isinstance(error, workers.Lost)]
-    lines = [f"{id}: {_text(error)}" for id, error in failures.items() if id not in lost]
-    if lost:
-        shown = ", ".join(lost[:4]) + (" …" if len(lost) > 4 else "")
-        lines.append(f"a process died (out of memory?), with it or waiting for it {len(lost)} cases: {shown}")
-    others = "" if len(failures) == cases else "; the others are kept"
-    return CampaignError("\n".join([f"{len(failures)} of {cases} cases failed{others}", *lines]))
-
-
-def _text(error: BaseException) -> str:
-    return str(error) if isinstance(error, RoughvolError) else f"{type(error).__name__}: {error}"

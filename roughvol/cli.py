@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from roughvol.dataset import Dataset
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+SHOWN = 50  # cases of a kind that `status` names
 PLAIN_EVERY = 5.0  # seconds between two lines of progress where there is no terminal to draw on
 
 
@@ -74,6 +75,12 @@ def check(study: Path) -> None:
     campaign.check_surfaces(loaded)
     click.echo(loaded.to_yaml())
     click.echo(_cost(estimate.estimate(loaded)))
+    for choice in estimate.choices(loaded):
+        area, pressure, volume = choice.errors
+        click.echo(
+            f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {_duration(choice.seconds)}; "
+            f"errors about {area:.0e} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
+        )
 
 
 @main.command(
@@ -85,13 +92,21 @@ def check(study: Path) -> None:
 @click.option("--jobs", "-j", type=click.IntRange(min=1), help="Processes to use [default: one a core].")
 @OUT
 @click.option("--fresh", is_flag=True, help="Compute every case anew, also those that are finished.")
-def run(study: Path, jobs: int | None, out: Path | None, fresh: bool) -> None:
-    """Compute every case of STUDY that is not finished yet and collect them in study.nc."""
+@click.option("--scheduler", metavar="ADDRESS", help="Compute on the workers of this Dask scheduler, not here.")
+@click.option("--figures", metavar="NAMES", help="Compute only what these figures need, as in fig05,fig06a.")
+def run(
+    study: Path, jobs: int | None, out: Path | None, fresh: bool, scheduler: str | None, figures: str | None
+) -> None:
+    """Compute every case of STUDY that is not finished yet and collect them in study.nc.
+
+    Ctrl-C stops after the cases that are being computed, a second one at once; the same command goes on from there.
+    """
     started = time.monotonic()
-    from roughvol import campaign
+    from roughvol import campaign, figure_cases, workers
     from roughvol.study import load
 
     loaded = load(study)
+    only = figure_cases.needed(figures.split(","), loaded.cases()) if figures else None
     last: Progress | None = None
 
     def follow(now: Progress) -> None:
@@ -99,8 +114,17 @@ def run(study: Path, jobs: int | None, out: Path | None, fresh: bool) -> None:
         last = now
         draw(now)
 
-    with _progress() as draw:
-        results = campaign.run(loaded, out=out, jobs=jobs, fresh=fresh, on_event=follow)
+    with _progress() as draw, workers.first_interrupt(_say_how_to_stop) as interrupted:
+        results = campaign.run(
+            loaded,
+            out=out,
+            jobs=jobs,
+            fresh=fresh,
+            on_event=follow,
+            scheduler=scheduler,
+            stopping=interrupted,
+            only=only,
+        )
     assert last is not None
     click.echo(_ran(last, time.monotonic() - started))
     click.echo(_summary(results, campaign.folder_of(loaded, out) / "study.nc"))
@@ -110,15 +134,24 @@ def run(study: Path, jobs: int | None, out: Path | None, fresh: bool) -> None:
 @STUDY
 @OUT
 def status(study: Path, out: Path | None) -> None:
-    """Say which cases of STUDY are finished."""
+    """Say which cases of STUDY are finished, running, failed or missing, also while a run is going on."""
     from roughvol import campaign
 
     state = campaign.status(study, out)
-    total = len(state.done) + len(state.missing) + len(state.damaged)
+    left, several = len(state.running) + len(state.missing), (state.failed, state.damaged)
+    total = len(state.done) + left + sum(map(len, several))
     click.echo(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))
-    for title, ids in (("missing", state.missing), ("damaged, will be computed again", state.damaged)):
-        for id in ids:
+    if state.holder is not None:
+        time_left = f", about {_duration(state.left)} left" if state.left is not None else ""
+        click.echo(f"a run is going on: {state.holder}{time_left}")
+    for title, ids in (("running", state.running), ("missing", state.missing)):
+        for id in ids[:SHOWN]:
             click.echo(f"  {id}  {title}")
+        if len(ids) > SHOWN:
+            click.echo(f"  … and {len(ids) - SHOWN} more {title}")
+    for title, reasons in (("failed", state.failed), ("damaged, will be computed again", state.damaged)):
+        for id, reason in reasons.items():
+            click.echo(f"  {id}  {title}: {reason}")
 
 
 @main.command(epilog=_examples("roughvol plot", "roughvol plot effect_of_D fig04a fig06b --format pdf"))
@@ -133,15 +166,15 @@ def plot(run: str | None, figure: tuple[str, ...], suffix: str, out: Path | None
 
     Without a FIGURE it draws every one that the run can feed.
     """
-    from roughvol import dataset
+    from roughvol import dataset, figure_cases
 
-    figures = _figures()
+    figures = figure_cases.figures()
     first_is_figure = run is not None and run in figures and not Path(run).exists()
     names = (str(run), *figure) if first_is_figure else figure
     path = _study_file(None if first_is_figure else run)
     results = dataset.read(path)
     folder = out or path.parent / "figures"
-    for name in _drawable(results, names):
+    for name in figure_cases.drawable(results, names):
         target = folder / f"{name}.{suffix}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -180,6 +213,34 @@ def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> Non
             [f"{_count(len(left), 'answer')} left the bands of {expected}", *(f"  {one}" for one in left)]
         )
         raise CampaignError(message)
+
+
+@main.command(epilog=_examples("roughvol tradeoff configs/tradeoff.yaml"))
+@STUDY
+@OUT
+def tradeoff(study: Path, out: Path | None) -> None:
+    """Measure speed against accuracy on the surfaces of STUDY: tradeoff.nc and work-precision diagrams.
+
+    Says also which of A*, p* and V* are converged in the resolution m of the study.
+    """
+    from roughvol import campaign, convergence, dataset, tradeoff_figures
+    from roughvol import tradeoff as trade
+    from roughvol.study import load
+
+    loaded = load(study)
+    folder = campaign.folder_of(loaded, out)
+    show = sys.stderr.isatty()
+    measured = trade.measure(
+        loaded, lambda k, n: click.echo(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None
+    )
+    dataset.write(measured, folder / "tradeoff.nc")
+    for name, draw in tradeoff_figures.FIGURES.items():
+        if tradeoff_figures.missing(name, measured) is None:
+            (folder / "figures").mkdir(exist_ok=True)
+            draw(measured).savefig(folder / "figures" / f"{name}.png")
+            click.echo(folder / "figures" / f"{name}.png")
+    click.echo(convergence.summary(measured))
+    click.echo(folder / "tradeoff.nc")
 
 
 @main.command(epilog=_examples("roughvol schema > study.schema.json"))
@@ -266,30 +327,8 @@ def _study_file(run: str | None) -> Path:
     raise DatasetError(message)
 
 
-def _figures() -> dict[str, tuple[Callable[[Dataset], Any], Callable[[str, Dataset], str | None]]]:
-    """Return what draws each figure, and what says why it cannot."""
-    from roughvol import figures, seal_figures
-
-    return {
-        name: (module.FIGURES[name], module.missing) for module in (figures, seal_figures) for name in module.FIGURES
-    }
-
-
-def _drawable(results: Dataset, wanted: tuple[str, ...]) -> list[str]:
-    import difflib
-
-    figures = _figures()
-    for name in wanted:
-        if name not in figures:
-            near = difflib.get_close_matches(name, figures, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            message = f"no figure {name!r}{hint} (known: {', '.join(figures)})"
-            raise DatasetError(message)
-    reasons = {name: figures[name][1](name, results) for name in wanted or figures}
-    lacking = [reason for reason in reasons.values() if reason]
-    if lacking and (wanted or len(lacking) == len(reasons)):
-        raise DatasetError("\n".join(lacking))
-    return [name for name, reason in reasons.items() if not reason]
+def _say_how_to_stop() -> None:
+    click.echo("stopping after the cases that are being computed; Ctrl-C again stops at once", err=True)
 
 
 @contextlib.contextmanager
@@ -301,7 +340,9 @@ def _progress() -> Iterator[Callable[[Progress], None]]:
 
         def write(now: Progress) -> None:
             nonlocal last
-            if now.event or time.monotonic() - last >= PLAIN_EVERY:
+            if now.notice:
+                click.echo(now.notice, err=True)
+            elif now.event or time.monotonic() - last >= PLAIN_EVERY:
                 last = time.monotonic()
                 event = f"{now.event} · " if now.event else ""
                 click.echo(event + _standing(now, last - started), err=True)
@@ -317,8 +358,8 @@ def _progress() -> Iterator[Callable[[Progress], None]]:
         task = bar.add_task("starting", total=1.0)
 
         def draw(now: Any) -> None:
-            if now.event and now.failed:
-                bar.console.print(now.event, markup=False, highlight=False)
+            if now.notice or (now.event and now.failed):
+                bar.console.print(now.notice or now.event, markup=False, highlight=False)
             bar.update(task, completed=now.work, description=_standing(now, time.monotonic() - started))
 
         yield draw

@@ -69,5 +69,9 @@ class DatasetError(RoughvolError, OSError):
     """A stored file that is missing, unreadable, incomplete or not what its name says."""
 
 
+class FolderError(DatasetError):
+    """The folder of a run that cannot be used: locked, of another study, full, read-only or gone; it says which."""
+
+
 class CampaignError(RoughvolError, RuntimeError):
     """A run in which some cases failed; the message lists them."""

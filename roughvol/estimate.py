@@ -14,10 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roughvol import leakage
-from roughvol.campaign import cores, surface_of
+from roughvol import leakage, resources
 from roughvol.physics.halfspace import HalfSpace
-from roughvol.study import Case, Study
+from roughvol.pressing import surface_of
+from roughvol.resources import cores
+from roughvol.study import ACCURACY, EXPECTED, Case, Study
 
 TIMED_UP_TO = 1025  # nodes a side; beyond it a convolution is long, and scales as N² log N
 STEP_OVERHEAD = 5e-4  # seconds a step, whatever the grid
@@ -25,8 +26,6 @@ PER_CONVOLUTION = 1.8  # time of a step over that of its convolutions, on grids 
 CASE_OVERHEAD = 0.05  # seconds a case: its file
 START = 1.5  # seconds: processes start and import
 SEARCH = 20  # solves it takes to find an indentation, each from nothing, so about two steps' worth
-PROCESS_BYTES = 1.6e8  # of a process that has only imported what it needs
-NODE_BYTES = 500  # of the half space and the solver
 # seconds a state and node, along both axes, timed at m = 7 … 9; that of a flow (a factorisation) grows with the nodes
 VOID = {"percolation": 6e-8, "constriction": 5e-7, "estimates": 1e-6, "transmissivity": 7e-6, "diffusivity": 7e-6}
 FLOWS, FLOW_POWER, FLOW_NODES = ("transmissivity", "diffusivity", "flux_at"), 0.15, 257**2
@@ -60,17 +59,39 @@ def estimate(study: Study, jobs: int | None = None) -> Estimate:
         for name, taken in _void_seconds(case, shape).items():
             observables[name] += taken
     nodes = [rows * columns for rows, columns in shapes]
-    fields = [_field_count(case) for case in cases]
+    fields = [resources.fields_of(case) for case in cases]
     return Estimate(
         cases=len(cases),
         steps=sum(case.sweep.steps for case in cases),
         jobs=jobs,
-        memory=PROCESS_BYTES + max(n * (NODE_BYTES + 16 * f) for n, f in zip(nodes, fields, strict=True)),
+        memory=max(resources.memory_of(n, f) for n, f in zip(nodes, fields, strict=True)),
         # each case is stored twice, by itself and in study.nc
         disk=2 * sum(FILE_BYTES + 8 * n * f for n, f in zip(nodes, fields, strict=True)),
         seconds=START + max(sum(seconds) / jobs, max(seconds)),
         observables=observables,
     )
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One accuracy for a study: its name, bound on η/σ, seconds, and the errors of A*, p* (relative), V* to expect."""
+
+    name: str
+    rtol: float
+    seconds: float
+    errors: tuple[float, float, float]
+
+
+def choices(study: Study, jobs: int | None = None) -> list[Choice]:
+    """Return what each named accuracy would cost a study and what error it leaves; nothing if nothing is solved."""
+    if study.sweep.steps == 0 or study.solver.method == "paper":
+        return []
+    found = []
+    for name, rtol in ACCURACY.items():
+        solver = study.solver.model_copy(update={"accuracy": name, "rtol": None, "max_error": None})
+        cost = estimate(study.model_copy(update={"solver": solver}), jobs)
+        found.append(Choice(name, rtol, cost.seconds, EXPECTED[name]))
+    return found
 
 
 def _seconds(case: Case, shape: tuple[int, int]) -> float:
@@ -117,12 +138,6 @@ def _shape(case: Case) -> tuple[int, int]:
     if case.m is None:
         return surface_of(case).shape
     return 2**case.m + 1, 2**case.m + 1
-
-
-def _field_count(case: Case) -> int:
-    flux = case.record.transport.flux_at if case.record.transport else None
-    selects = [select for select in (case.record.fields_at, flux) if select is not None]
-    return case.record.heights + sum(2 * len(select.levels) for select in selects)
 
 
 @functools.cache

@@ -34,6 +34,7 @@ _UNREADABLE = (
     zipfile.BadZipFile,
     zlib.error,
 )
+MAX_BYTES, MAX_NODES = 1 << 32, 1 << 28  # far more than can be pressed, far less than a header may promise
 _ESRI_KEYS = {
     *("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter"),
     *("cellsize", "dx", "dy", "nodata_value"),
@@ -72,6 +73,10 @@ def read(path: str | Path, variable: str | None = None) -> Heights:
         message = f"{path}: holds one array, without a name; leave out the variable {variable!r}"
         raise DatasetError(message)
     try:
+        size = path.stat().st_size
+        if size > MAX_BYTES:
+            message = f"{path}: has {size} bytes, at most {MAX_BYTES} are read"
+            raise DatasetError(message)
         array = reader(path, variable)
     except (DatasetError, SurfaceError):
         raise
@@ -114,8 +119,17 @@ def _choice(path: Path, variable: str | None, shapes: Mapping[str, tuple[int, ..
     raise DatasetError(message)
 
 
+def _refuse_huge(path: Path, shape: tuple[int, ...]) -> None:
+    """Refuse an array before memory is asked for: a small compressed file may hold any number of zeros."""
+    if math.prod(shape) > MAX_NODES:
+        message = f"{path}: the array has shape {shape}; allowed: at most {MAX_NODES} nodes"
+        raise DatasetError(message)
+
+
 def _npy(path: Path, variable: str | None) -> NDArray[Any]:
     with path.open("rb") as stream:
+        _refuse_huge(path, _header_shape(stream))
+        stream.seek(0)
         return np.lib.format.read_array(stream, allow_pickle=False)
 
 
@@ -126,7 +140,9 @@ def _npz(path: Path, variable: str | None) -> NDArray[Any]:
         for name, member in members.items():  # the headers alone: the arrays not asked for may be large
             with archive.open(member) as stream:
                 shapes[name] = _header_shape(stream)
-        with archive.open(members[_choice(path, variable, shapes)]) as stream:
+        name = _choice(path, variable, shapes)
+        _refuse_huge(path, shapes[name])
+        with archive.open(members[name]) as stream:
             return np.lib.format.read_array(stream, allow_pickle=False)
 
 
@@ -141,6 +157,7 @@ def _netcdf(path: Path, variable: str | None) -> NDArray[Any]:
 
     with Dataset(path) as stored:
         name = _choice(path, variable, {name: held.shape for name, held in stored.variables.items()})
+        _refuse_huge(path, stored[name].shape)
         array = np.ma.asarray(stored[name][...])
     mask = np.ma.getmaskarray(array)
     if array.ndim == 2:

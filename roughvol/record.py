@@ -35,6 +35,7 @@ PER_STEP = (
     "convolutions",
     "convolutions_fp32",
     "residual",
+    "mean_pressure_bound",
     "converged",
 )
 LAST = Level("last")
@@ -73,6 +74,8 @@ class Within:
     def free_volume(self) -> float:
         """V* of the elements inside, σ of the whole."""
         return float(self.gap().mean())
+
+    mean_pressure_bound = math.nan  # what is certified is the pressure on the whole surface
 
     def __getattr__(self, name: str) -> Any:
         """Return what does not depend on the window."""
@@ -147,27 +150,63 @@ def of_sweep(
     on_step : callable, optional
         Called with the number of each step that has been reduced.
     """
-    per_step: dict[str, list[Any]] = {name: [] for name in PER_STEP}
-    levels = _levels(case)
-    kept: dict[str, dict[str, tuple[int, Values]]] = {dim: {} for dim in levels}
-    void = Void(case, surface)
-    for step, whole in enumerate(contacts, start=1):
-        contact = within(whole, case)
-        for name in PER_STEP:
-            per_step[name].append(getattr(contact, name))
-        void.follow(step, contact)
-        for dim, by_label in levels.items():
-            for label, level in by_label.items():
-                if label not in kept[dim] and reached(level, step, contact, case):
-                    kept[dim][label] = step, _AT[dim](case, surface, contact)
+    reduction = Reduction(case, surface)
+    for step, contact in enumerate(contacts, start=1):
+        reduction.follow(contact)
         if on_step is not None:
             on_step(step)
-    values: Values = {**per_step, **void.values, "step": np.arange(1, case.sweep.steps + 1), **_labels(case, surface)}
-    for dim, by_label in levels.items():
-        values[dim] = list(by_label)
-        values[f"{dim}_step"] = [kept[dim][label][0] if label in kept[dim] else -1 for label in by_label]
-        values |= _stacked(list(by_label), {label: arrays for label, (_, arrays) in kept[dim].items()})
-    return values
+    return reduction.values()
+
+
+class Reduction:
+    """Takes in the states of a sweep one by one and holds what is recorded of them."""
+
+    def __init__(self, case: Case, surface: Surface) -> None:
+        self._case, self._surface = case, surface
+        self._per_step: dict[str, list[Any]] = {name: [] for name in PER_STEP}
+        self._levels = _levels(case)
+        self._kept: dict[str, dict[str, tuple[int, Values]]] = {dim: {} for dim in self._levels}
+        self._void = Void(case, surface)
+
+    @property
+    def steps(self) -> int:
+        """How many states have been taken in."""
+        return len(self._per_step["indentation"])
+
+    def follow(self, whole: Contact) -> None:
+        """Take in the next state."""
+        contact, step = within(whole, self._case), self.steps + 1
+        for name in PER_STEP:
+            self._per_step[name].append(getattr(contact, name))
+        self._void.follow(step, contact)
+        for dim, by_label in self._levels.items():
+            for label, level in by_label.items():
+                if label not in self._kept[dim] and reached(level, step, contact, self._case):
+                    self._kept[dim][label] = step, _AT[dim](self._case, self._surface, contact)
+
+    def values(self) -> Values:
+        """Return all that has been recorded."""
+        labels = {"step": np.arange(1, self._case.sweep.steps + 1), **_labels(self._case, self._surface)}
+        values: Values = {**self._per_step, **self._void.values, **labels}
+        for dim, by_label in self._levels.items():
+            kept = self._kept[dim]
+            values[dim] = list(by_label)
+            values[f"{dim}_step"] = [kept[label][0] if label in kept else -1 for label in by_label]
+            values |= _stacked(list(by_label), {label: arrays for label, (_, arrays) in kept.items()})
+        return values
+
+    def state(self) -> Values:
+        """Return all this holds as mappings, lists, numbers and arrays, for `restore`."""
+        return {"per_step": self._per_step, "kept": self._kept, **self._void.state()}
+
+    def restore(self, state: Values) -> None:
+        """Become what returned this state."""
+        self._per_step = state["per_step"]
+        self._kept = {
+            dim: {label: (step, values) for label, (step, values) in by_label.items()}
+            for dim, by_label in state["kept"].items()
+        }
+        self._void.restore(state)
 
 
 class Void:
@@ -182,6 +221,18 @@ class Void:
             self.values["size"] = leakage.size_classes((rows.stop - rows.start) * (columns.stop - columns.start))
         if "constriction" in self._levels:
             self.values["axis"] = ["x", "y"]
+
+    def state(self) -> Values:
+        """Return what has been collected, and the levels still to be reached."""
+        left = {name: None if levels is None else list(levels) for name, levels in self._levels.items()}
+        return {"void": self.values, "left": left}
+
+    def restore(self, state: Values) -> None:
+        """Become what returned this state."""
+        self.values = state["void"]
+        for name, labels in state["left"].items():
+            for label in set(self._levels[name] or ()) - set(labels or ()):
+                del (self._levels[name] or {})[label]
 
     def follow(self, step: int, contact: Contact | Within) -> None:
         """Take in the next state."""

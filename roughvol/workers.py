@@ -1,4 +1,7 @@
-"""Worker processes for long computations: they report, they leave with their parent, they leave Ctrl-C to it.
+"""Workers for long computations, processes of this machine or of a Dask cluster, behind one loop.
+
+A worker reports, leaves with its parent, and leaves Ctrl-C to it. What a task returns comes back to the caller, so that
+nothing but the caller needs the file system of the results.
 
 The processes are spawned, so that each starts from a clean interpreter whatever threads the caller runs. Spawning would
 import the caller's ``__main__`` again, which makes a plain script without a ``__name__`` guard start itself over and
@@ -15,31 +18,69 @@ import sys
 import threading
 import time
 import types
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool as Lost
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
-__all__ = ["Lost", "Tell", "each"]
+from roughvol.errors import CampaignError
+
+__all__ = ["Lost", "Tell", "each", "first_interrupt", "stop_asked"]
 
 Task = TypeVar("Task")
 Tell = Callable[[Any], None]
 
 POLL = 0.1  # seconds between two looks at the messages
 REPORT_EVERY = 0.2  # seconds between two messages of one process: five a second are more than an eye needs
+LIVES = 2  # processes that may die of a task before it is given up
+CONNECT = 30  # seconds to reach a scheduler
 
 _messages: Any = None  # the way to the parent, set once when a worker starts
+_stop: Any = None  # set by the parent when the tasks begun are to end early, if they can
+_one_at_a_time = threading.Lock()  # a Dask worker may run threads; neither netCDF nor a half space can be shared
+
+
+class Pool(Protocol):
+    """Where tasks run."""
+
+    def width(self) -> int:
+        """Return how many tasks to hand over at once."""
+        ...
+
+    def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
+        """Start a task."""
+        ...
+
+    def messages(self) -> Iterator[Any]:
+        """Yield what tasks have told since the last call."""
+        ...
+
+    def stop(self) -> None:
+        """Ask the tasks begun to end early, if they can."""
+        ...
+
+    def renew(self) -> None:
+        """Replace what died."""
+        ...
+
+    def close(self, *, at_once: bool) -> None:
+        """End the workers, mid-task if it has to be at once."""
+        ...
 
 
 def each(
-    function: Callable[[Task, Tell], None],
+    function: Callable[[Task, Tell], Any],
     tasks: Sequence[Task],
     *,
     jobs: int,
     on_message: Callable[[Any], None],
-    on_end: Callable[[Task, BaseException | None], None],
-) -> None:
-    """Call ``function(task, tell)`` for every task in worker processes, first task first.
+    on_end: Callable[[Task, Any, BaseException | None], None],
+    on_begin: Callable[[Task], None] = lambda task: None,
+    stopping: Callable[[], bool] = lambda: False,
+    scheduler: str | None = None,
+) -> bool:
+    """Call ``function(task, tell)`` for every task in workers, first task first; return whether all were begun.
 
     Parameters
     ----------
@@ -48,39 +89,177 @@ def each(
     tasks : sequence
         Picklable.
     jobs : int
-        Number of processes, ≥ 1.
-    on_message, on_end : callable
-        Called here, in the parent: with a message; with a task and its exception, or None if it ended well.
+        Number of processes, ≥ 1; on a cluster its workers count.
+    on_begin, on_message, on_end : callable
+        Called here, in the parent: with a task; with a message; with a task, what it returned, its exception or None.
+    stopping : callable
+        Asked now and then; once it is true no further task begins, and those begun are waited for.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers are used instead of processes of this machine.
 
-    A process that dies ends them all; its task and those not finished come to ``on_end`` with `Lost`.
+    A process that dies costs only its own task: those that ran with it run again, one at a time, to find which it was;
+    a task that has killed `LIVES` processes comes to ``on_end`` with `Lost` (on a cluster: with what Dask says).
 
     Raises
     ------
-    Whatever interrupts it here (Ctrl-C, an exception of a callback); the processes are ended first, mid-task.
+    Whatever interrupts it here (Ctrl-C, an exception of a callback); the workers are ended first, mid-task.
     """
-    context = multiprocessing.get_context("spawn")
-    messages = context.SimpleQueue()
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_begin, initargs=(messages,))
+    pool: Pool = _Processes(jobs) if scheduler is None else _Cluster(scheduler)
+    waiting, suspects = deque(range(len(tasks))), deque[int]()
+    deaths: Counter[int] = Counter()
+    running: dict[Future[Any], int] = {}
+    all_begun, at_once = True, True
+
+    def begin(number: int) -> bool:
+        try:
+            running[pool.submit(function, tasks[number])] = number
+        except Lost:  # a process has died unseen; what ran with it will say so
+            if running:
+                return False
+            pool.renew()
+            running[pool.submit(function, tasks[number])] = number
+        on_begin(tasks[number])
+        return True
+
     try:
-        with _without_main(), _interrupts_blocked():
-            pending = {pool.submit(_call, function, task): task for task in tasks}
-        while pending:
-            done, _ = wait(pending, timeout=POLL, return_when=FIRST_COMPLETED)
-            while not messages.empty():
-                on_message(messages.get())
+        while waiting or suspects or running:
+            if all_begun and stopping():
+                all_begun = not (waiting or suspects or running)
+                waiting.clear()
+                suspects.clear()
+                pool.stop()
+            if suspects and not running:
+                begin(suspects.popleft())
+            elif not suspects and not any(deaths[number] for number in running.values()):
+                while waiting and len(running) < pool.width() and begin(waiting[0]):
+                    waiting.popleft()
+            done, _ = wait(running, timeout=POLL, return_when=FIRST_COMPLETED)
+            for message in pool.messages():
+                on_message(message)
+            if any(_died(future) for future in done):
+                done, _ = wait(running)  # they all end with it
+                lost = [future for future in done if _died(future)]
+                pool.renew()
+                for future in lost:
+                    number = running.pop(future)
+                    deaths[number] += 1
+                    if deaths[number] >= LIVES:
+                        on_end(tasks[number], None, _error(future))
+                    elif all_begun:
+                        suspects.append(number)
+                done -= set(lost)
             for future in done:
-                on_end(pending.pop(future), future.exception())
-    except BaseException:
-        for process in set(multiprocessing.active_children()) - others:
-            process.terminate()
-        raise
+                error = _error(future)
+                task = tasks[running.pop(future)]
+                on_end(task, None if error else future.result(), error)
+        at_once = False
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        messages.close()
+        pool.close(at_once=at_once)
+    return all_begun
 
 
-def _call(function: Callable[[Task, Tell], None], task: Task) -> None:
+def _died(future: Future[Any]) -> bool:
+    """Return whether a task ended with its worker; Dask blames all that the worker had at hand."""
+    error = _error(future)
+    return isinstance(error, Lost) or type(error).__name__ == "KilledWorker"
+
+
+def _error(future: Future[Any]) -> BaseException | None:
+    try:
+        return future.exception()
+    except CancelledError as error:  # nobody here cancels: the scheduler is gone
+        message = "the scheduler is gone; what is finished is kept, run again to go on"
+        raise CampaignError(message) from error
+
+
+class _Processes:
+    """Processes of this machine."""
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs, self._context = jobs, multiprocessing.get_context("spawn")
+        self._queue, self._flag = self._context.SimpleQueue(), self._context.Event()
+        self._others = set(multiprocessing.active_children())
+        self._pool = self._new()
+
+    def _new(self) -> ProcessPoolExecutor:
+        given = (self._queue, self._flag)
+        return ProcessPoolExecutor(self._jobs, mp_context=self._context, initializer=_begin, initargs=given)
+
+    def width(self) -> int:
+        return self._jobs
+
+    def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
+        with _without_main(), _interrupts_blocked():
+            return self._pool.submit(_call, function, task)
+
+    def messages(self) -> Iterator[Any]:
+        while not self._queue.empty():
+            yield self._queue.get()
+
+    def stop(self) -> None:
+        self._flag.set()
+
+    def renew(self) -> None:
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._queue = self._context.SimpleQueue()  # one that died while it wrote has left it locked
+        self._pool = self._new()
+
+    def close(self, *, at_once: bool) -> None:
+        if at_once:
+            for process in set(multiprocessing.active_children()) - self._others:
+                process.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._queue.close()
+
+
+class _Cluster:
+    """Workers of a Dask scheduler; they come and go, and a task whose worker died runs again on another."""
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError as error:
+            message = "a scheduler needs dask.distributed: pip install 'roughvol[cluster]'"
+            raise CampaignError(message) from error
+        try:
+            self._client = Client(address, timeout=CONNECT, set_as_default=False)
+        except (OSError, ValueError) as error:
+            message = f"no scheduler answers at {address}: {error}"
+            raise CampaignError(message) from error
+        self._executor = self._client.get_executor(pure=False)
+
+    def width(self) -> int:
+        return max(2 * sum(self._client.nthreads().values()), 1)  # one at work and one at hand
+
+    def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
+        return self._executor.submit(_call_there, function, task)
+
+    def messages(self) -> Iterator[Any]:
+        return iter(())
+
+    def stop(self) -> None:
+        pass
+
+    def renew(self) -> None:
+        pass
+
+    def close(self, *, at_once: bool) -> None:
+        with contextlib.suppress(Exception):
+            self._executor.shutdown(wait=not at_once)
+        self._client.close()
+
+
+def _call_there(function: Callable[[Task, Tell], Any], task: Task) -> Any:
+    with _one_at_a_time:
+        return function(task, lambda message: None)
+
+
+def stop_asked() -> bool:
+    """Return, in a worker, whether its task is to end early if it can."""
+    return _stop is not None and bool(_stop.is_set())
+
+
+def _call(function: Callable[[Task, Tell], Any], task: Task) -> Any:
     last = 0.0
 
     def tell(message: Any) -> None:
@@ -89,12 +268,12 @@ def _call(function: Callable[[Task, Tell], None], task: Task) -> None:
             last = time.monotonic()
             _messages.put(message)
 
-    function(task, tell)
+    return function(task, tell)
 
 
-def _begin(messages: Any) -> None:
-    global _messages  # a queue can only be handed over when a process starts
-    _messages = messages
+def _begin(messages: Any, stop: Any) -> None:
+    global _messages, _stop  # they can only be handed over when a process starts
+    _messages, _stop = messages, stop
     threading.Thread(target=_leave_with_parent, daemon=True).start()
 
 
@@ -127,3 +306,23 @@ def _interrupts_blocked() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def first_interrupt(tell: Callable[[], None]) -> Iterator[Callable[[], bool]]:
+    """Give a question whether Ctrl-C has been pressed once, of which ``tell`` is told; the second ends all at once."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():  # only there can signals be caught
+        yield asked.is_set
+        return
+
+    def note(number: int, frame: object) -> None:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        asked.set()
+        tell()
+
+    before = signal.signal(signal.SIGINT, note)
+    try:
+        yield asked.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)

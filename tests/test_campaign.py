@@ -20,7 +20,7 @@ import roughvol
 from roughvol import campaign, dataset
 from roughvol.campaign import Progress, collect, run, run_case, status, surface_of
 from roughvol.dataset import Dataset
-from roughvol.errors import CampaignError, ContactError, DatasetError, RoughvolError, StudyError
+from roughvol.errors import CampaignError, ContactError, DatasetError, FolderError, RoughvolError, StudyError
 from roughvol.physics.contact import sweep
 from roughvol.physics.halfspace import HalfSpace
 from roughvol.physics.texture import summit_plane
@@ -196,18 +196,54 @@ def test_damaged_and_wrong_case_files_are_computed_again_and_no_other(study: Stu
     (folder / "cases" / gone).unlink()
     found = status(study, folder)
     assert (len(found.done), len(found.missing), len(found.damaged)) == (4, 1, 3)
-    again = run(study, out=folder, jobs=1)
+    events: list[Progress] = []
+    again = run(study, out=folder, jobs=1, on_event=events.append)
+    assert [name in event.notice for event in events if event.notice for name in (truncated, foreign, swapped)].count(
+        True
+    ) == 3
+    assert {path.name for path in (folder / "cases" / "set_aside").glob("*.nc")} == {truncated, foreign, swapped}
     xr.testing.assert_identical(_values(again), _values(values))
     assert {name: _files(folder)[name] for name in kept} == {name: before[name] for name in kept}
     assert len(status(study, folder).done) == 8
 
 
-def test_cases_of_other_settings_stay_out(folder: Path) -> None:
+def test_another_study_in_the_same_folder_is_refused_with_the_difference(folder: Path) -> None:
+    before = _files(folder)
     changed = loads(TEXT.replace("steps: 6", "steps: 5").replace("[2.2, 2.7]", "2.2"))
-    results = run(changed, out=folder, jobs=1)
+    with pytest.raises(
+        FolderError, match=r"(?s)another study:\n  surface.D: no longer 2.7\n  sweep.steps: 6 → 5\n.*--fresh"
+    ):
+        run(changed, out=folder, jobs=1)
+    assert _files(folder) == before
+    results = run(changed, out=folder, jobs=1, fresh=True)
     assert results.sizes["step"] == 5
     assert results.sizes["D"] == 1
-    assert len(_files(folder)) == 8 + 4  # those of the other settings are not lost either
+    assert len(_files(folder)) == 4
+    aside = folder / "cases" / "set_aside"  # those of the other study are not lost either
+    assert {path.name for path in aside.glob("*.nc")} == set(before)
+    assert all("no case of this study" in path.read_text() for path in aside.glob("*.reason.txt"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("seeds: 2", "seeds: 3"), ("[2.2, 2.7]", "[2.2, 2.4, 2.7]"), ("[3, 4]", "[3, 4, 2]"), ("tiny", "renamed")],
+)
+def test_more_cases_of_the_same_study_are_all_that_is_computed(folder: Path, old: str, new: str) -> None:
+    before, more = _files(folder), loads(TEXT.replace(old, new))
+    results = run(more, out=folder, jobs=2)
+    assert {name: _files(folder)[name] for name in before} == before
+    assert len(_files(folder)) == len(more.cases())
+    assert bool(results.converged.all())
+
+
+def test_heights_that_have_changed_are_another_study(tmp_path: Path) -> None:
+    for seed in (1, 2):
+        np.save(tmp_path / "a.npy", np.random.default_rng(seed).normal(size=(5, 5)))
+        study = loads("surface: {file: a.npy, L: 4.0}\nsweep: {steps: 2}", file=tmp_path / "study.yaml")
+        if seed == 1:
+            run(study, out=tmp_path / "out", jobs=1)
+    with pytest.raises(FolderError, match=r"the content of .*a\.npy is not that of a-"):
+        run(study, out=tmp_path / "out", jobs=1)
 
 
 def test_a_failing_case_does_not_stop_the_others(tmp_path: Path) -> None:
@@ -284,7 +320,7 @@ def test_a_study_that_cannot_be_read_writes_nothing(tmp_path: Path, monkeypatch:
 
 def test_a_folder_that_cannot_be_written_is_an_error(study: Study, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(DatasetError, match="cannot write to"):
+    with pytest.raises(DatasetError, match=r"cannot write .*file: Not a directory"):
         run(study, out=tmp_path / "file")
     with pytest.raises(CampaignError, match="jobs is 0"):
         run(study, out=tmp_path / "out", jobs=0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -145,7 +146,7 @@ BAD: dict[str, tuple[type[Exception], str, Callable[[Path], Any]]] = {
     "objects.npy": (DatasetError, "Object arrays", lambda path: np.save(path, np.full((3, 3), _Trap(), dtype=object))),
     "empty.npy": (DatasetError, "cannot be read", lambda path: path.touch()),
     "short.npy": (DatasetError, "cannot be read", lambda path: path.write_bytes(_npy_bytes(HEIGHTS)[:-3])),
-    "petabytes.npy": (DatasetError, "allocate", lambda path: path.write_bytes(_npy_header((5, 10**15)) + bytes(160))),
+    "petabytes.npy": (DatasetError, "at most", lambda path: path.write_bytes(_npy_header((5, 10**15)) + bytes(160))),
     "unclosed.npy": (
         DatasetError,
         "multi-line",
@@ -191,3 +192,17 @@ def test_a_file_of_one_array_takes_no_variable(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", HEIGHTS)
     with pytest.raises(DatasetError, match=r"z\.npy: holds one array, without a name; leave out the variable 'z'"):
         heightfile.read(tmp_path / "z.npy", "z")
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+def test_an_array_beyond_measure_is_refused_by_its_header(tmp_path: Path, suffix: str) -> None:
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (100_000, 100_000)})
+    path = tmp_path / f"huge{suffix}"
+    if suffix == ".npy":
+        path.write_bytes(header.getvalue())
+    else:
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("heights.npy", header.getvalue())
+    with pytest.raises(DatasetError, match=r"\(100000, 100000\); allowed: at most \d+ nodes"):
+        heightfile.read(path)

@@ -30,7 +30,7 @@ runs without the guarantee: it then relies on the verification, which re-admits 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -85,7 +85,8 @@ class Contact:
     free_volume : V* = mean(g)/σ.
     iterations : conjugate-gradient iterations (a factorisation counts as one).
     convolutions, convolutions_fp32 : full-grid convolutions this state took, verification included, by precision.
-    residual : η/σ, see the module's docstring.
+    residual : η/σ, see the module's docstring; it bounds the error of the free volume.
+    mean_pressure_bound : bound of the relative error of p*, from the residual and the stiffness of the whole grid.
     converged : residual ≤ the tolerance asked for.
     """
 
@@ -98,11 +99,13 @@ class Contact:
     convolutions: int
     convolutions_fp32: int
     residual: float
+    mean_pressure_bound: float
     converged: bool
     shape: tuple[int, int]
     _elements: Index = field(repr=False)
     _pressure: Array = field(repr=False)  # q on the elements
     _gap: Array = field(repr=False)  # w on the whole grid, flat
+    _state: _State | None = field(default=None, repr=False)
 
     def pressure(self) -> Array:
         """Return the pressure on every element, p L/(E* σ), of the surface's shape."""
@@ -121,6 +124,10 @@ class Contact:
         mask = np.zeros(self.shape, dtype=bool)
         mask.flat[self._elements] = True
         return mask
+
+    def state(self) -> dict[str, Any]:
+        """Return what `sweep` needs to go on from here (``resume``), as plain numbers and arrays."""
+        return dict(vars(self._state))
 
 
 @dataclass
@@ -161,21 +168,43 @@ def sweep(
     *,
     rtol: float = 1e-6,
     method: str = "fast",
+    precision: str = "mixed",
+    pressure_error: float | None = None,
+    resume: Iterable[Mapping[str, Any]] = (),
 ) -> Iterator[Contact]:
     """Yield the contact at each of the increasing indentations Δ/σ, every one started from those before.
 
     Arguments and errors as for `solve`. Each record owns its arrays.
+
+    Parameters
+    ----------
+    precision : of the convolutions inside the iteration, "mixed" (single where it costs no digit) or "double"; the
+        residual is the same certified one with both.
+    pressure_error : bound on the relative error of p* at every state, in addition to `rtol`. Pressures never fall along
+        the loading, so the p* of the state before tells the residual that the next one needs.
+    resume : `Contact.state` of the last two contacts of a sweep that broke off; this one then goes on as if it had not,
+        to the last bit.
     """
-    problem = _Problem(surface, half_space, rtol)
+    problem = _Problem(surface, half_space, rtol, precision)
     solve_one = _method(method)
+    if pressure_error is not None and not 0 < pressure_error <= 0.1:
+        message = f"pressure_error is {pressure_error}; allowed: 0 < pressure_error <= 0.1"
+        raise ContactError(message)
     before: _State | None = None
     now = problem.untouched()
     last = -np.inf
+    for state in resume:
+        before, now = now, _State(**state)
+        last = now.indentation
     for indentation in indentations:
         if not (np.isfinite(indentation) and indentation > last):
             before_it = f" (the last was {last:g})" if np.isfinite(last) else ""
             message = f"indentation is {indentation}; allowed: finite and increasing{before_it}"
             raise ContactError(message)
+        if pressure_error is not None and indentation > 0:
+            problem.rtol = min(
+                rtol, pressure_error * problem.least_pressure(float(indentation), now) / problem.stiffest
+            )
         problem.check_reachable(float(indentation))
         last = float(indentation)
         if indentation <= 0:
@@ -298,6 +327,7 @@ def first_indentation(
     return high + 2.0 * rtol  # elements on the brink are told apart to η only
 
 
+PRECISIONS = ("mixed", "double")
 _TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
 
 
@@ -311,14 +341,18 @@ def _method(name: str) -> _Method:
 class _Problem:
     """One surface on one half space, scaled; knows how to convolve, verify and record, not how to iterate."""
 
-    def __init__(self, surface: Surface, half_space: Compliance, rtol: float) -> None:
+    def __init__(self, surface: Surface, half_space: Compliance, rtol: float, precision: str = "mixed") -> None:
         if surface.shape != half_space.shape:
             message = f"the surface has shape {surface.shape}, the half space {half_space.shape}"
             raise ContactError(message)
         if not 0 < rtol <= 1:
             message = f"rtol is {rtol}; allowed: 0 < rtol <= 1 (a bound on the residual η/σ)"
             raise ContactError(message)
+        if precision not in PRECISIONS:
+            message = f"precision is {precision!r}; allowed: {', '.join(PRECISIONS)}"
+            raise ContactError(message)
         self.half_space, self.rtol, self.shape = half_space, rtol, surface.shape
+        self.single = precision == "mixed"
         # range first, then σ: the standard deviation of 1e-250 heights would underflow
         heights = surface.heights - surface.heights.max()
         height_range = -heights.min()
@@ -338,6 +372,22 @@ class _Problem:
                 f"the residual η/σ that double precision can reach there"
             )
             raise ContactError(message)
+
+    @property
+    def stiffest(self) -> float:
+        """Return a bound of dp*/d(Δ/σ): the stiffness of a contact never exceeds that of the whole grid.
+
+        For any positive definite K the stiffness 1ᵀ K_CC⁻¹ 1 grows with the contact set C, and with all pressures of
+        the whole, K q = 1, not negative, Σq min(K ∗ 1) ≤ Σq (K ∗ 1) = number of elements.
+        """
+        return float(np.pi * (self.shape[0] - 1) / self.half_space.total_compliance.min())
+
+    def least_pressure(self, indentation: float, now: _State) -> float:
+        """Return a lower bound of p* at an indentation: that of the state before, or of the highest element alone."""
+        alone = indentation / float(self.half_space.influence[0, 0])
+        q = max(float(now.pressure.sum()) if now.pressure.size else 0.0, alone)
+        # the pressure of the state before is itself in error by up to a tenth, see `sweep`
+        return 0.9 * float(np.pi * (self.shape[0] - 1)) * q / self.heights.size
 
     def untouched(self, indentation: float = 0.0) -> _State:
         return _State(indentation, np.empty(0, dtype=np.intp), np.empty(0), -indentation - self.heights)
@@ -364,26 +414,31 @@ class _Problem:
         mean_displacement = float(self.half_space.total_compliance.ravel()[elements] @ pressure) / size
         full = elements.size == size
         done = self.counts()
+        mean_pressure = float(np.pi * (self.shape[0] - 1) * (pressure.sum() / size))
         return Contact(
             indentation=state.indentation,
             separation=separation,
             contact_area_fraction=elements.size / size,
-            mean_pressure=float(np.pi * (self.shape[0] - 1) * (pressure.sum() / size)),
+            mean_pressure=mean_pressure,
             free_volume=0.0 if full else max(separation + mean_displacement, 0.0),
             iterations=iterations,
             convolutions=done[0] - counts[0],
             convolutions_fp32=done[1] - counts[1],
             residual=residual,
+            mean_pressure_bound=self.stiffest * residual / mean_pressure if mean_pressure > 0.0 else 0.0,
             converged=residual <= self.rtol,
             shape=self.shape,
             _elements=elements,
             _pressure=pressure,
             _gap=state.gap,
+            _state=state,
         )
 
 
 def _solve_fast(problem: _Problem, indentation: float, now: _State, before: _State | None) -> tuple[_State, int, float]:
     """Solve one indentation from the secant through the last two states; see the module's docstring."""
+    if before is None:
+        now, before = _approach(problem, indentation, now)
     candidates, q, w, rate = _predict(problem, indentation, now, before)
     iterations = 0
     for attempt in range(_ROUNDS):
@@ -407,6 +462,29 @@ def _solve_fast(problem: _Problem, indentation: float, now: _State, before: _Sta
 
 
 _ROUNDS = 60  # of solve and verify; one is the rule, two after an unlucky prediction
+
+
+def _approach(problem: _Problem, indentation: float, now: _State) -> tuple[_State, _State | None]:
+    """Return two rough states below an indentation whose rigid overlap is too large a set to begin with, if it is.
+
+    The overlap is up to fifty times the contact; a few states to 10⁻³ on the way keep all vectors, and memory, small.
+    """
+    stages = [indentation]
+    while np.count_nonzero(problem.heights > -stages[-1]) > _COLD_UP_TO:
+        stages.append(stages[-1] / _STAGE)
+        if len(stages) > 20:  # most of the surface is one plateau: there is no way around it
+            return now, None
+    wanted, problem.rtol = problem.rtol, max(problem.rtol, 1e-3)
+    before: _State | None = None
+    for stage in stages[:0:-1]:
+        state = _solve_fast(problem, stage, now, before)[0]
+        before, now = now, state
+    problem.rtol = wanted
+    return now, before
+
+
+_COLD_UP_TO = 4_000_000  # elements; below, starting from all of them takes fewer convolutions
+_STAGE = 2.0
 
 
 def _predict(
@@ -443,7 +521,7 @@ def _predict(
     # displacement per unit of indentation: the gap falls by one where nothing moves
     moved = 1.0 + (now.gap[candidates] - before.gap[candidates]) / step
     if tensile.size:
-        _truncate(problem.half_space, candidates, q, w)
+        _truncate(problem, candidates, q, w)
     return candidates, q, w, (rate, moved)
 
 
@@ -498,12 +576,12 @@ def _conjugate_gradients(
     product = 1.0
     for iteration in range(_ITERATIONS):
         if iteration % 2 == 0:  # every time costs more than it saves
-            _truncate(half_space, elements, q, w)
+            _truncate(problem, elements, q, w)
         free = (q != 0.0) | (w < 0.0)
         r = np.where(free, -w, 0.0)
         residual = float(np.abs(r).max())
         if residual <= tolerance:
-            if _truncate(half_space, elements, q, w):
+            if _truncate(problem, elements, q, w):
                 continue
             return q, iteration
         z = precondition(r)
@@ -515,7 +593,7 @@ def _conjugate_gradients(
         conjugacy = max(0.0, (product - float(old @ z)) / last)
         direction = np.where(free, z + conjugacy * direction, 0.0)
         old = r
-        response = half_space.displacement_at(elements, direction, single=attempt < 2)
+        response = half_space.displacement_at(elements, direction, single=problem.single and attempt < 2)
         length = float(r @ direction) / float(direction @ response)
         q += length * direction
         w += length * response
@@ -523,11 +601,11 @@ def _conjugate_gradients(
 
 
 _SAFETY = 0.7  # share of the tolerance left to the recursive residual; the verification finds a little more
-_LAST = 3.0  # what one application of the preconditioner takes off the residual of a rough contact
+_LAST = 2.0  # what one application of the preconditioner takes off the residual of a rough contact
 _ITERATIONS = 2000
 
 
-def _truncate(half_space: Compliance, elements: Index, q: Array, w: Array) -> bool:
+def _truncate(problem: _Problem, elements: Index, q: Array, w: Array) -> bool:
     """Set negative pressures to zero and take their share out of the gap; say whether there were any.
 
     Few of them are summed directly, many go through a convolution.
@@ -535,6 +613,7 @@ def _truncate(half_space: Compliance, elements: Index, q: Array, w: Array) -> bo
     negative = np.flatnonzero(q < 0.0)
     if negative.size == 0:
         return False
+    half_space = problem.half_space
     rows, columns = half_space.shape
     if negative.size * elements.size <= rows * columns:  # terms of the sum; each costs about what the FFT costs a node
         row, column = np.divmod(elements, columns)
@@ -543,7 +622,7 @@ def _truncate(half_space: Compliance, elements: Index, q: Array, w: Array) -> bo
     else:
         removed = np.zeros_like(q)
         removed[negative] = q[negative]
-        w -= half_space.displacement_at(elements, removed, single=True)
+        w -= half_space.displacement_at(elements, removed, single=problem.single)
     q[negative] = 0.0
     return True
 

@@ -20,6 +20,7 @@ from roughvol.errors import SurfaceError
 Heights = NDArray[np.float64]
 
 LARGEST_M = 14  # 2 GiB of heights; the contact problem ends well before
+SMALLEST_RANGE = 1e-290  # of heights that are not flat: below, their differences are denormal and Sq loses its digits
 LAWS = ("std", "variance")
 INITIAL_SPREAD = 1.0 / 0.3  # the paper's free parameter 1/√0.09, Section 2
 
@@ -38,8 +39,8 @@ class Surface:
     Raises
     ------
     SurfaceError
-        If the heights are not a real, finite 2-D array of at least 3 × 3 nodes whose range is a float, or δ is not
-        finite and positive.
+        If the heights are not a real, finite 2-D array of at least 3 × 3 nodes whose range is a float (and 0 or
+        at least `SMALLEST_RANGE`), or δ is not finite and positive.
     """
 
     heights: Heights
@@ -259,8 +260,12 @@ def _checked_heights(heights: ArrayLike) -> Heights:
             f"the first at [{row}, {column}] ({checked[row, column]})"
         )
         raise SurfaceError(message)
-    if not math.isfinite(float(checked.max()) - float(checked.min())):
+    height_range = float(checked.max()) - float(checked.min())
+    if not math.isfinite(height_range):
         message = f"heights must have a finite range, got {checked.min():.3g} … {checked.max():.3g}"
+        raise SurfaceError(message)
+    if 0.0 < height_range < SMALLEST_RANGE:
+        message = f"the range of the heights is {height_range:.3g}; allowed: 0 (flat), or at least {SMALLEST_RANGE:g}"
         raise SurfaceError(message)
     checked.flags.writeable = False
     return checked

@@ -15,6 +15,7 @@ from roughvol.study.reading import load, loads
 from roughvol.study.recording import EVERY_STEP, BoxCounting, Record, Region, Select, Transport, VolumeDensity
 from roughvol.study.settings import (
     ACCURACY,
+    EXPECTED,
     HEIGHT_FORMATS,
     ContactModulus,
     GeneratedSurface,
@@ -30,6 +31,7 @@ __all__ = [
     "ACCURACY",
     "ANSWER_FORMAT",
     "EVERY_STEP",
+    "EXPECTED",
     "HEIGHT_FORMATS",
     "BoxCounting",
     "Case",

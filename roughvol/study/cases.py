@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import itertools
 import json
@@ -75,7 +76,13 @@ class Case:
         }
         if self.sweep.steps == 0:  # nothing is solved, so neither the end of the sweep nor the solver matters
             return {**key, "sweep": {"steps": 0}}
-        solver = {"rtol": self.solver.tolerance, "kernel": self.solver.kernel, "method": self.solver.method}
+        solver: dict[str, Any] = {
+            "rtol": self.solver.tolerance,
+            "kernel": self.solver.kernel,
+            "method": self.solver.method,
+        }
+        if self.solver.pressure_error is not None:
+            solver["pressure_error"] = self.solver.pressure_error
         return {**key, "sweep": self.sweep.model_dump(mode="json"), "solver": solver}
 
     @property
@@ -84,7 +91,7 @@ class Case:
         record = self.record.model_dump(mode="json")
         return {name: value for name, value in record.items() if value is not None or name not in LATER}
 
-    @property
+    @functools.cached_property
     def id(self) -> str:
         """A readable prefix and 8 hexadecimal digits of the sha256 of `key`: ``D2.30_m8_s003-1f9c2a7b``."""
         text = json.dumps(self.key, sort_keys=True, separators=(",", ":"), allow_nan=False)
@@ -124,7 +131,7 @@ class Study(Strict):
     sweep: Sweep = Field(default=Sweep(), description="{steps, to}: how far the surfaces are pressed")
     solver: Annotated[Solver, Word("paper", (("method", "paper"),))] = Field(
         default=Solver(),
-        description="{accuracy or rtol, kernel, method}; the word 'paper' is short for {method: paper}",
+        description="{accuracy, rtol or max_error, kernel, method}; the word 'paper' is short for {method: paper}",
     )
     record: Record = Field(
         default=Record(),

@@ -24,6 +24,7 @@ from pydantic import (
     ValidationInfo,
     field_validator,
     model_serializer,
+    model_validator,
 )
 from pydantic_core import PydanticCustomError, core_schema
 
@@ -32,7 +33,15 @@ from roughvol.study.yamltext import number_text, printable
 ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
 """Bound on the residual η/σ of each solve that an accuracy stands for."""
 
+EXPECTED = {"draft": (4e-4, 8e-4, 9e-5), "standard": (2e-5, 2e-6, 3e-8), "reference": (0.0, 2e-9, 2e-10)}
+"""Largest errors of A*, of p* (relative) and of V* that `roughvol tradeoff configs/tradeoff.yaml` finds at each,
+rounded up; that of A* at standard to one element of m = 8.
+
+Other surfaces and sweeps differ by a factor of a few; what is certain are the bounds, of V* the η/σ itself.
+"""
+
 HEIGHT_FORMATS = (".npy", ".npz", ".txt", ".csv", ".asc", ".nc")
+LOOSEST = 1e-2  # residual η/σ beyond which a sweep costs more, not less: it starts every step from a poor state
 PAPER_MAX_M = 6  # the paper's algorithm holds a dense matrix of 4^m rows
 MAX_SEEDS = 10_000
 
@@ -276,6 +285,25 @@ class Sweep(Strict):
         return Level(f"{kind}-{value}") if kind == "percolation" else Level(kind, value)
 
 
+class MaxError(Choice):
+    """Errors that no state may exceed; the solver goes as far as it must to certify them, and no further."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    free_volume: Annotated[float, Field(ge=1e-12, le=1e-1)] | None = Field(
+        default=None, description="largest error of V* at any state, 1e-12 to 1e-1"
+    )
+    mean_pressure: Annotated[float, Field(ge=1e-9, le=1e-1)] | None = Field(
+        default=None, description="largest relative error of p* at any state, 1e-9 to 1e-1"
+    )
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> MaxError:
+        if not self.named:
+            refuse("must name free_volume or mean_pressure")
+        return self
+
+
 class Solver(Strict):
     """How, and how accurately, the contact is solved."""
 
@@ -285,6 +313,9 @@ class Solver(Strict):
     )
     rtol: Annotated[float, Field(ge=1e-12, le=1e-1)] | None = Field(
         default=None, description="bound on the residual η/σ, 1e-12 to 1e-1, in place of that of accuracy"
+    )
+    max_error: MaxError | None = Field(
+        default=None, description="{free_volume, mean_pressure}: errors to stay below, in place of an accuracy"
     )
     kernel: Literal["love", "punch"] = Field(
         default="love",
@@ -296,5 +327,33 @@ class Solver(Strict):
 
     @property
     def tolerance(self) -> float:
-        """The bound on η/σ in force: ``rtol`` if given, else that of ``accuracy``."""
-        return ACCURACY[self.accuracy] if self.rtol is None else self.rtol
+        """The bound on η/σ in force: ``rtol``, else what ``max_error`` asks of V*, else that of ``accuracy``.
+
+        η/σ bounds the error of V* itself, so the largest residual allowed is the error allowed.
+        """
+        if self.rtol is not None:
+            return self.rtol
+        if self.max_error is not None:
+            return min(self.max_error.free_volume or LOOSEST, LOOSEST)
+        return ACCURACY[self.accuracy]
+
+    @property
+    def pressure_error(self) -> float | None:
+        """The bound on the relative error of p*, if one is asked for."""
+        return self.max_error.mean_pressure if self.max_error else None
+
+    @model_validator(mode="after")
+    def _one_of(self) -> Solver:
+        if self.max_error is not None and {"rtol", "accuracy"} & self.model_fields_set:
+            given = self.rtol is not None or self.accuracy != "standard"
+            if given:
+                refuse("give one of accuracy, rtol and max_error")
+        if self.max_error is not None and self.method == "paper" and self.max_error.mean_pressure is not None:
+            refuse("max_error.mean_pressure is certified by method fast only")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> dict[str, Any]:
+        """Leave out what came later where it is not used."""
+        data: dict[str, Any] = handler(self)
+        return data if self.max_error is not None else {k: v for k, v in data.items() if k != "max_error"}

@@ -718,3 +718,14 @@ def test_white_noise_to_full_contact_at_real_size(kernel):
     for contact in sweep(surface, half_space(surface.shape, kernel), (0.5, 2.0, 5.0, 20.0, 100.0, 2000.0), rtol=1e-8):
         check_conditions(contact, surface, kernel, 1e-8)
     assert kernel == "punch" or contact.contact_area_fraction == 1.0
+
+
+@pytest.mark.parametrize("heights", [fractal(6).heights, np.zeros((33, 33)), np.eye(33)])
+def test_a_cold_start_in_stages_ends_in_the_same_state(heights, monkeypatch):
+    surface = Surface(heights, 1.0)
+    at_once = solve(surface, half_space(surface.shape), 2.0, rtol=1e-9)
+    monkeypatch.setattr("roughvol.physics.contact._COLD_UP_TO", 200)
+    in_stages = solve(surface, half_space(surface.shape), 2.0, rtol=1e-9)
+    assert np.array_equal(in_stages.contact(), at_once.contact())
+    assert in_stages.mean_pressure == pytest.approx(at_once.mean_pressure, rel=1e-8)
+    assert in_stages.residual <= 1e-9

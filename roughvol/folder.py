@@ -1,0 +1,350 @@
+"""The folder of a run: who may use it, of which study it is, and what each of its cases has come to.
+
+- ``study.yaml``: the study, every default written out
+- ``cases/<id>.nc``: a finished case, stamped (see `storage`)
+- ``cases/<id>.failed.json``: the error of a case that failed, until it succeeds
+- ``cases/.<id>.checkpoint``: the finished steps of a long sweep
+- ``cases/set_aside/``: what lay under the name of a case and is none of this study, each with its reason
+- ``progress.json``: what a run is doing now
+- ``lock``: the process that runs here
+- ``study.nc``: all cases together
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import json
+import os
+import platform
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from roughvol import storage
+from roughvol.errors import DatasetError, FolderError, StudyError
+from roughvol.study import Case, Study, loads
+
+try:
+    import fcntl
+except ImportError:  # no such calls on this system: the lock is then told stale by its process alone
+    fcntl = None  # type: ignore[assignment]
+
+ATTEMPTS, PAUSE = 10, 0.1  # at a lock: a look at it, as `status` takes one, holds it for a moment
+MAX_BYTES = 1 << 20  # of the small files read back here
+
+
+@dataclass(frozen=True)
+class Holder:
+    """The process that runs in a folder."""
+
+    host: str
+    pid: int
+    started: str
+    birth: str = ""  # tells it from a later process of the same number
+
+    def __str__(self) -> str:
+        """Return who and since when."""
+        return f"process {self.pid} on {self.host}, since {self.started}"
+
+
+def case_file(folder: Path, id: str) -> Path:
+    """Return where a finished case is."""
+    return folder / "cases" / f"{id}.nc"
+
+
+def failed_file(folder: Path, id: str) -> Path:
+    """Return where the error of a case is."""
+    return folder / "cases" / f"{id}.failed.json"
+
+
+def checkpoint_file(folder: Path, id: str) -> Path:
+    """Return where the finished steps of a case are."""
+    return folder / "cases" / f".{id}.checkpoint"
+
+
+# The lock --------------------------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def opened(folder: Path) -> Iterator[None]:
+    """Make the folder if need be and hold it: no other run may use it meanwhile.
+
+    The lock is a file that names its process. The system lets go of it when the process ends, however it ends; where it
+    cannot, a lock is stale if its process, of the same host, is no more.
+
+    Raises
+    ------
+    FolderError
+        If another run holds it, or nothing can be written there.
+    """
+    path = folder / "lock"
+    try:
+        (folder / "cases").mkdir(parents=True, exist_ok=True)
+        handle = _acquire(path)
+    except FolderError:
+        raise
+    except OSError as error:
+        raise storage.cannot_write(folder, error) from error
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            path.unlink()
+        os.close(handle)
+
+
+def holder(folder: Path) -> Holder | None:
+    """Return the process that runs in a folder now, None if there is none."""
+    path = folder / "lock"
+    try:
+        handle = os.open(path, os.O_RDONLY)
+    except OSError:
+        return None
+    try:
+        found = _named(handle)
+        if found is None or found.host != platform.node():
+            return found
+        return found if (_held(handle) if fcntl else _alive(found)) else None
+    finally:
+        os.close(handle)
+
+
+def _acquire(path: Path) -> int:
+    for attempt in range(ATTEMPTS):
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            if _lock(handle) and _same_file(handle, path):
+                _refuse_foreign(handle, path)
+                os.ftruncate(handle, 0)
+                os.pwrite(handle, json.dumps(vars(_this_process())).encode(), 0)
+                os.fsync(handle)
+                return handle
+            found = _named(handle)
+        except BaseException:
+            os.close(handle)
+            raise
+        os.close(handle)
+        if attempt < ATTEMPTS - 1:
+            time.sleep(PAUSE)
+    who = found or "a process that is just starting"
+    message = f"{path.parent} is in use by {who}; wait for it, end it, or give another --out"
+    raise FolderError(message)
+
+
+def _lock(handle: int) -> bool:
+    """Take the lock unless another process has it."""
+    if fcntl:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError:  # a file system without locks
+            pass
+        else:
+            return True
+    found = _named(handle)
+    return found is None or found.host != platform.node() or not _alive(found)
+
+
+def _held(handle: int) -> bool:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        found = _named(handle)
+        return found is not None and _alive(found)
+    return False
+
+
+def _same_file(handle: int, path: Path) -> bool:
+    """Return whether the lock taken is still the file of that name: a run that ends removes it."""
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def _refuse_foreign(handle: int, path: Path) -> None:
+    found = _named(handle)
+    if found is not None and found.host != platform.node():
+        message = f"{path.parent} is in use by {found}; if that process is no more, remove {path}"
+        raise FolderError(message)
+
+
+def _named(handle: int) -> Holder | None:
+    try:
+        return Holder(**json.loads(os.pread(handle, MAX_BYTES, 0)))
+    except (ValueError, TypeError, OSError, RecursionError):
+        return None
+
+
+def _this_process() -> Holder:
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    return Holder(platform.node(), os.getpid(), now, _birth(os.getpid()))
+
+
+def _alive(found: Holder) -> bool:
+    try:
+        os.kill(found.pid, 0)  # signal 0 asks whether the process lives
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return not found.birth or _birth(found.pid) == found.birth
+
+
+def _birth(pid: int) -> str:
+    """Return when a process started, in the clock ticks of the system; empty where it does not tell."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[19]
+    except (OSError, IndexError):
+        return ""
+
+
+# The study -------------------------------------------------------------------------------------------------------
+
+
+def check_same_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> None:
+    """Refuse a folder that holds another study; one that only adds cases, or changes no answer, is the same.
+
+    Raises
+    ------
+    FolderError
+        With every difference.
+    """
+    path = folder / "study.yaml"
+    if not path.exists():
+        return
+    try:
+        found = differences(loads(path.read_text(encoding="utf-8"), file=path), study)
+    except (StudyError, OSError, UnicodeDecodeError) as error:
+        found = [f"its study.yaml cannot be read: {error}"]
+    if not found and isinstance(next(iter(cases.values())).file, Path) and (strange := strangers(folder, cases)):
+        found = [f"surface.file: the content of {study.surface.file} is not that of {strange[0].stem}"]  # type: ignore[union-attr]
+    if found:
+        lines = "\n".join(f"  {line}" for line in found)
+        message = (
+            f"{folder} holds the results of another study:\n{lines}\n"
+            "give another --out to keep them, or --fresh to compute all anew in this folder"
+        )
+        raise FolderError(message)
+
+
+def differences(old: Study, new: Study) -> list[str]:
+    """Return what makes two studies disagree about a case they share, or lets cases of the old one go; a line each."""
+    before, after = (dict(_flat(study.model_dump(mode="json"))) for study in (old, new))
+    lines = []
+    axes = ("surface.D", "surface.m", "surface.seeds")
+    for name in axes:
+        if name in before and name in after:
+            gone = [value for value in before[name] if value not in after[name]]
+            if gone:
+                lines.append(f"{name}: no longer {', '.join(map(str, gone))}")
+    if _answers(old) == _answers(new):
+        return lines
+    for name in dict.fromkeys([*before, *after]):
+        if before.get(name) != after.get(name) and name not in (*axes, "name"):
+            lines.append(f"{name}: {_shown(before, name)} → {_shown(after, name)}")
+    return lines or ["the surface: its file has changed"]
+
+
+def _answers(study: Study) -> dict[str, Any] | None:
+    """Return what all cases of a study share of what changes their answers."""
+    try:
+        key = study.cases()[0].key
+    except StudyError:  # the height file of then is no more
+        return None
+    key["surface"] = {name: value for name, value in key["surface"].items() if name not in ("D", "m", "seed")}
+    return dict(json.loads(json.dumps(key)))
+
+
+def _flat(data: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in data.items():
+        if isinstance(value, Mapping) and value:
+            yield from _flat(value, f"{before}{name}.")
+        else:
+            yield f"{before}{name}", value
+
+
+def _shown(values: Mapping[str, Any], name: str) -> str:
+    return "not there" if name not in values else json.dumps(values[name], ensure_ascii=False)
+
+
+# The cases -------------------------------------------------------------------------------------------------------
+
+
+def strangers(folder: Path, cases: Mapping[str, Case]) -> list[Path]:
+    """Return the files of cases that are not of this study."""
+    return [path for path in sorted((folder / "cases").glob("*.nc")) if path.stem not in cases]
+
+
+def why_not(path: Path, expected: storage.Labels, *, whole: bool) -> str | None:
+    """Return what is wrong with the file of a case: None if nothing, "missing" if there is none.
+
+    Parameters
+    ----------
+    whole : bool
+        Check every bit, not only that the end is there and says what it should.
+    """
+    if not path.exists():
+        return "missing"
+    try:
+        found = storage.verified(path)[1] if whole else storage.labels(path)
+    except DatasetError as error:
+        return str(error)
+    for name, title in (("format", "format"), ("version", "version of roughvol"), ("case", "case"), ("key", "study")):
+        if found.get(name) != expected[name]:
+            return f"{path} is of another {title}: {found.get(name)!r}, not {expected[name]!r}"
+    return None
+
+
+def set_aside(path: Path, reason: str) -> Path:
+    """Move a file out of the way into ``set_aside``, with its reason beside it, and return where it is now."""
+    target = path.parent / "set_aside" / path.name
+    try:
+        target.parent.mkdir(exist_ok=True)
+        number = 1
+        while target.exists():
+            number += 1
+            target = target.with_name(f"{path.stem}.{number}{path.suffix}")
+        path.replace(target)
+    except OSError as error:
+        raise storage.cannot_write(target, error) from error
+    storage.store(target.with_name(f"{target.name}.reason.txt"), f"{reason}\n".encode())
+    return target
+
+
+def record_failure(folder: Path, id: str, error: str, kind: str) -> None:
+    """Keep the error of a case beside the cases, until it succeeds."""
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    content = {"case": id, "error": error, "type": kind, "date": now}
+    storage.store(failed_file(folder, id), json.dumps(content, indent=1, ensure_ascii=False).encode())
+
+
+def failures(folder: Path, ids: Iterable[str]) -> dict[str, str]:
+    """Return the errors of the cases that failed last."""
+    found = {path.name.removesuffix(".failed.json") for path in (folder / "cases").glob("*.failed.json")}
+    return {id: str(small_json(failed_file(folder, id)).get("error", "unknown")) for id in ids if id in found}
+
+
+def small_json(path: Path) -> dict[str, Any]:
+    """Return what a small file of this folder holds, nothing if it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            found = json.loads(stream.read(MAX_BYTES))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def note(folder: Path, content: Mapping[str, Any]) -> None:
+    """Leave word of what a run is doing; that this cannot be written is no reason to stop."""
+    path = folder / "progress.json"
+    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    with contextlib.suppress(OSError):
+        aside.write_text(json.dumps(content))
+        aside.replace(path)

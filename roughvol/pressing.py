@@ -1,0 +1,171 @@
+"""One case: the paper's Sections 2 and 3 as one function, and the finished steps of a long one kept on the way."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import time
+from collections.abc import Callable, MutableMapping
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from roughvol import checkpoint as checkpoints
+from roughvol import dataset, heightfile, record
+from roughvol._version import __version__
+from roughvol.checkpoint import Checkpoint
+from roughvol.dataset import Dataset
+from roughvol.errors import ContactError, SurfaceError
+from roughvol.physics import halfspace, texture
+from roughvol.physics.contact import first_indentation, indentation_for, sweep
+from roughvol.physics.halfspace import HalfSpace
+from roughvol.physics.surface import Surface, random_midpoint_displacement
+from roughvol.study import Case
+
+HalfSpaces = MutableMapping[tuple[tuple[int, int], str, int], HalfSpace]
+
+FFT = {"library": f"FFTW {halfspace.FFTW_VERSION}", "planner": halfspace.PLANNER}
+
+
+class Stopped(Exception):
+    """A case that was asked to end, and has kept its finished steps."""
+
+
+def run_case(
+    case: Case,
+    *,
+    study: str = "",
+    half_spaces: HalfSpaces | None = None,
+    on_step: Callable[[int], None] | None = None,
+    threads: int = 1,
+    surface: Surface | None = None,
+    checkpoint: Path | None = None,
+    stopping: Callable[[], bool] = lambda: False,
+) -> Dataset:
+    """Return all that is asked about one surface: made (Section 2), pressed step by step (Section 3), reduced.
+
+    Parameters
+    ----------
+    case : Case
+        Surface, sweep, solver, and what to record.
+    study : str
+        Resolved study as text, for the provenance.
+    half_spaces : mutable mapping, optional
+        Holds the half space of the last shape and kernel, for the next case to use.
+    on_step : callable, optional
+        Called with the number of each step solved.
+    threads : int
+        Threads inside a convolution; they change no value.
+    surface : Surface, optional
+        Its surface, if it has been read already.
+    checkpoint : path, optional
+        Where a large case keeps its finished steps meanwhile, and finds those of a run that was killed.
+    stopping : callable, optional
+        Asked after each step of a case with a checkpoint; once it is true the case ends there.
+
+    Raises
+    ------
+    Stopped
+        If it ended because it was asked to, its steps kept.
+    SurfaceError, ContactError, ConvergenceError
+        If there is no surface, no problem or no solution; nothing is returned of a sweep that broke off.
+    """
+    started = time.perf_counter()
+    with threadpool_limits(1):  # a sum split over threads would round differently from machine to machine
+        surface = surface or surface_of(case)
+        values = record.of_surface(case, surface)
+        if case.sweep.steps > 0:
+            held = {} if half_spaces is None else half_spaces
+            half_space = _half_space(surface.shape, case.solver.kernel, threads, held)
+            large = checkpoint is not None and math.prod(surface.shape) >= checkpoints.NODES
+            kept = Checkpoint(checkpoint, case, __version__) if checkpoint is not None and large else None
+            values |= _swept(case, surface, half_space, kept, on_step, stopping)
+    values["wall_time"] = time.perf_counter() - started
+    return dataset.build(case, values, dataset.provenance(study, fft=FFT | {"threads": str(threads)}, case=case))
+
+
+def _swept(
+    case: Case,
+    surface: Surface,
+    half_space: HalfSpace,
+    checkpoint: Checkpoint | None,
+    on_step: Callable[[int], None] | None,
+    stopping: Callable[[], bool],
+) -> record.Values:
+    """Return what is recorded of the sweep, of which the steps that a checkpoint holds are not solved again."""
+    reduction = record.Reduction(case, surface)
+    state = checkpoint.load() if checkpoint else None
+    if state is not None:
+        reduction.restore(state["reduction"])
+    last = state["last"] if state else last_indentation(case, surface, half_space)
+    states = state["states"] if state else []
+    indentations = last * np.arange(1, case.sweep.steps + 1) / case.sweep.steps
+    left = indentations[reduction.steps :]
+    solver = case.solver
+    contacts = sweep(
+        surface,
+        half_space,
+        left,
+        rtol=solver.tolerance,
+        method=solver.method,
+        pressure_error=solver.pressure_error,
+        resume=states,
+    )
+    for contact in contacts:
+        reduction.follow(contact)
+        if on_step is not None:
+            on_step(reduction.steps)
+        if checkpoint is not None:
+            states = [*states, contact.state()][-2:]
+            stopped = stopping()
+            if stopped or checkpoint.due():
+                checkpoint.save({"last": last, "states": states, "reduction": reduction.state()})
+            if stopped:
+                raise Stopped
+    return reduction.values()
+
+
+def surface_of(case: Case) -> Surface:
+    """Return the surface of a case, generated or read from its file."""
+    if case.file is not None:
+        heights = heightfile.read(case.file, variable=case.variable)
+        if hashlib.sha256(case.file.read_bytes()).hexdigest() != case.sha256:
+            message = f"{case.file} has changed since the study was loaded; run the study again"
+            raise SurfaceError(message)
+        return Surface(heights, case.L / (len(heights) - 1))
+    assert case.D is not None
+    assert case.m is not None
+    assert case.seed is not None
+    assert case.midpoint_law is not None
+    return random_midpoint_displacement(case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law)
+
+
+def _half_space(shape: tuple[int, int], kernel: str, threads: int, held: HalfSpaces) -> HalfSpace:
+    key = (shape, kernel, threads)
+    if key not in held:
+        held.clear()  # one at a time: it is the largest thing in memory
+        held[key] = HalfSpace(shape, kernel=kernel, threads=threads)
+    return held[key]
+
+
+def last_indentation(case: Case, surface: Surface, half_space: HalfSpace) -> float:
+    """Return Δ/σ at the end of the sweep: on a plane, at a value given, or where the search for one ends."""
+    target, scale = case.sweep.target, surface.Sq or 1.0
+    value = target.value or 0.0
+    rtol, method = min(case.solver.tolerance, case.solver.pressure_error or 1.0), case.solver.method
+    predicate = record.end_of(case)
+    if predicate is not None:
+        return first_indentation(surface, half_space, predicate, rtol=rtol, method=method)
+    if target.kind in ("contact_area", "pressure"):
+        return indentation_for(surface, half_space, target.kind, value, rtol=rtol, method=method)
+    if target.kind == "indentation":
+        return value
+    if target.kind == "summit-plane":
+        end = (surface.z_max - texture.summit_plane(surface.heights)) / scale
+    else:  # d/σ = value; 0 on the mean plane
+        end = (surface.z_max - surface.mean_height) / scale - value
+    if not end > 0.0:
+        message = f"a sweep to {target.label} would end at Δ/σ = {end:.6g}; allowed: beyond first touch, Δ/σ > 0"
+        raise ContactError(message)
+    return end

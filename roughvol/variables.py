@@ -1,0 +1,119 @@
+"""The one table of every stored variable: dimensions, units, what it is, its symbol and its kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One row of the table: dimensions (``...`` stands for those of the case), units, what it is, its symbol, its kind.
+
+    ``kind`` is "real", "count" (missing: NaN), "index" (missing: -1), "flag" (missing: False) or "text".
+    """
+
+    dims: str
+    units: str
+    long_name: str
+    symbol: str
+    kind: str = "real"
+
+
+VARIABLES: dict[str, Variable] = {
+    # coordinates
+    "D": Variable("D", "1", "fractal dimension of the surface", "D"),
+    "m": Variable("m", "1", "levels of midpoint displacement; 2^m + 1 nodes per side", "m", "index"),
+    "seed": Variable("seed", "1", "seed of the random stream of heights", "seed", "index"),
+    "case": Variable("case", "1", "height file", "case", "text"),
+    "L": Variable("", "length", "length of the first axis", "L"),
+    "step": Variable("step", "1", "loading step", "k", "index"),
+    "x": Variable("x", "1", "position along the first axis over L", "x/L"),
+    "y": Variable("y", "1", "position along the second axis over L", "y/L"),
+    "field_at": Variable("field_at", "1", "state at which fields are kept", "state", "text"),
+    "density_at": Variable("density_at", "1", "state of the density of element volumes", "state", "text"),
+    "box_at": Variable("box_at", "1", "state of the box counting", "state", "text"),
+    "bin": Variable("bin", "1", "bin of the density", "k", "index"),
+    "edge": Variable("edge", "1", "edge of the bins of the density", "k", "index"),
+    "threshold": Variable("threshold", "1", "threshold over the largest element volume", "v_th/v_max"),
+    "r": Variable("r", "1", "side of the boxes in elements", "r/δ", "index"),
+    "size": Variable("size", "1", "smallest size in elements of the class that ends below twice it", "n", "index"),
+    "axis": Variable("axis", "1", "axis of the surface", "axis", "text"),
+    "flux_at": Variable("flux_at", "1", "state at which fluxes are kept", "state", "text"),
+    "r_mid": Variable("r_mid", "1", "geometric mean of two box sides in elements", "r/δ"),
+    # per surface
+    "Sq": Variable("...", "length", "root mean square height about the mean plane", "Sq"),
+    "Sdq": Variable("...", "1", "root mean square slope", "Sdq"),
+    "z_max": Variable("...", "length", "height of the highest point", "z_max"),
+    "hurst_measured": Variable("...", "1", "Hurst exponent from the structure function", "H"),
+    "wall_time": Variable("...", "s", "wall-clock time spent on the case", "t"),
+    "heights": Variable("... x y", "length", "heights of the undeformed surface", "z"),
+    # per step
+    "indentation": Variable("... step", "1", "far-field closing displacement from first touch over Sq", "Δ/σ"),
+    "separation": Variable("... step", "1", "rigid far-field separation of the mean planes over Sq", "d/σ"),
+    "contact_area_fraction": Variable("... step", "1", "fraction of elements in contact", "A*"),
+    "mean_pressure": Variable("... step", "1", "mean pressure times L/(E* Sq)", "p*"),
+    "free_volume": Variable("... step", "1", "mean gap over Sq", "V*"),
+    "iterations": Variable("... step", "1", "iterations of the solver", "iterations", "count"),
+    "convolutions": Variable("... step", "1", "convolutions in double precision", "convolutions", "count"),
+    "convolutions_fp32": Variable("... step", "1", "convolutions in single precision", "convolutions fp32", "count"),
+    "residual": Variable("... step", "1", "largest violation of the contact conditions in the gap over Sq", "η/σ"),
+    "mean_pressure_bound": Variable("... step", "1", "certified bound of the relative error of p*", "|δp*|/p*"),
+    "converged": Variable("... step", "1", "the state was solved and met its residual", "converged", "flag"),
+    # of the void, at the steps a study selects; open: gap > 0; void 4-connected, contact 8-connected
+    "percolates_x": Variable("... step", "1", "1 if void leads from side to side along x, 0 if not", "Π_x", "count"),
+    "percolates_y": Variable("... step", "1", "1 if void leads from side to side along y, 0 if not", "Π_y", "count"),
+    "connected_volume_fraction": Variable("... step", "1", "free volume connected to a side over all", "V_con/V"),
+    "percolating_volume_fraction": Variable(
+        "... step", "1", "free volume that percolates along x or y, over all", "V_per/V"
+    ),
+    "trapped_volume_fraction": Variable("... step", "1", "free volume connected to no side over all", "V_tra/V"),
+    "contact_clusters": Variable("... step", "1", "clusters of contact", "n_c", "count"),
+    "trapped_pockets": Variable("... step", "1", "pockets of void connected to no side", "n_t", "count"),
+    "contact_clusters_by_size": Variable("... step size", "1", "clusters of contact in the class", "n_c(n)", "count"),
+    "trapped_pockets_by_size": Variable("... step size", "1", "pockets of void in the class", "n_t(n)", "count"),
+    "critical_gap_x": Variable("... step", "1", "largest gap over Sq still open from side to side along x", "h_c,x/σ"),
+    "critical_gap_y": Variable("... step", "1", "largest gap over Sq still open from side to side along y", "h_c,y/σ"),
+    "critical_position_x": Variable("... step axis", "1", "position of the critical gap along x over L", "x_c,x/L"),
+    "critical_position_y": Variable("... step axis", "1", "position of the critical gap along y over L", "x_c,y/L"),
+    "transmissivity_x": Variable("... step", "1", "flow along x with g^3, over that of plates at the mean gap", "T_x*"),
+    "transmissivity_y": Variable("... step", "1", "flow along y with g^3, over that of plates at the mean gap", "T_y*"),
+    "transmissivity_conservation_error": Variable("... step", "1", "inflow against outflow over the flow", "ε_T"),
+    "diffusivity_x": Variable("... step", "1", "flow along x with g, over that of plates at the mean gap", "D_x*"),
+    "diffusivity_y": Variable("... step", "1", "flow along y with g, over that of plates at the mean gap", "D_y*"),
+    "diffusivity_conservation_error": Variable("... step", "1", "inflow against outflow over the flow", "ε_D"),
+    "estimate_medium_transmissivity": Variable(
+        "... step", "1", "effective-medium estimate of the transmissivity", "T_em*"
+    ),
+    "estimate_medium_diffusivity": Variable("... step", "1", "effective-medium estimate of the diffusivity", "D_em*"),
+    "estimate_junction_transmissivity_x": Variable("... step", "1", "critical-junction estimate along x", "T_cj,x*"),
+    "estimate_junction_transmissivity_y": Variable("... step", "1", "critical-junction estimate along y", "T_cj,y*"),
+    "estimate_junction_diffusivity_x": Variable("... step", "1", "critical-junction estimate along x", "D_cj,x*"),
+    "estimate_junction_diffusivity_y": Variable("... step", "1", "critical-junction estimate along y", "D_cj,y*"),
+    "transport_time": Variable("... step", "s", "wall-clock time spent on the quantities of the void", "t"),
+    # at the states a study selects
+    "flux_at_step": Variable("... flux_at", "1", "step of the state, -1 where it was not reached", "k", "index"),
+    "flux_x": Variable("... flux_at x y", "1", "flux with g^3 for a flow along x, over that of plates", "|q_x|"),
+    "flux_y": Variable("... flux_at x y", "1", "flux with g^3 for a flow along y, over that of plates", "|q_y|"),
+    "field_at_step": Variable("... field_at", "1", "step of the state, -1 where it was not reached", "k", "index"),
+    "gap": Variable("... field_at x y", "1", "gap over Sq, exactly 0 in contact", "g/σ"),
+    "pressure": Variable("... field_at x y", "1", "contact pressure times L/(E* Sq)", "p L/(E* σ)"),
+    "density_at_step": Variable("... density_at", "1", "step of the state, -1 where it was not reached", "k", "index"),
+    "volume_density": Variable("... density_at bin", "length^-3", "probability density of element volumes", "f(v)"),
+    "volume_density_edges": Variable("... density_at edge", "length^3", "edges of the bins of element volumes", "v"),
+    "box_at_step": Variable("... box_at", "1", "step of the state, -1 where it was not reached", "k", "index"),
+    "volume_max": Variable("... box_at", "length^3", "largest element volume", "v_max"),
+    "box_count": Variable("... box_at threshold r", "1", "boxes that meet the domain v ≤ v_th", "N(r)", "count"),
+    "local_dimension": Variable("... box_at threshold r_mid", "1", "local box dimension -d log N / d log r", "D_box"),
+}
+FIELDS = (
+    "heights",
+    "gap",
+    "pressure",
+    "flux_x",
+    "flux_y",
+)  # the large ones, compressed; smooth doubles still shrink by a tenth or more
+DTYPES = {"real": np.float64, "count": np.float64, "index": np.int64, "flag": np.bool_, "text": object}
+MISSING: dict[str, Any] = {"real": np.nan, "count": np.nan, "index": -1, "flag": False, "text": ""}

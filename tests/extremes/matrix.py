@@ -1,0 +1,320 @@
+"""The extremes: every cell is one surface pressed, checked against all that must be true of any contact.
+
+`CELLS` holds them by group and name. A cell is a function that returns what it found; it fails by an assertion, and any
+warning is an error. What is checked of every state (see `press`): the conditions p ≥ 0, g ≥ 0, p g = 0, contact within
+the overlap; the residual, recomputed by another convolution; V* = d/σ + mean(u)/σ; along the loading A* and p* rise and
+V* falls; and, up to `DENSE` elements, equality with the solution of the dense problem.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from roughvol.errors import ContactError, SurfaceError
+from roughvol.physics.contact import indentation_for, solve, sweep
+from roughvol.physics.halfspace import HalfSpace, kernel_quadrant
+from roughvol.physics.surface import Surface, random_midpoint_displacement
+from roughvol.study import loads
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "physics"))
+from oracles import dense_matrix, exact_pressure, lattice_pressure, scaled_overlap, summed_displacement
+
+DENSE = 300  # elements; beyond, the dense oracle takes too long
+RTOL = 1e-9
+ROUNDING = 1e-13
+
+half_space = lru_cache(maxsize=4)(HalfSpace)
+matrix = lru_cache(maxsize=4)(lambda shape: dense_matrix(kernel_quadrant(shape)))
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a cell reports: largest η/σ, states solved, what was compared beyond the conditions."""
+
+    residual: float
+    states: int
+    compared: str
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One place in the matrix."""
+
+    group: str
+    name: str
+    run: Callable[[], Found]
+    quick: bool
+
+
+CELLS: list[Cell] = []
+
+
+def cells(group: str, values: dict[str, object], quick: Sequence[str] | None = None):
+    """Register a function of one value as a row of cells; those not named in `quick` (all, if None) are slow."""
+
+    def register(function):
+        for name, value in values.items():
+            CELLS.append(Cell(group, name, lambda value=value: _timed(function, value), quick is None or name in quick))
+        return function
+
+    return register
+
+
+def _timed(function, value) -> Found:
+    started = time.perf_counter()
+    found = function(value)
+    return Found(found.residual, found.states, found.compared, time.perf_counter() - started)
+
+
+def mean_plane(surface) -> float:
+    """Δ/σ at d = 0."""
+    return (surface.z_max - surface.mean_height) / (surface.Sq or 1.0)
+
+
+def press(surface, indentations=None, *, rtol=RTOL, thorough=True, **options) -> tuple[Found, list]:
+    """Sweep, check every state, and return the report with the states."""
+    if indentations is None:
+        indentations = mean_plane(surface) * np.arange(1, 6) / 5
+    contacts = list(sweep(surface, half_space(surface.shape), indentations, rtol=rtol, **options))
+    small = surface.heights.size <= DENSE
+    for contact in contacts if thorough else contacts[-1:]:
+        conditions(contact, surface, rtol)
+        if small:
+            dense(contact, surface, rtol)
+    numbers = np.array([(c.contact_area_fraction, c.mean_pressure, -c.free_volume) for c in contacts])
+    assert (np.diff(numbers, axis=0) >= -4 * rtol * np.maximum(1.0, np.abs(numbers[1:]))).all()
+    residual = max(contact.residual for contact in contacts)
+    return Found(residual, len(contacts), "dense solution" if small else "conditions"), contacts
+
+
+def conditions(contact, surface, rtol) -> None:
+    p, g, mask = contact.pressure(), contact.gap(), contact.contact()
+    b = scaled_overlap(surface, contact.indentation)
+    scale = max(1.0, abs(contact.indentation))
+    assert np.isfinite(p).all()
+    assert np.isfinite(g).all()
+    assert p.min() >= 0.0
+    assert g.min() >= 0.0
+    assert not g[mask].any()
+    assert np.array_equal(mask, p > 0.0)
+    assert not (mask & (b < -ROUNDING * scale)).any()
+    u = summed_displacement(lattice_pressure(contact))
+    w = u - b
+    eta = max(np.abs(w[mask]).max(initial=0.0), -float(w.min()))
+    assert eta <= rtol + 50 * ROUNDING * scale
+    assert abs(eta - contact.residual) <= 50 * ROUNDING * scale
+    assert contact.converged
+    assert contact.contact_area_fraction == mask.mean()
+    volume = 0.0 if mask.all() else max(contact.separation + float(u.mean()), 0.0)
+    assert abs(contact.free_volume - volume) <= 50 * ROUNDING * scale
+
+
+def dense(contact, surface, rtol) -> None:
+    b = scaled_overlap(surface, contact.indentation).ravel()
+    exact = exact_pressure(matrix(surface.shape), b)
+    scale = max(1.0, abs(contact.indentation))
+    assert np.abs(matrix(surface.shape) @ (lattice_pressure(contact).ravel() - exact)).max() <= 2 * rtol + 1e-10 * scale
+
+
+def numbers(contacts) -> np.ndarray:
+    return np.array([(c.contact_area_fraction, c.mean_pressure, c.free_volume) for c in contacts])
+
+
+def same(one, other, tolerance) -> None:
+    np.testing.assert_allclose(numbers(one), numbers(other), rtol=tolerance, atol=tolerance)
+
+
+def fractal(D, m, **options):
+    return random_midpoint_displacement(D, m, **options)
+
+
+@cells("D", {f"{D}": D for D in (2.0001, 2.001, 2.1, 2.5, 2.9, 2.999, 2.9999)})
+def over_D(D):
+    found, _ = press(fractal(D, 5, seed=1))
+    small, _ = press(fractal(D, 3, seed=1))
+    return Found(max(found.residual, small.residual), found.states + small.states, "dense solution (m = 3)")
+
+
+@cells("m", {f"{m}": m for m in (*range(1, 11), 12)}, quick=[f"{m}" for m in range(1, 8)])
+def over_m(m):
+    surface = fractal(2.3, m, seed=2)
+    if m <= 10:
+        return press(surface, thorough=m <= 8)[0]
+    space = HalfSpace(surface.shape)  # one solve, not kept
+    contact = solve(surface, space, 0.5 * mean_plane(surface), rtol=1e-6)
+    assert contact.converged
+    return Found(contact.residual, 1, "one solve, η ≤ 1e-6")
+
+
+SCALES = {f"1e{k}": 10.0**k for k in (-250, -100, -12, 12, 100, 250)}
+
+
+@cells("heights ×", SCALES)
+def over_heights(factor):
+    surface = fractal(2.4, 5, seed=3)
+    scaled = Surface(surface.heights * factor, surface.spacing)
+    at = mean_plane(surface) * np.arange(1, 6) / 5
+    found, contacts = press(scaled, at)
+    same(contacts, press(surface, at)[1], 1e-11)
+    return Found(found.residual, found.states, "equal to × 1")
+
+
+@cells("L", {f"1e{k}": 10.0**k for k in (-12, -6, 6, 12)})
+def over_L(L):
+    one, other = fractal(2.4, 5, seed=4, side=1.0), fractal(2.4, 5, seed=4, side=L)
+    at = mean_plane(one) * np.arange(1, 6) / 5
+    found, contacts = press(other, at)
+    same(contacts, press(one, at)[1], 1e-11)
+    return Found(found.residual, found.states, "equal to L = 1")
+
+
+@cells("E*", {f"1e{k}": 10.0**k for k in (-12, -3, 9, 15)})
+def over_modulus(modulus):
+    text = "surface: {{D: 2.4, m: 4, seeds: 1}}\nsweep: {{steps: 4}}\nmaterial: {{E_star: {:e}}}"
+    from roughvol.campaign import run_case
+
+    one, other = (run_case(loads(text.format(E)).cases()[0]) for E in (1.0, modulus))
+    for name in ("contact_area_fraction", "mean_pressure", "free_volume"):
+        assert np.array_equal(one[name], other[name])
+    return Found(float(other.residual.max()), 4, "equal to E* = 1, to the bit")
+
+
+@cells("Δ", {name: name for name in ("one ulp", "1e-300", "1e-9", "full contact", "beyond full contact")})
+def over_indentation(name):
+    surface = fractal(2.3, 3, seed=5)
+    if name in ("one ulp", "1e-300", "1e-9"):
+        at = {"one ulp": np.finfo(float).eps, "1e-300": 1e-300, "1e-9": 1e-9}[name]
+        found, (contact,) = press(surface, [at])
+        alone = math.pi * 8 / kernel_quadrant((1, 1))[0, 0] * at
+        assert contact.contact().sum() == 1
+        assert abs(contact.pressure().max() / alone - 1.0) < 1e-12
+        return Found(found.residual, 1, "one element alone")
+    full = indentation_for(surface, half_space(surface.shape), "contact_area", 1.0)
+    if name == "full contact":
+        found, contacts = press(surface, [0.99 * full, full])
+        assert contacts[-1].contact_area_fraction == 1.0
+        return found
+    found, contacts = press(surface, [full * k for k in (1.0, 2.0, 3.0, 10.0)])
+    p = numbers(contacts)
+    assert (p[:, 0] == 1.0).all()
+    assert not p[:, 2].any()
+    slopes = np.diff(p[:, 1]) / np.diff([c.indentation for c in contacts])
+    np.testing.assert_allclose(slopes, slopes[0], rtol=1e-8)
+    return Found(found.residual, found.states, "linear loading")
+
+
+def _shapes() -> dict[str, np.ndarray]:
+    rng = np.random.Generator(np.random.PCG64(6))
+    i, j = np.indices((17, 17))
+    bowl = -((i - 8.0) ** 2 + (j - 8.0) ** 2)
+    spike, plateau, step = np.zeros((17, 17)), np.zeros((17, 17)), np.zeros((17, 17))
+    spike[8, 5], plateau[4:12, 4:12], step[:, :8] = 1.0, 1.0, 1.0
+    denormal = rng.standard_normal((17, 17))
+    denormal[denormal < 0.5] = 5e-324
+    outliers = rng.standard_normal((17, 17))
+    outliers[2, 3], outliers[11, 4], outliers[14, 14] = 1e4, -1e6, 40.0
+    terraces = np.round(rng.standard_normal((17, 17)))
+    return {
+        "flat": np.full((17, 17), 3.0),
+        "one spike": spike,
+        "one pit": -spike,
+        "a step": step,
+        "plateau with ties": plateau,
+        "terraces": terraces,
+        "perfect symmetry": bowl,
+        "checkerboard": ((i + j) % 2).astype(float),
+        "denormals among heights": denormal,
+        "one ulp high": 1.0 + np.finfo(float).eps * ((i * j) % 3),
+        "white noise": rng.standard_normal((17, 17)),
+        "outliers": outliers,
+        "3 × 3": rng.standard_normal((3, 3)),
+        "3 × 80": rng.standard_normal((3, 80)),
+        "80 × 3": rng.standard_normal((80, 3)),
+    }
+
+
+SHAPES = _shapes()
+
+
+@cells("shape", {name: name for name in SHAPES})
+def over_shapes(name):
+    surface = Surface(SHAPES[name], 0.5)
+    end = mean_plane(surface) or 1.0
+    found, contacts = press(surface, end * np.array([1e-6, 0.1, 0.5, 1.0, 3.0, 1000.0]))
+    if name == "perfect symmetry":
+        for contact in contacts:
+            p = contact.pressure()
+            for turned in (p.T, p[::-1], p[:, ::-1]):
+                np.testing.assert_allclose(p, turned, atol=1e-8 * p.max())
+        return Found(found.residual, found.states, "dense solution, symmetry")
+    return found
+
+
+@cells("size", {"3 × 4000": (3, 4000), "4000 × 3": (4000, 3), "129 × 33": (129, 33)}, quick=["129 × 33", "3 × 4000"])
+def over_sizes(shape):
+    rng = np.random.Generator(np.random.PCG64(7))
+    surface = Surface(rng.standard_normal(shape), 1.0)
+    found, contacts = press(surface, [1.0, 2.0, 4.0, 8.0])
+    turned = Surface(surface.heights.T.copy(), 1.0)
+    again = press(turned, [1.0, 2.0, 4.0, 8.0])[1]
+    for one, other in zip(contacts, again, strict=True):
+        assert one.contact_area_fraction == other.contact_area_fraction
+        assert abs(one.free_volume - other.free_volume) <= 2 * RTOL
+    return Found(found.residual, found.states, "equal when turned")
+
+
+@cells("steps", {"1": 1, "60": 60, "10000": 10_000}, quick=["1", "60"])
+def over_steps(steps):
+    surface = fractal(2.5, 4, seed=8)
+    at = mean_plane(surface) * np.arange(1, steps + 1) / steps
+    found, contacts = press(surface, at, thorough=steps < 100)
+    same(contacts[-1:], [solve(surface, half_space(surface.shape), at[-1], rtol=RTOL)], 1e-8)
+    return Found(found.residual, found.states, "last state = one solve")
+
+
+@cells("precision", {f"{how}, {rtol:.0e}": (how, rtol) for how in ("mixed", "double") for rtol in (1e-1, 1e-6, 1e-12)})
+def over_precision(choice):
+    how, rtol = choice
+    surface = fractal(2.5, 6, seed=9)
+    found, contacts = press(surface, rtol=rtol, precision=how)
+    exact = press(surface, rtol=1e-12, precision="double")[1]
+    for contact, reference in zip(contacts, exact, strict=True):
+        assert abs(contact.free_volume - reference.free_volume) <= contact.residual + 1e-11
+        assert abs(contact.mean_pressure / reference.mean_pressure - 1.0) <= 1.01 * contact.mean_pressure_bound + 1e-11
+    return Found(found.residual, found.states, "bounds of V* and p* hold")
+
+
+REFUSED = (
+    *("η below reach", "D = 2", "D = 3", "m = 0", "m = 15", "NaN", "infinite"),
+    *("denormals alone", "heights × 1e-300", "2 × 9"),
+)
+
+
+@cells("refused", {name: name for name in REFUSED})
+def refusals(name):
+    if name == "η below reach":
+        surface = fractal(2.5, 3)
+        with pytest.raises(ContactError, match="the residual η/σ that double precision can reach"):
+            solve(surface, half_space(surface.shape), 500.0, rtol=1e-14)
+        return Found(0.0, 0, "error says the best reachable η")
+    bad = {"NaN": np.nan, "infinite": np.inf, "denormals alone": 1e-323, "heights × 1e-300": 1e-300}
+    try:
+        if name in bad or name == "2 × 9":
+            heights = np.zeros((2, 9) if name == "2 × 9" else (9, 9))
+            heights[1, 1] = bad.get(name, 1.0)
+            Surface(heights, 1.0)
+        else:
+            fractal(float(name[4:]) if name[0] == "D" else 2.3, int(name[4:]) if name[0] == "m" else 4)
+    except SurfaceError:
+        return Found(0.0, 0, "clear error beforehand")
+    raise AssertionError(name)

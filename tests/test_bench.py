@@ -1,0 +1,31 @@
+"""The counts of the benchmark, on its small rows: no change makes a sweep take more convolutions unseen."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.bench import solver
+
+BASELINE = {(r["m"], r["D"], r["rtol"], r["seed"]): r for r in json.loads(solver.BASELINE.read_text(encoding="utf-8"))}
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
+@pytest.mark.parametrize("D", [2.1, 2.9])
+@pytest.mark.parametrize("m", [5, 6, 7])
+def test_a_sweep_takes_no_more_convolutions_than_the_baseline(m, D, rtol):
+    row = solver.measure({"m": m, "D": D, "rtol": rtol, "seed": 0, "threads": 1})
+    stored = BASELINE[m, D, rtol, 0]
+    # another processor rounds differently, which shifts single iterations of the sixty steps
+    for kind in ("fp64", "fp32"):
+        assert row[kind] <= 1.1 * stored[kind] + 0.1, kind
+    assert row["residual"] <= rtol
+    assert stored["fp64"] >= 1.0
+
+
+def test_growth_is_reported():
+    stored = json.loads(solver.BASELINE.read_text(encoding="utf-8"))
+    assert solver.regressions(stored) == []
+    worse = [stored[0] | {"fp64": stored[0]["fp64"] + 1.0}, stored[1] | {"m": 99}]
+    assert len(solver.regressions(worse)) == 2

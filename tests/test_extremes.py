@@ -1,0 +1,19 @@
+"""The matrix of extremes; `make extremes` runs all of it and writes docs/extremes.md."""
+
+from __future__ import annotations
+
+import pytest
+from extremes.matrix import CELLS, Cell
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [
+        pytest.param(cell, id=f"{cell.group} {cell.name}", marks=[] if cell.quick else [pytest.mark.slow])
+        for cell in CELLS
+    ],
+)
+def test_extreme(cell: Cell) -> None:
+    found = cell.run()
+    assert found.residual <= 0.1
+    assert found.compared
