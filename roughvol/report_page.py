@@ -178,7 +178,8 @@ def _verdicts(report: Report) -> str:
         for c in report.claims
     )
     return (
-        "<h2 id='verdicts'>Verdicts</h2><p>A verdict follows from criteria in the code; those revised after a first look are named under Decisions. "
+        "<h2 id='verdicts'>Verdicts</h2><p>A verdict follows from criteria in the code; those revised after a first "
+        "look are named under Decisions. "
         "<b>Holds</b>: every "
         "criterion is met. <b>With a qualification</b>: no essential criterion fails, but another does, or one is "
         "undecided "
