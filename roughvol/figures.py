@@ -85,18 +85,25 @@ def missing(name: str, ds: Dataset) -> str | None:
     return None
 
 
+def guarded(draw: Draw, missing: Callable[[str, Dataset], str | None]) -> Draw:
+    """Return the figure in our style, refusing with the reason where the dataset lacks what it needs."""
+
+    @functools.wraps(draw)
+    def checked(ds: Dataset) -> Figure:
+        reason = missing(draw.__name__, ds)
+        if reason is not None:
+            raise DatasetError(reason)
+        with mpl.rc_context(STYLE):
+            return draw(ds)
+
+    return checked
+
+
 def _figure(*variables: str, by: str = "") -> Callable[[Draw], Draw]:
     """Register a figure and what it needs; called without that, it raises the reason as a `DatasetError`."""
 
     def register(draw: Draw) -> Draw:
-        @functools.wraps(draw)
-        def checked(ds: Dataset) -> Figure:
-            reason = missing(draw.__name__, ds)
-            if reason is not None:
-                raise DatasetError(reason)
-            with mpl.rc_context(STYLE):
-                return draw(ds)
-
+        checked = guarded(draw, missing)
         NEEDS[draw.__name__], FIGURES[draw.__name__] = (variables, by), checked
         return checked
 

@@ -7,23 +7,19 @@ percolation ends where the last way of its surface has closed: beyond its last s
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from roughvol.errors import DatasetError
 from roughvol.figures import (
     CONTACT,
     DPI,
     LABELS,
     PAGE,
-    STYLE,
     A,
     Family,
     P,
@@ -33,6 +29,7 @@ from roughvol.figures import (
     _legend,
     _own,
     _single,
+    guarded,
 )
 
 if TYPE_CHECKING:
@@ -65,14 +62,7 @@ def _figure(*variables: str) -> Callable[[Draw], Draw]:
     """Register a figure and what it needs; called without that, it raises the reason as a `DatasetError`."""
 
     def register(draw: Draw) -> Draw:
-        @functools.wraps(draw)
-        def checked(ds: Dataset) -> Figure:
-            reason = missing(draw.__name__, ds)
-            if reason is not None:
-                raise DatasetError(reason)
-            with mpl.rc_context(STYLE):
-                return draw(ds)
-
+        checked = guarded(draw, missing)
         NEEDS[draw.__name__], FIGURES[draw.__name__] = variables, checked
         return checked
 

@@ -5,17 +5,14 @@ Markers are the means over the surfaces (errors: the largest of any), colours na
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from roughvol.errors import DatasetError
-from roughvol.figures import DPI, PAGE, STYLE
+from roughvol.figures import DPI, PAGE, guarded
 from roughvol.tradeoff import QUANTITIES, RUNG
 
 if TYPE_CHECKING:
@@ -46,14 +43,7 @@ def missing(name: str, ds: Dataset) -> str | None:
 
 def _figure(ladder: str) -> Callable[[Draw], Draw]:
     def register(draw: Draw) -> Draw:
-        @functools.wraps(draw)
-        def checked(ds: Dataset) -> Figure:
-            reason = missing(draw.__name__, ds)
-            if reason is not None:
-                raise DatasetError(reason)
-            with mpl.rc_context(STYLE):
-                return draw(ds)
-
+        checked = guarded(draw, missing)
         FIGURES[draw.__name__], LADDERS[draw.__name__] = checked, ladder
         return checked
 
