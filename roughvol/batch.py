@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from roughvol import dataset, folder, resources, storage, workers
+from roughvol import dataset, folder, ledger, resources, storage, workers
 from roughvol.errors import CampaignError, RoughvolError
-from roughvol.folder import case_file, checkpoint_file, failed_file
+from roughvol.folder import case_file, checkpoint_file, failed_file, ledger_file
 from roughvol.physics.surface import Surface
 from roughvol.pressing import HalfSpaces, Stopped, run_case
 from roughvol.resources import cores
@@ -42,13 +42,15 @@ class Progress:
 
 OnEvent = Callable[[Progress], None]
 
-_Task = tuple[Case, str, int, Path | None, Surface | None]
+_Task = tuple[Case, str, int, Path, str | None, Surface | None]
 _held: HalfSpaces = {}  # in a worker process: the half space of its last case
 
 
 def _work(task: _Task, tell: workers.Tell) -> bytes | None:
     """Return the file of a case; None if it was asked to end early and has kept its steps."""
-    case, text, threads, checkpoint, surface = task
+    case, text, threads, checkpoint, mark, surface = task
+    # On another machine the path may lead anywhere; what has the same lock is the folder of this run.
+    shared = mark is None or folder.mark(checkpoint.parent.parent) == mark != ""
     try:
         result = run_case(
             case,
@@ -57,7 +59,7 @@ def _work(task: _Task, tell: workers.Tell) -> bytes | None:
             on_step=lambda step: tell((case.id, step)),
             threads=threads,
             surface=surface,
-            checkpoint=checkpoint,
+            checkpoint=checkpoint if shared else None,
             stopping=workers.stop_asked,
         )
     except Stopped:
@@ -105,9 +107,9 @@ class Batch:
         if scheduler is None:
             jobs = self._limited(min(jobs, len(self._cases)), jobs)
         threads = 1 if scheduler else max(1, jobs // len(self._cases))  # cores left over work inside the convolutions
+        place, mark = self._place.resolve(), folder.mark(self._place) if scheduler else None
         tasks: list[_Task] = [
-            (case, self._text, threads, None if scheduler else checkpoint_file(self._place, case.id), self._surface)
-            for case in self._cases
+            (case, self._text, threads, checkpoint_file(place, case.id), mark, self._surface) for case in self._cases
         ]
         try:
             workers.each(
@@ -162,11 +164,12 @@ class Batch:
         self._reached.pop(case.id, None)
         if result is not None:
             _, found = storage.unstamped(result, case_file(self._place, case.id))
-            if found != dataset.labels_for(case):
+            if folder.mismatch(case_file(self._place, case.id), found, case):
                 message = f"a worker has another version of roughvol: {found['version']}"
                 error = CampaignError(message)
             else:
                 storage.store(case_file(self._place, case.id), result)
+                ledger.add(ledger_file(self._place), case.id, case_file(self._place, case.id))
                 for path in (failed_file(self._place, case.id), checkpoint_file(self._place, case.id)):
                     with contextlib.suppress(OSError):
                         path.unlink(missing_ok=True)

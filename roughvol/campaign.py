@@ -10,17 +10,17 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
-from roughvol import dataset, folder, storage, workers
+from roughvol import collecting, dataset, dimensional, folder, ledger, storage, workers
 from roughvol.batch import Batch, OnEvent, Progress
-from roughvol.dataset import Dataset
+from roughvol.dataset import Arrays, Dataset
 from roughvol.errors import CampaignError, DatasetError
-from roughvol.folder import Holder, case_file, checkpoint_file
+from roughvol.folder import case_file, checkpoint_file, folder_of, ledger_file
 from roughvol.physics.surface import Surface
 from roughvol.pressing import FFT, HalfSpaces, last_indentation, run_case, surface_of
 from roughvol.resources import cores
+from roughvol.standing import Status, status
 from roughvol.study import Case, Study, load
 
 __all__ = [
@@ -39,24 +39,7 @@ __all__ = [
     "surface_of",
 ]
 
-
-@dataclass(frozen=True)
-class Status:
-    """What is there of a study: its folder and the ids of its cases that are done, missing, running, damaged, failed.
-
-    ``damaged`` holds a reason for each, ``failed`` the error. ``holder`` is the process that runs now, ``left`` its
-    estimate of the seconds to go, None if there is none yet.
-    """
-
-    folder: Path
-    done: tuple[str, ...]
-    missing: tuple[str, ...]
-    damaged: Mapping[str, str]
-    collected: bool
-    running: tuple[str, ...] = ()
-    failed: Mapping[str, str] = field(default_factory=dict)
-    holder: Holder | None = None
-    left: float | None = None
+NAMED = 10  # files set aside that are told of one by one
 
 
 def run(
@@ -128,41 +111,13 @@ def run(
             Batch(place, text, missing, kept, surface, on_event).through(jobs, scheduler, stopping)
         elif on_event is not None:
             on_event(Progress(cases=len(cases), kept=len(cases), work=1.0))
-        return _collected(place, cases, text)
-
-
-def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
-    """Return what the cases of a study have come to in a folder, also while a run is going on there.
-
-    Of each file only the end is read; whether every bit of it is sound, the next run finds out.
-    """
-    study = study if isinstance(study, Study) else load(study)
-    place, cases = folder_of(study, out), _cases(study)
-    holder = folder.holder(place)
-    now = folder.small_json(place / "progress.json") if holder else {}
-    done, missing, damaged = [], [], {}
-    failed = folder.failures(place, cases)
-    running = tuple(id for id in now.get("running", ()) if id in cases)
-    there = {path.stem for path in (place / "cases").glob("*.nc")}
-    for id, case in cases.items():
-        why = folder.why_not(case_file(place, id), dataset.labels_for(case), whole=False) if id in there else "missing"
-        if why is None:
-            done.append(id)
-        elif id in running or id in failed:
-            continue
-        elif why == "missing":
-            missing.append(id)
-        else:
-            damaged[id] = why
-    running = tuple(id for id in running if id not in set(done))
-    failed = {id: error for id, error in failed.items() if id not in {*done, *running}}
-    collected = (place / "study.nc").is_file()
-    left = now.get("left")
-    return Status(place, tuple(done), tuple(missing), damaged, collected, running, failed, holder, left)
+        return _collected(place, cases, study, stopping)
 
 
 def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset:
     """Return the cases that are done as one dataset, also of a run that is not finished; nothing is written.
+
+    A file that is not sound is left out, and told of by `status` or the next run.
 
     Raises
     ------
@@ -171,36 +126,37 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
     """
     study = study if isinstance(study, Study) else load(study)
     place, cases = folder_of(study, out), _cases(study)
-    parts = []
-    done = []
-    for id, case in cases.items():
-        if folder.why_not(case_file(place, id), dataset.labels_for(case), whole=False) is None:
-            with contextlib.suppress(DatasetError):  # what is not sound is left out here, and told of by the next run
-                parts.append(dataset.read_arrays(case_file(place, id)))
-                done.append(id)
-    if not done:
+    parts, _ = collecting.sound_parts(place, cases)
+    if not parts:
         message = f"no case of {study.name} is finished in {place}"
         raise DatasetError(message)
-    return dataset.combine(parts, dataset.provenance(study.to_yaml(), fft=FFT, ids=done))
+    return _combined(parts, cases, study)
 
 
 def check_surfaces(study: Study) -> Surface | None:
-    """Read the height file of a study once, so that a bad one is known before anything is computed or written.
+    """Read the height files of a study once, so that a bad one is known before anything is computed or written.
 
-    A netCDF file is read in a process of its own, since its library may crash on a damaged one.
+    Those that libraries in C read (netCDF, instruments) are read in a process of its own: these may crash on a damaged
+    file.
 
     Raises
     ------
     SurfaceError, DatasetError
         If its heights are not a surface, or cannot be read.
+    StudyError
+        If the study wants lengths in units that nothing tells.
     """
     for case in study.cases():
+        dimensional.check(case)
         if case.file is None:
             return None
-        if case.file.suffix.lower() != ".nc":
+        if all(body.file.suffix.lower() in READ_HERE for body in case.bodies):
             return surface_of(case)
         return _read_apart(case)
     return None
+
+
+READ_HERE = (".npy", ".npz", ".txt", ".csv", ".asc")
 
 
 def _read_apart(case: Case) -> Surface:
@@ -214,7 +170,8 @@ def _read_apart(case: Case) -> Surface:
     )
     surface, error = ended[0]
     if isinstance(error, workers.Lost):
-        message = f"{case.file}: cannot be read as .nc: the netCDF library crashes on it, it is damaged"
+        files = " or ".join(str(body.file) for body in case.bodies)
+        message = f"{files}: cannot be read: the library for this format crashes on it, it is damaged"
         raise DatasetError(message) from error
     if error is not None:
         raise error
@@ -223,11 +180,6 @@ def _read_apart(case: Case) -> Surface:
 
 def _read(case: Case, tell: workers.Tell) -> Surface:
     return surface_of(case)
-
-
-def folder_of(study: Study, out: str | Path | None = None) -> Path:
-    """Return the folder of the results: the one given, or ``runs/<name of the study>``."""
-    return Path("runs") / study.name if out is None else Path(out)
 
 
 def _cases(study: Study) -> dict[str, Case]:
@@ -239,36 +191,65 @@ def _sorted_out(place: Path, cases: Mapping[str, Case], *, fresh: Collection[str
     storage.remove_leftovers(place / "cases")
     storage.remove_leftovers(place)
     bad = {path: f"{path} is no case of this study" for path in folder.strangers(place, cases)}
-    missing = []
+    there = ledger.files(place / "cases", ".nc")
+    missing, sound = [], {}
     for id, case in cases.items():
         path = case_file(place, id)
-        why = folder.why_not(path, dataset.labels_for(case), whole=True) if id not in fresh else "missing"
-        if why is not None:
-            missing.append(case)
-        if why not in (None, "missing"):
-            bad[path] = str(why)
+        why = folder.why_not(path, case, whole=True) if id in there and id not in fresh else "missing"
+        if why is None:
+            sound[id] = there[id]
+            continue
+        missing.append(case)
+        if why != "missing":
+            bad[path] = f"{why}; it is computed again"
+    together = place / "study.nc"
+    if together.exists():
+        try:
+            storage.verified(together)
+        except DatasetError as error:
+            bad[together] = f"{error}; it is made again from the cases"
     notices = [f"set aside: {why} (now {folder.set_aside(path, why)})" for path, why in bad.items()]
     try:
         if missing:
-            (place / "study.nc").unlink(missing_ok=True)  # it would not belong to the cases beside it
+            together.unlink(missing_ok=True)  # it would not belong to the cases beside it
+        for path in (place / "cases").glob(".*.checkpoint"):
+            if path.name.removeprefix(".").removesuffix(".checkpoint") in sound:  # of a worker that did not know
+                path.unlink(missing_ok=True)
         for case in (case for case in missing if case.id in fresh):
             for path in (case_file(place, case.id), checkpoint_file(place, case.id)):
                 path.unlink(missing_ok=True)
     except OSError as error:
         raise storage.cannot_write(place, error) from error
-    return notices, missing
+    ledger.write(ledger_file(place), sound)
+    return _few(notices, place), missing
 
 
-def _collected(place: Path, cases: Mapping[str, Case], text: str) -> Dataset:
+def _few(notices: list[str], place: Path) -> list[str]:
+    if len(notices) <= NAMED + 1:
+        return notices
+    more = f"set aside: {len(notices) - NAMED} more, each with its reason beside it in {place / 'cases' / 'set_aside'}"
+    return [*notices[:NAMED], more]
+
+
+def _collected(place: Path, cases: Mapping[str, Case], study: Study, stopping: Callable[[], bool]) -> Dataset:
     path = place / "study.nc"
     with contextlib.suppress(DatasetError):
         stored = dataset.read(path)
-        if stored.attrs["study"] == text and stored.attrs.get("case_ids") == dataset.ids_text(cases):
+        if stored.attrs.get("study") == study.to_yaml() and stored.attrs.get("case_ids") == dataset.ids_text(cases):
             return stored
-    dataset.write(_combined(place, cases, text), path)
+    parts, bad = collecting.sound_parts(place, cases, stopping)
+    absent = [f"{case_file(place, id)} has vanished" for id in cases if id not in parts and id not in bad]
+    if absent or bad:
+        message = "\n".join([*bad.values(), *absent])
+        raise DatasetError(message)
+    dataset.write(_combined(parts, cases, study), path)
     return dataset.read(path)
 
 
-def _combined(place: Path, cases: Mapping[str, Case], text: str) -> Dataset:
-    parts = [dataset.read_arrays(case_file(place, id)) for id in cases]
-    return dataset.combine(parts, dataset.provenance(text, fft=FFT, ids=cases))
+def _combined(parts: Mapping[str, Arrays], cases: Mapping[str, Case], study: Study) -> Dataset:
+    one = next(iter(cases.values()))
+    unit, region = one.length_unit, one.record.region
+    attributes = dataset.provenance(study.to_yaml(), fft=FFT, ids=parts, region=region, length_unit=unit)
+    if one.surface_text:
+        attributes["surface"] = one.surface_text
+    return dimensional.in_units(dataset.combine(list(parts.values()), attributes), study, unit)

@@ -8,10 +8,13 @@ is as good as none.
 from __future__ import annotations
 
 import contextlib
+import importlib.metadata
 import io
 import json
+import platform
 import time
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from roughvol import storage
+from roughvol._version import __version__
 from roughvol.errors import DatasetError
 from roughvol.study import Case
 
@@ -27,13 +31,18 @@ NODES = 1025**2  # from which on a case is worth it
 
 State = dict[str, Any]
 
+# What numpy, zipfile and json raise on bytes that nobody here has packed.
+_UNREADABLE = (
+    *(DatasetError, ValueError, LookupError, TypeError, AttributeError, EOFError, MemoryError, RecursionError),
+    *(NotImplementedError, OverflowError, RuntimeError, zipfile.BadZipFile, zlib.error),
+)
+
 
 class Checkpoint:
-    """Where the steps of one case are kept."""
+    """Where the steps of one case are kept; ``numerics`` tells with what they are computed, see the function."""
 
-    def __init__(self, path: Path, case: Case, version: str) -> None:
-        key = json.dumps(case.key, sort_keys=True)
-        self._path, self._labels = path, {"case": case.id, "key": key, "version": version}
+    def __init__(self, path: Path, case: Case, numerics: str) -> None:
+        self._path, self._labels = path, {"case": case.id, "key": case.key_text, "numerics": numerics}
         self._last = time.monotonic()
 
     def load(self) -> State | None:
@@ -41,7 +50,7 @@ class Checkpoint:
         try:
             content, labels = storage.verified(self._path)
             return unpacked(content) if labels == self._labels else None
-        except (DatasetError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        except _UNREADABLE:
             return None
 
     def due(self) -> bool:
@@ -53,6 +62,25 @@ class Checkpoint:
         with contextlib.suppress(DatasetError):
             storage.store(self._path, storage.stamped(packed(state), self._labels))
         self._last = time.monotonic()
+
+
+def numerics() -> str:
+    """Return what decides on the last bit: versions and vector units; a sweep is not carried on by other ones."""
+    names = ("numpy", "scipy", "pyfftw")
+    versions = [f"{name} {importlib.metadata.version(name)}" for name in names]
+    return ", ".join([f"roughvol {__version__}", *versions, platform.machine(), *_vector_units()])
+
+
+def _vector_units() -> list[str]:
+    """Return the vector units of this processor, as far as the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return [platform.processor()]
+    flags = next(
+        (line.split(":", 1)[1].split() for line in lines if line.lower().startswith(("flags", "features"))), []
+    )
+    return sorted(flag for flag in flags if flag.startswith(("sse", "avx", "fma", "asimd", "sve", "amx")))
 
 
 def packed(state: State) -> bytes:

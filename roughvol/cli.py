@@ -18,6 +18,8 @@ from roughvol.errors import CampaignError, ContactError, ConvergenceError, Datas
 if TYPE_CHECKING:
     from roughvol.campaign import Progress
     from roughvol.dataset import Dataset
+    from roughvol.physics.surface import Surface
+    from roughvol.study import Case
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SHOWN = 50  # cases of a kind that `status` names
@@ -72,8 +74,10 @@ def check(study: Path) -> None:
     from roughvol.study import load
 
     loaded = load(study)
-    campaign.check_surfaces(loaded)
+    surface = campaign.check_surfaces(loaded)
     click.echo(loaded.to_yaml())
+    if surface is not None:
+        click.echo(_measured(surface, loaded.cases()[0]))
     click.echo(_cost(estimate.estimate(loaded)))
     for choice in estimate.choices(loaded):
         area, pressure, volume = choice.errors
@@ -135,15 +139,17 @@ def run(
 @OUT
 def status(study: Path, out: Path | None) -> None:
     """Say which cases of STUDY are finished, running, failed or missing, also while a run is going on."""
-    from roughvol import campaign
+    from roughvol import standing
 
-    state = campaign.status(study, out)
+    state = standing.status(study, out)
     left, several = len(state.running) + len(state.missing), (state.failed, state.damaged)
     total = len(state.done) + left + sum(map(len, several))
     click.echo(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))
     if state.holder is not None:
         time_left = f", about {_duration(state.left)} left" if state.left is not None else ""
         click.echo(f"a run is going on: {state.holder}{time_left}")
+    if state.strange:
+        click.echo(f"  {_count(state.strange, 'file')} of cases that are not of this study")
     for title, ids in (("running", state.running), ("missing", state.missing)):
         for id in ids[:SHOWN]:
             click.echo(f"  {id}  {title}")
@@ -277,12 +283,29 @@ def _summary(results: Dataset, path: Path) -> str:
         if not bool(results.converged.where(solved, True).all()):
             message = f"states that did not converge are stored in {path}; this should not happen, please report it"
             raise CampaignError(message)
+    if "observable" in results.sizes:
+        seconds = results.observable_time
+        taken = {name.item(): float(seconds.sel(observable=name).sum()) for name in results.observable}
+        each = (f"{name} {_duration(total)}" for name, total in taken.items())
+        lines.append(f"of the time of the cases: {', '.join(each)}")
     for dim in ("field_at", "density_at", "box_at"):
         for label in results.get(dim, ()):
             absent = int((results[f"{dim}_step"].sel({dim: label}) < 0).sum())
             if absent:
                 lines.append(f"{label.item()} was not reached in {_count(absent, 'case')}")
     return "\n".join([*lines, str(path)])
+
+
+def _measured(surface: Surface, case: Case) -> str:
+    unit = case.length_unit or "in the unit of the heights"
+    rows, columns = surface.shape
+    lines = [f"# surface {rows} x {columns} nodes, L = {case.L:.6g} {unit}, Sq = {surface.Sq:.6g}"]
+    if case.surface_text:
+        lines.append(f"#         {case.surface_text}")
+    if surface.filled:
+        share = surface.filled / (rows * columns)
+        lines.append(f"#         {surface.filled} of its heights were missing and are filled ({share:.2%})")
+    return "\n".join(lines)
 
 
 def _cost(cost: Any) -> str:

@@ -2,8 +2,9 @@
 
 Conventions of the stored numbers
 ---------------------------------
-Starred quantities are dimensionless (lengths over Sq, pressure times L/(E* Sq)); a unit called ``length`` is that in
-which the study gives L. Positions x and y are over L, so that a coarse lattice lies on the nodes of a fine one.
+Starred quantities are dimensionless (lengths over Sq, pressure times L/(E* Sq)); where the table says ``length``, the
+file says the unit of the study, and ``length`` if that has none. Positions x and y are over L, so that a coarse lattice
+lies on the nodes of a fine one.
 
 A surface has the dimensions ``(D, m, seed)``, or ``(case,)`` when its heights come from a file; ``...`` in the table
 stands for either. One case is stored with these dimensions of length 1. A study is the union of its cases by label;
@@ -17,7 +18,6 @@ what a case does not have (a state that was not reached, a node that a coarse la
 from __future__ import annotations
 
 import datetime
-import hashlib
 import importlib.metadata
 import json
 import os
@@ -33,17 +33,17 @@ from numpy.typing import ArrayLike, NDArray
 from xarray import Dataset
 from xarray.backends import NetCDF4DataStore
 
-from roughvol import storage
+from roughvol import columns, storage
 from roughvol._version import __version__
+from roughvol.columns import Arrays
 from roughvol.errors import DatasetError
-from roughvol.study import Case
-from roughvol.variables import DTYPES, FIELDS, MISSING, VARIABLES, Variable
+from roughvol.storage import FORMAT
+from roughvol.study import Case, Region
+from roughvol.variables import DTYPES, FIELDS, MISSING, TIMES, VARIABLES, Variable
 
 __all__ = ["VARIABLES", "Dataset", "Variable", "build", "combine", "provenance", "read", "write"]
 
-Arrays = dict[str, tuple[tuple[str, ...], NDArray[Any]]]  # values by name, with their dimensions
-
-FORMAT = "roughvol 1"  # of the files: names, dimensions and units as in the table below
+SMALL = 1 << 20  # bytes of a case up to which its values stand in its file a second time, as columns
 REFERENCE = (
     "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, "
     "Wear 336-337 (2015) 86-95, https://doi.org/10.1016/j.wear.2015.04.021"
@@ -53,7 +53,7 @@ CONVENTIONS = (
     "every node is a square element of side spacing = L/(rows-1); contact = elements with pressure > 0; "
     "starred: lengths over Sq, pressure times L/(E_star Sq), E_star = E/(1-nu^2); "
     "separation = (z_max - mean(z) - indentation)/Sq, the rigid far-field one; x and y over L; "
-    "unit 'length' is that of L in the study"
+    "unit 'length' is that of L in the study, and arbitrary"
 )
 
 
@@ -119,13 +119,16 @@ def combine(cases: Sequence[Dataset | Arrays], attributes: Mapping[str, str]) ->
     shaped: dict[str, tuple[str, ...]] = {}
     for part in parts:
         index = {dim: [places[dim][label] for label in part[dim][1].tolist()] for dim in part if dim in dims}
+        spots: dict[tuple[str, ...], Any] = {}
         for name, (along, values) in part.items():
             if name in study.coords:
                 continue
             if name not in wholes:  # all that hold it agree in its dimensions: the table gives them
                 kind, shape = VARIABLES[name].kind, tuple(len(dims[dim]) for dim in along)
                 wholes[name], shaped[name] = np.full(shape, MISSING[kind], dtype=DTYPES[kind]), along
-            wholes[name][np.ix_(*(index[dim] for dim in along))] = values
+            if along not in spots:
+                spots[along] = np.ix_(*(index[dim] for dim in along))
+            wholes[name][spots[along]] = values
     for name in names:
         if name in wholes:
             study[name] = (shaped[name], wholes[name])
@@ -141,25 +144,17 @@ def arrays_of(dataset: Dataset) -> Arrays:
 
 
 def to_bytes(dataset: Dataset) -> bytes:
-    """Return a dataset as a stamped netCDF file, made in memory."""
+    """Return a dataset as a stamped netCDF file, made in memory; behind a small case stand its columns."""
     store = netCDF4.Dataset("memory.nc", "w", format="NETCDF4", memory=4096)
     try:
         dataset.dump_to_store(NetCDF4DataStore(store), encoding=_encoding(dataset))
     finally:
         content = bytes(store.close())
-    return storage.stamped(content, labels_of(dataset.attrs))
-
-
-def labels_of(attributes: Mapping[str, str]) -> storage.Labels:
-    """Return what the stamp of a file says: format, version, and the case in full."""
-    key = hashlib.sha256(attributes["case"].encode()).hexdigest() if "case" in attributes else ""
-    version = attributes.get("roughvol_version", __version__)
-    return {"format": FORMAT, "version": version, "case": attributes.get("case_id", ""), "key": key}
-
-
-def labels_for(case: Case) -> storage.Labels:
-    """Return what the stamp of the file of a case must say."""
-    return labels_of({"case_id": case.id, "case": _key_text(case), "roughvol_version": __version__})
+    labels = storage.labels_of(dataset.attrs)
+    if labels["case"] and dataset.nbytes <= SMALL:
+        block = columns.packed(arrays_of(dataset))
+        content, labels = content + block, labels | {"columns": str(len(block))}
+    return storage.stamped(content, labels)
 
 
 def write(dataset: Dataset, path: Path) -> None:
@@ -171,37 +166,31 @@ def write(dataset: Dataset, path: Path) -> None:
         If the folder cannot be written.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        storage.make_folder(path.parent)
     except OSError as error:
         raise storage.cannot_write(path, error) from error
     storage.store(path, to_bytes(dataset))
 
 
 def read(path: Path) -> Dataset:
-    """Return a stored dataset, loaded; its checksum, if it has one, is verified first.
+    """Return a stored dataset, loaded; its checksum is verified first: a library might crash on a damaged file.
 
     Raises
     ------
     DatasetError
-        If the file is missing, truncated, altered, no netCDF, or not of roughvol.
+        If the file is missing, truncated, altered, or was not written by roughvol.
     """
     if not path.is_file():
         message = f"no dataset at {path}"
         raise DatasetError(message)
+    content, _ = storage.verified(path)
     try:
-        content = path.read_bytes()
-        if storage.is_stamped(content):
-            content, _ = storage.unstamped(content, path)
-        else:
-            storage.check_hdf5(content, path)
         stored = netCDF4.Dataset("memory.nc", memory=content)
         try:
             dataset = xr.load_dataset(NetCDF4DataStore(stored))
         finally:
             if stored.isopen():
                 stored.close()
-    except DatasetError:
-        raise
     except (OSError, ValueError, RuntimeError, KeyError) as error:
         message = f"{path} is damaged or no netCDF file ({error})"
         raise DatasetError(message) from error
@@ -209,21 +198,31 @@ def read(path: Path) -> Dataset:
     return dataset
 
 
-def read_arrays(path: Path) -> Arrays:
-    """Return the variables of a stamped file as plain arrays: a fifth of the time of `read`, for many files.
+def read_arrays(path: Path) -> tuple[Arrays, storage.Labels]:
+    """Return the variables of a file as plain arrays, and its labels: for many files, where `read` takes too long.
 
     Raises
     ------
     DatasetError
-        As for `read`, and if the file has no checksum.
+        As for `read`.
     """
     content, labels = storage.verified(path)
     _check_format(labels, path)
-    with netCDF4.Dataset("memory.nc", memory=content) as stored:
-        stored.set_auto_maskandscale(False)
-        return {
-            name: (variable.dimensions, _decoded(name, variable[...])) for name, variable in stored.variables.items()
-        }
+    arrays: Arrays = {}
+    try:
+        if "columns" in labels:
+            found = columns.unpacked(content[len(content) - int(labels["columns"]) :])
+            for name, (dims, values) in found.items():
+                arrays[name] = (dims, np.asarray(values, dtype=DTYPES[VARIABLES[name].kind]))
+            return arrays, labels
+        with netCDF4.Dataset("memory.nc", memory=content) as stored:
+            stored.set_auto_maskandscale(False)
+            for name, variable in stored.variables.items():
+                arrays[name] = (variable.dimensions, _decoded(name, variable[...]))
+    except (OSError, ValueError, RuntimeError, KeyError) as error:  # KeyError: no variable of the table
+        message = f"{path} is damaged or no dataset of this version of roughvol ({error})"
+        raise DatasetError(message) from error
+    return arrays, labels
 
 
 def _decoded(name: str, values: NDArray[Any]) -> NDArray[Any]:
@@ -241,7 +240,13 @@ def _check_format(attributes: Mapping[str, str], path: Path) -> None:
 
 
 def provenance(
-    study: str, *, fft: Mapping[str, str], case: Case | None = None, ids: Iterable[str] = ()
+    study: str,
+    *,
+    fft: Mapping[str, str],
+    case: Case | None = None,
+    ids: Iterable[str] = (),
+    region: Region | None = None,
+    length_unit: str | None = None,
 ) -> dict[str, str]:
     """Return the global attributes: what was asked, by which code, on which machine, when, and what to cite.
 
@@ -255,6 +260,10 @@ def provenance(
         The one case in the file.
     ids : iterable of str
         The cases in the file of a whole study.
+    region : Region, optional
+        Of which part its observables are; that of the case, or the whole, if not given.
+    length_unit : str, optional
+        Unit of all lengths in the file; that of the case if not given, arbitrary if that has none.
     """
     libraries = {name: importlib.metadata.version(name) for name in ("numpy", "scipy", "pyfftw", "xarray", "netCDF4")}
     libraries |= {"python": platform.python_version(), "netcdf-c": netCDF4.__netcdf4libversion__}
@@ -273,10 +282,14 @@ def provenance(
         "cpu_count": str(os.cpu_count()),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
-    if region := case.record.region if case is not None else None:
-        attributes["region"] = region.label
+    region = region or (case.record.region if case is not None else None)
+    attributes["region"] = region.label if region is not None else Region().label
+    if unit := length_unit or (case.length_unit if case is not None else None):
+        attributes["length_unit"] = unit
+    if case is not None and case.surface_text:
+        attributes["surface"] = case.surface_text
     if case is not None:
-        attributes |= {"case_id": case.id, "case": _key_text(case)}
+        attributes |= {"case_id": case.id, "case": case.key_text}
     if ids := list(ids):
         attributes["case_ids"] = ids_text(ids)
     return attributes
@@ -285,6 +298,11 @@ def provenance(
 def ids_text(ids: Iterable[str]) -> str:
     """Return the ids of the cases of a study as its file holds them."""
     return json.dumps(list(ids))
+
+
+def answers(dataset: Dataset) -> Dataset:
+    """Return a dataset without attributes and without the times it holds: nothing else of two equal runs differs."""
+    return dataset.drop_vars(TIMES, errors="ignore").drop_attrs(deep=False)
 
 
 def _is_dim(name: str) -> bool:
@@ -299,14 +317,11 @@ def _union(labels: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return np.array(list(dict.fromkeys(together.tolist())), dtype=object)
 
 
-def _key_text(case: Case) -> str:
-    return json.dumps(case.key, sort_keys=True)
-
-
 def _described(dataset: Dataset) -> Dataset:
+    unit = dataset.attrs.get("length_unit", "length")
     for name, variable in dataset.variables.items():
         row = VARIABLES[str(name)]
-        variable.attrs = {"units": row.units, "long_name": row.long_name, "symbol": row.symbol}
+        variable.attrs = {"units": row.units.replace("length", unit), "long_name": row.long_name, "symbol": row.symbol}
     return dataset.set_coords([str(name) for name in dataset.variables if name == "L" or _is_dim(str(name))])
 
 

@@ -1,8 +1,8 @@
 """What a study will cost, before it is run: cases, memory, disk, time.
 
 The time goes with the convolutions: one is timed on this machine for each grid, and how many a step takes is read off a
-rule fitted to sweeps to the mean plane (m = 5 … 9, D = 2.1 … 2.9, residuals 1e-3 … 1e-9), which scatter about it by a
-factor of 1.5 either way.
+rule fitted by `python -m tests.bench.cost_rule` to sweeps to the mean plane (m = 4 … 9, D = 2.1 … 2.9, the three named
+accuracies). Averaged over D it is right to a factor of 1.3 on each of these grids, a search to a factor of 1.7.
 """
 
 from __future__ import annotations
@@ -14,21 +14,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roughvol import leakage, resources
+from roughvol import leakage, regions, resources
 from roughvol.physics.halfspace import HalfSpace
 from roughvol.pressing import surface_of
 from roughvol.resources import cores
 from roughvol.study import ACCURACY, EXPECTED, Case, Study
 
 TIMED_UP_TO = 1025  # nodes a side; beyond it a convolution is long, and scales as N² log N
-STEP_OVERHEAD = 5e-4  # seconds a step, whatever the grid
-PER_CONVOLUTION = 1.8  # time of a step over that of its convolutions, on grids where these matter
+# seconds a step, whatever the grid; more where the iteration is used, and for each of its convolutions
+STEP, ITERATIVE, PER_UNIT = 1.4e-4, 2.7e-4, 6.4e-5
+PER_CONVOLUTION = 1.2  # time of a step over that of its convolutions, on grids where these matter
+# convolutions a step beyond the one that verifies: at m = 6 and 1e-6, for each level more, and with the digits
+UNITS, UNITS_PER_LEVEL, DIGITS_POWER = 1.21, 0.52, 1.9
 CASE_OVERHEAD = 0.05  # seconds a case: its file
 START = 1.5  # seconds: processes start and import
-SEARCH = 20  # solves it takes to find an indentation, each from nothing, so about two steps' worth
+SEARCH = 25  # steps of a sweep that the search for an indentation is worth
 # seconds a state and node, along both axes, timed at m = 7 … 9; that of a flow (a factorisation) grows with the nodes
-VOID = {"percolation": 6e-8, "constriction": 5e-7, "estimates": 1e-6, "transmissivity": 7e-6, "diffusivity": 7e-6}
-FLOWS, FLOW_POWER, FLOW_NODES = ("transmissivity", "diffusivity", "flux_at"), 0.15, 257**2
+PER_NODE = {"percolation": 6e-8, "constriction": 5e-7, "estimates": 1e-6, "transmissivity": 7e-6, "diffusivity": 7e-6}
+PER_NODE |= {"flux_at": 7e-6, "fields_at": 1e-9, "volume_density": 1.2e-8, "box_counting": 2e-9, "region_widths": 3e-9}
+PER_NODE |= {"region_transmissivity": 7e-6}  # of a width, over the nodes inside; box counting of a threshold
+FLOWS, FLOW_POWER = ("transmissivity", "diffusivity", "flux_at", "region_transmissivity"), 0.15
+FLOW_NODES = 257**2
 FILE_BYTES = 8e4  # of a case without fields
 
 
@@ -36,7 +42,7 @@ FILE_BYTES = 8e4  # of a case without fields
 class Estimate:
     """Cost of a study: numbers of cases and of states to solve, bytes in memory a process and on disk, seconds.
 
-    ``observables`` are the seconds, of all cases together, that each quantity of the void takes out of them.
+    ``observables`` are the seconds, of all cases together, that each thing the study records takes out of them.
     """
 
     cases: int
@@ -54,9 +60,9 @@ def estimate(study: Study, jobs: int | None = None) -> Estimate:
     jobs = min(jobs or cores(), len(cases))
     shapes = [_shape(case) for case in cases]
     seconds = [_seconds(case, shape) for case, shape in zip(cases, shapes, strict=True)]
-    observables = {name: 0.0 for case in cases for name in _void_seconds(case, shapes[0])}
+    observables = {name: 0.0 for case in cases for name in _observable_seconds(case, shapes[0])}
     for case, shape in zip(cases, shapes, strict=True):
-        for name, taken in _void_seconds(case, shape).items():
+        for name, taken in _observable_seconds(case, shape).items():
             observables[name] += taken
     nodes = [rows * columns for rows, columns in shapes]
     fields = [resources.fields_of(case) for case in cases]
@@ -99,39 +105,65 @@ def _seconds(case: Case, shape: tuple[int, int]) -> float:
         return CASE_OVERHEAD
     searched = case.sweep.target.kind in ("contact_area", "pressure") or case.sweep.target.value is None
     searched = searched and not case.sweep.target.kind.endswith("plane")
-    steps = case.sweep.steps + (2 * SEARCH if searched else 0)
-    convolutions = convolutions_per_step(shape, case.solver.tolerance)
-    return (
-        CASE_OVERHEAD
-        + sum(_void_seconds(case, shape).values())
-        + steps * (STEP_OVERHEAD + PER_CONVOLUTION * convolutions * _convolution(shape, case.solver.kernel))
-    )
+    steps = case.sweep.steps + (SEARCH if searched else 0)
+    step = seconds_per_step(shape, case.solver.tolerance, _convolution(shape, case.solver.kernel))
+    return CASE_OVERHEAD + sum(_observable_seconds(case, shape).values()) + steps * step
 
 
-def _void_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
-    """Return the seconds each quantity of the void takes in one case, over all the states it is asked for."""
-    asked, nodes = case.record.transport, math.prod(shape)
-    if asked is None:
-        return {}
-    if case.record.region is not None:
-        (x, y) = case.record.region.x, case.record.region.y
-        nodes = math.ceil(nodes * (x[1] - x[0]) * (y[1] - y[0]))
-    states = {name: case.sweep.steps if at is None else len(at) for name, at in leakage.levels(asked).items()}
-    if asked.flux_at is not None:
-        states["flux_at"] = len(asked.flux_at.levels)
-    dearer = (nodes / FLOW_NODES) ** FLOW_POWER
-    each = {name: VOID.get(name, VOID["transmissivity"]) * (dearer if name in FLOWS else 1.0) for name in states}
-    return {name: count * each[name] * nodes for name, count in states.items()}
+def _observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
+    """Return the seconds each thing that is recorded takes in one case, over all the states it is asked for."""
+    record, steps, nodes = case.record, case.sweep.steps, math.prod(shape)
+    inside = nodes
+    if record.region is not None:
+        (x, y) = record.region.x, record.region.y
+        inside = math.ceil(nodes * (x[1] - x[0]) * (y[1] - y[0]))
+    asked = dict(leakage.levels(record.transport)) if record.transport else {}
+    asked |= regions.levels(record.region_widths) if record.region_widths else {}
+    states = {name: steps if at is None else len(at) for name, at in asked.items()}
+    selected = {
+        "flux_at": record.transport.flux_at if record.transport else None,
+        "fields_at": record.fields_at,
+        "volume_density": record.volume_density.at if record.volume_density else None,
+        "box_counting": record.box_counting.at if record.box_counting else None,
+    }
+    states |= {name: len(select.levels) for name, select in selected.items() if select is not None}
+    parts = {name: [float(inside)] for name in states}  # the nodes of each of its parts, for every state
+    if record.box_counting is not None:
+        parts["box_counting"] = [float(inside)] * len(record.box_counting.thresholds)
+    if record.region_widths is not None:
+        shares = record.region_widths.shares
+        parts |= {name: [nodes * share**2 for share in shares] for name in regions.QUANTITIES}
+    return {
+        name: count
+        * PER_NODE[name]
+        * sum(n * (n / FLOW_NODES) ** (FLOW_POWER if name in FLOWS else 0.0) for n in parts[name])
+        for name, count in states.items()
+    }
 
 
 def convolutions_per_step(shape: tuple[int, int], rtol: float) -> float:
     """Return the convolutions that one step of a sweep is expected to take to reach a residual.
 
-    One verifies; a few hundred elements (m ≤ 5) are solved without any other. Each doubling of the nodes a side adds
-    1.25 at a residual of 1e-6, in proportion to the digits asked for.
+    One verifies; a few hundred elements (m ≤ 5) are solved without any other.
     """
-    doublings = math.log2(math.sqrt((shape[0] - 1) * (shape[1] - 1)))
-    return 1.0 + 1.25 * max(doublings - 5.0, 0.0) * -math.log10(rtol) / 6.0
+    level = _level(shape)
+    if level <= 5.0:
+        return 1.0
+    digits = max(-math.log10(rtol), 0.0) / 6.0
+    # between m = 5 and 6 the iteration sets in
+    return 1.0 + (UNITS * min(level - 5.0, 1.0) + UNITS_PER_LEVEL * max(level - 6.0, 0.0)) * digits**DIGITS_POWER
+
+
+def seconds_per_step(shape: tuple[int, int], rtol: float, convolution: float) -> float:
+    """Return the seconds that one step of a sweep takes, given those of one convolution on its grid."""
+    needed = convolutions_per_step(shape, rtol)
+    iterative = ITERATIVE + PER_UNIT * needed if _level(shape) > 5.0 else 0.0
+    return STEP + iterative + PER_CONVOLUTION * needed * convolution
+
+
+def _level(shape: tuple[int, int]) -> float:
+    """Return m of the square grid with as many elements."""
+    return math.log2(math.sqrt((shape[0] - 1) * (shape[1] - 1)))
 
 
 def _shape(case: Case) -> tuple[int, int]:

@@ -4,6 +4,10 @@ The last is known before anything is computed.
 
 The rules are those of the figures themselves: a comparison of D is at the finest m (Figs. 2 and 12a: at the m nearest
 7), one of m at the D nearest 2.3, everything else shows the one surface nearest to D = 2.3, m = 7.
+
+Cases are left out, never parts of one: what a case records belongs to its identity, so that one computed for a single
+figure is the one that the study needs later. All it would save is the record: the solves are the same (see the table of
+what each thing asked for costs in docs/tradeoff.md).
 """
 
 from __future__ import annotations
@@ -99,4 +103,5 @@ def _one(cases: Sequence[Case]) -> list[Case]:
 _FINEST = 1e9
 _RULES: dict[str, Rule] = {name: {"D": _by_D(_FINEST), "m": _by_m}.get(NEEDS[name][1], _one) for name in paper.FIGURES}
 _RULES |= {"fig05": _by_D(_FINEST), "fig02": _by_D(PAPER["m"]), "fig12a": _by_D(PAPER["m"])}
-_RULES |= {name: _one if name == "seal_map" else _by_D(_FINEST) for name in seal_figures.FIGURES}
+_RULES |= {name: _by_D(_FINEST) for name in seal_figures.FIGURES}
+_RULES |= {"seal_map": _one, "seal_region": lambda cases: _by_m(_by_D(_FINEST)(cases))}

@@ -5,6 +5,7 @@
 - ``cases/<id>.failed.json``: the error of a case that failed, until it succeeds
 - ``cases/.<id>.checkpoint``: the finished steps of a long sweep
 - ``cases/set_aside/``: what lay under the name of a case and is none of this study, each with its reason
+- ``cases/ledger``: sizes and times of the finished files, for `status` (see `ledger`)
 - ``progress.json``: what a run is doing now
 - ``lock``: the process that runs here
 - ``study.nc``: all cases together
@@ -23,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from roughvol import storage
+from roughvol import ledger, storage
 from roughvol.errors import DatasetError, FolderError, StudyError
 from roughvol.study import Case, Study, loads
 
@@ -48,6 +49,16 @@ class Holder:
     def __str__(self) -> str:
         """Return who and since when."""
         return f"process {self.pid} on {self.host}, since {self.started}"
+
+
+def folder_of(study: Study, out: str | Path | None = None) -> Path:
+    """Return the folder of the results: the one given, or ``runs/<name of the study>``."""
+    return Path("runs") / study.name if out is None else Path(out)
+
+
+def ledger_file(folder: Path) -> Path:
+    """Return where the sizes and times of the finished files are noted."""
+    return folder / "cases" / "ledger"
 
 
 def case_file(folder: Path, id: str) -> Path:
@@ -82,7 +93,7 @@ def opened(folder: Path) -> Iterator[None]:
     """
     path = folder / "lock"
     try:
-        (folder / "cases").mkdir(parents=True, exist_ok=True)
+        storage.make_folder(folder / "cases")
         handle = _acquire(path)
     except FolderError:
         raise
@@ -92,8 +103,18 @@ def opened(folder: Path) -> Iterator[None]:
         yield
     finally:
         with contextlib.suppress(OSError):
-            path.unlink()
+            if _same_file(handle, path):  # not if the folder was moved away and another run has begun here
+                path.unlink()
         os.close(handle)
+
+
+def mark(folder: Path) -> str:
+    """Return what tells the folder of a run from others of its name on other hosts: its lock; empty without one."""
+    try:
+        with (folder / "lock").open("rb") as stream:
+            return stream.read(MAX_BYTES).decode(errors="replace")
+    except OSError:
+        return ""
 
 
 def holder(folder: Path) -> Holder | None:
@@ -177,9 +198,12 @@ def _refuse_foreign(handle: int, path: Path) -> None:
 
 def _named(handle: int) -> Holder | None:
     try:
-        return Holder(**json.loads(os.pread(handle, MAX_BYTES, 0)))
+        found = Holder(**json.loads(os.pread(handle, MAX_BYTES, 0)))
     except (ValueError, TypeError, OSError, RecursionError):
         return None
+    texts = (found.host, found.started, found.birth)
+    sound = type(found.pid) is int and 0 < found.pid < 1 << 31 and all(type(text) is str for text in texts)
+    return found if sound else None
 
 
 def _this_process() -> Holder:
@@ -224,7 +248,8 @@ def check_same_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> N
     except (StudyError, OSError, UnicodeDecodeError) as error:
         found = [f"its study.yaml cannot be read: {error}"]
     if not found and isinstance(next(iter(cases.values())).file, Path) and (strange := strangers(folder, cases)):
-        found = [f"surface.file: the content of {study.surface.file} is not that of {strange[0].stem}"]  # type: ignore[union-attr]
+        files = " and ".join(str(body.file) for body in next(iter(cases.values())).bodies)
+        found = [f"surface.file: the content of {files} is not that of {strange[0].stem}"]
     if found:
         lines = "\n".join(f"  {line}" for line in found)
         message = (
@@ -279,10 +304,15 @@ def _shown(values: Mapping[str, Any], name: str) -> str:
 
 def strangers(folder: Path, cases: Mapping[str, Case]) -> list[Path]:
     """Return the files of cases that are not of this study."""
-    return [path for path in sorted((folder / "cases").glob("*.nc")) if path.stem not in cases]
+    return [case_file(folder, id) for id in sorted(ledger.files(folder / "cases", ".nc")) if id not in cases]
 
 
-def why_not(path: Path, expected: storage.Labels, *, whole: bool) -> str | None:
+def labels_for(case: Case) -> storage.Labels:
+    """Return what the stamp of the file of a case must say."""
+    return storage.labels_of({"case_id": case.id, "case": case.key_text})
+
+
+def why_not(path: Path, case: Case, *, whole: bool) -> str | None:
     """Return what is wrong with the file of a case: None if nothing, "missing" if there is none.
 
     Parameters
@@ -293,9 +323,14 @@ def why_not(path: Path, expected: storage.Labels, *, whole: bool) -> str | None:
     if not path.exists():
         return "missing"
     try:
-        found = storage.verified(path)[1] if whole else storage.labels(path)
+        return mismatch(path, storage.verified(path)[1] if whole else storage.labels(path), case)
     except DatasetError as error:
         return str(error)
+
+
+def mismatch(path: Path, found: storage.Labels, case: Case) -> str | None:
+    """Return in what the labels of a file are not those of a case, None if they are."""
+    expected = labels_for(case)
     for name, title in (("format", "format"), ("version", "version of roughvol"), ("case", "case"), ("key", "study")):
         if found.get(name) != expected[name]:
             return f"{path} is of another {title}: {found.get(name)!r}, not {expected[name]!r}"
@@ -327,7 +362,7 @@ def record_failure(folder: Path, id: str, error: str, kind: str) -> None:
 
 def failures(folder: Path, ids: Iterable[str]) -> dict[str, str]:
     """Return the errors of the cases that failed last."""
-    found = {path.name.removesuffix(".failed.json") for path in (folder / "cases").glob("*.failed.json")}
+    found = ledger.files(folder / "cases", ".failed.json")
     return {id: str(small_json(failed_file(folder, id)).get("error", "unknown")) for id in ids if id in found}
 
 
@@ -342,9 +377,19 @@ def small_json(path: Path) -> dict[str, Any]:
 
 
 def note(folder: Path, content: Mapping[str, Any]) -> None:
-    """Leave word of what a run is doing; that this cannot be written is no reason to stop."""
+    """Leave word of what a run is doing; that this cannot be written is no reason to stop.
+
+    Raises
+    ------
+    FolderError
+        If the folder has vanished: nothing that is computed could be stored.
+    """
     path = folder / "progress.json"
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    with contextlib.suppress(OSError):
+    aside = storage.aside_of(path)
+    try:
         aside.write_text(json.dumps(content))
         aside.replace(path)
+    except FileNotFoundError as error:
+        raise storage.cannot_write(path, error) from error
+    except OSError:
+        pass

@@ -1,8 +1,9 @@
 """Height fields from files: one reader for each ending, all giving a float64 array of heights, positive up.
 
 Conventions: the first axis of the array is the one whose length a study calls L; rows stay in the order of the file.
-What a file says about spacing is not used, since the study gives L. A height must be known at every node, so missing
-values are refused rather than filled. Nothing is ever unpickled.
+Missing heights are refused, or given as NaN to a caller who fills them. Files of the endings below tell neither size
+nor unit (what a header says about spacing is not used); all others are left to `instrument`, where they tell both.
+Nothing is ever unpickled.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from roughvol import instrument
 from roughvol.errors import DatasetError, SurfaceError
+from roughvol.instrument import Description
 
 Heights = NDArray[np.float64]
 
@@ -41,8 +44,17 @@ _ESRI_KEYS = {
 }
 
 
-def read(path: str | Path, variable: str | None = None) -> Heights:
-    """Return the heights stored in a file.
+def describe(path: str | Path, variable: str | None = None) -> Description | None:
+    """Return what the file of an instrument tells about its heights; None for the formats that tell nothing.
+
+    Raises as `instrument.describe`.
+    """
+    path = Path(path)
+    return None if path.suffix.lower() in _READERS else instrument.describe(path, variable)
+
+
+def read(path: str | Path, variable: str | None = None, *, holes: bool = False) -> Heights:
+    """Return the heights stored in a file, in the unit of the file.
 
     Parameters
     ----------
@@ -50,12 +62,16 @@ def read(path: str | Path, variable: str | None = None) -> Heights:
         An array in ``.npy``; one of the arrays in ``.npz`` or ``.nc``; numbers row by row in ``.txt`` or ``.csv``
         (comments after ``#``; columns set apart by blanks, commas, semicolons or tabs); an ESRI ASCII grid, with or
         without its header, in ``.asc``.
+        All other endings are those of instruments, for `instrument.read`.
     variable : str, optional
-        Name of the array in an ``.npz`` or ``.nc`` file; needed if it holds several with two dimensions.
+        Name of the array in an ``.npz`` or ``.nc`` file, needed if it holds several with two dimensions; or of the
+        channel in the file of an instrument.
+    holes : bool
+        Return NaN where a height is missing or not finite, rather than refuse the file.
 
     Returns
     -------
-    heights : (rows, columns) float64 array, finite, at least 3 x 3
+    heights : (rows, columns) float64 array, finite (or NaN in holes), at least 3 x 3
 
     Raises
     ------
@@ -65,11 +81,8 @@ def read(path: str | Path, variable: str | None = None) -> Heights:
         If what it holds is not a field of finite heights.
     """
     path = Path(path)
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
-        message = f"{path}: heights are read from files that end in {' '.join(_READERS)}"
-        raise DatasetError(message)
-    if variable is not None and reader not in (_npz, _netcdf):
+    reader = _READERS.get(path.suffix.lower(), instrument.read)
+    if variable is not None and reader not in (_npz, _netcdf, instrument.read):
         message = f"{path}: holds one array, without a name; leave out the variable {variable!r}"
         raise DatasetError(message)
     try:
@@ -83,10 +96,10 @@ def read(path: str | Path, variable: str | None = None) -> Heights:
     except _UNREADABLE as error:
         message = f"{path}: cannot be read as {path.suffix.lower()}: {getattr(error, 'strerror', None) or error}"
         raise DatasetError(message) from error
-    return _checked(path, array)
+    return _checked(path, array, holes)
 
 
-def _checked(path: Path, array: NDArray[Any]) -> Heights:
+def _checked(path: Path, array: NDArray[Any], holes: bool) -> Heights:
     if array.dtype.kind not in "fiu":
         message = f"{path}: holds values of type {array.dtype}, not numbers"
         raise SurfaceError(message)
@@ -95,15 +108,15 @@ def _checked(path: Path, array: NDArray[Any]) -> Heights:
         raise SurfaceError(message)
     with np.errstate(over="ignore"):  # a long double too large for float64 becomes inf, and is refused below
         heights = np.ascontiguousarray(array, dtype=np.float64)
-    _refuse_missing(path, ~np.isfinite(heights))
-    return heights
-
-
-def _refuse_missing(path: Path, missing: NDArray[np.bool_]) -> None:
-    if missing.any():
+    missing = ~np.isfinite(heights)
+    if missing.any() and not holes:
         row, column = np.argwhere(missing)[0]
-        message = f"{path}: {missing.sum()} heights are missing or not finite, the first in row {row}, column {column}"
+        message = (
+            f"{path}: {missing.sum()} heights are missing or not finite, the first in row {row}, column {column}; "
+            "a study may have them filled (surface.missing)"
+        )
         raise SurfaceError(message)
+    return np.where(missing, np.nan, heights) if holes else heights
 
 
 def _choice(path: Path, variable: str | None, shapes: Mapping[str, tuple[int, ...]]) -> str:
@@ -160,8 +173,8 @@ def _netcdf(path: Path, variable: str | None) -> NDArray[Any]:
         _refuse_huge(path, stored[name].shape)
         array = np.ma.asarray(stored[name][...])
     mask = np.ma.getmaskarray(array)
-    if array.ndim == 2:
-        _refuse_missing(path, mask)
+    if mask.any() and array.dtype.kind in "fiu":
+        return np.where(mask, np.nan, array.data)
     return np.asarray(array.data)
 
 
@@ -198,7 +211,7 @@ def _esri(path: Path, variable: str | None) -> NDArray[Any]:
         message = f"{path}: holds {heights.size} heights; its header says {shape[0]} x {shape[1]}"
         raise SurfaceError(message)
     heights = heights.reshape(shape)
-    _refuse_missing(path, heights == header.get("nodata_value", math.nan))
+    heights[heights == header.get("nodata_value", math.nan)] = math.nan
     return heights
 
 

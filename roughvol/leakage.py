@@ -6,13 +6,13 @@ Everything is stored along the steps of a sweep, missing (NaN) where it was not 
 from __future__ import annotations
 
 import time
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.physics import transport
-from roughvol.study import EVERY_STEP, Level, Transport
+from roughvol.study import Level, Select, Transport
 
 Values = dict[str, Any]
 AXES = (("x", 0), ("y", 1))
@@ -35,11 +35,12 @@ class Void(Protocol):
 def levels(asked: Transport) -> dict[str, dict[str, Level] | None]:
     """Return the levels by label of each quantity asked for; None stands for every step."""
     wanted = {name: getattr(asked, name) for name in QUANTITIES}
-    return {
-        name: None if states == EVERY_STEP else {level.label: level for level in states.levels}
-        for name, states in wanted.items()
-        if states is not None
-    }
+    return {name: by_label(states) for name, states in wanted.items() if states is not None}
+
+
+def by_label(states: Literal["every-step"] | Select) -> dict[str, Level] | None:
+    """Return the levels that states stand for by their labels; None stands for every step."""
+    return {level.label: level for level in states.levels} if isinstance(states, Select) else None
 
 
 def stops_percolating(kind: str, state: Void) -> bool:
@@ -48,8 +49,8 @@ def stops_percolating(kind: str, state: Void) -> bool:
     return not any(transport.percolates(void, axis) for name, axis in AXES if kind.endswith((name, "both")))
 
 
-def of_state(state: Void, quantities: list[str]) -> Values:
-    """Return the numbers of the quantities, and the time they took.
+def of_state(state: Void, quantities: list[str]) -> tuple[Values, dict[str, float]]:
+    """Return the numbers of the quantities, and the seconds that each took.
 
     Parameters
     ----------
@@ -62,12 +63,15 @@ def of_state(state: Void, quantities: list[str]) -> Values:
     -------
     mapping
         Numbers by stored name; ``critical_position_*`` are a row and a column of the region, NaN if there is no way.
+    mapping
+        Seconds by quantity; the first also bears the making of the gap field.
     """
     if not quantities:
-        return {}
+        return {}, {}
     started = time.perf_counter()
     gap = state.gap()
     values: Values = {}
+    seconds: dict[str, float] = {}
     for name in quantities:
         if name == "percolation":
             values |= _connectivity(gap, state.contact())
@@ -79,8 +83,9 @@ def of_state(state: Void, quantities: list[str]) -> Values:
             flows = {axis: transport.conduction(gap, n, EXPONENTS[name]) for axis, n in AXES}
             values |= {f"{name}_{axis}": flow.coefficient for axis, flow in flows.items()}
             values[f"{name}_conservation_error"] = max(flow.conservation_error for flow in flows.values())
-    values["transport_time"] = time.perf_counter() - started
-    return values
+        seconds[name] = time.perf_counter() - started - sum(seconds.values())
+    values["transport_time"] = sum(seconds.values())
+    return values, seconds
 
 
 def size_classes(elements: int) -> NDArray[np.int64]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import time
 from collections.abc import Callable, MutableMapping
@@ -11,15 +10,15 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from roughvol import bodies, dataset, record
 from roughvol import checkpoint as checkpoints
-from roughvol import dataset, heightfile, record
-from roughvol._version import __version__
 from roughvol.checkpoint import Checkpoint
 from roughvol.dataset import Dataset
-from roughvol.errors import ContactError, SurfaceError
+from roughvol.errors import ContactError
 from roughvol.physics import halfspace, texture
-from roughvol.physics.contact import first_indentation, indentation_for, sweep
+from roughvol.physics.contact import sweep
 from roughvol.physics.halfspace import HalfSpace
+from roughvol.physics.search import first_indentation, indentation_for
 from roughvol.physics.surface import Surface, random_midpoint_displacement
 from roughvol.study import Case
 
@@ -75,11 +74,13 @@ def run_case(
     with threadpool_limits(1):  # a sum split over threads would round differently from machine to machine
         surface = surface or surface_of(case)
         values = record.of_surface(case, surface)
+        if case.treatment.missing != "refuse":
+            values["filled_fraction"] = surface.filled / surface.heights.size
         if case.sweep.steps > 0:
             held = {} if half_spaces is None else half_spaces
             half_space = _half_space(surface.shape, case.solver.kernel, threads, held)
             large = checkpoint is not None and math.prod(surface.shape) >= checkpoints.NODES
-            kept = Checkpoint(checkpoint, case, __version__) if checkpoint is not None and large else None
+            kept = Checkpoint(checkpoint, case, checkpoints.numerics()) if checkpoint is not None and large else None
             values |= _swept(case, surface, half_space, kept, on_step, stopping)
     values["wall_time"] = time.perf_counter() - started
     return dataset.build(case, values, dataset.provenance(study, fft=FFT | {"threads": str(threads)}, case=case))
@@ -127,13 +128,10 @@ def _swept(
 
 
 def surface_of(case: Case) -> Surface:
-    """Return the surface of a case, generated or read from its file."""
+    """Return the surface of a case, generated or read from its files."""
     if case.file is not None:
-        heights = heightfile.read(case.file, variable=case.variable)
-        if hashlib.sha256(case.file.read_bytes()).hexdigest() != case.sha256:
-            message = f"{case.file} has changed since the study was loaded; run the study again"
-            raise SurfaceError(message)
-        return Surface(heights, case.L / (len(heights) - 1))
+        with threadpool_limits(1):  # levelling sums over all nodes
+            return bodies.surface(case)
     assert case.D is not None
     assert case.m is not None
     assert case.seed is not None

@@ -8,19 +8,17 @@ Everything returned is a mapping from names of `dataset.VARIABLES` to arrays wit
 
 from __future__ import annotations
 
-import math
+import time
 from collections.abc import Callable, Iterable, Mapping
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from roughvol import leakage
-from roughvol.errors import ContactError
+from roughvol import leakage, regions
 from roughvol.physics import fractal, freevolume, texture
 from roughvol.physics.contact import Contact
 from roughvol.physics.surface import Surface
+from roughvol.regions import Within, window, within
 from roughvol.study import Case, Level
 
 Values = dict[str, Any]
@@ -40,72 +38,6 @@ PER_STEP = (
 )
 LAST = Level("last")
 ROUNDING = 1e-9  # by which a state may miss a level and still count as reaching it
-
-
-class Within:
-    """A contact seen through a window of its elements: area, pressure, free volume and fields are those inside."""
-
-    def __init__(self, contact: Contact, window: tuple[slice, slice]) -> None:
-        self.whole, self._window = contact, window
-
-    def gap(self) -> NDArray[np.float64]:
-        """Return g/σ inside."""
-        return self.whole.gap()[self._window]
-
-    def pressure(self) -> NDArray[np.float64]:
-        """Return p L/(E* σ) inside."""
-        return self.whole.pressure()[self._window]
-
-    def contact(self) -> NDArray[np.bool_]:
-        """Return where p > 0 inside."""
-        return self.whole.contact()[self._window]
-
-    @cached_property
-    def contact_area_fraction(self) -> float:
-        """A* of the elements inside."""
-        return float(self.contact().mean())
-
-    @cached_property
-    def mean_pressure(self) -> float:
-        """p* of the elements inside, L and σ of the whole."""
-        return float(self.pressure().mean())
-
-    @cached_property
-    def free_volume(self) -> float:
-        """V* of the elements inside, σ of the whole."""
-        return float(self.gap().mean())
-
-    mean_pressure_bound = math.nan  # what is certified is the pressure on the whole surface
-
-    def __getattr__(self, name: str) -> Any:
-        """Return what does not depend on the window."""
-        return getattr(self.whole, name)
-
-
-def within(contact: Contact, case: Case) -> Contact | Within:
-    """Return a contact as seen in the region that a study observes: itself, if that is the whole."""
-    return contact if case.record.region is None else Within(contact, window(case, contact.shape))
-
-
-def window(case: Case, shape: tuple[int, int]) -> tuple[slice, slice]:
-    """Return the rows and columns of the elements whose centres lie in the region.
-
-    Raises
-    ------
-    ContactError
-        If fewer than two lie in it along an axis.
-    """
-    region = case.record.region
-    if region is None:
-        return slice(0, shape[0]), slice(0, shape[1])
-    slices = []
-    for (start, end), nodes in zip((region.x, region.y), shape, strict=True):
-        first, last = math.ceil(start * (nodes - 1) - ROUNDING), math.floor(end * (nodes - 1) + ROUNDING)
-        if last <= first:
-            message = f"the region {region.label} of {shape[0]} × {shape[1]} elements is fewer than 2 × 2"
-            raise ContactError(message)
-        slices.append(slice(first, last + 1))
-    return slices[0], slices[1]
 
 
 def end_of(case: Case) -> Callable[[Contact], bool] | None:
@@ -166,7 +98,8 @@ class Reduction:
         self._per_step: dict[str, list[Any]] = {name: [] for name in PER_STEP}
         self._levels = _levels(case)
         self._kept: dict[str, dict[str, tuple[int, Values]]] = {dim: {} for dim in self._levels}
-        self._void = Void(case, surface)
+        self._along = AlongSteps(case, surface)
+        self._seconds = {_OBSERVABLES[dim]: 0.0 for dim in self._levels}
 
     @property
     def steps(self) -> int:
@@ -178,16 +111,20 @@ class Reduction:
         contact, step = within(whole, self._case), self.steps + 1
         for name in PER_STEP:
             self._per_step[name].append(getattr(contact, name))
-        self._void.follow(step, contact)
+        self._along.follow(step, contact, whole)
         for dim, by_label in self._levels.items():
             for label, level in by_label.items():
                 if label not in self._kept[dim] and reached(level, step, contact, self._case):
+                    started = time.perf_counter()
                     self._kept[dim][label] = step, _AT[dim](self._case, self._surface, contact)
+                    self._seconds[_OBSERVABLES[dim]] += time.perf_counter() - started
 
     def values(self) -> Values:
         """Return all that has been recorded."""
         labels = {"step": np.arange(1, self._case.sweep.steps + 1), **_labels(self._case, self._surface)}
-        values: Values = {**self._per_step, **self._void.values, **labels}
+        values: Values = {**self._per_step, **self._along.values, **labels}
+        if seconds := {**self._along.seconds, **self._seconds}:
+            values |= {"observable": list(seconds), "observable_time": list(seconds.values())}
         for dim, by_label in self._levels.items():
             kept = self._kept[dim]
             values[dim] = list(by_label)
@@ -197,7 +134,7 @@ class Reduction:
 
     def state(self) -> Values:
         """Return all this holds as mappings, lists, numbers and arrays, for `restore`."""
-        return {"per_step": self._per_step, "kept": self._kept, **self._void.state()}
+        return {"per_step": self._per_step, "kept": self._kept, "seconds": self._seconds, **self._along.state()}
 
     def restore(self, state: Values) -> None:
         """Become what returned this state."""
@@ -206,36 +143,49 @@ class Reduction:
             dim: {label: (step, values) for label, (step, values) in by_label.items()}
             for dim, by_label in state["kept"].items()
         }
-        self._void.restore(state)
+        self._seconds = state["seconds"]
+        self._along.restore(state)
 
 
-class Void:
-    """Collects the transport quantities along the steps, each at the first state that reaches its levels."""
+class AlongSteps:
+    """Collects quantities of the void and of central regions along the steps, each at the states it is asked for.
+
+    That is at every step, or at the first state that reaches each of its levels.
+    """
 
     def __init__(self, case: Case, surface: Surface) -> None:
         self.case, self.values = case, Values()
-        self._levels = leakage.levels(case.record.transport) if case.record.transport else {}
+        transport, widths = case.record.transport, case.record.region_widths
+        self._levels = leakage.levels(transport) if transport else {}
+        self._windows: dict[float, regions.Window] = {}
+        if widths is not None:
+            self._levels |= regions.levels(widths)
+            self._windows = {w: regions.window_of(regions.central(w), surface.shape) for w in widths.shares}
+            self.values["region_width"] = list(widths.shares)
+        self.seconds = dict.fromkeys(self._levels, 0.0)
         rows, columns = window(case, surface.shape)
         self._origin, self._nodes = np.array([rows.start, columns.start]), surface.shape[0]
         if "percolation" in self._levels:
             self.values["size"] = leakage.size_classes((rows.stop - rows.start) * (columns.stop - columns.start))
         if "constriction" in self._levels:
             self.values["axis"] = ["x", "y"]
+        if {"transmissivity", "diffusivity"} & self._levels.keys():
+            self.values["region_aspect"] = (columns.stop - columns.start) / (rows.stop - rows.start)
 
     def state(self) -> Values:
         """Return what has been collected, and the levels still to be reached."""
         left = {name: None if levels is None else list(levels) for name, levels in self._levels.items()}
-        return {"void": self.values, "left": left}
+        return {"along": self.values, "left": left, "along_seconds": self.seconds}
 
     def restore(self, state: Values) -> None:
         """Become what returned this state."""
-        self.values = state["void"]
+        self.values, self.seconds = state["along"], state["along_seconds"]
         for name, labels in state["left"].items():
             for label in set(self._levels[name] or ()) - set(labels or ()):
                 del (self._levels[name] or {})[label]
 
-    def follow(self, step: int, contact: Contact | Within) -> None:
-        """Take in the next state."""
+    def follow(self, step: int, contact: Contact | Within, whole: Contact) -> None:
+        """Take in the next state, as it is seen in the region of the study and as a whole."""
         quantities = []
         for name, levels in self._levels.items():
             hit = [label for label, level in (levels or {}).items() if reached(level, step, contact, self.case)]
@@ -243,7 +193,12 @@ class Void:
                 del (levels or {})[label]
             if levels is None or hit:
                 quantities.append(name)
-        for name, value in leakage.of_state(contact, quantities).items():
+        void, seconds = leakage.of_state(contact, [name for name in quantities if name in leakage.QUANTITIES])
+        central = [name for name in quantities if name in regions.QUANTITIES]
+        inside, more = regions.of_state(whole, central, self._windows)
+        for name, taken in (seconds | more).items():
+            self.seconds[name] += taken
+        for name, value in (void | inside).items():
             if name.startswith("critical_position"):
                 value = (value + self._origin) / (self._nodes - 1)  # over L, as x and y are
             absent = np.full((self.case.sweep.steps, *np.shape(value)), np.nan)
@@ -324,6 +279,7 @@ def _boxes(case: Case, surface: Surface, contact: Contact | Within) -> Values:
     return {"volume_max": largest, "box_count": [count.counts for count in counts], "local_dimension": dimensions}
 
 
+_OBSERVABLES = {"field_at": "fields_at", "density_at": "volume_density", "box_at": "box_counting", "flux_at": "flux_at"}
 _AT = {"field_at": _fields, "density_at": _density, "box_at": _boxes, "flux_at": _flux}
 
 

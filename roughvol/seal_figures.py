@@ -7,6 +7,7 @@ percolation ends where the last way of its surface has closed: beyond its last s
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from roughvol.figures import (
     DPI,
     LABELS,
     PAGE,
+    PAPER,
     A,
     Family,
     P,
@@ -27,6 +29,7 @@ from roughvol.figures import (
     _families,
     _held,
     _legend,
+    _looks,
     _own,
     _single,
     guarded,
@@ -43,7 +46,9 @@ FIGURES: dict[str, Draw] = {}
 NEEDS: dict[str, tuple[str, ...]] = {}
 
 BAND = (16.0, 84.0)  # percentiles: what holds two thirds of the ways
+NOMINAL = "nominal_pressure"
 FLOOR = 1e-7  # of a coefficient; less is off the axis
+STATES = 4  # of a surface, in a figure of its regions
 GRID = 240  # points of a mean curve
 MAP_RANGE = (1e-2, 1e2)  # of the flux over its mean
 
@@ -108,6 +113,25 @@ def _grid(families: list[Family], x: str, *names: str) -> Array:
     return np.linspace(min(ends), min(starts), GRID) if falls else np.linspace(max(starts), max(ends), GRID)
 
 
+def _in_units(ax: Axes, ds: Dataset) -> None:
+    """Put the pressure in its unit along the top of an axis of p*, where one factor holds for all surfaces."""
+    if NOMINAL not in ds:
+        return
+    factors = (ds[NOMINAL] / ds[P].where(ds[P] > 0.0)).values
+    factors = factors[np.isfinite(factors)]
+    if factors.size and np.ptp(factors) < 1e-9 * factors.max():
+        factor = float(factors.mean())
+        there_and_back: Any = (lambda p: p * factor, lambda p: p / factor)
+        top = ax.secondary_xaxis("top", functions=there_and_back)
+        top.set_xlabel(f"nominal pressure [{_unit(ds, NOMINAL)}]")
+        ax.tick_params(top=False)
+
+
+def _unit(ds: Dataset, name: str) -> str:
+    """Return the unit of a variable as a formula: ``mm$^{3}$/s``."""
+    return re.sub(r"(?:\^|\*\*)(-?\d+)", r"$^{\1}$", str(ds[name].attrs.get("units", "?"))).replace("*", " ")
+
+
 def _panels(ds: Dataset, rows: int, *names: str) -> tuple[Figure, Any, list[Family], str]:
     """Return a page with a column each for p*, A* and V*, and the families to draw."""
     families, title = _families(ds, "D", *names)
@@ -115,6 +139,7 @@ def _panels(ds: Dataset, rows: int, *names: str) -> tuple[Figure, Any, list[Fami
     axes = fig.subplots(rows, 3, sharex="col", sharey="row", squeeze=False)
     for ax, x in zip(axes[-1], (P, A, V), strict=True):
         ax.set_xlabel(LABELS[x])
+    _in_units(axes[0, 0], ds)
     return fig, axes, families, title
 
 
@@ -171,10 +196,13 @@ def seal_percolation(ds: Dataset) -> Figure:
     return fig
 
 
-def _coefficient(ds: Dataset, name: str, label: str) -> Figure:
+def _coefficient(ds: Dataset, name: str, label: str, *, relative: bool = True) -> Figure:
+    """Draw a flow along x and y; the axis spans the decades down to the floor, from the largest if not relative."""
     names = (f"{name}_x", f"{name}_y")
     fig, axes, families, title = _panels(ds, 1, P, *names)
     axes[0, 0].set_ylabel(label)
+    top = max(float(ds[one].max()) for one in names)
+    floor = FLOOR * (1.0 if relative else top)
     for ax, x in zip(axes[0], (P, A, V), strict=True):
         for family in families:
             members = ways(family, x, *names)
@@ -182,9 +210,9 @@ def _coefficient(ds: Dataset, name: str, label: str) -> Figure:
             rows = sample(members, grid, log=True, closed=0.0)
             known = np.isfinite(rows).all(axis=0)
             low, centre, high = np.percentile(rows[:, known], [BAND[0], 50.0, BAND[1]], axis=0)
-            _draw(ax, family, grid[known], np.where(centre > 0.0, centre, np.nan), np.maximum(low, 0.1 * FLOOR), high)
+            _draw(ax, family, grid[known], np.where(centre > 0.0, centre, np.nan), np.maximum(low, 0.1 * floor), high)
         ax.set_yscale("log")
-    axes[0, 0].set_ylim(FLOOR, 2.0)
+    axes[0, 0].set_ylim(floor, 2.0 * (1.0 if relative else top))
     words = f"median along x and y, band {BAND[0]:.0f} to {BAND[1]:.0f} %"
     _title(axes[0, 1], title, words)
     return fig
@@ -200,6 +228,74 @@ def seal_transmissivity(ds: Dataset) -> Figure:
 def seal_diffusivity(ds: Dataset) -> Figure:
     """Flow of div(g grad P) = 0 over that of smooth plates at the mean gap; a median leaves where half are closed."""
     return _coefficient(ds, "diffusivity", r"diffusivity $D^\ast$")
+
+
+@_figure(P, A, V, "leak_rate_x", "leak_rate_y")
+def seal_leak_rate(ds: Dataset) -> Figure:
+    """Leak rate of the patch at the pressure drop and viscosity of the study; a median leaves where half are closed."""
+    fig = _coefficient(ds, "leak_rate", f"leak rate [{_unit(ds, 'leak_rate_x')}]", relative=False)
+    given = ds["leak_rate_x"].attrs
+    words = f"pressure drop {given.get('pressure_drop', '?')}, viscosity {given.get('viscosity', '?')}"
+    fig.suptitle(words.replace("*", " "), fontsize=8.5)
+    return fig
+
+
+@_figure(A, "contact_area_fraction_within", "mean_pressure_within", "free_volume_within")
+def seal_region(ds: Dataset) -> Figure:
+    """Values of A*, p*, V* inside central squares over those of the whole, and T* inside, against their width.
+
+    At a few states; mean over surfaces, band ± one standard error. Transmissivities are geometric means over the ways
+    along x and y that are open at every width.
+    """
+    family = _nearest(ds)
+    names = {"contact_area_fraction_within": r"$A^\ast$", "mean_pressure_within": r"$p^\ast$"}
+    names |= {"free_volume_within": r"$V^\ast$"}
+    flows = [name for name in ("transmissivity_within_x", "transmissivity_within_y") if name in ds]
+    known = family.data[flows[0] if flows else "free_volume_within"].notnull().any(["seed", "region_width"])
+    pressed = (family.data[A] > 0.0).all("seed")  # else there is nothing to take shares of
+    steps = family.data["step"].values[(known & pressed).values]
+    steps = steps[np.unique(np.linspace(0, len(steps) - 1, min(len(steps), STATES)).round().astype(int))]
+    fig = Figure(figsize=(PAGE, 2.7), layout="constrained", dpi=DPI)
+    axes = fig.subplots(1, 3 + bool(flows), sharex=True)
+    for ax in axes:
+        ax.set_xlabel("width of the region over $L$")
+    for look, step in zip(_looks(len(steps)), steps, strict=True):
+        state = family.data.sel(step=step)
+        label = rf"$A^\ast = {float(state[A].mean()):.3f}$"
+        for ax, (name, symbol) in zip(axes, names.items(), strict=False):
+            inside = state[name].transpose("seed", "region_width").values
+            whole = state[name.removesuffix("_within")].values[:, np.newaxis]
+            _by_width(ax, state, inside / whole, look, label)
+            ax.set_ylabel(f"{symbol} inside / {symbol} of the whole")
+        if flows:
+            stacked = np.concatenate([state[name].transpose("seed", "region_width").values for name in flows])
+            open_ = stacked[(stacked > 0.0).all(axis=1)]
+            _by_width(axes[-1], state, open_, look, label, log=True)
+            axes[-1].set(ylabel=r"$T^\ast$ inside", yscale="log")
+    for ax in axes[:3]:
+        ax.axhline(1.0, color="0.4", lw=0.7, ls="--")
+    handles, labels = axes[0].get_legend_handles_labels()
+    title = f"{family.label}: mean over {family.data.sizes['seed']} surfaces, band ± 1 std. error"
+    fig.legend(handles, labels, title=title, loc="outside upper center", ncols=STATES)
+    return fig
+
+
+def _nearest(ds: Dataset) -> Family:
+    """Return the surfaces of the D nearest the paper's."""
+    families, _ = _families(ds, "D", A, "contact_area_fraction_within")
+    wish = PAPER["D"] if "D" in ds.dims else 0.0
+    return min(families, key=lambda family: (abs(family.value - wish), -family.value))
+
+
+def _by_width(ax: Axes, state: Dataset, rows: Array, look: dict[str, Any], label: str, *, log: bool = False) -> None:
+    """Draw the mean of rows, one a surface, against the width of the region; geometric, if `log`."""
+    if not len(rows):
+        return
+    width, rows = state["region_width"].values, np.log(rows) if log else rows
+    mean, error = rows.mean(axis=0), rows.std(axis=0) / np.sqrt(len(rows))
+    low, centre, high = (np.exp(v) if log else v for v in (mean - error, mean, mean + error))
+    ax.fill_between(width, low, high, color=look["color"], alpha=0.18, lw=0, zorder=2)
+    ax.plot(width, centre, label=label, zorder=3, **look)
 
 
 @_figure(

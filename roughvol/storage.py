@@ -2,7 +2,8 @@
 
 A file is written aside, brought to the disk, then renamed. A *stamp* at its end holds labels (what the file is) and the
 sha256 of everything before it, so that a file is known to be sound before any library parses it. HDF5 does not look
-beyond its own end of file: a stamped netCDF file is read by every tool.
+beyond its own end of file: a stamped netCDF file is read by every tool. A checksum tells damage, not forgery: it is no
+signature, and whoever may write a folder may also write a stamp.
 
     content | labels (JSON) | sha256 of both (64 hexadecimal digits) | length of the labels (8 digits) | ``ROUGHVOL``
 """
@@ -14,10 +15,14 @@ import errno
 import hashlib
 import json
 import os
+import platform
+from collections.abc import Mapping
 from pathlib import Path
 
+from roughvol._version import __version__
 from roughvol.errors import DatasetError, FolderError
 
+FORMAT = "roughvol 1"  # of the datasets: names, dimensions and units as in the table of `variables`
 MARK = b"ROUGHVOL"
 TAIL = 64 + 8 + len(MARK)
 MAX_LABELS = 100_000
@@ -42,7 +47,7 @@ def store(path: Path, content: bytes) -> None:
     FolderError
         If the folder cannot be written, saying why; what was there under that name still is.
     """
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    aside = aside_of(path)
     try:
         try:
             with aside.open("wb") as stream:
@@ -56,6 +61,25 @@ def store(path: Path, content: bytes) -> None:
                 aside.unlink(missing_ok=True)
     except OSError as error:
         raise cannot_write(path, error) from error
+
+
+def aside_of(path: Path) -> Path:
+    """Return the name under which this process writes a file: no other process, on no other host, has the same."""
+    return path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}.part")
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it, so that after a power cut they are there if what is in them is.
+
+    Raises
+    ------
+    OSError
+        If it cannot be made.
+    """
+    absent = [place for place in (folder, *folder.parents) if not place.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    for place in absent:
+        _sync_folder(place.parent)
 
 
 def cannot_write(path: Path, error: OSError) -> FolderError:
@@ -87,6 +111,13 @@ def stamped(content: bytes, labels: Labels) -> bytes:
     return b"".join([content, text, digest.hexdigest().encode(), b"%08d" % len(text), MARK])
 
 
+def labels_of(attributes: Mapping[str, str]) -> Labels:
+    """Return what the stamp of a dataset says: format, version, and the case in full."""
+    key = hashlib.sha256(attributes["case"].encode()).hexdigest() if "case" in attributes else ""
+    version = attributes.get("roughvol_version", __version__)
+    return {"format": FORMAT, "version": version, "case": attributes.get("case_id", ""), "key": key}
+
+
 def labels(path: Path) -> Labels:
     """Return the labels in the stamp of a file, its content unread: quick, but no proof of it.
 
@@ -102,13 +133,10 @@ def labels(path: Path) -> Labels:
             length = _labels_length(path, stream.read(TAIL))
             stream.seek(max(size - TAIL - length, 0))
             return _parsed(path, stream.read(length))
+    except DatasetError:
+        raise
     except OSError as error:
         raise _cannot_read(path, error) from error
-
-
-def is_stamped(content: bytes) -> bool:
-    """Return whether content ends with a stamp, sound or not."""
-    return content.endswith(MARK)
 
 
 def verified(path: Path) -> tuple[bytes, Labels]:
@@ -137,13 +165,28 @@ def unstamped(content: bytes, path: Path) -> tuple[bytes, Labels]:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove what processes that were killed while writing have left; files still being written are left alone."""
+    """Remove what processes that were killed while writing have left; files still being written here are left alone.
+
+    Nobody writes from another host while this one holds the folder, but a worker whose checkpoint is due again soon.
+    """
+    here = f".{platform.node()}."
     for aside in folder.glob(".*.part"):
-        with contextlib.suppress(ValueError, PermissionError):
-            try:
-                os.kill(int(aside.name.split(".")[-2]), 0)  # signal 0 asks whether the process lives
-            except ProcessLookupError:
+        pid = aside.name.split(".")[-2]
+        if not pid.isdigit():
+            continue
+        with contextlib.suppress(OSError):
+            if not aside.name.removesuffix(f"{pid}.part").endswith(here) or not _lives(int(pid)):
                 aside.unlink(missing_ok=True)
+
+
+def _lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)  # signal 0 asks whether the process lives
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def _labels_length(path: Path, tail: bytes) -> int:
@@ -167,20 +210,3 @@ def _cannot_read(path: Path, error: OSError) -> DatasetError:
     if isinstance(error, FileNotFoundError):
         return DatasetError(f"no dataset at {path}")
     return DatasetError(f"cannot read {path}: {error.strerror or error}")
-
-
-def check_hdf5(content: bytes, path: Path) -> None:
-    """Refuse what is no whole HDF5 file before a library parses it; for files without a stamp.
-
-    Raises
-    ------
-    DatasetError
-        If the signature is missing, or the length is not the one the file itself gives.
-    """
-    place = {0: 40, 1: 44, 2: 28, 3: 28}.get(content[8] if len(content) > 48 else -1)  # of the end-of-file address
-    if place is None or not content.startswith(b"\x89HDF\r\n\x1a\n"):
-        message = f"{path} is damaged or no netCDF file (it has no HDF5 signature)"
-        raise DatasetError(message)
-    if int.from_bytes(content[place : place + 8], "little") != len(content):
-        message = f"{path} is damaged or no netCDF file (its length is not the one it was written with)"
-        raise DatasetError(message)

@@ -104,7 +104,7 @@ class _Run:
     contact: NDArray[np.bool_]
     residual: float
     pressure_bound: float
-    counts: tuple[int, int]
+    counts: tuple[float, float]
     seconds: float
 
 

@@ -42,13 +42,18 @@ VARIABLES: dict[str, Variable] = {
     "size": Variable("size", "1", "smallest size in elements of the class that ends below twice it", "n", "index"),
     "axis": Variable("axis", "1", "axis of the surface", "axis", "text"),
     "flux_at": Variable("flux_at", "1", "state at which fluxes are kept", "state", "text"),
+    "region_width": Variable("region_width", "1", "width of a central region over that of the surface", "w/L"),
+    "observable": Variable("observable", "1", "what a study records beside the numbers of every step", "q", "text"),
     "r_mid": Variable("r_mid", "1", "geometric mean of two box sides in elements", "r/δ"),
     # per surface
     "Sq": Variable("...", "length", "root mean square height about the mean plane", "Sq"),
     "Sdq": Variable("...", "1", "root mean square slope", "Sdq"),
     "z_max": Variable("...", "length", "height of the highest point", "z_max"),
+    "filled_fraction": Variable("...", "1", "share of the nodes whose height was missing and filled", "n_f/n"),
     "hurst_measured": Variable("...", "1", "Hurst exponent from the structure function", "H"),
     "wall_time": Variable("...", "s", "wall-clock time spent on the case", "t"),
+    "observable_time": Variable("... observable", "s", "wall-clock time spent on it, all states together", "t_q"),
+    "region_aspect": Variable("...", "1", "extent of the region observed along y over that along x", "W_y/W_x"),
     "heights": Variable("... x y", "length", "heights of the undeformed surface", "z"),
     # per step
     "indentation": Variable("... step", "1", "far-field closing displacement from first touch over Sq", "Δ/σ"),
@@ -93,6 +98,33 @@ VARIABLES: dict[str, Variable] = {
     "estimate_junction_diffusivity_x": Variable("... step", "1", "critical-junction estimate along x", "D_cj,x*"),
     "estimate_junction_diffusivity_y": Variable("... step", "1", "critical-junction estimate along y", "D_cj,y*"),
     "transport_time": Variable("... step", "s", "wall-clock time spent on the quantities of the void", "t"),
+    # inside central regions of several widths
+    "contact_area_fraction_within": Variable(
+        "... step region_width", "1", "fraction of the elements of the region in contact", "A*(w)"
+    ),
+    "mean_pressure_within": Variable(
+        "... step region_width", "1", "mean pressure of the region times L/(E* Sq)", "p*(w)"
+    ),
+    "free_volume_within": Variable("... step region_width", "1", "mean gap of the region over Sq", "V*(w)"),
+    "transmissivity_within_x": Variable(
+        "... step region_width", "1", "flow along x with g^3 through the region, over that of plates", "T_x*(w)"
+    ),
+    "transmissivity_within_y": Variable(
+        "... step region_width", "1", "flow along y with g^3 through the region, over that of plates", "T_y*(w)"
+    ),
+    # with units, in those that a study names; made from the starred ones when its cases are collected
+    "nominal_pressure": Variable("... step", "pressure", "nominal contact pressure, p* E* Sq/L", "p"),
+    "free_volume_per_area": Variable("... step", "length", "free volume over the nominal area, V* Sq", "V/A_n"),
+    "mean_gap": Variable("... step", "length", "mean gap, V* Sq", "g_mean"),
+    "mean_plane_separation": Variable("... step", "length", "rigid far-field separation of the mean planes", "d"),
+    "critical_opening_x": Variable("... step", "length", "largest gap still open from side to side along x", "h_c,x"),
+    "critical_opening_y": Variable("... step", "length", "largest gap still open from side to side along y", "h_c,y"),
+    "leak_rate_x": Variable(
+        "... step", "length^3/time", "volume flow along x, T_x* g_mean^3 pressure_drop W_y/(12 viscosity W_x)", "Q_x"
+    ),
+    "leak_rate_y": Variable(
+        "... step", "length^3/time", "volume flow along y, T_y* g_mean^3 pressure_drop W_x/(12 viscosity W_y)", "Q_y"
+    ),
     # at the states a study selects
     "flux_at_step": Variable("... flux_at", "1", "step of the state, -1 where it was not reached", "k", "index"),
     "flux_x": Variable("... flux_at x y", "1", "flux with g^3 for a flow along x, over that of plates", "|q_x|"),
@@ -115,5 +147,9 @@ FIELDS = (
     "flux_x",
     "flux_y",
 )  # the large ones, compressed; smooth doubles still shrink by a tenth or more
+TIMES = frozenset(name for name, row in VARIABLES.items() if row.units == "s")  # two equal runs differ in these alone
+# The power of the heights in each number that changes when they are scaled and the plane is not; v = g δ².
+HEIGHT_POWERS = {"Sq": 1, "Sdq": 1, "z_max": 1, "heights": 1, "volume_max": 1, "volume_density_edges": 1}
+HEIGHT_POWERS |= {"volume_density": -1}
 DTYPES = {"real": np.float64, "count": np.float64, "index": np.int64, "flag": np.bool_, "text": object}
 MISSING: dict[str, Any] = {"real": np.nan, "count": np.nan, "index": -1, "flag": False, "text": ""}

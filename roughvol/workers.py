@@ -11,13 +11,16 @@ over; the functions run here come from importable modules, so ``__main__`` is ke
 from __future__ import annotations
 
 import contextlib
+import math
 import multiprocessing
 import os
+import queue
 import signal
 import sys
 import threading
 import time
 import types
+import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
@@ -35,6 +38,7 @@ POLL = 0.1  # seconds between two looks at the messages
 REPORT_EVERY = 0.2  # seconds between two messages of one process: five a second are more than an eye needs
 LIVES = 2  # processes that may die of a task before it is given up
 CONNECT = 30  # seconds to reach a scheduler
+COUNT_EVERY = 1.0  # seconds between two questions to a scheduler: how many workers, whether to stop
 
 _messages: Any = None  # the way to the parent, set once when a worker starts
 _stop: Any = None  # set by the parent when the tasks begun are to end early, if they can
@@ -42,7 +46,9 @@ _one_at_a_time = threading.Lock()  # a Dask worker may run threads; neither netC
 
 
 class Pool(Protocol):
-    """Where tasks run."""
+    """Where tasks run; ``fall_together`` if all that are running end with a worker that dies."""
+
+    fall_together: bool
 
     def width(self) -> int:
         """Return how many tasks to hand over at once."""
@@ -93,7 +99,8 @@ def each(
     on_begin, on_message, on_end : callable
         Called here, in the parent: with a task; with a message; with a task, what it returned, its exception or None.
     stopping : callable
-        Asked now and then; once it is true no further task begins, and those begun are waited for.
+        Asked now and then; once it is true no further task begins, and those begun are waited for. On a cluster a task
+        that was handed over and not begun comes to ``on_end`` with None.
     scheduler : str, optional
         Address of a Dask scheduler, whose workers are used instead of processes of this machine.
 
@@ -137,7 +144,7 @@ def each(
             for message in pool.messages():
                 on_message(message)
             if any(_died(future) for future in done):
-                done, _ = wait(running)  # they all end with it
+                done, _ = wait(running, timeout=None if pool.fall_together else 0)
                 lost = [future for future in done if _died(future)]
                 pool.renew()
                 for future in lost:
@@ -174,6 +181,8 @@ def _error(future: Future[Any]) -> BaseException | None:
 
 class _Processes:
     """Processes of this machine."""
+
+    fall_together = True
 
     def __init__(self, jobs: int) -> None:
         self._jobs, self._context = jobs, multiprocessing.get_context("spawn")
@@ -215,9 +224,11 @@ class _Processes:
 class _Cluster:
     """Workers of a Dask scheduler; they come and go, and a task whose worker died runs again on another."""
 
+    fall_together = False
+
     def __init__(self, address: str) -> None:
         try:
-            from distributed import Client
+            from distributed import Client, Event
         except ImportError as error:
             message = "a scheduler needs dask.distributed: pip install 'roughvol[cluster]'"
             raise CampaignError(message) from error
@@ -227,31 +238,67 @@ class _Cluster:
             message = f"no scheduler answers at {address}: {error}"
             raise CampaignError(message) from error
         self._executor = self._client.get_executor(pure=False)
+        self._run = f"roughvol-{uuid.uuid4().hex}"  # what is told goes by this name, and so does the wish to stop
+        self._told: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._client.subscribe_topic(self._run, lambda event: self._told.put(event[1]))
+        self._stop, self._stopping = Event(self._run, client=self._client), False
+        self._width, self._counted = 1, -math.inf
 
     def width(self) -> int:
-        return max(2 * sum(self._client.nthreads().values()), 1)  # one at work and one at hand
+        if time.monotonic() - self._counted > COUNT_EVERY:
+            self._width = max(2 * sum(self._client.nthreads().values()), 1)  # one at work and one at hand
+            self._counted = time.monotonic()
+        return self._width
 
     def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
-        return self._executor.submit(_call_there, function, task)
+        return self._executor.submit(_call_there, function, task, self._run)
 
     def messages(self) -> Iterator[Any]:
-        return iter(())
+        while not self._told.empty():
+            message = self._told.get()
+            yield tuple(message) if isinstance(message, list) else message  # tuples may arrive as lists
 
     def stop(self) -> None:
-        pass
+        if not self._stopping:
+            self._stop.set()
+            self._stopping = True
 
     def renew(self) -> None:
         pass
 
     def close(self, *, at_once: bool) -> None:
         with contextlib.suppress(Exception):
+            if at_once:
+                self._stop.set()  # what is still running there shall not run on for nobody
             self._executor.shutdown(wait=not at_once)
+            self._client.unsubscribe_topic(self._run)
         self._client.close()
 
 
-def _call_there(function: Callable[[Task, Tell], Any], task: Task) -> Any:
+class _StopThere:
+    """The wish to stop, as a worker of a cluster learns of it: asked for rarely, and not heard if nobody answers."""
+
+    def __init__(self, run: str) -> None:
+        from distributed import Event, get_client
+
+        self._event, self._asked, self._found = Event(run, client=get_client()), -math.inf, False
+
+    def is_set(self) -> bool:
+        if not self._found and time.monotonic() - self._asked > COUNT_EVERY:
+            with contextlib.suppress(Exception):
+                self._found = bool(self._event.is_set())
+            self._asked = time.monotonic()
+        return self._found
+
+
+def _call_there(function: Callable[[Task, Tell], Any], task: Task, run: str) -> Any:
+    global _stop
+    from distributed import get_worker
+
+    worker = get_worker()
     with _one_at_a_time:
-        return function(task, lambda message: None)
+        _stop = _StopThere(run)
+        return None if _stop.is_set() else function(task, _thinned(lambda message: worker.log_event(run, message)))
 
 
 def stop_asked() -> bool:
@@ -260,15 +307,19 @@ def stop_asked() -> bool:
 
 
 def _call(function: Callable[[Task, Tell], Any], task: Task) -> Any:
+    return function(task, _thinned(_messages.put))
+
+
+def _thinned(tell: Tell) -> Tell:
     last = 0.0
 
-    def tell(message: Any) -> None:
+    def rarely(message: Any) -> None:
         nonlocal last
         if time.monotonic() - last >= REPORT_EVERY:
             last = time.monotonic()
-            _messages.put(message)
+            tell(message)
 
-    return function(task, tell)
+    return rarely
 
 
 def _begin(messages: Any, stop: Any) -> None:

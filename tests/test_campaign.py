@@ -42,7 +42,7 @@ LONG = "name: long\nsurface: {D: 2.5, m: 5, seeds: 40}\nsweep: {steps: 300}\n"
 
 def _values(results: Dataset) -> Dataset:
     """All but what may differ between two runs: times and hosts."""
-    return results.drop_vars("wall_time").drop_attrs(deep=False)
+    return dataset.answers(results)
 
 
 def _files(folder: Path) -> dict[str, int]:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from roughvol import checkpoint, pressing, storage
+from roughvol import batch, checkpoint, dataset, folder, pressing, storage
 from roughvol.checkpoint import Checkpoint, packed, unpacked
 from roughvol.dataset import Dataset
 from roughvol.physics.contact import sweep
@@ -42,8 +42,7 @@ def case(monkeypatch: pytest.MonkeyPatch) -> Case:
 
 
 def _values(results: Dataset) -> Dataset:
-    varying = [name for name in ("wall_time", "transport_time") if name in results]
-    return results.drop_vars(varying).drop_attrs(deep=False)
+    return dataset.answers(results)
 
 
 def _stop_at(step: int) -> Any:
@@ -117,6 +116,25 @@ def test_nothing_is_unpickled(case: Case, tmp_path: Path) -> None:
 
 def test_a_checkpoint_that_cannot_be_written_stops_nothing(case: Case, tmp_path: Path) -> None:
     xr.testing.assert_identical(_values(run_case(case, checkpoint=tmp_path / "no" / "c")), _values(run_case(case)))
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_a_worker_elsewhere_writes_checkpoints_only_into_the_folder_of_its_run(
+    case: Case, tmp_path: Path, shared: bool
+) -> None:
+    with folder.opened(tmp_path):
+        mark = folder.mark(tmp_path)
+        path = folder.checkpoint_file(tmp_path, case.id)
+        batch._work((case, "", 1, path, mark if shared else mark.replace("2", "3"), None), lambda message: None)
+        batch._work((case, "", 1, path.with_name("other"), "", None), lambda message: None)
+    assert path.exists() is shared
+    assert not path.with_name("other").exists()
+
+
+def test_other_libraries_or_vector_units_do_not_carry_a_sweep_on(case: Case, tmp_path: Path) -> None:
+    Checkpoint(tmp_path / "c", case, checkpoint.numerics()).save({"a": 1})
+    assert Checkpoint(tmp_path / "c", case, checkpoint.numerics()).load() == {"a": 1}
+    assert Checkpoint(tmp_path / "c", case, checkpoint.numerics().replace("numpy", "numpy 1.0 and")).load() is None
 
 
 def test_what_is_packed_comes_back() -> None:

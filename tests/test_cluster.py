@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import xarray as xr
 
-from roughvol import campaign, workers
+from roughvol import campaign, dataset, workers
 from roughvol.dataset import Dataset
 from roughvol.errors import CampaignError
 from roughvol.study import loads
@@ -30,7 +30,7 @@ TEXT = "name: c\nsurface: {D: [2.3, 2.6], m: 5, seeds: 6}\nsweep: {steps: 120}\n
 
 
 def _values(results: Dataset) -> Dataset:
-    return results.drop_vars("wall_time").drop_attrs(deep=False)
+    return dataset.answers(results)
 
 
 def _dask(place: Path, *arguments: str) -> subprocess.Popen[bytes]:
@@ -50,29 +50,46 @@ def _dask(place: Path, *arguments: str) -> subprocess.Popen[bytes]:
         )
 
 
+def _worker(place: Path, address: str, *more: str) -> subprocess.Popen[bytes]:
+    return _dask(place, "worker", address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", *more)
+
+
+def _ended(processes: list[subprocess.Popen[bytes]]) -> None:
+    for process in processes:
+        process.terminate()
+    for process in processes:
+        try:
+            process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A scheduler and two workers on this machine, each process of its own."""
+def scheduler(tmp_path: Path) -> Iterator[tuple[str, Path]]:
+    """A scheduler on this machine: its address, and the folder of its logs."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     address = f"tcp://127.0.0.1:{port}"
     place = tmp_path / "dask"
     place.mkdir()
-    scheduler = _dask(place, "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
-    alone = ["--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1"]
-    crew = [_dask(place, "worker", address, *alone, "--no-nanny"), _dask(place, "worker", address, *alone)]
+    process = _dask(place, "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+    try:
+        yield address, place
+    finally:
+        _ended([process])
+
+
+@pytest.fixture
+def cluster(scheduler: tuple[str, Path]) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A scheduler and two workers on this machine, each process of its own."""
+    address, place = scheduler
+    crew = [_worker(place, address, "--no-nanny"), _worker(place, address)]
     try:
         yield address, crew
     finally:
-        for process in [*crew, scheduler]:
-            process.terminate()
-        for process in [*crew, scheduler]:
-            try:
-                process.wait(timeout=20)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        _ended(crew)
 
 
 def test_a_cluster_that_loses_a_worker_gives_the_same_values(
@@ -92,6 +109,49 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_values(
     here = campaign.run(study, out=tmp_path / "here", jobs=2)
     xr.testing.assert_identical(_values(there), _values(here))
     assert len(campaign.status(study, tmp_path / "there").done) == 12
+
+
+def test_a_stopped_run_leaves_what_the_workers_had_not_begun(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    address, _ = cluster
+    study, done = loads(TEXT.replace("seeds: 6", "seeds: 40")), [0]
+    with pytest.raises(KeyboardInterrupt):
+        campaign.run(
+            study,
+            out=tmp_path / "there",
+            scheduler=address,
+            on_event=lambda now: done.append(now.done),
+            stopping=lambda: done[-1] >= 2,
+        )
+    found = campaign.status(study, tmp_path / "there")
+    assert 2 <= len(found.done) <= 8  # of 80: those at work, and what the workers had sent meanwhile
+    assert (found.damaged, found.failed) == ({}, {})
+
+
+def test_a_long_sweep_goes_on_elsewhere_where_the_folder_is_shared(scheduler: tuple[str, Path], tmp_path: Path) -> None:
+    address, place = scheduler
+    (place / "small.py").write_text("from roughvol import checkpoint\ncheckpoint.NODES, checkpoint.EVERY = 0, 0.1\n")
+    study = loads("name: c\nsurface: {D: 2.4, m: 7, seeds: 1}\nsweep: {steps: 1000}\nrecord: {fields_at: last}\n")
+    crew = [_worker(place, address, "--no-nanny", "--preload", "small.py")]
+    steps: list[int] = []
+    again: list[int] = []
+
+    def replace(now: campaign.Progress) -> None:
+        (again if len(crew) == 2 else steps).append(now.steps_done)
+        if now.steps_done >= 200 and len(crew) == 1:
+            crew[0].kill()
+            crew[0].wait()
+            crew.append(_worker(place, address, "--no-nanny", "--preload", "small.py"))
+
+    try:
+        there = campaign.run(study, out=tmp_path / "there", scheduler=address, on_event=replace)
+    finally:
+        _ended(crew)
+    assert len(steps) > 2  # a worker tells of its steps
+    assert min(again) > 50  # and the next does not begin with the first
+    assert not list((tmp_path / "there" / "cases").glob(".*"))
+    xr.testing.assert_identical(_values(there), _values(campaign.run(study, out=tmp_path / "here", jobs=1)))
 
 
 def _deadly(number: int, tell: Any) -> int:

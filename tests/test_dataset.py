@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 from numpy.testing import assert_array_equal
 
-from roughvol import dataset, storage
+from roughvol import dataset, folder, storage
 from roughvol.dataset import VARIABLES, Dataset
 from roughvol.errors import DatasetError, FolderError
 from roughvol.study import Case, loads
@@ -174,11 +174,24 @@ def test_foreign_and_missing_files_are_errors(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="no dataset at"):
         dataset.read(tmp_path)
     (tmp_path / "text.nc").write_text("this is no netCDF file")
-    with pytest.raises(DatasetError, match="damaged or no netCDF"):
-        dataset.read(tmp_path / "text.nc")
     xr.Dataset({"a": 1.0}).to_netcdf(tmp_path / "foreign.nc")
+    for name in ("text.nc", "foreign.nc"):
+        with pytest.raises(DatasetError, match=f"{name} does not end with a checksum"):
+            dataset.read(tmp_path / name)
+    content = storage.stamped((tmp_path / "foreign.nc").read_bytes(), {})
+    (tmp_path / "foreign.nc").write_bytes(content)
     with pytest.raises(DatasetError, match="format is None"):
         dataset.read(tmp_path / "foreign.nc")
+
+
+def test_what_is_no_netcdf_behind_a_sound_stamp_is_an_error(tmp_path: Path) -> None:
+    labels = folder.labels_for(_case())
+    for content, more in ((b"nothing", {}), (b"nothing", {"columns": "7"}), (b"", {"columns": "x"})):
+        (tmp_path / "a.nc").write_bytes(storage.stamped(content, labels | more))
+        with pytest.raises(DatasetError, match=r"a\.nc is damaged or no"):
+            dataset.read_arrays(tmp_path / "a.nc")
+    with pytest.raises(DatasetError, match=r"a\.nc is damaged or no"):
+        dataset.read(tmp_path / "a.nc")
 
 
 def test_every_flipped_bit_is_found_before_the_file_is_parsed(tmp_path: Path) -> None:
@@ -195,7 +208,7 @@ def test_every_flipped_bit_is_found_before_the_file_is_parsed(tmp_path: Path) ->
 
 def test_plain_arrays_are_those_of_the_dataset(tmp_path: Path) -> None:
     dataset.write(_build(), tmp_path / "a.nc")
-    arrays, stored = dataset.read_arrays(tmp_path / "a.nc"), dataset.read(tmp_path / "a.nc")
+    (arrays, _), stored = dataset.read_arrays(tmp_path / "a.nc"), dataset.read(tmp_path / "a.nc")
     xr.testing.assert_identical(dataset.combine([arrays], stored.attrs), dataset.combine([stored], stored.attrs))
     xr.testing.assert_identical(dataset.combine([arrays], stored.attrs), stored)
 
@@ -210,8 +223,8 @@ def test_a_stamped_file_is_netcdf_for_every_other_tool(tmp_path: Path) -> None:
 def test_the_stamp_names_the_case_in_full(tmp_path: Path) -> None:
     dataset.write(_build(), tmp_path / "case.nc")
     found = storage.labels(tmp_path / "case.nc")
-    assert found == dataset.labels_for(_case())
-    assert found["key"] != dataset.labels_for(_case(seed=1))["key"]
+    assert found == folder.labels_for(_case()) | {"columns": found["columns"]}
+    assert found["key"] != folder.labels_for(_case(seed=1))["key"]
     dataset.write(dataset.combine([_build()], dataset.provenance("", fft=FFT)), tmp_path / "study.nc")
     assert storage.labels(tmp_path / "study.nc")["case"] == ""
 
@@ -236,8 +249,10 @@ def test_interrupted_write_leaves_what_was_there(
 def test_leftovers_of_dead_processes_are_removed_and_nothing_else(tmp_path: Path) -> None:
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
-    names = {f".a.nc.{os.getpid()}.part", f".a.nc.{dead.pid}.part", ".mine.part", "a.nc"}
-    for name in names:
+    alive = storage.aside_of(tmp_path / "a.nc").name
+    names = {alive, alive.replace(str(os.getpid()), str(dead.pid)), f".a.nc.elsewhere.{os.getpid()}.part"}
+    others = {".mine.part", "a.nc", ".a.nc.x.y.part"}
+    for name in names | others:
         (tmp_path / name).touch()
     storage.remove_leftovers(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == names - {f".a.nc.{dead.pid}.part"}
+    assert {path.name for path in tmp_path.iterdir()} == {alive} | others

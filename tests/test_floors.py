@@ -18,8 +18,10 @@ ABOVE_DATASET = {
     "storage",
     "variables",
     "heightfile",
+    "bodies",
     "leakage",
     "record",
+    "regions",
     "study",
     "physics",
     "errors",
@@ -27,25 +29,39 @@ ABOVE_DATASET = {
 }
 FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "errors": (set(), set()),
+    "lengths": (set(), set()),
     "_version": (set(), set()),
     "physics": ({"errors"}, {"numpy", "scipy"}),
-    "study": ({"study", "errors", "_version"}, {"yaml", "pydantic", "pydantic_core"}),
-    "heightfile": ({"errors"}, {"numpy", "netCDF4", "xarray"}),
-    "storage": ({"errors"}, set()),
+    "study": ({"study", "errors", "lengths", "heightfile", "_version"}, {"yaml", "pydantic", "pydantic_core", "pint"}),
+    "instrument": ({"errors", "lengths"}, {"numpy", "SurfaceTopography"}),
+    "heightfile": ({"errors", "instrument"}, {"numpy", "netCDF4", "xarray"}),
+    "bodies": ({"study", "heightfile", "lengths", "physics", "errors"}, {"numpy"}),
+    "storage": ({"errors", "_version"}, set()),
+    "columns": (set(), {"numpy"}),
+    "ledger": ({"storage", "errors", "_version"}, set()),
     "variables": (set(), {"numpy"}),
     "dataset": (
-        {"study", "errors", "physics", "_version", "storage", "variables"},
+        {"study", "errors", "physics", "_version", "columns", "storage", "variables"},
         {"numpy", "netCDF4", "xarray"},
     ),
     "leakage": ({"study", "physics"}, {"numpy"}),
-    "record": ({"study", "physics", "errors", "leakage"}, {"numpy"}),
+    "regions": ({"study", "physics", "errors", "leakage"}, {"numpy"}),
+    "record": ({"study", "physics", "errors", "leakage", "regions"}, {"numpy"}),
     "workers": ({"errors"}, {"distributed"}),
     "resources": ({"study"}, set()),
-    "checkpoint": ({"storage", "study", "errors"}, {"numpy"}),
+    "checkpoint": ({"storage", "study", "errors", "_version"}, {"numpy"}),
     "pressing": (ABOVE_DATASET | {"checkpoint"}, {"numpy", "threadpoolctl"}),
-    "folder": ({"dataset", "storage", "study", "errors"}, set()),
-    "batch": (ABOVE_DATASET | {"workers", "resources", "pressing", "folder"}, set()),
-    "campaign": (ABOVE_DATASET | {"workers", "resources", "pressing", "folder", "batch"}, set()),
+    "folder": ({"ledger", "storage", "study", "errors"}, set()),
+    "standing": ({"folder", "ledger", "study"}, set()),
+    "collecting": (ABOVE_DATASET | {"columns", "folder"}, set()),
+    "batch": (ABOVE_DATASET | {"workers", "resources", "pressing", "folder", "ledger"}, set()),
+    "dimensional": ({"study", "variables", "errors"}, set()),
+    "campaign": (
+        ABOVE_DATASET
+        | {"workers", "resources", "pressing", "folder", "ledger", "standing", "columns", "collecting", "batch"}
+        | {"dimensional"},
+        set(),
+    ),
     "estimate": (ABOVE_DATASET | {"pressing", "resources"}, {"numpy"}),
     "tradeoff": (ABOVE_DATASET | {"pressing"}, {"numpy", "threadpoolctl"}),
     "convergence": (ABOVE_DATASET | {"tradeoff"}, {"numpy"}),
@@ -62,6 +78,7 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
         {
             *ABOVE_DATASET,
             "workers",
+            "standing",
             "campaign",
             "estimate",
             "tradeoff",
@@ -129,6 +146,8 @@ def _floor(module: str) -> tuple[set[str], set[str]]:
     siblings, parties = FLOORS[module.split(".")[0]]
     if module == "physics.contact":
         siblings = siblings | {"physics.surface", "physics.precondition"}  # its data and its other half
+    if module == "physics.search":
+        siblings = siblings | {"physics.surface", "physics.contact"}  # what it searches among
     if module == "physics.halfspace":
         parties = parties | {"pyfftw"}
     return siblings, parties

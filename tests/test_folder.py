@@ -12,12 +12,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from roughvol import campaign, folder, resources, storage
+from roughvol import campaign, dataset, folder, resources, storage
 from roughvol.cli import main
 from roughvol.dataset import Dataset
 from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError
@@ -31,7 +32,7 @@ FIELDS = (
 
 
 def _values(results: Dataset) -> Dataset:
-    return results.drop_vars("wall_time").drop_attrs(deep=False)
+    return dataset.answers(results)
 
 
 @pytest.fixture(scope="module")
@@ -82,9 +83,12 @@ def test_the_lock_of_a_killed_process_is_stale(study: Study, tmp_path: Path) -> 
     assert campaign.run(study, out=tmp_path, jobs=1).sizes["seed"] == 4
 
 
-@pytest.mark.parametrize("content", [b"", b"{", b"[1]", b'{"host": 3}', b"\xff\xfe"])
-def test_a_lock_that_says_nothing_is_stale(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "lock").write_bytes(content)
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"{", b"[1]", b'{"host": 3}', b"\xff\xfe", json.dumps({"host": platform.node(), "pid": "1", "started": "x"})],
+)
+def test_a_lock_that_says_nothing_is_stale(tmp_path: Path, content: bytes | str) -> None:
+    (tmp_path / "lock").write_bytes(content if isinstance(content, bytes) else content.encode())
     with folder.opened(tmp_path):
         assert folder.holder(tmp_path) is not None
 
@@ -143,6 +147,41 @@ def test_files_of_another_version_are_computed_again(study: Study, place: Path) 
     campaign.run(study, out=place, jobs=1)
     assert len(campaign.status(study, place).done) == 4
     assert "another version" in (place / "cases" / "set_aside" / f"{path.name}.reason.txt").read_text()
+
+
+@pytest.mark.parametrize("stamped", [True, False])
+def test_a_study_nc_that_is_not_as_written_is_never_parsed_but_made_again(
+    study: Study, place: Path, finished: Path, stamped: bool
+) -> None:
+    content = bytearray((place / "study.nc").read_bytes())
+    content[60 : len(content) // 2] = os.urandom(len(content) // 2 - 60)
+    content = content if stamped else content[: content.rindex(b'{"case"')]
+    (place / "study.nc").write_bytes(content)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(netCDF4, "Dataset", None)  # nothing can be parsed
+        with pytest.raises(DatasetError, match=r"study\.nc (has been altered|does not end with a checksum)"):
+            dataset.read(place / "study.nc")
+    notices: list[str] = []
+    again = campaign.run(study, out=place, jobs=1, on_event=lambda now: notices.append(now.notice))
+    assert [("study.nc" in told, "made again from the cases" in told) for told in notices if told] == [(True, True)]
+    assert (place / "set_aside" / "study.nc").read_bytes() == content
+    xr.testing.assert_identical(_values(again), _values(dataset.read(finished / "study.nc")))
+
+
+def test_many_files_set_aside_are_told_of_in_few_lines(tmp_path: Path) -> None:
+    many = loads("name: small\nsurface: {D: 2.4, m: 1, seeds: 15}\nsweep: {steps: 1}\n")
+    campaign.run(many, out=tmp_path, jobs=1)
+    for path in (tmp_path / "cases").glob("*.nc"):
+        content, labels = storage.verified(path)
+        storage.store(path, storage.stamped(content, labels | {"version": "0.0.1"}))
+    notices: list[str] = []
+    campaign.run(many, out=tmp_path, jobs=1, on_event=lambda now: notices.append(now.notice))
+    told = [notice for notice in notices if notice]
+    assert len(told) == campaign.NAMED + 1
+    assert "is of another version of roughvol: '0.0.1'" in told[0]
+    assert "it is computed again" in told[0]
+    assert told[-1].startswith("set aside: 5 more, each with its reason beside it in ")
+    assert len(list((tmp_path / "cases" / "set_aside").glob("*.nc"))) == 15  # nothing is lost
 
 
 def test_a_damaged_study_file_is_no_licence_to_go_on(study: Study, place: Path) -> None:
@@ -259,6 +298,34 @@ def test_a_disk_that_becomes_read_only_is_told(small_disk: Path, study: Study) -
         campaign.run(more, out=small_disk / "run", jobs=1)
     assert len(campaign.status(study, small_disk / "run").done) == 4
     assert campaign.collect(study, small_disk / "run").sizes["seed"] == 4
+
+
+def test_a_run_whose_folder_was_moved_leaves_the_lock_of_the_next_one_alone(tmp_path: Path) -> None:
+    with folder.opened(tmp_path / "run"):
+        (tmp_path / "run").rename(tmp_path / "moved")
+        with folder.opened(tmp_path / "run"):
+            pass
+        (tmp_path / "run" / "lock").touch()
+    assert (tmp_path / "run" / "lock").exists()
+
+
+def test_a_folder_that_vanishes_while_a_long_case_runs_ends_the_run_at_once(tmp_path: Path) -> None:
+    study = loads("name: s\nsurface: {D: 2.5, m: 8, seeds: 1}\nsweep: {steps: 10000}\n")  # minutes
+
+    def vanish(now: campaign.Progress) -> None:
+        if now.steps_done:
+            shutil.rmtree(tmp_path / "run", ignore_errors=True)
+
+    with pytest.raises(FolderError, match="the folder has vanished"):
+        campaign.run(study, out=tmp_path / "run", jobs=1, on_event=vanish)
+
+
+def test_a_note_of_a_run_that_makes_no_sense_is_none(study: Study, place: Path) -> None:
+    with folder.opened(place):
+        for noted in ({"running": 5, "left": "x"}, {"running": [3, "y"]}, [1], None):
+            (place / "progress.json").write_text(json.dumps(noted))
+            found = campaign.status(study, place)
+            assert (len(found.done), found.running, found.left) == (4, (), None)
 
 
 def test_a_folder_that_vanishes_is_told_and_not_made_again(study: Study, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -112,7 +113,8 @@ def test_scaled_integers_of_netcdf_are_unpacked(tmp_path: Path) -> None:
     assert np.array_equal(heightfile.read(tmp_path / "z.nc"), 10.0 + 0.5 * np.arange(9).reshape(3, 3))
 
 
-HOLED = np.where(np.arange(20).reshape(5, 4) % 7 == 6, np.nan, HEIGHTS)  # holes at (1, 2) and (3, 1)
+HOLES = np.arange(20).reshape(5, 4) % 7 == 6  # at (1, 2) and (3, 1)
+HOLED = np.where(HOLES, np.nan, HEIGHTS)
 
 
 @pytest.mark.parametrize(
@@ -141,7 +143,6 @@ class _Trap:
 BAD: dict[str, tuple[type[Exception], str, Callable[[Path], Any]]] = {
     "absent.npy": (DatasetError, "No such file", lambda path: None),
     "folder.npy": (DatasetError, "Is a directory", lambda path: path.mkdir()),
-    "picture.png": (DatasetError, r"end in \.npy \.npz \.txt \.csv \.asc \.nc", lambda path: path.touch()),
     "pickle.npy": (DatasetError, "cannot be read as .npy", lambda path: path.write_bytes(pickle.dumps(_Trap()))),
     "objects.npy": (DatasetError, "Object arrays", lambda path: np.save(path, np.full((3, 3), _Trap(), dtype=object))),
     "empty.npy": (DatasetError, "cannot be read", lambda path: path.touch()),
@@ -192,6 +193,40 @@ def test_a_file_of_one_array_takes_no_variable(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", HEIGHTS)
     with pytest.raises(DatasetError, match=r"z\.npy: holds one array, without a name; leave out the variable 'z'"):
         heightfile.read(tmp_path / "z.npy", "z")
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [
+        ("z.npy", lambda path: np.save(path, HOLED)),
+        ("inf.npy", lambda path: np.save(path, np.where(np.isnan(HOLED), np.inf, HOLED))),
+        ("z.asc", lambda path: path.write_text(ESRI + _rows(np.nan_to_num(HOLED, nan=-9999.0)))),
+        ("z.nc", lambda path: _write_netcdf(path, z=np.ma.masked_invalid(HOLED))),
+        ("packed.nc", lambda path: _write_netcdf(path, z=np.ma.masked_array(np.arange(20).reshape(5, 4), HOLES))),
+    ],
+)
+def test_missing_heights_are_nan_for_a_caller_who_fills_them(
+    tmp_path: Path, name: str, write: Callable[[Path], Any]
+) -> None:
+    write(tmp_path / name)
+    heights = heightfile.read(tmp_path / name, holes=True)
+    known = np.arange(20.0).reshape(5, 4) if name == "packed.nc" else HEIGHTS
+    assert np.array_equal(heights, np.where(HOLES, np.nan, known), equal_nan=True)
+
+
+def test_our_own_formats_tell_neither_size_nor_unit(tmp_path: Path) -> None:
+    for name, write in WRITERS.items():
+        write(tmp_path / name)
+        assert heightfile.describe(tmp_path / name) is None
+
+
+def test_other_endings_are_left_to_the_library_or_to_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", None)  # as if it were not installed
+    path = tmp_path / "scan.al3d"
+    path.touch()
+    for call in (heightfile.read, heightfile.describe):
+        with pytest.raises(DatasetError, match=r"scan\.al3d: .*not installed: pip install 'roughvol\[measured\]'"):
+            call(path)
 
 
 @pytest.mark.parametrize("suffix", [".npy", ".npz"])

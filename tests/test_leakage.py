@@ -14,8 +14,9 @@ from roughvol.campaign import run_case, surface_of
 from roughvol.dataset import VARIABLES, Dataset
 from roughvol.errors import ContactError, StudyError
 from roughvol.physics import transport
-from roughvol.physics.contact import Contact, first_indentation, indentation_for, solve, sweep
+from roughvol.physics.contact import Contact, solve, sweep
 from roughvol.physics.halfspace import HalfSpace
+from roughvol.physics.search import first_indentation, indentation_for
 from roughvol.study import Case, Level, Transport, loads
 
 SURFACE = "surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}\n"
@@ -101,7 +102,7 @@ def test_nothing_is_computed_that_was_not_asked_for() -> None:
     assert set(values) == {*record.PER_STEP, "step"}
     case = _case("sweep: {steps: 2}\nrecord: {transport: {constriction: last}}")
     added = set(record.of_sweep(case, surface_of(case), _touching(case))) - set(values)
-    assert added == {"axis", "transport_time"} | {
+    assert added == {"axis", "transport_time", "observable", "observable_time"} | {
         f"critical_{what}_{axis}" for what in ("gap", "position") for axis in "xy"
     }
 

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
-from roughvol import dataset, figures
+from roughvol import dataset, dimensional, figures
 from roughvol.campaign import run_case
 from roughvol.dataset import Dataset
 from roughvol.errors import DatasetError
@@ -19,7 +19,8 @@ from roughvol.study import loads
 
 TEXT = """
 name: tiny_seal
-surface: {D: [2.2, 2.5], m: 4, seeds: 3}
+surface: {D: [2.2, 2.5], m: 4, seeds: 3, L: 100 um, Sq: 0.5 um}
+material: {E_star: 10 MPa}
 sweep: {steps: 8, to: percolation}
 record:
   fields_at: {step: [2, 5]}
@@ -30,12 +31,16 @@ record:
     transmissivity: {step: [1, 2, 4, 5, 6, 8]}
     diffusivity: {step: [2, 4, 6, 8]}
     flux_at: {step: [2, 5]}
+  region_widths: {shares: [0.5, 0.75, 1], transmissivity: {step: [1, 2, 4]}}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}
 """
 
 
 @pytest.fixture(scope="module")
 def ds() -> Dataset:
-    return dataset.combine([run_case(case) for case in loads(TEXT).cases()], {"format": dataset.FORMAT})
+    study = loads(TEXT)
+    together = dataset.combine([run_case(case) for case in study.cases()], {"format": dataset.FORMAT})
+    return dimensional.in_units(together, study, "um")
 
 
 def _render(fig: Figure) -> int:
@@ -90,6 +95,42 @@ def test_transmissivity_is_the_median_of_the_ways(ds: Dataset) -> None:
             flows.append(np.where(area <= x[-1], np.exp(np.interp(area, x, np.log(flow[known]))), 0.0))
     median = np.median(flows, axis=0)
     assert_allclose(np.nan_to_num(np.asarray(line.get_ydata(), dtype=float)), median, rtol=1e-10)
+
+
+def test_the_leak_rate_is_that_stored_in_its_unit(ds: Dataset) -> None:
+    one = ds.isel(D=[0], seed=[0])
+    fig = FIGURES["seal_leak_rate"](one)
+    assert fig.axes[0].get_ylabel() == "leak rate [mm$^{3}$/s]"
+    assert "1 bar" in fig.get_suptitle()
+    line = fig.axes[1].lines[0]
+    area, leak = one.contact_area_fraction.values.ravel(), one.leak_rate_x.values.ravel()
+    other = one.leak_rate_y.values.ravel()
+    drawn = dict(zip(*(np.asarray(values, dtype=float).tolist() for values in line.get_data()), strict=True))
+    first = min(drawn)
+    assert_allclose(first, area[0], rtol=1e-12)
+    assert_allclose(drawn[first], 0.5 * (leak[0] + other[0]), rtol=1e-10)  # the median of two ways
+
+
+def test_pressure_stands_in_its_unit_above_p_star_where_one_factor_holds(ds: Dataset) -> None:
+    fig = FIGURES["seal_transmissivity"](ds)
+    assert _render(fig) > 1000  # limits follow each other when they are drawn
+    ax = fig.axes[0]
+    (top,) = ax.child_axes
+    assert top.get_xlabel() == "nominal pressure [MPa]"
+    assert_allclose(top.get_xlim(), np.array(ax.get_xlim()) * 0.5 / 100 * 10, rtol=1e-9)
+    several = ds.assign(nominal_pressure=ds.nominal_pressure * (1 + ds.seed))
+    assert not FIGURES["seal_transmissivity"](several).axes[0].child_axes
+    assert not FIGURES["seal_transmissivity"](ds.drop_vars("nominal_pressure")).axes[0].child_axes
+
+
+def test_regions_are_drawn_over_the_whole(ds: Dataset) -> None:
+    axes = FIGURES["seal_region"](ds).axes
+    family = ds.sel(D=2.2, m=4)
+    for ax, name in zip(axes, ("contact_area_fraction", "mean_pressure", "free_volume"), strict=False):
+        line = next(line for line in ax.lines if len(np.asarray(line.get_xdata())) == 3)
+        assert_allclose(np.asarray(line.get_ydata(), dtype=float)[-1], 1.0, rtol=1e-12)
+        expected = (family[f"{name}_within"] / family[name]).sel(step=1).mean("seed")
+        assert_allclose(np.asarray(line.get_ydata(), dtype=float), expected, rtol=1e-12)
 
 
 def test_percolation_falls_from_one_to_zero(ds: Dataset) -> None:

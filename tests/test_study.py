@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import pickle
 from dataclasses import replace
@@ -152,10 +153,69 @@ def test_the_smoke_study_is_small_and_records_everything() -> None:
     assert all(value for name, value in study.record.model_dump().items() if name != "region")
 
 
+def test_a_number_may_have_a_unit() -> None:
+    study = loads(
+        "surface: {D: 2.3, m: 4, L: 0.1mm, Sq: 500 nm}\nmaterial: {E: 210 GPa, nu: 0.3, hardness: 2000 MPa}\n"
+        "record:\n  transport: {transmissivity: last}\n"
+        "  dimensional: {pressure: psi, leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}"
+    )
+    surface, material = study.surface, study.material
+    assert isinstance(surface, GeneratedSurface)
+    assert (float(surface.L), surface.length_unit) == (0.1, "mm")
+    assert surface.height == pytest.approx(5e-4, rel=1e-14)
+    assert (material.unit, material.contact_modulus) == ("GPa", pytest.approx(210 / 0.91, rel=1e-14))
+    assert material.indentation_hardness == pytest.approx(2.0, rel=1e-14)
+    assert study.record.dimensional is not None
+    assert study.record.dimensional.leak_rate is not None
+    assert study.record.dimensional.leak_rate.drive == pytest.approx(1e5 / 1e-3 * 1e9, rel=1e-12)
+    assert {case.length_unit for case in study.cases()} == {"mm"}
+    assert "L: 0.1 mm" in study.to_yaml()
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"), [("2 um", "um"), ("2µm", "um"), ("2.0e0  micron", "um"), ("2 nm", "nm"), ("2.5e-1 m", "m")]
+)
+def test_a_length_has_one_name_for_its_unit(text: str, unit: str) -> None:
+    study = loads(f"surface: {{D: 2.3, m: 4, L: {text}}}")
+    assert study.surface.length_unit == unit
+    assert loads(study.to_yaml()).surface.length_unit == unit
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.text(alphabet="aAbcdegGhkKlmMnNPsuµ*/^ ·²³0123456789.-{}%", max_size=12),
+    st.sampled_from(["surface: {D: 2.3, m: 4, L: '1 @'}", SURFACE + "material: {E_star: '1 @'}"]),
+)
+def test_whatever_stands_for_a_unit_is_read_or_refused(unit: str, where: str) -> None:
+    text, study = where.replace("@", unit), None
+    with contextlib.suppress(StudyError):
+        study = loads(text)
+    if study is None:
+        assert len(problems_of(text)) == 1
+    else:
+        assert loads(study.to_yaml()) == study
+        assert (study.surface.length_unit is None) != (study.material.unit is None)
+
+
+def test_plain_numbers_have_an_arbitrary_unit() -> None:
+    study = loads(SURFACE + "material: {E_star: 3, hardness: 0.5}")
+    assert (study.surface.length_unit, study.material.unit, study.material.indentation_hardness) == (None, None, 0.5)
+
+
 # Writing it out again
 
 
-@pytest.mark.parametrize("text", [SURFACE, FULL, SURFACE + "name: '1e5'\nsweep: {to: {contact_area: 0.1}}"])
+UNITS = """\
+surface: {D: 2.3, m: 4, L: 100 um, Sq: 0.5 um}
+material: {E_star: 10 MPa, hardness: 1 bar}
+record:
+  transport: {transmissivity: last, constriction: last}
+  region_widths: {shares: [1, 0.5], at: last, transmissivity: {step: 4}}
+  dimensional: {pressure: MPa, critical_gap: nm, leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit: ml/min}}
+"""
+
+
+@pytest.mark.parametrize("text", [SURFACE, FULL, UNITS, SURFACE + "name: '1e5'\nsweep: {to: {contact_area: 0.1}}"])
 def test_the_resolved_study_reads_back_equal(text: str) -> None:
     study = loads(text)
     written = study.to_yaml()
@@ -226,10 +286,18 @@ def test_one_id_is_pinned() -> None:
         "solver: {rtol: 1.0e-6}",
         "sweep: {steps: 60}",
         "record: {heights: false}",
+        "material: {E_star: 100 GPa, hardness: 2 GPa}",
+        "material: {E_star: 1 Pa}\nrecord: {dimensional: {pressure: MPa}}",
     ],
 )
 def test_what_does_not_change_the_answer_does_not_change_the_id(extra: str) -> None:
     assert [case.id for case in loads(SURFACE + extra).cases()] == [case.id for case in loads(SURFACE).cases()]
+
+
+@pytest.mark.parametrize("length", ["L: 100 um", "L: 100 m", "Sq: 0.5", "L: 100 um, Sq: 1 nm", "L: 100, unit: mm"])
+def test_neither_units_nor_the_height_of_generated_surfaces_change_the_id(length: str) -> None:
+    study = loads(f"surface: {{D: 2.3, m: 4, {length}}}")
+    assert [case.id for case in study.cases()] == [case.id for case in loads(SURFACE).cases()]
 
 
 @pytest.mark.parametrize(
@@ -247,6 +315,7 @@ def test_what_does_not_change_the_answer_does_not_change_the_id(extra: str) -> N
         SURFACE + "record: {heights: true}",
         SURFACE + "record: {fields_at: last}",
         SURFACE + "record: {volume_density: {bins: 10}}",
+        SURFACE + "record: {region_widths: {}}",
     ],
 )
 def test_what_changes_the_answer_changes_the_id(text: str) -> None:
@@ -283,6 +352,81 @@ def test_cases_travel_between_processes() -> None:
 def test_keys_are_plain_data() -> None:
     key = loads(FULL).cases()[0].key
     assert json.loads(json.dumps(key, allow_nan=False)) == key
+
+
+def test_keys_that_came_later_do_not_change_ids_where_they_are_not_used(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.arange(12.0).reshape(3, 4))
+    one = "surface: {file: z.npy, L: 2}"
+    defaults = "surface: {file: z.npy, L: 2, unit: um, level: none, missing: refuse, low_pass: null, against: null}"
+    ids = [loads(text, tmp_path / "study.yaml").cases()[0].id for text in (one, defaults)]
+    assert ids == ["z-058fb467"] * 2  # pinned: a change here makes every stored case look like another one
+    assert loads("surface: {D: 2.3, m: 8, seeds: [3], unit: um}").cases()[0].id == "D2.30_m8_s003-cebd0eb8"
+    assert "unit" not in loads(one, tmp_path / "study.yaml").to_yaml()
+
+
+def test_the_treatment_of_heights_is_part_of_the_id(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.zeros((3, 3)))
+    np.save(tmp_path / "b.npy", np.ones((3, 3)))
+    start = "surface: {file: z.npy, L: 2"
+    extras = ["", ", level: mean", ", level: tilt", ", missing: nearest", ", low_pass: 1", ", low_pass: 1.5"]
+    extras += [", against: {file: b.npy}", ", against: {file: b.npy, mirror: x}", ", against: {file: z.npy}"]
+    cases = [loads(start + extra + "}", tmp_path / "study.yaml").cases()[0] for extra in extras]
+    assert len({case.id for case in cases}) == len(extras)
+    assert [case.surface_text == "" for case in cases] == [True] + [False] * (len(extras) - 1)
+
+
+def test_the_id_of_two_bodies_follows_the_content_of_both(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        np.save(tmp_path / f"{name}.npy", np.zeros((3, 3)))
+    study = loads("surface: {file: a.npy, L: 2, against: {file: b.npy}}", tmp_path / "study.yaml")
+    assert loads(study.to_yaml()) == study
+    (before,) = study.cases()
+    assert before.label == "a.npy against b.npy"
+    np.save(tmp_path / "b.npy", np.ones((3, 3)))
+    (after,) = study.cases()
+    assert before.id != after.id
+    assert pickle.loads(pickle.dumps(after)) == after
+    (tmp_path / "b.npy").unlink()
+    with pytest.raises(StudyError, match=r"surface\.against\.file: cannot read"):
+        study.cases()
+
+
+def test_lengths_of_a_measured_surface_come_in_one_unit(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.zeros((3, 3)))
+    text = "surface: {file: z.npy, L: 100 um, low_pass: 0.06 mm}"
+    (case,) = loads(text, tmp_path / "study.yaml").cases()
+    assert (case.L, case.length_unit) == (100.0, "um")
+    assert case.treatment.low_pass == pytest.approx(60.0, rel=1e-15)
+    (named,) = loads("surface: {file: z.npy, L: 100, unit: µm}", tmp_path / "study.yaml").cases()
+    assert (named.length_unit, named.id) == (
+        "um",
+        loads(text.split(", low")[0] + "}", tmp_path / "s.yaml").cases()[0].id,
+    )
+
+
+def test_without_the_extra_files_of_instruments_are_refused_with_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    (tmp_path / "scan.al3d").touch()
+    with pytest.raises(StudyError) as caught:
+        loads("surface: {file: scan.al3d}", tmp_path / "study.yaml")
+    (problem,) = caught.value.problems
+    assert (problem.key, problem.line) == ("surface.file", 1)
+    assert "must end in one of .npy .npz .txt .csv .asc .nc" in problem.message
+    assert "pip install 'roughvol[measured]'" in problem.message
+
+
+def test_two_elastic_bodies_are_as_soft_as_both_together() -> None:
+    alone, other = loads(SURFACE + "material: {E: 2, nu: 0.3}"), loads(SURFACE + "material: {E: 3, nu: 0.4}")
+    both = loads(SURFACE + "material: {E: 2, nu: 0.3, against: {E: 3, nu: 0.4}}")
+    compliances = [1 / study.material.contact_modulus for study in (alone, other, both)]
+    assert compliances[2] == pytest.approx(compliances[0] + compliances[1], rel=1e-15)
+    assert loads(both.to_yaml()) == both
+    assert "against" not in alone.to_yaml()
+    equal = loads(SURFACE + "material: {E: 210 GPa, nu: 0.3, against: {E: 210000 MPa, nu: 0.3}}").material
+    assert equal.contact_modulus == pytest.approx(210 / 0.91 / 2, rel=1e-14)
+    assert equal.unit == "GPa"
 
 
 # What is refused: text, line, key path, and what the message must say
@@ -370,8 +514,105 @@ BAD: dict[str, tuple[str, int, str, str]] = {
     "file beside D": ("surface: {file: a.npy, L: 1,\n  D: 2.3}", 2, "surface.D", "cannot stand beside 'file'"),
     "variable beside D": ("surface: {D: 2.3, m: 4, variable: z}", 1, "surface.variable", "beside 'D' and 'm'"),
     "E beside E_star": (SURFACE + "material: {E: 1, nu: 0, E_star: 1}", 2, "material.E_star", "beside 'E' and 'nu'"),
+    "L of another dimension": (
+        "surface: {D: 2.3, m: 4,\n L: 100 GPa}",
+        2,
+        "surface.L",
+        "'GPa' is a unit of pressure, not of length; allowed: pm, angstrom, nm, um, mm, cm, m, km, given '100 GPa'",
+    ),
+    "unknown unit": ("surface: {D: 2.3, m: 4, L: 1 um2x}", 1, "surface.L", "'um2x' is no known unit; allowed for a"),
+    "L without its unit": ("surface: {D: 2.3, m: 4, L: '100'}", 1, "surface.L", "as in 100 um, given '100'"),
+    "negative with a unit": ("surface: {D: 2.3, m: 4, L: -1 um}", 1, "surface.L", "must be > 0, given -1"),
+    "overflow with a unit": ("surface: {D: 2.3, m: 4, L: 1e999 um}", 1, "surface.L", "must be a finite number"),
+    "two units of L": (
+        "surface: {D: 2.3, m: 4, L: 1 um, unit: mm}",
+        1,
+        "surface.unit",
+        "L has its unit already (1 um)",
+    ),
+    "Sq with a unit alone": ("surface: {D: 2.3, m: 4, Sq: 1 um}", 1, "surface.Sq", "L has none: give both"),
+    "Sq of a file": ("surface: {file: a.npy, L: 1, Sq: 1}", 1, "surface.Sq", "cannot stand beside 'file'"),
+    "modulus of another dimension": (
+        SURFACE + "material: {E_star: 1 mm}",
+        2,
+        "material.E_star",
+        "'mm' is a unit of length",
+    ),
+    "hardness with a unit alone": (
+        SURFACE + "material: {hardness: 2 GPa}",
+        2,
+        "material.hardness",
+        "the modulus has none",
+    ),
+    "arithmetic as a unit": (SURFACE + "material: {E_star: 1 9**9**9}", 2, "material.E_star", "'9**9**9' is no known"),
+    "braces as a unit": (SURFACE + "material: {E_star: '1 {x}'}", 2, "material.E_star", "'{x}' is no known unit"),
+    "code as a unit": (SURFACE + "material: {E_star: 1 f()}", 2, "material.E_star", "'f()' is no known unit"),
+    "pressure without a modulus": (
+        SURFACE + "record: {dimensional: {pressure: MPa}}",
+        2,
+        "record.dimensional.pressure",
+        "needs the modulus with its unit, as material: {E_star: 100 GPa}",
+    ),
+    "gap without a length": (
+        SURFACE + "record: {dimensional: {mean_gap: um}}",
+        2,
+        "record.dimensional.mean_gap",
+        "needs the unit of length, as surface: {L: 100 um}",
+    ),
+    "leak without transmissivity": (
+        "surface: {D: 2.3, m: 4, L: 1 um}\n"
+        "record: {dimensional: {leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}}",
+        2,
+        "record.dimensional.leak_rate",
+        "record.transport.transmissivity, which is not asked for",
+    ),
+    "drop without a unit": (
+        "surface: {D: 2.3, m: 4, L: 1 um}\n"
+        "record: {transport: {transmissivity: last}, dimensional: {leak_rate: {pressure_drop: 1, viscosity: 1 mPa*s}}}",
+        2,
+        "record.dimensional.leak_rate.pressure_drop",
+        "must be a number with a unit of pressure",
+    ),
+    "nothing in units": (SURFACE + "record: {dimensional: {}}", 2, "record.dimensional", "names no quantity: pressure"),
+    "width twice": (
+        SURFACE + "record: {region_widths: {shares: [1, 0.5, 1]}}",
+        2,
+        "record.region_widths.shares[2]",
+        "1 stands in the list twice",
+    ),
     "no file": ("surface: {file: nowhere.npy, L: 1}", 1, "surface.file", "there is no such file"),
-    "file of another kind": ("surface: {file: a.png, L: 1}", 1, "surface.file", "must end in one of .npy .npz"),
+    "file not there": ("surface: {file: a.asc, L: 1}", 1, "surface.file", "there is no such file"),
+    "no L, no size": ("surface: {file: a.asc}", 1, "surface.L", "missing, and the file does not tell it"),
+    "level": ("surface: {file: a.asc, L: 1, level: plane}", 1, "surface.level", "must be 'none', 'mean', 'tilt' or"),
+    "low pass": ("surface: {file: a.asc, L: 1, low_pass: 0}", 1, "surface.low_pass", "must be > 0"),
+    "low pass um": ("surface: {file: a.asc, L: 1, low_pass: 3 um}", 1, "surface.low_pass", "L has none: give both"),
+    "missing": ("surface: {file: a.asc, L: 1, missing: zero}", 1, "surface.missing", "must be 'refuse', 'nearest' or"),
+    "unit": ("surface: {file: a.asc, L: 1, unit: kg}", 1, "surface.unit", "allowed: pm, angstrom, nm, um"),
+    "against": ("surface: {file: a.asc, L: 1, against: b.asc}", 1, "surface.against", "must be a mapping"),
+    "mirror": (
+        "surface: {file: a.asc, L: 1, against: {file: b.asc, mirror: z}}",
+        1,
+        "surface.against.mirror",
+        "must be 'none', 'x' or 'y', given 'z'",
+    ),
+    "variable against": (
+        "surface: {file: a.asc, L: 1, against: {file: b.asc, variable: z}}",
+        1,
+        "surface.against.variable",
+        "a .asc file holds one array",
+    ),
+    "level of a generated one": (
+        SURFACE[:-2] + ", level: tilt}",
+        1,
+        "surface.level",
+        "cannot stand beside 'D' and 'm'",
+    ),
+    "other modulus in GPa": (
+        SURFACE + "material: {E: 1, nu: 0, against: {E: 3 GPa, nu: 0}}",
+        2,
+        "material.against.E",
+        "that of the first body has none",
+    ),
     "file with a null": ('surface: {file: "\\0.npy", L: 1}', 1, "surface.file", "there is no such file"),
     "variable of npy": ("surface: {file: a.npy, L: 1, variable: z}", 1, "surface.variable", "leave 'variable' out"),
     "paper beyond m = 6": (
@@ -452,7 +693,9 @@ def test_one_mistake_is_one_problem() -> None:
         "nothing to record",
         "key that is no word",
     }
-    several |= {"file of another kind", "unknown key"}
+    several |= {"unknown key", "Sq of a file"}
+    several |= {"no L, no size", "level", "low pass", "low pass um", "missing", "unit", "against", "mirror"}
+    several |= {"variable against"}  # and their files are not there
     for name, (text, *_) in BAD.items():
         assert len(problems_of(text)) == 1 or name in several, name
 

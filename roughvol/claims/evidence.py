@@ -98,7 +98,9 @@ class Run:
 
     def surface(self, D: float, m: int, seed: int) -> Surface:
         """Return the surface of a case, made again from its labels (nothing of it needs to be stored)."""
-        return random_midpoint_displacement(D, m, side=self.L, seed=seed, law=self.law)
+        made = random_midpoint_displacement(D, m, side=self.L, seed=seed, law=self.law)
+        height = self.generated.height if self.generated else None
+        return made if height is None else Surface(made.heights * (height / made.Sq), made.spacing)
 
     def seed_numbers(self) -> list[int]:
         """Return the seeds."""

@@ -155,9 +155,9 @@ def in_plane_scaling(evidence: Evidence) -> Outcome:
     numbers, plastic = [], "no study names a hardness"
     for place, run in enumerate((large, small)):
         material = next((each.study.material for each in (small, large) if each.study), None)
-        if material is None or material.hardness is None:
+        if material is None or material.indentation_hardness is None:
             continue
-        hardness, E_star = material.hardness, material.contact_modulus
+        hardness, E_star = material.indentation_hardness, material.contact_modulus
         sq = run.values("Sq", D=D[0], m=m)[[run.seed_numbers().index(seed) for seed in seeds]]
         psi = [theory.plasticity_index(s, r[place], E_star, hardness) for s, r in zip(sq, radii, strict=True)]
         over = [r[place] / theory.critical_radius(s, E_star, hardness) for s, r in zip(sq, radii, strict=True)]

@@ -32,6 +32,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -55,8 +56,8 @@ class Compliance(Protocol):
 
     shape: tuple[int, int]
     influence: Array
-    convolutions: int
-    convolutions_fp32: int
+    convolutions: float
+    convolutions_fp32: float
 
     def displacement(self, pressure: Array) -> Array:
         """Return u on every element, in lattice units."""
@@ -84,9 +85,10 @@ class Contact:
     mean_pressure : p* = mean(p) L/(E* σ), L the length of the first axis.
     free_volume : V* = mean(g)/σ.
     iterations : conjugate-gradient iterations (a factorisation counts as one).
-    convolutions, convolutions_fp32 : full-grid convolutions this state took, verification included, by precision.
+    convolutions, convolutions_fp32 : convolutions this state took, verification included, by precision, in units of one
+        on the full grid (one over part of it counts by its share).
     residual : η/σ, see the module's docstring; it bounds the error of the free volume.
-    mean_pressure_bound : bound of the relative error of p*, from the residual and the stiffness of the whole grid.
+    mean_pressure_bound : bound of the relative error of p*: the residual times a bound of the stiffness of the contact.
     converged : residual ≤ the tolerance asked for.
     """
 
@@ -96,8 +98,8 @@ class Contact:
     mean_pressure: float
     free_volume: float
     iterations: int
-    convolutions: int
-    convolutions_fp32: int
+    convolutions: float
+    convolutions_fp32: float
     residual: float
     mean_pressure_bound: float
     converged: bool
@@ -180,8 +182,8 @@ def sweep(
     ----------
     precision : of the convolutions inside the iteration, "mixed" (single where it costs no digit) or "double"; the
         residual is the same certified one with both.
-    pressure_error : bound on the relative error of p* at every state, in addition to `rtol`. Pressures never fall along
-        the loading, so the p* of the state before tells the residual that the next one needs.
+    pressure_error : bound on the relative error of p* at every state, in addition to `rtol`. The last two states tell
+        the residual that the next one needs; where it turns out too large, that one is solved on.
     resume : `Contact.state` of the last two contacts of a sweep that broke off; this one then goes on as if it had not,
         to the last bit.
     """
@@ -202,9 +204,8 @@ def sweep(
             message = f"indentation is {indentation}; allowed: finite and increasing{before_it}"
             raise ContactError(message)
         if pressure_error is not None and indentation > 0:
-            problem.rtol = min(
-                rtol, pressure_error * problem.least_pressure(float(indentation), now) / problem.stiffest
-            )
+            least = problem.least_pressure(float(indentation), now)
+            problem.rtol = min(rtol, pressure_error * least / problem.expected_stiffness(now, before))
         problem.check_reachable(float(indentation))
         last = float(indentation)
         if indentation <= 0:
@@ -212,123 +213,67 @@ def sweep(
             continue
         counts = problem.counts()
         after, iterations, residual = solve_one(problem, float(indentation), now, before)
-        yield problem.record(after, counts, iterations, residual)
+        contact = problem.record(after, counts, iterations, residual, now)
+        while pressure_error is not None and contact.mean_pressure_bound > pressure_error:
+            problem.rtol = 0.5 * residual * pressure_error / contact.mean_pressure_bound
+            problem.check_reachable(last)
+            after, more, residual = solve_one(problem, last, after, now)
+            iterations += more
+            contact = problem.record(after, counts, iterations, residual, now)
+        yield contact
         before, now = now, after
 
 
-def indentation_for(
-    surface: Surface,
-    half_space: Compliance,
-    target: str,
-    value: float,
-    *,
-    rtol: float = 1e-6,
-    method: str = "fast",
-) -> float:
-    """Return the indentation Δ/σ at which the contact area fraction or the mean pressure reaches a value.
+class Trials:
+    """Contacts of one surface at indentations in any order, each started from two others: what a search is made of.
 
-    Both are non-decreasing functions of Δ. The pressure is continuous and met to a relative 1e-6; the area jumps from
-    element to element, so the smallest indentation (to 1e-6 of itself or of σ/1000) is returned at which it is at least
-    the value. Found by bracketing: about ten solves for a pressure, twenty for an area, each started from those below.
-
-    Parameters
-    ----------
-    target : "contact_area" (A*, 0 < value ≤ 1) or "pressure" (p*, value > 0).
-
-    Raises
-    ------
-    ContactError : unknown target or method, or a value out of range.
-    ConvergenceError : a solve on the way did not converge.
+    Parameters as for `solve`.
     """
-    if target not in _TARGETS:
-        message = f"target is {target!r}; allowed: {', '.join(_TARGETS)}"
-        raise ContactError(message)
-    if not 0 < value < np.inf or (target == "contact_area" and value > 1):
-        message = f"{target} is {value}; allowed: {'0 < A* <= 1' if target == 'contact_area' else 'p* > 0'}"
-        raise ContactError(message)
-    problem = _Problem(surface, half_space, rtol)
-    solve_one = _method(method)
-    before: _State | None = None
-    now = problem.untouched()
 
-    def try_at(indentation: float) -> tuple[_State, float]:
+    def __init__(self, surface: Surface, half_space: Compliance, *, rtol: float = 1e-6, method: str = "fast") -> None:
+        self._problem = _Problem(surface, half_space, rtol)
+        self._solve = _method(method)
+        self.rtol = rtol
+        self.untouched = self._problem.record(self._problem.untouched(), self._problem.counts(), 0, 0.0)
+
+    def at(self, indentation: float, now: Contact, before: Contact | None = None, *, rtol: float = 0.0) -> Contact:
+        """Return the contact at an indentation Δ/σ > 0, to the residual of the search or a looser one.
+
+        It is started from the straight line through two contacts, of which `now` has the larger indentation: beyond
+        both, as in a sweep, or between them, where the contact set of `now` contains the one looked for.
+        """
+        problem = self._problem
+        problem.rtol = max(self.rtol, rtol)
         problem.check_reachable(indentation)
-        state, iterations, residual = solve_one(problem, indentation, now, before)
-        contact = problem.record(state, problem.counts(), iterations, residual)
-        return state, float(getattr(contact, _TARGETS[target])) - value
+        counts = problem.counts()
+        assert now._state is not None
+        state, iterations, residual = self._solve(problem, indentation, now._state, before._state if before else None)
+        return problem.record(state, counts, iterations, residual)
 
-    excess_now = -value
-    high = 0.5
-    state, excess = try_at(high)
-    while excess < 0:
-        before, now, excess_now = now, state, excess
-        high *= 2.0
-        state, excess = try_at(high)
-    halve = False
-    floor = 1e-3 if target == "contact_area" else 0.0
-    while high - now.indentation > 1e-6 * max(high, floor):
-        if target == "pressure" and excess <= 1e-6 * value:
-            break
-        low = now.indentation
-        # false position where the curve is smooth, but every other time a bisection: the area is a staircase
-        share = 0.5 if halve else np.clip(-excess_now / (excess - excess_now), 0.02, 0.98)
-        halve = not halve
-        middle = float(low + share * (high - low))
-        state, excess_middle = try_at(middle)
-        if excess_middle < 0:
-            before, now, excess_now = now, state, excess_middle
-        else:
-            high, excess = middle, excess_middle
-    # elements on the brink are told apart to η only: go just beyond, so that any solve to rtol finds the area reached
-    return high + 2.0 * rtol if target == "contact_area" else high
+    def line(self, one: Contact, other: Contact) -> Callable[[float, float], Contact]:
+        """Return (Δ/σ, less) ↦ the contact that the straight line through two others has at Δ; nothing is solved.
 
+        The line is that of x = c q in contact and -w outside, with 1/c = (K⁻¹)_ii the stiffness of an element whose
+        neighbours hold still. Where K⁻¹ is an M-matrix every x is a rising, concave function of Δ: between the two
+        contacts the line has too little contact and pressure, beyond them too much. The x of a contact of residual η/σ
+        is right to 2 η/σ; `less` is taken off all of them.
+        """
+        problem = self._problem
+        start = problem.depth(one)
+        rate = np.zeros_like(start)
+        if other.indentation != one.indentation:
+            rate = (problem.depth(other) - start) / (other.indentation - one.indentation)
 
-def first_indentation(
-    surface: Surface,
-    half_space: Compliance,
-    reached: Callable[[Contact], bool],
-    *,
-    rtol: float = 1e-6,
-    method: str = "fast",
-    accuracy: float = 1e-4,
-) -> float:
-    """Return the first indentation Δ/σ at which something holds that, once true, stays true along the loading.
+        def at(indentation: float, less: float) -> Contact:
+            x = start + (indentation - one.indentation) * rate - less
+            elements = np.flatnonzero(x > 0.0)
+            state = _State(indentation, elements, x[elements] / problem.firmness, np.maximum(-x, _TENSILE))
+            return problem.record(state, problem.counts(), 0, np.nan)
 
-    Found by growing steps and bisection, each solve started from those below. Contact sets are nested, so this finds
-    where a share of a region is in contact, or where the void stops percolating.
-
-    Parameters
-    ----------
-    reached : says of a state whether it holds.
-    accuracy : of the indentation returned, relative; it holds there.
-
-    Raises
-    ------
-    ContactError : unknown method, or it does not hold at full contact either.
-    ConvergenceError : a solve on the way did not converge.
-    """
-    problem = _Problem(surface, half_space, rtol)
-    solve_one = _method(method)
-    before: _State | None = None
-    now = problem.untouched()
-    low, high, found = 0.0, 0.5, False
-    while not found or high - low > accuracy * high:
-        middle = 0.5 * (low + high) if found else high
-        state, iterations, residual = solve_one(problem, middle, now, before)
-        contact = problem.record(state, problem.counts(), iterations, residual)
-        if reached(contact):
-            high, found = middle, True
-            continue
-        if contact.contact_area_fraction == 1.0:
-            message = f"not reached at full contact (Δ/σ = {middle:g}) either"
-            raise ContactError(message)
-        before, now, low = now, state, middle
-        high = high if found else 1.3 * high  # a step that doubles costs more convolutions than it saves steps
-    return high + 2.0 * rtol  # elements on the brink are told apart to η only
+        return at
 
 
 PRECISIONS = ("mixed", "double")
-_TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
 
 
 def _method(name: str) -> _Method:
@@ -360,7 +305,7 @@ class _Problem:
         self.heights = (heights / (heights.std() or 1.0)).ravel()
         self.mean_height = float(self.heights.mean())
 
-    def counts(self) -> tuple[int, int]:
+    def counts(self) -> tuple[float, float]:
         return self.half_space.convolutions, self.half_space.convolutions_fp32
 
     def check_reachable(self, indentation: float) -> None:
@@ -373,7 +318,7 @@ class _Problem:
             )
             raise ContactError(message)
 
-    @property
+    @cached_property
     def stiffest(self) -> float:
         """Return a bound of dp*/d(Δ/σ): the stiffness of a contact never exceeds that of the whole grid.
 
@@ -381,6 +326,50 @@ class _Problem:
         the whole, K q = 1, not negative, Σq min(K ∗ 1) ≤ Σq (K ∗ 1) = number of elements.
         """
         return float(np.pi * (self.shape[0] - 1) / self.half_space.total_compliance.min())
+
+    def stiffness_bound(self, state: _State, residual: float, before: _State) -> float:
+        """Return a bound of dp*/d(Δ/σ) from a state up to Δ + η, from the state before it.
+
+        The contact at Δ + η lies within S = {q > 0} ∪ {w ≤ 2 η}, and 1ᵀ K_SS⁻¹ 1 ≤ Σs for every s on S with K s ≥ 1
+        there: with t = K_SS⁻¹ 1 ≥ 0, Σs = tᵀ K s ≥ Σt. The secant of the pressures has K s = 1 + δw/δΔ; on each element
+        where that is less than 1, a pressure of (1 - K s)/K(0, 0) makes up for it. That t ≥ 0 is, like
+        F(Δ - η) ≤ F ≤ F(Δ + η), proved for an M-matrix K⁻¹.
+        """
+        reach = state.gap <= 2.0 * residual
+        reach[state.elements] = True
+        reach[before.elements] = True
+        elements = np.flatnonzero(reach)
+        short = np.maximum(before.gap[elements] - state.gap[elements], 0.0).sum()
+        force = state.pressure.sum() - before.pressure.sum() + short / self.half_space.influence[0, 0]
+        secant = self._starred(force / (state.indentation - before.indentation))
+        return secant if secant <= self.stiffest else self.stiffest  # not a number, where a step is lost in rounding
+
+    def expected_stiffness(self, now: _State, before: _State | None) -> float:
+        """Return what `stiffness_bound` will be about, at the next step of a sweep."""
+        if before is None or not before.pressure.size:
+            return self.stiffest
+        secant = (now.pressure.sum() - before.pressure.sum()) / (now.indentation - before.indentation)
+        return min(self.stiffest, 1.5 * self._starred(secant))
+
+    def _starred(self, force: float) -> float:
+        """Return p* of a sum of pressures q."""
+        return float(np.pi * (self.shape[0] - 1) * force / self.heights.size)
+
+    @cached_property
+    def firmness(self) -> float:
+        """Return c, the displacement an element yields per unit of its own pressure while its neighbours hold theirs.
+
+        1/c = (K⁻¹)_ii, by the 24 elements around one; more change the fourth digit.
+        """
+        row, column = np.indices([min(n, 5) for n in self.shape]).reshape(2, -1)
+        near = self.half_space.influence[np.abs(row[:, None] - row), np.abs(column[:, None] - column)]
+        return float(0.999 / np.linalg.inv(near).diagonal().max())
+
+    def depth(self, contact: Contact) -> Array:
+        """Return x: by how far each element is beyond touching (c q), or short of it (-w)."""
+        x = -contact._gap
+        x[contact._elements] = self.firmness * contact._pressure
+        return x
 
     def least_pressure(self, indentation: float, now: _State) -> float:
         """Return a lower bound of p* at an indentation: that of the state before, or of the highest element alone."""
@@ -396,16 +385,23 @@ class _Problem:
         """Return the state that these pressures make, by a convolution, and its residual η/σ on the whole grid."""
         positive = q > 0.0
         elements, q = elements[positive], q[positive]
-        pressure = np.zeros(self.shape)
-        pressure.flat[elements] = q
-        gap = self.half_space.displacement(pressure).ravel()
+        pressure = np.zeros(self.heights.size)
+        pressure[elements] = q
+        gap = self.half_space.displacement(pressure.reshape(self.shape)).ravel()
         gap -= self.heights
         gap -= indentation
         # where the overlap is not positive the gap is not negative, so this is the minimum over the overlap
         residual = max(float(np.abs(gap[elements]).max(initial=0.0)), -float(gap.min()))
         return _State(indentation, elements, q, gap), residual
 
-    def record(self, state: _State, counts: tuple[int, int], iterations: int, residual: float) -> Contact:
+    def record(
+        self,
+        state: _State,
+        counts: tuple[float, float],
+        iterations: int,
+        residual: float,
+        before: _State | None = None,
+    ) -> Contact:
         touching = state.pressure > _TENSILE * state.pressure.max(initial=0.0)
         elements, pressure = state.elements[touching], state.pressure[touching]
         size = self.heights.size
@@ -414,6 +410,7 @@ class _Problem:
         mean_displacement = float(self.half_space.total_compliance.ravel()[elements] @ pressure) / size
         full = elements.size == size
         done = self.counts()
+        stiffness = self.stiffness_bound(state, residual, before) if before else self.stiffest
         mean_pressure = float(np.pi * (self.shape[0] - 1) * (pressure.sum() / size))
         return Contact(
             indentation=state.indentation,
@@ -425,7 +422,7 @@ class _Problem:
             convolutions=done[0] - counts[0],
             convolutions_fp32=done[1] - counts[1],
             residual=residual,
-            mean_pressure_bound=self.stiffest * residual / mean_pressure if mean_pressure > 0.0 else 0.0,
+            mean_pressure_bound=stiffness * residual / mean_pressure if mean_pressure > 0.0 else 0.0,
             converged=residual <= self.rtol,
             shape=self.shape,
             _elements=elements,
@@ -496,10 +493,9 @@ def _predict(
         return candidates, np.zeros(candidates.size), -indentation - problem.heights[candidates], None
     step = now.indentation - before.indentation
     theta = (indentation - now.indentation) / step
-    gap = now.gap - before.gap
-    gap *= theta
-    gap += now.gap
-    predicted = gap < 0.0
+    # beyond both states: w + θ (w - w_before) < 0, with one pass of arithmetic over the grid; between them, as in a
+    # search: all that is in contact at the later one
+    predicted = (1.0 + 1.0 / theta) * now.gap < before.gap if theta > 0.0 else now.gap < 0.0
     predicted[now.elements] = True
     candidates = np.flatnonzero(predicted)
     places = np.searchsorted(candidates, now.elements)
@@ -516,13 +512,12 @@ def _predict(
     q = np.zeros(candidates.size)
     q[places] = now.pressure
     q += (indentation - now.indentation) * rate
-    w = gap[candidates]
-    tensile = np.flatnonzero(q < 0.0)
+    gap = now.gap[candidates]
+    fallen = gap - before.gap[candidates]
+    w = gap + theta * fallen
+    _truncate(problem, candidates, q, w)
     # displacement per unit of indentation: the gap falls by one where nothing moves
-    moved = 1.0 + (now.gap[candidates] - before.gap[candidates]) / step
-    if tensile.size:
-        _truncate(problem, candidates, q, w)
-    return candidates, q, w, (rate, moved)
+    return candidates, q, w, (rate, 1.0 + fallen / step)
 
 
 _Rate = tuple[Array, Array]
@@ -564,8 +559,8 @@ def _conjugate_gradients(
 
     Directions are convolved in single precision: their errors shrink with them, and what remains is seen by the
     verification, which starts another attempt from the true gap; from the third on all is double precision. The first
-    attempt also leaves out the last product with K: where the preconditioner does what it does on rough surfaces, one
-    application without a line search ends it, and the verification sees whether it did.
+    attempt also leaves out the last product with K: lengths of steps hardly change from one to the next, so a last one
+    without a line search ends it, and the verification sees whether it did.
     """
     half_space = problem.half_space
     tolerance = _SAFETY * problem.rtol
@@ -573,7 +568,7 @@ def _conjugate_gradients(
     if rate is not None and rate[0].size == elements.size:
         precondition = two_level(precondition, half_space.influence, half_space.shape, elements, *rate)
     direction = old = np.zeros_like(q)
-    product = 1.0
+    product = length = 1.0
     for iteration in range(_ITERATIONS):
         if iteration % 2 == 0:  # every time costs more than it saves
             _truncate(problem, elements, q, w)
@@ -587,11 +582,11 @@ def _conjugate_gradients(
         z = precondition(r)
         # an element without pressure that its neighbours will lift clear (z < 0) is left alone, not made tensile first
         z[~free | ((q <= 0.0) & (z < 0.0))] = 0.0
-        if residual <= _LAST * tolerance and iteration and attempt == 0:
-            return np.maximum(q + z, 0.0), iteration
         last, product = product, float(r @ z)
         conjugacy = max(0.0, (product - float(old @ z)) / last)
         direction = np.where(free, z + conjugacy * direction, 0.0)
+        if residual <= _LAST * tolerance and iteration and length > _WELL_PRECONDITIONED and attempt == 0:
+            return np.maximum(q + length * direction, 0.0), iteration
         old = r
         response = half_space.displacement_at(elements, direction, single=problem.single and attempt < 2)
         length = float(r @ direction) / float(direction @ response)
@@ -601,7 +596,8 @@ def _conjugate_gradients(
 
 
 _SAFETY = 0.7  # share of the tolerance left to the recursive residual; the verification finds a little more
-_LAST = 2.0  # what one application of the preconditioner takes off the residual of a rough contact
+_LAST = 3.0  # what a step of the length of the one before takes off the residual of a rough contact
+_WELL_PRECONDITIONED = 0.3  # a length, below which the next may be anything: the first steps on compact contacts
 _ITERATIONS = 2000
 
 

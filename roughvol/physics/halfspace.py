@@ -17,7 +17,7 @@ discrete operator is positive definite, being a compression of the circulant one
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
@@ -143,7 +143,8 @@ class HalfSpace:
 
     Attributes
     ----------
-    convolutions, convolutions_fp32 : number of zero-padded FFT convolutions done so far, by precision.
+    convolutions, convolutions_fp32 : zero-padded FFT convolutions done so far, by precision, in units of one on the
+        full grid: one over a window counts by its share of the points transformed.
     """
 
     def __init__(self, shape: tuple[int, int], kernel: str = "love", threads: int = 1) -> None:
@@ -154,11 +155,17 @@ class HalfSpace:
         self.kernel, self.threads = kernel, threads
         self.influence = kernel_quadrant(self.shape, kernel)
         self.influence.flags.writeable = False
-        self._lengths = (transform_length(self.shape[0]), transform_length(self.shape[1]))
-        self._spectrum = self._quadrant_spectrum()
-        self._engines: dict[str, _Convolution] = {}
-        self.convolutions = 0
-        self.convolutions_fp32 = 0
+        self._halves = transform_length(self.shape[0]) // 2, transform_length(self.shape[1]) // 2
+        # Also lags beyond the grid, which never enter a result, get the kernel: zeros there would make the spectrum
+        # of a positive operator negative in places, and it could not certify anything
+        self._spectrum = _spectrum(kernel_quadrant((self._halves[0] + 1, self._halves[1] + 1), kernel))
+        if not self._spectrum.min() > 0.0:
+            message = f"the {self.kernel} kernel is not positive definite on {self.shape}; no unique solution there"
+            raise ContactError(message)
+        self._engines: dict[tuple[int, int, str], _Convolution] = {}
+        self._windows: dict[str, _Window] = {}
+        self.convolutions = 0.0
+        self.convolutions_fp32 = 0.0
         self._compliance: Array | None = None
 
     def displacement(self, pressure: Array) -> Array:
@@ -166,21 +173,25 @@ class HalfSpace:
         if pressure.shape != self.shape:
             message = f"pressure has shape {pressure.shape}; the half space has {self.shape}"
             raise ContactError(message)
-        self.convolutions += 1
-        return np.array(self._engine("float64").convolve(pressure))
+        self.convolutions += 1.0
+        return self._engine(self._halves, "float64").convolve(pressure)
 
     def displacement_at(
         self, elements: NDArray[np.intp], pressure: NDArray[Any], *, single: bool = False
     ) -> NDArray[Any]:
-        """Return u at the elements (flat indices) that alone carry pressure; ``single`` does it in 32-bit arithmetic.
+        """Return u at the elements (flat indices, increasing) that alone carry pressure, ``single`` in 32 bits.
 
-        Saves the passes over the grid on either side of the transform, which is all there is outside it.
+        Only the rectangle that holds the elements takes part, so this costs less than `displacement` the smaller it is.
         """
+        precision = "float32" if single else "float64"
+        window = self._windows.get(precision)
+        if window is None or not np.array_equal(window.elements, elements):
+            window = self._windows[precision] = self._window(elements, precision)
         if single:
-            self.convolutions_fp32 += 1
+            self.convolutions_fp32 += window.share
         else:
-            self.convolutions += 1
-        return self._engine("float32" if single else "float64").convolve_at(elements, pressure)
+            self.convolutions += window.share
+        return window.displacement(pressure)
 
     @property
     def total_compliance(self) -> Array:
@@ -191,114 +202,216 @@ class HalfSpace:
         """
         if self._compliance is None:
             self._compliance = self.displacement(np.ones(self.shape))
-            self.convolutions -= 1  # belongs to the grid, not to the first case that happens to use it
+            self.convolutions -= 1.0  # belongs to the grid, not to the first case that happens to use it
             self._compliance.flags.writeable = False
         return self._compliance
 
-    def _quadrant_spectrum(self) -> Array:
-        """Transform of the even extension of K with the 1/(M₁ M₂) of the inverse transform folded in."""
-        half_rows, half_cols = (length // 2 + 1 for length in self._lengths)
-        # Also lags beyond the grid, which never enter a result, get the kernel: zeros there would make the spectrum
-        # of a positive operator negative in places, and it could not certify anything
-        quadrant = kernel_quadrant((half_rows, half_cols), self.kernel)
-        spectrum: Array = scipy_fft.dctn(quadrant, type=1, overwrite_x=True)
-        if not spectrum.min() > 0.0:
-            message = f"the {self.kernel} kernel is not positive definite on {self.shape}; no unique solution there"
-            raise ContactError(message)
-        return spectrum / (self._lengths[0] * self._lengths[1])
+    def _window(self, elements: NDArray[np.intp], precision: str) -> _Window:
+        """Return the convolution over the least rectangle of allowed size that holds the elements."""
+        row, column = np.divmod(elements, self.shape[1])
+        first = (int(row[0]), int(column.min())) if elements.size else (0, 0)
+        last = (int(row[-1]), int(column.max())) if elements.size else (0, 0)
+        halves = tuple(
+            _window_half(high - low, half, nodes, fast)
+            for low, high, half, nodes, fast in zip(first, last, self._halves, self.shape, _FAST, strict=True)
+        )
+        share = halves[0] * halves[1] / (self._halves[0] * self._halves[1])
+        engine = self._engine((halves[0], halves[1]), precision)
+        first = (
+            min(first[0], self.shape[0] - engine.shape[0]),
+            min(first[1], self.shape[1] - engine.shape[1]),
+        )
+        return _Window(engine, elements, row - first[0], column - first[1], share)
 
-    def _engine(self, precision: str) -> _Convolution:
-        if precision not in self._engines:
-            self._engines[precision] = _Convolution(
-                self.shape, self._lengths, self._spectrum, np.dtype(precision), self.threads
-            )
-        return self._engines[precision]
+    def _engine(self, halves: tuple[int, int], precision: str) -> _Convolution:
+        """Return the convolution with half the transform lengths given; those of windows are kept for a while."""
+        key = (*halves, precision)
+        engine = self._engines.pop(key, None)
+        if engine is None:
+            whole = halves == self._halves
+            spectrum = self._spectrum if whole else _spectrum(self.influence[: halves[0] + 1, : halves[1] + 1])
+            shape = (min(halves[0] + 1, self.shape[0]), min(halves[1] + 1, self.shape[1]))
+            engine = _Convolution(shape, spectrum, np.dtype(precision), self.threads)
+            held = sum(kept.size for kept in self._engines.values())
+            for old in [kept for kept in self._engines if kept[:2] != self._halves]:
+                if held + engine.size <= _KEPT * self._halves[0] * self._halves[1]:
+                    break
+                held -= self._engines.pop(old).size
+        self._engines[key] = engine  # last used, last in line
+        return engine
+
+
+# Half lengths of the transforms of a window, times a power of two, along the index of rows and along that of columns.
+# Complex transforms (the first) are fast for few factors, real ones for more.
+_FAST = ((4, 5), (4, 5, 6, 7))
+_SMALLEST_HALF = 16
+_KEPT = 8  # times the points of the full grid: what the plans and spectra kept may come to
+
+
+def _window_half(reach: int, half: int, nodes: int, fast: tuple[int, ...]) -> int:
+    """Return half the transform length for lags up to ``reach``: the next fast one, or that of the full grid."""
+    scale = _SMALLEST_HALF // 4
+    while scale < nodes:
+        for factor in fast:
+            if reach <= factor * scale < min(nodes, half):
+                return factor * scale
+        scale *= 2
+    return half
+
+
+def _spectrum(quadrant: Array) -> Array:
+    """Transform of the even extension of K with the 1/(M₁ M₂) of the inverse transform folded in."""
+    spectrum: Array = scipy_fft.dctn(quadrant, type=1)
+    spectrum /= 4.0 * max(quadrant.shape[0] - 1, 1) * max(quadrant.shape[1] - 1, 1)
+    return spectrum
+
+
+class _Window:
+    """A convolution applied to elements somewhere on the grid."""
+
+    def __init__(
+        self, engine: _Convolution, elements: NDArray[np.intp], row: NDArray[Any], column: NDArray[Any], share: float
+    ) -> None:
+        self.elements = elements.copy()
+        self.share = share
+        self._engine = engine
+        self._places = engine.places(row, column)
+
+    def displacement(self, pressure: NDArray[Any]) -> NDArray[Any]:
+        return self._engine.convolve_at(*self._places, pressure)
 
 
 class _Convolution:
     """Plans and buffers of one precision, for rows forward, columns forward, times spectrum, and back.
 
-    Padding is never transformed where it need not be: only occupied rows go forward and only those come back. Columns
-    are copied in blocks into rows of a small buffer that stays in cache, where their transforms are contiguous; a
-    strided plan takes up to twice as long on large grids. The blocks do not depend on the number of threads, which
-    share them out, so neither do the results.
+    Padding is never transformed where it need not be: only occupied rows go forward and only those come back. Rows and
+    columns go through small buffers that stay in cache; columns are copied into rows there, where their transforms are
+    contiguous, and every transform has its result beside its argument: plans in place take up to half as long again.
+    The blocks do not depend on the number of threads, which share them out, so neither do the results.
     """
 
-    def __init__(
-        self, shape: tuple[int, int], lengths: tuple[int, int], spectrum: Array, dtype: np.dtype[Any], threads: int
-    ) -> None:
-        self.shape, (rows, columns) = shape, shape
-        length, width = lengths
+    def __init__(self, shape: tuple[int, int], spectrum: Array, dtype: np.dtype[Any], threads: int) -> None:
+        self.shape, rows = shape, shape[0]
+        length, width = (2 * max(n - 1, 1) for n in spectrum.shape)
         waves = width // 2 + 1
-        complex_type = np.result_type(dtype, np.complex64)
-        # One coefficient serves the column frequencies k and length - k: the kernel is even
-        self._spectrum = np.ascontiguousarray(spectrum.T, dtype=dtype)
-        self._real = pyfftw.zeros_aligned((rows, width), dtype=dtype)
-        self._waves = pyfftw.zeros_aligned((rows, waves), dtype=complex_type)
-        self._result = pyfftw.zeros_aligned((rows, width), dtype=dtype)
-        self._row_plans = [
-            (
-                _plan(self._real[part], self._waves[part], "FFTW_FORWARD"),
-                _plan(self._waves[part], self._result[part], "FFTW_BACKWARD"),
-            )
-            for part in _parts(rows, width)
-        ]
-        self._column_parts = _parts(waves, length)
-        deepest = max(part.stop - part.start for part in self._column_parts)
+        self.size = length * width  # points transformed
+        self._dtype, complex_type = dtype, np.result_type(dtype, np.complex64)
+        # The kernel is even: one coefficient serves the column frequencies k and length - k, and, being real, both
+        # parts of a complex number. Written out in full, the multiplication is a contiguous one of real numbers.
+        full = np.empty((waves, length, 2), dtype=dtype)
+        full[:, : length // 2 + 1] = spectrum.T[:, :, None]
+        full[:, length // 2 + 1 :] = full[:, length // 2 - 1 : 0 : -1]
+        self._spectrum = full.reshape(waves, 2 * length)
+        aligned = 64 // complex_type.itemsize
+        self._waves = pyfftw.zeros_aligned((rows, -(-waves // aligned) * aligned), dtype=complex_type)[:, :waves]
+        self._row_parts, self._column_parts = (
+            _parts(rows, width * complex_type.itemsize),
+            _parts(waves, length * complex_type.itemsize),
+        )
         workers = min(threads, len(self._column_parts))
-        self._blocks = [pyfftw.zeros_aligned((deepest, length), dtype=complex_type) for _ in range(workers)]
-        self._block_plans = [(_plan(b, b, "FFTW_FORWARD"), _plan(b, b, "FFTW_BACKWARD")) for b in self._blocks]
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
-        self._real[:] = 0.0
-        self._field = self._real[:, :columns]  # the part of the padded input that carries pressure
-        self._flat = self._real.reshape(-1)
-        self._flat_result = self._result.reshape(-1)
-        self._padding = width - columns
+        deepest = max(part.stop - part.start for part in self._row_parts)
+        self._rows = [pyfftw.zeros_aligned((deepest, width), dtype=dtype) for _ in range(workers)]
+        self._results = [pyfftw.zeros_aligned((deepest, width), dtype=dtype) for _ in range(workers)]
+        self._row_plans = []
+        for k, part in enumerate(self._row_parts):
+            count, worker = part.stop - part.start, k % workers
+            waves_part = self._waves[part]
+            self._row_plans.append(
+                (
+                    _plan(self._rows[worker][:count], waves_part, "FFTW_FORWARD"),
+                    _plan(waves_part, self._results[worker][:count], "FFTW_BACKWARD"),
+                )
+            )
+        deepest = max(part.stop - part.start for part in self._column_parts)
+        self._blocks = [
+            tuple(pyfftw.zeros_aligned((deepest, length), dtype=complex_type) for _ in range(2)) for _ in range(workers)
+        ]
+        self._block_plans = [
+            (_plan(before, after, "FFTW_FORWARD"), _plan(after, before, "FFTW_BACKWARD"))
+            for before, after in self._blocks
+        ]
 
     def convolve(self, pressure: NDArray[Any]) -> NDArray[Any]:
-        """Return a view of the result, valid until the next call."""
-        self._field[:] = pressure
-        self._transform()
-        self._field[:] = 0.0
-        return self._result[:, : self.shape[1]]
+        """Return u on the whole of the rectangle, a new array."""
+        result = np.empty(self.shape, dtype=self._dtype)
+        columns = self.shape[1]
 
-    def convolve_at(self, elements: NDArray[np.intp], pressure: NDArray[Any]) -> NDArray[Any]:
+        def forward(worker: int, k: int) -> None:
+            part = self._row_parts[k]
+            buffer = self._rows[worker][: part.stop - part.start]
+            buffer[:, :columns] = pressure[part]
+            self._row_plans[k][0]()
+            buffer[:, :columns] = 0.0
+
+        def backward(worker: int, k: int) -> None:
+            part = self._row_parts[k]
+            self._row_plans[k][1]()
+            result[part] = self._results[worker][: part.stop - part.start, :columns]
+
+        self._transform(forward, backward)
+        return result
+
+    def places(self, row: NDArray[Any], column: NDArray[Any]) -> tuple[list[int], NDArray[Any]]:
+        """Return where the elements of each part of the rows begin, and their places in the buffer of that part."""
+        starts = np.array([part.start for part in self._row_parts] + [self.shape[0]])
+        edges = np.searchsorted(row, starts)
+        width = self._rows[0].shape[1]
+        places = row * width + column - np.repeat(starts[:-1] * width, np.diff(edges))
+        return edges.tolist(), places
+
+    def convolve_at(self, edges: list[int], places: NDArray[Any], pressure: NDArray[Any]) -> NDArray[Any]:
         """Return u on the elements that carry the pressure, in the precision of the engine."""
-        places = elements + (elements // self.shape[1]) * self._padding
-        self._flat[places] = pressure
-        self._transform()
-        self._flat[places] = 0.0
-        return self._flat_result[places]
+        result = np.empty(pressure.shape, dtype=self._dtype)
 
-    def _transform(self) -> None:
-        self._share(lambda _, plans: plans[0](), self._row_plans)
-        self._share(self._columns, self._column_parts)
-        self._share(lambda _, plans: plans[1](), self._row_plans)
+        def forward(worker: int, k: int) -> None:
+            some = slice(edges[k], edges[k + 1])
+            if some.start == some.stop:
+                self._waves[self._row_parts[k]] = 0.0
+                return
+            buffer = self._rows[worker].reshape(-1)
+            buffer[places[some]] = pressure[some]
+            self._row_plans[k][0]()
+            buffer[places[some]] = 0.0
 
-    def _columns(self, worker: int, part: slice) -> None:
+        def backward(worker: int, k: int) -> None:
+            some = slice(edges[k], edges[k + 1])
+            if some.start == some.stop:
+                return
+            self._row_plans[k][1]()
+            result[some] = self._results[worker].reshape(-1)[places[some]]
+
+        self._transform(forward, backward)
+        return result
+
+    def _transform(self, forward: Callable[[int, int], None], backward: Callable[[int, int], None]) -> None:
+        self._share(forward, len(self._row_parts))
+        self._share(self._columns, len(self._column_parts))
+        self._share(backward, len(self._row_parts))
+
+    def _columns(self, worker: int, k: int) -> None:
         """Filter a block of columns: forward, times spectrum, backward."""
-        block, (forward, backward) = self._blocks[worker], self._block_plans[worker]
-        rows, half = self.shape[0], self._spectrum.shape[1]
-        used = block[: part.stop - part.start]
-        used[:, :rows] = self._waves[:, part].T
-        used[:, rows:] = 0.0
+        part = self._column_parts[k]
+        count, rows = part.stop - part.start, self.shape[0]
+        (before, after), (forward, backward) = self._blocks[worker], self._block_plans[worker]
+        before[:count, :rows] = self._waves[:, part].T
+        before[:count, rows:] = 0.0
         forward()
-        used[:, :half] *= self._spectrum[part]
-        used[:, half:] *= self._spectrum[part, -2:0:-1]
+        after[:count].view(self._dtype)[:] *= self._spectrum[part]
         backward()
-        self._waves[:, part] = used[:, :rows].T
+        self._waves[:, part] = before[:count, :rows].T
 
-    def _share(self, task: Callable[[int, Any], None], items: Sequence[Any]) -> None:
-        """Do all items: worker k takes every workers-th, beginning with item k."""
+    def _share(self, task: Callable[[int, int], None], count: int) -> None:
+        """Do all tasks: worker k takes every workers-th, beginning with number k."""
         if self._pool is None:
-            for item in items:
-                task(0, item)
+            for k in range(count):
+                task(0, k)
             return
         workers = len(self._blocks)
 
         def work(worker: int) -> None:
-            for item in items[worker::workers]:
-                task(worker, item)
+            for k in range(worker, count, workers):
+                task(worker, k)
 
         list(self._pool.map(work, range(workers)))
 
@@ -309,8 +422,8 @@ def _plan(source: Any, target: Any, direction: str) -> Callable[[], None]:
     return execute
 
 
-def _parts(count: int, length: int) -> list[slice]:
-    """Cut so many transforms of a length into equal parts of about half a MiB each, small enough to stay in cache."""
-    parts = max(1, count * length // 2**15)
+def _parts(count: int, size: int) -> list[slice]:
+    """Cut so many transforms of a size in bytes into equal parts of about 256 KiB each, which stay in cache."""
+    parts = max(1, count * size // 2**18)
     edges = np.linspace(0, count, parts + 1).round().astype(int).tolist()
     return [slice(start, stop) for start, stop in pairwise(edges)]

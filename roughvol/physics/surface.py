@@ -35,6 +35,8 @@ class Surface:
         Heights z [length], positive up, finite. They are copied.
     spacing : float
         Distance δ of neighbouring nodes [length], the same on both axes, finite and positive.
+    filled : int
+        How many of the heights were not measured but filled in.
 
     Raises
     ------
@@ -45,6 +47,7 @@ class Surface:
 
     heights: Heights
     spacing: float
+    filled: int = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "heights", _checked_heights(self.heights))
@@ -52,7 +55,7 @@ class Surface:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle through the constructor: a plain pickle would bring the heights back writable."""
-        return (Surface, (self.heights, self.spacing))
+        return (Surface, (self.heights, self.spacing, self.filled))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -82,7 +85,7 @@ class Surface:
 
     @cached_property
     def Sq(self) -> float:
-        """Root mean square of the heights about their mean plane, Sq = √mean((z - z̄)²) [length] (ISO 25178-2, 4.1.1).
+        """Root mean square of the heights about their mean plane, Sq = √mean((z - z̄)²) [length] (ISO 25178-2).
 
         Right for any scale of heights: they are brought to unit range first, because the squares of 1e-250 underflow.
         """

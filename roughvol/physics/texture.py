@@ -22,46 +22,46 @@ SPECTRUM_BINS = 8
 
 
 def Sq(heights: Heights) -> float:
-    """Return the root mean square height, Sq = √mean(ζ²) [length] (ISO 25178-2:2012, 4.1.1)."""
+    """Return the root mean square height, Sq = √mean(ζ²) [length] (ISO 25178-2)."""
     unit, exponent = _about_mean_plane(heights)
     return math.ldexp(_root_mean_square(unit), exponent)
 
 
 def Sa(heights: Heights) -> float:
-    """Return the arithmetical mean height, Sa = mean(abs(ζ)) [length] (ISO 25178-2:2012, 4.1.7)."""
+    """Return the arithmetical mean height, Sa = mean(abs(ζ)) [length] (ISO 25178-2)."""
     unit, exponent = _about_mean_plane(heights)
     return math.ldexp(float(np.abs(unit).mean()), exponent)
 
 
 def Ssk(heights: Heights) -> float:
-    """Return the skewness, Ssk = mean(ζ³) / Sq³ [1], NaN if flat (ISO 25178-2:2012, 4.1.2)."""
+    """Return the skewness, Ssk = mean(ζ³) / Sq³ [1], NaN if flat (ISO 25178-2)."""
     return _standardised_moment(heights, 3)
 
 
 def Sku(heights: Heights) -> float:
-    """Return the kurtosis, Sku = mean(ζ⁴) / Sq⁴ [1], 3 for a Gaussian, NaN if flat (ISO 25178-2:2012, 4.1.3)."""
+    """Return the kurtosis, Sku = mean(ζ⁴) / Sq⁴ [1], 3 for a Gaussian, NaN if flat (ISO 25178-2)."""
     return _standardised_moment(heights, 4)
 
 
 def Sp(heights: Heights) -> float:
-    """Return the maximum peak height, Sp = max(ζ) [length] (ISO 25178-2:2012, 4.1.4)."""
+    """Return the maximum peak height, Sp = max(ζ) [length] (ISO 25178-2)."""
     unit, exponent = _about_mean_plane(heights)
     return math.ldexp(float(unit.max()), exponent)
 
 
 def Sv(heights: Heights) -> float:
-    """Return the maximum pit height, Sv = -min(ζ) [length], not negative (ISO 25178-2:2012, 4.1.5)."""
+    """Return the maximum pit height, Sv = -min(ζ) [length], not negative (ISO 25178-2)."""
     unit, exponent = _about_mean_plane(heights)
     return math.ldexp(-float(unit.min()), exponent)
 
 
 def Sz(heights: Heights) -> float:
-    """Return the maximum height, Sz = Sp + Sv = max(z) - min(z) [length] (ISO 25178-2:2012, 4.1.6)."""
+    """Return the maximum height, Sz = Sp + Sv = max(z) - min(z) [length] (ISO 25178-2)."""
     return float(heights.max() - heights.min())
 
 
 def Sdq(heights: Heights, spacing: float) -> float:
-    """Return the root mean square gradient, Sdq = √mean((∂z/∂x)² + (∂z/∂y)²) [1] (ISO 25178-2:2012, 4.3.1).
+    """Return the root mean square gradient, Sdq = √mean((∂z/∂x)² + (∂z/∂y)²) [1] (ISO 25178-2).
 
     Central differences over 2δ on the interior nodes only: exact for planes, and blind to the wavelength 2δ, so that
     a field rough down to the lattice has a larger slope than this between neighbouring nodes.
@@ -154,8 +154,8 @@ def material_ratio(heights: Heights, levels: ArrayLike) -> Heights:
 def Svi(heights: Heights) -> float:
     """Return the valley fluid retention index, Svi = mean(max(h₂₀ - z, 0)) / Sq [1], NaN if flat.
 
-    h₂₀ is the plane that leaves 20 % of the heights below it (the paper's Section 3.2; Dong, Sullivan & Stout, Wear
-    178 (1994) 29-43). Gaussian heights give 0.112. Applied to deformed heights it is the index after loading.
+    h₂₀ is the plane that leaves 20 % of the heights below it (the paper's Section 3.2; Dong, Sullivan & Stout 1994).
+    Gaussian heights give 0.112. Applied to deformed heights it is the index after loading.
     """
     unit, _ = _about_mean_plane(heights)
     spread = _root_mean_square(unit)
@@ -168,8 +168,8 @@ def Svi(heights: Heights) -> float:
 def Sbi(heights: Heights) -> float:
     """Return the surface bearing index, Sbi = Sq / ζ₀₅ [1], NaN if flat.
 
-    ζ₀₅ is the height above the mean plane that leaves 5 % of the heights above it (Dong, Sullivan & Stout, Wear 178
-    (1994) 29-43). Gaussian heights give 0.608; a larger number is a surface that bears better.
+    ζ₀₅ is the height above the mean plane that leaves 5 % of the heights above it (Dong, Sullivan & Stout
+    1994). Gaussian heights give 0.608; a larger number is a surface that bears better.
     """
     unit, _ = _about_mean_plane(heights)
     spread = _root_mean_square(unit)

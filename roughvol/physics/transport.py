@@ -183,8 +183,7 @@ def conduction(gap: Field, axis: int, exponent: float = 3.0) -> Conduction:
     """Return the flow of div(g^n grad P) = 0 along an axis over that of two smooth plates at the mean gap.
 
     Solved by a sparse factorisation on the clusters that percolate; boundary values and normalisation as at the top of
-    this module. The coefficients of Vallet et al., Tribology International 42 (2009) 250-259: transmissivity with
-    n = 3, diffusivity with n = 1.
+    this module. The two coefficients of Vallet et al. (2009): transmissivity with n = 3, diffusivity with n = 1.
 
     Parameters
     ----------
@@ -231,7 +230,8 @@ def effective_medium(gap: Field, exponent: float = 3.0) -> float:
 
     The root k of Σ (g^n - k)/(g^n + k) = 0 over all elements, contact included, over (mean g)^n; 0 where half of the
     elements or more are closed. In two dimensions, after Bruggeman, Annalen der Physik 416 (1935) 636-664; for the gap
-    of a contact Lorenz & Persson, European Physical Journal E 31 (2010) 159-167.
+    of a contact Lorenz & Persson, Leak-rate of seals: effective medium theory and comparison with experiment (2010),
+    arXiv:0911.3019.
 
     Parameters
     ----------

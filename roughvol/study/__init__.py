@@ -3,28 +3,37 @@
 The file is read once and strictly. Whatever is wrong with it is reported together, in the order of the file, as a
 `StudyError` whose problems carry the line, the key path, the value given and what is allowed.
 
-`yamltext` turns text into plain data with places (the only user of yaml), `settings` and `recording` hold the sections
-and `cases` the whole, its cases and the rules across sections, and `reading` brings the problems together in plain
-words.
+`yamltext` turns text into plain data with places (the only user of yaml), `settings`, `measured`, `material` and
+`recording` hold the sections and `cases` the whole, its cases and the rules across sections, and `reading` brings the
+problems together in plain words.
 """
 
 from __future__ import annotations
 
 from roughvol.study.cases import ANSWER_FORMAT, Case, Study, json_schema
+from roughvol.study.material import ContactModulus, YoungPoisson
+from roughvol.study.measured import HEIGHT_FORMATS, Body, CounterBody, HeightFile, Treatment
+from roughvol.study.quantities import convert
 from roughvol.study.reading import load, loads
-from roughvol.study.recording import EVERY_STEP, BoxCounting, Record, Region, Select, Transport, VolumeDensity
+from roughvol.study.recording import (
+    EVERY_STEP,
+    BoxCounting,
+    Dimensional,
+    Record,
+    Region,
+    RegionWidths,
+    Select,
+    Transport,
+    VolumeDensity,
+)
 from roughvol.study.settings import (
     ACCURACY,
     EXPECTED,
-    HEIGHT_FORMATS,
-    ContactModulus,
     GeneratedSurface,
-    HeightFile,
     Level,
     Solver,
     Sweep,
     Target,
-    YoungPoisson,
 )
 
 __all__ = [
@@ -33,22 +42,28 @@ __all__ = [
     "EVERY_STEP",
     "EXPECTED",
     "HEIGHT_FORMATS",
+    "Body",
     "BoxCounting",
     "Case",
     "ContactModulus",
+    "CounterBody",
+    "Dimensional",
     "GeneratedSurface",
     "HeightFile",
     "Level",
     "Record",
     "Region",
+    "RegionWidths",
     "Select",
     "Solver",
     "Study",
     "Sweep",
     "Target",
     "Transport",
+    "Treatment",
     "VolumeDensity",
     "YoungPoisson",
+    "convert",
     "json_schema",
     "load",
     "loads",

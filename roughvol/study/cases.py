@@ -14,29 +14,27 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from roughvol.errors import Problem, StudyError
+from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
+from roughvol.study.measured import HEIGHT_FORMATS, UNTREATED, Body, HeightFile, Treatment, resolve
+from roughvol.study.quantities import has_unit, length_unit
 from roughvol.study.recording import Record
 from roughvol.study.settings import (
-    HEIGHT_FORMATS,
     PAPER_MAX_M,
-    ContactModulus,
     GeneratedSurface,
-    HeightFile,
     Solver,
     Strict,
     Sweep,
     Target,
     Word,
-    YoungPoisson,
     names,
     refuse,
-    tag_material,
     tag_surface,
 )
 from roughvol.study.yamltext import KeyPath, key_text, number_text, write
 
 ANSWER_FORMAT = 1  # part of every case id: raise it when equal settings no longer give equal stored numbers
-LATER = ("transport", "region")
+LATER = ("transport", "region", "region_widths")
+DERIVED = ("dimensional",)  # of the section record: made from what is stored, when cases are collected
 MAX_CASES = 100_000
 SEVERAL_ARRAYS = (".npz", ".nc")
 
@@ -45,7 +43,8 @@ SEVERAL_ARRAYS = (".npz", ".nc")
 class Case:
     """One surface pressed once: everything `campaign.run_case` needs, picklable.
 
-    Set are either ``D``, ``m``, ``seed`` and ``midpoint_law``, or ``file``, ``sha256`` (of its content), ``variable``.
+    Set are either ``D``, ``m``, ``seed`` and ``midpoint_law``, or ``file``, ``sha256`` (of its content), ``variable``
+    and what else `bodies` holds, with the second of two rough bodies as ``against``.
     """
 
     L: float
@@ -60,6 +59,10 @@ class Case:
     file: Path | None = None
     sha256: str | None = None
     variable: str | None = None
+    file_unit: str | None = None  # of the numbers in the file, where it tells one
+    against: Body | None = None
+    treatment: Treatment = UNTREATED
+    length_unit: str | None = None  # of L, the heights and all lengths stored; None for an arbitrary one
 
     @property
     def key(self) -> dict[str, Any]:
@@ -68,7 +71,12 @@ class Case:
         if self.file is None:
             surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
         else:
-            surface = {"sha256": self.sha256, "variable": self.variable}
+            surface = {"sha256": self.sha256, "variable": self.variable, **self.treatment.used}
+            if self.against is not None:
+                other = self.against
+                surface["against"] = {"sha256": other.sha256, "variable": other.variable, "mirror": other.mirror}
+            if any(body.unit for body in self.bodies):  # their numbers are converted to this one
+                surface["unit"] = self.length_unit
         key = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},
@@ -86,10 +94,24 @@ class Case:
         return {**key, "sweep": self.sweep.model_dump(mode="json"), "solver": solver}
 
     @property
+    def bodies(self) -> tuple[Body, ...]:
+        """The rough bodies whose heights come from files: none, one, or two facing each other."""
+        if self.file is None or self.sha256 is None:
+            return ()
+        first = Body(self.file, self.sha256, self.variable, self.file_unit)
+        return (first,) if self.against is None else (first, self.against)
+
+    @property
     def _recorded(self) -> dict[str, Any]:
         """The section ``record``; keys that came later count only where they are used, so that other ids stay."""
         record = self.record.model_dump(mode="json")
-        return {name: value for name, value in record.items() if value is not None or name not in LATER}
+        used = {name: value for name, value in record.items() if value is not None or name not in LATER}
+        return {name: value for name, value in used.items() if name not in DERIVED}
+
+    @property
+    def key_text(self) -> str:
+        """The key as the files of the case hold it."""
+        return json.dumps(self.key, sort_keys=True)
 
     @functools.cached_property
     def id(self) -> str:
@@ -111,7 +133,20 @@ class Case:
     @property
     def label(self) -> str:
         """The case in words: ``D = 2.30, m = 8, seed 3``, or the name of the file."""
-        return f"D = {self._D_text}, m = {self.m}, seed {self.seed}" if self.file is None else self.file.name
+        if self.file is None:
+            return f"D = {self._D_text}, m = {self.m}, seed {self.seed}"
+        return " against ".join(body.file.name for body in self.bodies)
+
+    @property
+    def surface_text(self) -> str:
+        """What is done to heights from files, in words; empty if they are pressed as they stand there."""
+        said = [self.treatment.sentence]
+        if self.against is not None:
+            turned = f", its axis {self.against.mirror} reversed" if self.against.mirror != "none" else ""
+            said.append(f"heights of {self.against.file.name} added{turned}")
+        units = {body.file.name: body.unit for body in self.bodies if body.unit}
+        said += [f"numbers of {name} are in {unit}" for name, unit in units.items()]
+        return "; ".join(filter(None, said))
 
 
 class Study(Strict):
@@ -135,7 +170,7 @@ class Study(Strict):
     )
     record: Record = Field(
         default=Record(),
-        description="{heights, fields_at, box_counting, volume_density, transport, region}",
+        description="{heights, fields_at, box_counting, volume_density, transport, region, region_widths, dimensional}",
     )
 
     @model_validator(mode="after")
@@ -151,24 +186,34 @@ class Study(Strict):
         Raises
         ------
         StudyError
-            If the height file cannot be read.
+            If a height file cannot be read, or does not tell what the study leaves to it.
         """
         surface = self.surface
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solver, self.record
         if isinstance(surface, GeneratedSurface):
-            law = surface.midpoint_law
+            law, L, unit = surface.midpoint_law, float(surface.L), surface.length_unit
             product = itertools.product(surface.D, surface.m, surface.seeds)
             return tuple(
-                Case(surface.L, E_star, sweep, solver, record, D=D, m=m, seed=seed, midpoint_law=law)
+                Case(L, E_star, sweep, solver, record, D=D, m=m, seed=seed, midpoint_law=law, length_unit=unit)
                 for D, m, seed in product
             )
-        try:
-            with Path(surface.file).open("rb") as stream:
-                sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-        except OSError as error:
-            raise StudyError([Problem(f"cannot read {surface.file}: {error.strerror}", "surface.file")]) from error
-        file, variable = Path(surface.file), surface.variable
-        return (Case(surface.L, E_star, sweep, solver, record, file=file, sha256=sha256, variable=variable),)
+        measured = resolve(surface)
+        first, *others = measured.bodies
+        case = Case(
+            measured.L,
+            E_star,
+            sweep,
+            solver,
+            record,
+            file=first.file,
+            sha256=first.sha256,
+            variable=first.variable,
+            file_unit=first.unit,
+            against=others[0] if others else None,
+            treatment=measured.treatment,
+            length_unit=measured.unit,
+        )
+        return (case,)
 
     def to_yaml(self) -> str:
         """Return the study with every default written out; `loads` of it gives an equal study."""
@@ -195,20 +240,22 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         for path, m in _numbers(surface.get("m"), "surface", "m"):
             if m > PAPER_MAX_M:
                 yield path, f"solver method 'paper' is dense and takes m <= {PAPER_MAX_M}, given {number_text(m)}"
-    suffix = Path(str(surface.get("file"))).suffix.lower()
-    if surface.get("variable") is not None and suffix in HEIGHT_FORMATS and suffix not in SEVERAL_ARRAYS:
-        yield ("surface", "variable"), f"a {suffix} file holds one array, without a name: leave 'variable' out"
+    yield from _file_conflicts(surface, mapping("surface", "against"))
 
     end = mapping("sweep", "to")
     if isinstance(mapping("sweep").get("to"), dict) and sum(value is not None for value in end.values()) != 1:
         yield ("sweep", "to"), f"must name exactly one of {', '.join(names(Target))}"
-    for name in ("fields_at", "box_counting", "volume_density", "transport") if steps == 0 else ():
+    yield from _unit_conflicts(surface, mapping("material"), record)
+    pressed = ("fields_at", "box_counting", "volume_density", "transport", "region_widths", "dimensional")
+    for name in pressed if steps == 0 else ():
         if record.get(name) is not None:
             yield ("record", name), "there is no contact to record, since sweep.steps is 0"
     selectors: list[tuple[str, ...]] = [
         ("record", "fields_at"),
         ("record", "box_counting", "at"),
         ("record", "volume_density", "at"),
+        ("record", "region_widths", "at"),
+        ("record", "region_widths", "transmissivity"),
     ]
     selectors += [("record", "transport", quantity) for quantity in mapping("record", "transport")]
     levels = [(*place, kind) for place in selectors for kind in mapping(*place)]
@@ -221,6 +268,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
                     yield path, f"{number_text(level)} is not reached: the sweep ends at {kind} {number_text(last)}"
 
     lists = [("surface", "D"), ("surface", "m"), ("surface", "seeds"), ("record", "box_counting", "thresholds")]
+    lists += [("record", "region_widths", "shares")]
     for place in (*lists, *levels):
         seen: set[float] = set()
         for path, number in _numbers(mapping(*place[:-1]).get(place[-1]), *place):
@@ -232,6 +280,51 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     cases = counts[0] * counts[1] * (seeds if isinstance(seeds, int) else counts[2])
     if cases > MAX_CASES:
         yield ("surface",), f"makes {cases} cases (D times m times seeds), at most {MAX_CASES} are allowed"
+
+
+def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield what files of heights need that their endings show."""
+    bodies: list[tuple[KeyPath, dict[str, Any]]] = [(("surface",), surface), (("surface", "against"), against)]
+    suffixes = {path: Path(str(body["file"])).suffix.lower() for path, body in bodies if "file" in body}
+    for path, body in bodies:
+        suffix = suffixes.get(path, "")
+        if body.get("variable") is not None and suffix in HEIGHT_FORMATS and suffix not in SEVERAL_ARRAYS:
+            yield (*path, "variable"), f"a {suffix} file holds one array, without a name: leave 'variable' out"
+    if "file" not in surface or not set(suffixes.values()) <= {*HEIGHT_FORMATS, ""}:
+        return  # files of instruments may tell what the study does not
+    if surface.get("L") is None and surface.keys() <= HeightFile.model_fields.keys():
+        yield ("surface", "L"), f"missing, and the file does not tell it ({HeightFile.model_fields['L'].description})"
+    if has_unit(surface.get("low_pass")) and surface.get("unit") is None and length_unit(surface.get("L")) is None:
+        message = f"has a unit ({surface['low_pass']}) and L has none: give both with theirs, as L: 100 um"
+        yield ("surface", "low_pass"), message
+
+
+def _unit_conflicts(
+    surface: dict[str, Any], material: dict[str, Any], record: dict[str, Any]
+) -> Iterator[tuple[KeyPath, str]]:
+    """Yield where a unit is missing, or given twice."""
+    own, unit = length_unit(surface.get("L")), surface.get("unit")
+    has_length = own is not None or unit is not None
+    if own is not None and unit not in (None, own):
+        yield ("surface", "unit"), f"L has its unit already ({surface['L']}): leave 'unit' out"
+    if has_unit(surface.get("Sq")) and not has_length:
+        yield ("surface", "Sq"), f"has a unit ({surface['Sq']}) and L has none: give both with theirs, as L: 100 um"
+    modulus = material.get("E_star", material.get("E"))
+    if has_unit(material.get("hardness")) and not has_unit(modulus):
+        yield ("material", "hardness"), "has a unit and the modulus has none: give both with theirs, or none"
+    other = material.get("against")
+    if isinstance(other, dict) and has_unit(other.get("E")) and not has_unit(modulus):
+        yield ("material", "against", "E"), "has a unit and that of the first body has none: give both with theirs"
+    wanted = record.get("dimensional")
+    for name in [key for key, value in wanted.items() if value is not None] if isinstance(wanted, dict) else ():
+        if name == "pressure" and not has_unit(modulus):
+            yield ("record", "dimensional", name), "needs the modulus with its unit, as material: {E_star: 100 GPa}"
+        if name != "pressure" and not has_length and surface.get("file") is None:
+            yield ("record", "dimensional", name), "needs the unit of length, as surface: {L: 100 um}"
+        needs = {"leak_rate": "transmissivity", "critical_gap": "constriction"}.get(name)
+        transport = record.get("transport")
+        if needs and not (isinstance(transport, dict) and transport.get(needs) is not None):
+            yield ("record", "dimensional", name), f"is made from record.transport.{needs}, which is not asked for"
 
 
 def _numbers(value: Any, *path: str | int) -> Iterator[tuple[KeyPath, float]]:

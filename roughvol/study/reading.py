@@ -121,7 +121,7 @@ def _translate(error: ValidationError, data: Any) -> Iterator[tuple[KeyPath, str
             if inside:
                 path, here = (*path, part), here[part]
         context = {k: number_text(v) if isinstance(v, int | float) else v for k, v in item.get("ctx", {}).items()}
-        message = _PLAIN.get(kind, item["msg"]).format(**context)
+        message = _PLAIN[kind].format(**context) if kind in _PLAIN else item["msg"]  # which may hold braces of its own
         if kind == "missing":
             path = (*path, item["loc"][-1])
         elif kind == "extra_forbidden":

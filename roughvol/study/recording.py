@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_serializer, model_validator
 
+from roughvol.study.quantities import In, UnitOf, convert, in_unit
 from roughvol.study.settings import (
     AreaFraction,
     Choice,
@@ -17,6 +18,7 @@ from roughvol.study.settings import (
     Strict,
     Word,
     refuse,
+    without_unused,
 )
 from roughvol.study.yamltext import number_text
 
@@ -132,6 +134,67 @@ class Region(Strict):
         return "x/L_x {} to {}, y/L_y {} to {}".format(*map(number_text, (*self.x, *self.y)))
 
 
+class RegionWidths(Strict):
+    """What A*, p*, V* and the transmissivity are inside central squares of several widths, from one solution."""
+
+    shares: Many[AreaFraction] = Field(
+        default=(1.0, 0.75, 0.5, 0.25), description="widths of the central regions over that of the surface, 0 to 1"
+    )
+    at: States = Field(default=EVERY_STEP, validate_default=True, description=f"states of A*, p* and V*: {_WHEN}")
+    transmissivity: States | None = Field(default=None, description=f"states of the transmissivity, x and y: {_WHEN}")
+
+
+class LeakRate(Strict):
+    """The flow of an incompressible liquid through the gap: what drives it, what holds it back."""
+
+    pressure_drop: Annotated[Positive, In("pressure", needed=True)] = Field(
+        description="pressure between the two sides of the region, > 0, with its unit as 1 bar"
+    )
+    viscosity: Annotated[Positive, In("viscosity", needed=True)] = Field(
+        description="dynamic viscosity, > 0, with its unit as 1 mPa*s"
+    )
+    unit: Annotated[str, UnitOf("flow")] = Field(default="mm^3/s", description="unit of the leak rate, as mm^3/s")
+
+    @property
+    def drive(self) -> float:
+        """ΔP/μ such that, times a volume in m³, it is a flow in the unit of the leak rate."""
+        drop, viscosity = in_unit(self.pressure_drop, "Pa"), in_unit(self.viscosity, "Pa*s")
+        assert drop is not None
+        assert viscosity is not None
+        return convert(drop / viscosity, "m^3/s", self.unit)
+
+
+class Dimensional(Choice):
+    """What is stored with a unit beside the starred value, and in which; nothing is solved for it."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    pressure: Annotated[str, UnitOf("pressure")] | None = Field(
+        default=None, description="store the nominal contact pressure p* E* Sq/L in this unit, as MPa"
+    )
+    free_volume: Annotated[str, UnitOf("volume per area")] | None = Field(
+        default=None, description="store the free volume over the nominal area in this unit, as mm^3/m^2"
+    )
+    mean_gap: Annotated[str, UnitOf("length")] | None = Field(
+        default=None, description="store the mean gap V* Sq in this unit, as um"
+    )
+    separation: Annotated[str, UnitOf("length")] | None = Field(
+        default=None, description="store the separation d of the mean planes in this unit, as um"
+    )
+    critical_gap: Annotated[str, UnitOf("length")] | None = Field(
+        default=None, description="store the critical gaps along x and y in this unit, as um"
+    )
+    leak_rate: LeakRate | None = Field(
+        default=None, description="store the leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
+    )
+
+    @model_validator(mode="after")
+    def _asks_for_something(self) -> Dimensional:
+        if not self.named:
+            refuse("names no quantity: {known}", known=", ".join(type(self).model_fields))
+        return self
+
+
 INTERIOR = (("x", (0.25, 0.75)), ("y", (0.25, 0.75)))  # the central half of each side
 
 
@@ -153,3 +216,15 @@ class Record(Strict):
         description="of which part all observables but heights and fields are taken: 'interior' (the central half of "
         "each side) or {x: [from, to], y: [from, to]}; the whole if left out",
     )
+    region_widths: RegionWidths | None = Field(
+        default=None,
+        description="A*, p*, V* and transmissivity of central squares of several widths; {} takes the defaults",
+    )
+    dimensional: Dimensional | None = Field(
+        default=None, description="what is stored with units as well: pressure, free_volume, mean_gap, leak_rate …"
+    )
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> dict[str, Any]:
+        """Leave out what came later where it is not used."""
+        return without_unused(handler(self), "region_widths", "dimensional")

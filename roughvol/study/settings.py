@@ -1,7 +1,8 @@
 """The sections of a study as strict, frozen records.
 
 The description of each field goes into the JSON schema and into the error messages, so it says what is allowed.
-Lengths (``L``) come in any unit, the same as the heights; moduli and hardness in any unit, the same for both. Whatever
+Lengths (``L``, ``Sq``) come in any unit, the same as the heights; moduli and hardness in any unit, the same for both;
+each may name its own (``100 um``, ``210 GPa``). Whatever
 a sweep or a selector names is dimensionless: ``indentation`` Δ/σ, ``separation`` d/σ, ``contact_area`` A* (fraction of
 the elements in contact), ``pressure`` p* = mean(p) L/(E* σ).
 """
@@ -10,7 +11,6 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 from pydantic import (
@@ -21,14 +21,15 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     Tag,
-    ValidationInfo,
     field_validator,
     model_serializer,
     model_validator,
 )
 from pydantic_core import PydanticCustomError, core_schema
 
-from roughvol.study.yamltext import number_text, printable
+from roughvol.lengths import factor
+from roughvol.study.quantities import Length, UnitOf, unit_of
+from roughvol.study.yamltext import number_text
 
 ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
 """Bound on the residual η/σ of each solve that an accuracy stands for."""
@@ -40,7 +41,6 @@ rounded up; that of A* at standard to one element of m = 8.
 Other surfaces and sweeps differ by a factor of a few; what is certain are the bounds, of V* the η/σ itself.
 """
 
-HEIGHT_FORMATS = (".npy", ".npz", ".txt", ".csv", ".asc", ".nc")
 LOOSEST = 1e-2  # residual η/σ beyond which a sweep costs more, not less: it starts every step from a poor state
 PAPER_MAX_M = 6  # the paper's algorithm holds a dense matrix of 4^m rows
 MAX_SEEDS = 10_000
@@ -64,6 +64,11 @@ def nearest(word: str, known: list[str]) -> str | None:
     lower = {name.lower(): name for name in known}
     close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.65)
     return lower[close[0]] if close else None
+
+
+def without_unused(data: dict[str, Any], *later: str) -> dict[str, Any]:
+    """Leave out of a section the keys that came later where they are not used, so that stored studies stay equal."""
+    return {name: value for name, value in data.items() if value is not None or name not in later}
 
 
 class _OneOrMany:
@@ -114,6 +119,8 @@ Positive = Annotated[float, Field(gt=0)]
 AreaFraction = Annotated[float, Field(gt=0, le=1)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 StepNumber = Annotated[int, Field(ge=1)]
+LengthUnit = Annotated[str, UnitOf("length")]
+UNIT = "unit of L and of the heights, for the units of what is stored; they stay without one if left out"
 
 
 class Strict(BaseModel):
@@ -131,7 +138,7 @@ class GeneratedSurface(Strict):
 
     D: Many[Dimension] = Field(description="fractal dimension of the generated surface, 2 < D < 3; a number or a list")
     m: Many[Refinement] = Field(description="2^m + 1 nodes per side, whole, 1 <= m <= 13; a number or a list")
-    L: Positive = Field(default=100.0, description="lateral size, L > 0, in the unit of length of the heights")
+    L: Length = Field(default=100.0, description="lateral size, L > 0, as 100 or with its unit as 100 um")
     seeds: Many[Seed] = Field(
         default=10,
         validate_default=True,
@@ -141,6 +148,29 @@ class GeneratedSurface(Strict):
     midpoint_law: Literal["std", "variance"] = Field(
         default="std", description="what each half step divides by 2^((3-D)/2): 'std' or 'variance' of the displacement"
     )
+    unit: LengthUnit | None = Field(default=None, description=UNIT)
+    Sq: Length | None = Field(
+        default=None,
+        description="root mean square height > 0 to which the heights stored are scaled, with its unit or in that of L",
+    )
+
+    @property
+    def length_unit(self) -> str | None:
+        """Unit of L, of the heights and of all lengths stored; None for an arbitrary one."""
+        return unit_of(self.L) or self.unit
+
+    @property
+    def height(self) -> float | None:
+        """The Sq of the heights in the unit of L, None if it is as random midpoint displacement makes it."""
+        given = unit_of(self.Sq)
+        if self.Sq is None or given is None or self.length_unit is None:
+            return self.Sq
+        return float(self.Sq) * factor(given, self.length_unit)
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> dict[str, Any]:
+        """Leave out what came later where it is not used."""
+        return without_unused(handler(self), "unit", "Sq")
 
     @field_validator("seeds", mode="before")
     @classmethod
@@ -150,53 +180,6 @@ class GeneratedSurface(Strict):
         if not 1 <= value <= MAX_SEEDS:
             refuse("must be 1 to {most} when it counts the seeds", most=str(MAX_SEEDS))
         return tuple(range(value))
-
-
-class HeightFile(Strict):
-    """One surface read from a file of heights, square or not."""
-
-    file: str = Field(description="height field, one of *.npy *.npz *.txt *.csv *.asc *.nc, relative to the study file")
-    L: Positive = Field(description="length of the first axis, L > 0, in the unit of the heights")
-    variable: str | None = Field(default=None, description="name of the array inside an .npz or .nc file")
-
-    @field_validator("file")
-    @classmethod
-    def _found(cls, value: str, info: ValidationInfo) -> str:
-        path = ((info.context or {}).get("folder", Path()) / value).absolute()
-        if path.suffix.lower() not in HEIGHT_FORMATS:
-            refuse("must end in one of {known}", known=" ".join(HEIGHT_FORMATS))
-        try:
-            found = path.is_file()
-        except (OSError, ValueError):  # a name too long, a folder that may not be entered
-            found = False
-        if not found:
-            refuse("there is no such file ({path})", path=printable(str(path)))
-        return str(path)
-
-
-class ContactModulus(Strict):
-    """The material by its contact modulus; starred answers do not depend on it."""
-
-    E_star: Positive = Field(default=1.0, description="contact modulus E/(1-nu^2), > 0")
-    hardness: Positive | None = Field(default=None, description="hardness, > 0, in the unit of the modulus")
-
-    @property
-    def contact_modulus(self) -> float:
-        """E*, in the unit of the study."""
-        return self.E_star
-
-
-class YoungPoisson(Strict):
-    """The material by Young's modulus and Poisson's ratio, against a rigid plane."""
-
-    E: Positive = Field(description="Young's modulus, > 0")
-    nu: Annotated[float, Field(gt=-1, le=0.5)] = Field(description="Poisson's ratio, -1 < nu <= 0.5")
-    hardness: Positive | None = Field(default=None, description="hardness, > 0, in the unit of the modulus")
-
-    @property
-    def contact_modulus(self) -> float:
-        """E* = E/(1-ν²), in the unit of the study."""
-        return self.E / (1 - self.nu**2)
 
 
 @dataclass(frozen=True)
@@ -247,17 +230,11 @@ def _tag_to(value: Any) -> str:
 
 
 def tag_surface(value: Any) -> str:
-    """Return the tag of `HeightFile` if the keys speak of a file, else that of `GeneratedSurface`."""
+    """Return the tag of `measured.HeightFile` if the keys speak of a file, else that of `GeneratedSurface`."""
     if not isinstance(value, dict):
-        return "<file>" if isinstance(value, HeightFile) else "<generated>"
+        return "<generated>" if isinstance(value, GeneratedSurface) else "<file>"
     hints = not {"D", "m"} & value.keys() and any(nearest(key, ["file", "variable"]) for key in value)
     return "<file>" if "file" in value or hints else "<generated>"
-
-
-def tag_material(value: Any) -> str:
-    """Return the tag of `YoungPoisson` if E or nu is given, else that of `ContactModulus`."""
-    young = {"E", "nu"} & value.keys() if isinstance(value, dict) else isinstance(value, YoungPoisson)
-    return "<young>" if young else "<modulus>"
 
 
 class Sweep(Strict):

@@ -1,0 +1,42 @@
+"""The finished cases of a study brought together, every bit of each checked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from roughvol import dataset, folder
+from roughvol.columns import Arrays
+from roughvol.errors import DatasetError
+from roughvol.folder import case_file
+from roughvol.study import Case
+
+
+def sound_parts(
+    place: Path, cases: Mapping[str, Case], stopping: Callable[[], bool] = lambda: False
+) -> tuple[dict[str, Arrays], dict[str, str]]:
+    """Return the arrays of the finished cases in the order of the cases, and what is wrong with the other files.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If it was stopped on the way.
+    """
+    parts: dict[str, Arrays] = {}
+    bad: dict[str, str] = {}
+    for id, case in cases.items():
+        if stopping():
+            raise KeyboardInterrupt
+        path = case_file(place, id)
+        try:
+            arrays, labels = dataset.read_arrays(path)
+        except DatasetError as error:
+            if path.exists():
+                bad[id] = str(error)
+            continue
+        why = folder.mismatch(path, labels, case)
+        if why is None:
+            parts[id] = arrays
+        else:
+            bad[id] = why
+    return parts, bad

@@ -1,0 +1,25 @@
+"""Units of length that a study or a height file may name, and the metres in each."""
+
+from __future__ import annotations
+
+METRES = {"pm": 1e-12, "angstrom": 1e-10, "nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
+_SPELLED = {
+    "\u00b5m": "um",
+    "\u03bcm": "um",
+    "micron": "um",
+    "\u00c5": "angstrom",
+    "\u212b": "angstrom",
+    "A": "angstrom",
+}
+
+
+def named(unit: str) -> str | None:
+    """Return the name by which a unit goes here (``um`` for µm), or None if it is no known unit of length."""
+    unit = unit.strip()
+    unit = _SPELLED.get(unit, unit)
+    return unit if unit in METRES else None
+
+
+def factor(given: str, wanted: str) -> float:
+    """Return by what numbers in one unit are multiplied to be in another; both are keys of `METRES`."""
+    return METRES[given] / METRES[wanted]

@@ -1,0 +1,191 @@
+"""Measured heights made fit to be pressed: levelled, their holes filled, their short waves filtered off.
+
+Conventions: heights z on a lattice, axis 0 is x and axis 1 is y; a height that is not known is NaN, and every function
+says what it does with it. Nothing is changed in place. All are linear in z, so the sum of two treated surfaces is their
+treated sum, and exact under a change of the unit of z by a power of two.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, signal, sparse
+from scipy.sparse import linalg
+
+from roughvol.errors import SurfaceError
+
+Heights = NDArray[np.float64]
+
+LEVELS = {"none": -1, "mean": 0, "tilt": 1, "quadratic": 2}  # degree of the surface that is taken off
+FILLS = ("nearest", "interpolate")
+LARGEST_SHARE = 0.5  # of missing nodes that is filled: beyond, a map is more invented than measured
+
+ALPHA = math.sqrt(math.log(2.0) / math.pi)  # ISO 16610-61: halves the amplitude at the cut-off
+REACH = 1.5  # in cut-offs; there the weight has fallen to e^(-2.25 π²/ln 2) = 1e-14 of its largest
+
+
+def level(heights: Heights, kind: str) -> Heights:
+    """Return the heights less the least-squares surface of the known ones.
+
+    z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'² over the nodes with known z; n = 0 for the mean
+    (``mean``), 1 for a plane (``tilt``), 2 for a quadratic (``quadratic``). ``none`` takes nothing off.
+
+    Parameters
+    ----------
+    heights : array, shape (rows, columns)
+        z [length], NaN where not known; these stay NaN.
+    kind : {"none", "mean", "tilt", "quadratic"}
+
+    Raises
+    ------
+    SurfaceError
+        If the kind is not one of these, or no height is known.
+    """
+    if kind not in LEVELS:
+        message = f"level must be one of {', '.join(map(repr, LEVELS))}, got {kind!r}"
+        raise SurfaceError(message)
+    known = _some_known(heights)
+    degree = LEVELS[kind]
+    if degree < 0:
+        return heights.copy()
+    terms = [(a, b) for a in range(degree + 1) for b in range(degree + 1 - a)]
+    x, y = (np.vander(np.linspace(-1.0, 1.0, nodes), 2 * degree + 1, increasing=True) for nodes in heights.shape)
+    moments = x.T @ known @ y  # Σ x^a y^b over the known nodes
+    normal = np.array([[moments[a + c, b + d] for c, d in terms] for a, b in terms])
+    exponent = _exponent(heights)
+    left = np.ldexp(np.where(known, heights, 0.0), -exponent)
+    for _ in range(3):  # the second and third time take off what rounding in the normal equations has left
+        weighted = x[:, : degree + 1].T @ left @ y[:, : degree + 1]
+        # where the known nodes do not fix all terms (all in one line), those of the smallest coefficients
+        fitted = np.linalg.lstsq(normal, np.array([weighted[a, b] for a, b in terms]), rcond=1e-13)[0]
+        coefficients = np.zeros((degree + 1, degree + 1))
+        coefficients[tuple(np.transpose(terms))] = fitted
+        left -= np.where(known, x[:, : degree + 1] @ coefficients @ y[:, : degree + 1].T, 0.0)
+    return np.where(known, np.ldexp(left, exponent), np.nan)
+
+
+def fill(heights: Heights, rule: str) -> Heights:
+    """Return the heights with those filled in that are not known.
+
+    ``nearest`` takes the height of the nearest known node (of several equally near ones always the same). With
+    ``interpolate`` every filled height is the mean of its neighbours, 4, or at the rim 3 or 2 (the discrete Laplace
+    equation): smooth, exact for a plane away from the rim, and never beyond the known heights around the hole.
+
+    Parameters
+    ----------
+    heights : array, shape (rows, columns)
+        z [length], NaN where not known, at most half of them.
+    rule : {"nearest", "interpolate"}
+
+    Raises
+    ------
+    SurfaceError
+        If the rule is not one of these, or more than half of the heights are not known.
+    """
+    if rule not in FILLS:
+        message = f"missing must be one of {', '.join(map(repr, FILLS))}, got {rule!r}"
+        raise SurfaceError(message)
+    missing = ~_some_known(heights)
+    share = float(missing.mean())
+    if share > LARGEST_SHARE:
+        message = f"{missing.sum()} of {missing.size} heights are missing; allowed: up to {LARGEST_SHARE:.0%}"
+        raise SurfaceError(message)
+    if not missing.any():
+        return heights.copy()
+    filled = heights.copy()
+    if rule == "nearest":
+        row, column = ndimage.distance_transform_edt(missing, return_distances=False, return_indices=True)
+        filled[missing] = heights[row[missing], column[missing]]
+    else:
+        filled[missing] = _harmonic(heights, missing)
+    return filled
+
+
+def low_pass(heights: Heights, spacing: float, cut_off: float) -> Heights:
+    """Return the heights without their waves shorter than the cut-off: the areal Gaussian filter of ISO 16610-61.
+
+        s(x) = exp(-π (x/(α λc))²) / (α λc),   α = √(ln 2/π),   transmission exp(-π (α λc/λ)²)
+
+    along x and along y, which together weigh by distance alone: a wave of wavelength λc in any direction keeps half its
+    amplitude (as far as the lattice samples it: λc ≳ 4 δ). At the edges the weights that fall outside are left out and
+    the others scaled up to a sum of one: a constant passes unchanged everywhere, a plane at 1.5 λc and more from the
+    edge.
+
+    Parameters
+    ----------
+    heights : array, shape (rows, columns)
+        z [length], all known.
+    spacing : float
+        δ [length] of the nodes.
+    cut_off : float
+        λc in the unit of δ, from 2 δ to the shorter side.
+
+    Raises
+    ------
+    SurfaceError
+        If λc lies outside, or a height is not known.
+    """
+    shorter = spacing * (min(heights.shape) - 1)
+    if not 2.0 * spacing <= cut_off <= shorter:
+        message = (
+            f"low_pass is {cut_off:.6g}; allowed: {2.0 * spacing:.6g} (twice the spacing) to {shorter:.6g} "
+            "(the shorter side)"
+        )
+        raise SurfaceError(message)
+    if not np.isfinite(heights).all():
+        message = "heights must be known at every node before they are filtered"
+        raise SurfaceError(message)
+    reach = math.ceil(REACH * cut_off / spacing)
+    weights = np.exp(-math.pi * np.square(np.arange(-reach, reach + 1) * spacing / (ALPHA * cut_off)))
+    exponent = _exponent(heights)
+    filtered = np.ldexp(heights, -exponent)
+    middle = float(filtered.mean())  # taken off and put back, so that rounding is that of the roughness alone
+    filtered -= middle
+    for axis, nodes in enumerate(heights.shape):
+        along = weights[:, np.newaxis] if axis == 0 else weights[np.newaxis]
+        inside = np.convolve(np.ones(nodes), weights)[reach : reach + nodes]
+        filtered = signal.oaconvolve(filtered, along, axes=axis)
+        filtered = filtered[reach : reach + nodes] if axis == 0 else filtered[:, reach : reach + nodes]
+        filtered /= inside[:, np.newaxis] if axis == 0 else inside
+    return np.asarray(np.ldexp(filtered + middle, exponent), dtype=np.float64)
+
+
+def _some_known(heights: Heights) -> NDArray[np.bool_]:
+    known = ~np.isnan(heights)
+    if not known.any():
+        message = f"none of the {heights.size} heights is known"
+        raise SurfaceError(message)
+    return known
+
+
+def _exponent(heights: Heights) -> int:
+    """Power of two that brings the heights to about one: squares and products of any heights are then floats."""
+    return math.frexp(float(np.nanmax(np.abs(heights))))[1]
+
+
+def _harmonic(heights: Heights, missing: NDArray[np.bool_]) -> Heights:
+    """Return the missing heights from the discrete Laplace equation, with natural conditions at the rim."""
+    rows, columns = heights.shape
+    number = np.full(heights.shape, -1)
+    number[missing] = np.arange(missing.sum())
+    row, column = np.nonzero(missing)
+    here = number[row, column]
+    neighbours, known_sum = np.zeros(len(here)), np.zeros(len(here))
+    exponent = _exponent(heights)
+    scaled = np.ldexp(heights, -exponent)
+    entries: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
+    for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+        there_row, there_column = row + down, column + right
+        inside = (there_row >= 0) & (there_row < rows) & (there_column >= 0) & (there_column < columns)
+        neighbours += inside
+        own, there = here[inside], (there_row[inside], there_column[inside])
+        unknown = missing[there]
+        np.add.at(known_sum, own[~unknown], scaled[there][~unknown])
+        entries.append((own[unknown], number[there][unknown]))
+    first, second = (np.concatenate(part) for part in zip(*entries, strict=True))
+    coupling = sparse.coo_array((-np.ones(len(first)), (first, second)), shape=(len(here), len(here)))
+    system = (sparse.diags_array(neighbours) + coupling).tocsc()
+    solved = linalg.spsolve(system, known_sum, permc_spec="MMD_AT_PLUS_A")
+    return np.ldexp(np.atleast_1d(solved), exponent)

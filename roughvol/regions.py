@@ -1,0 +1,144 @@
+"""Parts of a surface: a contact seen through a window of its elements, and central squares of several widths.
+
+A window holds the elements whose centres lie in a region. What is observed in it is that of the loaded surface cut out
+there; lengths stay over the Sq of the whole, pressures over its E* Sq/L.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roughvol import leakage
+from roughvol.errors import ContactError
+from roughvol.physics import transport
+from roughvol.physics.contact import Contact
+from roughvol.study import Case, Level, Region, RegionWidths
+
+Window = tuple[slice, slice]
+QUANTITIES = ("region_widths", "region_transmissivity")
+ROUNDING = 1e-9  # of a position over the length of its axis
+
+
+class Within:
+    """A contact seen through a window of its elements: area, pressure, free volume and fields are those inside."""
+
+    def __init__(self, contact: Contact, window: Window) -> None:
+        self.whole, self._window = contact, window
+
+    def gap(self) -> NDArray[np.float64]:
+        """Return g/σ inside."""
+        return self.whole.gap()[self._window]
+
+    def pressure(self) -> NDArray[np.float64]:
+        """Return p L/(E* σ) inside."""
+        return self.whole.pressure()[self._window]
+
+    def contact(self) -> NDArray[np.bool_]:
+        """Return where p > 0 inside."""
+        return self.whole.contact()[self._window]
+
+    @cached_property
+    def contact_area_fraction(self) -> float:
+        """A* of the elements inside."""
+        return float(self.contact().mean())
+
+    @cached_property
+    def mean_pressure(self) -> float:
+        """p* of the elements inside, L and σ of the whole."""
+        return float(self.pressure().mean())
+
+    @cached_property
+    def free_volume(self) -> float:
+        """V* of the elements inside, σ of the whole."""
+        return float(self.gap().mean())
+
+    mean_pressure_bound = math.nan  # what is certified is the pressure on the whole surface
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what does not depend on the window."""
+        return getattr(self.whole, name)
+
+
+def within(contact: Contact, case: Case) -> Contact | Within:
+    """Return a contact as seen in the region that a study observes: itself, if that is the whole."""
+    return contact if case.record.region is None else Within(contact, window(case, contact.shape))
+
+
+def window(case: Case, shape: tuple[int, int]) -> Window:
+    """Return the rows and columns of the elements in the region that a study observes.
+
+    Raises
+    ------
+    ContactError
+        If fewer than two lie in it along an axis.
+    """
+    return window_of(case.record.region or Region(), shape)
+
+
+def window_of(region: Region, shape: tuple[int, int]) -> Window:
+    """Return the rows and columns of the elements whose centres lie in a region.
+
+    Raises
+    ------
+    ContactError
+        If fewer than two lie in it along an axis.
+    """
+    slices = []
+    for (start, end), nodes in zip((region.x, region.y), shape, strict=True):
+        first, last = math.ceil(start * (nodes - 1) - ROUNDING), math.floor(end * (nodes - 1) + ROUNDING)
+        if last <= first:
+            message = f"the region {region.label} of {shape[0]} × {shape[1]} elements is fewer than 2 × 2"
+            raise ContactError(message)
+        slices.append(slice(first, last + 1))
+    return slices[0], slices[1]
+
+
+def central(share: float) -> Region:
+    """Return the region in the middle whose sides are a share of those of the surface."""
+    sides = (0.5 - 0.5 * share, 0.5 + 0.5 * share)
+    return Region(x=sides, y=sides)
+
+
+def levels(asked: RegionWidths) -> dict[str, dict[str, Level] | None]:
+    """Return the levels by label of what is asked of the central regions; None stands for every step."""
+    wanted = dict(zip(QUANTITIES, (asked.at, asked.transmissivity), strict=True))
+    return {name: leakage.by_label(states) for name, states in wanted.items() if states is not None}
+
+
+def of_state(
+    whole: Contact, quantities: list[str], windows: Mapping[float, Window]
+) -> tuple[dict[str, Any], dict[str, float]]:
+    """Return the numbers inside each window, and the seconds by quantity.
+
+    Parameters
+    ----------
+    whole : Contact
+        A state of the whole surface.
+    quantities : list of str
+        Of `QUANTITIES`.
+    windows : mapping
+        The window of each width.
+    """
+    values: dict[str, Any] = {}
+    seconds = {}
+    for name in quantities:
+        started = time.perf_counter()
+        if name == "region_widths":
+            contact, pressure, gap = whole.contact(), whole.pressure(), whole.gap()
+            values["contact_area_fraction_within"] = [contact[inside].mean() for inside in windows.values()]
+            values["mean_pressure_within"] = [pressure[inside].mean() for inside in windows.values()]
+            values["free_volume_within"] = [gap[inside].mean() for inside in windows.values()]
+        else:
+            gap = whole.gap()
+            for axis, n in leakage.AXES:
+                flows = [transport.conduction(gap[inside], n).coefficient for inside in windows.values()]
+                values[f"transmissivity_within_{axis}"] = flows
+        seconds[name] = time.perf_counter() - started
+    return values, seconds

@@ -1,0 +1,85 @@
+"""The section ``material`` of a study: the moduli, in any unit, and the hardness, in the same or with its own."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_serializer
+
+from roughvol.study.quantities import Pressure, in_unit, unit_of
+from roughvol.study.settings import Strict, without_unused
+
+PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
+_HARDNESS = "hardness, > 0, in the unit of the modulus, or with its unit as 2 GPa"
+
+
+class ContactModulus(Strict):
+    """The material by its contact modulus; starred answers do not depend on it."""
+
+    E_star: Pressure = Field(default=1.0, description="contact modulus E/(1-nu^2), > 0, as 1 or 100 GPa")
+    hardness: Pressure | None = Field(default=None, description=_HARDNESS)
+
+    @property
+    def contact_modulus(self) -> float:
+        """E*, in the unit of the study."""
+        return float(self.E_star)
+
+    @property
+    def unit(self) -> str | None:
+        """Unit of the contact modulus, None for an arbitrary one."""
+        return unit_of(self.E_star)
+
+    @property
+    def indentation_hardness(self) -> float | None:
+        """The hardness in the unit of the modulus."""
+        return in_unit(self.hardness, self.unit)
+
+
+class CounterMaterial(Strict):
+    """The material of the second of two elastic bodies."""
+
+    E: Pressure = Field(description="Young's modulus of the other body, > 0, in the unit of the first, or as 3 GPa")
+    nu: PoissonRatio = Field(description="Poisson's ratio of the other body, -1 < nu <= 0.5")
+
+
+class YoungPoisson(Strict):
+    """The material by Young's modulus and Poisson's ratio, against a rigid plane or another elastic body."""
+
+    E: Pressure = Field(description="Young's modulus, > 0, as 1 or 210 GPa")
+    nu: PoissonRatio = Field(description="Poisson's ratio, -1 < nu <= 0.5")
+    against: CounterMaterial | None = Field(
+        default=None, description="{E, nu} of the other body: 1/E* = (1-nu^2)/E + (1-nu2^2)/E2; rigid if left out"
+    )
+    hardness: Pressure | None = Field(default=None, description=_HARDNESS)
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> dict[str, Any]:
+        """Leave out what came later where it is not used."""
+        return without_unused(handler(self), "against")
+
+    @property
+    def contact_modulus(self) -> float:
+        """E*, in the unit of the study: 1/E* = (1-ν²)/E, plus the same of the other body if that is elastic too."""
+        own = float(self.E) / (1 - self.nu**2)
+        if self.against is None:
+            return own
+        E, nu = in_unit(self.against.E, self.unit), self.against.nu
+        assert E is not None
+        other = float(E) / (1 - nu**2)
+        return 1 / (1 / own + 1 / other)
+
+    @property
+    def unit(self) -> str | None:
+        """Unit of the contact modulus, None for an arbitrary one."""
+        return unit_of(self.E)
+
+    @property
+    def indentation_hardness(self) -> float | None:
+        """The hardness in the unit of the modulus."""
+        return in_unit(self.hardness, self.unit)
+
+
+def tag_material(value: Any) -> str:
+    """Return the tag of `YoungPoisson` if E or nu is given, else that of `ContactModulus`."""
+    young = {"E", "nu"} & value.keys() if isinstance(value, dict) else isinstance(value, YoungPoisson)
+    return "<young>" if young else "<modulus>"

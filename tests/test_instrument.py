@@ -1,0 +1,192 @@
+"""Files of instruments: heights, holes, size and unit come through, and what is no square map is refused by name."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from roughvol import heightfile, instrument
+from roughvol.errors import DatasetError, RoughvolError, StudyError, SurfaceError
+from roughvol.study import loads
+
+topography = pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")
+
+HEIGHTS = np.random.default_rng(6).normal(size=(7, 5))
+HOLES = np.arange(35).reshape(7, 5) % 11 == 8
+PIXEL = 0.25  # of all maps, in um
+
+
+def _write(
+    path: Path, heights: np.ndarray = HEIGHTS, unit: str = "µm", pixel: tuple[float, float] = (PIXEL, PIXEL)
+) -> Path:
+    """Write heights as .x3p or .gwy."""
+    sizes = heights.shape[0] * pixel[0], heights.shape[1] * pixel[1]
+    getattr(topography.Topography(heights, sizes, unit=unit), f"to_{path.suffix[1:]}")(str(path))
+    return path
+
+
+def _write_sdf(path: Path, scale: str = "1.0e-6", cells: Any = None) -> Path:
+    """Write heights as the text of ISO 25178-71: rows of constant y, lengths in metres, BAD where there is none."""
+    cells = [["BAD" if np.isnan(z) else repr(float(z)) for z in row] for row in HEIGHTS.T] if cells is None else cells
+    header = {
+        "ManufacID": "roughvol",
+        "CreateDate": "010120260000",
+        "ModDate": "010120260000",
+        "NumPoints": HEIGHTS.shape[0],
+        "NumProfiles": HEIGHTS.shape[1],
+        "Xscale": PIXEL * 1e-6,
+        "Yscale": PIXEL * 1e-6,
+        "Zscale": scale,
+        "Zresolution": -1,
+        "Compression": 0,
+        "DataType": 7,
+        "CheckType": 0,
+    }
+    lines = ["aISO-1.0", *(f"{name} = {value}" for name, value in header.items()), "*"]
+    path.write_text("\n".join([*lines, *(" ".join(row) for row in cells), "*", "end", "*"]) + "\n", encoding="ascii")
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".x3p", ".gwy"])
+@pytest.mark.parametrize("holed", [False, True], ids=["whole", "holed"])
+def test_heights_size_and_unit_come_back(tmp_path: Path, suffix: str, holed: bool) -> None:
+    path = _write(tmp_path / f"scan{suffix}", np.ma.masked_array(HEIGHTS, HOLES) if holed else HEIGHTS)
+    told = heightfile.describe(path)
+    assert told is not None
+    assert told.unit == "m"  # that of both formats
+    assert told.shape == (7, 5)
+    assert told.side == pytest.approx(6 * PIXEL * 1e-6, rel=1e-12)
+    expected = np.where(HOLES, np.nan, HEIGHTS) if holed else HEIGHTS
+    heights = heightfile.read(path, holes=True) * 1e6
+    assert np.array_equal(np.isnan(heights), np.isnan(expected))
+    assert np.nanmax(np.abs(heights - expected)) < 1e-14
+    assert np.array_equal(heights, heightfile.read(path, told.channel, holes=True) * 1e6, equal_nan=True)
+
+
+def test_a_text_of_iso_25178_is_read(tmp_path: Path) -> None:
+    path = _write_sdf(tmp_path / "scan.sdf")
+    told = instrument.describe(path)
+    assert (told.shape, told.unit) == ((7, 5), "um")
+    assert told.side == pytest.approx(6 * PIXEL, rel=1e-12)
+    assert np.abs(heightfile.read(path) - HEIGHTS).max() < 1e-14
+
+
+def test_missing_heights_are_refused_unless_somebody_fills_them(tmp_path: Path) -> None:
+    path = _write(tmp_path / "scan.x3p", np.ma.masked_array(HEIGHTS, HOLES))
+    with pytest.raises(SurfaceError, match=r"scan\.x3p: 3 heights are missing .* first in row 1, column 3"):
+        heightfile.read(path)
+
+
+def test_a_channel_that_is_not_there_is_named_beside_those_that_are(tmp_path: Path) -> None:
+    path = _write(tmp_path / "scan.gwy")
+    with pytest.raises(
+        DatasetError, match=r"scan\.gwy: has no channel 'z'; channels in the file: Topography \(height\)"
+    ):
+        instrument.describe(path, "z")
+
+
+def test_pixels_that_are_not_square_are_refused(tmp_path: Path) -> None:
+    path = _write(tmp_path / "oblong.x3p", pixel=(PIXEL, 2 * PIXEL))
+    with pytest.raises(SurfaceError, match=r"oblong\.x3p: pixels of 2\.5e-07 by 5e-07; allowed: square pixels"):
+        instrument.read(path)
+
+
+def test_a_line_is_no_map(tmp_path: Path) -> None:
+    path = tmp_path / "line.dat"
+    path.write_text("\n".join(f"{x} {x * x}" for x in range(9)), encoding="ascii")
+    with pytest.raises(SurfaceError, match=r"line\.dat: .*allowed: a map of equidistant nodes, at least 3 x 3"):
+        instrument.describe(path)
+
+
+@pytest.mark.parametrize("suffix", [".al3d", ".sur", ".x3p", ".png", ".hgt", ".nms", ""])
+@pytest.mark.parametrize("size", [0, 1, 2, 512, 18, 20_000])
+def test_what_no_instrument_wrote_is_refused_by_name(tmp_path: Path, suffix: str, size: int) -> None:
+    path = tmp_path / f"noise{suffix}"
+    path.write_bytes(np.random.default_rng(size).bytes(size))
+    if suffix == ".hgt" and size in (18, 512, 20_000):  # a square of 16-bit numbers is all that this format is
+        assert instrument.describe(path).shape == (round((size / 2) ** 0.5),) * 2
+        return
+    for call in (instrument.describe, instrument.read):
+        with pytest.raises(RoughvolError) as caught:
+            call(path)
+        assert str(path) in str(caught.value)
+        assert len(str(caught.value)) < len(str(path)) + 250
+
+
+@pytest.mark.parametrize("suffix", [".x3p", ".gwy", ".sdf"])
+def test_a_damaged_file_is_read_or_refused(tmp_path: Path, suffix: str) -> None:
+    path = _write_sdf(tmp_path / "scan.sdf") if suffix == ".sdf" else _write(tmp_path / f"scan{suffix}")
+    whole = path.read_bytes()
+    chance = random.Random(7)
+    read = 0
+    for _ in range(60):
+        damaged = bytearray(whole)
+        if chance.random() < 0.3:
+            del damaged[chance.randrange(len(damaged)) :]
+        else:
+            for _ in range(chance.randrange(1, 20)):
+                damaged[chance.randrange(len(damaged))] = chance.randrange(256)
+        path.write_bytes(damaged)
+        with contextlib.suppress(RoughvolError):  # anything else would be a bare error of the library
+            heights = heightfile.read(path, holes=True)
+            assert (heights.dtype, heights.ndim) == (np.float64, 2)
+            read += 1
+    assert read < 60
+
+
+def test_an_absent_file_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=r"none\.x3p: cannot be read: No such file"):
+        instrument.read(tmp_path / "none.x3p")
+
+
+# In a study
+
+
+def _study(tmp_path: Path, text: str) -> Any:
+    return loads(text, tmp_path / "study.yaml")
+
+
+def test_a_study_takes_length_and_unit_from_the_file(tmp_path: Path) -> None:
+    _write_sdf(tmp_path / "scan.sdf")
+    study = _study(tmp_path, "surface: {file: scan.sdf}")
+    (case,) = study.cases()
+    assert (case.L, case.length_unit, case.file_unit) == (pytest.approx(6 * PIXEL, rel=1e-12), "um", "um")
+    assert loads(study.to_yaml()).cases() == (case,)
+
+
+def test_the_unit_of_the_study_converts_that_of_the_file(tmp_path: Path) -> None:
+    _write_sdf(tmp_path / "scan.sdf")
+    texts = ["", ", unit: um", ", unit: nm", ", L: 3 mm", ", L: 3, unit: um", ", L: 3"]
+    cases = [_study(tmp_path, f"surface: {{file: scan.sdf{text}}}").cases()[0] for text in texts]
+    assert cases[0].id == cases[1].id
+    assert cases[4].id == cases[5].id
+    assert len({case.id for case in cases}) == 4
+    assert [case.length_unit for case in cases] == ["um", "um", "nm", "mm", "um", "um"]
+    assert [case.L for case in cases[2:]] == [pytest.approx(6000 * PIXEL, rel=1e-12), 3.0, 3.0, 3.0]
+
+
+def test_two_bodies_must_fit(tmp_path: Path) -> None:
+    _write_sdf(tmp_path / "scan.sdf")
+    _write(tmp_path / "same.x3p")
+    _write(tmp_path / "coarse.x3p", pixel=(2 * PIXEL, 2 * PIXEL))
+    np.save(tmp_path / "silent.npy", HEIGHTS)
+    (case,) = _study(tmp_path, "surface: {file: scan.sdf, against: {file: same.x3p}}").cases()
+    assert [body.unit for body in case.bodies] == ["um", "m"]
+    with pytest.raises(StudyError, match=r"surface\.against\.file: the files differ in length, 1\.5.* and 3.*: give L"):
+        _study(tmp_path, "surface: {file: scan.sdf, against: {file: coarse.x3p}}").cases()
+    assert _study(tmp_path, "surface: {file: scan.sdf, L: 2, against: {file: coarse.x3p}}").cases()[0].L == 2.0
+    with pytest.raises(StudyError, match=r"surface\.unit: missing: .*silent\.npy does not tell its unit, .* is in um"):
+        _study(tmp_path, "surface: {file: scan.sdf, against: {file: silent.npy}}").cases()
+    (case,) = _study(tmp_path, "surface: {file: silent.npy, unit: nm, against: {file: scan.sdf}}").cases()
+    assert (case.length_unit, case.L) == ("nm", pytest.approx(6000 * PIXEL, rel=1e-12))
+
+
+def test_a_broken_file_is_a_problem_of_the_study(tmp_path: Path) -> None:
+    (tmp_path / "scan.sur").write_bytes(b"DIGITAL SURF" + bytes(10))
+    with pytest.raises(StudyError, match=r"surface\.file: .*scan\.sur: is damaged, or in none of the formats"):
+        _study(tmp_path, "surface: {file: scan.sur, L: 1}").cases()
