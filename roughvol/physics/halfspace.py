@@ -153,12 +153,13 @@ class HalfSpace:
             message = f"shape is {shape}; allowed: at least one element along each axis"
             raise ContactError(message)
         self.kernel, self.threads = kernel, threads
-        self.influence = kernel_quadrant(self.shape, kernel)
-        self.influence.flags.writeable = False
         self._halves = transform_length(self.shape[0]) // 2, transform_length(self.shape[1]) // 2
         # Also lags beyond the grid, which never enter a result, get the kernel: zeros there would make the spectrum
         # of a positive operator negative in places, and it could not certify anything
-        self._spectrum = _spectrum(kernel_quadrant((self._halves[0] + 1, self._halves[1] + 1), kernel))
+        self._quadrant = kernel_quadrant((self._halves[0] + 1, self._halves[1] + 1), kernel)
+        self._quadrant.flags.writeable = False
+        self.influence = self._quadrant[: self.shape[0], : self.shape[1]]
+        self._spectrum = _spectrum(self._quadrant)
         if not self._spectrum.min() > 0.0:
             message = f"the {self.kernel} kernel is not positive definite on {self.shape}; no unique solution there"
             raise ContactError(message)
@@ -181,7 +182,7 @@ class HalfSpace:
     ) -> NDArray[Any]:
         """Return u at the elements (flat indices, increasing) that alone carry pressure, ``single`` in 32 bits.
 
-        Only the rectangle that holds the elements takes part, so this costs less than `displacement` the smaller it is.
+        On large grids only the rectangle that holds the elements takes part: this costs the less the smaller it is.
         """
         precision = "float32" if single else "float64"
         window = self._windows.get(precision)
@@ -211,12 +212,15 @@ class HalfSpace:
         row, column = np.divmod(elements, self.shape[1])
         first = (int(row[0]), int(column.min())) if elements.size else (0, 0)
         last = (int(row[-1]), int(column.max())) if elements.size else (0, 0)
-        halves = tuple(
-            _window_half(high - low, half, nodes, fast)
-            for low, high, half, nodes, fast in zip(first, last, self._halves, self.shape, _FAST, strict=True)
-        )
+        halves = self._halves
+        if 4 * halves[0] * halves[1] >= _WINDOWED_FROM:
+            row_half, column_half = (
+                _window_half(high - low, half, nodes, fast)
+                for low, high, half, nodes, fast in zip(first, last, self._halves, self.shape, _FAST, strict=True)
+            )
+            halves = row_half, column_half
         share = halves[0] * halves[1] / (self._halves[0] * self._halves[1])
-        engine = self._engine((halves[0], halves[1]), precision)
+        engine = self._engine(halves, precision)
         first = (
             min(first[0], self.shape[0] - engine.shape[0]),
             min(first[1], self.shape[1] - engine.shape[1]),
@@ -229,14 +233,17 @@ class HalfSpace:
         engine = self._engines.pop(key, None)
         if engine is None:
             whole = halves == self._halves
-            spectrum = self._spectrum if whole else _spectrum(self.influence[: halves[0] + 1, : halves[1] + 1])
+            spectrum = self._spectrum if whole else _spectrum(self._quadrant[: halves[0] + 1, : halves[1] + 1])
             shape = (min(halves[0] + 1, self.shape[0]), min(halves[1] + 1, self.shape[1]))
             engine = _Convolution(shape, spectrum, np.dtype(precision), self.threads)
-            held = sum(kept.size for kept in self._engines.values())
-            for old in [kept for kept in self._engines if kept[:2] != self._halves]:
-                if held + engine.size <= _KEPT * self._halves[0] * self._halves[1]:
-                    break
-                held -= self._engines.pop(old).size
+            if not whole:
+                windows = [kept for kept in self._engines if kept[:2] != self._halves]
+                room = max(4 * self._halves[0] * self._halves[1], _KEPT) - engine.size
+                held = sum(self._engines[kept].size for kept in windows)
+                for old in windows:  # least recently used first
+                    if held <= room:
+                        break
+                    held -= self._engines.pop(old).size
         self._engines[key] = engine  # last used, last in line
         return engine
 
@@ -245,7 +252,8 @@ class HalfSpace:
 # Complex transforms (the first) are fast for few factors, real ones for more.
 _FAST = ((4, 5), (4, 5, 6, 7))
 _SMALLEST_HALF = 16
-_KEPT = 8  # times the points of the full grid: what the plans and spectra kept may come to
+_WINDOWED_FROM = 2**18  # points of the full grid (m = 8); below, new plans cost what smaller transforms save
+_KEPT = 2**22  # points that the windows kept may come to where the full grid has fewer: some 60 MB
 
 
 def _window_half(reach: int, half: int, nodes: int, fast: tuple[int, ...]) -> int:

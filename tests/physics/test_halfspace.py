@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from itertools import pairwise
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from oracles import dense_matrix, love_influence, summed_displacement
 
 from roughvol.errors import ContactError
-from roughvol.physics import theory
+from roughvol.physics import halfspace, theory
 from roughvol.physics.halfspace import (
     KERNELS,
     HalfSpace,
@@ -266,10 +267,75 @@ def test_pressure_is_not_changed():
     assert np.array_equal(pressure, kept)
 
 
-def test_two_threads_compute_the_same():
-    pressure = noise((65, 33))
-    one, two = (HalfSpace((65, 33), threads=threads).displacement(pressure) for threads in (1, 2))
-    np.testing.assert_allclose(two, one, rtol=0, atol=1e-13 * np.abs(one).max())
+def test_threads_change_no_bit():
+    pressure = noise((65, 333))
+    elements = np.flatnonzero(pressure > 1.0)
+    one, two = (HalfSpace((65, 333), threads=threads) for threads in (1, 2))
+    assert np.array_equal(one.displacement(pressure), two.displacement(pressure))
+    for single in (False, True):
+        for some in (elements, elements[: elements.size // 2]):
+            few = pressure.ravel()[some]
+            assert np.array_equal(
+                one.displacement_at(some, few, single=single), two.displacement_at(some, few, single=single)
+            )
+
+
+# ---- windows
+
+
+@settings(max_examples=80, deadline=None, derandomize=True)
+@given(
+    st.integers(1, 200), st.integers(1, 200), st.sampled_from(sorted(KERNELS)), st.booleans(), st.integers(0, 2**32 - 1)
+)
+def test_elements_anywhere_are_displaced_as_on_the_whole_grid(rows, columns, kernel, single, seed):
+    with patch.object(halfspace, "_WINDOWED_FROM", 0):
+        check_patches(HalfSpace((rows, columns), kernel), single, np.random.Generator(np.random.PCG64(seed)))
+
+
+def check_patches(space, single, generator):
+    rows, columns = space.shape
+    pressure = np.zeros((rows, columns))
+    for _ in range(3):  # one after the other: what a window leaves behind would show in the next
+        edges = [np.sort(generator.integers(0, n, 2)) for n in (rows, columns)]
+        patch = tuple(slice(low, high + 1) for low, high in edges)
+        pressure[:] = 0.0
+        pressure[patch] = generator.standard_normal(pressure[patch].shape)
+        elements = np.flatnonzero(pressure.ravel())
+        expected = space.displacement(pressure).ravel()[elements]
+        got = space.displacement_at(elements, pressure.ravel()[elements], single=single)
+        tolerance = 3e-6 if single else 4e-14
+        np.testing.assert_allclose(got, expected, rtol=0, atol=tolerance * np.abs(expected).max())
+
+
+def test_a_window_counts_by_its_share_of_the_points():
+    space = HalfSpace((257, 257))
+    corners = np.array([0, 257 * 257 - 1])
+    space.displacement_at(corners, np.ones(2))
+    assert space.convolutions == 1.0
+    row, column = np.divmod(np.arange(64 * 64), 64)
+    space.displacement_at((row + 100) * 257 + column + 193, np.ones(64 * 64))
+    assert space.convolutions == 1.0 + 1.0 / 16.0  # half lengths of 64 in place of 256, lags up to 63
+    space.displacement_at((row + 100) * 257 + column * 2 + 50, np.ones(64 * 64), single=True)
+    assert space.convolutions_fp32 == 1.0 / 8.0
+
+
+def test_elements_that_change_are_not_mistaken_for_the_last():
+    space, elements = HalfSpace((33, 33)), np.arange(40, 60)
+    first = space.displacement_at(elements, np.ones(20))
+    elements *= 2
+    moved = space.displacement_at(elements, np.ones(20))
+    assert not np.allclose(first, moved)
+    assert np.array_equal(moved, HalfSpace((33, 33)).displacement_at(elements, np.ones(20)))
+
+
+def test_windows_are_kept_within_bounds():
+    space = HalfSpace((257, 257))
+    for last in range(20, 257):
+        elements = np.arange(last) * 258
+        space.displacement_at(elements, np.ones(last), single=True)
+    windows = [engine.size for engine in space._engines.values() if engine.size < 512 * 512]
+    assert len(windows) > 3
+    assert sum(windows) <= 2**22
 
 
 def test_counters_count_convolutions_by_precision():
