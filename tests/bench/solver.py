@@ -27,7 +27,7 @@ GROWTH = 1.02  # of a count per step, beyond which `--compare` fails: rounding c
 
 
 def measure(case: dict[str, Any]) -> dict[str, Any]:
-    """Run one sweep of 60 equal steps to d = 0 and return its counts, times and memory."""
+    """Run one sweep of equal steps to d = 0 and return its counts, times and memory."""
     from threadpoolctl import threadpool_limits
 
     from roughvol.physics.contact import sweep
@@ -56,11 +56,12 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
     assert half_space.total_compliance.size  # belongs to the grid, not to the sweep
     half_space.spent = 0.0
     last = (surface.z_max - surface.mean_height) / surface.Sq
+    steps = case["steps"]
     with threadpool_limits(1):
         start = time.perf_counter()
         contacts = [
             (c.convolutions, c.convolutions_fp32, c.residual, c.contact_area_fraction)
-            for c in sweep(surface, half_space, last * np.arange(1, 61) / 60, rtol=case["rtol"])
+            for c in sweep(surface, half_space, last * np.arange(1, steps + 1) / steps, rtol=case["rtol"])
         ]
         seconds = time.perf_counter() - start
     fp64, fp32, residual, area = (np.array(column) for column in zip(*contacts, strict=True))
@@ -68,7 +69,7 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
         "fp64": float(fp64.mean()),
         "fp32": float(fp32.mean()),
         "units": float(fp64.mean() + max(0.5, unit_fp32 / unit) * fp32.mean()),
-        "timed": half_space.spent / 60 / unit,
+        "timed": half_space.spent / steps / unit,
         "unit_ms": 1e3 * unit,
         "unit_fp32_ms": 1e3 * unit_fp32,
         "seconds": seconds,
@@ -100,6 +101,7 @@ def rows(arguments: argparse.Namespace) -> list[dict[str, Any]]:
             for D in arguments.D:
                 for seed in range(arguments.seeds):
                     case = {"m": m, "D": D, "rtol": rtol, "seed": seed, "threads": arguments.threads}
+                    case["steps"] = arguments.steps
                     with context.Pool(1) as pool:
                         row = pool.apply(measure, (case,))
                     found.append(row)
@@ -191,6 +193,7 @@ def main() -> int:
     parser.add_argument("--rtol", type=float, nargs="+", default=[1e-3, 1e-6])
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--steps", type=int, default=60, help="1: a single solve at d = 0, started from nothing")
     parser.add_argument("--out", type=Path, default=Path("runs/bench"))
     parser.add_argument("--compare", action="store_true", help="fail if a count has grown beyond the baseline")
     parser.add_argument("--store", action="store_true", help="make this the baseline")
