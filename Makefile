@@ -26,6 +26,7 @@ reproduce: setup
 seal: setup
 	@for study in $(SEAL); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
 	@for study in $(SEAL); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
+	@$(BIN)/roughvol report $(SEAL) --out runs/seal_report
 
 test: setup
 	@$(BIN)/python -m pytest -n 2

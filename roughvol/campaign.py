@@ -12,7 +12,7 @@ import contextlib
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
-from roughvol import collecting, dataset, dimensional, folder, ledger, storage, workers
+from roughvol import collecting, dataset, dimensional, folder, ledger, regions, storage, workers
 from roughvol.batch import Batch, OnEvent, Progress
 from roughvol.dataset import Arrays, Dataset
 from roughvol.errors import CampaignError, DatasetError
@@ -144,16 +144,18 @@ def check_surfaces(study: Study) -> Surface | None:
     SurfaceError, DatasetError
         If its heights are not a surface, or cannot be read.
     StudyError
-        If the study wants lengths in units that nothing tells.
+        If the study wants lengths in units that nothing tells, or regions that hold too few elements.
     """
-    for case in study.cases():
-        dimensional.check(case)
-        if case.file is None:
-            return None
-        if all(body.file.suffix.lower() in READ_HERE for body in case.bodies):
-            return surface_of(case)
-        return _read_apart(case)
-    return None
+    cases = study.cases()
+    dimensional.check(cases[0])
+    if cases[0].file is None:
+        for m, case in {case.m: case for case in cases if case.m is not None}.items():
+            regions.check(case, (2**m + 1, 2**m + 1))
+        return None
+    here = all(body.file.suffix.lower() in READ_HERE for body in cases[0].bodies)
+    surface = surface_of(cases[0]) if here else _read_apart(cases[0])
+    regions.check(cases[0], surface.shape)
+    return surface
 
 
 READ_HERE = (".npy", ".npz", ".txt", ".csv", ".asc")

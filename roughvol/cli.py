@@ -272,6 +272,8 @@ def _ran(last: Progress, seconds: float) -> str:
 
 
 def _summary(results: Dataset, path: Path) -> str:
+    from roughvol import dataset
+
     lines = []
     if "step" in results.sizes:
         solved = results.residual.notnull()
@@ -288,18 +290,20 @@ def _summary(results: Dataset, path: Path) -> str:
         taken = {name.item(): float(seconds.sel(observable=name).sum()) for name in results.observable}
         each = (f"{name} {_duration(total)}" for name, total in taken.items())
         lines.append(f"of the time of the cases: {', '.join(each)}")
-    for dim in ("field_at", "density_at", "box_at"):
+    for dim in ("field_at", "density_at", "box_at", "flux_at"):
         for label in results.get(dim, ()):
             absent = int((results[f"{dim}_step"].sel({dim: label}) < 0).sum())
             if absent:
                 lines.append(f"{label.item()} was not reached in {_count(absent, 'case')}")
-    return "\n".join([*lines, str(path)])
+    for name, absent in dataset.unreached(results).items():
+        lines.append(f"no state at which {name} is asked for was reached in {_count(absent, 'case')}")
+    return "\n".join([*dict.fromkeys(lines), str(path)])
 
 
 def _measured(surface: Surface, case: Case) -> str:
-    unit = case.length_unit or "in the unit of the heights"
+    unit = f" {case.length_unit}" if case.length_unit else ""
     rows, columns = surface.shape
-    lines = [f"# surface {rows} x {columns} nodes, L = {case.L:.6g} {unit}, Sq = {surface.Sq:.6g}"]
+    lines = [f"# surface {rows} x {columns} nodes, L = {case.L:.6g}{unit}, Sq = {surface.Sq:.6g}{unit}"]
     if case.surface_text:
         lines.append(f"#         {case.surface_text}")
     if surface.filled:

@@ -336,3 +336,27 @@ def _encoding(dataset: Dataset) -> dict[str, dict[str, Any]]:
         elif name in FIELDS:
             encoding[name] = {"zlib": True, "complevel": 4, "shuffle": True}
     return encoding
+
+
+_ALONG = {  # one of the numbers stored of each
+    "percolation": "percolates_x",
+    "constriction": "critical_gap_x",
+    "transmissivity": "transmissivity_x",
+    "diffusivity": "diffusivity_x",
+    "estimates": "estimate_medium_transmissivity",
+    "region_widths": "contact_area_fraction_within",
+    "region_transmissivity": "transmissivity_within_x",
+}
+
+
+def unreached(results: Dataset) -> dict[str, int]:
+    """Return in how many cases nothing is stored of what is asked for along the steps, since no state was reached."""
+    counts = {}
+    for name, stored in _ALONG.items():
+        if name in results.get("observable", ()):
+            asked = results["observable_time"].sel(observable=name).notnull()  # of the cases that are done
+            if stored in results:
+                found = results[stored].notnull()
+                asked = asked & ~found.any([dim for dim in found.dims if dim not in asked.dims])
+            counts[name] = int(asked.sum())
+    return {name: count for name, count in counts.items() if count}

@@ -8,6 +8,7 @@ are those of the patch; k patches side by side let through k times as much, k in
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -101,7 +102,7 @@ def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[t
     )
     for unit, name, starred in lengths:
         if unit is not None:
-            yield name, results[starred] * sigma * convert(1.0, length_unit, unit), unit
+            yield name, _starred(results, starred) * sigma * convert(1.0, length_unit, unit), unit
     leak = wanted.leak_rate
     if leak is None:
         return
@@ -110,5 +111,10 @@ def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[t
         raise DatasetError(message)
     gap = results["free_volume"] * sigma * convert(1.0, length_unit, "m")
     plates = gap**3 * (leak.drive / 12.0)
-    yield "leak_rate_x", results["transmissivity_x"] * plates * results["region_aspect"], leak.unit
-    yield "leak_rate_y", results["transmissivity_y"] * plates / results["region_aspect"], leak.unit
+    yield "leak_rate_x", _starred(results, "transmissivity_x") * plates * results["region_aspect"], leak.unit
+    yield "leak_rate_y", _starred(results, "transmissivity_y") * plates / results["region_aspect"], leak.unit
+
+
+def _starred(results: Dataset, name: str) -> DataArray:
+    """Return a number of every step; missing at all of them if no case reached a state that it was asked for at."""
+    return results[name] if name in results else results["free_volume"] * math.nan

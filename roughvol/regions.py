@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol import leakage
-from roughvol.errors import ContactError
+from roughvol.errors import ContactError, Problem, StudyError
 from roughvol.physics import transport
 from roughvol.physics.contact import Contact
 from roughvol.study import Case, Level, Region, RegionWidths
@@ -98,6 +98,28 @@ def window_of(region: Region, shape: tuple[int, int]) -> Window:
             raise ContactError(message)
         slices.append(slice(first, last + 1))
     return slices[0], slices[1]
+
+
+def check(case: Case, shape: tuple[int, int]) -> None:
+    """Refuse a study whose regions hold too few elements of its surface.
+
+    Raises
+    ------
+    StudyError
+        With the region and the shape.
+    """
+    widths = case.record.region_widths
+    asked = [] if case.record.region is None else [("record.region", case.record.region)]
+    if widths is not None:
+        asked += [("record.region_widths.shares", central(share)) for share in widths.shares]
+    problems = []
+    for key, region in asked:
+        try:
+            window_of(region, shape)
+        except ContactError as error:
+            problems.append(Problem(str(error), key))
+    if problems:
+        raise StudyError(problems)
 
 
 def central(share: float) -> Region:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,22 +26,34 @@ from roughvol.claims import (
     assess,
     plain,
 )
+from roughvol.claims.estimates import Ratio, ratios
 from roughvol.claims.readings import readings
 from roughvol.claims.seeds import Flip, Spread, many_seeds
 from roughvol.errors import DatasetError
-from roughvol.report_page import CITE, MARKS, agreement, criterion, facts_of, span, to_html
+from roughvol.report_page import (
+    CITE,
+    ESTIMATE_HEAD,
+    MARKS,
+    agreement,
+    criterion,
+    estimate_row,
+    facts_of,
+    span,
+    to_html,
+)
 
 FORMAT = "roughvol claims 1"
 
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Everything the page says, computed: claims, second readings, what few seeds can say, and the runs."""
+    """Everything the page says, computed: claims, second readings, few seeds, estimates of leakage, and the runs."""
 
     runs: tuple[Run, ...]
     claims: tuple[Claim, ...]
     readings: tuple[Reading, ...]
     seeds: tuple[Run, list[Spread], list[Flip]] | None
+    estimates: tuple[Ratio, ...]
 
     @property
     def evidence(self) -> Evidence:
@@ -70,7 +82,7 @@ def assemble(paths: Sequence[Path]) -> Report:
         many = many_seeds(evidence)
     except Lacking:
         many = None
-    return Report(runs, tuple(assess(runs)), tuple(readings(evidence)), many)
+    return Report(runs, tuple(assess(runs)), tuple(readings(evidence)), many, tuple(ratios(evidence)))
 
 
 def write(report: Report, folder: Path) -> Path:
@@ -175,6 +187,7 @@ def to_json(report: Report) -> str:
             ],
             "wrong_order": [{"comparison": f.name, "one": f.one, "ten": f.ten} for f in flips],
         }
+    data["estimates"] = [asdict(ratio) for ratio in report.estimates]
     data["runs"] = [facts_of(run) for run in report.runs]
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -200,6 +213,10 @@ def to_markdown(report: Report) -> str:
         lines += [f"| {_cell(s.name)} | {s.many} | {span(s.one)} | {span(s.ten)} |" for s in spreads]
         lines += ["", "| comparison | wrong with one surface each | with ten |", "|---|---|---|"]
         lines += [f"| {_cell(f.name)} | {f.one:.1%} | {f.ten:.1%} |" for f in flips]
+    if report.estimates:
+        lines += ["", "## How wrong the quick estimates of leakage are", "", f"| {' | '.join(ESTIMATE_HEAD)} |"]
+        lines += ["|" + "---|" * len(ESTIMATE_HEAD)]
+        lines += [f"| {' | '.join(map(_cell, estimate_row(ratio)))} |" for ratio in report.estimates]
     lines += ["", "## Claims in full"]
     for claim in report.claims:
         lines += [

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 from roughvol._version import __version__
 from roughvol.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Check, Claim, Lacking, Run
+from roughvol.claims.estimates import Ratio
 from roughvol.claims.seeds import FEW
 from roughvol.figures import FIGURES, NEEDS, missing
 from roughvol.report_style import CSS
@@ -136,7 +137,7 @@ def to_html(report: Report) -> str:
     figures = {}
     for name, caption, source, figure in drawings(report):
         figures[name] = _figure(name, caption, source, figure)
-    parts = [_head(report), _verdicts(report), _readings(report), _seeds(report, figures)]
+    parts = [_head(report), _verdicts(report), _readings(report), _seeds(report, figures), _estimates(report)]
     parts += ["<h2 id='claims'>The claims one by one</h2>"]
     parts += [_claim(claim, figures) for claim in report.claims]
     if figures:
@@ -159,7 +160,8 @@ def _head(report: Report) -> str:
         if count
     )
     links = [("verdicts", "Verdicts")] + [("readings", "Ambiguities")] * bool(report.readings)
-    links += [("seeds", "Monte Carlo")] * bool(report.seeds) + [("claims", "Claims")]
+    links += [("seeds", "Monte Carlo")] * bool(report.seeds) + [("estimates", "Leakage")] * bool(report.estimates)
+    links += [("claims", "Claims")]
     links += [("decisions", "Decisions"), ("runs", "Runs"), ("cite", "How to cite")]
     nav = " · ".join(f"<a href='#{anchor}'>{words}</a>" for anchor, words in links)
     return (
@@ -238,6 +240,48 @@ def _seeds(report: Report, figures: dict[str, str]) -> str:
         f"<tbody>{rows}</tbody></table><table><thead><tr><th>Comparison of independent surfaces</th>"
         f"<th>wrong order with one each</th><th>with ten each</th></tr></thead><tbody>{wrong}</tbody></table>"
         f"{figures.pop('seeds', '')}"
+    )
+
+
+ESTIMATE_HEAD = (
+    "run",
+    "estimate",
+    "A*",
+    "median",
+    "90 % of states",
+    "off by more than 2",
+    "open or closed wrongly",
+    "n",
+)
+
+
+def estimate_row(ratio: Ratio) -> tuple[str, ...]:
+    """Return a row of the table of estimates over the flow computed."""
+    return (
+        ratio.run,
+        ratio.estimate,
+        span(ratio.area),
+        f"{ratio.median:.2f}",
+        span(ratio.span),
+        f"{ratio.doubled:.0%}",
+        str(ratio.closed),
+        str(ratio.states),
+    )
+
+
+def _estimates(report: Report) -> str:
+    if not report.estimates:
+        return ""
+    head = "".join(f"<th>{escape(words)}</th>" for words in ESTIMATE_HEAD)
+    rows = "".join(
+        "<tr>" + "".join(f"<td>{escape(words)}</td>" for words in estimate_row(ratio)) + "</tr>"
+        for ratio in report.estimates
+    )
+    return (
+        "<h2 id='estimates'>How wrong the quick estimates of leakage are</h2><p>Transmissivity by effective medium "
+        "(Bruggeman) and by a single critical junction over that of the lubrication equation on the same gap, all "
+        "surfaces and both directions of a run together.</p>"
+        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
     )
 
 

@@ -144,6 +144,12 @@ def test_units_and_treatment_are_in_the_file_of_the_case(folder: Path) -> None:
     assert together["Sq"].units == "um"
 
 
+@pytest.mark.parametrize(("keys", "cut_off"), [("unit: mm, low_pass: 800 um", "0.8 mm"), ("low_pass: 0.8", "0.8")])
+def test_the_cut_off_is_told_in_the_unit_of_the_study(folder: Path, keys: str, cut_off: str) -> None:
+    told = _case(folder, f"file: a.npy, {keys}").surface_text
+    assert told.startswith(f"waves shorter than {cut_off} taken off")
+
+
 def test_without_a_unit_lengths_are_arbitrary(folder: Path) -> None:
     stored = campaign.run_case(_case(folder, "file: a.npy", "sweep: {steps: 1}"))
     assert stored["Sq"].units == "length"

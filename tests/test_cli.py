@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -86,6 +87,18 @@ def test_run_tells_what_happened(finished: Path) -> None:
     assert "8 of 8 cases · 48 of 48 steps" in lines[-1]
 
 
+def test_run_tells_once_of_states_that_were_not_reached(place: Path) -> None:
+    text = """
+surface: {D: 2.3, m: 3, seeds: 1}
+sweep: {steps: 2, to: {indentation: 0.5}}
+record: {fields_at: {pressure: 1000}, transport: {flux_at: {pressure: 1000}, transmissivity: {contact_area: 0.99}}}
+"""
+    Path("far.yaml").write_text(text, encoding="utf-8")
+    told = _call("run", "far.yaml", "--jobs", "1").stdout.splitlines()
+    assert told.count("pressure=1000 was not reached in 1 case") == 1
+    assert "no state at which transmissivity is asked for was reached in 1 case" in told
+
+
 def test_python_and_command_line_give_one_answer(finished: Path, tmp_path: Path) -> None:
     returned = roughvol.run(finished / "tiny.yaml", out=tmp_path, jobs=1)
     stored = dataset.read(finished / "runs" / "tiny" / "study.nc")
@@ -120,6 +133,14 @@ def test_check_shows_the_resolved_study_and_its_cost(place: Path) -> None:
     assert yaml.safe_load(shown.stdout) == yaml.safe_load(roughvol.load("tiny.yaml").to_yaml())
     for line in ("# 8 cases, 48 states to solve", "# memory ", "# disk ", "# time "):
         assert line in shown.stdout
+
+
+def test_check_of_a_height_file_names_the_unit_of_its_lengths(place: Path) -> None:
+    np.save("z.npy", np.random.default_rng(0).random((5, 5)))
+    Path("map.yaml").write_text("surface: {file: z.npy, L: 4 um}\nsweep: {steps: 1}\n", encoding="utf-8")
+    assert re.search(
+        r"^# surface 5 x 5 nodes, L = 4 um, Sq = 0\.\d+ um$", _call("check", "map.yaml").stdout, re.MULTILINE
+    )
 
 
 def test_schema_is_a_json_schema(place: Path) -> None:

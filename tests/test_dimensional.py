@@ -111,6 +111,20 @@ def test_pressure_volume_and_gaps_are_the_starred_ones_times_their_scales(result
     assert_allclose(results.free_volume_per_area, results.mean_gap * 1e3, rtol=1e-12)
 
 
+def test_what_is_asked_for_at_a_state_that_no_case_reaches_is_missing_and_told() -> None:
+    never = TEXT.replace("every-step", "{contact_area: 0.99}")
+    made = _made(never + WANTED)
+    for name in ("leak_rate_x", "leak_rate_y", "critical_opening_x", "critical_opening_y"):
+        assert made[name].isnull().all()
+        assert made[name].sizes == made.free_volume.sizes
+    assert made.mean_gap.notnull().all()
+    assert dataset.unreached(made) == {"transmissivity": 2, "constriction": 2}
+
+
+def test_what_is_reached_is_not_told_as_missing(results: Dataset) -> None:
+    assert dataset.unreached(results) == {}
+
+
 def test_what_is_added_is_described_with_the_units_asked_for(results: Dataset) -> None:
     units = {"nominal_pressure": "MPa", "free_volume_per_area": "mm^3/m^2", "mean_gap": "um", "leak_rate_x": "mm^3/s"}
     units |= {"critical_opening_y": "nm", "mean_plane_separation": "um"}

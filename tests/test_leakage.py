@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from roughvol import leakage, record
+from roughvol import campaign, leakage, record
 from roughvol.campaign import run_case, surface_of
 from roughvol.dataset import VARIABLES, Dataset
 from roughvol.errors import ContactError, StudyError
@@ -224,6 +225,25 @@ def test_fluxes_outside_the_region_are_missing() -> None:
 def test_a_region_without_elements_is_refused() -> None:
     with pytest.raises(ContactError, match="fewer than 2 × 2"):
         record.window(_case("record: {region: {x: [0.51, 0.55]}}"), (17, 17))
+
+
+@pytest.mark.parametrize(
+    ("surface", "recorded", "key"),
+    [
+        ("{D: 2.2, m: [2, 5]}", "{region: {x: [0.51, 0.6]}}", "record.region"),  # of the coarse ones alone
+        ("{D: 2.2, m: 4}", "{region_widths: {shares: [1, 0.05]}}", "record.region_widths.shares"),
+        ("{file: z.npy, L: 4}", "{region: {y: [0.4, 0.6]}}", "record.region"),
+    ],
+)
+def test_a_study_of_a_region_without_elements_is_refused_before_it_runs(
+    surface: str, recorded: str, key: str, tmp_path: Path
+) -> None:
+    np.save(tmp_path / "z.npy", np.random.default_rng(0).random((9, 4)))
+    study = loads(f"surface: {surface}\nrecord: {recorded}", tmp_path / "s.yaml")
+    with pytest.raises(StudyError, match="fewer than 2 × 2") as refused:
+        campaign.run(study, out=tmp_path / "run", jobs=1)
+    assert {problem.key for problem in refused.value.problems} == {key}
+    assert not (tmp_path / "run").exists()
 
 
 # The study file

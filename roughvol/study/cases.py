@@ -140,7 +140,7 @@ class Case:
     @property
     def surface_text(self) -> str:
         """What is done to heights from files, in words; empty if they are pressed as they stand there."""
-        said = [self.treatment.sentence]
+        said = [self.treatment.sentence(self.length_unit)]
         if self.against is not None:
             turned = f", its axis {self.against.mirror} reversed" if self.against.mirror != "none" else ""
             said.append(f"heights of {self.against.file.name} added{turned}")

@@ -67,9 +67,8 @@ class Treatment:
         """What is not left as it is."""
         return {name: value for name, value in vars(self).items() if value != getattr(UNTREATED, name)}
 
-    @property
-    def sentence(self) -> str:
-        """What is done, in words, for the file that holds the results."""
+    def sentence(self, unit: str | None) -> str:
+        """Return what is done, in words, for the file that holds the results; lengths in the unit of the study."""
         done = []
         if self.level != "none":
             done.append(f"least-squares {self.level} of the known heights taken off")
@@ -77,7 +76,7 @@ class Treatment:
             filling = {"nearest": "the nearest known one", "interpolate": "the mean of their neighbours"}[self.missing]
             done.append(f"missing heights filled with {filling}")
         if self.low_pass is not None:
-            cut_off = number_text(self.low_pass)
+            cut_off = f"{number_text(self.low_pass)} {unit or ''}".rstrip()
             done.append(
                 f"waves shorter than {cut_off} taken off by the Gaussian filter of ISO 16610-61, "
                 "its weights renormalised at the edges"
