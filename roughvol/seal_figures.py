@@ -356,7 +356,7 @@ def seal_map(ds: Dataset) -> Figure:
         title = rf"$A^\ast = {float(state[A]):.3f}$, $p^\ast = {float(state[P]):.2f}$"
         if "transmissivity_x" in state and np.isfinite(state["transmissivity_x"]):
             mantissa, power = f"{float(state['transmissivity_x']):.1e}".split("e")
-            title += rf", $T_x^\ast = {mantissa} \times 10^{{{int(power)}}}$"
+            title += "\n" + rf"$T_x^\ast = {mantissa} \times 10^{{{int(power)}}}$"
         ax.set(xlabel="$x/L$", title=title)
     axes[0].set_ylabel("$y/L$")
     fig.colorbar(image, ax=list(axes), label="flux over its mean", extend="both", shrink=0.8)
