@@ -155,7 +155,8 @@ def _search(
         below, above = ([state for state in side if state.indentation != indentation] for side in (below, above))
         if holds(trials.line(contact, contact), indentation):
             above = [contact, *above][:2]
-        elif contact.contact_area_fraction < 1.0 or math.isfinite(guess([contact])):
+        elif contact.contact_area_fraction < 1.0 or math.isfinite(guess([contact])) or reached(contact):
+            # the last: it holds, but with elements on the brink (a flat surface is in contact everywhere at once)
             below = [contact, *below][:2]
         else:
             message = f"not reached at full contact (Δ/σ = {indentation:g}) either"

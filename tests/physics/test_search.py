@@ -231,3 +231,13 @@ def test_target_out_of_range_is_refused(target, value):
     allowed = {"contact_area": r"A\* <= 1", "pressure": r"p\* > 0"}[target]
     with pytest.raises(ContactError, match=rf"{target} is {value}.*{allowed}"):
         indentation_for(fractal(3), half_space((9, 9)), target, value)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-17])
+def test_a_flat_surface_closes_at_once(noise):
+    heights = noise * np.random.Generator(np.random.PCG64(1)).standard_normal((9, 9))
+    surface, space = Surface(heights, 1.0), HalfSpace((9, 9))
+    closed = first_indentation(surface, space, lambda contact: contact.contact_area_fraction == 1.0)
+    assert next(sweep(surface, space, [closed])).contact_area_fraction == 1.0
+    if not noise:
+        assert closed < 1e-3  # pressure beyond the brink everywhere, and no more
