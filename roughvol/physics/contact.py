@@ -297,13 +297,18 @@ class _Problem:
             message = f"precision is {precision!r}; allowed: {', '.join(PRECISIONS)}"
             raise ContactError(message)
         self.half_space, self.rtol, self.shape = half_space, rtol, surface.shape
-        self.single = precision == "mixed"
+        self._mixed = precision == "mixed"
         # range first, then σ: the standard deviation of 1e-250 heights would underflow
         heights = surface.heights - surface.heights.max()
         height_range = -heights.min()
         heights = heights / (height_range or 1.0)
         self.heights = (heights / (heights.std() or 1.0)).ravel()
         self.mean_height = float(self.heights.mean())
+
+    @property
+    def single(self) -> bool:
+        """Whether directions are convolved in single precision."""
+        return self._mixed and self.rtol >= _SINGLE_DOWN_TO
 
     def counts(self) -> tuple[float, float]:
         return self.half_space.convolutions, self.half_space.convolutions_fp32
@@ -595,6 +600,7 @@ def _conjugate_gradients(
     return np.maximum(q, 0.0), _ITERATIONS
 
 
+_SINGLE_DOWN_TO = 2e-9  # η/σ; below, what 32 bits leave takes more further attempts than they save (`make tradeoff`)
 _SAFETY = 0.7  # share of the tolerance left to the recursive residual; the verification finds a little more
 _LAST = 3.0  # what a step of the length of the one before takes off the residual of a rough contact
 _WELL_PRECONDITIONED = 0.3  # a length, below which the next may be anything: the first steps on compact contacts
