@@ -111,8 +111,9 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Heights:
     missing = ~np.isfinite(heights)
     if missing.any() and not holes:
         row, column = np.argwhere(missing)[0]
+        count = f"{missing.sum()} height{' is' if missing.sum() == 1 else 's are'}"
         message = (
-            f"{path}: {missing.sum()} heights are missing or not finite, the first in row {row}, column {column}; "
+            f"{path}: {count} missing or not finite, the first in row {row}, column {column}; "
             "a study may have them filled (surface.missing)"
         )
         raise SurfaceError(message)

@@ -144,7 +144,7 @@ def tradeoff_settings(ds: Dataset) -> Figure:
     left.set_yscale("log")
     left.set(ylabel="largest error of any state ($10^{-16}$: none)", xticks=places)
     left.legend()
-    right.bar(places, kept["seconds"].mean("surface").values, color="#08306b")
+    right.plot(places, kept["seconds"].mean("surface").values, ls="", marker="D", color="#08306b")
     right.set_yscale("log")
     right.set(ylabel="seconds a sweep", xticks=places)
     for ax in (left, right):
