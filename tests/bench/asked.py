@@ -144,7 +144,7 @@ convolution in double precision.
 {precision(ds)}
 
 The bounds are certified: η/σ bounds the error of V*, η/σ times a bound of the stiffness of the contact that of p*
-(docs/solver.md). A residual looser than 1e-2 saves nothing: every step then starts from a poor state.
+(docs/solver.md). A residual looser than 1e-2 saves nothing.
 
 ## The other choices
 

@@ -151,8 +151,8 @@ def over_m(m):
     surface = fractal(2.3, m, seed=2)
     if m <= 10:
         return press(surface, thorough=m <= 8)[0]
-    # one state, from nothing: a sweep of five takes minutes at m = 11 and most of an hour at m = 12, and its conditions
-    # do not change with m; the half space is not kept
+    # one state, from nothing, for its residual alone: the other conditions do not change with m; the half space is not
+    # kept
     space = HalfSpace(surface.shape)
     contact = solve(surface, space, 0.5 * mean_plane(surface), rtol=1e-6)
     assert contact.converged
