@@ -104,9 +104,10 @@ class Batch:
         jobs = jobs or cores()
         self._tell()
         self._note(at_once=True)
+        processes = min(jobs, len(self._cases))
         if scheduler is None:
-            jobs = self._limited(min(jobs, len(self._cases)), jobs)
-        threads = 1 if scheduler else max(1, jobs // len(self._cases))  # cores left over work inside the convolutions
+            processes = self._limited(processes)
+        threads = 1 if scheduler else max(1, jobs // processes)  # cores left over work inside the convolutions
         place, mark = self._place.resolve(), folder.mark(self._place) if scheduler else None
         tasks: list[_Task] = [
             (case, self._text, threads, checkpoint_file(place, case.id), mark, self._surface) for case in self._cases
@@ -115,7 +116,7 @@ class Batch:
             workers.each(
                 _work,
                 tasks,
-                jobs=min(jobs, len(tasks)),
+                jobs=processes,
                 on_begin=self._begun,
                 on_message=self._stepped,
                 on_end=self._ended,
@@ -132,7 +133,8 @@ class Batch:
             error = _campaign_error(self._failures, self._kept + len(tasks))
             raise error from BaseExceptionGroup("failed", list(self._failures.values()))
 
-    def _limited(self, jobs: int, asked: int) -> int:
+    def _limited(self, jobs: int) -> int:
+        """Return how many processes the memory allows, and say so where that is fewer."""
         nodes = [
             (2**case.m + 1) ** 2 if case.m is not None else math.prod(self._surface.shape) if self._surface else 0
             for case in self._cases
@@ -144,8 +146,7 @@ class Batch:
         fitting, sentence = resources.limited(jobs, needs, resources.available_memory())
         if sentence:
             self._tell(notice=sentence)
-            return fitting
-        return asked
+        return fitting
 
     def _begun(self, task: _Task) -> None:
         self._reached[task[0].id] = 0

@@ -33,19 +33,12 @@ def surface(case: Case) -> Surface:
         the same shape as the other; if heights are missing and the study does not say how to fill them, or if they
         cannot be treated as it says.
     """
-    total: Heights | None = None
-    filled: NDArray[np.bool_] | None = None
-    for body in case.bodies:
-        heights, missing = _treated(body, case)
-        if total is None or filled is None:
-            total, filled = heights, missing
-            continue
+    (total, filled), *others = (_treated(body, case) for body in case.bodies)
+    for body, (heights, missing) in zip(case.bodies[1:], others, strict=True):
         if heights.shape != total.shape:
             message = f"{body.file}: has {heights.shape} nodes; allowed: {total.shape}, as {case.bodies[0].file} has"
             raise SurfaceError(message)
         total, filled = total + heights, filled | missing
-    assert total is not None
-    assert filled is not None
     return Surface(total, case.L / (len(total) - 1), int(filled.sum()))
 
 

@@ -86,13 +86,17 @@ def run(
     FolderError
         If the folder is in use, holds another study, or cannot be written (any more); what is finished stays.
     CampaignError
-        If cases failed. The others are stored, and the next run computes only what is missing.
+        If cases failed (the others are stored, and the next run computes only what is missing), or ``only`` names what
+        is no case of the study.
     """
     study = study if isinstance(study, Study) else load(study)
     surface = check_surfaces(study)
     place, cases, text = folder_of(study, out), _cases(study), study.to_yaml()
     if jobs is not None and jobs < 1:
         message = f"jobs is {jobs}; allowed: 1 or more"
+        raise CampaignError(message)
+    if only is not None and (not only or set(only) - cases.keys()):
+        message = f"only: {', '.join(sorted(set(only) - cases.keys())) or 'nothing'} names no case of this study"
         raise CampaignError(message)
     with folder.opened(place):
         if not fresh:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from roughvol import instrument
 from roughvol.errors import DatasetError, SurfaceError
-from roughvol.instrument import Description
+from roughvol.instrument import MAX_NODES, Description
 
 Heights = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ _UNREADABLE = (
     zipfile.BadZipFile,
     zlib.error,
 )
-MAX_BYTES, MAX_NODES = 1 << 32, 1 << 28  # far more than can be pressed, far less than a header may promise
+MAX_BYTES = 1 << 32  # like MAX_NODES far more than can be pressed, far less than a header may promise
 _ESRI_KEYS = {
     *("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter"),
     *("cellsize", "dx", "dy", "nodata_value"),

@@ -10,7 +10,6 @@ from roughvol.study import Case
 
 PROCESS_BYTES = 1.6e8  # of a process that has only imported what it needs
 NODE_BYTES = 500  # of the half space and the solver
-CHECKPOINT_BYTES = 40  # a node, while the last two states are put away
 SPARED = 0.9  # the share of the available memory that a run may fill
 
 

@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.testing import assert_allclose, assert_array_equal
 
 import roughvol
-from roughvol import campaign, dataset
+from roughvol import campaign, dataset, resources, workers
 from roughvol.campaign import Progress, collect, run, run_case, status, surface_of
 from roughvol.dataset import Dataset
 from roughvol.errors import CampaignError, ContactError, DatasetError, FolderError, RoughvolError, StudyError
@@ -379,3 +379,23 @@ def test_ctrl_c_ends_a_run_with_one_message_and_it_goes_on_later(tmp_path: Path)
     assert "Traceback" not in errors
     assert errors.splitlines()[-1].startswith("interrupted; what is finished is kept")
     _finish_and_check(run_folder)
+
+
+def test_cases_asked_for_that_are_none_of_the_study_are_refused(tmp_path: Path) -> None:
+    study = loads("name: few\nsurface: {D: 2.3, m: 2, seeds: 1}\nsweep: {steps: 2}")
+    for only in ([], ["nonsense"]):
+        with pytest.raises(CampaignError, match="names no case of this study"):
+            campaign.run(study, out=tmp_path / "few", jobs=1, only=only)
+    assert not (tmp_path / "few").exists()
+
+
+def test_cores_that_memory_leaves_over_work_inside_the_convolutions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = loads("name: tight\nsurface: {D: 2.3, m: 2, seeds: 4}\nsweep: {steps: 2}")
+    monkeypatch.setattr(resources, "limited", lambda *_: (1, "memory for one process"))
+    given = []
+    monkeypatch.setattr(workers, "each", lambda work, tasks, *, jobs, **_: given.append((jobs, tasks[0][2])))
+    with pytest.raises(KeyboardInterrupt):  # nothing is computed here
+        campaign.run(study, out=tmp_path / "tight", jobs=4)
+    assert given == [(1, 4)]

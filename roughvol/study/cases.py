@@ -29,6 +29,7 @@ from roughvol.study.settings import (
     names,
     refuse,
     tag_surface,
+    without_unused,
 )
 from roughvol.study.yamltext import KeyPath, key_text, number_text, write
 
@@ -105,8 +106,7 @@ class Case:
     def _recorded(self) -> dict[str, Any]:
         """The section ``record``; keys that came later count only where they are used, so that other ids stay."""
         record = self.record.model_dump(mode="json")
-        used = {name: value for name, value in record.items() if value is not None or name not in LATER}
-        return {name: value for name, value in used.items() if name not in DERIVED}
+        return {name: value for name, value in without_unused(record, *LATER).items() if name not in DERIVED}
 
     @property
     def key_text(self) -> str:

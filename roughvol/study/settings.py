@@ -332,5 +332,4 @@ class Solver(Strict):
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
         """Leave out what came later where it is not used."""
-        data: dict[str, Any] = handler(self)
-        return data if self.max_error is not None else {k: v for k, v in data.items() if k != "max_error"}
+        return without_unused(handler(self), "max_error")
