@@ -146,6 +146,8 @@ def _floor(module: str) -> tuple[set[str], set[str]]:
     siblings, parties = FLOORS[module.split(".")[0]]
     if module == "physics.contact":
         siblings = siblings | {"physics.surface", "physics.precondition"}  # its data and its other half
+    if module == "physics.precondition":
+        siblings = siblings | {"physics.blocks"}  # its far half
     if module == "physics.search":
         siblings = siblings | {"physics.surface", "physics.contact"}  # what it searches among
     if module == "physics.halfspace":

@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 from scipy import linalg as scipy_linalg
 
 from roughvol.errors import ContactError, ConvergenceError
-from roughvol.physics.precondition import near_field, two_level
+from roughvol.physics.precondition import approximate_inverse
 from roughvol.physics.surface import Surface
 
 Array = NDArray[np.float64]
@@ -455,7 +455,7 @@ def _solve_fast(problem: _Problem, indentation: float, now: _State, before: _Sta
             return state, iterations, residual
         again = state.gap < 0.0
         again[state.elements] = True
-        candidates, rate = np.flatnonzero(again), None if attempt else rate
+        candidates, rate = np.flatnonzero(again), None
         q = np.zeros(candidates.size)
         q[np.searchsorted(candidates, state.elements)] = state.pressure
         w = state.gap[candidates]
@@ -569,16 +569,16 @@ def _conjugate_gradients(
     """
     half_space = problem.half_space
     tolerance = _SAFETY * problem.rtol
-    precondition = near_field(half_space.influence, half_space.shape[1], elements)
-    if rate is not None and rate[0].size == elements.size:
-        precondition = two_level(precondition, half_space.influence, half_space.shape, elements, *rate)
-    direction = old = np.zeros_like(q)
+    precondition, held = approximate_inverse(half_space.influence, half_space.shape, elements, q, w, rate)
+    direction, old = np.zeros_like(q), np.zeros_like(q)
     product = length = 1.0
     for iteration in range(_ITERATIONS):
         if iteration % 2 == 0:  # every time costs more than it saves
             _truncate(problem, elements, q, w)
-        free = (q != 0.0) | (w < 0.0)
-        r = np.where(free, -w, 0.0)
+        if iteration:
+            held = (q == 0.0) & (w >= 0.0)
+        r = -w
+        np.copyto(r, 0.0, where=held)
         residual = float(np.abs(r).max())
         if residual <= tolerance:
             if _truncate(problem, elements, q, w):
@@ -586,10 +586,11 @@ def _conjugate_gradients(
             return q, iteration
         z = precondition(r)
         # an element without pressure that its neighbours will lift clear (z < 0) is left alone, not made tensile first
-        z[~free | ((q <= 0.0) & (z < 0.0))] = 0.0
+        np.copyto(z, 0.0, where=held | ((q <= 0.0) & (z < 0.0)))
         last, product = product, float(r @ z)
-        conjugacy = max(0.0, (product - float(old @ z)) / last)
-        direction = np.where(free, z + conjugacy * direction, 0.0)
+        direction *= max(0.0, (product - float(old @ z)) / last)
+        direction += z
+        np.copyto(direction, 0.0, where=held)
         if residual <= _LAST * tolerance and iteration and length > _WELL_PRECONDITIONED and attempt == 0:
             return np.maximum(q + length * direction, 0.0), iteration
         old = r
@@ -618,9 +619,11 @@ def _truncate(problem: _Problem, elements: Index, q: Array, w: Array) -> bool:
     half_space = problem.half_space
     rows, columns = half_space.shape
     if negative.size * elements.size <= rows * columns:  # terms of the sum; each costs about what the FFT costs a node
-        row, column = np.divmod(elements, columns)
-        near = half_space.influence[np.abs(row[:, None] - row[negative]), np.abs(column[:, None] - column[negative])]
-        w -= near @ q[negative]
+        row, column = np.divmod(elements.astype(np.int32), np.int32(columns))
+        place = np.abs(np.subtract.outer(row[negative], row))
+        place *= np.int32(columns)
+        place += np.abs(np.subtract.outer(column[negative], column))
+        w -= q[negative] @ half_space.influence.ravel().take(place)
     else:
         removed = np.zeros_like(q)
         removed[negative] = q[negative]

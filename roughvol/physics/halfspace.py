@@ -158,7 +158,7 @@ class HalfSpace:
         # of a positive operator negative in places, and it could not certify anything
         self._quadrant = kernel_quadrant((self._halves[0] + 1, self._halves[1] + 1), kernel)
         self._quadrant.flags.writeable = False
-        self.influence = self._quadrant[: self.shape[0], : self.shape[1]]
+        self.influence = np.ascontiguousarray(self._quadrant[: self.shape[0], : self.shape[1]])
         self._spectrum = _spectrum(self._quadrant)
         if not self._spectrum.min() > 0.0:
             message = f"the {self.kernel} kernel is not positive definite on {self.shape}; no unique solution there"

@@ -1,11 +1,12 @@
 """Preconditioners for the contact solver: cheap approximations of K⁻¹ on a set of elements.
 
 The inverse of the influence matrix has a near and a far character. Near: the entries of K⁻¹ fall off as 1/r³, so a
-sparse factor from a 5 × 5 neighbourhood catches most of it (`near_field`). Far: what is left are a few collective
-modes, in which whole regions of the contact shift load among each other, and their number is what makes plain
-iterations slow on large grids. These modes have the shape t(x) c(x): the pressure t that answers a uniform further
-indentation, H t = 1, times a smooth function c (`two_level`). t costs nothing, the sweep having just done that
-experiment.
+sparse factor from the nearest neighbours catches most of it (`near_field`). Far: what is left are collective modes, in
+which whole regions of the contact shift load among each other, and their number is what makes plain iterations slow on
+large grids. These modes have the shape t(x) c(x): the pressure t that answers a uniform further indentation, K t = 1,
+times a smooth function c. t costs nothing, the sweep having just done that experiment. On small grids a few smooth
+functions on the whole of it are enough (`two_level`), on large ones c has every scale from a few elements to the whole
+(`blocks.by_blocks`).
 """
 
 from __future__ import annotations
@@ -18,81 +19,149 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, sparse
 
+from roughvol.physics.blocks import by_blocks
+
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Map = Callable[[Array], Array]
+Rates = tuple[Array, Array]
 
-# The 12 of 24 neighbours in a 5 × 5 square that come before an element in memory: the pattern of the factor G
-_BEFORE = tuple((i, j) for i in range(-2, 1) for j in range(-2, 3) if (i, j) < (0, 0))
-
-_NEIGHBOURS = np.bitwise_count(np.arange(1 << len(_BEFORE))) + 1  # entries of a row, by neighbourhood
-
-_HATS = 0.375  # intervals of the coarse grid along the longer side, times √nodes: where the gain meets the cost
+_SHORT, _LONG = 2.0**0.5, 5.0**0.5  # reach of the near field in spacings: 2⁴ or 2¹⁰ neighbourhoods
 _SMALLEST = 48  # nodes along the longer side below which there is nothing collective worth a correction
+_BLOCKS_FROM = 400  # nodes; below, hats are the cheaper correction
+_LARGE = 2000  # nodes from which on a longer reach of the near field saves more in transforms than it costs
+_LIFTED = 0.003  # share of the elements that has to be lifted clear to make another inverse worth its time
+_HATS = 0.25  # intervals of the coarse grid along the longer side, times √nodes: where the gain meets the cost
 _CELLS_PER_HAT = 5  # along each axis: how finely the response to a hat is resolved
 _MODES_ABOVE = 0.05  # coarse modes this much softer than uniform indentation are left to the near field
 
 
-def near_field(influence: Array, columns: int, elements: Index) -> Map:
+def near_field(influence: Array, columns: int, elements: Index, reach: float) -> Map:
     """Return r ↦ Gᵀ G r ≈ K⁻¹ r on the elements, G a sparse triangular factor from the near field.
 
-    Row i of G solves K_PP y = e_i on P = element i and those of its 12 preceding neighbours that belong to the set, and
-    G_i = y/√y_i: the factorised sparse approximate inverse, symmetric positive definite whenever K is. An element has
-    only 2¹² possible neighbourhoods, so all the small systems of all surfaces are solved once.
+    Row i of G solves K_PP y = e_i on P = element i and those of its preceding neighbours that belong to the set, and
+    G_i = y/√y_i: the factorised sparse approximate inverse, symmetric positive definite whenever K is. Few neighbours
+    make few neighbourhoods, so all the small systems of all surfaces are solved once.
 
     Parameters
     ----------
     influence : K(i, j) of the non-negative offsets.
     columns : columns of the grid.
     elements : flat indices, increasing.
+    reach : distance of the farthest neighbours, at most √8: √2 takes 4 preceding ones, √5 takes 10.
 
     References
     ----------
     L. Yu. Kolotilina, A. Yu. Yeremin, SIAM J. Matrix Anal. Appl. 14 (1993) 45-58.
     """
-    table = _near_field_rows(tuple(map(tuple, influence[:5, :5].tolist())))
+    offsets, table = _near_field_rows(tuple(map(tuple, influence[:5, :5].tolist())), reach)
     size, width = elements.size, columns + 4
     row, column = np.divmod(elements, columns)
     place = ((row - row[0] + 2) * width + column + 2).astype(np.int32)
     number = np.full((row[-1] - row[0] + 3) * width, -1, dtype=np.int32)
     number[place] = np.arange(size, dtype=np.int32)
-    shifts = np.array([i * width + j for i, j in _BEFORE] + [0], dtype=np.int32)
-    neighbours = number[place[:, None] + shifts]
+    shifts = (offsets @ (width, 1)).astype(np.int32)
+    neighbours = number.take(np.add.outer(place, shifts))
     present = neighbours >= 0
-    code = np.packbits(present[:, :-1], axis=1, bitorder="little").view(np.uint16).ravel()
+    bits = (1 << np.arange(shifts.size)) * (shifts != 0)
+    with np.errstate(invalid="ignore"):  # some BLAS raise the flag on what lies beyond the end of an array
+        # as a product of floating-point numbers, which is exact and the fastest way
+        code = (present.astype(np.float32) @ bits.astype(np.float32)).astype(np.int32)
     # flat places of what is there: a mask over two dimensions takes three times as long
     entries = np.flatnonzero(present)
     start = np.zeros(size + 1, dtype=np.int32)
-    np.cumsum(_NEIGHBOURS[code], out=start[1:])
+    np.cumsum((np.bitwise_count(np.arange(table.shape[0])) + 1)[code], out=start[1:])
     factor = sparse.csr_array(
         (table.take(code, axis=0).ravel().take(entries), neighbours.ravel().take(entries), start), shape=(size, size)
     )
     transposed = factor.T
-    return lambda r: transposed @ (factor @ r)
+    return lambda r: transposed @ (factor @ r.astype(np.float32, copy=False))
 
 
 @lru_cache(maxsize=8)
-def _near_field_rows(influence: tuple[tuple[float, ...], ...]) -> Array:
-    """Return the row of G for each of the 2¹² sets of preceding neighbours (zeros where there is none)."""
+def _near_field_rows(
+    influence: tuple[tuple[float, ...], ...], reach: float
+) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """Return the offsets of preceding neighbours and the element itself, and the row of G for each set of them.
+
+    Rows are numbered by bits, one per neighbour, and zero where there is none.
+    """
     kernel = np.zeros((5, 5))
     given = np.array(influence)
     kernel[: given.shape[0], : given.shape[1]] = given
-    offsets = np.array([*_BEFORE, (0, 0)])
+    square = [(i, j) for i in (-2, -1, 0) for j in (-2, -1, 0, 1, 2)]
+    offsets = np.array([(i, j) for i, j in square if (i, j) <= (0, 0) and i * i + j * j <= reach**2 + 0.1])
     matrix = kernel[np.abs(offsets[:, None, 0] - offsets[:, 0]), np.abs(offsets[:, None, 1] - offsets[:, 1])]
-    codes = np.arange(1 << len(_BEFORE))
-    present = np.ones((codes.size, len(offsets)), dtype=bool)
-    present[:, :-1] = (codes[:, None] >> np.arange(len(_BEFORE))) & 1
+    before = len(offsets) - 1
+    codes = np.arange(1 << before)
+    present = np.ones((codes.size, before + 1), dtype=bool)
+    present[:, :-1] = (codes[:, None] >> np.arange(before)) & 1
     # absent neighbours become rows of the identity, so that all systems have one size
-    systems = np.where(present[:, :, None] & present[:, None, :], matrix, np.eye(len(offsets)))
-    unit = np.zeros((len(offsets), 1))
+    systems = np.where(present[:, :, None] & present[:, None, :], matrix, np.eye(before + 1))
+    unit = np.zeros((before + 1, 1))
     unit[-1] = 1.0
     rows = np.linalg.solve(systems, unit)[:, :, 0]
-    return np.asarray(rows / np.sqrt(rows[:, -1:]), dtype=np.float64)
+    return offsets, (rows / np.sqrt(rows[:, -1:])).astype(np.float32)
 
 
-def two_level(
-    near: Map, influence: Array, shape: tuple[int, int], elements: Index, rate: Array, rate_displacement: Array
-) -> Map:
+def approximate_inverse(
+    influence: Array,
+    shape: tuple[int, int],
+    elements: Index,
+    pressure: Array,
+    gap: Array,
+    rates: Rates | None,
+) -> tuple[Map, NDArray[np.bool_]]:
+    """Return r ↦ M⁻¹ r ≈ K⁻¹ r, symmetric and positive definite, and the elements that it expects not to be in contact.
+
+    An element without pressure that the near field would not make carry any is lifted clear by its neighbours. An
+    inverse that counts on it is the wrong one for these, so it is made without. Should such an element come into
+    contact after all, it takes part for itself.
+
+    Parameters
+    ----------
+    influence, shape : the kernel and the grid.
+    elements : flat indices, increasing.
+    pressure, gap : the state to begin with, on the elements.
+    rates : pressure and displacement per unit of further indentation, on the elements, if they are known.
+    """
+    longer = max(shape)
+    held = (pressure <= 0.0) & (gap >= 0.0)
+    if rates is None or longer < _BLOCKS_FROM:
+        near = near_field(influence, shape[1], elements, _LONG)
+        if rates is None or longer < _SMALLEST:
+            return near, held
+        return two_level(near, influence, shape, elements, _uniform(near, *rates)), held
+    kept = np.flatnonzero(~held) if not held.all() else np.arange(held.size)
+    reach = _SHORT if longer < _LARGE else _LONG
+    near = near_field(influence, shape[1], elements[kept], reach)
+    lifted = (pressure[kept] <= 0.0) & (near(-gap[kept]) <= 0.0)
+    if _LIFTED * kept.size < np.count_nonzero(lifted) < kept.size:
+        kept = kept[~lifted]
+        near = near_field(influence, shape[1], elements[kept], reach)
+    t = _uniform(near, rates[0][kept], rates[1][kept])
+    inverse = by_blocks(near, influence, shape, elements[kept], t)
+    if kept.size == elements.size:
+        return inverse, held
+    alone = 1.0 / influence[0, 0]
+
+    def apply(r: Array) -> Array:
+        z = alone * r
+        z[kept] = inverse(r[kept])
+        return z
+
+    held = np.ones(elements.size, dtype=bool)
+    held[kept] = False
+    return apply, held
+
+
+def _uniform(near: Map, rate: Array, displacement: Array) -> Array:
+    """Return t, K t = 1: what the last steps tell, corrected once for the elements that have just come into reach."""
+    t: Array = np.maximum(rate + near(1.0 - displacement), 0.0)
+    return t
+
+
+def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: Array) -> Map:
     r"""Return the near-field inverse corrected for the collective modes of the contact.
 
     .. math:: M^{-1} = Q + (1 - Q \hat H)\, B\, (1 - \hat H Q), \qquad Q = Z\,(Z^T \hat H Z)^{-1} Z^T
@@ -107,17 +176,13 @@ def two_level(
     ----------
     near : B.
     influence, shape, elements : the kernel, the grid and the set.
-    rate, rate_displacement : pressure on the elements and displacement there per unit of further indentation.
+    t : pressure on the elements under uniform further indentation.
 
     References
     ----------
     J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (balancing, "BNN").
     """
     longer = max(shape)
-    if longer < _SMALLEST:
-        return near
-    # What the last steps tell of t misses the elements that have just come into reach: one local correction
-    t = np.maximum(rate + near(1.0 - rate_displacement), 0.0)
     hats = round(_HATS * longer**0.5)
     cells = hats * _CELLS_PER_HAT
     size = longer / cells

@@ -1,0 +1,225 @@
+"""The far field of a contact by blocks of elements and blocks of blocks: a preconditioner for grids of any size.
+
+Let t be the pressure that answers a uniform further indentation, K t = 1 on the contact. Under the share of t that
+falls on it, a block of 8 × 8 elements moves almost evenly, for that is what t does everywhere. Pressures are therefore
+split into t-shaped forces on blocks, and a rest without force on any block, which reaches no further than their
+neighbours:
+
+    M⁻¹ = P C Pᵀ + (1 - P Xᵀ) B (1 - X Pᵀ),        X = E + N C.
+
+P spreads the force of a block over its elements as t is spread there (Pᵀ: the mean of a block, weighted by t), E gives
+all elements of a block the same value, N is by how much the displacement under forces on the same and the eight
+surrounding blocks departs from its mean over the block. B is the near-field inverse on the elements, C ≈ (Pᵀ K P)⁻¹:
+the same problem with a 64th of the elements, whose nearest coefficients are summed exactly, whose others are those of
+points, and which is solved in the same way, down to a few blocks and a factorisation. M⁻¹ is symmetric and positive
+definite whatever t, N and C are, so that a poor t costs iterations, never correctness.
+
+Numbers are rounded to 32 bits, which is closer than any of the approximations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, sparse
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+Index = NDArray[Any]
+Map = Callable[[NDArray[Any]], NDArray[Any]]
+
+_SIDE = 8  # elements along the side of a block; 4 makes more blocks, 16 more products within
+_DENSE_UP_TO = 256  # blocks that are solved for by factorisation
+_AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))
+_BEFORE = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 0))  # the pattern of the near-field factor of blocks
+_LEAST_PIVOT = 0.05  # of a diagonal coefficient; exact coefficients give 0.3 and more
+
+
+def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any]) -> Map:
+    """Return r ↦ M⁻¹ r on the elements, of the module's docstring.
+
+    Parameters
+    ----------
+    near : B, symmetric and positive definite.
+    influence : K(i, j) of the non-negative offsets.
+    shape : rows and columns of the grid.
+    elements : flat indices, increasing.
+    t : ≥ 0 on the elements.
+
+    References
+    ----------
+    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (multilevel projection).
+    """
+    return _corrected(near, _Level(influence, shape, elements, t, None))
+
+
+def _corrected(near: Map, blocks: _Level) -> Map:
+    """Return M⁻¹ for the elements that make up the blocks."""
+    coarse: Map
+    if blocks.numbers.size <= _DENSE_UP_TO:
+        coarse = _factorised(blocks)
+    else:
+        above = _Level(blocks.influence, blocks.shape, blocks.numbers, blocks.mass, blocks)
+        coarse = _corrected(_near_field(blocks), above)
+    spread, moved, count = blocks.spread, blocks.moved, blocks.numbers.size
+    mean, moments = spread.T, moved.T
+
+    def apply(r: NDArray[Any]) -> NDArray[Any]:
+        r = r.astype(np.float32, copy=False)
+        means = mean @ r
+        forces = coarse(means)
+        z = near(r - moved @ np.concatenate((forces, means)))
+        back = moments @ z
+        forces = forces - back[count:] - coarse(back[:count])
+        return z + spread @ forces
+
+    return apply
+
+
+@dataclass(init=False)
+class _Level:
+    """Elements in blocks, and the operator between the blocks, Pᵀ K P.
+
+    Attributes
+    ----------
+    shape, influence, numbers : grid of blocks, kernel between distant ones, flat indices of those that hold elements.
+    mass : the sum of t over each.
+    neighbours : number, in ``numbers``, of each of the nine blocks around (itself included), or their count.
+    near : exact coefficients between those.
+    spread : P.
+    moved : N and E side by side.
+    """
+
+    shape: tuple[int, int]
+    influence: Array
+    numbers: Index
+    mass: Single
+    neighbours: NDArray[np.int32]
+    near: Single
+    spread: sparse.csr_array
+    moved: sparse.csr_array
+
+    def __init__(
+        self, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any], below: _Level | None
+    ) -> None:
+        self.shape = (-(-shape[0] // _SIDE), -(-shape[1] // _SIDE))
+        self.influence = influence[::_SIDE, ::_SIDE]
+        row, column = np.divmod(elements.astype(np.int32), np.int32(shape[1]))
+        width = self.shape[1] + 2
+        block = (row // _SIDE + 1) * width + column // _SIDE + 1
+        occupied = np.flatnonzero(np.bincount(block))
+        count = occupied.size
+        number = np.full((self.shape[0] + 2) * width, count, dtype=np.int32)
+        number[occupied] = np.arange(count, dtype=np.int32)
+        x, y = np.divmod(occupied, width)
+        self.numbers = (x - 1) * self.shape[1] + y - 1
+        self.neighbours = number[occupied[:, None] + np.array([i * width + j for i, j in _AROUND])]
+        of_element = number[block]
+        place = of_element.astype(np.intp) * _SIDE**2 + (row % _SIDE) * _SIDE + column % _SIDE
+        shapes = np.zeros((count, _SIDE**2), dtype=np.float32)
+        shapes.ravel()[place] = np.maximum(t, 1e-9 * t.max()) if t.any() else 1.0
+        self.mass = shapes.sum(axis=1)
+        shapes /= self.mass[:, None]
+        share = shapes.ravel().take(place)
+        start = np.arange(elements.size + 1, dtype=np.int32)
+        self.spread = sparse.csr_array((share, of_element, start), shape=(elements.size, count))
+
+        # displacement of every element under a unit force on each of the nine blocks around; the tenth column is E
+        tables = _tables(tuple(map(tuple, influence[: 2 * _SIDE, : 2 * _SIDE].tolist())))
+        data = np.ones((elements.size, len(_AROUND) + 1), dtype=np.float32)
+        for k, table in enumerate(tables):
+            there = np.flatnonzero(self.neighbours[:, k] < count)
+            field = np.zeros_like(shapes)
+            field[there] = shapes.take(self.neighbours[there, k], axis=0) @ table
+            data[:, k] = field.ravel().take(place)
+        if below is not None:  # the elements are blocks themselves: those around them act by more than points do
+            points = [_at(influence, i, j) for i, j in _AROUND]
+            excess = below.near - np.array(points, dtype=np.float32)
+            for k in range(len(_AROUND)):
+                here = np.flatnonzero(below.neighbours[:, k] < elements.size)
+                other = below.neighbours[here, k]
+                step = block[other] - block[here] + width + 1
+                data[here, step // width * 3 + step % width] += excess[here, k] * share[other]
+        self.near = (self.spread.T @ data)[:, :-1]
+        data[:, :-1] -= self.near.take(of_element, axis=0)
+        where = np.empty(data.shape, dtype=np.int32)
+        where[:, :-1] = np.minimum(self.neighbours, count - 1).take(of_element, axis=0)
+        where[:, -1] = of_element + count
+        start = np.arange(0, data.size + 1, data.shape[1], dtype=np.int32)
+        self.moved = sparse.csr_array((data.ravel(), where.ravel(), start), shape=(elements.size, 2 * count))
+
+
+@lru_cache(maxsize=16)
+def _tables(influence: tuple[tuple[float, ...], ...]) -> list[Single]:
+    """Return, for each of the blocks around, the displacement of each element of a block by each of that one's."""
+    given = np.array(influence)
+    kernel = np.zeros((2 * _SIDE, 2 * _SIDE))
+    kernel[: given.shape[0], : given.shape[1]] = given
+    place = np.arange(_SIDE)
+    tables = []
+    for i, j in _AROUND:
+        row = np.abs(place[:, None] + i * _SIDE - place)
+        column = np.abs(place[:, None] + j * _SIDE - place)
+        table = kernel[row[:, None, :, None], column[None, :, None, :]].reshape(_SIDE**2, _SIDE**2)
+        tables.append(table.astype(np.float32))
+    return tables
+
+
+def _at(influence: Array, row: int, column: int) -> float:
+    """Return K at an offset, and what is nearest to it on a grid that does not reach so far (where nobody asks)."""
+    return float(influence[min(abs(row), influence.shape[0] - 1), min(abs(column), influence.shape[1] - 1)])
+
+
+def _factorised(blocks: _Level) -> Map:
+    """Return the inverse of the operator between few blocks."""
+    x, y = np.divmod(blocks.numbers, blocks.shape[1])
+    matrix = blocks.influence[np.abs(x[:, None] - x), np.abs(y[:, None] - y)]
+    here, k = np.nonzero(blocks.neighbours < x.size)
+    matrix[here, blocks.neighbours[here, k]] = blocks.near[here, k]
+    try:
+        factor = linalg.cho_factor(matrix, lower=True, check_finite=False)
+    except linalg.LinAlgError:  # points for blocks were too rough; not seen on any contact
+        return _near_field(blocks)
+    return lambda r: linalg.cho_solve(factor, r, check_finite=False).astype(np.float32)
+
+
+def _near_field(blocks: _Level) -> Map:
+    """Return the near-field inverse of the operator between blocks, from those of the eight around that come before.
+
+    As in `precondition.near_field`; but coefficients differ from block to block, so the small systems cannot be
+    tabulated and are solved all at once, by a Cholesky factorisation whose numbers are vectors over the blocks.
+    """
+    count, size = blocks.numbers.size, len(_BEFORE)
+    members = [blocks.neighbours[:, _AROUND.index(offset)] for offset in _BEFORE]
+    present = np.array([member < count for member in members])
+    near = np.vstack((blocks.near, np.zeros((1, len(_AROUND)), dtype=np.float32)))
+    factor = np.zeros((size, size, count), dtype=np.float32)
+    for i, (row, column) in enumerate(_BEFORE):
+        factor[i, i] = np.where(present[i], near[members[i], _AROUND.index((0, 0))], 1.0)
+        for j, (other_row, other_column) in enumerate(_BEFORE[:i]):
+            offset = other_row - row, other_column - column
+            if offset in _AROUND:
+                factor[i, j] = near[members[i], _AROUND.index(offset)] * present[j]
+            else:
+                factor[i, j] = _at(blocks.influence, *offset) * (present[i] & present[j])
+    least = _LEAST_PIVOT * np.diagonal(factor).T
+    for j in range(size):
+        factor[j, j] = np.sqrt(np.maximum(factor[j, j], least[j]))
+        factor[j + 1 :, j] /= factor[j, j]
+        for i in range(j + 1, size):
+            factor[i, j + 1 : i + 1] -= factor[i, j] * factor[j + 1 : i + 1, j]
+    rows = np.zeros((size, count), dtype=np.float32)
+    rows[-1] = 1.0 / factor[-1, -1]
+    for i in range(size - 2, -1, -1):
+        rows[i] = -(factor[i + 1 :, i] * rows[i + 1 :]).sum(axis=0) / factor[i, i]
+    rows *= present
+    start = np.arange(0, rows.size + 1, size, dtype=np.int32)
+    where = np.minimum(members, count - 1).T.ravel()
+    inverse = sparse.csr_array((rows.T.ravel(), where, start), shape=(count, count))
+    transposed = inverse.T
+    return lambda r: transposed @ (inverse @ r)

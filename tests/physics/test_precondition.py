@@ -1,0 +1,261 @@
+"""The approximate inverses of the solver against dense matrices, and the solver with each of them on small grids."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from oracles import dense_matrix
+
+from roughvol.physics import blocks, contact, precondition
+from roughvol.physics.contact import solve, sweep
+from roughvol.physics.halfspace import HalfSpace, kernel_quadrant
+from roughvol.physics.surface import Surface, random_midpoint_displacement
+
+KERNELS = ("love", "punch")
+SHAPES = ((33, 33), (33, 65), (3, 120), (50, 19))
+
+
+def contact_set(shape, seed=0, kernel="love"):
+    """Elements in contact on a piece of a fractal surface, K between them, and t with K t = 1."""
+    side = max(shape) - 1
+    whole = random_midpoint_displacement(2.2, int(np.ceil(np.log2(side))), seed=seed).heights
+    heights = whole[: shape[0], : shape[1]]
+    surface = Surface(heights - heights.max(), 1.0)
+    half_space = HalfSpace(shape, kernel)
+    elements = np.flatnonzero(solve(surface, half_space, 3.0).contact())
+    matrix = dense_matrix(kernel_quadrant(shape, kernel))[np.ix_(elements, elements)]
+    return half_space.influence, elements, matrix, np.linalg.solve(matrix, np.ones(elements.size))
+
+
+def dense(map_, size):
+    return np.array([map_(unit) for unit in np.eye(size)], dtype=float).T
+
+
+def eigenvalues(inverse, matrix):
+    """Of M⁻¹ K, after checking that M⁻¹ is symmetric and positive definite, to the rounding of 32 bits."""
+    np.testing.assert_allclose(inverse, inverse.T, rtol=0, atol=3e-6 * np.abs(inverse).max())
+    factor = np.linalg.cholesky(matrix)
+    found = np.linalg.eigvalsh(factor.T @ (0.5 * (inverse + inverse.T)) @ factor)
+    assert found[0] > 0.0
+    return found
+
+
+# ---- near field
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("reach", [2.0**0.5, 5.0**0.5, 8.0**0.5])
+def test_near_field_is_the_factor_of_its_definition(reach, kernel):
+    shape = (33, 65)
+    influence, elements, matrix, _ = contact_set(shape, kernel=kernel)
+    row, column = np.divmod(elements, shape[1])
+    factor = np.zeros_like(matrix)
+    for i in range(elements.size):
+        distance = np.hypot(row[: i + 1] - row[i], column[: i + 1] - column[i])
+        beside = np.maximum(np.abs(row[: i + 1] - row[i]), np.abs(column[: i + 1] - column[i])) <= 2
+        near = np.flatnonzero((distance <= reach + 1e-9) & beside)
+        y = np.linalg.solve(matrix[np.ix_(near, near)], np.eye(near.size)[-1])
+        factor[i, near] = y / np.sqrt(y[-1])
+    got = dense(precondition.near_field(influence, shape[1], elements, reach), elements.size)
+    np.testing.assert_allclose(got, factor.T @ factor, rtol=0, atol=1e-6)
+
+
+def test_near_field_of_neighbours_alone_is_the_inverse():
+    shape = (9, 9)
+    influence = kernel_quadrant(shape)
+    elements = np.array([10, 11, 19, 20, 60])  # a square of four and one too far to be taken for a neighbour
+    matrix = dense_matrix(influence)[np.ix_(elements, elements)]
+    matrix[4, :4] = matrix[:4, 4] = 0.0
+    got = dense(precondition.near_field(influence, 9, elements, 5.0**0.5), 5)
+    np.testing.assert_allclose(got, np.linalg.inv(matrix), rtol=0, atol=1e-6)
+
+
+# ---- corrections for the far field
+
+
+def corrections(influence, shape, elements, t, reach=2.0**0.5):
+    near = precondition.near_field(influence, shape[1], elements, reach)
+    return near, {
+        "hats": precondition.two_level(near, influence, shape, elements, t),
+        "blocks": blocks.by_blocks(near, influence, shape, elements, t),
+    }
+
+
+@pytest.mark.parametrize("levels", ["factorised", "two", "three"])
+@pytest.mark.parametrize("guess", ["t", "noise", "nothing", "one element"])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_any_guess_of_t_leaves_it_positive_definite(shape, guess, levels, monkeypatch):
+    if levels != "factorised":
+        monkeypatch.setattr(blocks, "_DENSE_UP_TO", 9 if levels == "two" else 1)
+    influence, elements, matrix, t = contact_set(shape)
+    noise = np.random.Generator(np.random.PCG64(1)).exponential(size=t.size) ** 4
+    t = {"t": np.maximum(t, 0.0), "noise": noise, "nothing": 0.0 * t, "one element": 1.0 * (noise == noise.max())}[
+        guess
+    ]
+    _, found = corrections(influence, shape, elements, t)
+    eigenvalues(dense(found["blocks"], elements.size), matrix)
+    if guess in ("t", "noise"):
+        eigenvalues(dense(found["hats"], elements.size), matrix)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("dense_up_to", [256, 9])
+def test_blocks_leave_nothing_for_the_iteration_to_find(seed, dense_up_to, monkeypatch):
+    monkeypatch.setattr(blocks, "_DENSE_UP_TO", dense_up_to)
+    shape = (65, 65)
+    influence, elements, matrix, t = contact_set(shape, seed)
+    near, found = corrections(influence, shape, elements, t)
+    spread = {name: eigenvalues(dense(map_, elements.size), matrix) for name, map_ in found.items()}
+    alone = eigenvalues(dense(near, elements.size), matrix)
+    assert spread["blocks"][0] > 0.5
+    assert spread["blocks"][-1] < 1.8
+    assert spread["blocks"][-1] / spread["blocks"][0] < spread["hats"][-1] / spread["hats"][0] < alone[-1] / alone[0]
+
+
+def between_blocks(level, influence, shape, elements, t):
+    """Pᵀ K P, P of the definition, and the number of the block of each element."""
+    row, column = np.divmod(elements, shape[1])
+    code = (row // 8) * level.shape[1] + column // 8
+    assert np.array_equal(level.numbers, np.unique(code))
+    block = np.searchsorted(level.numbers, code)
+    spread = np.zeros((elements.size, level.numbers.size))
+    spread[np.arange(elements.size), block] = t
+    np.testing.assert_allclose(level.mass, spread.sum(axis=0), rtol=1e-5)
+    spread /= spread.sum(axis=0)
+    np.testing.assert_allclose(level.spread.toarray(), spread, rtol=1e-5, atol=0)
+    return spread, block
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("shape", [(65, 65), (50, 100), (3, 250)])
+def test_operator_between_blocks_is_exact_nearby(shape, kernel):
+    influence, elements, matrix, t = contact_set(shape, kernel=kernel)
+    t = np.maximum(t, 1e-3)
+    level = blocks._Level(influence, shape, elements, t, None)
+    spread, block = between_blocks(level, influence, shape, elements, t)
+    moved = matrix @ spread
+    exact = spread.T @ moved
+    count = level.numbers.size
+    got = np.zeros((count, count))
+    here, k = np.nonzero(level.neighbours < count)
+    got[here, level.neighbours[here, k]] = level.near[here, k]
+    x, y = np.divmod(level.numbers, level.shape[1])
+    beside = np.maximum(np.abs(x[:, None] - x), np.abs(y[:, None] - y)) <= 1
+    np.testing.assert_allclose(got, np.where(beside, exact, 0.0), rtol=0, atol=1e-6)
+    departure = np.where(beside[block], moved - exact[block], 0.0)
+    both = level.moved.toarray()
+    np.testing.assert_allclose(both[:, :count], departure, rtol=0, atol=2e-6)
+    assert np.array_equal(both[:, count:], np.eye(count)[block])
+    far = influence[:: blocks._SIDE, :: blocks._SIDE][np.abs(x[:, None] - x), np.abs(y[:, None] - y)]
+    assert np.abs(far / exact - 1.0)[~beside].max(initial=0.0) < 0.5  # points for blocks
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_operator_between_blocks_of_blocks_is_exact_nearby(kernel):
+    shape = (129, 129)
+    influence = kernel_quadrant(shape, kernel)
+    generator = np.random.Generator(np.random.PCG64(3))
+    elements = np.flatnonzero(generator.random(shape) < 0.01)
+    t = generator.exponential(size=elements.size)
+    below = blocks._Level(influence, shape, elements, t, None)
+    level = blocks._Level(below.influence, below.shape, below.numbers, below.mass, below)
+    x, y = np.divmod(below.numbers, below.shape[1])
+    matrix = below.influence[np.abs(x[:, None] - x), np.abs(y[:, None] - y)]
+    here, k = np.nonzero(below.neighbours < x.size)
+    matrix[here, below.neighbours[here, k]] = below.near[here, k]
+    spread, block = between_blocks(level, below.influence, below.shape, below.numbers, below.mass)
+    moved = matrix @ spread
+    exact = spread.T @ moved
+    here, k = np.nonzero(level.neighbours < level.numbers.size)
+    np.testing.assert_allclose(level.near[here, k], exact[here, level.neighbours[here, k]], rtol=0, atol=1e-6)
+    departure = (moved - exact[block])[:, level.neighbours[here, k]]
+    got = level.moved.toarray()[:, level.neighbours[here, k]]
+    mine = block[:, None] == here
+    np.testing.assert_allclose(got[mine], departure[mine], rtol=0, atol=1e-6)
+
+
+def test_near_field_of_blocks_is_the_factor_of_its_definition():
+    shape = (65, 65)
+    influence, elements, _, t = contact_set(shape)
+    level = blocks._Level(influence, shape, elements, t, None)
+    x, y = np.divmod(level.numbers, level.shape[1])
+    matrix = level.influence[np.abs(x[:, None] - x), np.abs(y[:, None] - y)]
+    here, k = np.nonzero(level.neighbours < x.size)
+    matrix[here, level.neighbours[here, k]] = level.near[here, k]
+    factor = np.zeros_like(matrix)
+    for i in range(x.size):
+        near = np.flatnonzero(np.maximum(np.abs(x[: i + 1] - x[i]), np.abs(y[: i + 1] - y[i])) <= 1)
+        row = np.linalg.solve(matrix[np.ix_(near, near)], np.eye(near.size)[-1])
+        factor[i, near] = row / np.sqrt(row[-1])
+    got = dense(lambda r: blocks._near_field(level)(r.astype(np.float32)), x.size)
+    np.testing.assert_allclose(got, factor.T @ factor, rtol=0, atol=3e-6 * np.abs(got).max())
+
+
+def test_without_a_factorisation_the_near_field_does(monkeypatch):
+    influence, elements, matrix, t = contact_set((65, 65))
+
+    def fails(*_, **__):
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(blocks.linalg, "cho_factor", fails)
+    near = precondition.near_field(influence, 65, elements, 2.0**0.5)
+    found = eigenvalues(dense(blocks.by_blocks(near, influence, (65, 65), elements, t), elements.size), matrix)
+    assert found[-1] / found[0] < 20.0
+
+
+# ---- who is expected in contact
+
+
+def test_elements_that_neighbours_lift_clear_are_left_out_and_right_for_the_others(monkeypatch):
+    monkeypatch.setattr(precondition, "_BLOCKS_FROM", 20)
+    shape = (65, 65)
+    influence, elements, _, t = contact_set(shape)
+    around = np.unique((elements[:, None] + np.array([-66, -65, -1, 0, 1, 65, 66])).clip(0, 65 * 65 - 1))
+    inside = np.isin(around, elements)
+    pressure, gap = np.where(inside, 1.0, 0.0), np.where(inside, -0.01, -1e-6)  # hardly penetrating, beside what is
+    rates = np.zeros(around.size), np.ones(around.size)
+    rates[0][inside] = t
+    inverse, held = precondition.approximate_inverse(influence, shape, around, pressure, gap, rates)
+    assert not held[inside].any()
+    assert held[~inside].mean() > 0.9
+    whole = dense(inverse, around.size)
+    assert np.array_equal(whole[np.ix_(held, held)], np.eye(held.sum()) / influence[0, 0])
+    assert not whole[np.ix_(held, ~held)].any()
+    kept = np.flatnonzero(~held)
+    matrix = dense_matrix(kernel_quadrant(shape))[np.ix_(around[kept], around[kept])]
+    found = eigenvalues(whole[np.ix_(kept, kept)], matrix)
+    assert found[0] > 0.4
+    assert found[-1] < 2.0
+
+
+# ---- the solver with every kind, on grids small enough to compare
+
+
+@pytest.mark.parametrize("kind", ["near field", "hats", "blocks", "blocks of blocks"])
+@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("D", [2.1, 2.8])
+def test_sweep_does_not_depend_on_the_preconditioner(D, kernel, kind, monkeypatch):
+    surface = random_midpoint_displacement(D, 6, seed=5)
+    half_space = HalfSpace(surface.shape, kernel)
+    steps = np.linspace(0.0, (surface.z_max - surface.mean_height) / surface.Sq, 21)[1:]
+    monkeypatch.setattr(contact, "_DENSE_UP_TO", 10**6)  # factorisations: exact, and nothing of what is tested here
+    exact = list(sweep(surface, half_space, steps, rtol=1e-9))
+    monkeypatch.setattr(contact, "_DENSE_UP_TO", 0)
+    monkeypatch.setattr(precondition, "_SMALLEST", 10**6 if kind == "near field" else 0)
+    monkeypatch.setattr(precondition, "_BLOCKS_FROM", 0 if "blocks" in kind else 10**6)
+    monkeypatch.setattr(blocks, "_DENSE_UP_TO", 5 if kind == "blocks of blocks" else 256)
+    for one, other in zip(sweep(surface, half_space, steps, rtol=1e-9), exact, strict=True):
+        assert one.residual <= 1e-9
+        np.testing.assert_allclose(one.pressure(), other.pressure(), rtol=0, atol=1e-7 * other.pressure().max())
+        assert np.array_equal(one.contact(), other.contact())
+
+
+@pytest.mark.slow
+def test_iterations_hardly_grow_with_the_grid():
+    means = []
+    for m in (9, 10):
+        surface = random_midpoint_displacement(2.5, m, seed=1)
+        last = (surface.z_max - surface.mean_height) / surface.Sq
+        contacts = list(sweep(surface, HalfSpace(surface.shape), last * np.arange(1, 61) / 60))
+        means.append(np.mean([c.iterations for c in contacts[40:]]))
+    assert means[1] < 1.2 * means[0] < 6.0
