@@ -30,6 +30,7 @@ _SHORT, _LONG = 2.0**0.5, 5.0**0.5  # reach of the near field in spacings: 2⁴ 
 _SMALLEST = 48  # nodes along the longer side below which there is nothing collective worth a correction
 _BLOCKS_FROM = 400  # nodes; below, hats are the cheaper correction
 _LARGE = 2000  # nodes from which on a longer reach of the near field saves more in transforms than it costs
+_WELL_CLEAR = 1.0  # tension, in mean steps of the pressure
 _LIFTED = 0.003  # share of the elements that has to be lifted clear to make another inverse worth its time
 _HATS = 0.25  # intervals of the coarse grid along the longer side, times √nodes: where the gain meets the cost
 _CELLS_PER_HAT = 5  # along each axis: how finely the response to a hat is resolved
@@ -132,15 +133,23 @@ def approximate_inverse(
         if rates is None or longer < _SMALLEST:
             return near, held
         return two_level(near, influence, shape, elements, _uniform(near, *rates)), held
-    kept = np.flatnonzero(~held) if not held.all() else np.arange(held.size)
     reach = _SHORT if longer < _LARGE else _LONG
+
+    def made(kept: Index, near: Map | None = None) -> Map:
+        near = near or near_field(influence, shape[1], elements[kept], reach)
+        t = _uniform(near, rates[0][kept], rates[1][kept])
+        return by_blocks(near, influence, shape, elements[kept], t)
+
+    kept = np.arange(held.size) if held.all() else np.flatnonzero(~held)
     near = near_field(influence, shape[1], elements[kept], reach)
-    lifted = (pressure[kept] <= 0.0) & (near(-gap[kept]) <= 0.0)
-    if _LIFTED * kept.size < np.count_nonzero(lifted) < kept.size:
-        kept = kept[~lifted]
-        near = near_field(influence, shape[1], elements[kept], reach)
-    t = _uniform(near, rates[0][kept], rates[1][kept])
-    inverse = by_blocks(near, influence, shape, elements[kept], t)
+    kept, some = _without_lifted(kept, pressure, near(-gap[kept]), 0.0)
+    inverse = made(kept, None if some else near)
+    if some and longer >= _LARGE:
+        # many come into reach in one step there: once more, by what the inverse itself says; this errs on both sides,
+        # so only those well clear of contact are left out
+        kept, more = _without_lifted(kept, pressure, inverse(-gap[kept]), _WELL_CLEAR)
+        if more:
+            inverse = made(kept)
     if kept.size == elements.size:
         return inverse, held
     alone = 1.0 / influence[0, 0]
@@ -153,6 +162,14 @@ def approximate_inverse(
     held = np.ones(elements.size, dtype=bool)
     held[kept] = False
     return apply, held
+
+
+def _without_lifted(kept: Index, pressure: Array, step: Array, margin: float) -> tuple[Index, bool]:
+    """Return those of the elements that a step of the pressure leaves in contact, all of them if it lifts but few."""
+    loaded = pressure[kept] > 0.0
+    lifted = ~loaded & (step <= -margin * np.abs(step[loaded]).sum() / max(1, np.count_nonzero(loaded)))
+    many = bool(_LIFTED * kept.size < np.count_nonzero(lifted) < kept.size)
+    return (kept[~lifted] if many else kept), many
 
 
 def _uniform(near: Map, rate: Array, displacement: Array) -> Array:
