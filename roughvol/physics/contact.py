@@ -132,6 +132,13 @@ class Contact:
         return dict(vars(self._state))
 
 
+_PIECE = 2**15  # numbers that stay in the cache between one pass of arithmetic and the next
+
+
+def _pieces(size: int) -> Iterator[slice]:
+    return (slice(start, start + _PIECE) for start in range(0, size, _PIECE))
+
+
 @dataclass
 class _State:
     """A solved indentation in scaled variables: what the next one starts from."""
@@ -393,10 +400,14 @@ class _Problem:
         pressure = np.zeros(self.heights.size)
         pressure[elements] = q
         gap = self.half_space.displacement(pressure.reshape(self.shape)).ravel()
-        gap -= self.heights
-        gap -= indentation
-        # where the overlap is not positive the gap is not negative, so this is the minimum over the overlap
-        residual = max(float(np.abs(gap[elements]).max(initial=0.0)), -float(gap.min()))
+        deepest = 0.0
+        for piece in _pieces(gap.size):
+            some = gap[piece]
+            some -= self.heights[piece]
+            some -= indentation
+            # where the overlap is not positive the gap is not negative, so this is the minimum over the overlap
+            deepest = max(deepest, -float(some.min()))
+        residual = max(float(np.abs(gap[elements]).max(initial=0.0)), deepest)
         return _State(indentation, elements, q, gap), residual
 
     def record(
@@ -500,7 +511,9 @@ def _predict(
     theta = (indentation - now.indentation) / step
     # beyond both states: w + θ (w - w_before) < 0, with one pass of arithmetic over the grid; between them, as in a
     # search: all that is in contact at the later one
-    predicted = (1.0 + 1.0 / theta) * now.gap < before.gap if theta > 0.0 else now.gap < 0.0
+    predicted = now.gap < 0.0 if theta <= 0.0 else np.empty(now.gap.size, dtype=bool)
+    for piece in _pieces(now.gap.size) if theta > 0.0 else ():
+        np.less((1.0 + 1.0 / theta) * now.gap[piece], before.gap[piece], out=predicted[piece])
     predicted[now.elements] = True
     candidates = np.flatnonzero(predicted)
     places = np.searchsorted(candidates, now.elements)
@@ -620,10 +633,11 @@ def _truncate(problem: _Problem, elements: Index, q: Array, w: Array) -> bool:
     rows, columns = half_space.shape
     if negative.size * elements.size <= rows * columns:  # terms of the sum; each costs about what the FFT costs a node
         row, column = np.divmod(elements.astype(np.int32), np.int32(columns))
-        place = np.abs(np.subtract.outer(row[negative], row))
-        place *= np.int32(columns)
-        place += np.abs(np.subtract.outer(column[negative], column))
-        w -= q[negative] @ half_space.influence.ravel().take(place)
+        for some in np.array_split(negative, 1 + negative.size * elements.size // _PIECE):
+            place = np.abs(np.subtract.outer(row[some], row))
+            place *= np.int32(columns)
+            place += np.abs(np.subtract.outer(column[some], column))
+            w -= q[some] @ half_space.influence.ravel().take(place)
     else:
         removed = np.zeros_like(q)
         removed[negative] = q[negative]
