@@ -20,7 +20,6 @@ Numbers are rounded to 32 bits, which is closer than any of the approximations.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -37,7 +36,7 @@ _SIDE = 8  # elements along the side of a block; 4 makes more blocks, 16 more pr
 _DENSE_UP_TO = 256  # blocks that are solved for by factorisation
 _AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))
 _BEFORE = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 0))  # the pattern of the near-field factor of blocks
-_LEAST_PIVOT = 0.05  # of a diagonal coefficient; exact coefficients give 0.3 and more
+_LEAST_PIVOT = 0.05  # of a diagonal coefficient, should points be too rough for blocks; the least one seen is 0.74
 
 
 def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any]) -> Map:
@@ -53,7 +52,7 @@ def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
 
     References
     ----------
-    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (multilevel projection).
+    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (two levels).
     """
     return _corrected(near, _Level(influence, shape, elements, t, None))
 
@@ -81,7 +80,6 @@ def _corrected(near: Map, blocks: _Level) -> Map:
     return apply
 
 
-@dataclass(init=False)
 class _Level:
     """Elements in blocks, and the operator between the blocks, Pᵀ K P.
 
