@@ -496,8 +496,8 @@ def _approach(problem: _Problem, indentation: float, now: _State) -> tuple[_Stat
     return now, before
 
 
-_COLD_UP_TO = 4_000_000  # elements; below, starting from all of them takes fewer convolutions
-_STAGE = 2.0
+_COLD_UP_TO = 50_000  # elements; below, stages take more convolutions than they save on vectors
+_STAGE = 1.3
 
 
 def _predict(
