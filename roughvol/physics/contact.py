@@ -23,7 +23,7 @@ The method
 H⁻¹ is an M-matrix for the Love kernel. Along increasing Δ therefore pressures never decrease, contact sets are nested
 and every gap is a convex function of Δ, so the secant through the last two states, w_k + θ (w_k - w_{k-1}), is a lower
 bound of the next gap: the elements it leaves at p > 0 or w < 0 *contain* the next contact set, nearly exactly. On
-this set conjugate gradients solve H p = ū with the two-level preconditioner of `precondition`; elements that turn
+this set conjugate gradients solve H p = ū with the approximate inverse of `precondition`; elements that turn
 tensile leave the set, penetrating ones come back, and a last convolution verifies. For other kernels the same loop
 runs without the guarantee: it then relies on the verification, which re-admits whatever penetrates.
 """
