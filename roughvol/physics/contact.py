@@ -59,8 +59,8 @@ class Compliance(Protocol):
     convolutions: float
     convolutions_fp32: float
 
-    def displacement(self, pressure: Array) -> Array:
-        """Return u on every element, in lattice units."""
+    def displacement_above(self, heights: Array, elements: Index, pressure: NDArray[Any]) -> Array:
+        """Return u - heights on every element, flat, in lattice units; the elements (increasing) carry the pressure."""
         ...
 
     def displacement_at(self, elements: Index, pressure: NDArray[Any], *, single: bool = False) -> NDArray[Any]:
@@ -106,8 +106,7 @@ class Contact:
     shape: tuple[int, int]
     _elements: Index = field(repr=False)
     _pressure: Array = field(repr=False)  # q on the elements
-    _gap: Array = field(repr=False)  # w on the whole grid, flat
-    _state: _State | None = field(default=None, repr=False)
+    _state: _State = field(repr=False)
 
     def pressure(self) -> Array:
         """Return the pressure on every element, p L/(E* σ), of the surface's shape."""
@@ -117,7 +116,7 @@ class Contact:
 
     def gap(self) -> Array:
         """Return the gap g/σ ≥ 0 on every element; exactly 0 in contact."""
-        gap = np.maximum(self._gap, 0.0)
+        gap = np.maximum(self._state.gap(), 0.0)
         gap[self._elements] = 0.0
         return gap.reshape(self.shape)
 
@@ -129,14 +128,7 @@ class Contact:
 
     def state(self) -> dict[str, Any]:
         """Return what `sweep` needs to go on from here (``resume``), as plain numbers and arrays."""
-        return dict(vars(self._state))
-
-
-_PIECE = 2**15  # numbers that stay in the cache between one pass of arithmetic and the next
-
-
-def _pieces(size: int) -> Iterator[slice]:
-    return (slice(start, start + _PIECE) for start in range(0, size, _PIECE))
+        return {name: getattr(self._state, name) for name in ("indentation", "elements", "pressure", "touching")}
 
 
 @dataclass
@@ -146,7 +138,23 @@ class _State:
     indentation: float
     elements: Index  # where q > 0, increasing
     pressure: Array  # q there
-    gap: Array  # w on the whole grid, flat
+    touching: Array  # u - h on the whole grid, flat: the indentation at which an element touches as long as u stays
+    _near: tuple[float, Index] | None = None
+
+    def gap(self, elements: Index | None = None) -> Array:
+        """Return w, on the whole grid or on some elements of it."""
+        return (self.touching if elements is None else self.touching[elements]) - self.indentation
+
+    def within(self, reach: float) -> Index:
+        """Return, in increasing order, all elements with w < reach, and those with q > 0; there may be more.
+
+        A pass over the grid, which is not made again for a shorter reach.
+        """
+        if self._near is None or self._near[0] < reach:
+            near = self.touching < self.indentation + reach
+            near[self.elements] = True
+            self._near = reach, np.flatnonzero(near)
+        return self._near[1]
 
 
 def solve(
@@ -253,7 +261,6 @@ class Trials:
         problem.rtol = max(self.rtol, rtol)
         problem.check_reachable(indentation)
         counts = problem.counts()
-        assert now._state is not None
         state, iterations, residual = self._solve(problem, indentation, now._state, before._state if before else None)
         return problem.record(state, counts, iterations, residual)
 
@@ -274,7 +281,8 @@ class Trials:
         def at(indentation: float, less: float) -> Contact:
             x = start + (indentation - one.indentation) * rate - less
             elements = np.flatnonzero(x > 0.0)
-            state = _State(indentation, elements, x[elements] / problem.firmness, np.maximum(-x, _TENSILE))
+            gap = np.maximum(-x, _TENSILE * max(1.0, indentation))
+            state = _State(indentation, elements, x[elements] / problem.firmness, gap + indentation)
             return problem.record(state, problem.counts(), 0, np.nan)
 
         return at
@@ -347,11 +355,15 @@ class _Problem:
         where that is less than 1, a pressure of (1 - K s)/K(0, 0) makes up for it. That t ≥ 0 is, like
         F(Δ - η) ≤ F ≤ F(Δ + η), proved for an M-matrix K⁻¹.
         """
-        reach = state.gap <= 2.0 * residual
-        reach[state.elements] = True
-        reach[before.elements] = True
-        elements = np.flatnonzero(reach)
-        short = np.maximum(before.gap[elements] - state.gap[elements], 0.0).sum()
+        near = state.within(2.0 * residual)
+        counted = state.gap(near) <= 2.0 * residual
+        counted[np.searchsorted(near, state.elements)] = True
+        places, there = _places(before.elements, near)
+        counted[places[there]] = True
+        elements = near[counted]
+        if not there.all():
+            elements = np.union1d(elements, before.elements)
+        short = np.maximum(before.gap(elements) - state.gap(elements), 0.0).sum()
         force = state.pressure.sum() - before.pressure.sum() + short / self.half_space.influence[0, 0]
         secant = self._starred(force / (state.indentation - before.indentation))
         return secant if secant <= self.stiffest else self.stiffest  # not a number, where a step is lost in rounding
@@ -379,7 +391,7 @@ class _Problem:
 
     def depth(self, contact: Contact) -> Array:
         """Return x: by how far each element is beyond touching (c q), or short of it (-w)."""
-        x = -contact._gap
+        x = -contact._state.gap()
         x[contact._elements] = self.firmness * contact._pressure
         return x
 
@@ -391,24 +403,21 @@ class _Problem:
         return 0.9 * float(np.pi * (self.shape[0] - 1)) * q / self.heights.size
 
     def untouched(self, indentation: float = 0.0) -> _State:
-        return _State(indentation, np.empty(0, dtype=np.intp), np.empty(0), -indentation - self.heights)
+        return _State(indentation, np.empty(0, dtype=np.intp), np.empty(0), -self.heights)
 
-    def verified(self, indentation: float, elements: Index, q: Array) -> tuple[_State, float]:
-        """Return the state that these pressures make, by a convolution, and its residual η/σ on the whole grid."""
+    def verified(self, indentation: float, elements: Index, q: Array, step: float) -> tuple[_State, float]:
+        """Return the state that these pressures make, by a convolution, and its residual η/σ on the whole grid.
+
+        One pass over the grid finds all that matters here, for the bound of the stiffness and, if it is a step like the
+        last, for the next prediction.
+        """
         positive = q > 0.0
         elements, q = elements[positive], q[positive]
-        pressure = np.zeros(self.heights.size)
-        pressure[elements] = q
-        gap = self.half_space.displacement(pressure.reshape(self.shape)).ravel()
-        deepest = 0.0
-        for piece in _pieces(gap.size):
-            some = gap[piece]
-            some -= self.heights[piece]
-            some -= indentation
-            # where the overlap is not positive the gap is not negative, so this is the minimum over the overlap
-            deepest = max(deepest, -float(some.min()))
-        residual = max(float(np.abs(gap[elements]).max(initial=0.0)), deepest)
-        return _State(indentation, elements, q, gap), residual
+        touching = self.half_space.displacement_above(self.heights, elements, q)
+        state = _State(indentation, elements, q, touching)
+        # where the overlap is not positive the gap is not negative, so its minimum is one over the overlap
+        deepest = -float(state.gap(state.within(abs(step))).min(initial=0.0))
+        return state, max(float(np.abs(state.gap(elements)).max(initial=0.0)), deepest)
 
     def record(
         self,
@@ -443,7 +452,6 @@ class _Problem:
             shape=self.shape,
             _elements=elements,
             _pressure=pressure,
-            _gap=state.gap,
             _state=state,
         )
 
@@ -461,15 +469,16 @@ def _solve_fast(problem: _Problem, indentation: float, now: _State, before: _Sta
         else:
             q, steps = _conjugate_gradients(problem, candidates, q, w, rate, attempt)
         iterations += steps
-        state, residual = problem.verified(indentation, candidates, q)
+        state, residual = problem.verified(indentation, candidates, q, indentation - now.indentation)
         if residual <= problem.rtol:
             return state, iterations, residual
-        again = state.gap < 0.0
-        again[state.elements] = True
-        candidates, rate = np.flatnonzero(again), None
+        candidates, rate = state.within(0.0), None
+        again = state.gap(candidates) < 0.0
+        again[np.searchsorted(candidates, state.elements)] = True
+        candidates = candidates[again]
         q = np.zeros(candidates.size)
         q[np.searchsorted(candidates, state.elements)] = state.pressure
-        w = state.gap[candidates]
+        w = state.gap(candidates)
     message = f"contact not converged to {problem.rtol:g}"
     raise ConvergenceError(message, indentation=indentation, iterations=iterations, residual=residual)
 
@@ -509,36 +518,37 @@ def _predict(
         return candidates, np.zeros(candidates.size), -indentation - problem.heights[candidates], None
     step = now.indentation - before.indentation
     theta = (indentation - now.indentation) / step
-    # beyond both states: w + θ (w - w_before) < 0, with one pass of arithmetic over the grid; between them, as in a
-    # search: all that is in contact at the later one
-    predicted = now.gap < 0.0 if theta <= 0.0 else np.empty(now.gap.size, dtype=bool)
-    for piece in _pieces(now.gap.size) if theta > 0.0 else ():
-        np.less((1.0 + 1.0 / theta) * now.gap[piece], before.gap[piece], out=predicted[piece])
-    predicted[now.elements] = True
-    candidates = np.flatnonzero(predicted)
+    # Beyond both states: w + θ (w - w_before) < 0, which no gap larger than the step can be, as none falls faster than
+    # the surfaces approach. Between them, as in a search: all that is in contact at the later one.
+    candidates = now.within(max(0.0, indentation - now.indentation))
+    gap = now.gap(candidates)
+    fallen = gap - before.gap(candidates)
+    w = gap + theta * fallen
+    predicted = (w if theta > 0.0 else gap) < 0.0
+    predicted[np.searchsorted(candidates, now.elements)] = True
+    candidates, w, fallen = candidates[predicted], w[predicted], fallen[predicted]
     places = np.searchsorted(candidates, now.elements)
     rate = np.zeros(candidates.size)
     rate[places] = now.pressure
-    earlier = np.searchsorted(now.elements, before.elements)
-    if before.elements.size and (earlier[-1] == now.elements.size or (now.elements[earlier] != before.elements).any()):
-        # not nested (another kernel than Love's, or elements on the brink): only what is in both has a rate
-        kept = np.isin(before.elements, now.elements, assume_unique=True)
-        rate[places[np.searchsorted(now.elements, before.elements[kept])]] -= before.pressure[kept]
-    else:
-        rate[places[earlier]] -= before.pressure
+    # where contacts are not nested (another kernel than Love's, or elements on the brink) only what is in both has one
+    earlier, there = _places(before.elements, now.elements)
+    rate[places[earlier[there]]] -= before.pressure[there]
     rate /= step
     q = np.zeros(candidates.size)
     q[places] = now.pressure
     q += (indentation - now.indentation) * rate
-    gap = now.gap[candidates]
-    fallen = gap - before.gap[candidates]
-    w = gap + theta * fallen
     _truncate(problem, candidates, q, w)
     # displacement per unit of indentation: the gap falls by one where nothing moves
     return candidates, q, w, (rate, 1.0 + fallen / step)
 
 
 _Rate = tuple[Array, Array]
+
+
+def _places(some: Index, among: Index) -> tuple[Index, NDArray[np.bool_]]:
+    """Return where some elements stand among others, both in increasing order, and which of them do."""
+    places = np.searchsorted(among, some)
+    return places, places < among.size if not among.size else among.take(places, mode="clip") == some
 
 
 def _dense_face(influence: Array, columns: int, elements: Index, b: Array) -> Array:
@@ -575,7 +585,7 @@ def _conjugate_gradients(
 ) -> tuple[Array, int]:
     """Bound-constrained preconditioned conjugate gradients (Polak-Ribière⁺) on the elements; q and w are updated.
 
-    Directions are convolved in single precision: their errors shrink with them, and what remains is seen by the
+    Directions and residuals are of single precision: their errors shrink with them, and what remains is seen by the
     verification, which starts another attempt from the true gap; from the third on all is double precision. The first
     attempt also leaves out the last product with K: lengths of steps hardly change from one to the next, so a last one
     without a line search ends it, and the verification sees whether it did.
@@ -583,14 +593,16 @@ def _conjugate_gradients(
     half_space = problem.half_space
     tolerance = _SAFETY * problem.rtol
     precondition, held = approximate_inverse(half_space.influence, half_space.shape, elements, q, w, rate)
-    direction, old = np.zeros_like(q), np.zeros_like(q)
+    single = problem.single and attempt < 2
+    direction: NDArray[Any] = np.zeros(q.size, dtype=np.float32 if single else np.float64)
+    old = direction.copy()
     product = length = 1.0
     for iteration in range(_ITERATIONS):
         if iteration % 2 == 0:  # every time costs more than it saves
             _truncate(problem, elements, q, w)
         if iteration:
             held = (q == 0.0) & (w >= 0.0)
-        r = -w
+        r = np.negative(w, out=np.empty_like(direction), casting="same_kind")
         np.copyto(r, 0.0, where=held)
         residual = float(np.abs(r).max())
         if residual <= tolerance:
@@ -607,7 +619,7 @@ def _conjugate_gradients(
         if residual <= _LAST * tolerance and iteration and length > _WELL_PRECONDITIONED and attempt == 0:
             return np.maximum(q + length * direction, 0.0), iteration
         old = r
-        response = half_space.displacement_at(elements, direction, single=problem.single and attempt < 2)
+        response = half_space.displacement_at(elements, direction, single=single)
         length = float(r @ direction) / float(direction @ response)
         q += length * direction
         w += length * response
@@ -619,6 +631,7 @@ _SAFETY = 0.7  # share of the tolerance left to the recursive residual; the veri
 _LAST = 3.0  # what a step of the length of the one before takes off the residual of a rough contact
 _WELL_PRECONDITIONED = 0.3  # a length, below which the next may be anything: the first steps on compact contacts
 _ITERATIONS = 2000
+_PIECE = 2**15  # numbers that stay in the cache between one pass of arithmetic and the next
 
 
 def _truncate(problem: _Problem, elements: Index, q: Array, w: Array) -> bool:
@@ -677,7 +690,7 @@ def _solve_paper(
         if not tensile.any():
             break
         elements = elements[~tensile]
-    state, residual = problem.verified(indentation, elements, p)
+    state, residual = problem.verified(indentation, elements, p, indentation - now.indentation)
     if residual > problem.rtol:
         message = f"Algorithm 1 not converged to {problem.rtol:g}"
         raise ConvergenceError(message, indentation=indentation, iterations=sweeps, residual=residual)

@@ -177,6 +177,13 @@ class HalfSpace:
         self.convolutions += 1.0
         return self._engine(self._halves, "float64").convolve(pressure)
 
+    def displacement_above(self, heights: Array, elements: NDArray[np.intp], pressure: NDArray[Any]) -> Array:
+        """Return u - heights on every element, flat, by one convolution; the elements (as below) carry the pressure."""
+        self.convolutions += 1.0
+        engine = self._engine(self._halves, "float64")
+        places = engine.places(*np.divmod(elements.astype(np.int32), np.int32(self.shape[1])))
+        return engine.convolve_above(heights.reshape(self.shape), *places, pressure).ravel()
+
     def displacement_at(
         self, elements: NDArray[np.intp], pressure: NDArray[Any], *, single: bool = False
     ) -> NDArray[Any]:
@@ -372,6 +379,35 @@ class _Convolution:
         """Return u on the elements that carry the pressure, in the precision of the engine."""
         result = np.empty(pressure.shape, dtype=self._dtype)
 
+        def backward(worker: int, k: int) -> None:
+            some = slice(edges[k], edges[k + 1])
+            if some.start == some.stop:
+                return
+            self._row_plans[k][1]()
+            result[some] = self._results[worker].reshape(-1)[places[some]]
+
+        self._transform(self._scattered(edges, places, pressure), backward)
+        return result
+
+    def convolve_above(
+        self, heights: NDArray[Any], edges: list[int], places: NDArray[Any], pressure: NDArray[Any]
+    ) -> NDArray[Any]:
+        """Return u - heights on the whole of the rectangle, a new array; subtracted while u is in cache."""
+        result = np.empty(self.shape, dtype=self._dtype)
+        columns = self.shape[1]
+
+        def backward(worker: int, k: int) -> None:
+            part = self._row_parts[k]
+            self._row_plans[k][1]()
+            displacement = self._results[worker][: part.stop - part.start, :columns]
+            np.subtract(displacement, heights[part], out=result[part])
+
+        self._transform(self._scattered(edges, places, pressure), backward)
+        return result
+
+    def _scattered(self, edges: list[int], places: NDArray[Any], pressure: NDArray[Any]) -> Callable[[int, int], None]:
+        """Return the forward transform of the rows of a part, for pressure at some places."""
+
         def forward(worker: int, k: int) -> None:
             some = slice(edges[k], edges[k + 1])
             if some.start == some.stop:
@@ -382,15 +418,7 @@ class _Convolution:
             self._row_plans[k][0]()
             buffer[places[some]] = 0.0
 
-        def backward(worker: int, k: int) -> None:
-            some = slice(edges[k], edges[k + 1])
-            if some.start == some.stop:
-                return
-            self._row_plans[k][1]()
-            result[some] = self._results[worker].reshape(-1)[places[some]]
-
-        self._transform(forward, backward)
-        return result
+        return forward
 
     def _transform(self, forward: Callable[[int, int], None], backward: Callable[[int, int], None]) -> None:
         self._share(forward, len(self._row_parts))

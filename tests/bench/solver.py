@@ -37,9 +37,9 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
     class Timed(HalfSpace):
         spent = 0.0
 
-        def displacement(self, *args: Any, **kwargs: Any) -> Any:
+        def displacement_above(self, *args: Any, **kwargs: Any) -> Any:
             start = time.perf_counter()
-            result = super().displacement(*args, **kwargs)
+            result = super().displacement_above(*args, **kwargs)
             self.spent += time.perf_counter() - start
             return result
 

@@ -212,6 +212,25 @@ def test_displacement_at_elements_is_the_field_there(shape, kernel, single):
         np.testing.assert_allclose(got, expected, rtol=0, atol=tolerance * np.abs(expected).max(initial=0.0))
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("shape", [*SHAPES, (257, 129)])
+def test_displacement_above_is_the_field_less_the_heights(shape, threads):
+    space = HalfSpace(shape, threads=threads)
+    size = shape[0] * shape[1]
+    heights = noise(size, 5)
+    for elements in ([], [0], [size - 1], np.arange(size), np.flatnonzero(noise(size, 3) > 0.5)):
+        elements = np.asarray(elements, dtype=np.intp)
+        pressure = np.zeros(size)
+        pressure[elements] = noise(elements.size, 4)
+        before = space.convolutions
+        got = space.displacement_above(heights, elements, pressure[elements])
+        assert space.convolutions == before + 1.0
+        field = space.displacement(pressure.reshape(shape)).ravel()
+        assert np.array_equal(got, field - heights)
+        got[:] = 0.0
+        assert np.array_equal(heights, noise(size, 5))
+
+
 def test_single_precision_is_single_on_a_large_grid():
     shape = (129, 257)
     pressure = np.abs(noise(shape))
@@ -228,11 +247,13 @@ def test_nothing_is_left_behind_by_earlier_calls(shape, value):
     some, ones, high = everything[::3], np.ones(everything[::3].size), np.full(everything.size, value)
     calls = [
         lambda space: space.displacement(spike),
+        lambda space: space.displacement_above(spike.ravel(), some, ones),
         lambda space: space.displacement_at(some, ones),
         lambda space: space.displacement_at(some, ones, single=True),
     ]
     before = [
         lambda space: space.displacement(high.reshape(shape)),
+        lambda space: space.displacement_above(high, everything, high),
         lambda space: space.displacement_at(everything, high),
         lambda space: space.displacement_at(everything, high.astype(np.float32), single=True),
     ]
