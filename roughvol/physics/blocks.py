@@ -19,7 +19,7 @@ Numbers are rounded to 32 bits, which is closer than any of the approximations.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Any
 
@@ -36,6 +36,7 @@ _SIDE = 8  # elements along the side of a block; 4 makes more blocks, 16 more pr
 _DENSE_UP_TO = 256  # blocks that are solved for by factorisation
 _AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))
 _BEFORE = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 0))  # the pattern of the near-field factor of blocks
+_PIECE = 2**12  # elements whose coefficients are gathered at a time, to stay in cache
 _LEAST_PIVOT = 0.05  # of a diagonal coefficient, should points be too rough for blocks; the least one seen is 0.74
 
 
@@ -55,6 +56,10 @@ def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
     J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (two levels).
     """
     return _corrected(near, _Level(influence, shape, elements, t, None))
+
+
+def _pieces(size: int) -> Iterator[slice]:
+    return (slice(start, start + _PIECE) for start in range(0, size, _PIECE))
 
 
 def _corrected(near: Map, blocks: _Level) -> Map:
@@ -118,7 +123,8 @@ class _Level:
         self.numbers = (x - 1) * self.shape[1] + y - 1
         self.neighbours = number[occupied[:, None] + np.array([i * width + j for i, j in _AROUND])]
         of_element = number[block]
-        place = of_element.astype(np.intp) * _SIDE**2 + (row % _SIDE) * _SIDE + column % _SIDE
+        within = (row % _SIDE) * _SIDE + column % _SIDE
+        place = of_element.astype(np.intp) * _SIDE**2 + within
         shapes = np.zeros((count, _SIDE**2), dtype=np.float32)
         shapes.ravel()[place] = np.maximum(t, 1e-9 * t.max()) if t.any() else 1.0
         self.mass = shapes.sum(axis=1)
@@ -128,21 +134,24 @@ class _Level:
         self.spread = sparse.csr_array((share, of_element, start), shape=(elements.size, count))
 
         # displacement of every element under a unit force on each of the nine blocks around; the tenth column is E
-        tables = _tables(tuple(map(tuple, influence[: 2 * _SIDE, : 2 * _SIDE].tolist())))
+        fields = np.zeros((count + 1, len(_AROUND) * _SIDE**2), dtype=np.float32)  # the last row: of no block
+        tables = _tables(influence[: 2 * _SIDE, : 2 * _SIDE].tobytes(), min(2 * _SIDE, influence.shape[0]))
+        np.matmul(shapes, tables, out=fields[:count])
+        begin = self.neighbours.astype(np.intp) * fields.shape[1] + np.arange(len(_AROUND)) * _SIDE**2
         data = np.ones((elements.size, len(_AROUND) + 1), dtype=np.float32)
-        for k, table in enumerate(tables):
-            there = np.flatnonzero(self.neighbours[:, k] < count)
-            field = np.zeros_like(shapes)
-            field[there] = shapes.take(self.neighbours[there, k], axis=0) @ table
-            data[:, k] = field.ravel().take(place)
+        for some in _pieces(elements.size):
+            at = begin.take(of_element[some], axis=0)
+            at += within[some, None]
+            data[some, :-1] = fields.ravel().take(at)
         if below is not None:  # the elements are blocks themselves: those around them act by more than points do
             points = [_at(influence, i, j) for i, j in _AROUND]
-            excess = below.near - np.array(points, dtype=np.float32)
-            for k in range(len(_AROUND)):
-                here = np.flatnonzero(below.neighbours[:, k] < elements.size)
-                other = below.neighbours[here, k]
-                step = block[other] - block[here] + width + 1
-                data[here, step // width * 3 + step % width] += excess[here, k] * share[other]
+            here, k = np.nonzero(below.neighbours < elements.size)
+            other = below.neighbours[here, k]
+            excess = (below.near[here, k] - np.array(points)[k]) * share[other]
+            towards = np.zeros(2 * width + 3, dtype=np.intp)
+            towards[[(i + 1) * width + j + 1 for i, j in _AROUND]] = np.arange(len(_AROUND))
+            column_of = towards[block[other] - block[here] + width + 1]
+            data += np.bincount(here * data.shape[1] + column_of, excess, data.size).reshape(data.shape)
         self.near = (self.spread.T @ data)[:, :-1]
         data[:, :-1] -= self.near.take(of_element, axis=0)
         where = np.empty(data.shape, dtype=np.int32)
@@ -153,19 +162,18 @@ class _Level:
 
 
 @lru_cache(maxsize=16)
-def _tables(influence: tuple[tuple[float, ...], ...]) -> list[Single]:
-    """Return, for each of the blocks around, the displacement of each element of a block by each of that one's."""
-    given = np.array(influence)
+def _tables(influence: bytes, rows: int) -> Single:
+    """Return, side by side for each of the blocks around, the displacement of each element of a block by that one's."""
+    given = np.frombuffer(influence).reshape(rows, -1)
     kernel = np.zeros((2 * _SIDE, 2 * _SIDE))
     kernel[: given.shape[0], : given.shape[1]] = given
     place = np.arange(_SIDE)
-    tables = []
-    for i, j in _AROUND:
+    tables = np.empty((_SIDE**2, len(_AROUND), _SIDE**2), dtype=np.float32)
+    for k, (i, j) in enumerate(_AROUND):
         row = np.abs(place[:, None] + i * _SIDE - place)
         column = np.abs(place[:, None] + j * _SIDE - place)
-        table = kernel[row[:, None, :, None], column[None, :, None, :]].reshape(_SIDE**2, _SIDE**2)
-        tables.append(table.astype(np.float32))
-    return tables
+        tables[:, k] = kernel[row[:, None, :, None], column[None, :, None, :]].reshape(_SIDE**2, _SIDE**2)
+    return tables.reshape(_SIDE**2, -1)
 
 
 def _at(influence: Array, row: int, column: int) -> float:

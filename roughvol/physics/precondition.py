@@ -59,7 +59,9 @@ def near_field(influence: Array, columns: int, elements: Index, reach: float) ->
     size, width = elements.size, columns + 4
     row, column = np.divmod(elements, columns)
     place = ((row - row[0] + 2) * width + column + 2).astype(np.int32)
-    number = np.full((row[-1] - row[0] + 3) * width, -1, dtype=np.int32)
+    number = np.arange((row[-1] - row[0] + 3) * width, dtype=np.int32)
+    number &= (1 << (size.bit_length() - 1)) - 1
+    np.invert(number, out=number)
     number[place] = np.arange(size, dtype=np.int32)
     shifts = (offsets @ (width, 1)).astype(np.int32)
     neighbours = number.take(np.add.outer(place, shifts))
@@ -68,13 +70,10 @@ def near_field(influence: Array, columns: int, elements: Index, reach: float) ->
     with np.errstate(invalid="ignore"):  # some BLAS raise the flag on what lies beyond the end of an array
         # as a product of floating-point numbers, which is exact and the fastest way
         code = (present.astype(np.float32) @ bits.astype(np.float32)).astype(np.int32)
-    # flat places of what is there: a mask over two dimensions takes three times as long
-    entries = np.flatnonzero(present)
-    start = np.zeros(size + 1, dtype=np.int32)
-    np.cumsum((np.bitwise_count(np.arange(table.shape[0])) + 1)[code], out=start[1:])
-    factor = sparse.csr_array(
-        (table.take(code, axis=0).ravel().take(entries), neighbours.ravel().take(entries), start), shape=(size, size)
-    )
+    # Rows of one length, with zeros for neighbours that are absent, are faster than shorter ones of different lengths
+    neighbours ^= neighbours >> 31
+    start = np.arange(0, neighbours.size + 1, shifts.size, dtype=np.int32)
+    factor = sparse.csr_array((table.take(code, axis=0).ravel(), neighbours.ravel(), start), shape=(size, size))
     transposed = factor.T
     return lambda r: transposed @ (factor @ r.astype(np.float32, copy=False))
 
