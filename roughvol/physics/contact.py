@@ -356,11 +356,8 @@ class _Problem:
         F(Δ - η) ≤ F ≤ F(Δ + η), proved for an M-matrix K⁻¹.
         """
         near = state.within(2.0 * residual)
-        counted = state.gap(near) <= 2.0 * residual
-        counted[np.searchsorted(near, state.elements)] = True
-        places, there = _places(before.elements, near)
-        counted[places[there]] = True
-        elements = near[counted]
+        elements = near[state.gap(near) <= 2.0 * residual]
+        places, there = _places(before.elements, elements)
         if not there.all():
             elements = np.union1d(elements, before.elements)
         short = np.maximum(before.gap(elements) - state.gap(elements), 0.0).sum()
@@ -472,13 +469,14 @@ def _solve_fast(problem: _Problem, indentation: float, now: _State, before: _Sta
         state, residual = problem.verified(indentation, candidates, q, indentation - now.indentation)
         if residual <= problem.rtol:
             return state, iterations, residual
-        candidates, rate = state.within(0.0), None
+        candidates = state.within(0.0)
         again = state.gap(candidates) < 0.0
         again[np.searchsorted(candidates, state.elements)] = True
         candidates = candidates[again]
         q = np.zeros(candidates.size)
         q[np.searchsorted(candidates, state.elements)] = state.pressure
         w = state.gap(candidates)
+        rate = _rates(candidates, state, now) if indentation > now.indentation else None
     message = f"contact not converged to {problem.rtol:g}"
     raise ConvergenceError(message, indentation=indentation, iterations=iterations, residual=residual)
 
@@ -527,22 +525,28 @@ def _predict(
     predicted = (w if theta > 0.0 else gap) < 0.0
     predicted[np.searchsorted(candidates, now.elements)] = True
     candidates, w, fallen = candidates[predicted], w[predicted], fallen[predicted]
-    places = np.searchsorted(candidates, now.elements)
-    rate = np.zeros(candidates.size)
-    rate[places] = now.pressure
-    # where contacts are not nested (another kernel than Love's, or elements on the brink) only what is in both has one
-    earlier, there = _places(before.elements, now.elements)
-    rate[places[earlier[there]]] -= before.pressure[there]
-    rate /= step
+    rate = _rates(candidates, now, before)
     q = np.zeros(candidates.size)
-    q[places] = now.pressure
-    q += (indentation - now.indentation) * rate
+    q[np.searchsorted(candidates, now.elements)] = now.pressure
+    q += (indentation - now.indentation) * rate[0]
     _truncate(problem, candidates, q, w)
-    # displacement per unit of indentation: the gap falls by one where nothing moves
-    return candidates, q, w, (rate, 1.0 + fallen / step)
+    return candidates, q, w, rate
 
 
 _Rate = tuple[Array, Array]
+
+
+def _rates(candidates: Index, now: _State, before: _State) -> _Rate:
+    """Return pressure and displacement per unit of indentation on the candidates, between two states."""
+    places = np.searchsorted(candidates, now.elements)
+    pressure = np.zeros(candidates.size)
+    pressure[places] = now.pressure
+    # where contacts are not nested (another kernel than Love's, or elements on the brink) only what is in both counts
+    earlier, there = _places(before.elements, now.elements)
+    pressure[places[earlier[there]]] -= before.pressure[there]
+    displacement = now.touching[candidates] - before.touching[candidates]
+    step = now.indentation - before.indentation
+    return pressure / step, displacement / step
 
 
 def _places(some: Index, among: Index) -> tuple[Index, NDArray[np.bool_]]:
