@@ -30,7 +30,8 @@ _SHORT, _LONG = 2.0**0.5, 5.0**0.5  # reach of the near field in spacings: 2⁴ 
 _SMALLEST = 48  # nodes along the longer side below which there is nothing collective worth a correction
 _BLOCKS_FROM = 400  # nodes; below, hats are the cheaper correction
 _LARGE = 2000  # nodes from which on a longer reach of the near field saves more in transforms than it costs
-_WELL_CLEAR = 1.0  # tension, in mean steps of the pressure
+_WELL_CLEAR = 0.5  # tension, in mean steps of the pressure
+_AGAIN = 2  # times; each costs half a convolution and saves more than one
 _LIFTED = 0.003  # share of the elements that has to be lifted clear to make another inverse worth its time
 _HATS = 0.25  # intervals of the coarse grid along the longer side, times √nodes: where the gain meets the cost
 _CELLS_PER_HAT = 5  # along each axis: how finely the response to a hat is resolved
@@ -143,12 +144,13 @@ def approximate_inverse(
     near = near_field(influence, shape[1], elements[kept], reach)
     kept, some = _without_lifted(kept, pressure, near(-gap[kept]), 0.0)
     inverse = made(kept, None if some else near)
-    if some and longer >= _LARGE:
+    for _ in range(_AGAIN if some and longer >= _LARGE else 0):
         # many come into reach in one step there: once more, by what the inverse itself says; this errs on both sides,
         # so only those well clear of contact are left out
         kept, more = _without_lifted(kept, pressure, inverse(-gap[kept]), _WELL_CLEAR)
-        if more:
-            inverse = made(kept)
+        if not more:
+            break
+        inverse = made(kept)
     if kept.size == elements.size:
         return inverse, held
     alone = 1.0 / influence[0, 0]
