@@ -357,8 +357,7 @@ class _Problem:
         """
         near = state.within(2.0 * residual)
         elements = near[state.gap(near) <= 2.0 * residual]
-        places, there = _places(before.elements, elements)
-        if not there.all():
+        if not _places(before.elements, elements)[1].all():
             elements = np.union1d(elements, before.elements)
         short = np.maximum(before.gap(elements) - state.gap(elements), 0.0).sum()
         force = state.pressure.sum() - before.pressure.sum() + short / self.half_space.influence[0, 0]
@@ -520,11 +519,10 @@ def _predict(
     # the surfaces approach. Between them, as in a search: all that is in contact at the later one.
     candidates = now.within(max(0.0, indentation - now.indentation))
     gap = now.gap(candidates)
-    fallen = gap - before.gap(candidates)
-    w = gap + theta * fallen
+    w = gap + theta * (gap - before.gap(candidates))
     predicted = (w if theta > 0.0 else gap) < 0.0
     predicted[np.searchsorted(candidates, now.elements)] = True
-    candidates, w, fallen = candidates[predicted], w[predicted], fallen[predicted]
+    candidates, w = candidates[predicted], w[predicted]
     rate = _rates(candidates, now, before)
     q = np.zeros(candidates.size)
     q[np.searchsorted(candidates, now.elements)] = now.pressure
