@@ -491,7 +491,7 @@ def _approach(problem: _Problem, indentation: float, now: _State) -> tuple[_Stat
     stages = [indentation]
     while np.count_nonzero(problem.heights > -stages[-1]) > _COLD_UP_TO:
         stages.append(stages[-1] / _STAGE)
-        if len(stages) > 20:  # most of the surface is one plateau: there is no way around it
+        if len(stages) > 40:  # most of the surface is one plateau: there is no way around it
             return now, None
     wanted, problem.rtol = problem.rtol, max(problem.rtol, 1e-3)
     before: _State | None = None
@@ -502,8 +502,8 @@ def _approach(problem: _Problem, indentation: float, now: _State) -> tuple[_Stat
     return now, before
 
 
-_COLD_UP_TO = 50_000  # elements; below, stages take more convolutions than they save on vectors
-_STAGE = 1.3
+_COLD_UP_TO = 20_000  # elements; below, stages take more convolutions than they save on vectors
+_STAGE = 1.15
 
 
 def _predict(
