@@ -339,6 +339,15 @@ class _Problem:
             raise ContactError(message)
 
     @cached_property
+    def mirrored(self) -> NDArray[Any]:
+        """Return K at every offset, flat, from the origin on: rows ≥ 0 by columns of both signs, in the precision used.
+
+        An offset (i, j) with i > 0, or i = 0 ≤ j, is at i (2 columns - 1) + j; the others are these, turned round.
+        """
+        half = self.half_space.influence.astype(np.float32 if self.single else np.float64)
+        return np.hstack((half[:, :0:-1], half)).ravel()[self.shape[1] - 1 :]
+
+    @cached_property
     def stiffest(self) -> float:
         """Return a bound of dp*/d(Δ/σ): the stiffness of a contact never exceeds that of the whole grid.
 
@@ -633,7 +642,7 @@ _SAFETY = 0.7  # share of the tolerance left to the recursive residual; the veri
 _LAST = 3.0  # what a step of the length of the one before takes off the residual of a rough contact
 _WELL_PRECONDITIONED = 0.3  # a length, below which the next may be anything: the first steps on compact contacts
 _ITERATIONS = 2000
-_PIECE = 2**15  # numbers that stay in the cache between one pass of arithmetic and the next
+_DIRECT = 3.0  # terms of a sum per node of the grid, up to which it is cheaper than a convolution
 
 
 def _truncate(problem: _Problem, elements: Index, q: Array, w: Array) -> bool:
@@ -646,13 +655,15 @@ def _truncate(problem: _Problem, elements: Index, q: Array, w: Array) -> bool:
         return False
     half_space = problem.half_space
     rows, columns = half_space.shape
-    if negative.size * elements.size <= rows * columns:  # terms of the sum; each costs about what the FFT costs a node
+    if negative.size * elements.size <= _DIRECT * rows * columns:
+        # in a table whose rows hold both signs of the column, an offset is the distance of two numbers
         row, column = np.divmod(elements.astype(np.int32), np.int32(columns))
-        for some in np.array_split(negative, 1 + negative.size * elements.size // _PIECE):
-            place = np.abs(np.subtract.outer(row[some], row))
-            place *= np.int32(columns)
-            place += np.abs(np.subtract.outer(column[some], column))
-            w -= q[some] @ half_space.influence.ravel().take(place)
+        number = row * np.int32(2 * columns - 1) + column
+        displacement: NDArray[Any] = np.zeros(q.size, dtype=problem.mirrored.dtype)
+        for element, pressure in zip(negative.tolist(), q[negative].tolist(), strict=True):
+            offset = number - number[element]
+            displacement += pressure * problem.mirrored.take(np.abs(offset, out=offset))
+        w -= displacement
     else:
         removed = np.zeros_like(q)
         removed[negative] = q[negative]

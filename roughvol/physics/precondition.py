@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, sparse
+from scipy import sparse
 
 from roughvol.physics.blocks import by_blocks
 
@@ -227,7 +227,7 @@ def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
     moved = moved[:, :-1] + (1.0 - moved[:, -1:]) * hat
     coarse = hat.T @ (mass[:, None] * moved)
     weight = 1.0 / np.sqrt(mass @ hat)
-    stiffness, modes = linalg.eigh(0.5 * (coarse + coarse.T) * weight[:, None] * weight, check_finite=False)
+    stiffness, modes = np.linalg.eigh(0.5 * (coarse + coarse.T) * weight[:, None] * weight)
     keep = stiffness > _MODES_ABOVE
     modes = weight[:, None] * modes[:, keep] / np.sqrt(stiffness[keep])
     moved, hat = moved @ modes, hat @ modes  # from here Q = Z Zᵀ
