@@ -313,6 +313,7 @@ class _Problem:
             raise ContactError(message)
         self.half_space, self.rtol, self.shape = half_space, rtol, surface.shape
         self._mixed = precision == "mixed"
+        self._mirrored: NDArray[Any] = np.empty(0, dtype=bool)
         # range first, then σ: the standard deviation of 1e-250 heights would underflow
         heights = surface.heights - surface.heights.max()
         height_range = -heights.min()
@@ -338,14 +339,16 @@ class _Problem:
             )
             raise ContactError(message)
 
-    @cached_property
     def mirrored(self) -> NDArray[Any]:
         """Return K at every offset, flat, from the origin on: rows ≥ 0 by columns of both signs, in the precision used.
 
         An offset (i, j) with i > 0, or i = 0 ≤ j, is at i (2 columns - 1) + j; the others are these, turned round.
         """
-        half = self.half_space.influence.astype(np.float32 if self.single else np.float64)
-        return np.hstack((half[:, :0:-1], half)).ravel()[self.shape[1] - 1 :]
+        precision = np.dtype(np.float32 if self.single else np.float64)
+        if precision != self._mirrored.dtype:
+            half = self.half_space.influence.astype(precision)
+            self._mirrored = np.hstack((half[:, :0:-1], half)).ravel()[self.shape[1] - 1 :]
+        return self._mirrored
 
     @cached_property
     def stiffest(self) -> float:
@@ -659,10 +662,11 @@ def _truncate(problem: _Problem, elements: Index, q: Array, w: Array) -> bool:
         # in a table whose rows hold both signs of the column, an offset is the distance of two numbers
         row, column = np.divmod(elements.astype(np.int32), np.int32(columns))
         number = row * np.int32(2 * columns - 1) + column
-        displacement: NDArray[Any] = np.zeros(q.size, dtype=problem.mirrored.dtype)
+        table = problem.mirrored()
+        displacement: NDArray[Any] = np.zeros(q.size, dtype=table.dtype)
         for element, pressure in zip(negative.tolist(), q[negative].tolist(), strict=True):
             offset = number - number[element]
-            displacement += pressure * problem.mirrored.take(np.abs(offset, out=offset))
+            displacement += pressure * table.take(np.abs(offset, out=offset))
         w -= displacement
     else:
         removed = np.zeros_like(q)
