@@ -719,3 +719,21 @@ def test_a_cold_start_in_stages_ends_in_the_same_state(heights, monkeypatch):
     assert np.array_equal(in_stages.contact(), at_once.contact())
     assert in_stages.mean_pressure == pytest.approx(at_once.mean_pressure, rel=1e-8)
     assert in_stages.residual <= 1e-9
+
+
+@pytest.mark.parametrize("precision", ["mixed", "double"])
+@pytest.mark.parametrize("rtol", [1e-6, 1e-10])
+def test_removed_pressures_may_be_summed_or_convolved(precision, rtol, monkeypatch):
+    monkeypatch.setattr("roughvol.physics.contact._DENSE_UP_TO", 8)
+    surface = Surface(fractal(6).heights[:, :40], 1.0)
+    ends = np.linspace(0.3, 3.0, 7)
+    found = []
+    for direct in (0.0, np.inf):
+        monkeypatch.setattr("roughvol.physics.contact._DIRECT", direct)
+        found.append(list(sweep(surface, half_space(surface.shape), ends, rtol=rtol, precision=precision)))
+    for convolved, summed in zip(*found, strict=True):
+        assert max(convolved.residual, summed.residual) <= rtol
+        assert abs(convolved.free_volume - summed.free_volume) <= 2.0 * rtol
+    assert sum(c.convolutions + c.convolutions_fp32 for c in found[0]) > sum(
+        c.convolutions + c.convolutions_fp32 for c in found[1]
+    )
