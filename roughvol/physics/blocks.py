@@ -19,7 +19,7 @@ Numbers are rounded to 32 bits, which is closer than any of the approximations.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -56,10 +56,6 @@ def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
     J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (two levels).
     """
     return _corrected(near, _Level(influence, shape, elements, t, None))
-
-
-def _pieces(size: int) -> Iterator[slice]:
-    return (slice(start, start + _PIECE) for start in range(0, size, _PIECE))
 
 
 def _corrected(near: Map, blocks: _Level) -> Map:
@@ -139,7 +135,8 @@ class _Level:
         np.matmul(shapes, tables, out=fields[:count])
         begin = self.neighbours.astype(np.intp) * fields.shape[1] + np.arange(len(_AROUND)) * _SIDE**2
         data = np.ones((elements.size, len(_AROUND) + 1), dtype=np.float32)
-        for some in _pieces(elements.size):
+        for first in range(0, elements.size, _PIECE):
+            some = slice(first, first + _PIECE)
             at = begin.take(of_element[some], axis=0)
             at += within[some, None]
             data[some, :-1] = fields.ravel().take(at)

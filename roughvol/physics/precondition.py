@@ -60,6 +60,7 @@ def near_field(influence: Array, columns: int, elements: Index, reach: float) ->
     size, width = elements.size, columns + 4
     row, column = np.divmod(elements, columns)
     place = ((row - row[0] + 2) * width + column + 2).astype(np.int32)
+    # where there is no element: ~i of some i below the size, which spreads the zeros of absent neighbours, see below
     number = np.arange((row[-1] - row[0] + 3) * width, dtype=np.int32)
     number &= (1 << (size.bit_length() - 1)) - 1
     np.invert(number, out=number)
@@ -71,7 +72,8 @@ def near_field(influence: Array, columns: int, elements: Index, reach: float) ->
     with np.errstate(invalid="ignore"):  # some BLAS raise the flag on what lies beyond the end of an array
         # as a product of floating-point numbers, which is exact and the fastest way
         code = (present.astype(np.float32) @ bits.astype(np.float32)).astype(np.int32)
-    # Rows of one length, with zeros for neighbours that are absent, are faster than shorter ones of different lengths
+    # Rows of one length, with zeros for neighbours that are absent, are faster than shorter ones of different lengths,
+    # unless all zeros are at one place, where each addition waits for the one before. From ~i to i, the rest unchanged:
     neighbours ^= neighbours >> 31
     start = np.arange(0, neighbours.size + 1, shifts.size, dtype=np.int32)
     factor = sparse.csr_array((table.take(code, axis=0).ravel(), neighbours.ravel(), start), shape=(size, size))
