@@ -128,7 +128,7 @@ class Contact:
 
     def state(self) -> dict[str, Any]:
         """Return what `sweep` needs to go on from here (``resume``), as plain numbers and arrays."""
-        return {name: getattr(self._state, name) for name in ("indentation", "elements", "pressure", "touching")}
+        return {name: getattr(self._state, name) for name in ("indentation", "elements", "pressure", "touch_at")}
 
 
 @dataclass
@@ -138,12 +138,12 @@ class _State:
     indentation: float
     elements: Index  # where q > 0, increasing
     pressure: Array  # q there
-    touching: Array  # u - h on the whole grid, flat: the indentation at which an element touches as long as u stays
+    touch_at: Array  # u - h on the whole grid, flat: the indentation at which an element touches as long as u stays
     _near: tuple[float, Index] | None = None
 
     def gap(self, elements: Index | None = None) -> Array:
         """Return w, on the whole grid or on some elements of it."""
-        return (self.touching if elements is None else self.touching[elements]) - self.indentation
+        return (self.touch_at if elements is None else self.touch_at[elements]) - self.indentation
 
     def within(self, reach: float) -> Index:
         """Return, in increasing order, all elements with w < reach, and those with q > 0; there may be more.
@@ -151,7 +151,7 @@ class _State:
         A pass over the grid, which is not made again for a shorter reach.
         """
         if self._near is None or self._near[0] < reach:
-            near = self.touching < self.indentation + reach
+            near = self.touch_at < self.indentation + reach
             near[self.elements] = True
             self._near = reach, np.flatnonzero(near)
         return self._near[1]
@@ -421,8 +421,7 @@ class _Problem:
         """
         positive = q > 0.0
         elements, q = elements[positive], q[positive]
-        touching = self.half_space.displacement_above(self.heights, elements, q)
-        state = _State(indentation, elements, q, touching)
+        state = _State(indentation, elements, q, self.half_space.displacement_above(self.heights, elements, q))
         # where the overlap is not positive the gap is not negative, so its minimum is one over the overlap
         deepest = -float(state.gap(state.within(abs(step))).min(initial=0.0))
         return state, max(float(np.abs(state.gap(elements)).max(initial=0.0)), deepest)
@@ -498,7 +497,7 @@ _ROUNDS = 60  # of solve and verify; one is the rule, two after an unlucky predi
 def _approach(problem: _Problem, indentation: float, now: _State) -> tuple[_State, _State | None]:
     """Return two rough states below an indentation whose rigid overlap is too large a set to begin with, if it is.
 
-    The overlap is up to fifty times the contact; a few states to 10⁻³ on the way keep all vectors, and memory, small.
+    The overlap is up to fifty times the contact; states to 10⁻³ on the way keep all vectors, and memory, small.
     """
     stages = [indentation]
     while np.count_nonzero(problem.heights > -stages[-1]) > _COLD_UP_TO:
@@ -554,7 +553,7 @@ def _rates(candidates: Index, now: _State, before: _State) -> _Rate:
     # where contacts are not nested (another kernel than Love's, or elements on the brink) only what is in both counts
     earlier, there = _places(before.elements, now.elements)
     pressure[places[earlier[there]]] -= before.pressure[there]
-    displacement = now.touching[candidates] - before.touching[candidates]
+    displacement = now.touch_at[candidates] - before.touch_at[candidates]
     step = now.indentation - before.indentation
     return pressure / step, displacement / step
 

@@ -37,8 +37,8 @@ def measure(m: int, D: float, seed: int, threads: int) -> list[tuple[str, float,
         before, now, after = (contact.state() for contact in kept)
         elements = after["elements"]
         rate = (field(now, surface) - field(before, surface))[elements] * STEPS / last
-        displacement = (now["touching"] - before["touching"])[elements] * STEPS / last
-        residual = after["indentation"] - (2.0 * now["touching"] - before["touching"])[elements]
+        displacement = (now["touch_at"] - before["touch_at"])[elements] * STEPS / last
+        residual = after["indentation"] - (2.0 * now["touch_at"] - before["touch_at"])[elements]
         influence, shape = half_space.influence, half_space.shape
         rows = []
         for name, reach in (("near field, √2", 2.0), ("near field, √5", 5.0), ("hats", 5.0), ("blocks", 2.0)):
