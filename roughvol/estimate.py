@@ -22,8 +22,8 @@ from roughvol.resources import cores
 from roughvol.study import ACCURACY, EXPECTED, Case, Study
 
 TIMED_UP_TO = 1025  # nodes a side; beyond it a convolution is long, and scales as N² log N
-# seconds a step, whatever the grid; more where the iteration is used, and for each of its convolutions
-STEP, ITERATIVE, PER_UNIT = 1.7e-4, 3.5e-4, 0.0
+# seconds a step, whatever the grid, and more where the iteration is used
+STEP, ITERATIVE = 1.7e-4, 3.5e-4
 PER_CONVOLUTION = 1.2  # time of a step over that of its convolutions, on grids where these matter
 # convolutions a step beyond the one that verifies: at m = 6 and 1e-6, for each level more, and with the digits
 UNITS, UNITS_PER_LEVEL, DIGITS_POWER = 1.40, 0.34, 1.95
@@ -158,7 +158,7 @@ def convolutions_per_step(shape: tuple[int, int], rtol: float) -> float:
 def seconds_per_step(shape: tuple[int, int], rtol: float, convolution: float) -> float:
     """Return the seconds that one step of a sweep takes, given those of one convolution on its grid."""
     needed = convolutions_per_step(shape, rtol)
-    iterative = ITERATIVE + PER_UNIT * needed if _level(shape) > 5.0 else 0.0
+    iterative = ITERATIVE if _level(shape) > 5.0 else 0.0
     return STEP + iterative + PER_CONVOLUTION * needed * convolution
 
 

@@ -1,7 +1,7 @@
 """The constants of `roughvol/estimate.py`, fitted to sweeps and searches on this machine.
 
-`python -m tests.bench.cost_rule [m …]`. The time of a step is STEP + n PER_CONVOLUTION t, and ITERATIVE + n PER_UNIT
-more where the iteration is used (m > 5); t is the time of one convolution, n how many a step takes:
+`python -m tests.bench.cost_rule [m …]`. The time of a step is STEP + n PER_CONVOLUTION t, and ITERATIVE more
+where the iteration is used (m > 5); t is the time of one convolution, n how many a step takes:
 
     n = 1 + (UNITS + UNITS_PER_LEVEL (m - 6)) (log10(1/η) / 6)^DIGITS_POWER,    m > 5.
 
@@ -87,9 +87,9 @@ def main() -> int:
     at_six, per_level = fit(power)[0]
     model = np.ones_like(m)
     model[some] += factors(power) @ (at_six, per_level)
-    columns = np.column_stack((np.ones_like(m), some, some * model, model * convolution))
+    columns = np.column_stack((np.ones_like(m), some, model * convolution))
     times = nnls(columns / seconds[:, None], np.ones_like(seconds))[0]
-    names = ("STEP", "ITERATIVE", "PER_UNIT", "PER_CONVOLUTION")
+    names = ("STEP", "ITERATIVE", "PER_CONVOLUTION")
     print("  ".join(f"{name} = {value:.2g}" for name, value in zip(names, times, strict=True)))
     print(f"UNITS = {at_six:.2f}  UNITS_PER_LEVEL = {per_level:.2f}  DIGITS_POWER = {power:.2f}", end="  ")
     print(f"SEARCH = {np.median(search):.0f}")
