@@ -5,14 +5,17 @@ falls on it, a block of 8 × 8 elements moves almost evenly, for that is what t 
 split into t-shaped forces on blocks, and a rest without force on any block, which reaches no further than their
 neighbours:
 
-    M⁻¹ = P C Pᵀ + (1 - P Xᵀ) B (1 - X Pᵀ),        X = E + N C.
+    M⁻¹ = P C Pᵀ + (1 - P Xᵀ) B,        X = E + N C.
 
 P spreads the force of a block over its elements as t is spread there (Pᵀ: the mean of a block, weighted by t), E gives
 all elements of a block the same value, N is by how much the displacement under forces on the same and the eight
 surrounding blocks departs from its mean over the block. B is the near-field inverse on the elements, C ≈ (Pᵀ K P)⁻¹:
 the same problem with a 64th of the elements, whose nearest coefficients are summed exactly, whose others are those of
-points, and which is solved in the same way, down to a few blocks and a factorisation. M⁻¹ is symmetric and positive
-definite whatever t, N and C are, so that a poor t costs iterations, never correctness.
+points, and which is solved in the same way, down to a few blocks and a factorisation.
+
+M⁻¹ is not symmetric. With a factor (1 - X Pᵀ) on the right it would be, and positive definite whatever t, N and C are;
+but that has, were C exact, the same eigenvalues, and costs another product with N and another with C. Without it
+rᵀM⁻¹r has stayed positive with every t that was tried (tests), and the iteration stands it if it does not.
 
 Numbers are rounded to 32 bits, which is closer than any of the approximations.
 """
@@ -40,6 +43,18 @@ _PIECE = 2**12  # elements whose coefficients are gathered at a time, to stay in
 _LEAST_PIVOT = 0.05  # of a diagonal coefficient, should points be too rough for blocks; the least one seen is 0.74
 
 
+def influence_matrix(influence: Array, elements: Index) -> Array:
+    """Return K(i - j) between some elements (flat indices), from K of the non-negative offsets of the whole grid."""
+    columns = np.int32(influence.shape[1])
+    row, column = np.divmod(elements.astype(np.int32), columns)
+    offset = np.abs(np.subtract.outer(row, row))
+    offset *= columns
+    across = np.subtract.outer(column, column)
+    offset += np.abs(across, out=across)
+    matrix: Array = influence.ravel().take(offset)
+    return matrix
+
+
 def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any]) -> Map:
     """Return r ↦ M⁻¹ r on the elements, of the module's docstring.
 
@@ -53,7 +68,7 @@ def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
 
     References
     ----------
-    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (two levels).
+    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (two levels, "A-DEF2").
     """
     return _corrected(near, _Level(influence, shape, elements, t, None))
 
@@ -71,12 +86,12 @@ def _corrected(near: Map, blocks: _Level) -> Map:
 
     def apply(r: NDArray[Any]) -> NDArray[Any]:
         r = r.astype(np.float32, copy=False)
-        means = mean @ r
-        forces = coarse(means)
-        z = near(r - moved @ np.concatenate((forces, means)))
+        z = near(r)
         back = moments @ z
-        forces = forces - back[count:] - coarse(back[:count])
-        return z + spread @ forces
+        forces = coarse(mean @ r - back[:count])
+        forces -= back[count:]
+        z += spread @ forces
+        return z
 
     return apply
 
@@ -130,16 +145,18 @@ class _Level:
         self.spread = sparse.csr_array((share, of_element, start), shape=(elements.size, count))
 
         # displacement of every element under a unit force on each of the nine blocks around; the tenth column is E
-        fields = np.zeros((count + 1, len(_AROUND) * _SIDE**2), dtype=np.float32)  # the last row: of no block
+        fields = np.empty((count + 2, len(_AROUND) * _SIDE**2), dtype=np.float32)
+        fields[count:] = [[0.0], [1.0]]  # of no block, and E
         tables = _tables(influence[: 2 * _SIDE, : 2 * _SIDE].tobytes(), min(2 * _SIDE, influence.shape[0]))
         np.matmul(shapes, tables, out=fields[:count])
-        begin = self.neighbours.astype(np.intp) * fields.shape[1] + np.arange(len(_AROUND)) * _SIDE**2
-        data = np.ones((elements.size, len(_AROUND) + 1), dtype=np.float32)
+        begin = np.full((count, len(_AROUND) + 1), (count + 1) * fields.shape[1], dtype=np.intp)
+        begin[:, :-1] = self.neighbours * fields.shape[1] + np.arange(len(_AROUND)) * _SIDE**2
+        data = np.empty((elements.size, len(_AROUND) + 1), dtype=np.float32)
         for first in range(0, elements.size, _PIECE):
             some = slice(first, first + _PIECE)
             at = begin.take(of_element[some], axis=0)
             at += within[some, None]
-            data[some, :-1] = fields.ravel().take(at)
+            fields.ravel().take(at, out=data[some], mode="clip")
         if below is not None:  # the elements are blocks themselves: those around them act by more than points do
             points = [_at(influence, i, j) for i, j in _AROUND]
             here, k = np.nonzero(below.neighbours < elements.size)
@@ -149,11 +166,14 @@ class _Level:
             towards[[(i + 1) * width + j + 1 for i, j in _AROUND]] = np.arange(len(_AROUND))
             column_of = towards[block[other] - block[here] + width + 1]
             data += np.bincount(here * data.shape[1] + column_of, excess, data.size).reshape(data.shape)
-        self.near = (self.spread.T @ data)[:, :-1]
-        data[:, :-1] -= self.near.take(of_element, axis=0)
-        where = np.empty(data.shape, dtype=np.int32)
-        where[:, :-1] = np.minimum(self.neighbours, count - 1).take(of_element, axis=0)
-        where[:, -1] = of_element + count
+        means = self.spread.T @ data
+        self.near = means[:, :-1].copy()
+        means[:, -1] = 0.0
+        data -= means.take(of_element, axis=0)
+        where = np.empty(begin.shape, dtype=np.int32)
+        where[:, :-1] = np.minimum(self.neighbours, count - 1)
+        where[:, -1] = np.arange(count, 2 * count)
+        where = where.take(of_element, axis=0)
         start = np.arange(0, data.size + 1, data.shape[1], dtype=np.int32)
         self.moved = sparse.csr_array((data.ravel(), where.ravel(), start), shape=(elements.size, 2 * count))
 
@@ -180,9 +200,8 @@ def _at(influence: Array, row: int, column: int) -> float:
 
 def _factorised(blocks: _Level) -> Map:
     """Return the inverse of the operator between few blocks."""
-    x, y = np.divmod(blocks.numbers, blocks.shape[1])
-    matrix = blocks.influence[np.abs(x[:, None] - x), np.abs(y[:, None] - y)]
-    here, k = np.nonzero(blocks.neighbours < x.size)
+    matrix = influence_matrix(blocks.influence, blocks.numbers)
+    here, k = np.nonzero(blocks.neighbours < blocks.numbers.size)
     matrix[here, blocks.neighbours[here, k]] = blocks.near[here, k]
     try:
         factor = linalg.cho_factor(matrix, lower=True, check_finite=False)

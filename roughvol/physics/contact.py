@@ -40,13 +40,17 @@ from numpy.typing import NDArray
 from scipy import linalg as scipy_linalg
 
 from roughvol.errors import ContactError, ConvergenceError
+from roughvol.physics.blocks import influence_matrix
 from roughvol.physics.precondition import approximate_inverse
 from roughvol.physics.surface import Surface
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-_DENSE_UP_TO = 160  # candidates; below this a Cholesky factorisation costs less than the Python of a few iterations
+# Candidates up to which a factorisation costs less than a few iterations and their preconditioner: so many on small
+# grids, where the iterations cost the time of Python, and from _DENSE_FROM nodes on in proportion to the nodes
+_DENSE_UP_TO = 160
+_DENSE_FROM = 257
 _ROUNDING = 4e-16  # no residual η/σ below this share of the indentation survives the rounding of a convolution
 _TENSILE = 1e-12  # a share of the largest pressure that counts as rounding, not as tension or contact
 
@@ -314,6 +318,7 @@ class _Problem:
         self.half_space, self.rtol, self.shape = half_space, rtol, surface.shape
         self._mixed = precision == "mixed"
         self._mirrored: NDArray[Any] = np.empty(0, dtype=bool)
+        self._place = np.full(surface.heights.size, -1, dtype=np.int32)  # as `places` leaves it
         # range first, then σ: the standard deviation of 1e-250 heights would underflow
         heights = surface.heights - surface.heights.max()
         height_range = -heights.min()
@@ -338,6 +343,22 @@ class _Problem:
                 f"the residual η/σ that double precision can reach there"
             )
             raise ContactError(message)
+
+    def places(self, candidates: Index, *others: Index) -> list[NDArray[np.int32]]:
+        """Return where other elements stand among the candidates, -1 for those that are none; any order."""
+        self._place[candidates] = np.arange(candidates.size, dtype=np.int32)
+        found = [self._place.take(elements) for elements in others]
+        self._place[candidates] = -1
+        return found
+
+    def pressures(self, candidates: Index, *states: _State) -> list[Array]:
+        """Return q of the states on the candidates, as far as it is there."""
+        spread = []
+        for place, state in zip(self.places(candidates, *(s.elements for s in states)), states, strict=True):
+            q = np.zeros(candidates.size + 1)  # the last one takes what is elsewhere, at -1
+            q[place] = state.pressure
+            spread.append(q[:-1])
+        return spread
 
     def mirrored(self) -> NDArray[Any]:
         """Return K at every offset, flat, from the origin on: rows ≥ 0 by columns of both signs, in the precision used.
@@ -369,7 +390,7 @@ class _Problem:
         """
         near = state.within(2.0 * residual)
         elements = near[state.gap(near) <= 2.0 * residual]
-        if not _places(before.elements, elements)[1].all():
+        if self.places(elements, before.elements)[0].min(initial=0) < 0:
             elements = np.union1d(elements, before.elements)
         short = np.maximum(before.gap(elements) - state.gap(elements), 0.0).sum()
         force = state.pressure.sum() - before.pressure.sum() + short / self.half_space.influence[0, 0]
@@ -423,7 +444,8 @@ class _Problem:
         elements, q = elements[positive], q[positive]
         state = _State(indentation, elements, q, self.half_space.displacement_above(self.heights, elements, q))
         # where the overlap is not positive the gap is not negative, so its minimum is one over the overlap
-        deepest = -float(state.gap(state.within(abs(step))).min(initial=0.0))
+        reach = abs(step) * (1.0 + 1e-6)  # the next step may be longer by rounding
+        deepest = -float(state.gap(state.within(reach)).min(initial=0.0))
         return state, max(float(np.abs(state.gap(elements)).max(initial=0.0)), deepest)
 
     def record(
@@ -468,11 +490,12 @@ def _solve_fast(problem: _Problem, indentation: float, now: _State, before: _Sta
     if before is None:
         now, before = _approach(problem, indentation, now)
     candidates, q, w, rate = _predict(problem, indentation, now, before)
+    dense_up_to = _DENSE_UP_TO * max(1.0, max(problem.shape) / _DENSE_FROM)
     iterations = 0
     for attempt in range(_ROUNDS):
-        if candidates.size <= _DENSE_UP_TO:
+        if candidates.size <= dense_up_to:
             b = problem.heights[candidates] + indentation
-            q, steps = _dense_face(problem.half_space.influence, problem.shape[1], candidates, b), 1
+            q, steps = _dense_face(problem.half_space.influence, candidates, b), 1
         else:
             q, steps = _conjugate_gradients(problem, candidates, q, w, rate, attempt)
         iterations += steps
@@ -481,12 +504,13 @@ def _solve_fast(problem: _Problem, indentation: float, now: _State, before: _Sta
             return state, iterations, residual
         candidates = state.within(0.0)
         again = state.gap(candidates) < 0.0
-        again[np.searchsorted(candidates, state.elements)] = True
+        again[problem.places(candidates, state.elements)[0]] = True
         candidates = candidates[again]
-        q = np.zeros(candidates.size)
-        q[np.searchsorted(candidates, state.elements)] = state.pressure
         w = state.gap(candidates)
-        rate = _rates(candidates, state, now) if indentation > now.indentation else None
+        if indentation > now.indentation:
+            q, rate = _rates(problem, candidates, state, now)
+        else:
+            (q,), rate = problem.pressures(candidates, state), None
     message = f"contact not converged to {problem.rtol:g}"
     raise ConvergenceError(message, indentation=indentation, iterations=iterations, residual=residual)
 
@@ -532,11 +556,9 @@ def _predict(
     gap = now.gap(candidates)
     w = gap + theta * (gap - before.gap(candidates))
     predicted = (w if theta > 0.0 else gap) < 0.0
-    predicted[np.searchsorted(candidates, now.elements)] = True
+    predicted[problem.places(candidates, now.elements)[0]] = True
     candidates, w = candidates[predicted], w[predicted]
-    rate = _rates(candidates, now, before)
-    q = np.zeros(candidates.size)
-    q[np.searchsorted(candidates, now.elements)] = now.pressure
+    q, rate = _rates(problem, candidates, now, before)
     q += (indentation - now.indentation) * rate[0]
     _truncate(problem, candidates, q, w)
     return candidates, q, w, rate
@@ -545,28 +567,19 @@ def _predict(
 _Rate = tuple[Array, Array]
 
 
-def _rates(candidates: Index, now: _State, before: _State) -> _Rate:
-    """Return pressure and displacement per unit of indentation on the candidates, between two states."""
-    places = np.searchsorted(candidates, now.elements)
-    pressure = np.zeros(candidates.size)
-    pressure[places] = now.pressure
+def _rates(problem: _Problem, candidates: Index, now: _State, before: _State) -> tuple[Array, _Rate]:
+    """Return q on the candidates, and pressure and displacement per unit of indentation there, between two states."""
+    q, earlier = problem.pressures(candidates, now, before)
     # where contacts are not nested (another kernel than Love's, or elements on the brink) only what is in both counts
-    earlier, there = _places(before.elements, now.elements)
-    pressure[places[earlier[there]]] -= before.pressure[there]
+    pressure = np.where(q > 0.0, q - earlier, 0.0)
     displacement = now.touch_at[candidates] - before.touch_at[candidates]
     step = now.indentation - before.indentation
-    return pressure / step, displacement / step
+    return q, (pressure / step, displacement / step)
 
 
-def _places(some: Index, among: Index) -> tuple[Index, NDArray[np.bool_]]:
-    """Return where some elements stand among others, both in increasing order, and which of them do."""
-    places = np.searchsorted(among, some)
-    return places, places < among.size if not among.size else among.take(places, mode="clip") == some
-
-
-def _dense_face(influence: Array, columns: int, elements: Index, b: Array) -> Array:
+def _dense_face(influence: Array, elements: Index, b: Array) -> Array:
     """Solve on few elements by factorisation: tensile ones leave, penetrating ones come back, until neither is left."""
-    matrix = _dense(influence, columns, elements)
+    matrix = influence_matrix(influence, elements)
     q = np.zeros(b.size)
     active = np.ones(b.size, dtype=bool)
     for _ in range(100 + b.size):
@@ -584,13 +597,6 @@ def _dense_face(influence: Array, columns: int, elements: Index, b: Array) -> Ar
             break
         active |= penetrating
     return np.maximum(q, 0.0)
-
-
-def _dense(influence: Array, columns: int, elements: Index) -> Array:
-    """Return the matrix K(i - j) of the elements."""
-    row, column = np.divmod(elements, columns)
-    matrix: Array = influence[np.abs(row[:, None] - row), np.abs(column[:, None] - column)]
-    return matrix
 
 
 def _conjugate_gradients(
@@ -626,7 +632,11 @@ def _conjugate_gradients(
         # an element without pressure that its neighbours will lift clear (z < 0) is left alone, not made tensile first
         np.copyto(z, 0.0, where=held | ((q <= 0.0) & (z < 0.0)))
         last, product = product, float(r @ z)
-        direction *= max(0.0, (product - float(old @ z)) / last)
+        if product > 0.0:
+            direction *= max(0.0, (product - float(old @ z)) / last)
+        else:  # not seen: M⁻¹ is not symmetric, and only experience says that it makes directions of descent
+            z, product = r, float(r @ r)
+            direction[:] = 0.0
         direction += z
         np.copyto(direction, 0.0, where=held)
         if residual <= _LAST * tolerance and iteration and length > _WELL_PRECONDITIONED and attempt == 0:
@@ -691,7 +701,7 @@ def _solve_paper(
     elements = np.flatnonzero(problem.heights > -indentation)
     sweeps = 0
     while True:
-        matrix = _dense(problem.half_space.influence, problem.shape[1], elements)
+        matrix = influence_matrix(problem.half_space.influence, elements)
         lower = np.tril(matrix)
         upper = np.triu(matrix, 1)
         b = problem.heights[elements] + indentation

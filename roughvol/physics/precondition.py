@@ -59,24 +59,24 @@ def near_field(influence: Array, columns: int, elements: Index, reach: float) ->
     offsets, table = _near_field_rows(tuple(map(tuple, influence[:5, :5].tolist())), reach)
     size, width = elements.size, columns + 4
     row, column = np.divmod(elements, columns)
-    place = ((row - row[0] + 2) * width + column + 2).astype(np.int32)
+    place = (row - row[0] + 2) * width + column + 2
     # where there is no element: ~i of some i below the size, which spreads the zeros of absent neighbours, see below
     number = np.arange((row[-1] - row[0] + 3) * width, dtype=np.int32)
     number &= (1 << (size.bit_length() - 1)) - 1
     np.invert(number, out=number)
     number[place] = np.arange(size, dtype=np.int32)
-    shifts = (offsets @ (width, 1)).astype(np.int32)
-    neighbours = number.take(np.add.outer(place, shifts))
+    shifts = offsets @ (width, 1)
+    neighbours = number.take(np.add.outer(shifts, place))  # this way round: loops over few are slow
     present = neighbours >= 0
     bits = (1 << np.arange(shifts.size)) * (shifts != 0)
     with np.errstate(invalid="ignore"):  # some BLAS raise the flag on what lies beyond the end of an array
         # as a product of floating-point numbers, which is exact and the fastest way
-        code = (present.astype(np.float32) @ bits.astype(np.float32)).astype(np.int32)
+        code = (bits.astype(np.float32) @ present.astype(np.float32)).astype(np.intp)
     # Rows of one length, with zeros for neighbours that are absent, are faster than shorter ones of different lengths,
     # unless all zeros are at one place, where each addition waits for the one before. From ~i to i, the rest unchanged:
     neighbours ^= neighbours >> 31
     start = np.arange(0, neighbours.size + 1, shifts.size, dtype=np.int32)
-    factor = sparse.csr_array((table.take(code, axis=0).ravel(), neighbours.ravel(), start), shape=(size, size))
+    factor = sparse.csr_array((table.take(code, axis=0).ravel(), neighbours.T.ravel(), start), shape=(size, size))
     transposed = factor.T
     return lambda r: transposed @ (factor @ r.astype(np.float32, copy=False))
 
@@ -115,7 +115,7 @@ def approximate_inverse(
     gap: Array,
     rates: Rates | None,
 ) -> tuple[Map, NDArray[np.bool_]]:
-    """Return r ↦ M⁻¹ r ≈ K⁻¹ r, symmetric and positive definite, and the elements that it expects not to be in contact.
+    """Return r ↦ M⁻¹ r ≈ K⁻¹ r, and the elements that it expects not to be in contact.
 
     An element without pressure that the near field would not make carry any is lifted clear by its neighbours. An
     inverse that counts on it is the wrong one for these, so it is made without. Should such an element come into
@@ -170,7 +170,8 @@ def approximate_inverse(
 def _without_lifted(kept: Index, pressure: Array, step: Array, margin: float) -> tuple[Index, bool]:
     """Return those of the elements that a step of the pressure leaves in contact, all of them if it lifts but few."""
     loaded = pressure[kept] > 0.0
-    lifted = ~loaded & (step <= -margin * np.abs(step[loaded]).sum() / max(1, np.count_nonzero(loaded)))
+    least = margin * float(np.abs(step[loaded]).mean()) if margin and loaded.any() else 0.0
+    lifted = ~loaded & (step <= -least)
     many = bool(_LIFTED * kept.size < np.count_nonzero(lifted) < kept.size)
     return (kept[~lifted] if many else kept), many
 
@@ -184,13 +185,13 @@ def _uniform(near: Map, rate: Array, displacement: Array) -> Array:
 def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: Array) -> Map:
     r"""Return the near-field inverse corrected for the collective modes of the contact.
 
-    .. math:: M^{-1} = Q + (1 - Q \hat H)\, B\, (1 - \hat H Q), \qquad Q = Z\,(Z^T \hat H Z)^{-1} Z^T
+    .. math:: M^{-1} = Q + (1 - Q \hat H)\, B, \qquad Q = Z\,(Z^T \hat H Z)^{-1} Z^T
 
     B is the near-field inverse, the columns of Z are t times bilinear hats on a coarse grid, and Ĥ is an approximation
     of K used on Z alone. It uses the one thing known exactly, H t = 1: for a smooth factor c,
     (H t c)(x) = c(x) + ∫ K(x - y) (c(y) - c(x)) t(y) dy, in which the singular part of the kernel drops out, so that
-    the integral may be taken over cells of many elements. M⁻¹ is symmetric and positive definite whatever Ĥ, so a poor
-    Ĥ costs iterations, never correctness.
+    the integral may be taken over cells of many elements. As in `blocks`, M⁻¹ is not symmetric, and does without the
+    factor that would make it so.
 
     Parameters
     ----------
@@ -200,7 +201,7 @@ def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
 
     References
     ----------
-    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (balancing, "BNN").
+    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 ("A-DEF2").
     """
     longer = max(shape)
     hats = round(_HATS * longer**0.5)
@@ -235,8 +236,8 @@ def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
     moved, hat = moved @ modes, hat @ modes  # from here Q = Z Zᵀ
 
     def apply(r: Array) -> Array:
+        z = near(r)
         s = hat.T @ np.bincount(cell, weights=t * r, minlength=count)
-        z = near(r - (moved @ s)[cell])
         s -= moved.T @ np.bincount(cell, weights=z, minlength=count)
         return z + t * (hat @ s)[cell]
 
