@@ -13,9 +13,11 @@ surrounding blocks departs from its mean over the block. B is the near-field inv
 the same problem with a 64th of the elements, whose nearest coefficients are summed exactly, whose others are those of
 points, and which is solved in the same way, down to a few blocks and a factorisation.
 
-M⁻¹ is not symmetric. With a factor (1 - X Pᵀ) on the right it would be, and positive definite whatever t, N and C are;
-but that has, were C exact, the same eigenvalues, and costs another product with N and another with C. Without it
-rᵀM⁻¹r has stayed positive with every t that was tried (tests), and the iteration stands it if it does not.
+This is not symmetric. With a factor (1 - X Pᵀ) on the right ("balanced") it is, and positive definite whatever t, N and
+C are; were C exact, the eigenvalues would be the same, and it costs another product with N and another with C. What it
+does is to take the smooth part off r before B, which makes too much of it, the more the finer the grid is: from where
+that begins to matter on, M⁻¹ is the balanced one. Without it rᵀM⁻¹r has stayed positive with every t that was tried
+(tests), and the iteration stands it if it does not.
 
 Numbers are rounded to 32 bits, which is closer than any of the approximations.
 """
@@ -55,7 +57,9 @@ def influence_matrix(influence: Array, elements: Index) -> Array:
     return matrix
 
 
-def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any]) -> Map:
+def by_blocks(
+    near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any], *, balanced: bool
+) -> Map:
     """Return r ↦ M⁻¹ r on the elements, of the module's docstring.
 
     Parameters
@@ -65,30 +69,39 @@ def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
     shape : rows and columns of the grid.
     elements : flat indices, increasing.
     t : ≥ 0 on the elements.
+    balanced : M⁻¹ is symmetric and positive definite.
 
     References
     ----------
-    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (two levels, "A-DEF2").
+    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (two levels: "A-DEF2", and
+    "BNN", the balanced one).
     """
-    return _corrected(near, _Level(influence, shape, elements, t, None))
+    return _corrected(near, _Level(influence, shape, elements, t, None), balanced)
 
 
-def _corrected(near: Map, blocks: _Level) -> Map:
+def _corrected(near: Map, blocks: _Level, balanced: bool) -> Map:
     """Return M⁻¹ for the elements that make up the blocks."""
     coarse: Map
     if blocks.numbers.size <= _DENSE_UP_TO:
         coarse = _factorised(blocks)
     else:
         above = _Level(blocks.influence, blocks.shape, blocks.numbers, blocks.mass, blocks)
-        coarse = _corrected(_near_field(blocks), above)
+        coarse = _corrected(_near_field(blocks), above, balanced)
     spread, moved, count = blocks.spread, blocks.moved, blocks.numbers.size
     mean, moments = spread.T, moved.T
 
     def apply(r: NDArray[Any]) -> NDArray[Any]:
         r = r.astype(np.float32, copy=False)
-        z = near(r)
-        back = moments @ z
-        forces = coarse(mean @ r - back[:count])
+        means = mean @ r
+        if balanced:
+            forces = coarse(means)
+            z = near(r - moved @ np.concatenate((forces, means)))
+            back = moments @ z
+            forces -= coarse(back[:count])
+        else:
+            z = near(r)
+            back = moments @ z
+            forces = coarse(means - back[:count])
         forces -= back[count:]
         z += spread @ forces
         return z

@@ -29,7 +29,7 @@ Rates = tuple[Array, Array]
 _SHORT, _LONG = 2.0**0.5, 5.0**0.5  # reach of the near field in spacings: 2⁴ or 2¹⁰ neighbourhoods
 _SMALLEST = 48  # nodes along the longer side below which there is nothing collective worth a correction
 _BLOCKS_FROM = 400  # nodes; below, hats are the cheaper correction
-_LARGE = 2000  # nodes from which on a longer reach of the near field saves more in transforms than it costs
+_LARGE = 2000  # nodes from which on a longer reach of the near field, and balancing, save more than they cost
 _WELL_CLEAR = 0.5  # tension, in mean steps of the pressure
 _AGAIN = 2  # times; each costs half a convolution and saves more than one
 _LIFTED = 0.003  # share of the elements that has to be lifted clear to make another inverse worth its time
@@ -140,7 +140,7 @@ def approximate_inverse(
     def made(kept: Index, near: Map | None = None) -> Map:
         near = near or near_field(influence, shape[1], elements[kept], reach)
         t = _uniform(near, rates[0][kept], rates[1][kept])
-        return by_blocks(near, influence, shape, elements[kept], t)
+        return by_blocks(near, influence, shape, elements[kept], t, balanced=longer >= _LARGE)
 
     kept = np.arange(held.size) if held.all() else np.flatnonzero(~held)
     near = near_field(influence, shape[1], elements[kept], reach)
@@ -190,8 +190,8 @@ def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
     B is the near-field inverse, the columns of Z are t times bilinear hats on a coarse grid, and Ĥ is an approximation
     of K used on Z alone. It uses the one thing known exactly, H t = 1: for a smooth factor c,
     (H t c)(x) = c(x) + ∫ K(x - y) (c(y) - c(x)) t(y) dy, in which the singular part of the kernel drops out, so that
-    the integral may be taken over cells of many elements. As in `blocks`, M⁻¹ is not symmetric, and does without the
-    factor that would make it so.
+    the integral may be taken over cells of many elements. As in `blocks`, M⁻¹ is not symmetric, and
+    does without the factor that would make it so.
 
     Parameters
     ----------

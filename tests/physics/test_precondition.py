@@ -87,7 +87,8 @@ def corrections(influence, shape, elements, t, reach=2.0**0.5):
     near = precondition.near_field(influence, shape[1], elements, reach)
     return near, {
         "hats": precondition.two_level(near, influence, shape, elements, t),
-        "blocks": blocks.by_blocks(near, influence, shape, elements, t),
+        "blocks": blocks.by_blocks(near, influence, shape, elements, t, balanced=False),
+        "balanced": blocks.by_blocks(near, influence, shape, elements, t, balanced=True),
     }
 
 
@@ -104,6 +105,9 @@ def test_any_guess_of_t_leaves_it_positive_definite(shape, guess, levels, monkey
     ]
     _, found = corrections(influence, shape, elements, t)
     eigenvalues(dense(found["blocks"], elements.size), matrix)
+    balanced = dense(found["balanced"], elements.size)
+    eigenvalues(balanced, matrix)
+    np.testing.assert_allclose(balanced, balanced.T, rtol=0, atol=3e-6 * np.abs(balanced).max())
     if guess in ("t", "noise"):
         eigenvalues(dense(found["hats"], elements.size), matrix)
 
@@ -117,8 +121,9 @@ def test_blocks_leave_nothing_for_the_iteration_to_find(seed, dense_up_to, monke
     near, found = corrections(influence, shape, elements, t)
     spread = {name: eigenvalues(dense(map_, elements.size), matrix) for name, map_ in found.items()}
     alone = eigenvalues(dense(near, elements.size), matrix)
-    assert spread["blocks"][0] > 0.5
-    assert spread["blocks"][-1] < 1.8
+    for kind in ("blocks", "balanced"):
+        assert spread[kind][0] > 0.5
+        assert spread[kind][-1] < 1.8
     assert spread["blocks"][-1] / spread["blocks"][0] < spread["hats"][-1] / spread["hats"][0] < alone[-1] / alone[0]
 
 
@@ -209,7 +214,8 @@ def test_without_a_factorisation_the_near_field_does(monkeypatch):
 
     monkeypatch.setattr(blocks.linalg, "cho_factor", fails)
     near = precondition.near_field(influence, 65, elements, 2.0**0.5)
-    found = eigenvalues(dense(blocks.by_blocks(near, influence, (65, 65), elements, t), elements.size), matrix)
+    inverse = blocks.by_blocks(near, influence, (65, 65), elements, t, balanced=True)
+    found = eigenvalues(dense(inverse, elements.size), matrix)
     assert found[-1] / found[0] < 20.0
 
 
@@ -241,7 +247,7 @@ def test_elements_that_neighbours_lift_clear_are_left_out_and_right_for_the_othe
 # ---- the solver with every kind, on grids small enough to compare
 
 
-@pytest.mark.parametrize("kind", ["near field", "hats", "blocks", "blocks of blocks"])
+@pytest.mark.parametrize("kind", ["near field", "hats", "blocks", "blocks of blocks", "balanced blocks of blocks"])
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("D", [2.1, 2.8])
 def test_sweep_does_not_depend_on_the_preconditioner(D, kernel, kind, monkeypatch):
@@ -253,7 +259,8 @@ def test_sweep_does_not_depend_on_the_preconditioner(D, kernel, kind, monkeypatc
     monkeypatch.setattr(contact, "_DENSE_UP_TO", 0)
     monkeypatch.setattr(precondition, "_SMALLEST", 10**6 if kind == "near field" else 0)
     monkeypatch.setattr(precondition, "_BLOCKS_FROM", 0 if "blocks" in kind else 10**6)
-    monkeypatch.setattr(blocks, "_DENSE_UP_TO", 5 if kind == "blocks of blocks" else 256)
+    monkeypatch.setattr(precondition, "_LARGE", 0 if "balanced" in kind else 10**6)
+    monkeypatch.setattr(blocks, "_DENSE_UP_TO", 5 if "of blocks" in kind else 256)
     for one, other in zip(sweep(surface, half_space, steps, rtol=1e-9), exact, strict=True):
         assert one.residual <= 1e-9
         np.testing.assert_allclose(one.pressure(), other.pressure(), rtol=0, atol=1e-7 * other.pressure().max())
