@@ -586,7 +586,8 @@ def _dense_face(influence: Array, elements: Index, b: Array) -> Array:
         index = np.flatnonzero(active)
         q[:] = 0.0
         if index.size:
-            factor = scipy_linalg.cho_factor(matrix[np.ix_(index, index)], lower=True, check_finite=False)
+            those = matrix if index.size == b.size else matrix[np.ix_(index, index)]
+            factor = scipy_linalg.cho_factor(those, lower=True, check_finite=False)
             q[index] = scipy_linalg.cho_solve(factor, b[index], check_finite=False)
         tensile = q < -_TENSILE * q.max(initial=0.0)
         if tensile.any():
