@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 # Candidates up to which a factorisation costs less than a few iterations and their preconditioner: so many on small
-# grids, where the iterations cost the time of Python, and from _DENSE_FROM nodes on in proportion to the nodes
+# grids, where the iterations cost the time of Python, and from _DENSE_FROM nodes a side on in proportion to the nodes
 _DENSE_UP_TO = 160
 _DENSE_FROM = 257
 _ROUNDING = 4e-16  # no residual η/σ below this share of the indentation survives the rounding of a convolution
@@ -490,7 +490,7 @@ def _solve_fast(problem: _Problem, indentation: float, now: _State, before: _Sta
     if before is None:
         now, before = _approach(problem, indentation, now)
     candidates, q, w, rate = _predict(problem, indentation, now, before)
-    dense_up_to = _DENSE_UP_TO * max(1.0, max(problem.shape) / _DENSE_FROM)
+    dense_up_to = _DENSE_UP_TO * max(1.0, problem.heights.size**0.5 / _DENSE_FROM)
     iterations = 0
     for attempt in range(_ROUNDS):
         if candidates.size <= dense_up_to:
