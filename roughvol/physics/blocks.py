@@ -16,8 +16,7 @@ points, and which is solved in the same way, down to a few blocks and a factoris
 This is not symmetric. With a factor (1 - X Pᵀ) on the right ("balanced") it is, and positive definite whatever t, N and
 C are; were C exact, the eigenvalues would be the same, and it costs another product with N and another with C. What it
 does is to take the smooth part off r before B, which makes too much of it, the more the finer the grid is: from where
-that begins to matter on, M⁻¹ is the balanced one. Without it rᵀM⁻¹r has stayed positive with every t that was tried
-(tests), and the iteration stands it if it does not.
+that begins to matter on, and where M⁻¹r is no descent, as with a t from states far off, the balanced one is used.
 
 Numbers are rounded to 32 bits, which is closer than any of the approximations.
 """
@@ -36,6 +35,7 @@ Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Index = NDArray[Any]
 Map = Callable[[NDArray[Any]], NDArray[Any]]
+Balanced = Callable[[NDArray[Any], bool], NDArray[Any]]
 
 _SIDE = 8  # elements along the side of a block; 4 makes more blocks, 16 more products within
 _DENSE_UP_TO = 256  # blocks that are solved for by factorisation
@@ -57,10 +57,8 @@ def influence_matrix(influence: Array, elements: Index) -> Array:
     return matrix
 
 
-def by_blocks(
-    near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any], *, balanced: bool
-) -> Map:
-    """Return r ↦ M⁻¹ r on the elements, of the module's docstring.
+def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any]) -> Balanced:
+    """Return (r, balanced) ↦ M⁻¹ r on the elements, of the module's docstring.
 
     Parameters
     ----------
@@ -69,39 +67,42 @@ def by_blocks(
     shape : rows and columns of the grid.
     elements : flat indices, increasing.
     t : ≥ 0 on the elements.
-    balanced : M⁻¹ is symmetric and positive definite.
 
     References
     ----------
     J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (two levels: "A-DEF2", and
     "BNN", the balanced one).
     """
-    return _corrected(near, _Level(influence, shape, elements, t, None), balanced)
+    return _corrected(near, _Level(influence, shape, elements, t, None))
 
 
-def _corrected(near: Map, blocks: _Level, balanced: bool) -> Map:
+def _corrected(near: Map, blocks: _Level) -> Balanced:
     """Return M⁻¹ for the elements that make up the blocks."""
-    coarse: Map
+    coarse: Balanced
     if blocks.numbers.size <= _DENSE_UP_TO:
-        coarse = _factorised(blocks)
+        factorised = _factorised(blocks)
+
+        def coarse(r: NDArray[Any], _: bool) -> NDArray[Any]:
+            return factorised(r)
+
     else:
         above = _Level(blocks.influence, blocks.shape, blocks.numbers, blocks.mass, blocks)
-        coarse = _corrected(_near_field(blocks), above, balanced)
+        coarse = _corrected(_near_field(blocks), above)
     spread, moved, count = blocks.spread, blocks.moved, blocks.numbers.size
     mean, moments = spread.T, moved.T
 
-    def apply(r: NDArray[Any]) -> NDArray[Any]:
+    def apply(r: NDArray[Any], balanced: bool) -> NDArray[Any]:
         r = r.astype(np.float32, copy=False)
         means = mean @ r
         if balanced:
-            forces = coarse(means)
+            forces = coarse(means, balanced)
             z = near(r - moved @ np.concatenate((forces, means)))
             back = moments @ z
-            forces -= coarse(back[:count])
+            forces -= coarse(back[:count], balanced)
         else:
             z = near(r)
             back = moments @ z
-            forces = coarse(means - back[:count])
+            forces = coarse(means - back[:count], balanced)
         forces -= back[count:]
         z += spread @ forces
         return z

@@ -617,6 +617,7 @@ def _conjugate_gradients(
     direction: NDArray[Any] = np.zeros(q.size, dtype=np.float32 if single else np.float64)
     old = direction.copy()
     product = length = 1.0
+    balanced = False
     for iteration in range(_ITERATIONS):
         if iteration % 2 == 0:  # every time costs more than it saves
             _truncate(problem, elements, q, w)
@@ -629,15 +630,15 @@ def _conjugate_gradients(
             if _truncate(problem, elements, q, w):
                 continue
             return q, iteration
-        z = precondition(r)
+        z = precondition(r, balanced)
+        if not balanced and float(r @ z) <= _DESCENT * float((r @ r) * (z @ z)) ** 0.5:
+            balanced = True
+            z = precondition(r, balanced)
+            direction[:] = 0.0
         # an element without pressure that its neighbours will lift clear (z < 0) is left alone, not made tensile first
         np.copyto(z, 0.0, where=held | ((q <= 0.0) & (z < 0.0)))
         last, product = product, float(r @ z)
-        if product > 0.0:
-            direction *= max(0.0, (product - float(old @ z)) / last)
-        else:  # not seen: M⁻¹ is not symmetric, and only experience says that it makes directions of descent
-            z, product = r, float(r @ r)
-            direction[:] = 0.0
+        direction *= max(0.0, (product - float(old @ z)) / last)
         direction += z
         np.copyto(direction, 0.0, where=held)
         if residual <= _LAST * tolerance and iteration and length > _WELL_PRECONDITIONED and attempt == 0:
@@ -654,6 +655,7 @@ _SINGLE_DOWN_TO = 2e-9  # η/σ; below, what 32 bits leave takes more further at
 _SAFETY = 0.7  # share of the tolerance left to the recursive residual; the verification finds a little more
 _LAST = 3.0  # what a step of the length of the one before takes off the residual of a rough contact
 _WELL_PRECONDITIONED = 0.3  # a length, below which the next may be anything: the first steps on compact contacts
+_DESCENT = 0.2  # cosine between r and M⁻¹ r below which M⁻¹ is balanced: the states before are rough, and so is t
 _ITERATIONS = 2000
 _DIRECT = 3.0  # terms of a sum per node of the grid, up to which it is cheaper than a convolution
 

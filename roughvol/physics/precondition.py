@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from roughvol.physics.blocks import by_blocks
+from roughvol.physics.blocks import Balanced, by_blocks
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -114,8 +114,10 @@ def approximate_inverse(
     pressure: Array,
     gap: Array,
     rates: Rates | None,
-) -> tuple[Map, NDArray[np.bool_]]:
-    """Return r ↦ M⁻¹ r ≈ K⁻¹ r, and the elements that it expects not to be in contact.
+) -> tuple[Balanced, NDArray[np.bool_]]:
+    """Return (r, balanced) ↦ M⁻¹ r ≈ K⁻¹ r, and the elements that it expects not to be in contact.
+
+    Balanced it is symmetric and positive definite, and takes more time.
 
     An element without pressure that the near field would not make carry any is lifted clear by its neighbours. An
     inverse that counts on it is the wrong one for these, so it is made without. Should such an element come into
@@ -133,14 +135,14 @@ def approximate_inverse(
     if rates is None or longer < _BLOCKS_FROM:
         near = near_field(influence, shape[1], elements, _LONG)
         if rates is None or longer < _SMALLEST:
-            return near, held
+            return lambda r, _: near(r), held
         return two_level(near, influence, shape, elements, _uniform(near, *rates)), held
     reach = _SHORT if longer < _LARGE else _LONG
 
-    def made(kept: Index, near: Map | None = None) -> Map:
+    def made(kept: Index, near: Map | None = None) -> Balanced:
         near = near or near_field(influence, shape[1], elements[kept], reach)
         t = _uniform(near, rates[0][kept], rates[1][kept])
-        return by_blocks(near, influence, shape, elements[kept], t, balanced=longer >= _LARGE)
+        return by_blocks(near, influence, shape, elements[kept], t)
 
     kept = np.arange(held.size) if held.all() else np.flatnonzero(~held)
     near = near_field(influence, shape[1], elements[kept], reach)
@@ -149,17 +151,17 @@ def approximate_inverse(
     for _ in range(_AGAIN if some and longer >= _LARGE else 0):
         # many come into reach in one step there: once more, by what the inverse itself says; this errs on both sides,
         # so only those well clear of contact are left out
-        kept, more = _without_lifted(kept, pressure, inverse(-gap[kept]), _WELL_CLEAR)
+        kept, more = _without_lifted(kept, pressure, inverse(-gap[kept], True), _WELL_CLEAR)
         if not more:
             break
         inverse = made(kept)
     if kept.size == elements.size:
-        return inverse, held
+        return lambda r, balanced: inverse(r, balanced or longer >= _LARGE), held
     alone = 1.0 / influence[0, 0]
 
-    def apply(r: Array) -> Array:
+    def apply(r: Array, balanced: bool) -> Array:
         z = alone * r
-        z[kept] = inverse(r[kept])
+        z[kept] = inverse(r[kept], balanced or longer >= _LARGE)
         return z
 
     held = np.ones(elements.size, dtype=bool)
@@ -182,7 +184,7 @@ def _uniform(near: Map, rate: Array, displacement: Array) -> Array:
     return t
 
 
-def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: Array) -> Map:
+def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: Array) -> Balanced:
     r"""Return the near-field inverse corrected for the collective modes of the contact.
 
     .. math:: M^{-1} = Q + (1 - Q \hat H)\, B, \qquad Q = Z\,(Z^T \hat H Z)^{-1} Z^T
@@ -190,8 +192,8 @@ def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
     B is the near-field inverse, the columns of Z are t times bilinear hats on a coarse grid, and Ĥ is an approximation
     of K used on Z alone. It uses the one thing known exactly, H t = 1: for a smooth factor c,
     (H t c)(x) = c(x) + ∫ K(x - y) (c(y) - c(x)) t(y) dy, in which the singular part of the kernel drops out, so that
-    the integral may be taken over cells of many elements. As in `blocks`, M⁻¹ is not symmetric, and
-    does without the factor that would make it so.
+    the integral may be taken over cells of many elements. As in `blocks`, M⁻¹ is not symmetric, unless
+    it is balanced by a factor (1 - ĤQ) on the right.
 
     Parameters
     ----------
@@ -235,9 +237,9 @@ def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
     modes = weight[:, None] * modes[:, keep] / np.sqrt(stiffness[keep])
     moved, hat = moved @ modes, hat @ modes  # from here Q = Z Zᵀ
 
-    def apply(r: Array) -> Array:
-        z = near(r)
+    def apply(r: Array, balanced: bool) -> Array:
         s = hat.T @ np.bincount(cell, weights=t * r, minlength=count)
+        z = near(r - (moved @ s)[cell] if balanced else r)
         s -= moved.T @ np.bincount(cell, weights=z, minlength=count)
         return z + t * (hat @ s)[cell]
 

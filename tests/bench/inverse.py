@@ -45,8 +45,8 @@ def measure(m: int, D: float, seed: int, threads: int) -> list[tuple[str, float,
             inverse: Any = near_field(influence, shape[1], elements, reach**0.5)
             t = np.maximum(rate + inverse(1.0 - displacement), 0.0)
             if name in ("hats", "blocks"):
-                correct = two_level if name == "hats" else partial(by_blocks, balanced=m >= 11)
-                inverse = correct(inverse, influence, shape, elements, t)
+                correct = two_level if name == "hats" else by_blocks
+                inverse = partial(correct(inverse, influence, shape, elements, t), balanced=m >= 11)
             needed = iterate(half_space, elements, inverse, residual)
             rows.append((name, *extremes(half_space, elements, inverse), needed))
     return rows
