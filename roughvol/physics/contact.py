@@ -634,7 +634,6 @@ def _conjugate_gradients(
         if not balanced and float(r @ z) <= _DESCENT * float((r @ r) * (z @ z)) ** 0.5:
             balanced = True
             z = precondition(r, balanced)
-            direction[:] = 0.0
         # an element without pressure that its neighbours will lift clear (z < 0) is left alone, not made tensile first
         np.copyto(z, 0.0, where=held | ((q <= 0.0) & (z < 0.0)))
         last, product = product, float(r @ z)
