@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Index = NDArray[Any]
 Map = Callable[[NDArray[Any]], NDArray[Any]]
-Balanced = Callable[[NDArray[Any], bool], NDArray[Any]]
+Inverse = Callable[[NDArray[Any], bool], NDArray[Any]]  # (r, balanced) ↦ M⁻¹ r
 
 _SIDE = 8  # elements along the side of a block; 4 makes more blocks, 16 more products within
 _DENSE_UP_TO = 256  # blocks that are solved for by factorisation
@@ -57,7 +57,7 @@ def influence_matrix(influence: Array, elements: Index) -> Array:
     return matrix
 
 
-def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any]) -> Balanced:
+def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any]) -> Inverse:
     """Return (r, balanced) ↦ M⁻¹ r on the elements, of the module's docstring.
 
     Parameters
@@ -76,9 +76,9 @@ def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
     return _corrected(near, _Level(influence, shape, elements, t, None))
 
 
-def _corrected(near: Map, blocks: _Level) -> Balanced:
+def _corrected(near: Map, blocks: _Level) -> Inverse:
     """Return M⁻¹ for the elements that make up the blocks."""
-    coarse: Balanced
+    coarse: Inverse
     if blocks.numbers.size <= _DENSE_UP_TO:
         factorised = _factorised(blocks)
 

@@ -349,7 +349,6 @@ class _Convolution:
 
     def convolve(self, pressure: NDArray[Any]) -> NDArray[Any]:
         """Return u on the whole of the rectangle, a new array."""
-        result = np.empty(self.shape, dtype=self._dtype)
         columns = self.shape[1]
 
         def forward(worker: int, k: int) -> None:
@@ -359,13 +358,7 @@ class _Convolution:
             self._row_plans[k][0]()
             buffer[:, :columns] = 0.0
 
-        def backward(worker: int, k: int) -> None:
-            part = self._row_parts[k]
-            self._row_plans[k][1]()
-            result[part] = self._results[worker][: part.stop - part.start, :columns]
-
-        self._transform(forward, backward)
-        return result
+        return self._field(forward, np.zeros((self.shape[0], 1), dtype=self._dtype))
 
     def places(self, row: NDArray[Any], column: NDArray[Any]) -> tuple[list[int], NDArray[Any]]:
         """Return where the elements of each part of the rows begin, and their places in the buffer of that part."""
@@ -392,17 +385,20 @@ class _Convolution:
     def convolve_above(
         self, heights: NDArray[Any], edges: list[int], places: NDArray[Any], pressure: NDArray[Any]
     ) -> NDArray[Any]:
-        """Return u - heights on the whole of the rectangle, a new array; subtracted while u is in cache."""
+        """Return u - heights on the whole of the rectangle, a new array, for pressure at some places."""
+        return self._field(self._scattered(edges, places, pressure), heights)
+
+    def _field(self, forward: Callable[[int, int], None], heights: NDArray[Any]) -> NDArray[Any]:
+        """Return u - heights, subtracted while u is in cache."""
         result = np.empty(self.shape, dtype=self._dtype)
-        columns = self.shape[1]
 
         def backward(worker: int, k: int) -> None:
             part = self._row_parts[k]
             self._row_plans[k][1]()
-            displacement = self._results[worker][: part.stop - part.start, :columns]
+            displacement = self._results[worker][: part.stop - part.start, : self.shape[1]]
             np.subtract(displacement, heights[part], out=result[part])
 
-        self._transform(self._scattered(edges, places, pressure), backward)
+        self._transform(forward, backward)
         return result
 
     def _scattered(self, edges: list[int], places: NDArray[Any], pressure: NDArray[Any]) -> Callable[[int, int], None]:

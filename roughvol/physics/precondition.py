@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from roughvol.physics.blocks import Balanced, by_blocks
+from roughvol.physics.blocks import Inverse, by_blocks
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -29,7 +29,7 @@ Rates = tuple[Array, Array]
 _SHORT, _LONG = 2.0**0.5, 5.0**0.5  # reach of the near field in spacings: 2⁴ or 2¹⁰ neighbourhoods
 _SMALLEST = 48  # nodes along the longer side below which there is nothing collective worth a correction
 _BLOCKS_FROM = 400  # nodes; below, hats are the cheaper correction
-_LARGE = 2000  # nodes from which on a longer reach of the near field, and balancing, save more than they cost
+LARGE = 2000  # nodes from which on a longer reach of the near field, and balancing, save more than they cost
 _WELL_CLEAR = 0.5  # tension, in mean steps of the pressure
 _AGAIN = 2  # times; each costs half a convolution and saves more than one
 _LIFTED = 0.003  # share of the elements that has to be lifted clear to make another inverse worth its time
@@ -114,7 +114,7 @@ def approximate_inverse(
     pressure: Array,
     gap: Array,
     rates: Rates | None,
-) -> tuple[Balanced, NDArray[np.bool_]]:
+) -> tuple[Inverse, NDArray[np.bool_]]:
     """Return (r, balanced) ↦ M⁻¹ r ≈ K⁻¹ r, and the elements that it expects not to be in contact.
 
     Balanced it is symmetric and positive definite, and takes more time.
@@ -137,9 +137,9 @@ def approximate_inverse(
         if rates is None or longer < _SMALLEST:
             return lambda r, _: near(r), held
         return two_level(near, influence, shape, elements, _uniform(near, *rates)), held
-    reach = _SHORT if longer < _LARGE else _LONG
+    reach = _SHORT if longer < LARGE else _LONG
 
-    def made(kept: Index, near: Map | None = None) -> Balanced:
+    def made(kept: Index, near: Map | None = None) -> Inverse:
         near = near or near_field(influence, shape[1], elements[kept], reach)
         t = _uniform(near, rates[0][kept], rates[1][kept])
         return by_blocks(near, influence, shape, elements[kept], t)
@@ -148,7 +148,7 @@ def approximate_inverse(
     near = near_field(influence, shape[1], elements[kept], reach)
     kept, some = _without_lifted(kept, pressure, near(-gap[kept]), 0.0)
     inverse = made(kept, None if some else near)
-    for _ in range(_AGAIN if some and longer >= _LARGE else 0):
+    for _ in range(_AGAIN if some and longer >= LARGE else 0):
         # many come into reach in one step there: once more, by what the inverse itself says; this errs on both sides,
         # so only those well clear of contact are left out
         kept, more = _without_lifted(kept, pressure, inverse(-gap[kept], True), _WELL_CLEAR)
@@ -156,12 +156,12 @@ def approximate_inverse(
             break
         inverse = made(kept)
     if kept.size == elements.size:
-        return lambda r, balanced: inverse(r, balanced or longer >= _LARGE), held
+        return lambda r, balanced: inverse(r, balanced or longer >= LARGE), held
     alone = 1.0 / influence[0, 0]
 
     def apply(r: Array, balanced: bool) -> Array:
         z = alone * r
-        z[kept] = inverse(r[kept], balanced or longer >= _LARGE)
+        z[kept] = inverse(r[kept], balanced or longer >= LARGE)
         return z
 
     held = np.ones(elements.size, dtype=bool)
@@ -184,7 +184,7 @@ def _uniform(near: Map, rate: Array, displacement: Array) -> Array:
     return t
 
 
-def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: Array) -> Balanced:
+def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: Array) -> Inverse:
     r"""Return the near-field inverse corrected for the collective modes of the contact.
 
     .. math:: M^{-1} = Q + (1 - Q \hat H)\, B, \qquad Q = Z\,(Z^T \hat H Z)^{-1} Z^T
@@ -203,7 +203,8 @@ def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
 
     References
     ----------
-    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 ("A-DEF2").
+    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 ("A-DEF2", and "BNN", the balanced
+    one).
     """
     longer = max(shape)
     hats = round(_HATS * longer**0.5)

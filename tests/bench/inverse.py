@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 from roughvol.physics.blocks import by_blocks
 from roughvol.physics.contact import sweep
 from roughvol.physics.halfspace import HalfSpace
-from roughvol.physics.precondition import near_field, two_level
+from roughvol.physics.precondition import LARGE, near_field, two_level
 from roughvol.physics.surface import random_midpoint_displacement
 
 STEPS, ITERATIONS, TOLERANCE = 60, 20, 1e-6
@@ -46,7 +46,7 @@ def measure(m: int, D: float, seed: int, threads: int) -> list[tuple[str, float,
             t = np.maximum(rate + inverse(1.0 - displacement), 0.0)
             if name in ("hats", "blocks"):
                 correct = two_level if name == "hats" else by_blocks
-                inverse = partial(correct(inverse, influence, shape, elements, t), balanced=m >= 11)
+                inverse = partial(correct(inverse, influence, shape, elements, t), balanced=max(shape) >= LARGE)
             needed = iterate(half_space, elements, inverse, residual)
             rows.append((name, *extremes(half_space, elements, inverse), needed))
     return rows
