@@ -321,8 +321,9 @@ class _Convolution:
         self._waves = pyfftw.zeros_aligned((rows, -(-waves // aligned) * aligned), dtype=complex_type)[:, :waves]
         self._row_parts, self._column_parts = (
             _parts(rows, width * complex_type.itemsize),
-            _parts(waves, length * complex_type.itemsize),
+            _parts(waves, length * complex_type.itemsize, _TOGETHER),
         )
+        self._bands = _parts(rows, 2**18 // _BAND)
         workers = min(threads, len(self._column_parts))
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
         deepest = max(part.stop - part.start for part in self._row_parts)
@@ -426,7 +427,8 @@ class _Convolution:
         part = self._column_parts[k]
         count, rows = part.stop - part.start, self.shape[0]
         (before, after), (forward, backward) = self._blocks[worker], self._block_plans[worker]
-        before[:count, :rows] = self._waves[:, part].T
+        for some in self._bands:
+            before[:count, some] = self._waves[some, part].T
         before[:count, rows:] = 0.0
         forward()
         after[:count].view(self._dtype)[:] *= self._spectrum[part]
@@ -454,8 +456,15 @@ def _plan(source: Any, target: Any, direction: str) -> Callable[[], None]:
     return execute
 
 
-def _parts(count: int, size: int) -> list[slice]:
-    """Cut so many transforms of a size in bytes into equal parts of about 256 KiB each, which stay in cache."""
+# Columns are copied so many at a time, as whole lines of the cache, from so many rows at a time, as each is a page of
+# memory of its own: on the finest grids a fifth of the time
+_TOGETHER = 8
+_BAND = 1024
+
+
+def _parts(count: int, size: int, together: int = 1) -> list[slice]:
+    """Cut so many transforms of a size in bytes into parts of about 256 KiB, which stay in cache, and equal length."""
     parts = max(1, count * size // 2**18)
-    edges = np.linspace(0, count, parts + 1).round().astype(int).tolist()
-    return [slice(start, stop) for start, stop in pairwise(edges)]
+    each = max(together, count // parts // together * together)
+    starts = list(range(0, count - each // 2, each)) or [0]
+    return [slice(start, stop) for start, stop in pairwise([*starts, count])]
