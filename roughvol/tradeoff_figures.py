@@ -67,8 +67,8 @@ def tradeoff_precision(ds: Dataset) -> Figure:
     """Errors against the residual asked for, and against the time: what a digit costs.
 
     An error of exactly 0 is drawn at 1e-16.
-    To see: V* and p* stay under their certified bounds at every residual; A* is off by single elements at 1e-5, exact below; a digit costs
-    the same time all the way down, and mixed precision costs no digit.
+    To see: V* and p* stay under their certified bounds at every residual; A* is off by single elements at 1e-5, exact
+    below; a digit costs the same time all the way down, and mixed precision costs no digit.
     """
     fig = Figure(figsize=(PAGE, 3.0), layout="constrained", dpi=DPI)
     left, right = fig.subplots(1, 2)
