@@ -323,7 +323,7 @@ class _Convolution:
             _parts(rows, width * complex_type.itemsize),
             _parts(waves, length * complex_type.itemsize, _TOGETHER),
         )
-        self._bands = _parts(rows, 2**18 // _BAND)
+        self._bands = _cut(rows, _BAND)
         workers = min(threads, len(self._column_parts))
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
         deepest = max(part.stop - part.start for part in self._row_parts)
@@ -456,15 +456,19 @@ def _plan(source: Any, target: Any, direction: str) -> Callable[[], None]:
     return execute
 
 
-# Columns are copied so many at a time, as whole lines of the cache, from so many rows at a time, as each is a page of
-# memory of its own: on the finest grids a fifth of the time
+_PART = 2**18  # bytes of the transforms made at a time, to stay in cache
+# Each number of a column to be copied is on another line of the cache and, on the finest grids, on another page of
+# memory: so many columns at a time make use of whole lines, so many rows at a time of pages that are still known
 _TOGETHER = 8
 _BAND = 1024
 
 
 def _parts(count: int, size: int, together: int = 1) -> list[slice]:
-    """Cut so many transforms of a size in bytes into parts of about 256 KiB, which stay in cache, and equal length."""
-    parts = max(1, count * size // 2**18)
-    each = max(together, count // parts // together * together)
+    """Cut so many transforms of a size in bytes into parts of about `_PART`, all but the last a multiple."""
+    return _cut(count, max(together, count // max(1, count * size // _PART) // together * together))
+
+
+def _cut(count: int, each: int) -> list[slice]:
+    """Cut 0 … count into so many each; the last part takes what is left, from half of it to half more."""
     starts = list(range(0, count - each // 2, each)) or [0]
     return [slice(start, stop) for start, stop in pairwise([*starts, count])]

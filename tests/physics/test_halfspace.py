@@ -301,6 +301,28 @@ def test_threads_change_no_bit():
             )
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_how_columns_are_copied_changes_no_bit(threads, monkeypatch):
+    pressure = noise((200, 333))
+    plain = HalfSpace((200, 333)).displacement(pressure)
+    for together, band in ((1, 7), (8, 64), (10**6, 10**6)):
+        monkeypatch.setattr(halfspace, "_TOGETHER", together)
+        monkeypatch.setattr(halfspace, "_BAND", band)
+        assert np.array_equal(HalfSpace((200, 333), threads=threads).displacement(pressure), plain)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 129, 257, 1025, 4097])
+@pytest.mark.parametrize("size", [16, 4096, 131072, 2**20])
+@pytest.mark.parametrize("together", [1, 8])
+def test_parts_cover_all_and_are_multiples(count, size, together):
+    parts = halfspace._parts(count, size, together)
+    assert np.array_equal(np.concatenate([np.arange(part.start, part.stop) for part in parts]), np.arange(count))
+    lengths = [part.stop - part.start for part in parts]
+    assert len(set(lengths[:-1])) <= 1
+    assert all(length % together == 0 for length in lengths[:-1])
+    assert max(lengths) <= 1.5 * max(together, 2 * 2**18 / size)
+
+
 # ---- windows
 
 
