@@ -29,6 +29,8 @@ from typing import Any
 
 import numpy as np
 
+from roughvol import __version__
+
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 PACKAGES = ("roughvol", "ContactMechanics", "SurfaceTopography", "muGrid", "tamaas", "numpy", "scipy", "pyFFTW")
 TARGET = 1e-6  # η/σ that everybody has to reach
@@ -407,7 +409,7 @@ def _line(row: dict[str, Any]) -> str:
 
 def notes(rows: list[dict[str, Any]]) -> str:
     """Return the settings, and the steps that failed and why."""
-    versions = ", ".join(f"{name} {metadata.version(name)}" for name in PACKAGES)
+    versions = ", ".join(f"{name} {__version__ if name == 'roughvol' else metadata.version(name)}" for name in PACKAGES)
     first = rows[0]
     operator = max(row["operator"] for row in rows)
     lines = [

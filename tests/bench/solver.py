@@ -173,10 +173,12 @@ def figure(found: list[dict[str, Any]], path: Path) -> None:
         of = [[row for row in chosen if row["m"] == m and row["D"] == D] for m in sizes]
         left.plot(elements, [np.mean([row["seconds"] for row in group]) for group in of], **style)
         right.plot(elements, [np.mean([row["units"] for row in group]) for group in of], **style)
-    floor = [60e-3 * np.mean([row["unit_ms"] for row in chosen if row["m"] == m]) for m in sizes]
+    floor = [1e-3 * chosen[0]["steps"] * np.mean([row["unit_ms"] for row in chosen if row["m"] == m]) for m in sizes]
     left.plot(elements, floor, "k--", label="one convolution a step")
     right.axhline(1.0, color="k", ls="--")
-    for axis, label in ((left, "60 steps, one thread [s]"), (right, "convolutions per step [units]")):
+    steps, threads = chosen[0]["steps"], chosen[0]["threads"]
+    taken = f"time of {steps} steps, {threads} thread{'s' * (threads > 1)} [s]"
+    for axis, label in ((left, taken), (right, "convolutions per step [units]")):
         axis.set(xscale="log", xlabel="elements $N^2$", ylabel=label)
     left.set_yscale("log")
     right.set_ylim(0.0, None)
