@@ -142,7 +142,8 @@ def approximate_inverse(
     def made(kept: Index, near: Map | None = None) -> Inverse:
         near = near or near_field(influence, shape[1], elements[kept], reach)
         t = _uniform(near, rates[0][kept], rates[1][kept])
-        return by_blocks(near, influence, shape, elements[kept], t)
+        inverse = by_blocks(near, influence, shape, elements[kept], t)
+        return lambda r, balanced: inverse(r, balanced or longer >= LARGE)
 
     kept = np.arange(held.size) if held.all() else np.flatnonzero(~held)
     near = near_field(influence, shape[1], elements[kept], reach)
@@ -156,12 +157,12 @@ def approximate_inverse(
             break
         inverse = made(kept)
     if kept.size == elements.size:
-        return lambda r, balanced: inverse(r, balanced or longer >= LARGE), held
+        return inverse, held
     alone = 1.0 / influence[0, 0]
 
     def apply(r: Array, balanced: bool) -> Array:
         z = alone * r
-        z[kept] = inverse(r[kept], balanced or longer >= LARGE)
+        z[kept] = inverse(r[kept], balanced)
         return z
 
     held = np.ones(elements.size, dtype=bool)
@@ -192,8 +193,8 @@ def two_level(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
     B is the near-field inverse, the columns of Z are t times bilinear hats on a coarse grid, and Ĥ is an approximation
     of K used on Z alone. It uses the one thing known exactly, H t = 1: for a smooth factor c,
     (H t c)(x) = c(x) + ∫ K(x - y) (c(y) - c(x)) t(y) dy, in which the singular part of the kernel drops out, so that
-    the integral may be taken over cells of many elements. As in `blocks`, M⁻¹ is not symmetric, unless
-    it is balanced by a factor (1 - ĤQ) on the right.
+    the integral may be taken over cells of many elements. As in `blocks`, M⁻¹ is not symmetric, unless it is balanced
+    by a factor (1 - ĤQ) on the right.
 
     Parameters
     ----------
