@@ -39,8 +39,8 @@ Inverse = Callable[[NDArray[Any], bool], NDArray[Any]]  # (r, balanced) ↦ M⁻
 
 _SIDE = 8  # elements along the side of a block; 4 makes more blocks, 16 more products within
 _DENSE_UP_TO = 256  # blocks that are solved for by factorisation
-_AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))
-_BEFORE = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 0))  # the pattern of the near-field factor of blocks
+_EIGHT = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))  # offsets to the blocks around a block, and itself
+_FOUR = tuple((i, j) for i, j in _EIGHT if i == 0 or j == 0)
 _PIECE = 2**12  # elements whose coefficients are gathered at a time, to stay in cache
 _LEAST_PIVOT = 0.05  # of a diagonal coefficient, should points be too rough for blocks; the least one seen is 0.74
 
@@ -57,7 +57,9 @@ def influence_matrix(influence: Array, elements: Index) -> Array:
     return matrix
 
 
-def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any]) -> Inverse:
+def by_blocks(
+    near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any], *, eight: bool = True
+) -> Inverse:
     """Return (r, balanced) ↦ M⁻¹ r on the elements, of the module's docstring.
 
     Parameters
@@ -67,13 +69,15 @@ def by_blocks(near: Map, influence: Array, shape: tuple[int, int], elements: Ind
     shape : rows and columns of the grid.
     elements : flat indices, increasing.
     t : ≥ 0 on the elements.
+    eight : whether N and the exact coefficients go to all eight blocks around, or only to the four that share a side,
+        which takes half the time to make and a few more iterations, the more the finer the grid.
 
     References
     ----------
     J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 (two levels: "A-DEF2", and
     "BNN", the balanced one).
     """
-    return _corrected(near, _Level(influence, shape, elements, t, None))
+    return _corrected(near, _Level(influence, shape, elements, t, _EIGHT if eight else _FOUR, None))
 
 
 def _corrected(near: Map, blocks: _Level) -> Inverse:
@@ -86,7 +90,7 @@ def _corrected(near: Map, blocks: _Level) -> Inverse:
             return factorised(r)
 
     else:
-        above = _Level(blocks.influence, blocks.shape, blocks.numbers, blocks.mass, blocks)
+        above = _Level(blocks.influence, blocks.shape, blocks.numbers, blocks.mass, blocks.around, blocks)
         coarse = _corrected(_near_field(blocks), above)
     spread, moved, count = blocks.spread, blocks.moved, blocks.numbers.size
     mean, moments = spread.T, moved.T
@@ -117,7 +121,8 @@ class _Level:
     ----------
     shape, influence, numbers : grid of blocks, kernel between distant ones, flat indices of those that hold elements.
     mass : the sum of t over each.
-    neighbours : number, in ``numbers``, of each of the nine blocks around (itself included), or their count.
+    around : offsets to the blocks that count as near, its own included.
+    neighbours : number, in ``numbers``, of each of these, or their count.
     near : exact coefficients between those.
     spread : P.
     moved : N and E side by side.
@@ -127,14 +132,22 @@ class _Level:
     influence: Array
     numbers: Index
     mass: Single
+    around: tuple[tuple[int, int], ...]
     neighbours: NDArray[np.int32]
     near: Single
     spread: sparse.csr_array
     moved: sparse.csr_array
 
     def __init__(
-        self, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any], below: _Level | None
+        self,
+        influence: Array,
+        shape: tuple[int, int],
+        elements: Index,
+        t: NDArray[Any],
+        around: tuple[tuple[int, int], ...],
+        below: _Level | None,
     ) -> None:
+        self.around = around
         self.shape = (-(-shape[0] // _SIDE), -(-shape[1] // _SIDE))
         self.influence = influence[::_SIDE, ::_SIDE]
         row, column = np.divmod(elements.astype(np.int32), np.int32(shape[1]))
@@ -146,7 +159,7 @@ class _Level:
         number[occupied] = np.arange(count, dtype=np.int32)
         x, y = np.divmod(occupied, width)
         self.numbers = (x - 1) * self.shape[1] + y - 1
-        self.neighbours = number[occupied[:, None] + np.array([i * width + j for i, j in _AROUND])]
+        self.neighbours = number[occupied[:, None] + np.array([i * width + j for i, j in around])]
         of_element = number[block]
         within = (row % _SIDE) * _SIDE + column % _SIDE
         place = of_element.astype(np.intp) * _SIDE**2 + within
@@ -158,26 +171,26 @@ class _Level:
         start = np.arange(elements.size + 1, dtype=np.int32)
         self.spread = sparse.csr_array((share, of_element, start), shape=(elements.size, count))
 
-        # displacement of every element under a unit force on each of the nine blocks around; the tenth column is E
-        fields = np.empty((count + 2, len(_AROUND) * _SIDE**2), dtype=np.float32)
+        # displacement of every element under a unit force on each of the blocks around; the last column is E
+        fields = np.empty((count + 2, len(around) * _SIDE**2), dtype=np.float32)
         fields[count:] = [[0.0], [1.0]]  # of no block, and E
-        tables = _tables(influence[: 2 * _SIDE, : 2 * _SIDE].tobytes(), min(2 * _SIDE, influence.shape[0]))
+        tables = _tables(influence[: 2 * _SIDE, : 2 * _SIDE].tobytes(), min(2 * _SIDE, influence.shape[0]), around)
         np.matmul(shapes, tables, out=fields[:count])
-        begin = np.full((count, len(_AROUND) + 1), (count + 1) * fields.shape[1], dtype=np.intp)
-        begin[:, :-1] = self.neighbours * fields.shape[1] + np.arange(len(_AROUND)) * _SIDE**2
-        data = np.empty((elements.size, len(_AROUND) + 1), dtype=np.float32)
+        begin = np.full((count, len(around) + 1), (count + 1) * fields.shape[1], dtype=np.intp)
+        begin[:, :-1] = self.neighbours * fields.shape[1] + np.arange(len(around)) * _SIDE**2
+        data = np.empty((elements.size, len(around) + 1), dtype=np.float32)
         for first in range(0, elements.size, _PIECE):
             some = slice(first, first + _PIECE)
             at = begin.take(of_element[some], axis=0)
             at += within[some, None]
             fields.ravel().take(at, out=data[some], mode="clip")
         if below is not None:  # the elements are blocks themselves: those around them act by more than points do
-            points = [_at(influence, i, j) for i, j in _AROUND]
+            points = [_at(influence, i, j) for i, j in around]
             here, k = np.nonzero(below.neighbours < elements.size)
             other = below.neighbours[here, k]
             excess = (below.near[here, k] - np.array(points)[k]) * share[other]
             towards = np.zeros(2 * width + 3, dtype=np.intp)
-            towards[[(i + 1) * width + j + 1 for i, j in _AROUND]] = np.arange(len(_AROUND))
+            towards[[(i + 1) * width + j + 1 for i, j in around]] = np.arange(len(around))
             column_of = towards[block[other] - block[here] + width + 1]
             data += np.bincount(here * data.shape[1] + column_of, excess, data.size).reshape(data.shape)
         means = self.spread.T @ data
@@ -193,14 +206,14 @@ class _Level:
 
 
 @lru_cache(maxsize=16)
-def _tables(influence: bytes, rows: int) -> Single:
+def _tables(influence: bytes, rows: int, around: tuple[tuple[int, int], ...]) -> Single:
     """Return, side by side for each of the blocks around, the displacement of each element of a block by that one's."""
     given = np.frombuffer(influence).reshape(rows, -1)
     kernel = np.zeros((2 * _SIDE, 2 * _SIDE))
     kernel[: given.shape[0], : given.shape[1]] = given
     place = np.arange(_SIDE)
-    tables = np.empty((_SIDE**2, len(_AROUND), _SIDE**2), dtype=np.float32)
-    for k, (i, j) in enumerate(_AROUND):
+    tables = np.empty((_SIDE**2, len(around), _SIDE**2), dtype=np.float32)
+    for k, (i, j) in enumerate(around):
         row = np.abs(place[:, None] + i * _SIDE - place)
         column = np.abs(place[:, None] + j * _SIDE - place)
         tables[:, k] = kernel[row[:, None, :, None], column[None, :, None, :]].reshape(_SIDE**2, _SIDE**2)
@@ -225,22 +238,23 @@ def _factorised(blocks: _Level) -> Map:
 
 
 def _near_field(blocks: _Level) -> Map:
-    """Return the near-field inverse of the operator between blocks, from those of the eight around that come before.
+    """Return the near-field inverse of the operator between blocks, from those of the blocks around that come before.
 
     As in `precondition.near_field`; but coefficients differ from block to block, so the small systems cannot be
     tabulated and are solved all at once, by a Cholesky factorisation whose numbers are vectors over the blocks.
     """
-    count, size = blocks.numbers.size, len(_BEFORE)
-    members = [blocks.neighbours[:, _AROUND.index(offset)] for offset in _BEFORE]
+    around, before = blocks.around, [offset for offset in blocks.around if offset <= (0, 0)]
+    count, size = blocks.numbers.size, len(before)
+    members = [blocks.neighbours[:, around.index(offset)] for offset in before]
     present = np.array([member < count for member in members])
-    near = np.vstack((blocks.near, np.zeros((1, len(_AROUND)), dtype=np.float32)))
+    near = np.vstack((blocks.near, np.zeros((1, len(around)), dtype=np.float32)))
     factor = np.zeros((size, size, count), dtype=np.float32)
-    for i, (row, column) in enumerate(_BEFORE):
-        factor[i, i] = np.where(present[i], near[members[i], _AROUND.index((0, 0))], 1.0)
-        for j, (other_row, other_column) in enumerate(_BEFORE[:i]):
+    for i, (row, column) in enumerate(before):
+        factor[i, i] = np.where(present[i], near[members[i], around.index((0, 0))], 1.0)
+        for j, (other_row, other_column) in enumerate(before[:i]):
             offset = other_row - row, other_column - column
-            if offset in _AROUND:
-                factor[i, j] = near[members[i], _AROUND.index(offset)] * present[j]
+            if offset in around:
+                factor[i, j] = near[members[i], around.index(offset)] * present[j]
             else:
                 factor[i, j] = _at(blocks.influence, *offset) * (present[i] & present[j])
     least = _LEAST_PIVOT * np.diagonal(factor).T

@@ -143,22 +143,23 @@ class _State:
     elements: Index  # where q > 0, increasing
     pressure: Array  # q there
     touch_at: Array  # u - h on the whole grid, flat: the indentation at which an element touches as long as u stays
-    _near: tuple[float, Index] | None = None
+    _near: tuple[float, Index, Array] | None = None
 
     def gap(self, elements: Index | None = None) -> Array:
         """Return w, on the whole grid or on some elements of it."""
         return (self.touch_at if elements is None else self.touch_at[elements]) - self.indentation
 
-    def within(self, reach: float) -> Index:
-        """Return, in increasing order, all elements with w < reach, and those with q > 0; there may be more.
+    def within(self, reach: float) -> tuple[Index, Array]:
+        """Return, in increasing order, all elements with w < reach and those with q > 0, maybe more, and their w.
 
         A pass over the grid, which is not made again for a shorter reach.
         """
         if self._near is None or self._near[0] < reach:
             near = self.touch_at < self.indentation + reach
             near[self.elements] = True
-            self._near = reach, np.flatnonzero(near)
-        return self._near[1]
+            elements = np.flatnonzero(near)
+            self._near = reach, elements, self.gap(elements)
+        return self._near[1:]
 
 
 def solve(
@@ -388,11 +389,13 @@ class _Problem:
         where that is less than 1, a pressure of (1 - K s)/K(0, 0) makes up for it. That t ≥ 0 is, like
         F(Δ - η) ≤ F ≤ F(Δ + η), proved for an M-matrix K⁻¹.
         """
-        near = state.within(2.0 * residual)
-        elements = near[state.gap(near) <= 2.0 * residual]
+        elements, gap = state.within(2.0 * residual)
+        brink = np.flatnonzero(gap <= 2.0 * residual)
+        elements, gap = elements[brink], gap[brink]
         if self.places(elements, before.elements)[0].min(initial=0) < 0:
             elements = np.union1d(elements, before.elements)
-        short = np.maximum(before.gap(elements) - state.gap(elements), 0.0).sum()
+            gap = state.gap(elements)
+        short = np.maximum(before.gap(elements) - gap, 0.0).sum()
         force = state.pressure.sum() - before.pressure.sum() + short / self.half_space.influence[0, 0]
         secant = self._starred(force / (state.indentation - before.indentation))
         return secant if secant <= self.stiffest else self.stiffest  # not a number, where a step is lost in rounding
@@ -445,7 +448,7 @@ class _Problem:
         state = _State(indentation, elements, q, self.half_space.displacement_above(self.heights, elements, q))
         # where the overlap is not positive the gap is not negative, so its minimum is one over the overlap
         reach = abs(step) * (1.0 + 1e-6)  # the next step may be longer by rounding
-        deepest = -float(state.gap(state.within(reach)).min(initial=0.0))
+        deepest = -float(state.within(reach)[1].min(initial=0.0))
         return state, max(float(np.abs(state.gap(elements)).max(initial=0.0)), deepest)
 
     def record(
@@ -502,11 +505,10 @@ def _solve_fast(problem: _Problem, indentation: float, now: _State, before: _Sta
         state, residual = problem.verified(indentation, candidates, q, indentation - now.indentation)
         if residual <= problem.rtol:
             return state, iterations, residual
-        candidates = state.within(0.0)
-        again = state.gap(candidates) < 0.0
+        candidates, w = state.within(0.0)
+        again = w < 0.0
         again[problem.places(candidates, state.elements)[0]] = True
-        candidates = candidates[again]
-        w = state.gap(candidates)
+        candidates, w = candidates[again], w[again]
         if indentation > now.indentation:
             q, rate = _rates(problem, candidates, state, now)
         else:
@@ -552,8 +554,7 @@ def _predict(
     theta = (indentation - now.indentation) / step
     # Beyond both states: w + θ (w - w_before) < 0, which no gap larger than the step can be, as none falls faster than
     # the surfaces approach. Between them, as in a search: all that is in contact at the later one.
-    candidates = now.within(max(0.0, indentation - now.indentation))
-    gap = now.gap(candidates)
+    candidates, gap = now.within(max(0.0, indentation - now.indentation))
     w = gap + theta * (gap - before.gap(candidates))
     predicted = (w if theta > 0.0 else gap) < 0.0
     predicted[problem.places(candidates, now.elements)[0]] = True
@@ -612,7 +613,7 @@ def _conjugate_gradients(
     """
     half_space = problem.half_space
     tolerance = _SAFETY * problem.rtol
-    precondition, held = approximate_inverse(half_space.influence, half_space.shape, elements, q, w, rate)
+    precondition, free = approximate_inverse(half_space.influence, half_space.shape, elements, q, w, rate)
     single = problem.single and attempt < 2
     direction: NDArray[Any] = np.zeros(q.size, dtype=np.float32 if single else np.float64)
     old = direction.copy()
@@ -622,9 +623,9 @@ def _conjugate_gradients(
         if iteration % 2 == 0:  # every time costs more than it saves
             _truncate(problem, elements, q, w)
         if iteration:
-            held = (q == 0.0) & (w >= 0.0)
+            free = (q != 0.0) | (w < 0.0)
         r = np.negative(w, out=np.empty_like(direction), casting="same_kind")
-        np.copyto(r, 0.0, where=held)
+        r *= free  # much faster than to set some of the numbers to zero
         residual = float(np.abs(r).max())
         if residual <= tolerance:
             if _truncate(problem, elements, q, w):
@@ -635,11 +636,11 @@ def _conjugate_gradients(
             balanced = True
             z = precondition(r, balanced)
         # an element without pressure that its neighbours will lift clear (z < 0) is left alone, not made tensile first
-        np.copyto(z, 0.0, where=held | ((q <= 0.0) & (z < 0.0)))
+        z *= free & ((q > 0.0) | (z >= 0.0))
         last, product = product, float(r @ z)
         direction *= max(0.0, (product - float(old @ z)) / last)
         direction += z
-        np.copyto(direction, 0.0, where=held)
+        direction *= free
         if residual <= _LAST * tolerance and iteration and length > _WELL_PRECONDITIONED and attempt == 0:
             return np.maximum(q + length * direction, 0.0), iteration
         old = r
@@ -664,9 +665,9 @@ def _truncate(problem: _Problem, elements: Index, q: Array, w: Array) -> bool:
 
     Few of them are summed directly, many go through a convolution.
     """
-    negative = np.flatnonzero(q < 0.0)
-    if negative.size == 0:
+    if q.min(initial=0.0) >= 0.0:
         return False
+    negative = np.flatnonzero(q < 0.0)
     half_space = problem.half_space
     rows, columns = half_space.shape
     if negative.size * elements.size <= _DIRECT * rows * columns:

@@ -29,7 +29,8 @@ Rates = tuple[Array, Array]
 _SHORT, _LONG = 2.0**0.5, 5.0**0.5  # reach of the near field in spacings: 2⁴ or 2¹⁰ neighbourhoods
 _SMALLEST = 48  # nodes along the longer side below which there is nothing collective worth a correction
 _BLOCKS_FROM = 400  # nodes; below, hats are the cheaper correction
-LARGE = 2000  # nodes from which on a longer reach of the near field, and balancing, save more than they cost
+LARGE = 2000  # nodes from which on longer reaches, among elements and blocks, and balancing save more than they cost
+_LIFTED_FROM = 800  # nodes; below, to find those that will be lifted clear takes the time that it saves
 _WELL_CLEAR = 0.5  # tension, in mean steps of the pressure
 _AGAIN = 2  # times; each costs half a convolution and saves more than one
 _LIFTED = 0.003  # share of the elements that has to be lifted clear to make another inverse worth its time
@@ -57,13 +58,17 @@ def near_field(influence: Array, columns: int, elements: Index, reach: float) ->
     L. Yu. Kolotilina, A. Yu. Yeremin, SIAM J. Matrix Anal. Appl. 14 (1993) 45-58.
     """
     offsets, table = _near_field_rows(tuple(map(tuple, influence[:5, :5].tolist())), reach)
-    size, width = elements.size, columns + 4
-    row, column = np.divmod(elements, columns)
-    place = (row - row[0] + 2) * width + column + 2
+    size = elements.size
+    row, column = np.divmod(elements.astype(np.int32), np.int32(columns))
+    row -= row[0]
+    column -= column.min()
+    width = int(column.max()) + 5
+    place = (row + 2).astype(np.intp) * width + column + 2
     # where there is no element: ~i of some i below the size, which spreads the zeros of absent neighbours, see below
-    number = np.arange((row[-1] - row[0] + 3) * width, dtype=np.int32)
-    number &= (1 << (size.bit_length() - 1)) - 1
-    np.invert(number, out=number)
+    places, below = (int(row[-1]) + 3) * width, 1 << (size.bit_length() - 1)
+    repeated = np.empty((-(-places // below), below), dtype=np.int32)
+    repeated[:] = ~np.arange(below, dtype=np.int32)
+    number = repeated.ravel()
     number[place] = np.arange(size, dtype=np.int32)
     shifts = offsets @ (width, 1)
     neighbours = number.take(np.add.outer(shifts, place))  # this way round: loops over few are slow
@@ -115,13 +120,13 @@ def approximate_inverse(
     gap: Array,
     rates: Rates | None,
 ) -> tuple[Inverse, NDArray[np.bool_]]:
-    """Return (r, balanced) ↦ M⁻¹ r ≈ K⁻¹ r, and the elements that it expects not to be in contact.
+    """Return (r, balanced) ↦ M⁻¹ r ≈ K⁻¹ r, and which elements it expects to be in contact.
 
     Balanced it is symmetric and positive definite, and takes more time.
 
     An element without pressure that the near field would not make carry any is lifted clear by its neighbours. An
     inverse that counts on it is the wrong one for these, so it is made without. Should such an element come into
-    contact after all, it takes part for itself.
+    contact after all, it takes part for itself. On small grids there are few.
 
     Parameters
     ----------
@@ -131,23 +136,24 @@ def approximate_inverse(
     rates : pressure and displacement per unit of further indentation, on the elements, if they are known.
     """
     longer = max(shape)
-    held = (pressure <= 0.0) & (gap >= 0.0)
+    free = (pressure > 0.0) | (gap < 0.0)
     if rates is None or longer < _BLOCKS_FROM:
         near = near_field(influence, shape[1], elements, _LONG)
         if rates is None or longer < _SMALLEST:
-            return lambda r, _: near(r), held
-        return two_level(near, influence, shape, elements, _uniform(near, *rates)), held
+            return lambda r, _: near(r), free
+        return two_level(near, influence, shape, elements, _uniform(near, *rates)), free
     reach = _SHORT if longer < LARGE else _LONG
 
     def made(kept: Index, near: Map | None = None) -> Inverse:
         near = near or near_field(influence, shape[1], elements[kept], reach)
         t = _uniform(near, rates[0][kept], rates[1][kept])
-        inverse = by_blocks(near, influence, shape, elements[kept], t)
+        inverse = by_blocks(near, influence, shape, elements[kept], t, eight=longer >= LARGE)
         return lambda r, balanced: inverse(r, balanced or longer >= LARGE)
 
-    kept = np.arange(held.size) if held.all() else np.flatnonzero(~held)
+    kept, some = np.flatnonzero(free) if free.any() else np.arange(free.size), False
     near = near_field(influence, shape[1], elements[kept], reach)
-    kept, some = _without_lifted(kept, pressure, near(-gap[kept]), 0.0)
+    if longer >= _LIFTED_FROM:
+        kept, some = _without_lifted(kept, pressure, near(-gap[kept]), 0.0)
     inverse = made(kept, None if some else near)
     for _ in range(_AGAIN if some and longer >= LARGE else 0):
         # many come into reach in one step there: once more, by what the inverse itself says; this errs on both sides,
@@ -157,7 +163,7 @@ def approximate_inverse(
             break
         inverse = made(kept)
     if kept.size == elements.size:
-        return inverse, held
+        return inverse, free
     alone = 1.0 / influence[0, 0]
 
     def apply(r: Array, balanced: bool) -> Array:
@@ -165,9 +171,9 @@ def approximate_inverse(
         z[kept] = inverse(r[kept], balanced)
         return z
 
-    held = np.ones(elements.size, dtype=bool)
-    held[kept] = False
-    return apply, held
+    free = np.zeros(elements.size, dtype=bool)
+    free[kept] = True
+    return apply, free
 
 
 def _without_lifted(kept: Index, pressure: Array, step: Array, margin: float) -> tuple[Index, bool]:

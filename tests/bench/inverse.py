@@ -45,8 +45,9 @@ def measure(m: int, D: float, seed: int, threads: int) -> list[tuple[str, float,
             inverse: Any = near_field(influence, shape[1], elements, reach**0.5)
             t = np.maximum(rate + inverse(1.0 - displacement), 0.0)
             if name in ("hats", "blocks"):
-                correct = two_level if name == "hats" else by_blocks
-                inverse = partial(correct(inverse, influence, shape, elements, t), balanced=max(shape) >= LARGE)
+                large = max(shape) >= LARGE
+                correct = two_level if name == "hats" else partial(by_blocks, eight=large)
+                inverse = partial(correct(inverse, influence, shape, elements, t), balanced=large)
             needed = iterate(half_space, elements, inverse, residual)
             rows.append((name, *extremes(half_space, elements, inverse), needed))
     return rows
