@@ -8,10 +8,10 @@ neighbours:
     M⁻¹ = P C Pᵀ + (1 - P Xᵀ) B,        X = E + N C.
 
 P spreads the force of a block over its elements as t is spread there (Pᵀ: the mean of a block, weighted by t), E gives
-all elements of a block the same value, N is by how much the displacement under forces on the same and the eight
-surrounding blocks departs from its mean over the block. B is the near-field inverse on the elements, C ≈ (Pᵀ K P)⁻¹:
-the same problem with a 64th of the elements, whose nearest coefficients are summed exactly, whose others are those of
-points, and which is solved in the same way, down to a few blocks and a factorisation.
+all elements of a block the same value, N is by how much the displacement under forces on the same and the surrounding
+blocks departs from its mean over the block. B is the near-field inverse on the elements, C ≈ (Pᵀ K P)⁻¹: the same
+problem with a 64th of the elements, whose nearest coefficients are summed exactly, whose others are those of points,
+and which is solved in the same way, down to a few blocks and a factorisation.
 
 This is not symmetric. With a factor (1 - X Pᵀ) on the right ("balanced") it is, and positive definite whatever t, N and
 C are; were C exact, the eigenvalues would be the same, and it costs another product with N and another with C. What it
@@ -42,7 +42,7 @@ _DENSE_UP_TO = 256  # blocks that are solved for by factorisation
 _EIGHT = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))  # offsets to the blocks around a block, and itself
 _FOUR = tuple((i, j) for i, j in _EIGHT if i == 0 or j == 0)
 _PIECE = 2**12  # elements whose coefficients are gathered at a time, to stay in cache
-_LEAST_PIVOT = 0.05  # of a diagonal coefficient, should points be too rough for blocks; the least one seen is 0.74
+_LEAST_PIVOT = 0.05  # of a diagonal coefficient, should points be too rough for blocks; the least one seen is 0.6
 
 
 def influence_matrix(influence: Array, elements: Index) -> Array:

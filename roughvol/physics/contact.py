@@ -665,7 +665,7 @@ def _truncate(problem: _Problem, elements: Index, q: Array, w: Array) -> bool:
 
     Few of them are summed directly, many go through a convolution.
     """
-    if q.min(initial=0.0) >= 0.0:
+    if not q.min(initial=0.0) < 0.0:  # in this form also where they are no numbers
         return False
     negative = np.flatnonzero(q < 0.0)
     half_space = problem.half_space

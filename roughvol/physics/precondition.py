@@ -30,7 +30,7 @@ _SHORT, _LONG = 2.0**0.5, 5.0**0.5  # reach of the near field in spacings: 2⁴ 
 _SMALLEST = 48  # nodes along the longer side below which there is nothing collective worth a correction
 _BLOCKS_FROM = 400  # nodes; below, hats are the cheaper correction
 LARGE = 2000  # nodes from which on longer reaches, among elements and blocks, and balancing save more than they cost
-_LIFTED_FROM = 800  # nodes; below, to find those that will be lifted clear takes the time that it saves
+_LIFTED_FROM = 800  # nodes; below, finding those that will be lifted clear hardly saves the time it takes
 _WELL_CLEAR = 0.5  # tension, in mean steps of the pressure
 _AGAIN = 2  # times; each costs half a convolution and saves more than one
 _LIFTED = 0.003  # share of the elements that has to be lifted clear to make another inverse worth its time
@@ -126,7 +126,7 @@ def approximate_inverse(
 
     An element without pressure that the near field would not make carry any is lifted clear by its neighbours. An
     inverse that counts on it is the wrong one for these, so it is made without. Should such an element come into
-    contact after all, it takes part for itself. On small grids there are few.
+    contact after all, it takes part for itself. On grids below `_LIFTED_FROM` there are few, and nobody looks for them.
 
     Parameters
     ----------
