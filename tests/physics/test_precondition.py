@@ -342,4 +342,5 @@ def test_iterations_hardly_grow_with_the_grid():
         last = (surface.z_max - surface.mean_height) / surface.Sq
         contacts = list(sweep(surface, HalfSpace(surface.shape), last * np.arange(1, 61) / 60))
         means.append(np.mean([c.iterations for c in contacts[40:]]))
-    assert means[1] < 1.2 * means[0] < 6.0
+    assert means[0] < 5.5  # hats take 8 and more
+    assert means[1] < 1.1 * means[0]
