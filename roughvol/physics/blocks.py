@@ -36,11 +36,12 @@ Single = NDArray[np.float32]
 Index = NDArray[Any]
 Map = Callable[[NDArray[Any]], NDArray[Any]]
 Inverse = Callable[[NDArray[Any], bool], NDArray[Any]]  # (r, balanced) ↦ M⁻¹ r
+Offsets = tuple[tuple[int, int], ...]
 
 _SIDE = 8  # elements along the side of a block; 4 makes more blocks, 16 more products within
 _DENSE_UP_TO = 256  # blocks that are solved for by factorisation
-_EIGHT = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))  # offsets to the blocks around a block, and itself
-_FOUR = tuple((i, j) for i, j in _EIGHT if i == 0 or j == 0)
+_EIGHT: Offsets = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))  # to the blocks around a block, and itself
+_FOUR: Offsets = tuple((i, j) for i, j in _EIGHT if i == 0 or j == 0)
 _PIECE = 2**12  # elements whose coefficients are gathered at a time, to stay in cache
 _LEAST_PIVOT = 0.05  # of a diagonal coefficient, should points be too rough for blocks; the least one seen is 0.6
 
@@ -70,7 +71,7 @@ def by_blocks(
     elements : flat indices, increasing.
     t : ≥ 0 on the elements.
     eight : whether N and the exact coefficients go to all eight blocks around, or only to the four that share a side,
-        which takes half the time to make and a few more iterations, the more the finer the grid.
+        which takes half the time to make and costs iterations, the more the finer the grid.
 
     References
     ----------
@@ -132,7 +133,7 @@ class _Level:
     influence: Array
     numbers: Index
     mass: Single
-    around: tuple[tuple[int, int], ...]
+    around: Offsets
     neighbours: NDArray[np.int32]
     near: Single
     spread: sparse.csr_array
@@ -144,7 +145,7 @@ class _Level:
         shape: tuple[int, int],
         elements: Index,
         t: NDArray[Any],
-        around: tuple[tuple[int, int], ...],
+        around: Offsets,
         below: _Level | None,
     ) -> None:
         self.around = around
@@ -206,7 +207,7 @@ class _Level:
 
 
 @lru_cache(maxsize=16)
-def _tables(influence: bytes, rows: int, around: tuple[tuple[int, int], ...]) -> Single:
+def _tables(influence: bytes, rows: int, around: Offsets) -> Single:
     """Return, side by side for each of the blocks around, the displacement of each element of a block by that one's."""
     given = np.frombuffer(influence).reshape(rows, -1)
     kernel = np.zeros((2 * _SIDE, 2 * _SIDE))

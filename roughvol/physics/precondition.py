@@ -150,7 +150,8 @@ def approximate_inverse(
         inverse = by_blocks(near, influence, shape, elements[kept], t, eight=longer >= LARGE)
         return lambda r, balanced: inverse(r, balanced or longer >= LARGE)
 
-    kept, some = np.flatnonzero(free) if free.any() else np.arange(free.size), False
+    kept = np.flatnonzero(free) if free.any() else np.arange(free.size)
+    some = False  # left out
     near = near_field(influence, shape[1], elements[kept], reach)
     if longer >= _LIFTED_FROM:
         kept, some = _without_lifted(kept, pressure, near(-gap[kept]), 0.0)
