@@ -318,33 +318,41 @@ class _Convolution:
         full[:, length // 2 + 1 :] = full[:, length // 2 - 1 : 0 : -1]
         self._spectrum = full.reshape(waves, 2 * length)
         aligned = 64 // complex_type.itemsize
-        self._waves = pyfftw.zeros_aligned((rows, -(-waves // aligned) * aligned), dtype=complex_type)[:, :waves]
-        self._row_parts, self._column_parts = (
-            _parts(rows, width * complex_type.itemsize),
-            _parts(waves, length * complex_type.itemsize, _TOGETHER),
-        )
+        padded = -(-waves // aligned) * aligned
+        self._waves = pyfftw.zeros_aligned((rows, padded), dtype=complex_type)[:, :waves]
+        fine = self._waves.nbytes >= _FINE
+        self._row_parts = _parts(rows, width * complex_type.itemsize)
+        self._column_parts = _parts(waves, length * complex_type.itemsize, _TOGETHER[fine])
         self._bands = _cut(rows, _BAND)
         workers = min(threads, len(self._column_parts))
         self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
         deepest = max(part.stop - part.start for part in self._row_parts)
         self._rows = [pyfftw.zeros_aligned((deepest, width), dtype=dtype) for _ in range(workers)]
         self._results = [pyfftw.zeros_aligned((deepest, width), dtype=dtype) for _ in range(workers)]
+        copied = fine and width * dtype.itemsize <= _COPIED_ROW
+        near = [pyfftw.zeros_aligned((deepest, padded), dtype=complex_type)[:, :waves] for _ in range(workers * copied)]
         self._row_plans = []
         for k, part in enumerate(self._row_parts):
             count, worker = part.stop - part.start, k % workers
-            waves_part = self._waves[part]
             self._row_plans.append(
-                (
-                    _plan(self._rows[worker][:count], waves_part, "FFTW_FORWARD"),
-                    _plan(waves_part, self._results[worker][:count], "FFTW_BACKWARD"),
+                _row_plans(
+                    self._rows[worker][:count],
+                    self._waves[part],
+                    self._results[worker][:count],
+                    near[worker][:count] if copied else None,
                 )
             )
         deepest = max(part.stop - part.start for part in self._column_parts)
+        self._at_once = max(_AT_ONCE, _PART // (length * complex_type.itemsize)) if fine else deepest
         self._blocks = [
-            tuple(pyfftw.zeros_aligned((deepest, length), dtype=complex_type) for _ in range(2)) for _ in range(workers)
+            tuple(pyfftw.zeros_aligned((count, length), dtype=complex_type) for count in (deepest, self._at_once))
+            for _ in range(workers)
         ]
         self._block_plans = [
-            (_plan(before, after, "FFTW_FORWARD"), _plan(after, before, "FFTW_BACKWARD"))
+            [
+                (_plan(some, after[: len(some)], "FFTW_FORWARD"), _plan(after[: len(some)], some, "FFTW_BACKWARD"))
+                for some in (before[first : first + self._at_once] for first in range(0, deepest, self._at_once))
+            ]
             for before, after in self._blocks
         ]
 
@@ -426,13 +434,16 @@ class _Convolution:
         """Filter a block of columns: forward, times spectrum, backward."""
         part = self._column_parts[k]
         count, rows = part.stop - part.start, self.shape[0]
-        (before, after), (forward, backward) = self._blocks[worker], self._block_plans[worker]
+        before, after = self._blocks[worker]
         for some in self._bands:
             before[:count, some] = self._waves[some, part].T
         before[:count, rows:] = 0.0
-        forward()
-        after[:count].view(self._dtype)[:] *= self._spectrum[part]
-        backward()
+        firsts = range(part.start, part.stop, self._at_once)
+        for first, (forward, backward) in zip(firsts, self._block_plans[worker], strict=False):
+            spectrum = self._spectrum[first : min(first + self._at_once, part.stop)]
+            forward()
+            after[: len(spectrum)].view(self._dtype)[:] *= spectrum
+            backward()
         self._waves[:, part] = before[:count, :rows].T
 
     def _share(self, task: Callable[[int, int], None], count: int) -> None:
@@ -456,11 +467,33 @@ def _plan(source: Any, target: Any, direction: str) -> Callable[[], None]:
     return execute
 
 
+def _row_plans(rows: Any, waves: Any, results: Any, near: Any) -> tuple[Callable[[], None], Callable[[], None]]:
+    """Return the transforms from rows to their waves and from these to results, by a copy of them if one is given."""
+    if near is None:
+        return _plan(rows, waves, "FFTW_FORWARD"), _plan(waves, results, "FFTW_BACKWARD")
+    there, back = _plan(rows, near, "FFTW_FORWARD"), _plan(near, results, "FFTW_BACKWARD")
+
+    def forward() -> None:
+        there()
+        waves[:] = near
+
+    def backward() -> None:
+        near[:] = waves
+        back()
+
+    return forward, backward
+
+
 _PART = 2**18  # bytes of the transforms made at a time, to stay in cache
 # Each number of a column to be copied is on another line of the cache and, on the finest grids, on another page of
 # memory: so many columns at a time make use of whole lines, so many rows at a time of pages that are still known
-_TOGETHER = 8
+_TOGETHER = (8, 64)  # on other grids, on fine ones
 _BAND = 1024
+_FINE = 2**25  # bytes of the waves, from which on little of them is still in cache when it is needed again
+_AT_ONCE = 4  # columns, at least
+# Rows are transformed in cache and their waves copied, which is one pass over memory where a transform may make
+# several; above this size (bytes) a row and its waves leave no room for it
+_COPIED_ROW = 2**15
 
 
 def _parts(count: int, size: int, together: int = 1) -> list[slice]:

@@ -302,13 +302,28 @@ def test_threads_change_no_bit():
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_how_columns_are_copied_changes_no_bit(threads, monkeypatch):
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize(("together", "band", "part"), [(1, 7, 2**18), (8, 64, 2**14), (10**6, 10**6, 2**16)])
+def test_how_rows_and_columns_are_copied_changes_no_bit(together, band, part, single, threads, monkeypatch):
     pressure = noise((200, 333))
-    plain = HalfSpace((200, 333)).displacement(pressure)
-    for together, band in ((1, 7), (8, 64), (10**6, 10**6)):
-        monkeypatch.setattr(halfspace, "_TOGETHER", together)
-        monkeypatch.setattr(halfspace, "_BAND", band)
-        assert np.array_equal(HalfSpace((200, 333), threads=threads).displacement(pressure), plain)
+    elements = np.flatnonzero(pressure > 0.5)
+
+    def displacements(threads):
+        space = HalfSpace((200, 333), threads=threads)
+        few = space.displacement_at(elements, pressure.ravel()[elements], single=single)
+        return space, np.concatenate((space.displacement(pressure).ravel(), few))
+
+    _, plain = displacements(1)
+    monkeypatch.setattr(halfspace, "_TOGETHER", (together, together))
+    monkeypatch.setattr(halfspace, "_BAND", band)
+    monkeypatch.setattr(halfspace, "_PART", part)
+    for fine, row in ((2**40, 2**40), (0, 0), (0, 2**40)):
+        monkeypatch.setattr(halfspace, "_FINE", fine)
+        monkeypatch.setattr(halfspace, "_COPIED_ROW", row)
+        space, same = displacements(threads)
+        assert np.array_equal(same, plain)
+        if together == 8 and not fine:  # a few at a time of those that are copied together
+            assert all(engine._at_once <= 5 for engine in space._engines.values())
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 129, 257, 1025, 4097])
