@@ -41,6 +41,7 @@ from scipy import linalg as scipy_linalg
 
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.physics.blocks import influence_matrix
+from roughvol.physics.few import Few
 from roughvol.physics.precondition import approximate_inverse
 from roughvol.physics.surface import Surface
 
@@ -318,7 +319,7 @@ class _Problem:
             raise ContactError(message)
         self.half_space, self.rtol, self.shape = half_space, rtol, surface.shape
         self._mixed = precision == "mixed"
-        self._mirrored: NDArray[Any] = np.empty(0, dtype=bool)
+        self.few = Few(half_space.influence)
         self._place = np.full(surface.heights.size, -1, dtype=np.int32)  # as `places` leaves it
         # range first, then σ: the standard deviation of 1e-250 heights would underflow
         heights = surface.heights - surface.heights.max()
@@ -360,17 +361,6 @@ class _Problem:
             q[place] = state.pressure
             spread.append(q[:-1])
         return spread
-
-    def mirrored(self) -> NDArray[Any]:
-        """Return K at every offset, flat, from the origin on: rows ≥ 0 by columns of both signs, in the precision used.
-
-        An offset (i, j) with i > 0, or i = 0 ≤ j, is at i (2 columns - 1) + j; the others are these, turned round.
-        """
-        precision = np.dtype(np.float32 if self.single else np.float64)
-        if precision != self._mirrored.dtype:
-            half = self.half_space.influence.astype(precision)
-            self._mirrored = np.hstack((half[:, :0:-1], half)).ravel()[self.shape[1] - 1 :]
-        return self._mirrored
 
     @cached_property
     def stiffest(self) -> float:
@@ -620,7 +610,7 @@ def _conjugate_gradients(
     product = length = 1.0
     balanced = False
     for iteration in range(_ITERATIONS):
-        if iteration % 2 == 0:  # every time costs more than it saves
+        if iteration % 2 == 0 or elements.size > _OFTEN:  # every time, on few, costs more than it saves
             _truncate(problem, elements, q, w)
         if iteration:
             free = (q != 0.0) | (w < 0.0)
@@ -657,33 +647,26 @@ _LAST = 3.0  # what a step of the length of the one before takes off the residua
 _WELL_PRECONDITIONED = 0.3  # a length, below which the next may be anything: the first steps on compact contacts
 _DESCENT = 0.2  # cosine between r and M⁻¹ r below which M⁻¹ is balanced: the states before are rough, and so is t
 _ITERATIONS = 2000
-_DIRECT = 3.0  # terms of a sum per node of the grid, up to which it is cheaper than a convolution
+_OFTEN = 100_000  # elements, from which on negative pressures are cut in every iteration
+_REMOVAL = 0.1  # share of the tolerance that the displacement by one removed pressure may be wrong by
 
 
 def _truncate(problem: _Problem, elements: Index, q: Array, w: Array) -> bool:
     """Set negative pressures to zero and take their share out of the gap; say whether there were any.
 
-    Few of them are summed directly, many go through a convolution.
+    Where they are few this takes less than a convolution.
     """
     if not q.min(initial=0.0) < 0.0:  # in this form also where they are no numbers
         return False
     negative = np.flatnonzero(q < 0.0)
-    half_space = problem.half_space
-    rows, columns = half_space.shape
-    if negative.size * elements.size <= _DIRECT * rows * columns:
-        # in a table whose rows hold both signs of the column, an offset is the distance of two numbers
-        row, column = np.divmod(elements.astype(np.int32), np.int32(columns))
-        number = row * np.int32(2 * columns - 1) + column
-        table = problem.mirrored()
-        displacement: NDArray[Any] = np.zeros(q.size, dtype=table.dtype)
-        for element, pressure in zip(negative.tolist(), q[negative].tolist(), strict=True):
-            offset = number - number[element]
-            displacement += pressure * table.take(np.abs(offset, out=offset))
-        w -= displacement
-    else:
+    displacement = problem.few.displacement(
+        elements, elements[negative], q[negative], single=problem.single, error=_REMOVAL * problem.rtol
+    )
+    if displacement is None:
         removed = np.zeros_like(q)
         removed[negative] = q[negative]
-        w -= half_space.displacement_at(elements, removed, single=problem.single)
+        displacement = problem.half_space.displacement_at(elements, removed, single=problem.single)
+    w -= displacement
     q[negative] = 0.0
     return True
 

@@ -31,9 +31,9 @@ _SMALLEST = 48  # nodes along the longer side below which there is nothing colle
 _BLOCKS_FROM = 400  # nodes; below, hats are the cheaper correction
 LARGE = 2000  # nodes from which on longer reaches, among elements and blocks, and balancing save more than they cost
 _LIFTED_FROM = 800  # nodes; below, finding those that will be lifted clear hardly saves the time it takes
-_WELL_CLEAR = 0.5  # tension, in mean steps of the pressure
 _AGAIN = 2  # times; each costs half a convolution and saves more than one
-_LIFTED = 0.003  # share of the elements that has to be lifted clear to make another inverse worth its time
+_LIFTED = 0.001  # share of the elements that has to be lifted clear to make another inverse worth its time
+_BORDERED = 4096  # elements left out that may take part with their neighbours; the more, the longer it takes
 _HATS = 0.25  # intervals of the coarse grid along the longer side, times √nodes: where the gain meets the cost
 _CELLS_PER_HAT = 5  # along each axis: how finely the response to a hat is resolved
 _MODES_ABOVE = 0.05  # coarse modes this much softer than uniform indentation are left to the near field
@@ -126,7 +126,8 @@ def approximate_inverse(
 
     An element without pressure that the near field would not make carry any is lifted clear by its neighbours. An
     inverse that counts on it is the wrong one for these, so it is made without. Should such an element come into
-    contact after all, it takes part for itself. On grids below `_LIFTED_FROM` there are few, and nobody looks for them.
+    contact after all, it takes part with the near field around it. On grids below `_LIFTED_FROM` there are few, and
+    nobody looks for them.
 
     Parameters
     ----------
@@ -154,22 +155,28 @@ def approximate_inverse(
     some = False  # left out
     near = near_field(influence, shape[1], elements[kept], reach)
     if longer >= _LIFTED_FROM:
-        kept, some = _without_lifted(kept, pressure, near(-gap[kept]), 0.0)
+        kept, some = _without_lifted(kept, pressure, near(-gap[kept]))
     inverse = made(kept, None if some else near)
     for _ in range(_AGAIN if some and longer >= LARGE else 0):
-        # many come into reach in one step there: once more, by what the inverse itself says; this errs on both sides,
-        # so only those well clear of contact are left out
-        kept, more = _without_lifted(kept, pressure, inverse(-gap[kept], True), _WELL_CLEAR)
+        # many come into reach in one step there: once more, by what the inverse itself says
+        kept, more = _without_lifted(kept, pressure, inverse(-gap[kept], True))
         if not more:
             break
         inverse = made(kept)
     if kept.size == elements.size:
         return inverse, free
-    alone = 1.0 / influence[0, 0]
+    left_out = np.ones(elements.size, dtype=bool)
+    left_out[kept] = False
 
     def apply(r: Array, balanced: bool) -> Array:
-        z = alone * r
+        z = np.zeros_like(r)
         z[kept] = inverse(r[kept], balanced)
+        some = np.flatnonzero(left_out & (r != 0.0))
+        if some.size <= _BORDERED:
+            members, rows = _border(influence, shape[1], elements, left_out, some)
+            np.add.at(z, members, rows * (rows * r[members]).sum(axis=1, keepdims=True))
+        else:
+            z[some] = r[some] / influence[0, 0]
         return z
 
     free = np.zeros(elements.size, dtype=bool)
@@ -177,11 +184,36 @@ def approximate_inverse(
     return apply, free
 
 
-def _without_lifted(kept: Index, pressure: Array, step: Array, margin: float) -> tuple[Index, bool]:
+def _border(
+    influence: Array, columns: int, elements: Index, left_out: NDArray[np.bool_], some: Index
+) -> tuple[Index, NDArray[np.float32]]:
+    """Return, for some of those left out, who is around them (numbers, theirs included) and the rows g of their border.
+
+    With one more element x, the inverse of K is that without it and g gᵀ, g = y/√y_x, K y = e_x. Here K is that of the
+    element and those around it that are not left out, within two spacings along each axis.
+    """
+    square = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3)])
+    here = len(square) // 2
+    given = influence[:5, :5]
+    kernel = np.zeros((5, 5))
+    kernel[: given.shape[0], : given.shape[1]] = given
+    away = np.abs(square[:, None] - square)
+    matrix = kernel[away[..., 0], away[..., 1]]
+    wanted = elements[some, None] + square @ (columns, 1)
+    members = np.minimum(np.searchsorted(elements, wanted), elements.size - 1)
+    column = elements[some, None] % columns + square[:, 1]
+    present = (elements[members] == wanted) & (column >= 0) & (column < columns) & ~left_out[members]
+    present[:, here] = True
+    systems = np.where(present[:, :, None] & present[:, None, :], matrix, np.eye(len(square)))
+    unit = np.zeros((len(square), 1))
+    unit[here] = 1.0
+    rows = np.linalg.solve(systems, unit)[:, :, 0] * present
+    return members, (rows / np.sqrt(rows[:, here, None])).astype(np.float32)
+
+
+def _without_lifted(kept: Index, pressure: Array, step: Array) -> tuple[Index, bool]:
     """Return those of the elements that a step of the pressure leaves in contact, all of them if it lifts but few."""
-    loaded = pressure[kept] > 0.0
-    least = margin * float(np.abs(step[loaded]).mean()) if margin and loaded.any() else 0.0
-    lifted = ~loaded & (step <= -least)
+    lifted = (pressure[kept] <= 0.0) & (step <= 0.0)
     many = bool(_LIFTED * kept.size < np.count_nonzero(lifted) < kept.size)
     return (kept[~lifted] if many else kept), many
 

@@ -729,7 +729,7 @@ def test_removed_pressures_may_be_summed_or_convolved(precision, rtol, monkeypat
     ends = np.linspace(0.3, 3.0, 7)
     found = []
     for direct in (0.0, np.inf):
-        monkeypatch.setattr("roughvol.physics.contact._DIRECT", direct)
+        monkeypatch.setattr("roughvol.physics.few._DIRECT", direct)
         found.append(list(sweep(surface, half_space(surface.shape), ends, rtol=rtol, precision=precision)))
     for convolved, summed in zip(*found, strict=True):
         assert max(convolved.residual, summed.residual) <= rtol
