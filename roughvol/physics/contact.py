@@ -551,7 +551,7 @@ def _predict(
     candidates, w = candidates[predicted], w[predicted]
     q, rate = _rates(problem, candidates, now, before)
     q += (indentation - now.indentation) * rate[0]
-    _truncate(problem, candidates, q, w)
+    _truncate(problem, candidates, q, w, _REMOVAL * problem.rtol)
     return candidates, q, w, rate
 
 
@@ -603,6 +603,7 @@ def _conjugate_gradients(
     """
     half_space = problem.half_space
     tolerance = _SAFETY * problem.rtol
+    error = _REMOVAL * problem.rtol if attempt < 2 else 0.0
     precondition, free = approximate_inverse(half_space.influence, half_space.shape, elements, q, w, rate)
     single = problem.single and attempt < 2
     direction: NDArray[Any] = np.zeros(q.size, dtype=np.float32 if single else np.float64)
@@ -610,15 +611,15 @@ def _conjugate_gradients(
     product = length = 1.0
     balanced = False
     for iteration in range(_ITERATIONS):
-        if iteration % 2 == 0 or elements.size > _OFTEN:  # every time, on few, costs more than it saves
-            _truncate(problem, elements, q, w)
+        if iteration % 2 == 0 or elements.size > _CUT_ALWAYS_FROM:  # always, on few, costs more than it saves
+            _truncate(problem, elements, q, w, error)
         if iteration:
             free = (q != 0.0) | (w < 0.0)
         r = np.negative(w, out=np.empty_like(direction), casting="same_kind")
         r *= free  # much faster than to set some of the numbers to zero
         residual = float(np.abs(r).max())
         if residual <= tolerance:
-            if _truncate(problem, elements, q, w):
+            if _truncate(problem, elements, q, w, error):
                 continue
             return q, iteration
         z = precondition(r, balanced)
@@ -647,20 +648,22 @@ _LAST = 3.0  # what a step of the length of the one before takes off the residua
 _WELL_PRECONDITIONED = 0.3  # a length, below which the next may be anything: the first steps on compact contacts
 _DESCENT = 0.2  # cosine between r and M⁻¹ r below which M⁻¹ is balanced: the states before are rough, and so is t
 _ITERATIONS = 2000
-_OFTEN = 100_000  # elements, from which on negative pressures are cut in every iteration
-_REMOVAL = 0.1  # share of the tolerance that the displacement by one removed pressure may be wrong by
+_CUT_ALWAYS_FROM = 100_000  # elements, from which on negative pressures are cut in every iteration
+# share of the tolerance that the displacement by one removed pressure may be wrong by; should those of many add up, the
+# verification sees it, and from the third attempt on nothing is summed with such an error
+_REMOVAL = 0.1
 
 
-def _truncate(problem: _Problem, elements: Index, q: Array, w: Array) -> bool:
+def _truncate(problem: _Problem, elements: Index, q: Array, w: Array, error: float) -> bool:
     """Set negative pressures to zero and take their share out of the gap; say whether there were any.
 
-    Where they are few this takes less than a convolution.
+    Where they are few this takes less than a convolution. The error is what one of them may cause in the gap.
     """
     if not q.min(initial=0.0) < 0.0:  # in this form also where they are no numbers
         return False
     negative = np.flatnonzero(q < 0.0)
     displacement = problem.few.displacement(
-        elements, elements[negative], q[negative], single=problem.single, error=_REMOVAL * problem.rtol
+        elements, elements[negative], q[negative], single=problem.single, error=error
     )
     if displacement is None:
         removed = np.zeros_like(q)

@@ -300,8 +300,9 @@ class _Convolution:
     """Plans and buffers of one precision, for rows forward, columns forward, times spectrum, and back.
 
     Padding is never transformed where it need not be: only occupied rows go forward and only those come back. Rows and
-    columns go through small buffers that stay in cache; columns are copied into rows there, where their transforms are
-    contiguous, and every transform has its result beside its argument: plans in place take up to half as long again.
+    columns go through buffers, of which what is transformed at a time stays in cache. Columns are copied into rows
+    there, where their transforms are contiguous, and every transform has its result beside its argument: plans in place
+    take up to half as long again.
     The blocks do not depend on the number of threads, which share them out, so neither do the results.
     """
 

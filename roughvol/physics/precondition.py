@@ -122,7 +122,7 @@ def approximate_inverse(
 ) -> tuple[Inverse, NDArray[np.bool_]]:
     """Return (r, balanced) ↦ M⁻¹ r ≈ K⁻¹ r, and which elements it expects to be in contact.
 
-    Balanced it is symmetric and positive definite, and takes more time.
+    Balanced it is symmetric and positive definite on the elements where r is not zero, and takes more time.
 
     An element without pressure that the near field would not make carry any is lifted clear by its neighbours. An
     inverse that counts on it is the wrong one for these, so it is made without. Should such an element come into
@@ -152,12 +152,12 @@ def approximate_inverse(
         return lambda r, balanced: inverse(r, balanced or longer >= LARGE)
 
     kept = np.flatnonzero(free) if free.any() else np.arange(free.size)
-    some = False  # left out
+    fewer = False
     near = near_field(influence, shape[1], elements[kept], reach)
     if longer >= _LIFTED_FROM:
-        kept, some = _without_lifted(kept, pressure, near(-gap[kept]))
-    inverse = made(kept, None if some else near)
-    for _ in range(_AGAIN if some and longer >= LARGE else 0):
+        kept, fewer = _without_lifted(kept, pressure, near(-gap[kept]))
+    inverse = made(kept, None if fewer else near)
+    for _ in range(_AGAIN if fewer and longer >= LARGE else 0):
         # many come into reach in one step there: once more, by what the inverse itself says
         kept, more = _without_lifted(kept, pressure, inverse(-gap[kept], True))
         if not more:
@@ -172,7 +172,7 @@ def approximate_inverse(
         z = np.zeros_like(r)
         z[kept] = inverse(r[kept], balanced)
         some = np.flatnonzero(left_out & (r != 0.0))
-        if some.size <= _BORDERED:
+        if 0 < some.size <= _BORDERED:
             members, rows = _border(influence, shape[1], elements, left_out, some)
             np.add.at(z, members, rows * (rows * r[members]).sum(axis=1, keepdims=True))
         else:
@@ -189,8 +189,8 @@ def _border(
 ) -> tuple[Index, NDArray[np.float32]]:
     """Return, for some of those left out, who is around them (numbers, theirs included) and the rows g of their border.
 
-    With one more element x, the inverse of K is that without it and g gᵀ, g = y/√y_x, K y = e_x. Here K is that of the
-    element and those around it that are not left out, within two spacings along each axis.
+    With one more element x, the inverse of K is the sum of that without it and g gᵀ, g = y/√y_x, K y = e_x. Here y is
+    found on the element and those around it that are not left out, within two spacings along each axis.
     """
     square = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3)])
     here = len(square) // 2
@@ -207,7 +207,7 @@ def _border(
     systems = np.where(present[:, :, None] & present[:, None, :], matrix, np.eye(len(square)))
     unit = np.zeros((len(square), 1))
     unit[here] = 1.0
-    rows = np.linalg.solve(systems, unit)[:, :, 0] * present
+    rows = np.linalg.solve(systems, unit)[:, :, 0]
     return members, (rows / np.sqrt(rows[:, here, None])).astype(np.float32)
 
 

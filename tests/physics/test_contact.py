@@ -737,3 +737,23 @@ def test_removed_pressures_may_be_summed_or_convolved(precision, rtol, monkeypat
     assert sum(c.convolutions + c.convolutions_fp32 for c in found[0]) > sum(
         c.convolutions + c.convolutions_fp32 for c in found[1]
     )
+
+
+def test_removed_pressures_may_be_summed_with_a_split_kernel(monkeypatch):
+    monkeypatch.setattr("roughvol.physics.contact._DENSE_UP_TO", 8)
+    monkeypatch.setattr("roughvol.physics.few._DIRECT", np.inf)
+    surface, asked = fractal(6), []
+    ends = np.linspace(0.3, 3.0, 7)
+    direct = list(sweep(surface, half_space(surface.shape), ends, rtol=1e-4))
+
+    def split(self, elements, few, pressure, *, single, error):
+        asked.append((single, error))
+        return self._split.displacement(elements, few, pressure)
+
+    monkeypatch.setattr("roughvol.physics.few.Few.displacement", split)
+    by_parts = list(sweep(surface, half_space(surface.shape), ends, rtol=1e-4))
+    assert len(asked) > 5
+    assert (True, 0.1 * 1e-4) in asked
+    for one, other in zip(by_parts, direct, strict=True):
+        assert max(one.residual, other.residual) <= 1e-4
+        assert abs(one.free_volume - other.free_volume) <= 2e-4

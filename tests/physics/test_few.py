@@ -18,7 +18,8 @@ def loaded(shape, count, seed=0):
     size = shape[0] * shape[1]
     elements = np.sort(generator.choice(size, size // 5, replace=False))
     some = np.sort(generator.choice(elements.size, count, replace=False))
-    some[[0, -1]] = 0, elements.size - 1  # at the ends, where windows leave the grid
+    elements[[0, -1]] = 0, size - 1
+    some[[0, -1]] = 0, elements.size - 1  # in the corners, where windows leave the grid
     return elements, some, -generator.random(count)
 
 
@@ -56,7 +57,7 @@ def test_the_split_kernel_is_as_exact_as_it_says(shape, kernel):
         elements = np.arange(shape[0] * shape[1])
         got = split.displacement(elements, np.array([place]), np.ones(1))
         worst = max(worst, float(np.abs(got - convolved(half_space, elements, [place], 1.0)).max()))
-    assert 0.1 * ERROR < worst <= ERROR
+    assert 0.3 * ERROR < worst <= ERROR
 
 
 def test_each_way_is_taken_where_it_is_the_cheapest_that_is_exact_enough(monkeypatch):

@@ -285,13 +285,25 @@ def test_an_element_left_out_takes_part_with_the_near_field_around_it(lifted):
         wanted = np.zeros(around.size)
         wanted[near] = np.linalg.solve(matrix[np.ix_(near, near)], (near == one).astype(float))
         np.testing.assert_allclose(whole[:, one], wanted, rtol=0, atol=3e-6 * wanted.max())
-    # those of them that are in contact after all are as well served as the rest
+
+
+def test_elements_left_out_that_are_in_contact_after_all_are_as_well_served_as_the_rest(lifted):
+    around, inverse, free, matrix, _ = lifted
+    row, column = np.divmod(around, 65)
     apart = np.flatnonzero(~free & (row % 8 == 0) & (column % 8 == 0))
     assert apart.size > 4
     together = np.union1d(np.flatnonzero(free), apart)
-    found = eigenvalues(whole[np.ix_(together, together)], matrix[np.ix_(together, together)])
-    assert found[0] > 0.65  # 0.58 … 1.50 if each took part for itself
-    assert found[-1] < 1.35
+    # linear only as long as the same elements take part: those where r is not zero
+    all_of_them = np.isin(np.arange(around.size), together).astype(float)
+    some, balanced = (
+        dense(lambda r, kind=kind: kind(all_of_them + r) - kind(all_of_them), around.size)[np.ix_(together, together)]
+        for kind in (inverse, partial(inverse.func, balanced=True))
+    )
+    matrix = matrix[np.ix_(together, together)]
+    np.testing.assert_allclose(balanced, balanced.T, rtol=0, atol=1e-5)
+    for found, largest in ((eigenvalues(some, matrix), 1.35), (eigenvalues(balanced, matrix), 1.5)):
+        assert found[0] > 0.65  # alone: 0.58
+        assert found[-1] < largest
 
 
 def test_many_left_out_take_part_for_themselves(lifted, monkeypatch):
