@@ -662,9 +662,7 @@ def _truncate(problem: _Problem, elements: Index, q: Array, w: Array, error: flo
     if not q.min(initial=0.0) < 0.0:  # in this form also where they are no numbers
         return False
     negative = np.flatnonzero(q < 0.0)
-    displacement = problem.few.displacement(
-        elements, elements[negative], q[negative], single=problem.single, error=error
-    )
+    displacement = problem.few.displacement(elements, negative, q[negative], single=problem.single, error=error)
     if displacement is None:
         removed = np.zeros_like(q)
         removed[negative] = q[negative]

@@ -44,6 +44,7 @@ class Few:
     def __init__(self, influence: Array) -> None:
         self._influence, self._shape = influence, influence.shape
         self._mirrored: NDArray[Any] = np.empty(0, dtype=bool)
+        self._numbered: tuple[Index, NDArray[np.int32]] | None = None
 
     def displacement(
         self, elements: Index, few: Index, pressure: Array, *, single: bool, error: float
@@ -52,8 +53,9 @@ class Few:
 
         Parameters
         ----------
-        elements, few : flat indices, increasing.
-        pressure : on the few, in any unit, which is then that of u.
+        elements : flat indices, increasing.
+        few : which of them are loaded.
+        pressure : on these, in any unit, which is then that of u.
         single : whether 32 bits are enough.
         error : allowed in u by one pressure; where the split kernel may exceed it, it is not used.
         """
@@ -63,18 +65,24 @@ class Few:
         if min(directly, by_parts if accurate else directly) > _DIRECT * self._shape[0] * self._shape[1]:
             return None
         if accurate and by_parts < directly:
-            return self._split.displacement(elements, few, pressure)
-        # in a table whose rows hold both signs of the column, an offset is the distance of two numbers
-        columns = np.int32(self._shape[1])
-        row, column = np.divmod(elements.astype(np.int32), columns)
-        number = row * (2 * columns - 1) + column
-        row, column = np.divmod(few.astype(np.int32), columns)
-        table = self._table(single)
+            return self._split.displacement(elements, elements[few], pressure)
+        table, number = self._table(single), self._numbers(elements)
         displacement: NDArray[Any] = np.zeros(elements.size, dtype=table.dtype)
-        for place, q in zip(row * (2 * columns - 1) + column, pressure.tolist(), strict=True):
+        for place, q in zip(number[few], pressure.tolist(), strict=True):
             offset = number - place
             displacement += q * table.take(np.abs(offset, out=offset))
         return displacement
+
+    def _numbers(self, elements: Index) -> NDArray[np.int32]:
+        """Return numbers whose differences are places in the table; they are kept until other elements are asked for.
+
+        In a table whose rows hold both signs of the column, an offset is the distance of two numbers.
+        """
+        if self._numbered is None or self._numbered[0] is not elements:
+            columns = np.int32(self._shape[1])
+            row, column = np.divmod(elements.astype(np.int32), columns)
+            self._numbered = elements, row * (2 * columns - 1) + column
+        return self._numbered[1]
 
     def _table(self, single: bool) -> NDArray[Any]:
         """Return K at every offset, flat, from the origin on: rows ≥ 0 by columns of both signs, in the precision used.

@@ -748,7 +748,7 @@ def test_removed_pressures_may_be_summed_with_a_split_kernel(monkeypatch):
 
     def split(self, elements, few, pressure, *, single, error):
         asked.append((single, error))
-        return self._split.displacement(elements, few, pressure)
+        return self._split.displacement(elements, elements[few], pressure)
 
     monkeypatch.setattr("roughvol.physics.few.Few.displacement", split)
     by_parts = list(sweep(surface, half_space(surface.shape), ends, rtol=1e-4))
