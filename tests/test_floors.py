@@ -145,7 +145,12 @@ def _imports(module: str) -> set[str]:
 def _floor(module: str) -> tuple[set[str], set[str]]:
     siblings, parties = FLOORS[module.split(".")[0]]
     if module == "physics.contact":
-        siblings = siblings | {"physics.surface", "physics.precondition", "physics.blocks", "physics.few"}  # its parts
+        siblings = siblings | {
+            "physics.surface",
+            "physics.precondition",
+            "physics.blocks",
+            "physics.superposition",
+        }  # its parts
     if module == "physics.precondition":
         siblings = siblings | {"physics.blocks"}  # its far half
     if module == "physics.search":

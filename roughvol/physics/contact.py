@@ -41,8 +41,8 @@ from scipy import linalg as scipy_linalg
 
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.physics.blocks import influence_matrix
-from roughvol.physics.few import Few
 from roughvol.physics.precondition import approximate_inverse
+from roughvol.physics.superposition import Superposition
 from roughvol.physics.surface import Surface
 
 Array = NDArray[np.float64]
@@ -319,7 +319,7 @@ class _Problem:
             raise ContactError(message)
         self.half_space, self.rtol, self.shape = half_space, rtol, surface.shape
         self._mixed = precision == "mixed"
-        self.few = Few(half_space.influence)
+        self.superposition = Superposition(half_space.influence)
         self._place = np.full(surface.heights.size, -1, dtype=np.int32)  # as `places` leaves it
         # range first, then σ: the standard deviation of 1e-250 heights would underflow
         heights = surface.heights - surface.heights.max()
@@ -662,7 +662,9 @@ def _truncate(problem: _Problem, elements: Index, q: Array, w: Array, error: flo
     if not q.min(initial=0.0) < 0.0:  # in this form also where they are no numbers
         return False
     negative = np.flatnonzero(q < 0.0)
-    displacement = problem.few.displacement(elements, negative, q[negative], single=problem.single, error=error)
+    displacement = problem.superposition.displacement(
+        elements, negative, q[negative], single=problem.single, error=error
+    )
     if displacement is None:
         removed = np.zeros_like(q)
         removed[negative] = q[negative]

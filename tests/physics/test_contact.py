@@ -729,7 +729,7 @@ def test_removed_pressures_may_be_summed_or_convolved(precision, rtol, monkeypat
     ends = np.linspace(0.3, 3.0, 7)
     found = []
     for direct in (0.0, np.inf):
-        monkeypatch.setattr("roughvol.physics.few._DIRECT", direct)
+        monkeypatch.setattr("roughvol.physics.superposition._DIRECT", direct)
         found.append(list(sweep(surface, half_space(surface.shape), ends, rtol=rtol, precision=precision)))
     for convolved, summed in zip(*found, strict=True):
         assert max(convolved.residual, summed.residual) <= rtol
@@ -741,16 +741,16 @@ def test_removed_pressures_may_be_summed_or_convolved(precision, rtol, monkeypat
 
 def test_removed_pressures_may_be_summed_with_a_split_kernel(monkeypatch):
     monkeypatch.setattr("roughvol.physics.contact._DENSE_UP_TO", 8)
-    monkeypatch.setattr("roughvol.physics.few._DIRECT", np.inf)
+    monkeypatch.setattr("roughvol.physics.superposition._DIRECT", np.inf)
     surface, asked = fractal(6), []
     ends = np.linspace(0.3, 3.0, 7)
     direct = list(sweep(surface, half_space(surface.shape), ends, rtol=1e-4))
 
-    def split(self, elements, few, pressure, *, single, error):
+    def split(self, elements, loaded, pressure, *, single, error):
         asked.append((single, error))
-        return self._split.displacement(elements, elements[few], pressure)
+        return self._split.displacement(elements, elements[loaded], pressure)
 
-    monkeypatch.setattr("roughvol.physics.few.Few.displacement", split)
+    monkeypatch.setattr("roughvol.physics.superposition.Superposition.displacement", split)
     by_parts = list(sweep(surface, half_space(surface.shape), ends, rtol=1e-4))
     assert len(asked) > 5
     assert (True, 0.1 * 1e-4) in asked

@@ -1,4 +1,4 @@
-"""Displacement by few loaded elements, without a convolution over the whole grid.
+"""Displacement by few loaded elements, by superposition instead of a convolution over the whole grid.
 
 The fewest are summed directly, coefficient by coefficient. For more, the kernel is split in two at R elements,
 K = K_near + K_far,
@@ -33,7 +33,7 @@ _COARSE = 8  # h, elements
 ERROR = 3e-4
 
 
-class Few:
+class Superposition:
     """The influence of few loaded elements on many, in lattice units; not thread-safe.
 
     Parameters
@@ -47,28 +47,28 @@ class Few:
         self._numbered: tuple[Index, NDArray[np.int32]] | None = None
 
     def displacement(
-        self, elements: Index, few: Index, pressure: Array, *, single: bool, error: float
+        self, elements: Index, loaded: Index, pressure: Array, *, single: bool, error: float
     ) -> NDArray[Any] | None:
         """Return u on the elements under pressures on a few of them, or None where a convolution takes less time.
 
         Parameters
         ----------
         elements : flat indices, increasing.
-        few : which of them are loaded.
+        loaded : which of them are, increasing.
         pressure : on these, in any unit, which is then that of u.
         single : whether 32 bits are enough.
         error : allowed in u by one pressure; where the split kernel may exceed it, it is not used.
         """
-        directly = few.size * elements.size
-        by_parts = few.size * (2 * _REACH + 1) ** 2 + _INTERPOLATION * elements.size
+        directly = loaded.size * elements.size
+        by_parts = loaded.size * (2 * _REACH + 1) ** 2 + _INTERPOLATION * elements.size
         accurate = single and ERROR * float(np.abs(pressure).max(initial=0.0)) <= error
         if min(directly, by_parts if accurate else directly) > _DIRECT * self._shape[0] * self._shape[1]:
             return None
         if accurate and by_parts < directly:
-            return self._split.displacement(elements, elements[few], pressure)
+            return self._split.displacement(elements, elements[loaded], pressure)
         table, number = self._table(single), self._numbers(elements)
         displacement: NDArray[Any] = np.zeros(elements.size, dtype=table.dtype)
-        for place, q in zip(number[few], pressure.tolist(), strict=True):
+        for place, q in zip(number[loaded], pressure.tolist(), strict=True):
             offset = number - place
             displacement += q * table.take(np.abs(offset, out=offset))
         return displacement
@@ -120,11 +120,12 @@ class _SplitKernel:
         far = np.where(square < 1.0, (1.5 - 0.5 * square) / _REACH, far)
         self._spectrum: Single = fft.rfft2(far).real.astype(np.float32)
 
-    def displacement(self, elements: Index, few: Index, pressure: Array) -> Single:
+    def displacement(self, elements: Index, loaded: Index, pressure: Array) -> Single:
+        """Return u on the elements; those loaded as flat indices here."""
         columns = np.int32(self._shape[1])
         field, reach = self._field, 2 * _REACH + 1
         pressure = pressure.astype(np.float32)
-        row, column = np.divmod(few.astype(np.int32), columns)
+        row, column = np.divmod(loaded.astype(np.int32), columns)
         windows = [
             (slice(i, i + reach), slice(j, j + reach)) for i, j in zip(row.tolist(), column.tolist(), strict=True)
         ]

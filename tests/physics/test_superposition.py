@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from roughvol.physics import few
-from roughvol.physics.few import ERROR, Few
+from roughvol.physics import superposition
 from roughvol.physics.halfspace import HalfSpace
+from roughvol.physics.superposition import ERROR, Superposition
 
 SHAPES = ((33, 65), (129, 129), (300, 1000), (7, 900))
 
@@ -33,10 +33,10 @@ def convolved(half_space, elements, some, pressure):
 @pytest.mark.parametrize("kernel", ["love", "punch"])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_direct_sums_are_the_convolution(shape, kernel, single, monkeypatch):
-    monkeypatch.setattr(few, "_DIRECT", np.inf)
+    monkeypatch.setattr(superposition, "_DIRECT", np.inf)
     half_space = HalfSpace(shape, kernel)
     elements, some, pressure = loaded(shape, 20)
-    got = Few(half_space.influence).displacement(elements, some, pressure, single=single, error=0.0)
+    got = Superposition(half_space.influence).displacement(elements, some, pressure, single=single, error=0.0)
     assert got.dtype == (np.float32 if single else np.float64)
     wanted = convolved(half_space, elements, some, pressure)
     np.testing.assert_allclose(got, wanted, rtol=3e-6 if single else 1e-12)
@@ -46,7 +46,7 @@ def test_direct_sums_are_the_convolution(shape, kernel, single, monkeypatch):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_split_kernel_is_as_exact_as_it_says(shape, kernel):
     half_space = HalfSpace(shape, kernel)
-    split = few._SplitKernel(half_space.influence)
+    split = superposition._SplitKernel(half_space.influence)
     for seed, count in enumerate((2, 2, 2, 2, 60, 2)):  # the last finds the field as the first did
         elements, some, pressure = loaded(shape, count, seed)
         got = split.displacement(elements, elements[some], pressure)
@@ -63,10 +63,10 @@ def test_the_split_kernel_is_as_exact_as_it_says(shape, kernel):
 def test_each_way_is_taken_where_it_is_the_cheapest_that_is_exact_enough(monkeypatch):
     shape = (300, 1000)
     half_space = HalfSpace(shape)
-    sums = Few(half_space.influence)
+    sums = Superposition(half_space.influence)
     split = []
-    true = few._SplitKernel.displacement
-    monkeypatch.setattr(few._SplitKernel, "displacement", lambda *given: split.append(1) or true(*given))
+    true = superposition._SplitKernel.displacement
+    monkeypatch.setattr(superposition._SplitKernel, "displacement", lambda *given: split.append(1) or true(*given))
 
     def ways(count, **how):
         elements, some, pressure = loaded(shape, count)
@@ -77,7 +77,7 @@ def test_each_way_is_taken_where_it_is_the_cheapest_that_is_exact_enough(monkeyp
         np.testing.assert_allclose(got, convolved(half_space, elements, some, pressure), atol=ERROR * count)
         return "split" if len(split) > before else "direct"
 
-    monkeypatch.setattr(few, "_DIRECT", 12.0)
+    monkeypatch.setattr(superposition, "_DIRECT", 12.0)
     assert ways(15, single=True, error=1e-3) == "direct"  # as few
     assert ways(50, single=True, error=1e-3) == "split"
     assert ways(50, single=False, error=1e-3) == "direct"
