@@ -85,10 +85,10 @@ class Case:
             "surface": {"L": self.L, **surface},
             "record": self._recorded,
         }
-        if self.hardness is not None:
-            key["material"] = {"hardness": float(f"{self.hardness:.12g}"), "Sq": self.height}  # in any unit the same
         if self.sweep.steps == 0:  # nothing is solved, so neither the end of the sweep nor the solver matters
             return {**key, "sweep": {"steps": 0}}
+        if self.hardness is not None:
+            key["material"] = {"hardness": float(f"{self.hardness:.12g}"), "Sq": self.height}  # in any unit the same
         solver: dict[str, Any] = {
             "rtol": self.solver.tolerance,
             "kernel": self.solver.kernel,
