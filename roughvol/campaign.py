@@ -9,6 +9,7 @@ thread, and nothing that can change an answer passes from one case to the next.
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -173,19 +174,20 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
     study : Study
         The study.
     surface : Surface, optional
-        The surface from its height file, as `check_surfaces` returns it. Of generated surfaces the roughest is made,
-        that of the first seed, and at most at m = `LOOKED_AT`: its slope only grows with m.
+        The surface from its height file, as `check_surfaces` returns it; read if not given. Of generated surfaces the
+        roughest is made, that of the first seed, and at most at m = `LOOKED_AT`: its slope only grows with m.
     """
     case, given = study.cases()[0], study.surface
     held = validity.setting(study)
     if case.sweep.steps == 0:
         return []
+    if not held.scaled:
+        return validity.before(held, case.sweep.target, Sq=math.nan, Sdq=math.nan, L=case.L)
     size = 1.0
-    if held.scaled and isinstance(given, GeneratedSurface):
+    if isinstance(given, GeneratedSurface):
         surface = surface_of(replace(case, D=max(given.D), m=min(max(given.m), LOOKED_AT)))
         size = (given.height or surface.Sq) / surface.Sq
-    if surface is None:
-        return validity.before(held, case.sweep.target, Sq=1.0, Sdq=0.0, L=case.L)
+    surface = surface or surface_of(case)
     Sdq = size * texture.Sdq(surface.heights, surface.spacing)
     return validity.before(held, case.sweep.target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side)
 

@@ -179,7 +179,7 @@ def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float) ->
     found += _metal(given, math.sqrt(0.5 * math.pi) * scale, "about ")
     if given.drop_text is not None and math.isnan(given.drop):
         found.append(_drop_unknown(given))
-    elif given.drop > LARGEST_DROP * end:
+    elif end > 0.0 and given.drop > LARGEST_DROP * end:
         text = (
             f"pressure_drop {given.drop_text} is {given.drop / end:.2g} of the nominal pressure expected at the end of "
             f"the sweep, about {_pressure(given, end)} (limit {LARGEST_DROP}): the fluid would carry part of the load"

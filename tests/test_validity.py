@@ -250,6 +250,13 @@ def test_check_foresees_a_pressure_drop_that_lifts_the_joint(drop: str, speaks: 
     assert "pressure_drop" not in _before(f"{rubber}sweep: {{to: mean-plane}}\n{LEAK.format(drop)}")  # not known
 
 
+def test_a_flat_map_is_looked_at_without_trouble(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.zeros((9, 9)))
+    text = "surface: {file: z.npy, L: 1 mm}\nmaterial: {E: 210 GPa, nu: 0.3, hardness: 2 GPa}\n" + LEAK.format("1 bar")
+    for end in ("{contact_area: 0.2}", "{indentation: 1}"):
+        assert campaign.foreseen(loads(f"{text}sweep: {{to: {end}}}", tmp_path / "s.yaml")) == []
+
+
 def test_a_drop_that_cannot_be_compared_is_said() -> None:
     text = SMALL + LEAK.format("1 bar")
     assert "has no unit" in _before(text)["pressure_drop"].sentence
