@@ -6,7 +6,7 @@ import contextlib
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +70,7 @@ def check(study: Path) -> None:
 
     Prints the study with every default written out, then the number of cases, memory, disk and expected time.
     """
-    from roughvol import campaign, estimate
+    from roughvol import campaign, estimate, validity
     from roughvol.study import load
 
     loaded = load(study)
@@ -79,6 +79,7 @@ def check(study: Path) -> None:
     if surface is not None:
         click.echo(_measured(surface, loaded.cases()[0]))
     click.echo(_cost(estimate.estimate(loaded)))
+    _warn(validity.sentences(campaign.foreseen(loaded, surface)))
     for choice in estimate.choices(loaded):
         area, pressure, volume = choice.errors
         click.echo(
@@ -132,6 +133,7 @@ def run(
     assert last is not None
     click.echo(_ran(last, time.monotonic() - started))
     click.echo(_summary(results, campaign.folder_of(loaded, out) / "study.nc"))
+    _warn(results.attrs["warnings"].splitlines())
 
 
 @main.command(epilog=_examples("roughvol status configs/effect_of_D.yaml"))
@@ -264,6 +266,12 @@ def _message(error: RoughvolError) -> str:
         lines = [f"  {problem}" for problem in error.problems]
         return "\n".join([f"{_count(len(lines), 'problem')} in the study", *lines])
     return f"error: {error}"
+
+
+def _warn(*sentences: Iterable[str]) -> None:
+    """Print each sentence once as a warning."""
+    for sentence in dict.fromkeys(one for several in sentences for one in several):
+        click.echo(f"warning: {sentence}", err=True)
 
 
 def _ran(last: Progress, seconds: float) -> str:
