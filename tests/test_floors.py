@@ -155,6 +155,8 @@ def _floor(module: str) -> tuple[set[str], set[str]]:
         siblings = siblings | {"physics.blocks"}  # its far half
     if module == "physics.search":
         siblings = siblings | {"physics.surface", "physics.contact"}  # what it searches among
+    if module in ("physics.outliers", "physics.lattice"):
+        siblings = siblings | {"physics.levelling"}  # a plane taken off, holes filled
     if module == "physics.halfspace":
         parties = parties | {"pyfftw"}
     return siblings, parties
