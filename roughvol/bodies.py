@@ -49,11 +49,11 @@ def _pressed(measured: list[Heights], case: Case) -> tuple[Heights, int, int]:
     (total, filled, removed), *others = (
         _treated(heights, body, case) for heights, body in zip(measured, case.bodies, strict=True)
     )
-    for body, (heights, missing, outliers) in zip(case.bodies[1:], others, strict=True):
+    for body, (heights, missing, count) in zip(case.bodies[1:], others, strict=True):
         if heights.shape != total.shape:
             message = f"{body.file}: has {heights.shape} nodes; allowed: {total.shape}, as {case.bodies[0].file} has"
             raise SurfaceError(message)
-        total, filled, removed = total + heights, filled | missing, removed + outliers
+        total, filled, removed = total + heights, filled | missing, removed + count
     return total, int(filled.sum()), removed
 
 

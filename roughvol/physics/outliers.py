@@ -37,7 +37,7 @@ def outliers(heights: Heights, sigma: float, window: int = 5, degree: str = "til
 
     Of normal heights, correlated or not, r - med_w(r) deviates by 1.1 s at most. At sigma = 6 that is one height in
     10⁷ for white noise, and none on surfaces with correlated heights. A patch of dust that fills more than half of the
-    window is its own median and stays.
+    window is its own median and stays. Corners of a wall are cut if it rises by more than sigma s from node to node.
 
     The plane is fitted again without heights farther than sigma s from it, until these are always the same. Otherwise
     the outliers would tilt it, and a tilt would raise s. Where less than half of a window is known, the reference is
@@ -96,9 +96,7 @@ def outliers(heights: Heights, sigma: float, window: int = 5, degree: str = "til
     return found
 
 
-def _robust(
-    heights: Heights, known: NDArray[np.bool_], sigma: float, degree: str
-) -> tuple[Heights, float, float]:
+def _robust(heights: Heights, known: NDArray[np.bool_], sigma: float, degree: str) -> tuple[Heights, float, float]:
     """Return the heights less a surface that outliers do not bend, their median and their robust deviation."""
     fitted = known
     for _ in range(ROUNDS):

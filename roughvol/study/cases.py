@@ -303,7 +303,9 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
         return
     crop = surface["crop"] if isinstance(surface.get("crop"), dict) else {}
     lengths: list[tuple[KeyPath, Any]] = [(("low_pass",), surface.get("low_pass"))]
-    lengths += [(("crop", axis), place) for axis, places in crop.items() if isinstance(places, list) for place in places]
+    lengths += [
+        (("crop", axis), place) for axis, places in crop.items() if isinstance(places, list) for place in places
+    ]
     for key, length in lengths:
         if has_unit(length):
             yield ("surface", *key), f"has a unit ({length}) and L has none: give both with theirs, as L: 100 um"

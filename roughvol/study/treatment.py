@@ -104,8 +104,13 @@ class Treatment:
 
     @property
     def used(self) -> dict[str, Any]:
-        """What is not left as it is."""
-        return {name: value for name, value in vars(self).items() if value != getattr(UNTREATED, name)}
+        """What is not left as it is, as plain data."""
+        data = dict(vars(self))
+        if self.crop is not None:
+            data["crop"] = [list(pair) for pair in self.crop]
+        if self.outliers is not None:
+            data["outliers"] = {"sigma": self.outliers[0], "window": self.outliers[1]}
+        return {name: value for name, value in data.items() if value != getattr(UNTREATED, name)}
 
     @property
     def filling(self) -> Literal["nearest", "interpolate"] | None:
