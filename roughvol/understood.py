@@ -72,15 +72,10 @@ def text(surface: Surface, case: Case, cases: int = 1) -> str:
     if case.against is not None:
         turned = f", its axis {case.against.mirror} reversed" * (case.against.mirror != "none")
         said.append(f"heights of {case.against.file.name} added{turned}")
-    notes = [f"{body.file.name}: {note}" for body, one in zip(case.bodies, told, strict=True) for note in _notes(one)]
+    notes = getattr(case, "notes", ())
     first, *others = said
     said = [f"# {first}", *(f"#         {line}" for line in others)]
     return "\n".join([*said, *(f"# warning: {warning}" for warning in (*notes, *_warnings(surface, case)))])
-
-
-def _notes(told: Any) -> tuple[str, ...]:
-    """Return what a reader has noticed about a file."""
-    return tuple(getattr(told, "notes", ()))
 
 
 def _warnings(surface: Surface, case: Case) -> Iterator[str]:

@@ -72,8 +72,9 @@ def test_a_crop_by_shares_or_by_lengths_keeps_the_nodes_inside(folder: Path, cro
     assert case.id == _case(folder, "file: map.npy, crop: {x: [10 um, 30 um], y: [18 um, 36 um]}").id
 
 
-def test_a_crop_of_everything_is_no_crop(folder: Path) -> None:
-    assert _case(folder, "file: map.npy, crop: {x: [0, 1]}").id == _case(folder, "file: map.npy").id
+@pytest.mark.parametrize("L", ["40 um", "0.3 mm", "1.7"])
+def test_a_crop_of_everything_is_no_crop(folder: Path, L: str) -> None:
+    assert _case(folder, "file: map.npy, crop: {x: [0, 1]}", L=L).id == _case(folder, "file: map.npy", L=L).id
 
 
 @settings(max_examples=60, deadline=None)
@@ -121,7 +122,7 @@ def test_what_lies_outside_the_crop_changes_nothing(folder: Path) -> None:
         ("outliers: {sigma: 1}", "surface.outliers.sigma", r"must be >= 3, given 1"),
         ("outliers: {window: 4}", "surface.outliers.window", r"must be odd"),
         ("resample: oblong", "surface.resample", r"must be 'none' or 'square'"),
-        ("resample: square", "surface.resample", r"map\.npy does not name the sides of its pixels"),
+        ("resample: square", "surface.resample", r"map\.npy does not give the sides of its pixels"),
         ("downsample: 2, against: {file: small.npy}", "surface.against.file", r"\(40, 37\) nodes; allowed: \(41, 37\)"),
     ],
 )

@@ -22,16 +22,13 @@ from roughvol.study.settings import UNIT, LengthUnit, Strict, refuse, without_un
 from roughvol.study.treatment import (
     UNTREATED,
     Crop,
-    Lattice,
+    File,
     Levelling,
     Missing,
     Outliers,
     Resampling,
     Treatment,
-    after,
-    check_pixels,
-    in_unit_of_study,
-    nodes_kept,
+    settled,
 )
 from roughvol.study.yamltext import printable
 
@@ -214,45 +211,18 @@ def resolve(surface: HeightFile) -> Measured:
         _wrong(f"missing: {surface.file} does not tell the length of its first axis", "surface.L")
     if surface.L is None and any(side and abs(side - L) > SAME * L for side in sides):
         _wrong(f"the files differ in length, {' and '.join(map(str, sides))}: give L to overrule them", keys[1])
-    low_pass = surface.low_pass
-    if low_pass is not None:
-        low_pass = in_unit_of_study(low_pass, unit, "surface.low_pass")
-    lattices = _lattices(surface, told, float(L), unit)
-    treatment = Treatment(surface.level, surface.missing, low_pass, downsample=surface.downsample)
-    if surface.outliers is not None:
-        treatment = replace(treatment, outliers=(surface.outliers.sigma, surface.outliers.window))
-    if lattices:
-        first = lattices[0]
-        nodes = nodes_kept(surface.crop, surface.downsample, first, unit)
-        L = after(first, nodes, surface.downsample, surface.resample).L
-        treatment = replace(treatment, crop=nodes, resample=surface.resample)
-    if surface.resample != "none":
-        bodies = [replace(body, pixel_ratio=one.ratio) for body, one in zip(bodies, lattices, strict=True)]
-    return Measured(float(L), unit, tuple(bodies), treatment)
 
-
-def _lattices(surface: HeightFile, told: list[Description | None], L: float, unit: str | None) -> list[Lattice]:
-    """Return the nodes and pixels of each file, where the treatment changes the lattice; refuse pixels off square."""
-    changed = surface.crop is not None or surface.downsample != 1 or surface.resample != "none"
-    lattices = []
-    for body, one, key in zip(surface.bodies, told, ("surface.file", "surface.against.file"), strict=False):
-        path = Path(body.file)
-        sides = one.sides if one else None
-        if sides is None and not changed:
-            continue
+    def shape(place: int) -> tuple[int, int]:
+        one, body = told[place], bodies[place]
         try:
-            shape = one.shape if one else _shape(path, _digest(path, key), body.variable)
+            return one.shape if one else _shape(body.file, body.sha256, body.variable)
         except (DatasetError, SurfaceError) as error:
-            _wrong(str(error), key)
-        if sides is None and surface.resample != "none":
-            _wrong(f"{path} does not name the sides of its pixels", "surface.resample")
-        ratio = 1.0 if sides is None else sides[1] / (shape[1] - 1) / (sides[0] / (shape[0] - 1))
-        pixel = L / (shape[0] - 1)
-        lattices.append(Lattice(shape, (pixel, pixel * ratio)))
-        check_pixels(lattices[-1], surface.resample, str(path), unit)
-        if shape != lattices[0].shape and changed:
-            _wrong(f"{path} has {shape} nodes; allowed: {lattices[0].shape}, as {surface.file} has", key)
-    return lattices if changed else []
+            _wrong(str(error), keys[place])
+
+    files = [File(body.file, one.sides if one else None) for body, one in zip(bodies, told, strict=True)]
+    treatment, L, ratios = settled(surface, files, shape, float(L), unit)
+    bodies = [replace(body, pixel_ratio=ratio) for body, ratio in zip(bodies, ratios, strict=True)]
+    return Measured(L, unit, tuple(bodies), treatment)
 
 
 @functools.lru_cache(maxsize=64)

@@ -10,8 +10,10 @@ Lengths and shares are turned into nodes here, so that equal nodes have one case
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NoReturn
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, NoReturn, Protocol
 
 from pydantic import Field, field_validator
 
@@ -171,6 +173,87 @@ class Lattice:
     def L(self) -> float:
         """Length of the first axis."""
         return self.pixel[0] * (self.shape[0] - 1)
+
+
+@dataclass(frozen=True)
+class File:
+    """One file of heights, and the lengths of its axes along x and along y where it gives them, in any one unit."""
+
+    path: Path
+    sides: tuple[float, float] | None
+
+
+class Keys(Protocol):
+    """The keys of the section ``surface`` that this module is about."""
+
+    level: Levelling
+    missing: Missing
+    low_pass: Length | None
+    crop: Crop | None
+    outliers: Outliers | None
+    downsample: int
+    resample: Resampling
+
+
+def settled(
+    surface: Keys, files: Sequence[File], shape: Callable[[int], tuple[int, int]], L: float, unit: str | None
+) -> tuple[Treatment, float, list[float | None]]:
+    """Return the treatment in nodes, the length that is left, and for each file the ratio of the sides of its pixels.
+
+    Parameters
+    ----------
+    surface : Keys
+        The section of the study.
+    files : sequence of File
+        The one file or the two.
+    shape : callable
+        Returns the nodes of a file, given its place in the sequence. It may have to read the file, so it is called
+        only where the treatment changes the lattice, or the file gives the lengths of its axes.
+    L : float
+        Length of the first axis of the first file in the unit of the study.
+    unit : str or None
+        Unit of all lengths.
+
+    Returns
+    -------
+    treatment : Treatment
+    L : float
+        Length of the first axis of the lattice that is pressed.
+    ratios : list of float or None
+        Side of the pixels along y over that along x; None where they are not resampled.
+
+    Raises
+    ------
+    StudyError
+        If pixels are off square, a crop or block means leave too few nodes, or two files differ in their nodes.
+    """
+    low_pass = None if surface.low_pass is None else in_unit_of_study(surface.low_pass, unit, "surface.low_pass")
+    outliers = None if surface.outliers is None else (surface.outliers.sigma, surface.outliers.window)
+    plain = Treatment(surface.level, surface.missing, low_pass, outliers=outliers)
+    changed = surface.crop is not None or surface.downsample != 1 or surface.resample != "none"
+    lattices = []
+    for place, file in enumerate(files):
+        if file.sides is None and surface.resample != "none":
+            wrong(f"{file.path} does not give the sides of its pixels", _RESAMPLE)
+        if file.sides is None and not changed:
+            continue
+        nodes = shape(place)
+        x, y = (1.0, 1.0) if file.sides is None else (file.sides[axis] / (nodes[axis] - 1) for axis in (0, 1))
+        pixel = L / (nodes[0] - 1)
+        lattices.append(Lattice(nodes, (pixel, pixel * (y / x))))
+        check_pixels(lattices[-1], surface.resample, str(file.path), unit)
+        if changed and nodes != lattices[0].shape:
+            message = f"{file.path} has {nodes} nodes; allowed: {lattices[0].shape}, as {files[0].path} has"
+            wrong(message, "surface.against.file")
+    if not changed:
+        return plain, L, [None] * len(files)
+    kept = nodes_kept(surface.crop, surface.downsample, lattices[0], unit)
+    if kept is None and surface.downsample == 1 and surface.resample == "none":
+        return plain, L, [None] * len(files)  # L to the last bit, as without a crop
+    left = after(lattices[0], kept, surface.downsample, surface.resample)
+    treatment = replace(plain, crop=kept, downsample=surface.downsample, resample=surface.resample)
+    ratios = [one.ratio if surface.resample != "none" else None for one in lattices]
+    return treatment, left.L, ratios
 
 
 def nodes_kept(crop: Crop | None, downsample: int, lattice: Lattice, unit: str | None) -> Nodes | None:
