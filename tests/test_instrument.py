@@ -139,6 +139,17 @@ def test_the_same_surface_on_oblong_pixels_is_pressed_the_same(tmp_path: Path) -
     assert pressures[1] == pytest.approx(pressures[0], rel=1e-3)
 
 
+def test_two_bodies_on_oblong_pixels_are_resampled_each(tmp_path: Path) -> None:
+    for name, heights in (("one", HEIGHTS), ("other", 2.0 * HEIGHTS), ("both", HEIGHTS + 2.0 * HEIGHTS[::-1])):
+        _write(tmp_path / f"{name}.x3p", heights, pixel=(1.5 * PIXEL, PIXEL))
+    added, both = (
+        bodies.surface(loads(f"surface: {{{keys}, unit: um, resample: square}}", tmp_path / "s.yaml").cases()[0])
+        for keys in ("file: one.x3p, against: {file: other.x3p, mirror: x}", "file: both.x3p")
+    )
+    assert added.shape == both.shape == (10, 5)
+    assert np.abs(added.heights - both.heights).max() < 1e-13
+
+
 def test_a_crop_in_lengths_counts_oblong_pixels(tmp_path: Path) -> None:
     _write(tmp_path / "oblong.x3p", np.random.default_rng(0).normal(size=(21, 21)), pixel=(PIXEL, 2 * PIXEL))
     crop = "crop: {x: [1 um, 3 um], y: [1 um, 3 um]}"
