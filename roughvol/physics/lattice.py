@@ -46,8 +46,9 @@ def squared(heights: Heights, ratio: float) -> Heights:
     """Return the heights on square pixels of the finer of the two spacings, by cubic splines along the coarser axis.
 
     Interpolation onto the finer spacing leaves every wave that the map holds. A cubic spline keeps waves of four pixels
-    and more to 3 % of their amplitude, wherever the new nodes fall between the old; linear interpolation takes off up
-    to 30 %, and least where old and new nodes meet, so that roughness would vary over the map. Planes are exact.
+    and more to 3 % of their amplitude, wherever the new nodes fall between the old. Linear interpolation takes off up
+    to 1 - cos(π/4) = 29 %, and nothing where old and new nodes meet, so roughness would vary over the map. Planes are
+    exact.
 
     Parameters
     ----------

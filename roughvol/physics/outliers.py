@@ -35,9 +35,9 @@ def outliers(heights: Heights, sigma: float, window: int = 5, degree: str = "til
     - The deviation inside a window is small on smooth parts of a surface. In units of that, ordinary texture beside a
       smooth part would be cut.
 
-    Of normal heights, correlated or not, r - med_w(r) deviates by 1.1 s at most. At sigma = 6 that is one height in
-    10⁷ for white noise, and none on surfaces with correlated heights. A patch of dust that fills more than half of the
-    window is its own median and stays. Corners of a wall are cut if it rises by more than sigma s from node to node.
+    Of white noise with normal heights, r - med_w(r) deviates by less than 1.1 s, and of smoother heights by less. At
+    sigma = 6 that is fewer than one height in 10⁷. A patch of dust that fills more than half of the window is its
+    own median and stays. Corners of a wall are cut if it rises by more than sigma s from node to node.
 
     The plane is fitted again without heights farther than sigma s from it, until these are always the same. Otherwise
     the outliers would tilt it, and a tilt would raise s. Where less than half of a window is known, the reference is

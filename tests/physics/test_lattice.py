@@ -83,6 +83,13 @@ def test_waves_come_through_on_either_axis(ratio: float) -> None:
     assert np.allclose(turned, heights.T, rtol=0.0, atol=1e-12)
 
 
+def test_waves_of_four_pixels_keep_their_amplitude_everywhere() -> None:
+    y = np.arange(200.0)
+    even, odd = (squared(np.tile(wave(0.5 * math.pi * y), (4, 1)), 1.37)[0] for wave in (np.cos, np.sin))
+    amplitude = np.hypot(even, odd)[20:-20]
+    assert 0.97 < amplitude.min() < amplitude.max() < 1.0 + 1e-6
+
+
 def test_new_nodes_beside_a_hole_are_missing_and_no_others() -> None:
     heights = np.random.default_rng(0).normal(size=(10, 12))
     heights[4, 6] = np.nan

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -49,6 +51,12 @@ def _slow(heights: Heights, sigma: float, window: int) -> NDArray[np.bool_]:
 )
 def test_nothing_of_a_rough_surface_is_an_outlier(heights: Heights) -> None:
     assert not outliers(heights, 6.0).any()
+
+
+@pytest.mark.parametrize("window", [3, 5, 11])
+def test_white_noise_is_cut_as_if_it_deviated_by_a_tenth_more(window: int) -> None:
+    share = outliers(WHITE, 3.0, window).mean()
+    assert math.erfc(3.3 / math.sqrt(2.0)) < share < math.erfc(3.0 / 1.1 / math.sqrt(2.0))
 
 
 def test_a_high_smooth_peak_and_a_deep_groove_stay() -> None:
