@@ -45,7 +45,11 @@ def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
         fig = Figure(figsize=(PAGE, 5.4), layout="constrained", dpi=DPI)
         grid = fig.add_gridspec(2, 2, height_ratios=(1.6, 1.0))
         _map(fig, fig.add_subplot(grid[0, 0]), z, (x, y), (x[row], y[column]), (across_unit, height_unit))
-        _histogram(fig.add_subplot(grid[0, 1]), z, surface.Sq * scale, height_unit)
+        histogram = fig.add_subplot(grid[0, 1])
+        _histogram(histogram, z, surface.Sq * scale, height_unit)
+        if surface.Sq > 0.0:
+            numbers = f"$S_q = {surface.Sq * scale:.3g}$ {height_unit}, highest point ${surface.peak:.3g}\\,S_q$"
+            histogram.set_title(f"{numbers}, lowest ${surface.pit:.3g}\\,S_q$")
         along_x = fig.add_subplot(grid[1, 0])
         along_y = fig.add_subplot(grid[1, 1], sharey=along_x)
         names = ("x", "y")
@@ -55,13 +59,10 @@ def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
         ):
             ax.axhline(0.0, color="0.6", lw=0.6, zorder=1)
             ax.plot(place, profile, color=CONTACT, lw=0.8)
-            ax.plot(at, z[row, column], "o", mfc="none", mec=ACCENT, ms=6)
+            ax.plot(at, z[row, column], "o", mfc="none", mec=ACCENT, ms=6, clip_on=False)
             ax.set(xlim=(place[0], place[-1]), xlabel=f"${name}$ [{across_unit}]", ylabel=f"$z$ [{height_unit}]")
             ax.set_title(f"profile at ${other} = {fixed:.4g}$ {across_unit}, through the highest point")
-        numbers = f"{z.shape[0]} × {z.shape[1]} nodes, $S_q$ = {surface.Sq * scale:.3g} {height_unit}"
-        if surface.Sq > 0.0:
-            numbers += f", highest point {surface.peak:.3g} $S_q$, lowest {surface.pit:.3g} $S_q$"
-        fig.suptitle(f"{title}: {numbers}" if title else numbers, fontsize=9.0, parse_math=True)
+        fig.suptitle(title, fontsize=9.5, parse_math=False)  # a name of a file may hold dollar signs
     return fig
 
 
@@ -93,9 +94,14 @@ def _map(
     image = ax.imshow(z.T, origin="lower", extent=extent, cmap="viridis", vmin=low, vmax=high)
     for line, place in ((ax.axvline, highest[0]), (ax.axhline, highest[1])):
         line(place, color="white", lw=0.5, ls=(0, (4, 4)))
-    ax.plot(*highest, "o", mfc="none", mec=ACCENT, ms=8, mew=1.2)
-    ax.set(xlabel=f"$x$ [{units[0]}]", ylabel=f"$y$ [{units[0]}]", title="heights; highest point in the ring")
-    bar = fig.colorbar(image, ax=ax, extend="both", shrink=0.9, pad=0.02)
+    ax.plot(*highest, "o", mfc="none", mec=ACCENT, ms=8, mew=1.2, clip_on=False)
+    ax.set(
+        xlabel=f"$x$ [{units[0]}]",
+        ylabel=f"$y$ [{units[0]}]",
+        title=f"{z.shape[0]} × {z.shape[1]} nodes, the highest in the ring",
+    )
+    place = "bottom" if x[-1] > 1.3 * y[-1] else "right"
+    bar = fig.colorbar(image, ax=ax, extend="both", shrink=0.9, pad=0.02, location=place)
     bar.set_label(f"$z$ from the mean plane [{units[1]}]")
 
 
@@ -108,7 +114,7 @@ def _histogram(ax: Any, z: Any, Sq: float, unit: str) -> None:
         normal = z.size * (edges[1] - edges[0]) / (np.sqrt(2.0 * np.pi) * Sq) * np.exp(-0.5 * (middle / Sq) ** 2)
         ax.plot(middle, normal, "--", color="0.2", lw=0.9, label="normal, same $S_q$")
     ax.plot(float(z.max()), 1.0, "o", mfc="none", mec=ACCENT, ms=6, label="highest point", clip_on=False)
-    ax.set(ylim=(0.7, 4.0 * counts.max()), xlabel=f"$z$ from the mean plane [{unit}]", ylabel="nodes in a bin")
+    ax.set(ylim=(0.7, 20.0 * counts.max()), xlabel=f"$z$ from the mean plane [{unit}]", ylabel="nodes in a bin")
     ax.legend(loc="upper right")
 
 

@@ -60,6 +60,13 @@ def test_lengths_are_drawn_in_a_unit_that_can_be_read(unit: str | None, size: fl
     assert (along_x.get_xlabel(), along_x.get_ylabel()) == labels
 
 
+@pytest.mark.parametrize("shape", [(60, 8), (8, 60)])
+def test_long_maps_and_names_that_look_like_mathematics_are_drawn(shape: tuple[int, int], tmp_path: Path) -> None:
+    surface = Surface(np.random.default_rng(0).normal(size=shape), 1.0)
+    path = look_figure.write(surface, None, "a $b_$ scan_$2.npy", tmp_path / "x.png")
+    assert path.stat().st_size > 1000
+
+
 def test_a_flat_surface_can_be_looked_at() -> None:
     assert len(_axes(Surface(np.zeros((4, 5)), 1.0))) == 5
 
