@@ -100,8 +100,8 @@ def _map(
         ylabel=f"$y$ [{units[0]}]",
         title=f"{z.shape[0]} × {z.shape[1]} nodes, the highest in the ring",
     )
-    place = "bottom" if x[-1] > 1.3 * y[-1] else "right"
-    bar = fig.colorbar(image, ax=ax, extend="both", shrink=0.9, pad=0.02, location=place)
+    beside = "bottom" if x[-1] > 1.3 * y[-1] else "right"
+    bar = fig.colorbar(image, ax=ax, extend="both", shrink=0.9, pad=0.02, location=beside)
     bar.set_label(f"$z$ from the mean plane [{units[1]}]")
 
 
