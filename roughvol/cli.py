@@ -18,8 +18,6 @@ from roughvol.errors import CampaignError, ContactError, ConvergenceError, Datas
 if TYPE_CHECKING:
     from roughvol.campaign import Progress
     from roughvol.dataset import Dataset
-    from roughvol.physics.surface import Surface
-    from roughvol.study import Case
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SHOWN = 50  # cases of a kind that `status` names
@@ -63,23 +61,35 @@ def main() -> None:
     """Free volume between rough surfaces in elastic contact: from a study file to labelled data and figures."""
 
 
-@main.command(epilog=_examples("roughvol check configs/morphology.yaml"))
+@main.command(
+    epilog=_examples("roughvol check configs/morphology.yaml", "roughvol check scan.yaml --look --out scan.png")
+)
 @STUDY
-def check(study: Path) -> None:
+@click.option("--look", is_flag=True, help="Draw the surface of the first case: map, histogram, two profiles.")
+@click.option("--out", type=click.Path(path_type=Path), help="File of that picture [default: NAME-look.png].")
+def check(study: Path, look: bool, out: Path | None) -> None:
     """Say what STUDY will compute and what it costs, without computing it.
 
-    Prints the study with every default written out, then the number of cases, memory, disk and expected time.
+    Prints the study with every default written out, how its surface was understood, then the number of cases, memory,
+    disk and expected time.
     """
-    from roughvol import campaign, estimate, validity
+    from roughvol import campaign, estimate, understood, validity
     from roughvol.study import load
 
     loaded = load(study)
-    surface = campaign.check_surfaces(loaded)
+    cases = loaded.cases()
+    surface = understood.shown(loaded, campaign.check_surfaces(loaded))
     click.echo(loaded.to_yaml())
     if surface is not None:
-        click.echo(_measured(surface, loaded.cases()[0]))
+        click.echo(understood.text(surface, cases[0], len(cases)))
+    if look or out is not None:
+        from roughvol import look_figure
+
+        path = look_figure.write(surface, cases[0].length_unit, cases[0].label, out or Path(f"{loaded.name}-look.png"))
+        click.echo(f"# picture {path}")
     click.echo(_cost(estimate.estimate(loaded)))
-    _warn(validity.sentences(campaign.foreseen(loaded, surface)))
+    noted = [] if surface is None else understood.warnings(surface, cases[0])
+    _warn(validity.sentences(campaign.foreseen(loaded, surface), noted))
     for choice in estimate.choices(loaded):
         area, pressure, volume = choice.errors
         click.echo(
@@ -306,18 +316,6 @@ def _summary(results: Dataset, path: Path) -> str:
     for name, absent in dataset.unreached(results).items():
         lines.append(f"no state at which {name} is asked for was reached in {_count(absent, 'case')}")
     return "\n".join([*dict.fromkeys(lines), str(path)])
-
-
-def _measured(surface: Surface, case: Case) -> str:
-    unit = f" {case.length_unit}" if case.length_unit else ""
-    rows, columns = surface.shape
-    lines = [f"# surface {rows} x {columns} nodes, L = {case.L:.6g}{unit}, Sq = {surface.Sq:.6g}{unit}"]
-    if case.surface_text:
-        lines.append(f"#         {case.surface_text}")
-    if surface.filled:
-        share = surface.filled / (rows * columns)
-        lines.append(f"#         {surface.filled} of its heights were missing and are filled ({share:.2%})")
-    return "\n".join(lines)
 
 
 def _cost(cost: Any) -> str:

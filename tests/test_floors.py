@@ -64,6 +64,7 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
         set(),
     ),
     "estimate": (ABOVE_DATASET | {"pressing", "resources"}, {"numpy"}),
+    "understood": (ABOVE_DATASET | {"pressing"}, set()),
     "tradeoff": (ABOVE_DATASET | {"pressing"}, {"numpy", "threadpoolctl"}),
     "convergence": (ABOVE_DATASET | {"tradeoff"}, {"numpy"}),
     "tradeoff_figures": (ABOVE_DATASET | {"figures", "tradeoff"}, {"numpy", "matplotlib"}),
@@ -71,6 +72,7 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "figures": (ABOVE_DATASET, {"numpy", "matplotlib", "mpl_toolkits"}),
     "theory_figures": (ABOVE_DATASET | {"claims", "figures"}, {"numpy", "matplotlib"}),
     "figure_cases": (ABOVE_DATASET | {"figures", "seal_figures"}, set()),
+    "look_figure": ({"figures", "lengths", "physics", "errors"}, {"numpy", "matplotlib"}),
     "report_style": (set(), set()),
     "seal_figures": (ABOVE_DATASET | {"figures"}, {"numpy", "matplotlib"}),
     "report_page": (ABOVE_DATASET | {"figures", "claims", "theory_figures", "report_style"}, {"numpy", "matplotlib"}),
@@ -82,6 +84,8 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
             "standing",
             "campaign",
             "estimate",
+            "understood",
+            "look_figure",
             "tradeoff",
             "convergence",
             "tradeoff_figures",
@@ -157,6 +161,8 @@ def _floor(module: str) -> tuple[set[str], set[str]]:
         siblings = siblings | {"physics.blocks"}  # its far half
     if module == "physics.search":
         siblings = siblings | {"physics.surface", "physics.contact"}  # what it searches among
+    if module in ("physics.outliers", "physics.lattice"):
+        siblings = siblings | {"physics.levelling"}  # a plane taken off, holes filled
     if module == "physics.halfspace":
         parties = parties | {"pyfftw"}
     return siblings, parties
