@@ -162,7 +162,7 @@ def check_surfaces(study: Study) -> Surface | None:
     return surface
 
 
-READ_HERE = (".npy", ".npz", ".txt", ".csv", ".asc")
+READ_HERE = (".npy", ".npz", ".txt", ".csv", ".xyz", ".asc")
 
 
 def _read_apart(case: Case) -> Surface:
