@@ -110,8 +110,7 @@ def _opened(path: Path, variable: str | None, columns: str | None, ignore_header
         return _instrument(path, variable, columns, ignore_header)
 
     found = _guarded(path, opened)
-    shape = found.description.shape
-    refuse_huge(path, shape)
+    refuse_huge(path, _two(path, found.description.shape))
     return found
 
 
@@ -151,10 +150,10 @@ def _instrument(path: Path, variable: str | None, columns: str | None, ignore_he
     """Ask SurfaceTopography; TIFF and text that it does not know, or reads as text without a mark, are read here."""
     try:
         found = instrument.opened(path, variable)
-    except (NotRead, SurfaceError):
-        if path.suffix.lower() in TIFF:
+    except (DatasetError, SurfaceError) as refused:
+        if path.suffix.lower() in TIFF and path.is_file():  # its reader knows those of one maker alone
             return tiffmap.opened(path, variable, ignore_header=ignore_header)
-        if path.stat().st_size and plaintext.is_text(path):
+        if isinstance(refused, NotRead) and path.stat().st_size and plaintext.is_text(path):
             return _text(path, variable, columns, ignore_header)
         raise
     if found.description.reader.endswith(instrument.TEXT):
@@ -166,9 +165,7 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Heights:
     if array.dtype.kind not in "fiu":
         message = f"{path}: holds values of type {array.dtype}, not numbers"
         raise SurfaceError(message)
-    if array.ndim != 2 or min(array.shape) < 3:
-        message = f"{path}: heights have shape {array.shape}; allowed: two dimensions of at least 3 nodes each"
-        raise SurfaceError(message)
+    _two(path, array.shape)
     with np.errstate(over="ignore"):  # a long double too large for float64 becomes inf, and is refused below
         heights = np.ascontiguousarray(array, dtype=np.float64)
     missing = ~np.isfinite(heights)
@@ -232,7 +229,7 @@ def _npz(path: Path, variable: str | None) -> HeightMap:
 
 
 def _two(path: Path, shape: tuple[int, ...]) -> tuple[int, int]:
-    if len(shape) != 2:
+    if len(shape) != 2 or min(shape) < 3:
         message = f"{path}: heights have shape {shape}; allowed: two dimensions of at least 3 nodes each"
         raise SurfaceError(message)
     return shape[0], shape[1]

@@ -64,8 +64,10 @@ def _read(path: Path, channel: str | None) -> Heights:
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     try:
-        from SurfaceTopography import open_topography
-        from SurfaceTopography.Exceptions import CannotDetectFileFormat
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the library warns that it runs without MPI
+            from SurfaceTopography import open_topography
+            from SurfaceTopography.Exceptions import CannotDetectFileFormat
     except ImportError as error:
         message = f"{path}: is read through SurfaceTopography, which is not installed: {EXTRA}"
         raise NotRead(message) from error

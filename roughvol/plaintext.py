@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +27,15 @@ _HEAD = 4096  # bytes that show whether a file is text
 
 @dataclass(frozen=True)
 class Text:
-    """A text file: the lines before its first line of numbers, with their numbers, and those from there on."""
+    """A text file: the lines before its first line of numbers, those from there on, and the comments among these.
+
+    Each line comes with its number.
+    """
 
     path: Path
     header: list[tuple[int, str]]
     data: list[tuple[int, str]]
+    comments: list[tuple[int, str]]
 
 
 def is_text(path: Path) -> bool:
@@ -65,7 +69,8 @@ def split(path: Path) -> Text:
         raise SurfaceError(message)
     header = [(number, line.strip()) for number, line in lines[:first] if line.strip()]
     data = [(number, bare) for number, line in lines[first:] if (bare := _bare(line))]
-    return Text(path, header, data)
+    comments = [(number, line.strip()) for number, line in lines[first:] if line.lstrip().startswith("#")]
+    return Text(path, header, data, comments)
 
 
 def words(text: Text) -> NDArray[np.float64]:
@@ -90,7 +95,7 @@ def table(text: Text) -> NDArray[np.float64]:
     sample = [line for _, line in text.data[:_SAMPLE]]
     mark = _delimiter(sample)
     if mark is None:
-        text = Text(text.path, text.header, [(number, line) for number, line in text.data if line.strip()])
+        text = replace(text, data=[(number, line) for number, line in text.data if line.strip()])
     lines = [line for _, line in text.data]
     if mark is not None and all(line.endswith(mark) for line in lines):
         lines = [line[:-1] for line in lines]  # ends every row, and sets nothing apart

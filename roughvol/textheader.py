@@ -68,7 +68,7 @@ class Header:
         return self.pixel is not None or self.size != [None, None] or bool(self.counts)
 
 
-def parse(path: Path, lines: list[tuple[int, str]]) -> Header:
+def parse(path: Path, lines: list[tuple[int, str]], *, ignore: bool = False) -> Header:
     """Return what header lines give.
 
     Parameters
@@ -77,6 +77,8 @@ def parse(path: Path, lines: list[tuple[int, str]]) -> Header:
         File, for messages.
     lines : list of (int, str)
         Numbers and text of the lines before the first line of data.
+    ignore : bool
+        Pass over lines whose unit is no unit of length.
 
     Raises
     ------
@@ -87,9 +89,16 @@ def parse(path: Path, lines: list[tuple[int, str]]) -> Header:
     for number, line in lines:
         place = f"line {number} ({_short(line)})"
         bare = line.lstrip("#%;/* \t").strip()
-        if not bare or _esri(header, bare, place) or _keyed(header, path, bare, place):
+        if not bare:
             continue
-        if _columns(header, path, bare, place):
+        try:
+            taken = _esri(header, bare, place) or _keyed(header, path, bare, place)
+            taken = taken or _columns(header, path, bare, place)
+        except SurfaceError:
+            if not ignore:
+                raise
+            continue
+        if taken:
             continue
         comment = bare != line
         named = _HAS_UNIT.search(bare)

@@ -24,7 +24,7 @@ from roughvol.textheader import Header
 
 Heights = NDArray[np.float64]
 
-INSIST = "a map of so few columns needs surface.columns: heights"
+INSIST = "surface.columns: heights takes all numbers as heights"
 _EVEN = 1e-6  # by which steps along a row may differ and count as those of a coordinate
 
 
@@ -48,7 +48,11 @@ def opened(path: Path, columns: str | None = None, *, ignore_header: bool = Fals
         If the file holds no map.
     """
     text = plaintext.split(path)
-    header = textheader.parse(path, text.header)
+    header = textheader.parse(path, text.header, ignore=ignore_header)
+    for comment in text.comments:
+        if textheader.parse(path, [comment], ignore=True) != Header():
+            message = f"{path}: line {comment[0]} is a header among the numbers: {comment[1][:80]!r}; allowed: one map"
+            raise SurfaceError(message)
     if header.esri:
         return _esri(text, header)
     known = header.along_lines and header.unit is not None and header.heights_unit is not None

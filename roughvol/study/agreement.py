@@ -66,10 +66,13 @@ def resolve(surface: HeightFile) -> Measured:
         If a file cannot be read or described, if a length or a unit is missing, or if the files and the study do not
         agree.
     """
-    told = [_described(surface, body, key) for key, body in zip(_KEYS, surface.bodies, strict=False)]
-    bodies = [_body(surface, body, one, key) for key, body, one in zip(_KEYS, surface.bodies, told, strict=False)]
+    told, bodies = [], []
+    for key, body in zip(_KEYS, surface.bodies, strict=False):
+        sha256 = _digest(Path(body.file), f"{key}.file")
+        told.append(_described(body, sha256, key))
+        bodies.append(_body(surface, body, sha256, told[-1], key))
     unit = _unit(surface, told, bodies)
-    sides = [_sides(one, body, unit, key) for key, body, one in zip(_KEYS, bodies, told, strict=False)]
+    sides = [_sides(surface.L, one, body, unit, key) for key, body, one in zip(_KEYS, bodies, told, strict=False)]
     L = surface.L if surface.L is not None else next((side[0] for side in sides if side), None)
     if L is None:
         _wrong(f"missing: {surface.file} does not give the length of its first axis", "surface.L")
@@ -90,7 +93,7 @@ def resolve(surface: HeightFile) -> Measured:
     return Measured(float(L), unit, tuple(bodies), treatment, first, notes)
 
 
-def _body(surface: HeightFile, body: HeightFile | CounterBody, told: Description | None, key: str) -> Body:
+def _body(surface: HeightFile, body: HeightFile | CounterBody, sha256: str, told: Description | None, key: str) -> Body:
     """Return a body with the unit of its heights, as the file names it or else the study."""
     path = Path(body.file)
     given = body.heights_unit or surface.heights_unit
@@ -103,7 +106,7 @@ def _body(surface: HeightFile, body: HeightFile | CounterBody, told: Description
         )
     return Body(
         path,
-        _digest(path, f"{key}.file"),
+        sha256,
         body.variable,
         own,
         body.mirror if isinstance(body, CounterBody) else "none",
@@ -118,26 +121,35 @@ def _unit(surface: HeightFile, told: list[Description | None], bodies: list[Body
     """Return the unit of all lengths: that of the study, else the first that a file names."""
     if surface.length_unit:
         return surface.length_unit
-    unit = next((one.unit for one in told if one and one.unit), None) or next(
-        (body.unit for body in bodies if body.unit), None
-    )
+    unit = next((one.unit for one in told if one and one.unit), None)
+    named = next((body for body in bodies if body.numbers_in), None)
     unknown = next((body for body in bodies if body.numbers_in is None), None)
-    if unit and unknown:
-        _wrong(f"missing: {unknown.file} does not give its unit, the other file is in {unit}", "surface.unit")
-    if unit is None and surface.heights_unit:
+    if named and unknown:
         _wrong(
-            f"missing: heights_unit is {surface.heights_unit}, and nothing names the unit of L: give L with it, as "
+            f"missing: {unknown.file} does not give its unit, the other file is in {named.numbers_in}", "surface.unit"
+        )
+    if named and unit is None and surface.L is not None:
+        _wrong(
+            f"has no unit, and the heights of {named.file.name} are in {named.numbers_in}: give L with its unit, as "
             "L: 100 um",
-            "surface.unit",
+            "surface.L",
+        )
+    if named and unit is None and any(one and one.sides for one in told):
+        _wrong(
+            f"missing: {named.file} names no unit of its coordinates, heights are in {named.numbers_in}", "surface.unit"
         )
     return unit
 
 
-def _sides(told: Description | None, body: Body, unit: str | None, key: str) -> tuple[float, float] | None:
+def _sides(
+    L: float | None, told: Description | None, body: Body, unit: str | None, key: str
+) -> tuple[float, float] | None:
     """Return the lengths of both axes in the unit of all lengths; refuse pixels that are not square."""
     if told is None or told.sides is None:
         return None
     scale = factor(told.unit, unit) if told.unit and unit else 1.0
+    if told.counted and L is not None:
+        scale = L / told.sides[0]
     sides = told.sides[0] * scale, told.sides[1] * scale
     pixel = [side / (nodes - 1) for side, nodes in zip(sides, told.shape, strict=True)]
     if not abs(pixel[0] - pixel[1]) <= SQUARE * pixel[0]:
@@ -152,9 +164,9 @@ def _agrees(
     L: float, unit: str | None, told: Description | None, body: Body, sides: tuple[float, float] | None
 ) -> None:
     """Refuse a length that is not that of the file."""
-    if told is None or sides is None or told.counted or abs(L - sides[0]) <= SAME * sides[0]:
+    if told is None or sides is None or abs(L - sides[0]) <= SAME * sides[0]:
         return
-    own = f"{sides[0]:.6g} {unit or ''}".rstrip()
+    own = f"{told.sides[0] if told.sides else sides[0]:.6g} {told.unit or unit or ''}".rstrip()
     message = f"is {number_text(float(L))} {unit or ''}".rstrip() + f", but {body.file} gives {own} ({told.source})"
     nodes = told.shape[0]
     if abs(L - sides[0] * nodes / (nodes - 1)) <= SAME * L:
@@ -164,6 +176,8 @@ def _agrees(
 
 def _notes(L: float, unit: str | None, told: list[Description | None]) -> tuple[str, ...]:
     notes = [note for one in told if one for note in one.notes]
+    if any(one and one.counted for one in told):
+        notes.append("the coordinates in the file count nodes, and no unit is named for them: is L right?")
     shape = next((one.shape for one in told if one), None)
     if unit and L * METRES[unit] > LONGEST:
         notes.append(
@@ -182,10 +196,9 @@ def _digest(path: Path, key: str) -> str:
         _wrong(f"cannot read {path}: {error.strerror}", key)
 
 
-def _described(surface: HeightFile, body: HeightFile | CounterBody, key: str) -> Description | None:
+def _described(body: HeightFile | CounterBody, sha256: str, key: str) -> Description | None:
     """Return what counts of what a file gives; None if it gives nothing beside its heights."""
     path = Path(body.file)
-    sha256 = _digest(path, f"{key}.file")
     if path.suffix.lower() in BARE_FORMATS:  # nothing, and numpy need not be imported to know it
         return None
     try:
