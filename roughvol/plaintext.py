@@ -99,6 +99,8 @@ def table(text: Text) -> NDArray[np.float64]:
     lines = [line for _, line in text.data]
     if mark is not None and all(line.endswith(mark) for line in lines):
         lines = [line[:-1] for line in lines]  # ends every row, and sets nothing apart
+    if mark is not None and all(line.startswith(mark) for line in lines):
+        lines = [line[1:] for line in lines]
     commas = mark != "," and any("," in line for line in sample)
     if commas:
         if any("." in line for line in sample):
@@ -139,7 +141,7 @@ def _value(path: Path, number: int, cell: str) -> float:
 
 def _bare(line: str) -> str:
     """Return a line without its comment; delimiters at its ends stay, since cells there may be empty."""
-    return _COMMENT.sub("", line).strip(" \r\f\x1a")
+    return (_COMMENT.sub("", line) if "#" in line else line).strip(" \r\f\x1a")
 
 
 def _is_data(line: str) -> bool:

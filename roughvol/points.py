@@ -12,6 +12,7 @@ from roughvol.errors import SurfaceError
 
 _SAME = 1e-6  # of the span: coordinates closer than that are one, up to rounding
 _REGULAR = 0.02  # of a spacing: by which a coordinate may lie off its node
+_CROWDED = 4  # nodes a point, beyond which the nodes are not counted
 _COVERED = 0.5  # share of the nodes that must have a point
 
 
@@ -41,8 +42,9 @@ def grid(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[float,
         raise SurfaceError(message)
     (i, nx, span_x, whole_x), (j, ny, span_y, whole_y) = (_nodes(points[:, axis], "xy"[axis]) for axis in (0, 1))
     node = i * ny + j
-    if len(np.unique(node)) < len(node):
-        message = f"{len(node) - len(np.unique(node))} of {len(node)} points share a node with another"
+    shared = int((np.bincount(node) > 1).sum()) if nx * ny <= _CROWDED * len(node) else 0
+    if shared:
+        message = f"{shared} nodes have several of the {len(node)} points"
         raise SurfaceError(message)
     if len(node) < _COVERED * nx * ny:
         message = (

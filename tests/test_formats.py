@@ -84,7 +84,7 @@ FORMATS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "points.xyz": (_text(rows(SHUFFLED)), "unit: um"),
     "points.txt": (_text(rows(SHUFFLED, "\t")), "unit: um"),
     "points.dat": (_text(rows(POINTS[::-1], ",")), "unit: um"),
-    "points.asc": (_text(rows(SHUFFLED)), "L: 0.004 mm, heights_unit: um"),
+    "points.asc": (_text(rows(SHUFFLED)), "L: 4 um, heights_unit: um"),
     "points.csv": (_text("X [µm];Y [µm];Z [nm]\n" + rows(SHUFFLED * [1, 1, 1e3], ";")), ""),
     "points": (_text(rows(SHUFFLED)), "unit: um"),
     "xy.nc": (_grid(("x", "y"), "um", 1.0), ""),

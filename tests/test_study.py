@@ -448,7 +448,7 @@ BAD: dict[str, tuple[str, int, str, str]] = {
     "missing section": ("name: a", 1, "surface", "missing"),
     "missing key": ("name: a\nsurface:\n  m: 3", 2, "surface.D", "missing (fractal dimension"),
     "missing nu": (SURFACE + "material:\n  E: 3", 2, "material.nu", "missing (Poisson's ratio, -1 < nu <= 0.5)"),
-    "missing L": ("surface: {file: configs}", 1, "surface.L", "missing"),
+    "missing L": ("surface: {file: a.npy}", 1, "surface.L", "missing"),
     "twice": (SURFACE + "name: a\nname: b", 3, "name", "given twice, first in line 2"),
     "twice deep": ("surface:\n  D: 2.3\n  m: 4\n  D: 2.4", 4, "surface.D", "given twice, first in line 2"),
     "D": ("surface: {D: 3, m: 4}", 1, "surface.D", "must be < 3, given 3 (fractal dimension"),

@@ -51,6 +51,12 @@ def test_empty_cells_are_holes_also_at_the_ends_of_a_line(tmp_path: Path, betwee
     assert np.array_equal(heightfile.read(path, holes=True), np.where(HOLES, np.nan, HEIGHTS), equal_nan=True)
 
 
+def test_a_delimiter_at_both_ends_of_every_line_sets_nothing_apart(tmp_path: Path) -> None:
+    lines = rows(HEIGHTS, "\t").splitlines()
+    path = _write(tmp_path / "z.txt", "".join(f"\t{line}\t\n" for line in lines))
+    assert np.array_equal(heightfile.read(path), HEIGHTS)
+
+
 def test_a_number_that_often_marks_holes_is_a_height_among_its_like(tmp_path: Path) -> None:
     heights = -9999.0 + 100.0 * HEIGHTS
     heights[2, 2] = -9999.0
@@ -80,7 +86,7 @@ def test_three_columns_that_are_no_grid_are_refused_unless_the_user_insists(tmp_
     ("points", "reason"),
     [
         (np.column_stack([X + np.sqrt(X), Y, X]), "x is not equidistant"),
-        (np.vstack([POINTS, POINTS[:1]]), "1 of 31 points share a node"),
+        (np.vstack([POINTS, POINTS[:1]]), "1 nodes have several of the 31 points"),
         (np.column_stack([X, 0 * Y + 2.0, X]), "y is 2 everywhere"),
         (np.column_stack([X, X, X])[::5], "6 points lie on a grid of 6 x 6 nodes"),
         (np.where(np.arange(3) == 1, np.nan, POINTS), "a coordinate is missing"),

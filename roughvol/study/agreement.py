@@ -67,10 +67,10 @@ def resolve(surface: HeightFile) -> Measured:
         agree.
     """
     told, bodies = [], []
-    for key, body in zip(_KEYS, surface.bodies, strict=False):
-        sha256 = _digest(Path(body.file), f"{key}.file")
-        told.append(_described(body, sha256, key))
-        bodies.append(_body(surface, body, sha256, told[-1], key))
+    for key, asked in zip(_KEYS, surface.bodies, strict=False):
+        sha256 = _digest(Path(asked.file), f"{key}.file")
+        told.append(_described(asked, sha256, key))
+        bodies.append(_body(surface, asked, sha256, told[-1], key))
     unit = _unit(surface, told, bodies)
     sides = [_sides(surface.L, one, body, unit, key) for key, body, one in zip(_KEYS, bodies, told, strict=False)]
     L = surface.L if surface.L is not None else next((side[0] for side in sides if side), None)

@@ -298,7 +298,7 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
         suffix = suffixes.get(path, "")
         if body.get("variable") is not None and suffix in HEIGHT_FORMATS and suffix not in SEVERAL_ARRAYS:
             yield (*path, "variable"), f"a {suffix} file holds one array, without a name: leave 'variable' out"
-    if "file" not in surface or not set(suffixes.values()) <= {*BARE_FORMATS, ""}:
+    if "file" not in surface or not set(suffixes.values()) <= {*BARE_FORMATS}:
         return  # other files may give what the study does not
     if surface.get("L") is None and surface.keys() <= HeightFile.model_fields.keys():
         yield ("surface", "L"), f"missing, and the file does not give it ({HeightFile.model_fields['L'].description})"
