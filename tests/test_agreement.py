@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -106,6 +107,11 @@ def test_what_changes_the_heights_changes_the_id(folder: Path) -> None:
     assert len({case.id for case in cases}) == len(keys)
 
 
+def test_what_is_ignored_is_stored_in_words(folder: Path) -> None:
+    text = _case(folder, "file: full.txt, L: 7 nm, header: ignore").surface_text
+    assert text == "sizes and units in full.txt ignored"
+
+
 def test_the_study_is_written_out_as_it_was_read(folder: Path) -> None:
     text = "surface: {file: bare.npy, L: 7 um, heights_unit: nm, columns: heights, header: ignore"
     study = loads(text + ", against: {file: points.xyz, columns: heights}}", folder / "study.yaml")
@@ -133,26 +139,19 @@ def test_sides_of_both_axes_are_there_for_the_treatment(folder: Path) -> None:
     ("surface", "said"),
     [
         ("file: points.xyz, unit: m", r"L = 100 m is longer than 0\.1 m"),
-        ("file: points.xyz, unit: pm", "the heights span .* pm, .* of the shorter side|the spacing is 25 pm"),
+        ("file: points.xyz, L: 100 um, heights_unit: pm", r"of the shorter side: is heights_unit right\?"),
         (
             "file: points.xyz, L: 100 nm, heights_unit: um",
             r"more than the shorter side, 100 nm: is heights_unit right\?",
         ),
-        (
-            "file: points.xyz, L: 100 um, heights_unit: pm",
-            r"1e-08 of the shorter side|of the shorter side: is heights_un",
-        ),
+        ("file: counted.xyz, L: 7 pm", r"the spacing is 1\.75 pm, less than an atom"),
         ("file: counted.xyz, L: 7 um", "the coordinates in the file count nodes"),
     ],
 )
 def test_an_absurd_size_is_noted(folder: Path, surface: str, said: str) -> None:
     case = _case(folder, surface)
-    if "unit: pm" in surface and "heights" not in surface:
-        assert not case.notes  # 25 pm between nodes is no atom, and no less than the limit
-        return
-    import re
-
-    assert [note for note in bodies.notes(case, bodies.surface(case)) if re.search(said, note)]
+    notes = bodies.notes(case, bodies.surface(case))
+    assert [note for note in notes if re.search(said, note)]
 
 
 def test_a_sound_scan_draws_no_note(folder: Path) -> None:

@@ -151,6 +151,7 @@ class Case:
             turned = f", its axis {self.against.mirror} reversed" if self.against.mirror != "none" else ""
             said.append(f"heights of {self.against.file.name} added{turned}")
         units = {body.file.name: body.numbers_in for body in self.bodies if body.numbers_in}
+        said += [f"sizes and units in {body.file.name} ignored" for body in self.bodies if body.header]
         said += [f"numbers of {name} are in {unit}" for name, unit in units.items()]
         return "; ".join(filter(None, said))
 
