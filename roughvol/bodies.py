@@ -21,6 +21,7 @@ from roughvol.study import Body, Case
 
 Heights = NDArray[np.float64]
 
+_FLATTEST = 1e-7  # of the side: a nanometre on a centimetre
 _MIRRORS = {"none": np.s_[:, :], "x": np.s_[::-1, :], "y": np.s_[:, ::-1]}
 
 
@@ -57,16 +58,44 @@ def _pressed(measured: list[Heights], case: Case) -> tuple[Heights, int, int]:
     return total, int(filled.sum()), removed
 
 
+def notes(case: Case, surface: Surface) -> tuple[str, ...]:
+    """Return what the user should look at: the notes of the case, and heights that are absurd for its length.
+
+    Parameters
+    ----------
+    case : Case
+        Case whose heights come from files.
+    surface : Surface
+        Its surface, as `surface` returns it.
+    """
+    unit = case.length_unit or ""
+    span, side = float(np.ptp(surface.heights)), surface.spacing * (min(surface.heights.shape) - 1)
+    said = f"the heights span {span:.3g} {unit}".rstrip()
+    found = []
+    if span > side:
+        found.append(f"{said}, more than the shorter side, {side:.3g} {unit}".rstrip() + ": is heights_unit right?")
+    elif 0.0 < span < _FLATTEST * side:
+        found.append(f"{said}, {span / side:.1g} of the shorter side: is heights_unit right?")
+    return (*case.notes, *found)
+
+
 def _measured(body: Body, case: Case) -> Heights:
     """Return the heights of one body as its file holds them, in the unit of the study."""
-    heights = heightfile.read(body.file, variable=body.variable, holes=case.treatment.missing != "refuse")
+    heights = heightfile.read(
+        body.file,
+        variable=body.variable,
+        holes=case.treatment.missing != "refuse",
+        columns=body.columns,
+        ignore_header=body.header == "ignore",
+    )
     with body.file.open("rb") as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     if sha256 != body.sha256:
         message = f"{body.file} has changed since the study was loaded; run the study again"
         raise SurfaceError(message)
-    if body.unit is not None and case.length_unit is not None and body.unit != case.length_unit:
-        heights = heights * lengths.factor(body.unit, case.length_unit)
+    unit = body.numbers_in
+    if unit is not None and case.length_unit is not None and unit != case.length_unit:
+        heights = heights * lengths.factor(unit, case.length_unit)
     return heights
 
 

@@ -73,7 +73,7 @@ def check(study: Path, look: bool, out: Path | None) -> None:
     Prints the study with every default written out, how its surface was understood, then the number of cases, memory,
     disk and expected time.
     """
-    from roughvol import campaign, estimate, understood, validity
+    from roughvol import bodies, campaign, estimate, understood, validity
     from roughvol.study import load
 
     loaded = load(study)
@@ -88,7 +88,7 @@ def check(study: Path, look: bool, out: Path | None) -> None:
         path = look_figure.write(surface, cases[0].length_unit, cases[0].label, out or Path(f"{loaded.name}-look.png"))
         click.echo(f"# picture {path}")
     click.echo(_cost(estimate.estimate(loaded)))
-    noted = [] if surface is None else understood.warnings(surface, cases[0])
+    noted = bodies.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
     _warn(validity.sentences(campaign.foreseen(loaded, surface), noted))
     for choice in estimate.choices(loaded):
         area, pressure, volume = choice.errors

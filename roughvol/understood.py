@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
-
 from roughvol import heightfile
+from roughvol.description import Description
 from roughvol.physics import texture
 from roughvol.physics.surface import Surface
 from roughvol.pressing import surface_of
-from roughvol.study import HEIGHT_FORMATS, Body, Case, GeneratedSurface, Study
+from roughvol.study import Body, Case, GeneratedSurface, Study
 
 LARGEST_M = 10  # of a generated surface that is made only to be shown: a second, 2^20 nodes
-HIGH = 6.0  # Sq: of 10⁶ independent normal heights the highest is at 5
 
 
 def shown(study: Study, measured: Surface | None) -> Surface | None:
@@ -59,7 +56,10 @@ def text(surface: Surface, case: Case, cases: int = 1) -> str:
     if surface.Sq > 0.0:
         roughness += f", z_max/Sq = {surface.peak:.3g}, z_min/Sq = {surface.pit:.3g} (from the mean plane)"
     said.append(roughness)
-    told = [heightfile.describe(body.file, body.variable) for body in case.bodies]
+    told = [
+        heightfile.describe(body.file, body.variable, columns=body.columns, ignore_header=body.header == "ignore")
+        for body in case.bodies
+    ]
     if case.file is not None:
         said += map(_reading, case.bodies, told, [case.length_unit] * len(told))
         share = surface.filled / (rows * columns)
@@ -76,21 +76,9 @@ def text(surface: Surface, case: Case, cases: int = 1) -> str:
     return "\n".join([f"# {first}", *(f"#         {line}" for line in others)])
 
 
-def warnings(surface: Surface, case: Case) -> Iterator[str]:
-    """Yield a sentence for each property of the surface to look at before it is pressed."""
-    if surface.Sq > 0.0 and surface.peak > HIGH:
-        tried = "outliers were taken out already" if case.treatment.outliers else "see surface.outliers"
-        yield (
-            f"the highest point lies {surface.peak:.3g} Sq above the mean plane and touches first, alone; "
-            f"if it is dust or an error of the instrument, {tried}"
-        )
-
-
-def _reading(body: Body, told: Any, wanted: str | None) -> str:
+def _reading(body: Body, told: Description, wanted: str | None) -> str:
     """Return which file it is, who read it, and in which unit its numbers are."""
-    own = body.file.suffix.lower() in HEIGHT_FORMATS
-    reader = getattr(told, "reader", None) or ("roughvol" if own else "SurfaceTopography")
     unit = f"in {wanted}, as the study has it" if wanted else "without a unit"
-    if body.unit:
-        unit = f"in {body.unit}" + f", converted to {wanted}" * (body.unit != wanted)
-    return f"{body.file.name} read by {reader}, heights {unit}"
+    if body.numbers_in:
+        unit = f"in {body.numbers_in}" + f", converted to {wanted}" * (wanted is not None and body.numbers_in != wanted)
+    return f"{body.file.name} read by {told.reader}, heights {unit}"

@@ -141,7 +141,7 @@ def test_check_of_a_height_file_shows_how_it_was_understood(place: Path) -> None
     shown = _call("check", "map.yaml").stdout
     assert re.search(r"^# surface 5 x 6 nodes, L = 4 um by 5 um, spacing 1 um$", shown, re.MULTILINE)
     assert re.search(r"Sq = 0\.\d+ um, Sdq = 0\.\d+, z_max/Sq = \d\.\d+, z_min/Sq = -\d\.\d+ \(", shown)
-    assert "z.npy read by roughvol, heights in um, as the study has it" in shown
+    assert "z.npy read by numpy, heights in um, as the study has it" in shown
     assert "missing 0 heights (0.00%)\n" in shown
     assert "warning" not in shown
     assert yaml.safe_load(shown) == yaml.safe_load(roughvol.load("map.yaml").to_yaml())

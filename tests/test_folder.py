@@ -344,7 +344,8 @@ def test_a_folder_that_vanishes_is_told_and_not_made_again(study: Study, tmp_pat
 def test_a_broken_netcdf_file_of_heights_is_an_error_even_if_the_library_crashes(tmp_path: Path, crash: bool) -> None:
     xr.Dataset({"z": (("x", "y"), np.random.default_rng(1).normal(size=(9, 9)))}).to_netcdf(tmp_path / "z.nc")
     content = bytearray((tmp_path / "z.nc").read_bytes())
-    content[60 : len(content) - 700] = os.urandom(len(content) - 760)
+    if not crash:
+        content[60 : len(content) - 700] = os.urandom(len(content) - 760)
     (tmp_path / "z.nc").write_bytes(content)
     study = loads("surface: {file: z.nc, L: 4.0}", file=tmp_path / "study.yaml")
     if crash:  # whatever this library does with this file: one that ends its process

@@ -4,8 +4,8 @@ The file is read once and strictly. Whatever is wrong with it is reported togeth
 `StudyError` whose problems carry the line, the key path, the value given and what is allowed.
 
 `yamltext` turns text into plain data with places (the only user of yaml). `settings`, `measured`, `treatment`,
-`material` and `recording` hold the sections, `cases` the whole, its cases and the rules across sections. `reading`
-brings the problems together in plain words.
+`material` and `recording` hold the sections, `agreement` what files of heights give beside them, and `cases` the whole,
+its cases and the rules across sections. `reading` brings the problems together in plain words.
 """
 
 from __future__ import annotations
