@@ -49,6 +49,8 @@ VARIABLES: dict[str, Variable] = {
     "Sq": Variable("...", "length", "root mean square height about the mean plane", "Sq"),
     "Sdq": Variable("...", "1", "root mean square slope", "Sdq"),
     "z_max": Variable("...", "length", "height of the highest point", "z_max"),
+    "nodes_x": Variable("...", "1", "nodes along the first axis", "n_x", "count"),
+    "nodes_y": Variable("...", "1", "nodes along the second axis", "n_y", "count"),
     "filled_fraction": Variable("...", "1", "share of the nodes whose height was missing and filled", "n_f/n"),
     "hurst_measured": Variable("...", "1", "Hurst exponent from the structure function", "H"),
     "wall_time": Variable("...", "s", "wall-clock time spent on the case", "t"),

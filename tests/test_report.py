@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from roughvol import campaign, dataset, report, report_page
+from roughvol import campaign, captions, dataset, figure_cases, report, report_page, tradeoff_figures
 from roughvol.claims import ABSENT, FAILS, HOLDS, Evidence, Lacking
 from roughvol.cli import main
 from roughvol.errors import DatasetError
@@ -53,7 +53,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def answered(small_study: Path) -> report.Report:
-    return report.assemble([small_study])
+    return report.assemble([small_study], any_size=True)
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +65,7 @@ def html(answered: report.Report) -> str:
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures out of the page: they take seconds and are tested once."""
     monkeypatch.setattr(report_page, "drawings", lambda _: iter(()))
+    monkeypatch.setattr(report_page, "drawings_of", lambda _: iter(()))
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.claims.model import Check, Claim, Number
-from roughvol.claims.needs import PAPER_D, PAPER_M, Needs, fit, refusals
+from roughvol.claims.needs import PAPER_D as PAPER_D
+from roughvol.claims.needs import PAPER_M as PAPER_M
+from roughvol.claims.needs import Needs, fit, refusals
 from roughvol.errors import RoughvolError, StudyError
 from roughvol.physics.surface import Surface, random_midpoint_displacement
 from roughvol.study import GeneratedSurface, Study, loads
@@ -139,7 +141,7 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """All runs of a report; with ``any_size`` the small ones count as well, which is for trials and not for verdicts."""
+    """All runs of a report; with ``any_size`` small ones count as well, for trials and not for verdicts."""
 
     runs: tuple[Run, ...]
     any_size: bool = False

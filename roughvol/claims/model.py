@@ -102,7 +102,7 @@ class Claim:
         essential = [check for check in self.checks if check.essential]
         for check in essential:
             if not check.has_value:
-                return f"no value for the criterion \"{check.criterion}\""
+                return f'no value for the criterion "{check.criterion}"'
         if essential and all(check.met is None for check in essential):
             return "the 95 % interval of every essential criterion contains its limit, more surfaces are needed"
         return ""

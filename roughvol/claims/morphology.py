@@ -218,7 +218,7 @@ def fitted_dimension(r: NDArray[np.int64], counts: Array) -> Array:
     "Box-counting curves are nearly straight",
     "Sec. 3.2, Fig. 11a",
     "log N over log r is close to a straight line for every threshold, which suggests a power law.",
-    needs=BOXES.of("box_count", states=(("box_at", "contact_area=0.1"),)),
+    needs=BOXES.of("box_count", states=(("box_at", "contact_area=0.1"), ("box_at", "pressure=1.2"))),
     figures=("fig11a",),
 )
 def straight_box_counts(given: Given) -> Outcome:
@@ -263,7 +263,7 @@ def straight_box_counts(given: Given) -> Outcome:
     "Sec. 3.2, Fig. 11b",
     "The local dimension depends on r; that of the contact is below 2, that of v_th = max v is 2, and these two bound "
     "the others.",
-    needs=BOXES.of("box_count", states=(("box_at", "contact_area=0.1"),)),
+    needs=BOXES.of("box_count", states=(("box_at", "contact_area=0.1"), ("box_at", "pressure=1.2"))),
     figures=("fig11b",),
 )
 def bounds_of_dimension(given: Given) -> Outcome:

@@ -96,7 +96,7 @@ class Needs:
             yield f"m = {_listed(m)}, needs {_listed(self.m)}"
         elif max(m) < self.finest:
             yield f"m = {_listed(m)}, needs m >= {self.finest}"
-        if self.by and not getattr(self, self.by) and len({"D": D, "m": m}[self.by]) < 2:
+        if self.by and not getattr(self, self.by) and {"D": len(D), "m": len(m)}[self.by] < 2:
             yield f"one {self.by}, needs several"
         if run.seeds < self.seeds:
             yield f"{_count(run.seeds, 'surface')} of each kind, needs {self.seeds}"
@@ -148,9 +148,9 @@ class Needs:
         return Needs(**kept, ends=planes, D=self.D if len(self.D) == 1 else ())
 
     def rank(self, run: Run) -> tuple[int, ...]:
-        """Return what decides among runs that fit: values compared, finest m, surfaces, then D and m in all."""
+        """Return what decides among runs that fit: values compared, finest m, surfaces, D and m in all, steps."""
         compared = {"": 0, "D": len(run.D), "m": len(run.m)}[self.by]
-        return compared, max(run.m), run.seeds, len(run.D), len(run.m)
+        return compared, max(run.m), run.seeds, len(run.D), len(run.m), run.steps
 
     def __str__(self) -> str:
         """Return the configuration in words."""
@@ -178,7 +178,7 @@ def refusals(needs: Sequence[Needs], runs: Sequence[Run]) -> dict[str, str]:
     for run in runs:
         reasons = [need.unfit(run) for need in needs]
         if all(reasons):
-            found[run.name] = "; ".join(min(reasons, key=len))
+            found[run.name] = "; ".join(sorted(reasons, key=len)[0])
     return found
 
 
@@ -212,3 +212,10 @@ DENSITY = {"L": 100.0, "bins": 50, "states": (("density_at", "last"),)}
 """What f(v) needs beside: volumes have units, so L and the heights count."""
 MANY = dataclasses.replace(_SWEEP, D=(2.1, PAPER_D, 2.9), finest=7, seeds=100)
 """A hundred surfaces of three D."""
+_PRESSED = ("contact_area_fraction", "mean_pressure", "free_volume")
+ALONE = (
+    Needs(("heights",), D=(2.1, PAPER_D, 2.5, 2.9), m=(PAPER_M,)),
+    BY_M.of(*_PRESSED, seeds=1),
+    Needs(_PRESSED, D=(PAPER_D,), m=(PAPER_M,), steps=60, ends=("indentation",), rtol=1e-6),
+)
+"""What the paper shows and no claim needs: its surfaces, one surface by m, the start of contact."""

@@ -26,7 +26,7 @@ from roughvol.claims.evidence import (
 from roughvol.claims.model import Check, Number, above, below
 from roughvol.claims.needs import BY_M, Needs
 
-_PRESSED = Needs((V, A, P), finest=5, seeds=10, steps=60, rtol=1e-6)  # any D, and any end
+_PRESSED = Needs((V, A, P), finest=5, seeds=10, steps=60, rtol=1e-6)  # to any end
 
 
 @claim(
@@ -137,7 +137,7 @@ def volume_at_area_depends_on_m(given: Given) -> Outcome:
     "Sec. 3.2",
     "At first contact A* = 0 and V* is maximal; with pressure A* rises to 1 and V* falls to 0 at full contact.",
     needs={
-        "pressed": _PRESSED.of(V, A, P, law=""),
+        "pressed": _PRESSED.of(V, A, P, D=(PAPER_D,), law=""),
         "far": _PRESSED.of(V, A, P, D=(2.1, 2.3, 2.9), separation=-10.0),
     },
     figures=("full_contact",),
