@@ -71,6 +71,7 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
     DatasetError
         If one cannot be read, or there is none.
     """
+    paths = list({path.resolve(): path for path in paths}.values())
     if not paths:
         message = "no run to report on"
         raise DatasetError(message)

@@ -59,7 +59,8 @@ details.refused ul { margin: .2rem 0; padding-left: 1rem; font-size: .8rem; colo
 table.verdicts td:nth-child(5) { width: 11rem; overflow-wrap: break-word; }
 .run { border-top: 1px solid var(--line); margin-top: 2.5rem; } .run h2 { margin: 1.2rem 0 .2rem; }
 .run h3 { margin-top: 1.4rem; } .pair { display: flex; flex-wrap: wrap; gap: 0 2.5rem; }
-.pair > div { flex: 1 1 20rem; min-width: 0; } .run .box td, .run .box th { white-space: nowrap; padding: .34rem .45rem; }
+.pair > div { flex: 1 1 20rem; min-width: 0; } .run .box td, .run .box th { white-space: nowrap;
+  padding: .34rem .45rem; }
 dl { display: grid; grid-template-columns: minmax(7rem, 2fr) 3fr; gap: .25rem 1rem; margin: .6rem 0; font-size: .9rem; }
 dt { color: var(--faint); } dd { margin: 0; overflow-wrap: anywhere; font-variant-numeric: tabular-nums; }
 .warnings { color: var(--half); background: var(--half-bg); border-radius: .5rem; padding: .1rem 1rem .5rem;

@@ -144,7 +144,8 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
         yield "Treatment", LEVELLED.get(str(run.study.surface.level), str(run.study.surface.level))
     if "filled_fraction" in ds:
         share = float(ds["filled_fraction"].max())
-        count = f", {round(share * nodes[0] * nodes[1])} nodes" if nodes else ""
+        missing = round(share * nodes[0] * nodes[1]) if nodes else 0
+        count = f", {missing} node{'s' * (missing != 1)}" if nodes else ""
         yield "Missing heights", f"{share:.2%} of the nodes{count}, filled" if share else "none"
     else:
         yield "Missing heights", "none; a file with missing heights would have been refused"

@@ -16,7 +16,7 @@ from roughvol.claims.model import Number
 from roughvol.claims.needs import MANY
 
 FEW = 10  # surfaces of the paper's Monte Carlo
-ENOUGH = MANY.of(A, P, V, D=(PAPER_D,), seeds=3 * FEW)
+ENOUGH = MANY.of(A, P, V, D=(2.1, PAPER_D), seeds=3 * FEW)
 DRAWS = 5000
 
 
