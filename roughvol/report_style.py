@@ -65,6 +65,8 @@ dl { display: grid; grid-template-columns: minmax(7rem, 2fr) 3fr; gap: .25rem 1r
 dt { color: var(--faint); } dd { margin: 0; overflow-wrap: anywhere; font-variant-numeric: tabular-nums; }
 .warnings { color: var(--half); background: var(--half-bg); border-radius: .5rem; padding: .1rem 1rem .5rem;
   margin: 1rem 0; } .warnings ul { margin: .3rem 0; padding-left: 1.2rem; }
+@media (max-width: 900px) { table.verdicts td:nth-child(2) { width: 24%; }
+  table.verdicts td:nth-child(3), table.verdicts td:nth-child(5) { width: 7rem; } }
 @media (max-width: 600px) { main { padding: 1.2rem .9rem 3rem; } h1 { font-size: 1.6rem; }
   table.verdicts, table.verdicts tbody { display: block; } table.verdicts thead { display: none; }
   table.verdicts tr { display: block; border: 1px solid var(--line); border-radius: .5rem; padding: .5rem .7rem;

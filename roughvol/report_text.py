@@ -121,7 +121,9 @@ def to_markdown(report: Report) -> str:
 
 
 def _row(claim: Claim) -> str:
-    refused = "; ".join(f"{name}: {reason.split('; ')[0]}" for name, reason in claim.refused)
+    # what lacks the records altogether is named in full further down
+    short = [(name, why.split("; ")[0]) for name, why in claim.refused if not why.endswith("recorded")]
+    refused = "; ".join(f"{name}: {why}" for name, why in short)
     cells = (
         str(claim.id),
         claim.verdict,

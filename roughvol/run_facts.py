@@ -83,8 +83,8 @@ def facts(run: Run) -> Facts:
     if "step" in ds.sizes and P in ds:
         ds = _derived(run)
         groups = list(_groups(ds))
-        tables += [table for name, group in groups if (table := _states(name, group, several=len(groups) > 1))]
         tables += _closing(groups)
+        tables += [table for name, group in groups if (table := _states(name, group, several=len(groups) > 1))]
     return Facts(run.name, _title(run), tuple(_map(run)), tuple(_loading(run)), warnings, tuple(tables))
 
 
@@ -178,9 +178,8 @@ def _range(values: Array) -> str:
     known = values[np.isfinite(values)]
     if known.size == 0:
         return "–"
-    low, high = float(known.min()), float(known.max())
-    mean = number(float(known.mean()))
-    return mean if low == high else f"{mean} ({number(low)} to {number(high)})"
+    low, mean, high = (number(float(value)) for value in (known.min(), known.mean(), known.max()))
+    return mean if low == high else f"{mean} ({low} to {high})"
 
 
 # how it was pressed
