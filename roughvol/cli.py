@@ -213,9 +213,11 @@ def plot(run: str | None, figure: tuple[str, ...], suffix: str, out: Path | None
     help="JSON with verdicts and bands of numbers; a departure from them is an error.",
 )
 def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> None:
-    """Answer every claim of the paper from RUN..., as report.html, report.md and claims.json [default: all runs].
+    """Report on RUN..., as report.html, report.md and claims.json [default: all runs].
 
-    A RUN is a folder, a study.nc, or a name under runs/. What no run can answer is said to be not computed.
+    A RUN is a folder, a study.nc, or a name under runs/. Runs of the paper's configuration answer its claims; a run
+    that lacks it is refused, by name and with the reason. Every other run, as of a measured map, gets a section of its
+    own: surface, loading, states, closing pressures, warnings, figures.
     """
     from roughvol import report as reporting
 

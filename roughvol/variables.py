@@ -49,6 +49,8 @@ VARIABLES: dict[str, Variable] = {
     "Sq": Variable("...", "length", "root mean square height about the mean plane", "Sq"),
     "Sdq": Variable("...", "1", "root mean square slope", "Sdq"),
     "z_max": Variable("...", "length", "height of the highest point", "z_max"),
+    "nodes_x": Variable("...", "1", "nodes along the first axis", "n_x", "count"),
+    "nodes_y": Variable("...", "1", "nodes along the second axis", "n_y", "count"),
     "filled_fraction": Variable("...", "1", "share of the nodes whose height was missing and filled", "n_f/n"),
     "outliers_removed": Variable("...", "1", "number of measured heights taken out as outliers", "n_o", "count"),
     "peak_height": Variable("...", "1", "height of the highest point above the mean plane over Sq", "z_p/Sq"),

@@ -85,8 +85,23 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "look_figure": ({"figures", "lengths", "physics", "errors"}, {"numpy", "matplotlib"}),
     "report_style": (set(), set()),
     "seal_figures": (ABOVE_DATASET | {"figures"}, {"numpy", "matplotlib"}),
-    "report_page": (ABOVE_DATASET | {"figures", "claims", "theory_figures", "report_style"}, {"numpy", "matplotlib"}),
-    "report": (ABOVE_DATASET | {"claims", "report_page"}, {"numpy", "matplotlib"}),
+    "captions": (set(), set()),
+    "report_model": (ABOVE_DATASET | {"claims"}, set()),
+    "report_words": ({"claims", "report_model"}, set()),
+    "run_facts": (ABOVE_DATASET | {"claims"}, {"numpy", "xarray"}),
+    "report_figures": (
+        ABOVE_DATASET | {"captions", "claims", "figures", "figure_cases", "theory_figures", "report_model"},
+        {"matplotlib"},
+    ),
+    "report_html": ({"report_figures"}, set()),
+    "run_page": ({"report_figures", "report_html", "run_facts"}, set()),
+    "report_page": (
+        {"_version", "claims", "run_facts", "run_page", "report_figures", "report_html", "report_model"}
+        | {"report_style", "report_words"},
+        {"numpy"},
+    ),
+    "report_text": ({"_version", "claims", "run_facts", "report_model", "report_words"}, set()),
+    "report": ({"errors", "report_model", "report_page", "report_text"}, set()),
     "cli": (
         {
             *ABOVE_DATASET,
