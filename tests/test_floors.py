@@ -27,6 +27,7 @@ ABOVE_DATASET = {
     "errors",
     "_version",
 }
+FIGURE_PARTS = {"figure_style", "figure_data", "figure_curves", "figure_origin", "relief"}
 FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "errors": (set(), set()),
     "lengths": (set(), set()),
@@ -65,13 +66,20 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "estimate": (ABOVE_DATASET | {"pressing", "resources"}, {"numpy"}),
     "tradeoff": (ABOVE_DATASET | {"pressing"}, {"numpy", "threadpoolctl"}),
     "convergence": (ABOVE_DATASET | {"tradeoff"}, {"numpy"}),
-    "tradeoff_figures": (ABOVE_DATASET | {"figures", "tradeoff"}, {"numpy", "matplotlib"}),
+    "figure_style": (set(), {"numpy", "matplotlib"}),
+    "figure_data": (ABOVE_DATASET | {"figure_style"}, {"numpy"}),
+    "figure_curves": (ABOVE_DATASET | {"figure_style", "figure_data"}, {"numpy"}),
+    "figure_origin": (ABOVE_DATASET | {"figure_style", "figure_data"}, {"matplotlib"}),
+    "relief": ({"figure_style"}, {"numpy", "matplotlib"}),
+    "tradeoff_figures": (ABOVE_DATASET | {"figure_style", "figure_origin", "tradeoff"}, {"numpy", "matplotlib"}),
     "claims": (ABOVE_DATASET | {"claims"}, {"numpy", "scipy"}),
-    "figures": (ABOVE_DATASET, {"numpy", "matplotlib", "mpl_toolkits"}),
-    "theory_figures": (ABOVE_DATASET | {"claims", "figures"}, {"numpy", "matplotlib"}),
+    "figures": (ABOVE_DATASET | FIGURE_PARTS, {"numpy", "matplotlib"}),
+    "theory_figures": (ABOVE_DATASET | {"claims", "figure_style", "figure_origin"}, {"numpy", "matplotlib"}),
     "figure_cases": (ABOVE_DATASET | {"figures", "seal_figures"}, set()),
     "report_style": (set(), set()),
-    "seal_figures": (ABOVE_DATASET | {"figures"}, {"numpy", "matplotlib"}),
+    "seal_ways": (ABOVE_DATASET | {"figure_data"}, {"numpy"}),
+    "seal_drawing": (ABOVE_DATASET | {"figure_style", "figure_data", "seal_ways"}, {"numpy", "matplotlib"}),
+    "seal_figures": (ABOVE_DATASET | FIGURE_PARTS | {"seal_ways", "seal_drawing"}, {"numpy", "matplotlib"}),
     "report_page": (ABOVE_DATASET | {"figures", "claims", "theory_figures", "report_style"}, {"numpy", "matplotlib"}),
     "report": (ABOVE_DATASET | {"claims", "report_page"}, {"numpy", "matplotlib"}),
     "cli": (
