@@ -81,17 +81,20 @@ def is_paper_surface(ds: Dataset) -> bool:
     return study is None or (isinstance(study.surface, GeneratedSurface) and study.surface.height is None)
 
 
-def surfaces(ds: Dataset) -> str:
-    """Return in words of which surfaces a dataset is: files, or D, m, L and how many."""
+def surfaces(ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
+    """Return in words which surfaces are drawn: files, or D, m, L and how many of each."""
     unit = unit_of(ds, "L")
     side = f"L = {float(ds['L']):g}" + (f" {unit}" if unit != "length" else "")
     if "case" in ds.dims:
         names = [file_text(str(name)) for name in ds["case"].values.tolist()]
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         return f"height {'file' if len(names) == 1 else 'files'} {', '.join(names[:SHOWN])}{more}, {side}"
-    parts = [f"{dim} = {_numbers(ds[dim].values.tolist())}" for dim in ("D", "m") if dim in ds.dims]
-    count = ds.sizes.get("seed", 1)
-    return ", ".join([*parts, side, "one surface" if count == 1 else f"{count} surfaces of each"])
+    values = {dim: drawn.get(dim) or ds[dim].values.tolist() for dim in ("D", "m") if dim in ds.dims}
+    parts = [f"{dim} = {_numbers(each)}" for dim, each in values.items()]
+    counts = sorted({int(count) for count in drawn.get("surfaces", (1,))})
+    number = "one surface" if counts == [1] else f"{_numbers(counts)} surfaces"
+    several = " of each" if max(map(len, values.values()), default=1) > 1 else ""
+    return ", ".join([*parts, side, number + several])
 
 
 def origin(name: str, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
@@ -107,7 +110,7 @@ def origin(name: str, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
         Values of ``D``, ``m``, ``surfaces`` (how many of each) and ``area`` (A*) that it shows, as far as they apply.
     """
     run = run_name(ds)
-    words = f"Run {run}: {surfaces(ds)}" if run else surfaces(ds)
+    words = f"Run {run}: {surfaces(ds, drawn)}" if run else surfaces(ds, drawn)
     if name not in CONDITIONS:
         return f"{words}."
     number = f"Fig. {name[3:].lstrip('0')}"

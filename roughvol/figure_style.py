@@ -24,7 +24,7 @@ COLUMN, PAGE, DPI = 3.5, 7.0, 300  # widths [inch] of a column and of a page, re
 CONTACT = "#08306b"  # contact is this one flat dark blue wherever it shows in colour
 ACCENT, SECOND = "#00707a", "#1f6fb4"  # laws and published numbers beside what is computed
 GREY = "0.4"
-STYLE: dict[Any, Any] = {"font.family": "serif", "mathtext.fontset": "stix", "font.size": 8.5}
+STYLE: dict[Any, Any] = {"font.family": ["STIXGeneral", "serif"], "mathtext.fontset": "stix", "font.size": 8.5}
 STYLE |= {"font.serif": ["STIXGeneral", "STIX Two Text", "Times New Roman", "Times", "DejaVu Serif"]}
 STYLE |= {"axes.labelsize": 9.5, "axes.titlesize": 8.5, "legend.fontsize": 8.0, "legend.title_fontsize": 8.0}
 STYLE |= {"axes.linewidth": 0.6, "lines.linewidth": 1.1, "lines.markersize": 3.5, "legend.frameon": False}
@@ -37,6 +37,7 @@ DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.
 LIGHTEST = 0.584  # of matplotlib's CMRmap, made for print in grey: 3.1 : 1 against white
 STEPS = 256  # at which the lightness of the map is taken
 PER_INCH = 24  # characters in a line of a note
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 WIDE = 62  # characters of a legend, lines included, that fit over a column
 MANY = 30  # computed states of a curve, beyond which only some have a marker
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
@@ -121,8 +122,8 @@ def looks(count: int) -> list[dict[str, Any]]:
 
 def unit_text(unit: str) -> str:
     """Return a unit as it is printed: ``um^3`` as µm³, ``mPa*s`` as mPa s."""
-    words = re.sub(r"\bu(?=[A-Za-z])", "µ", unit)
-    return re.sub(r"(?:\^|\*\*)(-?\d+)", r"$^{\1}$", words).replace("*", " ")
+    words = re.sub(r"\bu(?=(?:m|s|g|N|Pa|bar|l|L)\b)", "µ", unit)
+    return re.sub(r"(?:\^|\*\*)(-?\d+)", lambda power: power.group(1).translate(RAISED), words).replace("*", " ")
 
 
 def unit_of(ds: Dataset, name: str) -> str:
@@ -144,7 +145,7 @@ def volume_label(ds: Dataset) -> str:
 def density_label(ds: Dataset) -> str:
     """Return the label of an axis of their density."""
     unit = volume_unit(ds)
-    inverse = unit.replace("$^{3}$", "$^{-3}$") if " " not in unit else f"({unit})$^{{-1}}$"
+    inverse = unit.replace("³", "⁻³") if " " not in unit else f"({unit})⁻¹"
     return f"probability density $f(v)$ [{inverse}]"
 
 

@@ -119,7 +119,7 @@ def _gallery(some: Sequence[Family], title: str) -> Drawing:
     surfaces = [family.data.isel(seed=0) for family in some]
     titles = [f"{family.label}, {title}".removesuffix(", ") for family in some]
     if all("Sdq" in one for one in surfaces):
-        titles = [f"{t}, $S_{{dq}} = {float(one['Sdq']):.2g}$" for t, one in zip(titles, surfaces, strict=True)]
+        titles = [f"{t}, $S_{{dq}} = {float(one['Sdq']):.3g}$" for t, one in zip(titles, surfaces, strict=True)]
     unit = unit_of(surfaces[0], "heights")
     scale, label = (1.0, f"$z$ [{unit}]") if unit != "length" else (float(surfaces[0]["L"]), "$z/L$")
     fig = reliefs([own(one["heights"]) / scale for one in surfaces], titles, label)
@@ -147,7 +147,7 @@ def _densities(ds: Dataset, by: str, m: float = FINEST, *, log: bool = False) ->
     known = density.notnull().any([dim for dim in density.dims if dim != "density_at"]).values
     ds = ds.isel(density_at=int(np.flatnonzero(known)[-1]))
     some, title = families(ds, by, "volume_density", "volume_density_edges", m=m)
-    fig, ax = axes()
+    fig, ax = axes(height=3.4 if log else 3.0)
     members = [merged(*densities(family), log=log) for family in some]
     plot(ax, some, members, (volume_label(ds), density_label(ds)), title, common=True)
     fig.shown = shown(some)

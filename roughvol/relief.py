@@ -34,7 +34,8 @@ def reliefs(
     """
     columns = 3 if len(surfaces) == 3 else min(2, len(surfaces))
     rows, width = -(-len(surfaces) // columns), PAGE / max(columns, 2)
-    fig = canvas(width * columns, width * rows * (0.85 if columns > 2 else 0.72) + 0.2)
+    fig = canvas(width * columns, width * rows * (0.85 if columns > 2 else 0.68) + 0.2)
+    fig.set_layout_engine("constrained", rect=(0.0, 0.0, 0.96, 1.0))  # it makes no room for labels of a vertical axis
     low, high = min(float(z.min()) for z in surfaces), max(float(z.max()) for z in surfaces)
     for k, (heights, title) in enumerate(zip(surfaces, titles, strict=True)):
         x, y = heights["x"].values, heights["y"].values
@@ -61,8 +62,10 @@ def reliefs(
             axis.set_major_formatter("{x:.2g}")
         ax.tick_params(pad=-3, labelsize=7)
         ax.tick_params(axis="z", pad=1)
-        ax.set_box_aspect((1.0, y[-1] / x[-1], 0.4), zoom=0.98)
+        narrow = columns > 2
+        ax.set_box_aspect((1.0, y[-1] / x[-1], 0.4), zoom=0.86 if narrow else 0.98)
+        ax.patch.set_visible(False)  # it would cover the label of its neighbour
         for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
-            axis.labelpad = -8 if axis is not ax.zaxis else -2
+            axis.labelpad = (-4 if narrow else -2) if axis is ax.zaxis else -5
             axis.set_pane_color((1.0, 1.0, 1.0, 0.0))
     return fig

@@ -73,6 +73,14 @@ def _mean(run: Run, x: str, y: str, D: float, m: int) -> tuple[Array, Array]:
     return grid, at(axis, run.values(y, D=D, m=m), grid).mean(axis=0)
 
 
+def _count(run: Run) -> str:
+    return "one surface" if run.seeds == 1 else f"{run.seeds} surfaces"
+
+
+def _mean_of(run: Run) -> str:
+    return "one surface" if run.seeds == 1 else f"mean of {run.seeds} surfaces"
+
+
 def _noted(fig: Drawing, *runs: Run) -> Drawing:
     """Name the runs that a figure is drawn from below it."""
     names = list(dict.fromkeys(run.name for run in runs))
@@ -112,7 +120,7 @@ def theory_separation(evidence: Evidence) -> Drawing:
             label=r"$d/\sigma + 0.9464\,p^{\ast}$" + f", $D = {D:g}$",
         )
     ax.set(xlabel=LABELS[D_SIGMA], ylabel=LABELS[V])
-    legend(ax, f"$m = {m}$, mean of {run.seeds} surfaces")
+    legend(ax, f"$m = {m}$, {_mean_of(run)}")
     return _noted(fig, run)
 
 
@@ -132,7 +140,8 @@ def theory_bearing(evidence: Evidence) -> Drawing:
         ]
     )
     gauss = theory.bearing_area_volume(separation)
-    grid = common([area])
+    coarse = common([area])
+    grid = np.linspace(coarse[0], coarse[-1], 200)
     fig, ax = axes()
     curves = [("computed", volume, "k", "-"), ("Eq. 4, Gaussian", gauss * (1.0 - area), ACCENT, "-")]
     curves += [(r"Gaussian, without $1 - A^{\ast}$", gauss, ACCENT, "--")]
@@ -143,7 +152,7 @@ def theory_bearing(evidence: Evidence) -> Drawing:
     for label, values, colour, style in curves:
         ax.plot(grid, at(area, values, grid).mean(axis=0), color=colour, ls=style, label=label)
     ax.set(xlabel=LABELS[A], ylabel=LABELS[V], ylim=(0.0, None))
-    legend(ax, f"$D = {PAPER_D:g}$, $m = {m}$, mean of {run.seeds} surfaces")
+    legend(ax, f"$D = {PAPER_D:g}$, $m = {m}$, {_mean_of(run)}")
     return _noted(fig, run)
 
 
@@ -196,7 +205,7 @@ def theory_dimension(evidence: Evidence) -> Drawing:
             ax.plot(x, dimension, ls="", alpha=0.6, label=f"$D = {D:g}$", **look)
     for ax, label in zip(panels, (LABELS[P], LABELS[A]), strict=True):
         ax.set(xscale="log", xlabel=label, ylabel="box dimension of the contact")
-        legend(ax, f"$m = {m}$, {run.seeds} surfaces each")
+        legend(ax, f"$m = {m}$, {_count(run)} each")
     return _noted(fig, run)
 
 
@@ -345,7 +354,7 @@ def full_contact(evidence: Evidence) -> Drawing:
                 ax.plot(x, values, color=look["color"], lw=0.7, alpha=0.8, label=label)
     for ax, y in zip(panels, (A, V), strict=True):
         ax.set(xlabel=LABELS[P], ylabel=LABELS[y], xscale="log")
-        legend(ax, f"$m = {m}$, {run.seeds} surfaces each")
+        legend(ax, f"$m = {m}$, {_count(run)} each")
     return _noted(fig, run)
 
 
@@ -366,7 +375,7 @@ def volume_by_m(evidence: Evidence) -> Drawing:
         ax.plot(run.m, each, color=look["color"], lw=0.3, alpha=0.5)
         ax.plot(run.m, each.mean(axis=1), label=words, **look)
     ax.set(xlabel="$m$", ylabel=LABELS[V] + " at $d = 0$", xticks=run.m)
-    legend(ax, f"$D = {PAPER_D:g}$, {run.seeds} surfaces")
+    legend(ax, f"$D = {PAPER_D:g}$, {_count(run)}")
     return _noted(fig, run)
 
 
@@ -416,11 +425,11 @@ def seeds(evidence: Evidence) -> Drawing:
     left.axvline(0.37, color=ACCENT, ls="--", lw=0.9, label="paper: 0.37")
     left.axvline(D - 2.0, color=GREY, ls=":", lw=0.9, label=f"Persson: {D - 2:.2f}")
     left.set(xlabel=rf"$n$ of $A^{{\ast}}/p^{{\ast}} \sim \delta^n$, $m = {run.m[0]}$ to ${m}$", ylabel="density")
-    legend(left, f"$D = {D:g}$, {run.seeds} surfaces")
+    legend(left, f"$D = {D:g}$, {_count(run)}")
     for each, look in zip(run.D[:2], looks(3), strict=False):
         _histogram(right, run.last(V, D=each, m=m), sets, look, f"one, $D = {each:g}$", f"ten, $D = {each:g}$")
     right.set(xlabel=LABELS[V] + " at $d = 0$", ylabel="density")
-    legend(right, f"$m = {m}$, {run.seeds} surfaces each")
+    legend(right, f"$m = {m}$, {_count(run)} each")
     return _noted(fig, run)
 
 
