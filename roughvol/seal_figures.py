@@ -355,7 +355,15 @@ def seal_map(ds: Dataset) -> Drawing:
         closed = state["gap"].sel(field_at=label, x=flux["x"], y=flux["y"]).transpose("x", "y").values == 0.0
         ax.imshow(np.where(closed, 1.0, np.nan).T, cmap=ListedColormap([CONTACT]), **options)
         for width, colour in ((2.6, "w"), (1.2, "k")):
-            ax.plot(*state["critical_position_x"].values, marker="o", ms=11, mfc="none", mec=colour, mew=width)
+            ax.plot(
+                *state["critical_position_x"].values,
+                marker="o",
+                ms=11,
+                mfc="none",
+                mec=colour,
+                mew=width,
+                clip_on=False,
+            )
         title = rf"$A^{{\ast}} = {float(state[A]):.3f}$, $p^{{\ast}} = {float(state[P]):.2f}$"
         if "transmissivity_x" in state and np.isfinite(state["transmissivity_x"]):
             mantissa, power = f"{float(state['transmissivity_x']):.1e}".split("e")
@@ -363,5 +371,6 @@ def seal_map(ds: Dataset) -> Drawing:
         ax.set(xlabel="$x/L$", title=title)
     axes[0].set_ylabel("$y/L$")
     fig.colorbar(image, ax=list(axes), label="flux over its mean", extend="both", shrink=0.8)
+    fig.shown = {key: [float(case[key])] for key in ("D", "m") if key in case.coords}
     fig.suptitle(f"{name}: flow along $x$; contact in blue, the critical constriction in a circle", fontsize=8.5)
     return fig

@@ -92,7 +92,7 @@ def tradeoff_precision(ds: Dataset) -> Drawing:
             look = LOOKS[name] | {"label": f"{LOOKS[name]['label']}, {words}"}
             right.loglog(rungs["seconds"].mean("surface"), _worst(rungs, f"{name}_error"), ls=style, **look)
     # under a decade or a little more: few labels, as plain numbers
-    right.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+    right.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)))
     right.xaxis.set_major_formatter("{x:g}")
     right.xaxis.set_minor_formatter(NullFormatter())
     right.set(xlabel="seconds a sweep", ylabel="largest error of any state ($10^{-16}$: none)")
@@ -124,7 +124,8 @@ def tradeoff_resolution(ds: Dataset) -> Drawing:
     left.set(xlabel="$m$", ylabel=f"relative difference to $m = {levels[-1]}$ at the last state", xticks=levels[:-1])
     left.legend()
     for name in QUANTITIES:
-        right.plot(levels, (final[name] / final[name][-1]).mean(axis=1), **LOOKS[name])
+        look = LOOKS[name] | {"label": str(LOOKS[name]["label"]).removesuffix(" (relative)")}
+        right.plot(levels, (final[name] / final[name][-1]).mean(axis=1), **look)
     right.set(xlabel="$m$", ylabel=f"value over that at $m = {levels[-1]}$", xticks=levels)
     right.legend()
     _grid(left, right)
