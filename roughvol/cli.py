@@ -6,7 +6,7 @@ import contextlib
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +18,6 @@ from roughvol.errors import CampaignError, ContactError, ConvergenceError, Datas
 if TYPE_CHECKING:
     from roughvol.campaign import Progress
     from roughvol.dataset import Dataset
-    from roughvol.physics.surface import Surface
-    from roughvol.study import Case
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SHOWN = 50  # cases of a kind that `status` names
@@ -63,22 +61,35 @@ def main() -> None:
     """Free volume between rough surfaces in elastic contact: from a study file to labelled data and figures."""
 
 
-@main.command(epilog=_examples("roughvol check configs/morphology.yaml"))
+@main.command(
+    epilog=_examples("roughvol check configs/morphology.yaml", "roughvol check scan.yaml --look --out scan.png")
+)
 @STUDY
-def check(study: Path) -> None:
+@click.option("--look", is_flag=True, help="Draw the surface of the first case: map, histogram, two profiles.")
+@click.option("--out", type=click.Path(path_type=Path), help="File of that picture [default: NAME-look.png].")
+def check(study: Path, look: bool, out: Path | None) -> None:
     """Say what STUDY will compute and what it costs, without computing it.
 
-    Prints the study with every default written out, then the number of cases, memory, disk and expected time.
+    Prints the study with every default written out, how its surface was understood, then the number of cases, memory,
+    disk and expected time.
     """
-    from roughvol import campaign, estimate
+    from roughvol import campaign, estimate, understood, validity
     from roughvol.study import load
 
     loaded = load(study)
-    surface = campaign.check_surfaces(loaded)
+    cases = loaded.cases()
+    surface = understood.shown(loaded, campaign.check_surfaces(loaded))
     click.echo(loaded.to_yaml())
     if surface is not None:
-        click.echo(_measured(surface, loaded.cases()[0]))
+        click.echo(understood.text(surface, cases[0], len(cases)))
+    if look or out is not None:
+        from roughvol import look_figure
+
+        path = look_figure.write(surface, cases[0].length_unit, cases[0].label, out or Path(f"{loaded.name}-look.png"))
+        click.echo(f"# picture {path}")
     click.echo(_cost(estimate.estimate(loaded)))
+    noted = [] if surface is None else understood.warnings(surface, cases[0])
+    _warn(validity.sentences(campaign.foreseen(loaded, surface), noted))
     for choice in estimate.choices(loaded):
         area, pressure, volume = choice.errors
         click.echo(
@@ -132,6 +143,7 @@ def run(
     assert last is not None
     click.echo(_ran(last, time.monotonic() - started))
     click.echo(_summary(results, campaign.folder_of(loaded, out) / "study.nc"))
+    _warn(results.attrs["warnings"].splitlines())
 
 
 @main.command(epilog=_examples("roughvol status configs/effect_of_D.yaml"))
@@ -266,6 +278,12 @@ def _message(error: RoughvolError) -> str:
     return f"error: {error}"
 
 
+def _warn(*sentences: Iterable[str]) -> None:
+    """Print each sentence once as a warning."""
+    for sentence in dict.fromkeys(one for several in sentences for one in several):
+        click.echo(f"warning: {sentence}", err=True)
+
+
 def _ran(last: Progress, seconds: float) -> str:
     before = f", {last.kept} of them finished before" if last.kept else ""
     return f"{_count(last.cases, 'case')} in {_duration(seconds)}{before}"
@@ -298,18 +316,6 @@ def _summary(results: Dataset, path: Path) -> str:
     for name, absent in dataset.unreached(results).items():
         lines.append(f"no state at which {name} is asked for was reached in {_count(absent, 'case')}")
     return "\n".join([*dict.fromkeys(lines), str(path)])
-
-
-def _measured(surface: Surface, case: Case) -> str:
-    unit = f" {case.length_unit}" if case.length_unit else ""
-    rows, columns = surface.shape
-    lines = [f"# surface {rows} x {columns} nodes, L = {case.L:.6g}{unit}, Sq = {surface.Sq:.6g}{unit}"]
-    if case.surface_text:
-        lines.append(f"#         {case.surface_text}")
-    if surface.filled:
-        share = surface.filled / (rows * columns)
-        lines.append(f"#         {surface.filled} of its heights were missing and are filled ({share:.2%})")
-    return "\n".join(lines)
 
 
 def _cost(cost: Any) -> str:

@@ -25,18 +25,22 @@ Heights = NDArray[np.float64]
 
 EXTRA = "pip install 'roughvol[measured]'"
 MAX_NODES = 1 << 28
-SQUARE = 1e-4  # by which the sides of a pixel may differ: a tenth of one over a thousand
 UNMARKED = ("nms", "hgt")
 
 
 @dataclass(frozen=True)
 class Description:
-    """What a file tells about its heights: nodes, length of the first axis and unit (None: not told), channel."""
+    """What a file tells about its heights: nodes, lengths of both axes and unit (None: not told), channel."""
 
     shape: tuple[int, int]
-    side: float | None
+    sides: tuple[float, float] | None
     unit: str | None
     channel: str
+
+    @property
+    def side(self) -> float | None:
+        """Length of the first axis."""
+        return None if self.sides is None else self.sides[0]
 
 
 def describe(path: Path, channel: str | None = None) -> Description:
@@ -54,7 +58,7 @@ def describe(path: Path, channel: str | None = None) -> Description:
     DatasetError
         If the library is not there, the file is missing or broken, or has no such channel.
     SurfaceError
-        If the channel is no map of heights on square pixels.
+        If the channel is no map of heights.
     """
     with _opened(path) as reader:
         return _described(path, _chosen(path, reader, channel))
@@ -130,17 +134,14 @@ def _described(path: Path, channel: Any) -> Description:
     if channel.unit is not None and unit is None:
         message = f"{path}: heights are in {channel.unit!r}; allowed: {', '.join(lengths.METRES)}"
         raise SurfaceError(message)
-    return Description(shape, _side(path, shape, channel.physical_sizes), unit, channel.name)
+    return Description(shape, _sides(path, shape, channel.physical_sizes), unit, channel.name)
 
 
-def _side(path: Path, shape: tuple[int, ...], sizes: tuple[float, float] | None) -> float | None:
+def _sides(path: Path, shape: tuple[int, ...], sizes: tuple[float, float] | None) -> tuple[float, float] | None:
     if sizes is None:
         return None
     pixel = [float(size) / nodes for size, nodes in zip(sizes, shape, strict=True)]
     if not all(math.isfinite(side) and side > 0.0 for side in pixel):
         message = f"{path}: pixels of {pixel[0]:.6g} by {pixel[1]:.6g}; allowed: finite and positive"
         raise SurfaceError(message)
-    if abs(pixel[0] - pixel[1]) > SQUARE * pixel[0]:
-        message = f"{path}: pixels of {pixel[0]:.6g} by {pixel[1]:.6g}; allowed: square pixels (resample the map first)"
-        raise SurfaceError(message)
-    return pixel[0] * (shape[0] - 1)
+    return pixel[0] * (shape[0] - 1), pixel[1] * (shape[1] - 1)

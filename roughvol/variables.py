@@ -50,11 +50,17 @@ VARIABLES: dict[str, Variable] = {
     "Sdq": Variable("...", "1", "root mean square slope", "Sdq"),
     "z_max": Variable("...", "length", "height of the highest point", "z_max"),
     "filled_fraction": Variable("...", "1", "share of the nodes whose height was missing and filled", "n_f/n"),
+    "outliers_removed": Variable("...", "1", "number of measured heights taken out as outliers", "n_o", "count"),
+    "peak_height": Variable("...", "1", "height of the highest point above the mean plane over Sq", "z_p/Sq"),
+    "peak_height_before": Variable("...", "1", "the same with the outliers left in", "z_p,0/Sq"),
     "hurst_measured": Variable("...", "1", "Hurst exponent from the structure function", "H"),
     "wall_time": Variable("...", "s", "wall-clock time spent on the case", "t"),
     "observable_time": Variable("... observable", "s", "wall-clock time spent on it, all states together", "t_q"),
     "region_aspect": Variable("...", "1", "extent of the region observed along y over that along x", "W_y/W_x"),
     "heights": Variable("... x y", "length", "heights of the undeformed surface", "z"),
+    "central_pressure_ratio": Variable(
+        "...", "1", "mean pressure in the central half of each side over that of the whole, last step", "p_c/p"
+    ),
     # per step
     "indentation": Variable("... step", "1", "far-field closing displacement from first touch over Sq", "Δ/σ"),
     "separation": Variable("... step", "1", "rigid far-field separation of the mean planes over Sq", "d/σ"),
@@ -67,6 +73,13 @@ VARIABLES: dict[str, Variable] = {
     "residual": Variable("... step", "1", "largest violation of the contact conditions in the gap over Sq", "η/σ"),
     "mean_pressure_bound": Variable("... step", "1", "certified bound of the relative error of p*", "|δp*|/p*"),
     "converged": Variable("... step", "1", "the state was solved and met its residual", "converged", "flag"),
+    # where the study gives a hardness
+    "contact_above_hardness_fraction": Variable(
+        "... step", "1", "share of the contact with a pressure above the hardness", "A_H/A"
+    ),
+    "load_above_hardness_fraction": Variable(
+        "... step", "1", "share of the load on elements with a pressure above the hardness", "F_H/F"
+    ),
     # of the void, at the steps a study selects; open: gap > 0; void 4-connected, contact 8-connected
     "percolates_x": Variable("... step", "1", "1 if void leads from side to side along x, 0 if not", "Π_x", "count"),
     "percolates_y": Variable("... step", "1", "1 if void leads from side to side along y, 0 if not", "Π_y", "count"),

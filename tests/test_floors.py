@@ -57,13 +57,15 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "collecting": (ABOVE_DATASET | {"columns", "folder"}, set()),
     "batch": (ABOVE_DATASET | {"workers", "resources", "pressing", "folder", "ledger"}, set()),
     "dimensional": ({"study", "variables", "errors"}, set()),
+    "validity": ({"study"}, {"numpy"}),
     "campaign": (
         ABOVE_DATASET
         | {"workers", "resources", "pressing", "folder", "ledger", "standing", "columns", "collecting", "batch"}
-        | {"dimensional"},
+        | {"dimensional", "validity"},
         set(),
     ),
     "estimate": (ABOVE_DATASET | {"pressing", "resources"}, {"numpy"}),
+    "understood": (ABOVE_DATASET | {"pressing"}, set()),
     "tradeoff": (ABOVE_DATASET | {"pressing"}, {"numpy", "threadpoolctl"}),
     "convergence": (ABOVE_DATASET | {"tradeoff"}, {"numpy"}),
     "figure_style": (set(), {"numpy", "matplotlib"}),
@@ -76,6 +78,7 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "figures": (ABOVE_DATASET | FIGURE_PARTS, {"numpy", "matplotlib"}),
     "theory_figures": (ABOVE_DATASET | {"claims", "figure_style", "figure_origin"}, {"numpy", "matplotlib"}),
     "figure_cases": (ABOVE_DATASET | {"figures", "seal_figures"}, set()),
+    "look_figure": ({"figure_style", "lengths", "physics", "errors"}, {"numpy", "matplotlib"}),
     "report_style": (set(), set()),
     "seal_ways": (ABOVE_DATASET | {"figure_data"}, {"numpy"}),
     "seal_drawing": (ABOVE_DATASET | {"figure_style", "figure_data", "seal_ways"}, {"numpy", "matplotlib"}),
@@ -89,6 +92,8 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
             "standing",
             "campaign",
             "estimate",
+            "understood",
+            "look_figure",
             "tradeoff",
             "convergence",
             "tradeoff_figures",
@@ -97,6 +102,7 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
             "figure_cases",
             "seal_figures",
             "report",
+            "validity",
         },
         {"click", "rich"},
     ),
@@ -163,6 +169,8 @@ def _floor(module: str) -> tuple[set[str], set[str]]:
         siblings = siblings | {"physics.blocks"}  # its far half
     if module == "physics.search":
         siblings = siblings | {"physics.surface", "physics.contact"}  # what it searches among
+    if module in ("physics.outliers", "physics.lattice"):
+        siblings = siblings | {"physics.levelling"}  # a plane taken off, holes filled
     if module == "physics.halfspace":
         parties = parties | {"pyfftw"}
     return siblings, parties

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from roughvol import heightfile, instrument
+from roughvol import bodies, campaign, heightfile, instrument
 from roughvol.errors import DatasetError, RoughvolError, StudyError, SurfaceError
+from roughvol.physics import lattice
 from roughvol.study import loads
 
 topography = pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")
@@ -90,10 +91,73 @@ def test_a_channel_that_is_not_there_is_named_beside_those_that_are(tmp_path: Pa
         instrument.describe(path, "z")
 
 
-def test_pixels_that_are_not_square_are_refused(tmp_path: Path) -> None:
-    path = _write(tmp_path / "oblong.x3p", pixel=(PIXEL, 2 * PIXEL))
-    with pytest.raises(SurfaceError, match=r"oblong\.x3p: pixels of 2\.5e-07 by 5e-07; allowed: square pixels"):
-        instrument.read(path)
+@pytest.mark.parametrize("off", [1.0006, 0.9994, 2.0, 0.5])
+def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_path: Path, off: float) -> None:
+    path = _write(tmp_path / "oblong.x3p", pixel=(PIXEL, off * PIXEL))
+    assert instrument.describe(path).sides == pytest.approx((6 * PIXEL * 1e-6, 4 * off * PIXEL * 1e-6), rel=1e-12)
+    text = "surface: {file: oblong.x3p, unit: um%s}"
+    with pytest.raises(
+        StudyError, match=r"surface\.resample: missing: .*oblong\.x3p has pixels of 0\.25 by .* um"
+    ) as said:
+        loads(text % "", tmp_path / "study.yaml").cases()
+    assert "give resample: square" in str(said.value)
+    (case,) = loads(text % ", resample: square", tmp_path / "study.yaml").cases()
+    surface = bodies.surface(case)
+    assert surface.spacing == pytest.approx(PIXEL * min(1.0, off), rel=1e-12)
+    assert surface.side == pytest.approx(case.L, rel=1e-15)
+    assert np.abs(surface.heights - lattice.squared(HEIGHTS, off)).max() < 1e-8
+    assert case.surface_text.startswith("heights interpolated onto square pixels of the finer spacing")
+    (other,) = loads(text % ", resample: square, L: 3 um", tmp_path / "study.yaml").cases()
+    assert bodies.surface(other).spacing == pytest.approx(0.5 * min(1.0, off), rel=1e-12)  # L overrules the size alone
+    assert len({case.id, other.id}) == 2
+
+
+def test_pixels_square_to_a_tenth_of_one_over_a_thousand_are_square(tmp_path: Path) -> None:
+    _write(tmp_path / "nearly.x3p", pixel=(PIXEL, 1.00005 * PIXEL))
+    (case,) = loads("surface: {file: nearly.x3p}", tmp_path / "study.yaml").cases()
+    assert bodies.surface(case).shape == (7, 5)
+
+
+def test_pixels_too_oblong_are_refused_whatever_is_asked(tmp_path: Path) -> None:
+    _write(tmp_path / "oblong.x3p", pixel=(PIXEL, 3 * PIXEL))
+    for keys in ("", ", resample: square"):
+        with pytest.raises(StudyError, match=r"surface\.resample: .*allowed: one side up to 2 times the other"):
+            loads(f"surface: {{file: oblong.x3p{keys}}}", tmp_path / "study.yaml").cases()
+
+
+def test_the_same_surface_on_oblong_pixels_is_pressed_the_same(tmp_path: Path) -> None:
+    def heights(pixel: tuple[float, float]) -> np.ndarray:
+        x, y = np.meshgrid(pixel[0] * np.arange(33), pixel[1] * np.arange(33), indexing="ij")
+        return np.cos(x) + np.sin(0.8 * y + 0.3 * x)
+
+    pressures = []
+    for name, pixel, keys in (("square", (0.25, 0.25), ""), ("oblong", (0.25, 0.2503), ", resample: square")):
+        _write(tmp_path / f"{name}.x3p", heights(pixel), pixel=pixel)
+        text = f"surface: {{file: {name}.x3p, unit: um{keys}}}\nsweep: {{steps: 1, to: {{indentation: 1}}}}"
+        (case,) = loads(text, tmp_path / "study.yaml").cases()
+        pressures.append(campaign.run_case(case).mean_pressure.item())
+    assert pressures[1] == pytest.approx(pressures[0], rel=1e-3)
+
+
+def test_two_bodies_on_oblong_pixels_are_resampled_each(tmp_path: Path) -> None:
+    for name, heights in (("one", HEIGHTS), ("other", 2.0 * HEIGHTS), ("both", HEIGHTS + 2.0 * HEIGHTS[::-1])):
+        _write(tmp_path / f"{name}.x3p", heights, pixel=(1.5 * PIXEL, PIXEL))
+    added, both = (
+        bodies.surface(loads(f"surface: {{{keys}, unit: um, resample: square}}", tmp_path / "s.yaml").cases()[0])
+        for keys in ("file: one.x3p, against: {file: other.x3p, mirror: x}", "file: both.x3p")
+    )
+    assert added.shape == both.shape == (10, 5)
+    assert np.abs(added.heights - both.heights).max() < 1e-13
+
+
+def test_a_crop_in_lengths_counts_oblong_pixels(tmp_path: Path) -> None:
+    _write(tmp_path / "oblong.x3p", np.random.default_rng(0).normal(size=(21, 21)), pixel=(PIXEL, 2 * PIXEL))
+    crop = "crop: {x: [1 um, 3 um], y: [1 um, 3 um]}"
+    (case,) = loads(f"surface: {{file: oblong.x3p, {crop}, resample: square}}", tmp_path / "s.yaml").cases()
+    assert case.treatment.crop == ((4, 12), (2, 6))
+    surface = bodies.surface(case)
+    assert surface.shape == (9, 9)
+    assert surface.side == pytest.approx(2e-6, rel=1e-12)
 
 
 def test_a_line_is_no_map(tmp_path: Path) -> None:

@@ -8,14 +8,14 @@ import itertools
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
-from roughvol.study.measured import HEIGHT_FORMATS, UNTREATED, Body, HeightFile, Treatment, resolve
+from roughvol.study.measured import HEIGHT_FORMATS, Body, HeightFile, resolve
 from roughvol.study.quantities import has_unit, length_unit
 from roughvol.study.recording import Record
 from roughvol.study.settings import (
@@ -31,6 +31,7 @@ from roughvol.study.settings import (
     tag_surface,
     without_unused,
 )
+from roughvol.study.treatment import UNTREATED, Treatment
 from roughvol.study.yamltext import KeyPath, key_text, number_text, write
 
 ANSWER_FORMAT = 1  # part of every case id: raise it when equal settings no longer give equal stored numbers
@@ -61,9 +62,12 @@ class Case:
     sha256: str | None = None
     variable: str | None = None
     file_unit: str | None = None  # of the numbers in the file, where it tells one
+    pixel_ratio: float | None = None  # side of the pixels in the file along y over that along x, if they are resampled
     against: Body | None = None
     treatment: Treatment = UNTREATED
     length_unit: str | None = None  # of L, the heights and all lengths stored; None for an arbitrary one
+    hardness: float | None = None  # over E*
+    height: float | None = None  # the Sq to which heights are scaled, where there is a hardness to compare with
 
     @property
     def key(self) -> dict[str, Any]:
@@ -76,6 +80,8 @@ class Case:
             if self.against is not None:
                 other = self.against
                 surface["against"] = {"sha256": other.sha256, "variable": other.variable, "mirror": other.mirror}
+            if self.treatment.resample != "none":
+                surface["pixel_ratio"] = [body.pixel_ratio for body in self.bodies]
             if any(body.unit for body in self.bodies):  # their numbers are converted to this one
                 surface["unit"] = self.length_unit
         key = {
@@ -85,6 +91,8 @@ class Case:
         }
         if self.sweep.steps == 0:  # nothing is solved, so neither the end of the sweep nor the solver matters
             return {**key, "sweep": {"steps": 0}}
+        if self.hardness is not None:
+            key["material"] = {"hardness": float(f"{self.hardness:.12g}"), "Sq": self.height}  # in any unit the same
         solver: dict[str, Any] = {
             "rtol": self.solver.tolerance,
             "kernel": self.solver.kernel,
@@ -99,7 +107,7 @@ class Case:
         """The rough bodies whose heights come from files: none, one, or two facing each other."""
         if self.file is None or self.sha256 is None:
             return ()
-        first = Body(self.file, self.sha256, self.variable, self.file_unit)
+        first = Body(self.file, self.sha256, self.variable, self.file_unit, pixel_ratio=self.pixel_ratio)
         return (first,) if self.against is None else (first, self.against)
 
     @property
@@ -190,13 +198,14 @@ class Study(Strict):
         """
         surface = self.surface
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solver, self.record
+        hard = self.material.indentation_hardness
+        hardness = None if hard is None else hard / E_star
         if isinstance(surface, GeneratedSurface):
             law, L, unit = surface.midpoint_law, float(surface.L), surface.length_unit
+            height = None if hardness is None else surface.height
             product = itertools.product(surface.D, surface.m, surface.seeds)
-            return tuple(
-                Case(L, E_star, sweep, solver, record, D=D, m=m, seed=seed, midpoint_law=law, length_unit=unit)
-                for D, m, seed in product
-            )
+            one = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
+            return tuple(replace(one, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
         measured = resolve(surface)
         first, *others = measured.bodies
         case = Case(
@@ -209,9 +218,11 @@ class Study(Strict):
             sha256=first.sha256,
             variable=first.variable,
             file_unit=first.unit,
+            pixel_ratio=first.pixel_ratio,
             against=others[0] if others else None,
             treatment=measured.treatment,
             length_unit=measured.unit,
+            hardness=hardness,
         )
         return (case,)
 
@@ -294,9 +305,16 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
         return  # files of instruments may tell what the study does not
     if surface.get("L") is None and surface.keys() <= HeightFile.model_fields.keys():
         yield ("surface", "L"), f"missing, and the file does not tell it ({HeightFile.model_fields['L'].description})"
-    if has_unit(surface.get("low_pass")) and surface.get("unit") is None and length_unit(surface.get("L")) is None:
-        message = f"has a unit ({surface['low_pass']}) and L has none: give both with theirs, as L: 100 um"
-        yield ("surface", "low_pass"), message
+    if surface.get("unit") is not None or length_unit(surface.get("L")) is not None:
+        return
+    crop = surface["crop"] if isinstance(surface.get("crop"), dict) else {}
+    lengths: list[tuple[KeyPath, Any]] = [(("low_pass",), surface.get("low_pass"))]
+    lengths += [
+        (("crop", axis), place) for axis, places in crop.items() if isinstance(places, list) for place in places
+    ]
+    for key, length in lengths:
+        if has_unit(length):
+            yield ("surface", *key), f"has a unit ({length}) and L has none: give both with theirs, as L: 100 um"
 
 
 def _unit_conflicts(

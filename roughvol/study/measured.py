@@ -9,9 +9,9 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib.util
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn
 
 from pydantic import Field, ValidationInfo, field_validator, model_serializer
 
@@ -19,7 +19,18 @@ from roughvol.errors import DatasetError, Problem, StudyError, SurfaceError
 from roughvol.lengths import factor
 from roughvol.study.quantities import Length, unit_of
 from roughvol.study.settings import UNIT, LengthUnit, Strict, refuse, without_unused
-from roughvol.study.yamltext import number_text, printable
+from roughvol.study.treatment import (
+    UNTREATED,
+    Crop,
+    File,
+    Levelling,
+    Missing,
+    Outliers,
+    Resampling,
+    Treatment,
+    settled,
+)
+from roughvol.study.yamltext import printable
 
 if TYPE_CHECKING:
     from roughvol.heightfile import Description
@@ -29,8 +40,6 @@ EXTRA = "roughvol[measured]"  # with it, the formats of instruments
 
 SAME = 1e-4  # by which the lengths that two files tell may differ and count as one
 
-Levelling = Literal["none", "mean", "tilt", "quadratic"]
-Missing = Literal["refuse", "nearest", "interpolate"]
 Mirror = Literal["none", "x", "y"]
 
 _FILE = (
@@ -44,7 +53,8 @@ _VARIABLE = "name of the array inside an .npz or .nc file, or of the channel in 
 class Body:
     """One rough body: its file, the sha256 of its content, and how its numbers are to be read.
 
-    ``unit`` is that of the numbers, where the file tells it; ``mirror`` the axis that is reversed.
+    ``unit`` is that of the numbers, where the file tells it; ``mirror`` the axis that is reversed; ``pixel_ratio`` the
+    side of its pixels along y over that along x, where they are resampled.
     """
 
     file: Path
@@ -52,39 +62,7 @@ class Body:
     variable: str | None = None
     unit: str | None = None
     mirror: Mirror = "none"
-
-
-@dataclass(frozen=True)
-class Treatment:
-    """What is done to each body alike, in this order: levelled, missing heights filled, short waves filtered off."""
-
-    level: Levelling = "none"
-    missing: Missing = "refuse"
-    low_pass: float | None = None
-
-    @property
-    def used(self) -> dict[str, Any]:
-        """What is not left as it is."""
-        return {name: value for name, value in vars(self).items() if value != getattr(UNTREATED, name)}
-
-    def sentence(self, unit: str | None) -> str:
-        """Return what is done, in words, for the file that holds the results; lengths in the unit of the study."""
-        done = []
-        if self.level != "none":
-            done.append(f"least-squares {self.level} of the known heights taken off")
-        if self.missing != "refuse":
-            filling = {"nearest": "the nearest known one", "interpolate": "the mean of their neighbours"}[self.missing]
-            done.append(f"missing heights filled with {filling}")
-        if self.low_pass is not None:
-            cut_off = f"{number_text(self.low_pass)} {unit or ''}".rstrip()
-            done.append(
-                f"waves shorter than {cut_off} taken off by the Gaussian filter of ISO 16610-61, "
-                "its weights renormalised at the edges"
-            )
-        return "; ".join(done)
-
-
-UNTREATED = Treatment()
+    pixel_ratio: float | None = None
 
 
 def _found(value: str, info: ValidationInfo) -> str:
@@ -132,6 +110,22 @@ class HeightFile(Strict):
     unit: LengthUnit | None = Field(
         default=None, description=f"{UNIT}; heights of a file that tells its own unit are converted"
     )
+    crop: Crop | None = Field(
+        default=None,
+        description="{x: [from, to], y: [from, to]}: the part of the map that is pressed, by shares of its sides or by "
+        "lengths with a unit; L is that of the whole map",
+    )
+    outliers: Outliers | None = Field(
+        default=None,
+        description="{sigma, window}: take out heights that are single spikes; {} takes the defaults, 6 and 5 nodes",
+    )
+    downsample: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=1, description="take the means of so many nodes a side, 1 to 1000; 1 keeps every node"
+    )
+    resample: Resampling = Field(
+        default="none",
+        description="'none', or 'square': interpolate heights of pixels that are off square onto square ones",
+    )
     level: Levelling = Field(
         default="none",
         description="least-squares surface of the known heights that is taken off: 'none', their 'mean', a plane "
@@ -173,7 +167,10 @@ class HeightFile(Strict):
 
 @dataclass(frozen=True)
 class Measured:
-    """Measured heights with nothing left open: length of the first axis, unit of all lengths, bodies, treatment."""
+    """Measured heights with nothing left open: length of the first axis, unit of all lengths, bodies, treatment.
+
+    ``L`` is the length that is pressed: that of the file, or of what a crop, block means and resampling leave of it.
+    """
 
     L: float
     unit: str | None
@@ -214,13 +211,27 @@ def resolve(surface: HeightFile) -> Measured:
         _wrong(f"missing: {surface.file} does not tell the length of its first axis", "surface.L")
     if surface.L is None and any(side and abs(side - L) > SAME * L for side in sides):
         _wrong(f"the files differ in length, {' and '.join(map(str, sides))}: give L to overrule them", keys[1])
-    low_pass, own = surface.low_pass, unit_of(surface.low_pass)
-    if low_pass is not None and own is not None:
-        if unit is None:
-            _wrong(f"has a unit ({low_pass}) and L has none: give both with theirs, as L: 100 um", "surface.low_pass")
-        low_pass = float(low_pass) * factor(own, unit)
-    treatment = Treatment(surface.level, surface.missing, None if low_pass is None else float(low_pass))
-    return Measured(float(L), unit, tuple(bodies), treatment)
+
+    def shape(place: int) -> tuple[int, int]:
+        one, body = told[place], bodies[place]
+        try:
+            return one.shape if one else _shape(body.file, body.sha256, body.variable)
+        except (DatasetError, SurfaceError) as error:
+            _wrong(str(error), keys[place])
+
+    files = [File(body.file, one.sides if one else None) for body, one in zip(bodies, told, strict=True)]
+    treatment, L, ratios = settled(surface, files, shape, float(L), unit)
+    bodies = [replace(body, pixel_ratio=ratio) for body, ratio in zip(bodies, ratios, strict=True)]
+    return Measured(L, unit, tuple(bodies), treatment)
+
+
+@functools.lru_cache(maxsize=64)
+def _shape(path: Path, sha256: str, variable: str | None) -> tuple[int, int]:
+    """Return the nodes of a file that does not describe itself: it is read."""
+    from roughvol import heightfile
+
+    rows, columns = heightfile.read(path, variable, holes=True).shape
+    return rows, columns
 
 
 def _digest(path: Path, key: str) -> str:
