@@ -10,12 +10,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from roughvol.errors import DatasetError
-from roughvol.figures import ACCENT, CONTACT, DPI, PAGE, STYLE
+from roughvol.figure_style import CONTACT, PAGE, STYLE, canvas
 from roughvol.lengths import METRES, factor
 from roughvol.physics.surface import Surface
 
 LIMITS = (0.1, 99.9)  # percentiles of the heights between which the colours run, so that one spike leaves them alone
 BINS_PER_SQ, FEWEST_BINS, MOST_BINS = 8, 40, 400
+RING = "#c0392b"  # seen on the colours of the map and on white
 SPELLED = {"um": "µm", "angstrom": "Å"}
 
 
@@ -42,7 +43,7 @@ def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
     x, y = (np.linspace(0.0, side * across, nodes) for side, nodes in zip((width, depth), z.shape, strict=True))
     row, column = np.unravel_index(int(z.argmax()), z.shape)
     with mpl.rc_context(STYLE):
-        fig = Figure(figsize=(PAGE, 5.4), layout="constrained", dpi=DPI)
+        fig = canvas(PAGE, 5.4)
         grid = fig.add_gridspec(2, 2, height_ratios=(1.6, 1.0))
         _map(fig, fig.add_subplot(grid[0, 0]), z, (x, y), (x[row], y[column]), (across_unit, height_unit))
         histogram = fig.add_subplot(grid[0, 1])
@@ -59,7 +60,7 @@ def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
         ):
             ax.axhline(0.0, color="0.6", lw=0.6, zorder=1)
             ax.plot(place, profile, color=CONTACT, lw=0.8)
-            ax.plot(at, z[row, column], "o", mfc="none", mec=ACCENT, ms=6, clip_on=False)
+            ax.plot(at, z[row, column], "o", mfc="none", mec=RING, ms=6, clip_on=False)
             ax.set(xlim=(place[0], place[-1]), xlabel=f"${name}$ [{across_unit}]", ylabel=f"$z$ [{height_unit}]")
             ax.set_title(f"profile at ${other} = {fixed:.4g}$ {across_unit}, through the highest point")
         fig.suptitle(title, fontsize=9.5, parse_math=False)  # a name of a file may hold dollar signs
@@ -94,7 +95,7 @@ def _map(
     image = ax.imshow(z.T, origin="lower", extent=extent, cmap="viridis", vmin=low, vmax=high)
     for line, place in ((ax.axvline, highest[0]), (ax.axhline, highest[1])):
         line(place, color="white", lw=0.5, ls=(0, (4, 4)))
-    ax.plot(*highest, "o", mfc="none", mec=ACCENT, ms=8, mew=1.2, clip_on=False)
+    ax.plot(*highest, "o", mfc="none", mec=RING, ms=8, mew=1.2, clip_on=False)
     ax.set(
         xlabel=f"$x$ [{units[0]}]",
         ylabel=f"$y$ [{units[0]}]",
@@ -113,7 +114,7 @@ def _histogram(ax: Any, z: Any, Sq: float, unit: str) -> None:
         middle = np.linspace(max(float(z.min()), -6.0 * Sq), min(float(z.max()), 6.0 * Sq), 200)
         normal = z.size * (edges[1] - edges[0]) / (np.sqrt(2.0 * np.pi) * Sq) * np.exp(-0.5 * (middle / Sq) ** 2)
         ax.plot(middle, normal, "--", color="0.2", lw=0.9, label="normal, same $S_q$")
-    ax.plot(float(z.max()), 1.0, "o", mfc="none", mec=ACCENT, ms=6, label="highest point", clip_on=False)
+    ax.plot(float(z.max()), 1.0, "o", mfc="none", mec=RING, ms=6, label="highest point", clip_on=False)
     ax.set(ylim=(0.7, 20.0 * counts.max()), xlabel=f"$z$ from the mean plane [{unit}]", ylabel="nodes in a bin")
     ax.legend(loc="upper right")
 

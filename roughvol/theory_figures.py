@@ -13,7 +13,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from roughvol.claims import Evidence, density, morphology
@@ -35,17 +34,31 @@ from roughvol.claims.evidence import (
     nearest,
 )
 from roughvol.claims.seeds import FEW
-from roughvol.figures import ACCENT, LABELS, PAGE, STYLE, _axes, _legend, _looks
+from roughvol.figure_origin import is_paper_surface
+from roughvol.figure_style import (
+    ACCENT,
+    GREY,
+    LABELS,
+    PAGE,
+    SECOND,
+    STYLE,
+    Drawing,
+    axes,
+    legend,
+    looks,
+    volume_label,
+    volume_unit,
+)
 from roughvol.physics import texture, theory
 
-Draw = Callable[[Evidence], Figure]
+Draw = Callable[[Evidence], Drawing]
 
 THEORY: dict[str, Draw] = {}
 
 
 def _figure(draw: Draw) -> Draw:
     @functools.wraps(draw)
-    def styled(evidence: Evidence) -> Figure:
+    def styled(evidence: Evidence) -> Drawing:
         with mpl.rc_context(STYLE):
             return draw(evidence)
 
@@ -60,24 +73,39 @@ def _mean(run: Run, x: str, y: str, D: float, m: int) -> tuple[Array, Array]:
     return grid, at(axis, run.values(y, D=D, m=m), grid).mean(axis=0)
 
 
+def _count(run: Run) -> str:
+    return "one surface" if run.seeds == 1 else f"{run.seeds} surfaces"
+
+
+def _mean_of(run: Run) -> str:
+    return "one surface" if run.seeds == 1 else f"mean of {run.seeds} surfaces"
+
+
+def _noted(fig: Drawing, *runs: Run) -> Drawing:
+    """Name the runs that a figure is drawn from below it."""
+    names = list(dict.fromkeys(run.name for run in runs))
+    fig.note(f"{'Run' if len(names) == 1 else 'Runs'} {', '.join(names)}.")
+    return fig
+
+
 def _ends(run: Run) -> list[float]:
     return [run.D[0], run.D[-1]] if len(run.D) > 1 else run.D
 
 
 @_figure
-def theory_separation(evidence: Evidence) -> Figure:
+def theory_separation(evidence: Evidence) -> Drawing:
     """V* against d/σ: the computed mean, V* = d/σ, V* = d/σ + 0.9464 p* (a uniformly loaded specimen), and Eq. 4.
 
     Dotted: the bearing area of Gaussian heights, the volume under a rigid plane. What lies above it is elastic.
     """
     run = evidence.pick(V, P, D_SIGMA)
     m, ends = max(run.m), _ends(run)
-    fig, ax = _axes()
+    fig, ax = axes()
     far = max(float(run.values(D_SIGMA, D=D, m=m).max()) for D in ends)
     line = np.linspace(0.0, far, 200)
-    ax.plot(line, line, "k--", lw=0.8, label=r"$V^\ast = d/\sigma$")
+    ax.plot(line, line, "k--", lw=0.8, label=r"$V^{\ast} = d/\sigma$")
     ax.plot(line, theory.bearing_area_volume(line), "k:", lw=0.9, label="bearing area, Gaussian")
-    for D, look in zip(ends, _looks(len(ends)), strict=True):
+    for D, look in zip(ends, looks(len(ends)), strict=True):
         colour = look["color"]
         separation, volume = _mean(run, D_SIGMA, V, D, m)
         pressure = _mean(run, D_SIGMA, P, D, m)[1]
@@ -89,15 +117,15 @@ def theory_separation(evidence: Evidence) -> Figure:
             color=colour,
             ls="-.",
             lw=0.9,
-            label=r"$d/\sigma + 0.9464\,p^\ast$" + f", $D = {D:g}$",
+            label=r"$d/\sigma + 0.9464\,p^{\ast}$" + f", $D = {D:g}$",
         )
     ax.set(xlabel=LABELS[D_SIGMA], ylabel=LABELS[V])
-    _legend(ax, f"$m = {m}$, mean of {run.seeds} surfaces")
-    return fig
+    legend(ax, f"$m = {m}$, {_mean_of(run)}")
+    return _noted(fig, run)
 
 
 @_figure
-def theory_bearing(evidence: Evidence) -> Figure:
+def theory_bearing(evidence: Evidence) -> Drawing:
     """V* against A*: computed, and Eq. 4 along the same loading, with and without its factor 1 - A*.
 
     Eq. 4 is evaluated at the computed d/σ and A*, for Gaussian heights and for the heights of the surfaces.
@@ -112,47 +140,49 @@ def theory_bearing(evidence: Evidence) -> Figure:
         ]
     )
     gauss = theory.bearing_area_volume(separation)
-    grid = common([area])
-    fig, ax = _axes()
+    coarse = common([area])
+    grid = np.linspace(coarse[0], coarse[-1], 200)
+    fig, ax = axes()
     curves = [("computed", volume, "k", "-"), ("Eq. 4, Gaussian", gauss * (1.0 - area), ACCENT, "-")]
-    curves += [(r"Gaussian, without $1 - A^\ast$", gauss, ACCENT, "--")]
+    curves += [(r"Gaussian, without $1 - A^{\ast}$", gauss, ACCENT, "--")]
     curves += [
-        ("Eq. 4, own heights", own * (1.0 - area), "C0", "-"),
-        (r"own heights, without $1 - A^\ast$", own, "C0", "--"),
+        ("Eq. 4, own heights", own * (1.0 - area), SECOND, "-"),
+        (r"own heights, without $1 - A^{\ast}$", own, SECOND, "--"),
     ]
     for label, values, colour, style in curves:
         ax.plot(grid, at(area, values, grid).mean(axis=0), color=colour, ls=style, label=label)
     ax.set(xlabel=LABELS[A], ylabel=LABELS[V], ylim=(0.0, None))
-    _legend(ax, f"$D = {PAPER_D:g}$, $m = {m}$, mean of {run.seeds} surfaces")
-    return fig
+    legend(ax, f"$D = {PAPER_D:g}$, $m = {m}$, {_mean_of(run)}")
+    return _noted(fig, run)
 
 
 @_figure
-def theory_bins(evidence: Evidence) -> Figure:
+def theory_bins(evidence: Evidence) -> Drawing:
     """V* of Eqs. 7 to 10 from the box dimensions of one field, against the number K of bins.
 
     As printed (each element counted at the width of its bin) the sum falls as 1/K; counted at the volume of the bin
     it converges to the computed V* (dashed).
     """
-    state = morphology.field(evidence.pick("gap", end=None))
-    fig, ax = _axes()
+    run = evidence.pick("gap", end=None)
+    state = morphology.field(run)
+    fig, ax = axes()
     names = {
         "meanwidth": "as printed",
         "meanvolume": r"$\sum n_k v_k$",
         "fitvolume": r"$\sum n_k v_k$, one dimension fitted",
     }
-    for (kind, weight), look in zip(formulas.KINDS, _looks(3), strict=True):
+    for (kind, weight), look in zip(formulas.KINDS, looks(3), strict=True):
         ax.plot(formulas.BINS, formulas.estimates(state, kind, weight), label=names[kind + weight], **look)
-    ax.axhline(state.numbers[V], color="k", ls="--", lw=0.8, label=r"computed $V^\ast$")
+    ax.axhline(state.numbers[V], color="k", ls="--", lw=0.8, label=r"computed $V^{\ast}$")
     ax.set(xscale="log", yscale="log", xlabel="number of bins $K$", ylabel=LABELS[V])
     ax.set_xticks(formulas.BINS, list(map(str, formulas.BINS)))
     ax.set_xticks([], minor=True)
-    _legend(ax, state.words.replace("A*", r"$A^\ast$"))
-    return fig
+    legend(ax, state.words.replace("A*", r"$A^{\ast}$"))
+    return _noted(fig, run)
 
 
 @_figure
-def theory_dimension(evidence: Evidence) -> Figure:
+def theory_dimension(evidence: Evidence) -> Drawing:
     """Show the box dimension of the contact against pressure (left) and A* (right), by D: every surface and state.
 
     At equal pressure it rises with p* and falls with D. At equal area the difference between D is smaller, but there.
@@ -160,8 +190,8 @@ def theory_dimension(evidence: Evidence) -> Figure:
     run = evidence.pick("box_count", by="D", end=None)
     m = max(run.m)
     labels = run.dataset["box_at"].values.tolist()
-    fig, axes = _axes(PAGE, 2.9, 2)
-    for D, look in zip(run.D, _looks(len(run.D)), strict=True):
+    fig, panels = axes(PAGE, 2.9, 2)
+    for D, look in zip(run.D, looks(len(run.D)), strict=True):
         points = []
         for label in labels:
             r, counts = morphology.boxes(run, D, m, label)
@@ -171,33 +201,33 @@ def theory_dimension(evidence: Evidence) -> Figure:
                 place = int(steps[k]) - 1
                 points.append((run.values(P, D=D, m=m)[k, place], run.values(A, D=D, m=m)[k, place], each[k]))
         p, a, dimension = np.array(points).T
-        for ax, x in zip(axes, (p, a), strict=True):
+        for ax, x in zip(panels, (p, a), strict=True):
             ax.plot(x, dimension, ls="", alpha=0.6, label=f"$D = {D:g}$", **look)
-    for ax, label in zip(axes, (LABELS[P], LABELS[A]), strict=True):
+    for ax, label in zip(panels, (LABELS[P], LABELS[A]), strict=True):
         ax.set(xscale="log", xlabel=label, ylabel="box dimension of the contact")
-        _legend(ax, f"$m = {m}$, {run.seeds} surfaces each")
-    return fig
+        legend(ax, f"$m = {m}$, {_count(run)} each")
+    return _noted(fig, run)
 
 
 @_figure
-def theory_persson(evidence: Evidence) -> Figure:
+def theory_persson(evidence: Evidence) -> Drawing:
     """Draw A* against p*: the mean over surfaces, and Persson's erf(√2 p/(E* h')) with the rms slope of each."""
     run = evidence.pick(A, P, by="D")
     m = max(run.m)
-    fig, ax = _axes()
-    for D, look in zip(run.D, _looks(len(run.D)), strict=True):
+    fig, ax = axes()
+    for D, look in zip(run.D, looks(len(run.D)), strict=True):
         pressure, area = _mean(run, P, A, D, m)
         ax.plot(pressure, area, color=look["color"], label=f"$D = {D:g}$")
         sdq, sq = (run.values(name, D=D, m=m) for name in ("Sdq", "Sq"))
         laws = [theory.persson_area(pressure, h, Sq=s, side=run.L) for h, s in zip(sdq, sq, strict=True)]
         ax.plot(pressure, np.mean(laws, axis=0), color=look["color"], ls="--", lw=0.9)
     ax.set(xlabel=LABELS[P], ylabel=LABELS[A], xscale="log", yscale="log", xlim=(1e-2, None), ylim=(1e-4, None))
-    _legend(ax, f"$m = {m}$; solid: computed, dashed: Persson")
-    return fig
+    legend(ax, f"$m = {m}$; solid: computed, dashed: Persson")
+    return _noted(fig, run)
 
 
 @_figure
-def theory_start(evidence: Evidence) -> Figure:
+def theory_start(evidence: Evidence) -> Drawing:
     """Show the start of contact: p* against Δ/σ, one element (p = Δ/H₀), and Hertz on the highest summit.
 
     Until a second element touches, the computed points lie on the line of one element: the lattice does not resolve
@@ -216,32 +246,32 @@ def theory_start(evidence: Evidence) -> Figure:
     one = [theory.single_element_pressure(d * surface.Sq, surface.spacing) / nodes * scale for d in indentation]
     i, j = np.unravel_index(int(surface.heights.argmax()), surface.shape)
     tip = surface.heights[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
-    fig, ax = _axes()
+    fig, ax = axes()
     ax.plot(indentation, pressure, "ko", ms=2.5, label="computed")
     ax.plot(indentation, one, color=ACCENT, label="one element")
     if tip.shape == (3, 3):
         radius = texture.summit_radius(tip, surface.spacing)
         hertz = [theory.hertz(d * surface.Sq, radius).force / (nodes * surface.spacing**2) * scale for d in indentation]
         ax.plot(
-            indentation, hertz, color="C0", ls="--", label=rf"Hertz, $\rho = {radius / surface.spacing:.2f}\,\delta$"
+            indentation, hertz, color=SECOND, ls="--", label=rf"Hertz, $\rho = {radius / surface.spacing:.2f}\,\delta$"
         )
     second = np.flatnonzero(elements > 1)
     if second.size:
-        ax.axvline(indentation[second[0]], color="0.6", lw=0.7, ls=":", label="second element")
+        ax.axvline(indentation[second[0]], color=GREY, lw=0.7, ls=":", label="second element")
     ax.set(xscale="log", yscale="log", xlabel=r"indentation $\Delta/\sigma$", ylabel=LABELS[P])
-    _legend(ax, f"$D = {D:g}$, $m = {m}$, one surface")
-    return fig
+    legend(ax, f"$D = {D:g}$, $m = {m}$, one surface")
+    return _noted(fig, run)
 
 
 @_figure
-def readings_exponent(evidence: Evidence) -> Figure:
+def readings_exponent(evidence: Evidence) -> Drawing:
     """A*/p* against the spacing under both readings of the midpoint law, for every surface, with the fitted exponents.
 
     The default (standard deviation divided) has the paper's exponent; the printed variance has nearly twice that.
     """
-    fig, ax = _axes()
-    handles = 0
-    for law, words, look in (("std", "std divided", _looks(2)[0]), ("variance", "variance divided", _looks(2)[1])):
+    fig, ax = axes()
+    used_runs: list[Run] = []
+    for law, words, look in (("std", "std divided", looks(2)[0]), ("variance", "variance divided", looks(2)[1])):
         for run in evidence.find(A, P, by="m", law=law, D=PAPER_D)[:1]:
             slopes, limit = area_slopes(run, [PAPER_D], run.m)
             spacing = np.array([2.0**-m for m in run.m])
@@ -252,35 +282,36 @@ def readings_exponent(evidence: Evidence) -> Figure:
             ax.plot(spacing, np.exp(np.log(values).mean(axis=1)), label=label, **look)
             centre = np.exp(np.log(values[-4:]).mean())
             law_037 = centre * (spacing / np.exp(np.log(spacing[-4:]).mean())) ** 0.37
-            ax.plot(spacing, law_037, color=ACCENT, ls="--", lw=0.9, label="" if handles else "paper: 0.37")
-            handles += 1
-    if not handles:
+            ax.plot(spacing, law_037, color=ACCENT, ls="--", lw=0.9, label="" if used_runs else "paper: 0.37")
+            used_runs.append(run)
+    if not used_runs:
         message = "runs of several m"
         raise Lacking(message)
     ax.set(
         xlabel=r"spacing $\delta/L$",
-        ylabel=rf"$A^\ast/p^\ast$ (line through 0, $p^\ast \leq {limit:.2f}$)",
+        ylabel=rf"$A^{{\ast}}/p^{{\ast}}$ (line through 0, $p^{{\ast}} \leq {limit:.2f}$)",
         yscale="log",
     )
     ax.set_xscale("log", base=2)
-    _legend(ax, f"$D = {PAPER_D:g}$")
-    return fig
+    legend(ax, f"$D = {PAPER_D:g}$")
+    return _noted(fig, *used_runs)
 
 
 @_figure
-def readings_fulcrum(evidence: Evidence) -> Figure:
+def readings_fulcrum(evidence: Evidence) -> Drawing:
     """Show how much the mean f(v) spreads over D at each v under each reading: a fulcrum would be a zero.
 
     The paper sees it at v = 1 (dotted).
     """
-    fig, ax = _axes()
+    fig, ax = axes()
     sources = (
         ("std", "mean-plane", "default"),
         ("variance", "mean-plane", "variance law"),
         ("std", "summit-plane", "summit plane"),
     )
-    volumes, drawn = np.linspace(0.02, 2.5, 80), 0
-    for (law, end, words), look in zip(sources, _looks(3), strict=True):
+    volumes = np.linspace(0.02, 2.5, 80)
+    drawn: list[Run] = []
+    for (law, end, words), look in zip(sources, looks(3), strict=True):
         for run in evidence.find(density.F, density.EDGES, by="D", law=law, end=end)[:1]:
             m = int(nearest(run.m, PAPER_M))
             data = {D: density.densities(run, D, m) for D in run.D}
@@ -295,18 +326,19 @@ def readings_fulcrum(evidence: Evidence) -> Figure:
             if len(few) > 1:
                 spreads = [density.fulcrum(few, v, seeds) for v in volumes]
                 ax.plot(volumes, spreads, color=look["color"], ls="--", lw=0.9, label=f"{words}, $D \\leq 2.5$")
-            drawn += 1
+            drawn.append(run)
     if not drawn:
         message = "densities for several D"
         raise Lacking(message)
-    ax.axvline(1.0, color="0.4", lw=0.7, ls=":")
-    ax.set(xlabel=LABELS["v"], ylabel="spread of $f(v)$ over $D$, relative", ylim=(0.0, None))
-    _legend(ax, "")
-    return fig
+    if all(is_paper_surface(run.dataset) for run in drawn):
+        ax.axvline(1.0, color=GREY, lw=0.7, ls=":")
+    ax.set(xlabel=volume_label(drawn[0].dataset), ylabel="spread of $f(v)$ over $D$, relative", ylim=(0.0, None))
+    legend(ax, "")
+    return _noted(fig, *drawn)
 
 
 @_figure
-def full_contact(evidence: Evidence) -> Figure:
+def full_contact(evidence: Evidence) -> Drawing:
     """Draw A* and V* against p* on the way to full contact: A* = 1 and V* = 0 at a finite pressure."""
     runs = [run for run in evidence.find(V, A, P, end=None) if float(run.dataset[D_SIGMA].min()) < -10.0]
     if not runs:
@@ -314,20 +346,20 @@ def full_contact(evidence: Evidence) -> Figure:
         raise Lacking(message)
     run = runs[0]
     m = max(run.m)
-    fig, axes = _axes(PAGE, 2.9, 2)
-    for D, look in zip(run.D, _looks(len(run.D)), strict=True):
-        for ax, y in zip(axes, (A, V), strict=True):
+    fig, panels = axes(PAGE, 2.9, 2)
+    for D, look in zip(run.D, looks(len(run.D)), strict=True):
+        for ax, y in zip(panels, (A, V), strict=True):
             for seed, (x, values) in enumerate(zip(run.values(P, D=D, m=m), run.values(y, D=D, m=m), strict=True)):
                 label = "" if seed else f"$D = {D:g}$"
                 ax.plot(x, values, color=look["color"], lw=0.7, alpha=0.8, label=label)
-    for ax, y in zip(axes, (A, V), strict=True):
+    for ax, y in zip(panels, (A, V), strict=True):
         ax.set(xlabel=LABELS[P], ylabel=LABELS[y], xscale="log")
-        _legend(ax, f"$m = {m}$, {run.seeds} surfaces each")
-    return fig
+        legend(ax, f"$m = {m}$, {_count(run)} each")
+    return _noted(fig, run)
 
 
 @_figure
-def volume_by_m(evidence: Evidence) -> Figure:
+def volume_by_m(evidence: Evidence) -> Drawing:
     """V* on the mean plane against m: as a mean over the elements, and as the literal sum V/(L²σ).
 
     The decay of the literal sum is the factor (1 + 2^-m)², the elements that stick out of L².
@@ -335,20 +367,20 @@ def volume_by_m(evidence: Evidence) -> Figure:
     run = evidence.pick(V, by="m", D=PAPER_D)
     values = np.array([run.last(V, D=PAPER_D, m=m) for m in run.m])
     factor = np.array([[(1.0 + 2.0**-m) ** 2] for m in run.m])
-    fig, ax = _axes()
+    fig, ax = axes()
     for each, words, look in (
-        (values, "mean over elements", _looks(2)[0]),
-        (values * factor, r"$V/(L^2\sigma)$", _looks(2)[1]),
+        (values, "mean over elements", looks(2)[0]),
+        (values * factor, r"$V/(L^2\sigma)$", looks(2)[1]),
     ):
         ax.plot(run.m, each, color=look["color"], lw=0.3, alpha=0.5)
         ax.plot(run.m, each.mean(axis=1), label=words, **look)
     ax.set(xlabel="$m$", ylabel=LABELS[V] + " at $d = 0$", xticks=run.m)
-    _legend(ax, f"$D = {PAPER_D:g}$, {run.seeds} surfaces")
-    return fig
+    legend(ax, f"$D = {PAPER_D:g}$, {_count(run)}")
+    return _noted(fig, run)
 
 
 @_figure
-def shift(evidence: Evidence) -> Figure:
+def shift(evidence: Evidence) -> Drawing:
     """Mean volume of the open elements against m, with a shift per m of 0.602 (area of an element) and of D log₁₀ 2.
 
     The thin lines are single surfaces; the paper's numbers are 8 at m = 6 and 2 at m = 7 (crosses).
@@ -356,24 +388,26 @@ def shift(evidence: Evidence) -> Figure:
     run = evidence.pick(density.F, density.EDGES, by="m", D=PAPER_D)
     found = density.moments(run, PAPER_D)
     means = np.array([found[m][0] for m in run.m])
-    fig, ax = _axes()
-    ax.plot(run.m, means, color="0.6", lw=0.4)
+    fig, ax = axes()
+    ax.plot(run.m, means, color=GREY, lw=0.4)
     centre, ms = np.exp(np.log(means).mean(axis=1)), np.array(run.m)
     ax.plot(ms, centre, "ko", label="computed")
     for power, words, colour, style in (
-        (2.0, r"$\delta^2$: 0.602 per $m$", "C0", "-"),
+        (2.0, r"$\delta^2$: 0.602 per $m$", SECOND, "-"),
         (PAPER_D, r"$\delta^D$: 0.692 per $m$", ACCENT, "--"),
     ):
         ax.plot(ms, centre[0] * 2.0 ** (-power * (ms - ms[0])), color=colour, ls=style, label=words)
-    if {6, 7} <= set(run.m):
+    if {6, 7} <= set(run.m) and is_paper_surface(run.dataset):
         ax.plot([6, 7], [8.0, 2.0], "x", color=ACCENT, ms=6, label="paper: 8 and 2")
-    ax.set(xlabel="$m$", ylabel=r"mean volume $\overline{v}$ [length$^3$]", yscale="log", xticks=run.m)
-    _legend(ax, f"$D = {PAPER_D:g}$, $d = 0$")
-    return fig
+    ax.set(
+        xlabel="$m$", ylabel=rf"mean volume $\overline{{v}}$ [{volume_unit(run.dataset)}]", yscale="log", xticks=run.m
+    )
+    legend(ax, f"$D = {PAPER_D:g}$, $d = 0$")
+    return _noted(fig, run)
 
 
 @_figure
-def seeds(evidence: Evidence) -> Figure:
+def seeds(evidence: Evidence) -> Drawing:
     """How far few surfaces can mislead: single surfaces (bars) and means of ten (line), out of all of a run.
 
     Left the exponent of A*/p*, right V* at d = 0 of the smallest and the next D, which single surfaces confuse.
@@ -386,17 +420,17 @@ def seeds(evidence: Evidence) -> Figure:
     random = np.random.Generator(np.random.PCG64(1))
     sets = np.array([random.choice(run.seeds, FEW, replace=False) for _ in range(5000)])
     m, D = max(run.m), nearest(run.D, PAPER_D)
-    fig, (left, right) = _axes(PAGE, 2.9, 2)
-    _histogram(left, exponents(run, D, len(run.m))[0], sets, _looks(2)[0], "one surface", "ten surfaces")
+    fig, (left, right) = axes(PAGE, 2.9, 2)
+    _histogram(left, exponents(run, D, len(run.m))[0], sets, looks(2)[0], "one surface", "ten surfaces")
     left.axvline(0.37, color=ACCENT, ls="--", lw=0.9, label="paper: 0.37")
-    left.axvline(D - 2.0, color="0.4", ls=":", lw=0.9, label=f"Persson: {D - 2:.2f}")
-    left.set(xlabel=rf"$n$ of $A^\ast/p^\ast \sim \delta^n$, $m = {run.m[0]}$ to ${m}$", ylabel="density")
-    _legend(left, f"$D = {D:g}$, {run.seeds} surfaces")
-    for each, look in zip(run.D[:2], _looks(3), strict=False):
+    left.axvline(D - 2.0, color=GREY, ls=":", lw=0.9, label=f"Persson: {D - 2:.2f}")
+    left.set(xlabel=rf"$n$ of $A^{{\ast}}/p^{{\ast}} \sim \delta^n$, $m = {run.m[0]}$ to ${m}$", ylabel="density")
+    legend(left, f"$D = {D:g}$, {_count(run)}")
+    for each, look in zip(run.D[:2], looks(3), strict=False):
         _histogram(right, run.last(V, D=each, m=m), sets, look, f"one, $D = {each:g}$", f"ten, $D = {each:g}$")
     right.set(xlabel=LABELS[V] + " at $d = 0$", ylabel="density")
-    _legend(right, f"$m = {m}$, {run.seeds} surfaces each")
-    return fig
+    legend(right, f"$m = {m}$, {_count(run)} each")
+    return _noted(fig, run)
 
 
 def _histogram(ax: Any, each: Array, sets: NDArray[Any], look: dict[str, Any], one: str, ten: str) -> None:

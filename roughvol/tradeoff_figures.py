@@ -9,26 +9,30 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from roughvol.figures import DPI, PAGE, guarded
+from roughvol.figure_origin import guarded
+from roughvol.figure_style import PAGE, Drawing, canvas, looks
 from roughvol.tradeoff import QUANTITIES, RUNG
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from xarray import Dataset
 
-Draw = Callable[["Dataset"], Figure]
+Draw = Callable[["Dataset"], Drawing]
 
 FIGURES: dict[str, Draw] = {}
 LADDERS: dict[str, str] = {}  # that a figure needs
 
 LOOKS = {
-    "contact_area_fraction": {"color": "#c0392b", "marker": "s", "label": r"$A^\ast$"},
-    "mean_pressure": {"color": "#08306b", "marker": "o", "label": r"$p^\ast$ (relative)"},
-    "free_volume": {"color": "#35b779", "marker": "^", "label": r"$V^\ast$"},
+    name: look | {"label": label}
+    for name, look, label in zip(
+        ("mean_pressure", "free_volume", "contact_area_fraction"),
+        looks(3),
+        (r"$p^{\ast}$ (relative)", r"$V^{\ast}$", r"$A^{\ast}$"),
+        strict=True,
+    )
 }
 FLOOR = 1e-16  # where an error of exactly zero is drawn
 
@@ -63,22 +67,23 @@ def _worst(ds: Dataset, name: str) -> NDArray[np.float64]:
 
 
 @_figure("tolerance")
-def tradeoff_precision(ds: Dataset) -> Figure:
+def tradeoff_precision(ds: Dataset) -> Drawing:
     """Errors against the residual asked for, and against the time: what a digit costs.
 
     An error of exactly 0 is drawn at 1e-16.
     To see: V* and p* stay under their certified bounds at every residual; A* is off by single elements at 1e-5, exact
     below; a digit costs the same time all the way down, and mixed precision costs no digit.
     """
-    fig = Figure(figsize=(PAGE, 3.0), layout="constrained", dpi=DPI)
+    fig = canvas(PAGE, 3.0)
     left, right = fig.subplots(1, 2)
     mixed, double = (_rungs(ds, "tolerance", how) for how in ("mixed", "double"))
     for name in QUANTITIES:
         left.loglog(mixed["rtol"], _worst(mixed, f"{name}_error"), **LOOKS[name])
-    left.loglog(mixed["rtol"], _worst(mixed, "residual"), "--", color="#35b779", lw=0.8, label=r"bound of $V^\ast$")
-    left.loglog(
-        mixed["rtol"], _worst(mixed, "mean_pressure_bound"), "--", color="#08306b", lw=0.8, label=r"bound of $p^\ast$"
-    )
+    for name, bound, label in (
+        ("free_volume", "residual", r"bound of $V^{\ast}$"),
+        ("mean_pressure", "mean_pressure_bound", r"bound of $p^{\ast}$"),
+    ):
+        left.loglog(mixed["rtol"], _worst(mixed, bound), "--", color=LOOKS[name]["color"], lw=0.8, label=label)
     left.set(xlabel=r"residual asked for $\eta/\sigma$", ylabel="largest error of any state ($10^{-16}$: none)")
     left.invert_xaxis()
     left.legend()
@@ -87,7 +92,7 @@ def tradeoff_precision(ds: Dataset) -> Figure:
             look = LOOKS[name] | {"label": f"{LOOKS[name]['label']}, {words}"}
             right.loglog(rungs["seconds"].mean("surface"), _worst(rungs, f"{name}_error"), ls=style, **look)
     # under a decade or a little more: few labels, as plain numbers
-    right.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+    right.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)))
     right.xaxis.set_major_formatter("{x:g}")
     right.xaxis.set_minor_formatter(NullFormatter())
     right.set(xlabel="seconds a sweep", ylabel="largest error of any state ($10^{-16}$: none)")
@@ -97,12 +102,12 @@ def tradeoff_precision(ds: Dataset) -> Figure:
 
 
 @_figure("resolution")
-def tradeoff_resolution(ds: Dataset) -> Figure:
+def tradeoff_resolution(ds: Dataset) -> Drawing:
     """Discretisation against algebra: errors at each m of the nested family, beside those of the accuracies.
 
     To see: the errors of a coarse grid are decades above those of any accuracy of the solver.
     """
-    fig = Figure(figsize=(PAGE, 3.0), layout="constrained", dpi=DPI)
+    fig = canvas(PAGE, 3.0)
     left, right = fig.subplots(1, 2)
     family = _rungs(ds, "resolution")
     levels = family["m"].values
@@ -114,12 +119,13 @@ def tradeoff_resolution(ds: Dataset) -> Figure:
     for rtol, words in ((1e-3, "draft"), (1e-6, "standard"), (1e-9, "reference")):
         place = int(np.argmin(np.abs(np.log(mixed["rtol"].values / rtol))))
         error = _worst(mixed, "mean_pressure_error")[place]
-        left.axhline(error, color="#08306b", lw=0.7, ls=":")
-        left.annotate(rf"{words}: $p^\ast$", (levels[0], error), fontsize=7, va="bottom")
+        left.axhline(error, color=LOOKS["mean_pressure"]["color"], lw=0.7, ls=":")
+        left.annotate(f"{words}: " + r"$p^{\ast}$", (levels[0], error), fontsize=7, va="bottom")
     left.set(xlabel="$m$", ylabel=f"relative difference to $m = {levels[-1]}$ at the last state", xticks=levels[:-1])
     left.legend()
     for name in QUANTITIES:
-        right.plot(levels, (final[name] / final[name][-1]).mean(axis=1), **LOOKS[name])
+        look = LOOKS[name] | {"label": str(LOOKS[name]["label"]).removesuffix(" (relative)")}
+        right.plot(levels, (final[name] / final[name][-1]).mean(axis=1), **look)
     right.set(xlabel="$m$", ylabel=f"value over that at $m = {levels[-1]}$", xticks=levels)
     right.legend()
     _grid(left, right)
@@ -127,13 +133,13 @@ def tradeoff_resolution(ds: Dataset) -> Figure:
 
 
 @_figure("steps")
-def tradeoff_settings(ds: Dataset) -> Figure:
+def tradeoff_settings(ds: Dataset) -> Drawing:
     """Work and errors of the other choices: number of steps, kernel, method.
 
     To see: the states of a sweep do not depend on its steps; the kernel is a choice of physics, not of accuracy; the
     paper's algorithm finds the same.
     """
-    fig = Figure(figsize=(PAGE, 3.0), layout="constrained", dpi=DPI)
+    fig = canvas(PAGE, 3.0)
     left, right = fig.subplots(1, 2)
     kept = ds.isel({RUNG: np.flatnonzero(np.isin(ds["ladder"].values, ("steps", "kernel", "method")))})
     names = []
@@ -149,7 +155,7 @@ def tradeoff_settings(ds: Dataset) -> Figure:
     left.set_yscale("log")
     left.set(ylabel="largest error of any state ($10^{-16}$: none)", xticks=places)
     left.legend()
-    right.plot(places, kept["seconds"].mean("surface").values, ls="", marker="D", color="#08306b")
+    right.plot(places, kept["seconds"].mean("surface").values, ls="", marker="D", color=LOOKS["mean_pressure"]["color"])
     right.set_yscale("log")
     right.set(ylabel="seconds a sweep", xticks=places)
     for ax in (left, right):

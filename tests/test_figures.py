@@ -11,10 +11,12 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from roughvol.dataset import VARIABLES, combine
 from roughvol.errors import DatasetError
+from roughvol.figure_data import ENOUGH, merged
 from roughvol.figures import FIGURES, NEEDS, missing
 from roughvol.physics.fractal import box_counts, local_dimension
 from roughvol.physics.freevolume import domain, element_volumes, volume_density
@@ -247,7 +249,7 @@ def test_fig04b_draws_sweeps_of_one_step(study: xr.Dataset) -> None:
 
 
 def test_fig05_has_the_rigid_line(study: xr.Dataset) -> None:
-    x, y = _line(FIGURES["fig05"](study), r"$V^\ast = d/\sigma$")
+    x, y = _line(FIGURES["fig05"](study), r"$V^{\ast} = d/\sigma$")
     np.testing.assert_array_equal(x, y)
     assert x[-1] == study["separation"].sel(m=5, D=[2.1, 2.9]).max()
 
@@ -284,7 +286,7 @@ def test_fig02_takes_low_middle_and_high_D_with_their_slopes() -> None:
     titles = [axes.get_title() for axes in FIGURES["fig02"](ds).axes]
     slopes = ds["Sdq"].sel(D=[2.1, 2.5, 2.9], m=3).isel(seed=0).values
     expected = [
-        f"$D = {D:g}$, $m = 3$, $S_{{dq}} = {slope:.2f}$" for D, slope in zip((2.1, 2.5, 2.9), slopes, strict=True)
+        f"$D = {D:g}$, $m = 3$, $S_{{dq}} = {slope:.3g}$" for D, slope in zip((2.1, 2.5, 2.9), slopes, strict=True)
     ]
     assert titles == expected
     assert "dq" not in FIGURES["fig02"](ds.drop_vars("Sdq")).axes[0].get_title()
@@ -347,25 +349,55 @@ def test_fig11_draws_the_box_counting(study: xr.Dataset, name: str, variable: st
     np.testing.assert_allclose(everything, 2.0 if name == "fig11b" else 4.0 ** np.arange(5, -1, -1), rtol=1e-12)
 
 
-def test_fig12a_draws_one_histogram_as_stored_at_m_7() -> None:
+def _joined(edges: np.ndarray, density: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Return the share of the stored density between the ends of the bins that a line was drawn on."""
+    below = np.append(0.0, np.cumsum(density * np.diff(edges)))
+    bins = [0.0]
+    for middle in line[0]:
+        bins.append(2.0 * middle - bins[-1])
+    assert np.isclose(np.array(bins)[:, None], edges, rtol=1e-9).any(axis=1).all()  # ends of stored bins
+    shares: np.ndarray = np.diff(np.interp(bins, edges, below))
+    np.testing.assert_allclose(line[1] * np.diff(bins), shares, rtol=1e-9)
+    return shares
+
+
+def test_fig12a_keeps_the_share_of_the_stored_bins_at_m_7() -> None:
     ds = _made(D=[2.2, 2.8], m=[3, 6, 8], seeds=1).assign_coords(m=[3, 7, 8])
     fig = FIGURES["fig12a"](ds)
     assert _title(fig) == "$m = 7$"
     case = ds.sel(D=2.8, m=7).isel(seed=0, density_at=0)
-    edges = case["volume_density_edges"].values
     drawn = _line(fig, "$D = 2.8$")
-    np.testing.assert_array_equal(drawn, [0.5 * (edges[1:] + edges[:-1]), case["volume_density"].values])
+    shares = _joined(case["volume_density_edges"].values, case["volume_density"].values, drawn)
+    assert shares.sum() == pytest.approx(1.0, rel=1e-12)
+    elements = int((case["gap"].sel(x=slice(None), y=slice(None)) > 0.0).sum())
+    assert shares.min() * elements >= ENOUGH - 1e-9
 
 
 def test_fig12a_mean_density_integrates_to_one(study: xr.Dataset) -> None:
     fig = FIGURES["fig12a"](study)
-    bins = study.sizes["bin"]
     faint = [line for line in fig.axes[0].lines if line.get_linewidth() < 0.5]
     assert len(faint) == 6
     for line in faint:
-        v, f = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
-        assert len(v) == bins
-        assert np.sum(f) * (v[1] - v[0]) == pytest.approx(1.0, rel=1e-12)
+        middles, f = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        bins = [0.0]
+        for middle in middles:
+            bins.append(2.0 * middle - bins[-1])
+        assert np.sum(f * np.diff(bins)) == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("elements", [40, 300, 5000])
+@pytest.mark.parametrize("log", [True, False])
+def test_densities_neither_comb_nor_block(elements: int, log: bool) -> None:
+    volumes = np.random.default_rng(elements).gamma(2.0, 1.0, elements)
+    counted = volume_density(volumes[None], np.zeros((1, elements), bool), bins=50)
+    ((v, f),) = merged(counted.edges, counted.density[None], float(elements), log=log)
+    assert (f > 0.0).all()
+    truth = v * np.exp(-v)
+    assert np.abs(np.log(f / truth))[1:-1].max() < 3.0 / np.sqrt(min(ENOUGH, 0.5 * elements ** (2 / 3)))  # 3 deviations
+    if log and len(v) > 3:
+        assert np.diff(np.log10(v)).min() > 0.5 / 12
+    if elements == 40:  # the stored bins are a comb
+        assert (counted.density == 0.0).sum() > 10
 
 
 def test_fig12b_line_of_means_has_slope_minus_one_for_similar_densities(single: xr.Dataset) -> None:
@@ -381,9 +413,7 @@ def test_fig12b_line_of_means_has_slope_minus_one_for_similar_densities(single: 
     (stars,) = [line for line in fig.axes[0].lines if line.get_marker() == "*"]
     np.testing.assert_allclose(stars.get_xdata() * stars.get_ydata(), stars.get_xdata()[0] * stars.get_ydata()[0])
     np.testing.assert_allclose(stars.get_xdata(), np.sum(shape * (edges[1:] + edges[:-1])) / 24 * scale, rtol=1e-12)
-    drawn = _line(fig, "$m = 4$")[1]
-    assert np.isnan(drawn[-1])
-    assert np.all(drawn[:-1] > 0.0)
+    assert np.all(_line(fig, "$m = 4$")[1] > 0.0)
 
 
 def test_fig12_takes_the_last_state_that_was_reached(study: xr.Dataset) -> None:
@@ -410,7 +440,7 @@ def test_fields_are_those_of_the_state_nearest_the_contact_area_of_the_paper(stu
         parts[-1] = parts[-1].assign_coords(field_at=[label])
     states = study.drop_dims("field_at").assign(xr.concat(parts, "field_at")).assign(contact_area_fraction=area)
     fig = FIGURES["fig09"](states)
-    assert r"$A^\ast = 0.150$" in fig.axes[0].get_title()
+    assert r"$A^{\ast} = 0.150$" in fig.axes[0].get_title()
     scale = float((study["gap"] * study["Sq"]).sel(D=2.3, m=5, seed=0).max()) * (SIDE / 32) ** 2
     assert fig.axes[0].images[0].get_array().max() == pytest.approx(3 * scale, rel=1e-12)
 
@@ -465,7 +495,11 @@ def test_cases_that_are_not_there_yet_are_left_out(study: xr.Dataset) -> None:
     legend = fig.axes[0].get_legend()
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == ["$D = 2.3$", "$D = 2.9$"]
-    assert "mean of 1-2 surfaces" in _title(fig)
+    assert "mean of 2 surfaces" in _title(fig)
+    single = fig.axes[0].lines[-1]
+    assert single.get_marker() != "None"
+    stored = partial.sel(D=2.9, m=5, seed=0)
+    np.testing.assert_array_equal(single.get_xydata(), stored[["mean_pressure", "free_volume"]].to_array().values.T)
     assert missing("fig07a", partial.where(partial["m"] == 4)) == "fig07a compares values of m, and the dataset has one"
 
 
@@ -484,3 +518,88 @@ def test_drawing_leaves_no_trace_in_matplotlib(study: xr.Dataset) -> None:
     assert dict(mpl.rcParams) == before
     code = "import sys, roughvol.figures; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_markers_are_computed_states(study: xr.Dataset, single: xr.Dataset, name: str) -> None:
+    _, x, y = CURVES[name]
+    for ds in (study, single):
+        stored = {tuple(pair) for pair in ds[[x, y]].to_array().values.reshape(2, -1).T.tolist()}
+        for line in FIGURES[name](ds).axes[0].lines:
+            if line.get_marker() not in ("None", "", None):
+                assert {tuple(pair) for pair in line.get_xydata().tolist()} <= stored
+    marked = [line for line in FIGURES[name](single).axes[0].lines if line.get_marker() != "None"]
+    assert marked
+
+
+def test_labels_carry_the_units_of_the_dataset(study: xr.Dataset) -> None:
+    micro = study.assign_coords(L=study["L"].assign_attrs(units="um"))
+    micro["Sq"].attrs["units"] = "um"
+    micro["heights"].attrs["units"] = "um"
+    assert FIGURES["fig09"](micro).axes[1].get_ylabel() == "element volume $v$ [µm³]"
+    assert FIGURES["fig12a"](micro).axes[0].get_xlabel() == "element volume $v$ [µm³]"
+    assert FIGURES["fig12b"](micro).axes[0].get_ylabel() == "probability density $f(v)$ [µm⁻³]"
+    assert FIGURES["fig02"](micro).axes[0].get_zlabel() == "$z$ [µm]"
+    assert "[µm]" in FIGURES["fig01"](micro).axes[-1].get_ylabel()
+    assert "length" not in "".join(text.get_text() for text in FIGURES["fig09"](micro).findobj(mpl.text.Text))
+    nano = micro.copy()
+    nano["Sq"] = micro["Sq"].assign_attrs(units="nm")
+    assert FIGURES["fig09"](nano).axes[1].get_ylabel() == "element volume $v$ [nm µm²]"
+    assert FIGURES["fig09"](study.copy(deep=True)).axes[1].get_ylabel() == "element volume $v$ [length³]"
+
+
+def test_every_panel_of_fig10_has_its_axis_at_the_end_of_its_column(study: xr.Dataset) -> None:
+    fig = FIGURES["fig10"](study.drop_dims("threshold"))  # five panels in two rows of three
+    fig.draw_without_rendering()
+    labelled = [bool(ax.get_xlabel()) and ax.get_xticklabels()[0].get_visible() for ax in fig.axes]
+    assert labelled == [False, False, True, True, True]
+
+
+@pytest.mark.parametrize("name", ["fig02", "fig03", "fig08", "fig09", "fig12b", "fig07b", "fig11b"])
+def test_nothing_is_cut_off(single: xr.Dataset, name: str) -> None:
+    fig = FIGURES[name](single)
+    canvas = FigureCanvasAgg(fig)
+    canvas.draw()
+    image = np.asarray(canvas.buffer_rgba())[..., :3]
+    edge = [image[:2], image[-2:], image[:, :2], image[:, -2:]]
+    assert all((part == 255).all() for part in edge)
+
+
+def test_the_line_of_the_paper_is_drawn_for_its_surfaces_alone() -> None:
+    ds = _made(D=[2.1, 2.9], m=[4, 5], seeds=1).assign_coords(m=[5, 7], L=100.0)
+    ds["volume_density_edges"] = ds["volume_density_edges"] * 1e3
+
+    def fulcrum(some: xr.Dataset) -> bool:
+        return any(np.allclose(line.get_xdata(), 1.0) for line in FIGURES["fig12a"](some).axes[0].lines)
+
+    assert fulcrum(ds)
+    assert not fulcrum(ds.assign_coords(L=500.0))
+    assert not fulcrum(ds.assign_coords(L=ds["L"].assign_attrs(units="um")))
+    assert not fulcrum(ds.assign_coords(m=[5, 8]))
+    scaled = "name: other\nsurface: {D: [2.1, 2.9], m: [5, 7], L: 100.0, Sq: 0.5}\n"
+    assert not fulcrum(ds.assign_attrs(study=scaled))
+    files = _files().assign_coords(L=100.0)
+    files["volume_density_edges"] = files["volume_density_edges"] * 1e3
+    assert not fulcrum(files)
+
+
+def _note(fig: Figure) -> str:
+    return " ".join(fig.get_supxlabel().split())
+
+
+def test_a_figure_says_whether_it_is_the_papers_or_whose_run_it_is() -> None:
+    ds = _made(D=[2.1, 2.3, 2.9], m=[4, 5], seeds=1).assign_coords(m=[7, 8], L=100.0)
+    run = "name: mine\nsurface: {D: [2.1, 2.3, 2.9], m: [7, 8], L: 100.0}\nsweep: {steps: 8}\n"
+    ds = ds.assign_attrs(study=run)
+    assert _note(FIGURES["fig05"](ds)) == "Fig. 5 of Paggi and He (2015), computed by the run mine."
+    lone = _note(FIGURES["fig05"](ds.sel(D=[2.3], m=[8])))
+    assert "Run mine: D = 2.3, m = 8, L = 100, one surface." in lone
+    assert "D = 2.3, not 2.1, 2.9" in lone
+    assert "1 of each, not 10" in _note(FIGURES["fig04a"](ds))
+    other = ds.assign_attrs(study=run.replace("{steps: 8}", "{steps: 8, to: {pressure: 2}}"))
+    assert "a sweep to pressure=2" in _note(FIGURES["fig05"](other))
+    scan = _files().assign_attrs(study="name: 'leak'\nsurface: {file: gone.npy, L: 500 um}\n")
+    scan = scan.assign_coords(L=scan["L"].assign_attrs(units="um"))
+    words = _note(FIGURES["fig05"](scan))
+    assert r"Run leak: height files turned \$1.npy, ground.npy, L = 10 µm." in words
+    assert "Drawn as Fig. 5 of Paggi and He (2015), whose surfaces are others." in words

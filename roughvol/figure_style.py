@@ -1,0 +1,170 @@
+"""How every figure looks: sizes, colours, markers, words on the axes, and how it is written to a file.
+
+Line colours are equal steps in lightness, from near black to the lightest that keeps 3 : 1 against white (WCAG 2.2,
+1.4.11). So their order survives a print in grey and every kind of colour blindness.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from xarray import Dataset
+
+COLUMN, PAGE, DPI = 3.5, 7.0, 300  # widths [inch] of a column and of a page, resolution for print
+CONTACT = "#08306b"  # contact is this one flat dark blue wherever it shows in colour
+ACCENT, SECOND = "#00707a", "#1f6fb4"  # laws and published numbers beside what is computed
+GREY = "0.4"
+STYLE: dict[Any, Any] = {"font.family": ["STIXGeneral", "serif"], "mathtext.fontset": "stix", "font.size": 8.5}
+STYLE |= {"font.serif": ["STIXGeneral", "STIX Two Text", "Times New Roman", "Times", "DejaVu Serif"]}
+STYLE |= {"axes.labelsize": 9.5, "axes.titlesize": 8.5, "legend.fontsize": 8.0, "legend.title_fontsize": 8.0}
+STYLE |= {"axes.linewidth": 0.6, "lines.linewidth": 1.1, "lines.markersize": 3.5, "legend.frameon": False}
+STYLE |= {"xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True}
+STYLE |= {"grid.linewidth": 0.3, "grid.color": "0.8"}
+# Text stays text: TrueType instead of Type 3, which journals refuse; letters instead of outlines in SVG.
+STYLE |= {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "roughvol"}
+MARKERS = "osD^vP<X>*"
+DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.2)), (0, (2.5, 1.2)))
+LIGHTEST = 0.584  # of matplotlib's CMRmap, made for print in grey: 3.1 : 1 against white
+STEPS = 256  # at which the lightness of the map is taken
+PER_INCH = 24  # characters in a line of a note
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+WIDE = 62  # characters of a legend, lines included, that fit over a column
+MANY = 30  # computed states of a curve, beyond which only some have a marker
+A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
+LABELS = {
+    A: r"real contact area fraction $A^{\ast}$",
+    P: r"dimensionless pressure $p^{\ast}$",
+    V: r"dimensionless free volume $V^{\ast}$",
+    D_SIGMA: r"mean plane separation $d/\sigma$",
+}
+
+
+class Drawing(Figure):
+    """A matplotlib figure that is saved in our style, whoever saves it.
+
+    Attributes
+    ----------
+    shown : mapping
+        Values of ``D``, ``m``, ``surfaces`` and ``area`` that it shows, for the note on where it comes from.
+    """
+
+    shown: Mapping[str, Sequence[float]] = MappingProxyType({})
+
+    def note(self, text: str) -> None:
+        """Put a line on where the drawing comes from below it."""
+        lines = "\n".join(textwrap.wrap(text, int(PER_INCH * self.get_size_inches()[0])))
+        self.supxlabel(lines, x=0.01, ha="left", fontsize=6.5, color=GREY, linespacing=1.1)
+
+    def savefig(self, fname: Any, *, transparent: bool | None = None, **kwargs: Any) -> None:
+        """Save as matplotlib does, with the fonts of `STYLE`: how text is embedded is decided when a file is written.
+
+        Parameters
+        ----------
+        fname : str, path or file
+            Where to; the suffix is the format.
+        transparent : bool, optional
+            Whether the background is left out.
+        **kwargs
+            Those of `matplotlib.figure.Figure.savefig`.
+        """
+        with mpl.rc_context(STYLE):
+            super().savefig(fname, transparent=transparent, **kwargs)
+
+
+def canvas(width: float = COLUMN, height: float = 3.0) -> Drawing:
+    """Return an empty figure that leaves room for everything around its axes; sizes in inches."""
+    return Drawing(figsize=(width, height), layout="constrained", dpi=DPI)
+
+
+def axes(width: float = COLUMN, height: float = 3.0, columns: int = 1) -> tuple[Drawing, Any]:
+    """Return a figure and its axes in one row; sizes in inches."""
+    fig = canvas(width, height)
+    return fig, fig.subplots(1, columns)
+
+
+def luminance(colour: Any) -> float:
+    """Return the relative luminance of a colour, 0 for black to 1 for white (WCAG 2.2)."""
+    rgb = np.array(mpl.colors.to_rgb(colour))
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+def contrast(colour: Any) -> float:
+    """Return the contrast of a colour against white, 1 to 21 (WCAG 2.2)."""
+    return 1.05 / (luminance(colour) + 0.05)
+
+
+def lightness(colour: Any) -> float:
+    """Return the CIE lightness L* of a colour, 0 to 100: the grey in which it prints."""
+    y = luminance(colour)
+    return 116.0 * y ** (1.0 / 3.0) - 16.0 if y > 0.008856 else 903.3 * y
+
+
+def looks(count: int) -> list[dict[str, Any]]:
+    """Return as many colours, in equal steps of lightness, each with a marker."""
+    places = np.linspace(0.0, LIGHTEST, STEPS)
+    colours = mpl.colormaps["CMRmap"](places)
+    grey = np.array([lightness(colour) for colour in colours])
+    wanted = np.linspace(12.0, grey[-1], max(count, 2))
+    chosen = mpl.colormaps["CMRmap"](np.interp(wanted, grey, places))
+    return [{"color": tuple(map(float, chosen[k])), "marker": MARKERS[k % len(MARKERS)]} for k in range(count)]
+
+
+def unit_text(unit: str) -> str:
+    """Return a unit as it is printed: ``um^3`` as µm³, ``mPa*s`` as mPa s."""
+    words = re.sub(r"\bu(?=(?:m|s|g|N|Pa|bar|l|L)\b)", "µ", unit)
+    return re.sub(r"(?:\^|\*\*)(-?\d+)", lambda power: power.group(1).translate(RAISED), words).replace("*", " ")
+
+
+def unit_of(ds: Dataset, name: str) -> str:
+    """Return the unit of a variable of a dataset as it is printed, ``length`` where lengths have no unit."""
+    return unit_text(str(ds[name].attrs.get("units", "length" if name in ("L", "Sq", "heights") else "?")))
+
+
+def volume_unit(ds: Dataset) -> str:
+    """Return the unit of an element volume, a height times an area, as it is printed."""
+    along, up = (str(ds[name].attrs.get("units", "length")) if name in ds else "length" for name in ("L", "Sq"))
+    return unit_text(f"{along}^3" if along == up else f"{up}*{along}^2")
+
+
+def volume_label(ds: Dataset) -> str:
+    """Return the label of an axis of element volumes."""
+    return f"element volume $v$ [{volume_unit(ds)}]"
+
+
+def density_label(ds: Dataset) -> str:
+    """Return the label of an axis of their density."""
+    unit = volume_unit(ds)
+    inverse = unit.replace("³", "⁻³") if " " not in unit else f"({unit})⁻¹"
+    return f"probability density $f(v)$ [{inverse}]"
+
+
+def marked(states: int, order: int = 0) -> Any:
+    """Return which of the computed states of a curve have a marker: all, or some at equal distances on paper.
+
+    These are shifted from curve to curve, so that curves that coincide can be seen apart.
+    """
+    return None if states <= MANY else (0.03 * (order % 4), 0.12)
+
+
+def legend(ax: Axes, title: str, handles: Sequence[Any] | None = None) -> None:
+    """Put the legend above the axes, where it cannot cover data, in as many columns as fit."""
+    handles = ax.get_legend_handles_labels()[0] if handles is None else handles
+    lengths = [len(re.sub(r"\\[a-z]+|[${}^_]", "", str(handle.get_label()))) for handle in handles]
+    fit = max(1, WIDE // (6 + max(lengths, default=0)))
+    rows = -(-len(lengths) // fit) or 1
+    options: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "borderaxespad": 0.2}
+    options |= {"handlelength": 1.8, "handletextpad": 0.4, "columnspacing": 0.9, "labelspacing": 0.3}
+    options |= {"ncols": max(1, -(-len(lengths) // rows))}
+    made = ax.legend(handles=handles, title=title.removeprefix("; ") or None, **options)
+    made.get_title().set_multialignment("center")
