@@ -25,6 +25,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from roughvol.dataset import at_state
 from roughvol.errors import DatasetError
 from roughvol.physics.freevolume import domain, element_volumes
 from roughvol.physics.surface import midpoint_levels
@@ -166,8 +167,7 @@ def _file(name: str) -> str:
 def _state(ds: Dataset, at: str, *variables: str) -> tuple[Dataset, str, str]:
     """Return the single case at its recorded state (along `at`) nearest to the paper's A* = 0.1, and both in words."""
     case, name = _single(ds, *variables)
-    steps = case[f"{at}_step"].values
-    reached = [case.isel({at: k}).sel(step=steps[k]) for k in np.flatnonzero(steps > 0)]  # -1: never reached
+    reached = [at_state(case, at, int(k)) for k in np.flatnonzero(case[f"{at}_step"].values > 0)]  # -1: never reached
     state = min(reached, key=lambda one: abs(float(one[A]) - PAPER[A]))
     return state, name, rf"$A^\ast = {float(state[A]):.3f}$, $p^\ast = {float(state[P]):.2f}$"
 

@@ -35,6 +35,7 @@ from roughvol.claims.evidence import (
     nearest,
 )
 from roughvol.claims.seeds import FEW
+from roughvol.dataset import at_state
 from roughvol.figures import ACCENT, LABELS, PAGE, STYLE, _axes, _legend, _looks
 from roughvol.physics import texture, theory
 
@@ -163,13 +164,13 @@ def theory_dimension(evidence: Evidence) -> Figure:
     fig, axes = _axes(PAGE, 2.9, 2)
     for D, look in zip(run.D, _looks(len(run.D)), strict=True):
         points = []
-        for label in labels:
+        for place, label in enumerate(labels):
             r, counts = morphology.boxes(run, D, m, label)
             each = morphology.fitted_dimension(r, counts[:, 0])
             steps = run.dataset["box_at_step"].sel(D=D, m=m, box_at=label).values
             for k in np.flatnonzero(steps > 0):
-                place = int(steps[k]) - 1
-                points.append((run.values(P, D=D, m=m)[k, place], run.values(A, D=D, m=m)[k, place], each[k]))
+                state = at_state(run.dataset.sel(D=D, m=m).isel(seed=k), "box_at", place)
+                points.append((float(state[P]), float(state[A]), each[k]))
         p, a, dimension = np.array(points).T
         for ax, x in zip(axes, (p, a), strict=True):
             ax.plot(x, dimension, ls="", alpha=0.6, label=f"$D = {D:g}$", **look)

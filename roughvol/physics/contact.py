@@ -255,13 +255,22 @@ def sweep(
 class Trials:
     """Contacts of one surface at indentations in any order, each started from two others: what a search is made of.
 
-    Parameters as for `solve`.
+    Parameters as for `solve` and `sweep`. ``least`` may be set to a contact at a smaller indentation than all others.
     """
 
-    def __init__(self, surface: Surface, half_space: Compliance, *, rtol: float = 1e-6, method: str = "fast") -> None:
+    def __init__(
+        self,
+        surface: Surface,
+        half_space: Compliance,
+        *,
+        rtol: float = 1e-6,
+        method: str = "fast",
+        pressure_error: float | None = None,
+    ) -> None:
         self._problem = _Problem(surface, half_space, rtol)
         self._solve = _method(method)
-        self.rtol = rtol
+        self.rtol, self.pressure_error = rtol, pressure_error
+        self.least: Contact | None = None
         self.untouched = self._problem.record(self._problem.untouched(), self._problem.counts(), 0, 0.0)
 
     def at(self, indentation: float, now: Contact, before: Contact | None = None, *, rtol: float = 0.0) -> Contact:
@@ -283,8 +292,16 @@ class Trials:
         return self._problem.record(_State(**state), self._problem.counts(), 0, residual)
 
     def tolerance(self, indentation: float) -> float:
-        """Return the bound of the residual of a state: that of the search, less at a slight indentation."""
-        return min(self.rtol, _LIGHT * indentation)
+        """Return the bound of the residual of a state: that of the search, less at a slight indentation.
+
+        An error of the pressure asked for makes it smaller: it is then the bound for the stiffest contact there is,
+        under the pressure of `least` or of the highest element alone.
+        """
+        bound = min(self.rtol, _LIGHT * indentation)
+        if self.pressure_error is not None:
+            pressure = self._problem.least_pressure(indentation, (self.least or self.untouched)._state)
+            bound = min(bound, self.pressure_error * pressure / self._problem.stiffest)
+        return bound
 
     def line(self, one: Contact, other: Contact) -> Callable[[float, float], Contact]:
         """Return (Δ/σ, less) ↦ the contact that the straight line through two others has at Δ; nothing is solved.

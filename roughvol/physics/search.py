@@ -91,22 +91,29 @@ def indentation_for(
 def state_reaching(
     trials: Trials, measure: Callable[[Contact], float], value: float, between: list[Contact], *, elements: bool
 ) -> Contact:
-    """Return the smallest state at which a number reaches a value, to a relative 1e-6 and to what the residual can tell.
+    """Return the smallest state at which a number reaches a value, to a relative 1e-6 and to what the residual tells.
 
     Parameters
     ----------
     trials : of the surface; their tolerance is that of the state returned.
     measure : contact ↦ number that never falls under more contact, as A* or p* of a part of the surface.
     value : of the number, > 0.
-    between : the contacts before and after it that are solved already, as `Trials.known` makes them, in order.
-    elements : whether single elements matter, so that those on the brink of contact must not count.
+    between : the contacts before and after it that are solved already, as `Trials.known` makes them, in order; the one
+        after alone, if nothing has touched before.
+    elements : whether the number jumps with single elements, as A*. What the first touch reaches is found at the
+        indentation that the tolerance of the trials can tell from none.
 
     Raises
     ------
     ContactError : it is not reached at full contact either.
     ConvergenceError : a solve on the way did not converge.
     """
-    return _search(trials, *_reaching(measure, value), 0.0, _ACCURACY, elements, between)
+    if elements and len(between) == 1:
+        touch = trials.at(min(trials.rtol, 0.5 * between[0].indentation), trials.untouched)
+        if measure(touch) >= value:
+            return touch
+        between = [touch, *between]
+    return _search(trials, *_reaching(measure, value), 0.0, _ACCURACY, elements=False, between=between)
 
 
 def _reaching(measure: Callable[[Contact], float], value: float) -> tuple[Callable[[Contact], bool], Guess]:
@@ -219,7 +226,7 @@ def _search(
         elif high - first <= goal and above[0].residual <= finest:
             return above[0]
         elif width <= goal:
-            indentation, tolerance = last, trials.rtol
+            indentation, tolerance = last, 0.0
         else:
             proposed = guess([below[0], above[0]])
             proposed = proposed if math.isfinite(proposed) else 0.5 * (first + last)
