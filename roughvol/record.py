@@ -354,6 +354,12 @@ def _levels(case: Case) -> dict[str, dict[str, Level]]:
     return {dim: {level.label: level for level in select.levels} for dim, select in selects.items() if select}
 
 
+def searched_levels(case: Case) -> int:
+    """Return for how many levels a state is searched for, each once."""
+    levels = {level for by_label in _levels(case).values() for level in by_label.values()}
+    return sum(level.kind in TARGETS and level != case.sweep.target for level in levels)
+
+
 def _fields(case: Case, surface: Surface, contact: Contact | Within) -> Values:
     whole = contact.whole if isinstance(contact, Within) else contact
     return {"gap": whole.gap(), "pressure": whole.pressure()}
