@@ -7,6 +7,10 @@ that to the title.
 from __future__ import annotations
 
 _BAND = " Thin lines are single surfaces; the band is one standard deviation to both sides of their mean."
+_DIRECTIONS = (
+    " Solid lines with filled marks run along x, dashed lines with hollow marks along y; × and + on the lower edge "
+    "mark the first state at which x and y are closed."
+)
 _PANELS = " The panels have pressure p*, contact area A* and free volume V* along x; the title names centre and band."
 
 CAPTIONS: dict[str, str] = {
@@ -67,13 +71,15 @@ CAPTIONS: dict[str, str] = {
     "at d = 0 of two neighbouring D (right).",
     # flow through the gap
     "seal_volume": "Free volume connected to the sides of the patch, and trapped in pockets." + _PANELS,
-    "seal_percolation": "Share of the surfaces on which void leads from side to side." + _PANELS,
+    "seal_percolation": "Share of the surfaces on which void leads from side to side." + _DIRECTIONS + _PANELS,
     "seal_transmissivity": "Transmissivity T*: flow with the cubed gap over that between smooth plates at the mean "
-    "gap. A line ends where the way is closed." + _PANELS,
-    "seal_diffusivity": "Diffusivity D*: flow with the gap over that between smooth plates at the mean gap. A line "
-    "ends where the way is closed." + _PANELS,
-    "seal_leak_rate": "Leak rate of the patch at the pressure drop and viscosity above, in the unit of the study. A "
-    "line ends where the way is closed." + _PANELS,
+    "gap." + _DIRECTIONS + _PANELS,
+    "seal_diffusivity": "Diffusivity D*: flow with the gap over that between smooth plates at the mean gap."
+    + _DIRECTIONS
+    + _PANELS,
+    "seal_leak_rate": "Leak rate of the patch at the pressure drop and viscosity above, in the unit of the study."
+    + _DIRECTIONS
+    + _PANELS,
     "seal_region": "Contact area A*, pressure p*, free volume V* and transmissivity T* inside central squares against "
     "their width over L, at a few states. The first three are over the value of the whole surface.",
     "seal_estimates": "Quick estimates of the transmissivity over the flow computed, against contact area A*: "

@@ -305,6 +305,24 @@ def answers(dataset: Dataset) -> Dataset:
     return dataset.drop_vars(TIMES, errors="ignore").drop_attrs(deep=False)
 
 
+def at_state(case: Dataset, dim: str, place: int) -> Dataset:
+    """Return one case at a state it records along a dimension, with the numbers of that state instead of its step's.
+
+    Parameters
+    ----------
+    case : Dataset
+        Of one surface, without dimensions of the case.
+    dim : str
+        ``field_at``, ``density_at``, ``box_at`` or ``flux_at``.
+    place : int
+        Of a state that was reached.
+    """
+    state = case.isel({dim: place})
+    state = state.sel(step=int(state[f"{dim}_step"]))
+    own = {str(name): str(name).removeprefix(f"{dim}_") for name in state.data_vars if str(name).startswith(f"{dim}_")}
+    return state.assign({name: state[stored] for stored, name in own.items() if name in state.data_vars})
+
+
 def _is_dim(name: str) -> bool:
     return VARIABLES[name].dims == name
 

@@ -18,6 +18,7 @@ import numpy as np
 from roughvol import leakage, regions, resources
 from roughvol.physics.halfspace import HalfSpace
 from roughvol.pressing import surface_of
+from roughvol.record import searched_levels
 from roughvol.resources import cores
 from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
 
@@ -30,13 +31,14 @@ UNITS, UNITS_PER_LEVEL, DIGITS_POWER = 1.40, 0.34, 1.95
 CASE_OVERHEAD = 0.05  # seconds a case: its file
 START = 1.5  # seconds: processes start and import
 SEARCH = 23  # steps of a sweep that the search for an indentation is worth
+LEVEL = 3  # the same of the search for an area or a pressure between two steps
 # seconds a state and node, along both axes, timed at m = 7 … 9; that of a flow (a factorisation) grows with the nodes
 PER_NODE = {"percolation": 6e-8, "constriction": 5e-7, "estimates": 1e-6, "transmissivity": 7e-6, "diffusivity": 7e-6}
 PER_NODE |= {"flux_at": 7e-6, "fields_at": 1e-9, "volume_density": 1.2e-8, "box_counting": 2e-9, "region_widths": 3e-9}
 PER_NODE |= {"region_transmissivity": 7e-6}  # of a width, over the nodes inside; box counting of a threshold
 FLOWS, FLOW_POWER = ("transmissivity", "diffusivity", "flux_at", "region_transmissivity"), 0.15
 FLOW_NODES = 257**2
-FILE_BYTES = 8e4  # of a case without fields
+FILE_BYTES = 1.2e5  # of a case without fields
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def _seconds(case: Case, shape: tuple[int, int]) -> float:
         return CASE_OVERHEAD
     searched = case.sweep.target.kind in ("contact_area", "pressure") or case.sweep.target.value is None
     searched = searched and not case.sweep.target.kind.endswith("plane")
-    steps = case.sweep.steps + (SEARCH if searched else 0)
+    steps = case.sweep.steps + (SEARCH if searched else 0) + LEVEL * searched_levels(case)
     step = seconds_per_step(shape, case.solver.tolerance, _convolution(shape, case.solver.kernel))
     return CASE_OVERHEAD + sum(_observable_seconds(case, shape).values()) + steps * step
 

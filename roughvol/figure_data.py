@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from roughvol.dataset import at_state
 from roughvol.figure_style import A, P, looks
 from roughvol.physics.freevolume import element_volumes
 
@@ -87,8 +88,7 @@ def file_text(name: str) -> str:
 def state(ds: Dataset, at: str, *variables: str) -> tuple[Dataset, str, str]:
     """Return the single case at its recorded state (along `at`) nearest to the paper's A* = 0.1, and both in words."""
     case, name = single(ds, *variables)
-    steps = case[f"{at}_step"].values
-    reached = [case.isel({at: k}).sel(step=steps[k]) for k in np.flatnonzero(steps > 0)]  # -1: never reached
+    reached = [at_state(case, at, int(k)) for k in np.flatnonzero(case[f"{at}_step"].values > 0)]  # -1: never reached
     found = min(reached, key=lambda one: abs(float(one[A]) - PAPER[A]))
     return found, name, rf"$A^{{\ast}} = {float(found[A]):.3f}$, $p^{{\ast}} = {float(found[P]):.2f}$"
 

@@ -94,9 +94,11 @@ def size_classes(elements: int) -> NDArray[np.int64]:
 
 
 def flux(state: Void) -> Values:
-    """Return how much flows through each element for a flow along x and along y, over the flux between plates."""
+    """Return how much flows through each element, and in all, for a flow along x and along y, over that of plates."""
     gap = state.gap()
-    return {f"flux_{axis}": np.hypot(*transport.conduction(gap, n).flux) for axis, n in AXES}
+    flows = {axis: transport.conduction(gap, n) for axis, n in AXES}
+    values: Values = {f"flux_{axis}": np.hypot(*flow.flux) for axis, flow in flows.items()}
+    return values | {f"flux_at_transmissivity_{axis}": flow.coefficient for axis, flow in flows.items()}
 
 
 def _connectivity(gap: NDArray[np.float64], contact: NDArray[np.bool_]) -> Values:

@@ -98,12 +98,11 @@ def _swept(
     stopping: Callable[[], bool],
 ) -> record.Values:
     """Return what is recorded of the sweep, of which the steps that a checkpoint holds are not solved again."""
-    reduction = record.Reduction(case, surface)
+    reduction = record.Reduction(case, surface, half_space)
     state = checkpoint.load() if checkpoint else None
     if state is not None:
-        reduction.restore(state["reduction"])
+        reduction.restore(state["reduction"], state["states"])
     last = state["last"] if state else last_indentation(case, surface, half_space)
-    states = state["states"] if state else []
     indentations = last * np.arange(1, case.sweep.steps + 1) / case.sweep.steps
     left = indentations[reduction.steps :]
     solver = case.solver
@@ -114,17 +113,16 @@ def _swept(
         rtol=solver.tolerance,
         method=solver.method,
         pressure_error=solver.pressure_error,
-        resume=states,
+        resume=reduction.states,
     )
     for contact in contacts:
         reduction.follow(contact)
         if on_step is not None:
             on_step(reduction.steps)
         if checkpoint is not None:
-            states = [*states, contact.state()][-2:]
             stopped = stopping()
             if stopped or checkpoint.due():
-                checkpoint.save({"last": last, "states": states, "reduction": reduction.state()})
+                checkpoint.save({"last": last, "states": reduction.states, "reduction": reduction.state()})
             if stopped:
                 raise Stopped
     return reduction.values()

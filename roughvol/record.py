@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol import leakage, regions
-from roughvol.physics import fractal, freevolume, texture
-from roughvol.physics.contact import Contact
+from roughvol.physics import fractal, freevolume, search, texture
+from roughvol.physics.contact import Compliance, Contact, Trials, sweep
+from roughvol.physics.search import TARGETS
 from roughvol.physics.surface import Surface
 from roughvol.regions import Within, window, within
 from roughvol.study import Case, Level
@@ -39,8 +40,9 @@ PER_STEP = (
     "converged",
 )
 ABOVE_HARDNESS = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
+OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 LAST = Level("last")
-ROUNDING = 1e-9  # by which a state may miss a level and still count as reaching it
+ROUNDING = 1e-9  # relative; by which a state may miss a level and still count as reaching it
 
 
 def end_of(case: Case) -> Callable[[Contact], bool] | None:
@@ -71,9 +73,13 @@ def of_surface(case: Case, surface: Surface) -> Values:
 
 
 def of_sweep(
-    case: Case, surface: Surface, contacts: Iterable[Contact], on_step: Callable[[int], None] | None = None
+    case: Case,
+    surface: Surface,
+    half_space: Compliance,
+    contacts: Iterable[Contact],
+    on_step: Callable[[int], None] | None = None,
 ) -> Values:
-    """Return the numbers of every step, and what is recorded of the first state that reaches each level selected.
+    """Return the numbers of every step, and what is recorded of the state at each level selected.
 
     Parameters
     ----------
@@ -81,12 +87,14 @@ def of_sweep(
         Names the levels and what to record there.
     surface : Surface
         The surface pressed.
+    half_space : Compliance
+        On which the states at levels between two steps are solved.
     contacts : iterable of Contact
         The states in the order of the sweep; none is held longer than its turn.
     on_step : callable, optional
         Called with the number of each step that has been reduced.
     """
-    reduction = Reduction(case, surface)
+    reduction = Reduction(case, surface, half_space)
     for step, contact in enumerate(contacts, start=1):
         reduction.follow(contact)
         if on_step is not None:
@@ -97,7 +105,7 @@ def of_sweep(
 class Reduction:
     """Takes in the states of a sweep one by one and holds what is recorded of them."""
 
-    def __init__(self, case: Case, surface: Surface) -> None:
+    def __init__(self, case: Case, surface: Surface, half_space: Compliance) -> None:
         self._case, self._surface = case, surface
         self._per_step: dict[str, list[Any]] = {name: [] for name in PER_STEP}
         self._hardness = None
@@ -108,29 +116,59 @@ class Reduction:
         self._kept: dict[str, dict[str, tuple[int, Values]]] = {dim: {} for dim in self._levels}
         self._along = AlongSteps(case, surface)
         self._seconds = {_OBSERVABLES[dim]: 0.0 for dim in self._levels}
+        self._half_space, self._convolutions = half_space, 0.0
+        self._states: list[Mapping[str, Any]] = []
 
     @property
     def steps(self) -> int:
         """How many states have been taken in."""
         return len(self._per_step["indentation"])
 
+    @property
+    def states(self) -> list[Mapping[str, Any]]:
+        """The last two states, as `Contact.state` returns them."""
+        return self._states
+
     def follow(self, whole: Contact) -> None:
         """Take in the next state."""
         contact, step = within(whole, self._case), self.steps + 1
+        self._along.follow(step, contact, whole)
+        for level, wanted in self._reached(step, contact).items():
+            state = within(self._at(level, step, whole), self._case)
+            numbers = {name: getattr(state, name) for name in OF_STATE}
+            for dim, label in wanted:
+                started = time.perf_counter()
+                own = {f"{dim}_{name}": number for name, number in numbers.items()}
+                self._kept[dim][label] = step, own | _AT[dim](self._case, self._surface, state)
+                self._seconds[_OBSERVABLES[dim]] += time.perf_counter() - started
         for name in PER_STEP:
             self._per_step[name].append(getattr(contact, name))
         if self._hardness is not None:
             for name, share in zip(ABOVE_HARDNESS, above(contact.pressure(), self._hardness), strict=True):
                 self._per_step[name].append(share)
-        self._along.follow(step, contact, whole)
         if step == self._case.sweep.steps and min(whole.shape) > 3:  # 3 nodes have one in the middle
             self._along.values["central_pressure_ratio"] = central_pressure_ratio(whole)
+        self._states = [*self._states, whole.state()][-2:]
+
+    def _reached(self, step: int, contact: Contact | Within) -> dict[Level, list[tuple[str, str]]]:
+        """Return the levels that this state is the first to reach, and for which dimensions under which labels."""
+        found: dict[Level, list[tuple[str, str]]] = {}
         for dim, by_label in self._levels.items():
             for label, level in by_label.items():
-                if label not in self._kept[dim] and reached(level, step, contact, self._case):
-                    started = time.perf_counter()
-                    self._kept[dim][label] = step, _AT[dim](self._case, self._surface, contact)
-                    self._seconds[_OBSERVABLES[dim]] += time.perf_counter() - started
+                if label not in self._kept[dim] and (level in found or reached(level, step, contact, self._case)):
+                    found.setdefault(level, []).append((dim, label))
+        return found
+
+    def _at(self, level: Level, step: int, whole: Contact) -> Contact:
+        """Return the state at a level that this step is the first to reach."""
+        if level.value is None or level.kind == "step" or _is_end(level, step, self._case):
+            return whole
+        half_space = self._half_space
+        before = half_space.convolutions + half_space.convolutions_fp32
+        residual = self._per_step["residual"][-1] if self._states else 0.0
+        found = at_level(level, self._case, self._surface, half_space, self._states, residual, whole)
+        self._convolutions += half_space.convolutions + half_space.convolutions_fp32 - before
+        return found
 
     def values(self) -> Values:
         """Return all that has been recorded."""
@@ -142,21 +180,26 @@ class Reduction:
             kept = self._kept[dim]
             values[dim] = list(by_label)
             values[f"{dim}_step"] = [kept[label][0] if label in kept else -1 for label in by_label]
+            values |= {f"{dim}_{name}": np.full(len(by_label), np.nan) for name in OF_STATE}
             values |= _stacked(list(by_label), {label: arrays for label, (_, arrays) in kept.items()})
+        if self._levels:
+            values["level_convolutions"] = self._convolutions
         return values
 
     def state(self) -> Values:
-        """Return all this holds as mappings, lists, numbers and arrays, for `restore`."""
-        return {"per_step": self._per_step, "kept": self._kept, "seconds": self._seconds, **self._along.state()}
+        """Return all this holds, but the last two states, as mappings, lists, numbers and arrays, for `restore`."""
+        held = {"per_step": self._per_step, "kept": self._kept, "seconds": self._seconds}
+        return {**held, "level_convolutions": self._convolutions, **self._along.state()}
 
-    def restore(self, state: Values) -> None:
-        """Become what returned this state."""
+    def restore(self, state: Values, states: list[Mapping[str, Any]]) -> None:
+        """Become what returned this state and these last two states."""
         self._per_step = state["per_step"]
         self._kept = {
             dim: {label: (step, values) for label, (step, values) in by_label.items()}
             for dim, by_label in state["kept"].items()
         }
-        self._seconds = state["seconds"]
+        self._seconds, self._convolutions = state["seconds"], state["level_convolutions"]
+        self._states = list(states)
         self._along.restore(state)
 
 
@@ -182,6 +225,69 @@ def central_pressure_ratio(whole: Contact) -> float:
     mean = float(pressure.mean())
     inside = regions.window_of(regions.central(0.5), whole.shape)
     return float(pressure[inside].mean()) / mean if mean > 0.0 else math.nan
+
+
+def at_level(
+    level: Level,
+    case: Case,
+    surface: Surface,
+    half_space: Compliance,
+    earlier: list[Mapping[str, Any]],
+    residual: float,
+    after: Contact,
+) -> Contact:
+    """Return the state at a level that lies between two steps of a sweep, which stays as it is.
+
+    At an indentation or a separation one state is solved; an area or a pressure, in the region of the study if there is
+    one, is searched for between the two steps.
+
+    Parameters
+    ----------
+    level : Level
+        Of the kind indentation, separation, contact_area or pressure.
+    case : Case
+        Its solver and region.
+    earlier : list of mappings
+        The one or two states before the level, as `Contact.state` returns them; none before the first step.
+    residual : float
+        η/σ of the last of them.
+    after : Contact
+        The first step at the level or beyond it.
+    """
+    solver, value = case.solver, level.value or 0.0
+    if level.kind in TARGETS:
+        name = TARGETS[level.kind]
+        trials = Trials(
+            surface,
+            half_space,
+            rtol=solver.tolerance,
+            method=solver.method,
+            pressure_error=solver.pressure_error,
+        )
+        between = [trials.known(state, residual) for state in earlier[-1:]]
+        trials.least = between[0] if between else None
+        between.append(trials.known(after.state(), after.residual))
+        return search.state_reaching(
+            trials,
+            lambda contact: float(getattr(within(contact, case), name)),
+            value * (1.0 - ROUNDING),
+            between,
+            elements=level.kind == "contact_area",
+        )
+    indentation = value if level.kind == "indentation" else after.indentation + after.separation - value
+    if abs(indentation - after.indentation) <= ROUNDING * after.indentation:
+        return after
+    return next(
+        sweep(
+            surface,
+            half_space,
+            [indentation],
+            rtol=solver.tolerance,
+            method=solver.method,
+            pressure_error=solver.pressure_error,
+            resume=earlier,
+        )
+    )
 
 
 class AlongSteps:
@@ -248,11 +354,11 @@ def reached(level: Level, step: int, contact: Contact | Within, case: Case) -> b
     The last step reaches the level that the sweep was asked to end at, though a solve to a finite residual may put it
     one element or a few digits short.
     """
-    if step == case.sweep.steps and level in (LAST, case.sweep.target):
+    if _is_end(level, step, case):
         return True
     if level.value is None:
         return False
-    slack = ROUNDING * max(1.0, abs(level.value))
+    slack = ROUNDING * (max(1.0, abs(level.value)) if level.kind == "separation" else level.value)
     match level.kind:
         case "step":
             return step == level.value
@@ -268,6 +374,11 @@ def reached(level: Level, step: int, contact: Contact | Within, case: Case) -> b
     raise ValueError(message)
 
 
+def _is_end(level: Level, step: int, case: Case) -> bool:
+    """Return whether a level is the end of the sweep, at its last step."""
+    return step == case.sweep.steps and level in (LAST, case.sweep.target)
+
+
 def _levels(case: Case) -> dict[str, dict[str, Level]]:
     """Levels by label, for each dimension that runs over states."""
     record = case.record
@@ -280,6 +391,12 @@ def _levels(case: Case) -> dict[str, dict[str, Level]]:
     return {dim: {level.label: level for level in select.levels} for dim, select in selects.items() if select}
 
 
+def searched_levels(case: Case) -> int:
+    """Return for how many levels a state is searched for, each once."""
+    levels = {level for by_label in _levels(case).values() for level in by_label.values()}
+    return sum(level.kind in TARGETS and level != case.sweep.target for level in levels)
+
+
 def _fields(case: Case, surface: Surface, contact: Contact | Within) -> Values:
     whole = contact.whole if isinstance(contact, Within) else contact
     return {"gap": whole.gap(), "pressure": whole.pressure()}
@@ -288,8 +405,8 @@ def _fields(case: Case, surface: Surface, contact: Contact | Within) -> Values:
 def _flux(case: Case, surface: Surface, contact: Contact | Within) -> Values:
     """Return the flux on the nodes of the whole surface, NaN outside the region."""
     values = leakage.flux(contact)
-    for name, inside in values.items():
-        values[name] = np.full(surface.shape, np.nan)
+    for name in ("flux_x", "flux_y"):
+        inside, values[name] = values[name], np.full(surface.shape, np.nan)
         values[name][window(case, surface.shape)] = inside
     return values
 

@@ -21,10 +21,12 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from roughvol import seal_ways
+from roughvol.dataset import at_state
 from roughvol.figure_curves import shown
 from roughvol.figure_data import PAPER, Family, families, held, own, single
 from roughvol.figure_origin import guarded
 from roughvol.figure_style import CONTACT, GREY, LABELS, PAGE, A, Drawing, P, V, canvas, looks, unit_of
+from roughvol.physics.transport import constriction
 from roughvol.seal_drawing import (
     CLOSED,
     FAINT,
@@ -344,29 +346,24 @@ def seal_map(ds: Dataset) -> Drawing:
     fig = canvas(PAGE, 2.9)
     axes = fig.subplots(1, len(labels), sharey=True, squeeze=False)[0]
     for ax, label in zip(axes, labels, strict=True):
-        state = case.sel(step=int(case["flux_at_step"].sel(flux_at=label)))
-        flux = own(state["flux_x"].sel(flux_at=label))
+        state = at_state(case, "flux_at", case["flux_at"].values.tolist().index(label))
+        flux = own(state["flux_x"])
         x, y, half = flux["x"].values, flux["y"].values, flux["x"].values[1] / 2
         options: dict[str, Any] = {"origin": "lower", "interpolation": "none"}
         options["extent"] = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
         shares = flux.values / (float(flux.mean()) or 1.0)
         norm = LogNorm(*MAP_RANGE, clip=True)
         image = ax.imshow(np.maximum(shares, MAP_RANGE[0]).T, norm=norm, cmap="OrRd", **options)
-        closed = state["gap"].sel(field_at=label, x=flux["x"], y=flux["y"]).transpose("x", "y").values == 0.0
-        ax.imshow(np.where(closed, 1.0, np.nan).T, cmap=ListedColormap([CONTACT]), **options)
-        for width, colour in ((2.6, "w"), (1.2, "k")):
-            ax.plot(
-                *state["critical_position_x"].values,
-                marker="o",
-                ms=11,
-                mfc="none",
-                mec=colour,
-                mew=width,
-                clip_on=False,
-            )
+        gap = state["gap"].sel(field_at=label, x=flux["x"], y=flux["y"]).transpose("x", "y").values
+        ax.imshow(np.where(gap == 0.0, 1.0, np.nan).T, cmap=ListedColormap([CONTACT]), **options)
+        place = constriction(gap, 0).element  # of this state: what is stored along the steps is that of the step after
+        if place is not None:
+            spot: dict[str, Any] = {"marker": "o", "ms": 11, "mfc": "none", "clip_on": False}
+            for width, colour in ((2.6, "w"), (1.2, "k")):
+                ax.plot(x[place[0]], y[place[1]], mec=colour, mew=width, **spot)
         title = rf"$A^{{\ast}} = {float(state[A]):.3f}$, $p^{{\ast}} = {float(state[P]):.2f}$"
-        if "transmissivity_x" in state and np.isfinite(state["transmissivity_x"]):
-            mantissa, power = f"{float(state['transmissivity_x']):.1e}".split("e")
+        if "flux_at_transmissivity_x" in state:
+            mantissa, power = f"{float(state['flux_at_transmissivity_x']):.1e}".split("e")
             title += "\n" + rf"$T_x^{{\ast}} = {mantissa} \times 10^{{{int(power)}}}$"
         ax.set(xlabel="$x/L$", title=title)
     axes[0].set_ylabel("$y/L$")

@@ -34,6 +34,7 @@ from roughvol.claims.evidence import (
     nearest,
 )
 from roughvol.claims.seeds import FEW
+from roughvol.dataset import at_state
 from roughvol.figure_origin import is_paper_surface
 from roughvol.figure_style import (
     ACCENT,
@@ -193,13 +194,13 @@ def theory_dimension(evidence: Evidence) -> Drawing:
     fig, panels = axes(PAGE, 2.9, 2)
     for D, look in zip(run.D, looks(len(run.D)), strict=True):
         points = []
-        for label in labels:
+        for place, label in enumerate(labels):
             r, counts = morphology.boxes(run, D, m, label)
             each = morphology.fitted_dimension(r, counts[:, 0])
             steps = run.dataset["box_at_step"].sel(D=D, m=m, box_at=label).values
             for k in np.flatnonzero(steps > 0):
-                place = int(steps[k]) - 1
-                points.append((run.values(P, D=D, m=m)[k, place], run.values(A, D=D, m=m)[k, place], each[k]))
+                state = at_state(run.dataset.sel(D=D, m=m).isel(seed=k), "box_at", place)
+                points.append((float(state[P]), float(state[A]), each[k]))
         p, a, dimension = np.array(points).T
         for ax, x in zip(panels, (p, a), strict=True):
             ax.plot(x, dimension, ls="", alpha=0.6, label=f"$D = {D:g}$", **look)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -140,21 +140,45 @@ VARIABLES: dict[str, Variable] = {
     "leak_rate_y": Variable(
         "... step", "length^3/time", "volume flow along y, T_y* g_mean^3 pressure_drop W_x/(12 viscosity W_y)", "Q_y"
     ),
-    # at the states a study selects
-    "flux_at_step": Variable("... flux_at", "1", "step of the state, -1 where it was not reached", "k", "index"),
+    # at the states a study selects; *_step: the first step that reaches it
+    "level_convolutions": Variable(
+        "...", "1", "convolutions, of the full grid, for the states between two steps", "n_level"
+    ),
+    "flux_at_transmissivity_x": Variable(
+        "... flux_at", "1", "flow along x with g^3, over that of plates at the mean gap, at the state", "T_x*"
+    ),
+    "flux_at_transmissivity_y": Variable(
+        "... flux_at", "1", "flow along y with g^3, over that of plates at the mean gap, at the state", "T_y*"
+    ),
+    "flux_at_step": Variable(
+        "... flux_at", "1", "first step at the state or beyond it, -1 if not reached", "k", "index"
+    ),
     "flux_x": Variable("... flux_at x y", "1", "flux with g^3 for a flow along x, over that of plates", "|q_x|"),
     "flux_y": Variable("... flux_at x y", "1", "flux with g^3 for a flow along y, over that of plates", "|q_y|"),
-    "field_at_step": Variable("... field_at", "1", "step of the state, -1 where it was not reached", "k", "index"),
+    "field_at_step": Variable(
+        "... field_at", "1", "first step at the state or beyond it, -1 if not reached", "k", "index"
+    ),
     "gap": Variable("... field_at x y", "1", "gap over Sq, exactly 0 in contact", "g/σ"),
     "pressure": Variable("... field_at x y", "1", "contact pressure times L/(E* Sq)", "p L/(E* σ)"),
-    "density_at_step": Variable("... density_at", "1", "step of the state, -1 where it was not reached", "k", "index"),
+    "density_at_step": Variable(
+        "... density_at", "1", "first step at the state or beyond it, -1 if not reached", "k", "index"
+    ),
     "volume_density": Variable("... density_at bin", "length^-3", "probability density of element volumes", "f(v)"),
     "volume_density_edges": Variable("... density_at edge", "length^3", "edges of the bins of element volumes", "v"),
-    "box_at_step": Variable("... box_at", "1", "step of the state, -1 where it was not reached", "k", "index"),
+    "box_at_step": Variable("... box_at", "1", "first step at the state or beyond it, -1 if not reached", "k", "index"),
     "volume_max": Variable("... box_at", "length^3", "largest element volume", "v_max"),
     "box_count": Variable("... box_at threshold r", "1", "boxes that meet the domain v ≤ v_th", "N(r)", "count"),
     "local_dimension": Variable("... box_at threshold r_mid", "1", "local box dimension -d log N / d log r", "D_box"),
 }
+_OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
+for _dim in ("flux_at", "field_at", "density_at", "box_at"):
+    # the numbers of the state itself: between two steps it is none of them
+    VARIABLES |= {
+        f"{_dim}_{_name}": replace(
+            VARIABLES[_name], dims=f"... {_dim}", long_name=f"{VARIABLES[_name].long_name}, at the state"
+        )
+        for _name in _OF_STATE
+    }
 FIELDS = (
     "heights",
     "gap",

@@ -27,6 +27,7 @@ from roughvol.claims.evidence import (
 )
 from roughvol.claims.model import Check, Number, above, below
 from roughvol.claims.needs import BOXES, BY_D, FIELD, ONE_D
+from roughvol.dataset import at_state
 from roughvol.physics.freevolume import domain, element_volumes, free_volume
 
 PAPER_A = 0.1  # the contact area of Figs. 8 to 11
@@ -54,11 +55,10 @@ def field(run: Run) -> Field:
     if not places:
         message = "no recorded field"
         raise Lacking(message)
-    place = min(places, key=lambda k: abs(float(case[A].sel(step=steps[k])) - PAPER_A))
+    states = {k: at_state(case, "field_at", k) for k in places}
+    place = min(places, key=lambda k: abs(float(states[k][A]) - PAPER_A))
     gap = case["gap"].isel(field_at=place).dropna("x", how="all").dropna("y", how="all").transpose("x", "y").values
-    numbers = {name: float(case[name].sel(step=steps[place])) for name in (A, P, V, D_SIGMA)} | {
-        "Sq": float(case["Sq"])
-    }
+    numbers = {name: float(states[place][name]) for name in (A, P, V, D_SIGMA)} | {"Sq": float(case["Sq"])}
     numbers["spacing"] = run.L / (len(gap) - 1)
     contact = gap == 0.0
     surface = run.surface(D, m, run.seed_numbers()[0])
@@ -192,9 +192,9 @@ def state_of_boxes(run: Run) -> tuple[float, int, str]:
     D, m = nearest(run.D, PAPER_D), int(nearest(run.m, PAPER_M))
     case = run.dataset.sel(D=D, m=m)
     off = {}
-    for label in case["box_at"].values.tolist():
+    for place, label in enumerate(case["box_at"].values.tolist()):
         steps = case["box_at_step"].sel(box_at=label).values
-        reached = [float(case[A].isel(seed=k).sel(step=step)) for k, step in enumerate(steps) if step > 0]
+        reached = [float(at_state(case.isel(seed=k), "box_at", place)[A]) for k in np.flatnonzero(steps > 0)]
         if len(reached) == run.seeds:
             off[label] = abs(float(np.mean(reached)) - PAPER_A)
     if not off:

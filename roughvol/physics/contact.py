@@ -54,6 +54,10 @@ _DENSE_UP_TO = 160
 _DENSE_FROM = 257
 _ROUNDING = 4e-16  # no residual η/σ below this share of the indentation survives the rounding of a convolution
 _TENSILE = 1e-12  # a share of the largest pressure that counts as rounding, not as tension or contact
+# Largest residual over the indentation. A state without any pressure has η = Δ; with η ≤ Δ/100 the highest element
+# carries load, as F ≥ F(Δ - η) > 0, and p* is right to a few percent however loose the tolerance is.
+_LIGHT = 0.01
+_LIGHT_ROUGH = 0.5  # the same on the way of a search
 
 
 class Compliance(Protocol):
@@ -93,8 +97,9 @@ class Contact:
     convolutions, convolutions_fp32 : convolutions this state took, verification included, by precision, in units of one
         on the full grid (one over part of it counts by its share).
     residual : η/σ, see the module's docstring; it bounds the error of the free volume.
-    mean_pressure_bound : bound of the relative error of p*: the residual times a bound of the stiffness of the contact.
-    converged : residual ≤ the tolerance asked for.
+    mean_pressure_bound : bound of the relative error of p*: the residual times a bound of the stiffness of the contact;
+        infinite if there is no pressure after the touch.
+    converged : residual ≤ the tolerance asked for, and ≤ Δ/(100 σ).
     """
 
     indentation: float
@@ -224,6 +229,7 @@ def sweep(
             before_it = f" (the last was {last:g})" if np.isfinite(last) else ""
             message = f"indentation is {indentation}; allowed: finite and increasing{before_it}"
             raise ContactError(message)
+        problem.rtol = rtol
         if pressure_error is not None and indentation > 0:
             least = problem.least_pressure(float(indentation), now)
             problem.rtol = min(rtol, pressure_error * least / problem.expected_stiffness(now, before))
@@ -232,6 +238,7 @@ def sweep(
         if indentation <= 0:
             yield problem.record(problem.untouched(indentation), problem.counts(), 0, 0.0)
             continue
+        problem.rtol = min(problem.rtol, _LIGHT * last)
         counts = problem.counts()
         after, iterations, residual = solve_one(problem, float(indentation), now, before)
         contact = problem.record(after, counts, iterations, residual, now)
@@ -248,13 +255,22 @@ def sweep(
 class Trials:
     """Contacts of one surface at indentations in any order, each started from two others: what a search is made of.
 
-    Parameters as for `solve`.
+    Parameters as for `solve` and `sweep`. ``least`` may be set to a contact at a smaller indentation than all others.
     """
 
-    def __init__(self, surface: Surface, half_space: Compliance, *, rtol: float = 1e-6, method: str = "fast") -> None:
+    def __init__(
+        self,
+        surface: Surface,
+        half_space: Compliance,
+        *,
+        rtol: float = 1e-6,
+        method: str = "fast",
+        pressure_error: float | None = None,
+    ) -> None:
         self._problem = _Problem(surface, half_space, rtol)
         self._solve = _method(method)
-        self.rtol = rtol
+        self.rtol, self.pressure_error = rtol, pressure_error
+        self.least: Contact | None = None
         self.untouched = self._problem.record(self._problem.untouched(), self._problem.counts(), 0, 0.0)
 
     def at(self, indentation: float, now: Contact, before: Contact | None = None, *, rtol: float = 0.0) -> Contact:
@@ -266,9 +282,26 @@ class Trials:
         problem = self._problem
         problem.rtol = max(self.rtol, rtol)
         problem.check_reachable(indentation)
+        problem.rtol = max(self.tolerance(indentation), min(rtol, _LIGHT_ROUGH * indentation))
         counts = problem.counts()
         state, iterations, residual = self._solve(problem, indentation, now._state, before._state if before else None)
         return problem.record(state, counts, iterations, residual)
+
+    def known(self, state: Mapping[str, Any], residual: float) -> Contact:
+        """Return a contact that was solved elsewhere, from its `Contact.state`; its arrays are only read."""
+        return self._problem.record(_State(**state), self._problem.counts(), 0, residual)
+
+    def tolerance(self, indentation: float) -> float:
+        """Return the bound of the residual of a state: that of the search, less at a slight indentation.
+
+        An error of the pressure asked for makes it smaller: it is then the bound for the stiffest contact there is,
+        under the pressure of `least` or of the highest element alone.
+        """
+        bound = min(self.rtol, _LIGHT * indentation)
+        if self.pressure_error is not None:
+            pressure = self._problem.least_pressure(indentation, (self.least or self.untouched)._state)
+            bound = min(bound, self.pressure_error * pressure / self._problem.stiffest)
+        return bound
 
     def line(self, one: Contact, other: Contact) -> Callable[[float, float], Contact]:
         """Return (Δ/σ, less) ↦ the contact that the straight line through two others has at Δ; nothing is solved.
@@ -459,6 +492,7 @@ class _Problem:
         done = self.counts()
         stiffness = self.stiffness_bound(state, residual, before) if before else self.stiffest
         mean_pressure = float(np.pi * (self.shape[0] - 1) * (pressure.sum() / size))
+        nothing = np.inf if state.indentation > 0.0 else 0.0  # no pressure is exact before the touch, unknown after it
         return Contact(
             indentation=state.indentation,
             separation=separation,
@@ -469,7 +503,7 @@ class _Problem:
             convolutions=done[0] - counts[0],
             convolutions_fp32=done[1] - counts[1],
             residual=residual,
-            mean_pressure_bound=stiffness * residual / mean_pressure if mean_pressure > 0.0 else 0.0,
+            mean_pressure_bound=stiffness * residual / mean_pressure if mean_pressure > 0.0 else nothing,
             converged=residual <= self.rtol,
             shape=self.shape,
             _elements=elements,

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -39,11 +39,13 @@ _FIRST, _NEXT = 1e-1, 3e-2  # residuals of the first solve, which only has to be
 _USEFUL = 3e-4  # residual over the width of the bracket: looser ones take more solves, and as many convolutions
 _INSIDE = 0.05  # share of the bracket that a trial keeps from its ends
 _BEYOND, _GROWTH = 1.02, 2.0  # of the indentation, at least and at most, while what is looked for is not reached
+_PATIENCE = 3  # such steps; from there on the least is squared each time, as an area may wait for one deep pit
 _FINE = 2.0**-4  # share of the distance to a state to which the roots on the lines are found
 _CLEAR = 0.1  # residual over distance up to which the line through two states is a good start
 _SURE = 4.0  # residuals by which an element must be in contact to be so in any other solve
 _DOUBT = 4.0  # residuals of a rough state within which the root may be on its other side
 _TRIALS = 200
+_ACCURACY = 1e-6  # of an indentation, relative
 
 
 def indentation_for(
@@ -80,6 +82,43 @@ def indentation_for(
     def measure(contact: Contact) -> float:
         return float(getattr(contact, TARGETS[target]))
 
+    start = _mean_plane(surface) * min(1.0, value * (5.0 if target == "contact_area" else 1.0)) ** 0.5
+    trials = Trials(surface, half_space, rtol=rtol, method=method)
+    found = _search(trials, *_reaching(measure, value), start, _ACCURACY, target == "contact_area")
+    return found.indentation
+
+
+def state_reaching(
+    trials: Trials, measure: Callable[[Contact], float], value: float, between: list[Contact], *, elements: bool
+) -> Contact:
+    """Return the smallest state at which a number reaches a value, to a relative 1e-6 and to what the residual tells.
+
+    Parameters
+    ----------
+    trials : of the surface; their tolerance is that of the state returned.
+    measure : contact ↦ number that never falls under more contact, as A* or p* of a part of the surface.
+    value : of the number, > 0.
+    between : the contacts before and after it that are solved already, as `Trials.known` makes them, in order; the one
+        after alone, if nothing has touched before.
+    elements : whether the number jumps with single elements, as A*. What the first touch reaches is found at the
+        indentation that the tolerance of the trials can tell from none.
+
+    Raises
+    ------
+    ContactError : it is not reached at full contact either.
+    ConvergenceError : a solve on the way did not converge.
+    """
+    if elements and len(between) == 1:
+        touch = trials.at(min(trials.rtol, 0.5 * between[0].indentation), trials.untouched)
+        if measure(touch) >= value:
+            return touch
+        between = [touch, *between]
+    return _search(trials, *_reaching(measure, value), 0.0, _ACCURACY, elements=False, between=between)
+
+
+def _reaching(measure: Callable[[Contact], float], value: float) -> tuple[Callable[[Contact], bool], Guess]:
+    """Return the condition that a number reaches a value, and the guess where it does."""
+
     def guess(known: list[Contact]) -> float:
         """Δ from the power law through the last two states; from one, A* and p* go about with Δ²."""
         power, last = 2.0, known[-1]
@@ -89,9 +128,7 @@ def indentation_for(
             power = math.log(measure(last) / measure(known[-2])) / math.log(last.indentation / known[-2].indentation)
         return last.indentation * float((value / measure(last)) ** (1.0 / max(power, 0.5)))
 
-    start = _mean_plane(surface) * min(1.0, value * (5.0 if target == "contact_area" else 1.0)) ** 0.5
-    trials = Trials(surface, half_space, rtol=rtol, method=method)
-    return _search(trials, lambda contact: measure(contact) >= value, guess, start, 1e-6, target == "contact_area")
+    return lambda contact: measure(contact) >= value, guess
 
 
 def first_indentation(
@@ -119,7 +156,7 @@ def first_indentation(
     ConvergenceError : a solve on the way did not converge.
     """
     trials = Trials(surface, half_space, rtol=rtol, method=method)
-    return _search(trials, reached, lambda known: math.inf, _mean_plane(surface), accuracy)
+    return _search(trials, reached, lambda known: math.inf, _mean_plane(surface), accuracy).indentation
 
 
 def _mean_plane(surface: Surface) -> float:
@@ -134,13 +171,15 @@ def _search(
     start: float,
     accuracy: float,
     elements: bool = True,
-) -> float:
-    """Return the smallest indentation at which it holds.
+    between: Sequence[Contact] = (),
+) -> Contact:
+    """Return the state at the smallest indentation at which it holds.
 
     Parameters
     ----------
     guess : proposes an indentation from the states on either side, or the last two below; infinite if it cannot.
     start : where to look first.
+    between : states on either side to begin with, instead; untouched ones may be among them.
     elements : whether single elements matter, so that those on the brink must not count.
     """
     brink = _SURE * trials.rtol if elements else 0.0
@@ -149,39 +188,45 @@ def _search(
         return reached(line(indentation, brink + noise))
 
     below, above = [trials.untouched], list[Contact]()  # two of each, the nearest first
-    indentation, tolerance = start, _FIRST
-    for _ in range(_TRIALS):
-        contact = trials.at(indentation, *_nearest(indentation, [*below[::-1], *above]), rtol=tolerance)
-        below, above = ([state for state in side if state.indentation != indentation] for side in (below, above))
-        if holds(trials.line(contact, contact), indentation):
-            above = [contact, *above][:2]
-        elif contact.contact_area_fraction < 1.0 or math.isfinite(guess([contact])) or reached(contact):
-            # the last: it holds, but with elements on the brink (a flat surface is in contact everywhere at once)
-            below = [contact, *below][:2]
-        else:
-            message = f"not reached at full contact (Δ/σ = {indentation:g}) either"
-            raise ContactError(message)
+    indentation, tolerance, least = start, _FIRST, _BEYOND
+    known = list(between)
+    for trial in range(_TRIALS):
+        if not known:
+            known = [trials.at(indentation, *_nearest(indentation, [*below[::-1], *above]), rtol=tolerance)]
+        for contact in known:
+            below, above = ([s for s in side if s.indentation != contact.indentation] for side in (below, above))
+            if holds(trials.line(contact, contact), contact.indentation):
+                above = sorted([contact, *above], key=_indentation)[:2]
+            elif contact.contact_area_fraction < 1.0 or math.isfinite(guess([contact])) or reached(contact):
+                # the last: it holds, but with elements on the brink (a flat surface is in contact everywhere at once)
+                below = sorted([contact, *below], key=_indentation, reverse=True)[:2]
+            else:
+                message = f"not reached at full contact (Δ/σ = {contact.indentation:g}) either"
+                raise ContactError(message)
+        known = []
         low = below[0].indentation
         if not above:
-            indentation = min(max(guess(below[::-1]), _BEYOND * low), _GROWTH * low)
+            least = min(least**2, _GROWTH) if trial >= _PATIENCE else least
+            indentation = min(max(guess(below[::-1]), least * low), _GROWTH * low)
             tolerance = min(_NEXT, 0.01 * (indentation - low))
             continue
         high = above[0].indentation
-        goal = accuracy * high + 2.0 * min(trials.rtol, below[0].residual + above[0].residual)
+        finest = trials.tolerance(high)
+        goal = accuracy * high + 2.0 * min(finest, below[0].residual + above[0].residual)
         first, last = _bounds(trials, holds, below, above, 0.1 * goal)
         width = last - first
         tolerance = _USEFUL * width
         doubtful = [
             state.indentation
             for state, end in ((above[0], first), (below[0], last))
-            if state.residual > max(trials.rtol, tolerance) and abs(state.indentation - end) <= _DOUBT * state.residual
+            if state.residual > max(finest, tolerance) and abs(state.indentation - end) <= _DOUBT * state.residual
         ]
         if doubtful:  # a rough state so near the root may lie on the other side of it
             indentation = doubtful[0]
-        elif high - first <= goal and above[0].residual <= trials.rtol:
-            return high
+        elif high - first <= goal and above[0].residual <= finest:
+            return above[0]
         elif width <= goal:
-            indentation, tolerance = last, trials.rtol
+            indentation, tolerance = last, 0.0
         else:
             proposed = guess([below[0], above[0]])
             proposed = proposed if math.isfinite(proposed) else 0.5 * (first + last)
@@ -200,7 +245,7 @@ def _bounds(
 
     def root(one: Contact, other: Contact, start: float, end: float, sign: float) -> tuple[float, float]:
         line, distance = trials.line(one, other), other.indentation - one.indentation
-        rough = [max(0.0, state.residual - trials.rtol) / distance for state in (one, other)]
+        rough = [max(0.0, state.residual - trials.tolerance(state.indentation)) / distance for state in (one, other)]
         while end - start > max(fine, _FINE * min(end - low, high - start)):
             middle = 0.5 * (start + end)
             noise = rough[0] * abs(other.indentation - middle) + rough[1] * abs(middle - one.indentation)

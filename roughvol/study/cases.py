@@ -35,7 +35,7 @@ from roughvol.study.settings import (
 from roughvol.study.treatment import UNTREATED, Treatment
 from roughvol.study.yamltext import KeyPath, key_text, number_text, write
 
-ANSWER_FORMAT = 1  # part of every case id: raise it when equal settings no longer give equal stored numbers
+ANSWER_FORMAT = 2  # part of every case id: raise it when equal settings no longer give equal stored numbers
 LATER = ("transport", "region", "region_widths")
 DERIVED = ("dimensional",)  # of the section record: made from what is stored, when cases are collected
 MAX_CASES = 100_000

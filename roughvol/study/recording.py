@@ -24,7 +24,11 @@ from roughvol.study.yamltext import number_text
 
 
 class Select(Choice):
-    """The states to record: the last one, or the first step that reaches each level."""
+    """The states to record: the last one, steps, or those at levels.
+
+    Fields, densities and box counts are of the state at the level itself, which is solved for them. Quantities along
+    the steps are of the first step at the level or beyond it.
+    """
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 

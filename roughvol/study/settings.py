@@ -184,7 +184,7 @@ class GeneratedSurface(Strict):
 
 @dataclass(frozen=True)
 class Level:
-    """A state of a sweep: ``last``, a plane (value None), or the first step that reaches a value."""
+    """A state of a sweep: ``last``, a plane (value None), a step, or where a number reaches a value."""
 
     kind: str
     value: float | None = None

@@ -26,7 +26,7 @@ from oracles import (
 )
 
 from roughvol.errors import ContactError, ConvergenceError
-from roughvol.physics.contact import solve, sweep
+from roughvol.physics.contact import Trials, solve, sweep
 from roughvol.physics.halfspace import HalfSpace, kernel_quadrant
 from roughvol.physics.surface import Surface, random_midpoint_displacement
 
@@ -581,6 +581,36 @@ def test_error_of_the_pressure_asked_for_is_certified(asked):
     ):
         assert abs(contact.mean_pressure / truth.mean_pressure - 1.0) <= contact.mean_pressure_bound + 1e-10
         assert contact.mean_pressure_bound <= asked
+
+
+def test_load_is_never_lost_below_the_tolerance(monkeypatch):
+    """Random surfaces, tolerances and indentations down to 1e-6 σ, where no load at all would meet the residual."""
+    monkeypatch.setattr("roughvol.physics.contact._DENSE_UP_TO", 4)
+    rng = np.random.Generator(np.random.PCG64(11))
+    for trial in range(60):
+        n = int(rng.integers(3, 13))
+        x, y = np.indices((n, n))
+        heights = [(x + y) % 2, 1.0 * (x > n // 2), x / n, np.zeros((n, n))][trial % 4]
+        heights = heights + rng.standard_normal((n, n)) * (trial % 3) * 10 ** rng.uniform(-6, 0)
+        surface, K = Surface(heights, 1.0), matrix((n, n))
+        asked = None if trial % 2 else float(10 ** rng.uniform(-4, -1))
+        at = np.unique(10 ** rng.uniform(-6, 1, 6))
+        rtol = float(10 ** rng.uniform(-6, -1))
+        for contact in sweep(surface, half_space((n, n)), at, rtol=rtol, pressure_error=asked):
+            b = scaled_overlap(surface, contact.indentation).ravel()
+            exact = math.pi * (n - 1) * exact_pressure(K, b).mean()
+            assert contact.mean_pressure > 0.0
+            error = abs(contact.mean_pressure - exact)
+            assert error <= contact.mean_pressure_bound * contact.mean_pressure + 1e-11 * exact
+            assert contact.mean_pressure_bound <= (asked or 1.0)
+            assert contact.residual <= 0.01 * contact.indentation
+
+
+def test_a_state_without_load_after_the_touch_has_no_bound():
+    trials = Trials(fractal(3), half_space((9, 9)))
+    empty = {"elements": np.empty(0, dtype=np.intp), "pressure": np.empty(0), "touch_at": np.ones(81)}
+    assert trials.untouched.mean_pressure_bound == 0.0
+    assert trials.known({"indentation": 1e-9, **empty}, 1e-9).mean_pressure_bound == math.inf
 
 
 # ---- errors

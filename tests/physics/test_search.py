@@ -100,6 +100,75 @@ def test_area_that_the_first_touch_exceeds_is_reached_at_once():
         assert space.convolutions < 30
 
 
+def odd_heights(kind, n, rng):
+    x, y = np.indices((n, n))
+    flat, (row, column) = np.zeros((n, n)), rng.integers(0, n, 2)
+    size = 10 ** rng.uniform(-2, 1)
+    if kind in ("pit", "spike"):
+        flat[row, column] = size if kind == "spike" else -size
+        return flat
+    return {
+        "tilt": rng.uniform(-1, 1) * x / n + rng.uniform(-1, 1) * y / n,
+        "ramp": x / n,
+        "checkers": (x + y) % 2 * 1.0,
+        "levels": rng.integers(0, 2, (n, n)) * 1.0,
+        "step": (x > n // 2) * 1.0,
+        "noise": rng.standard_normal((n, n)),
+    }[kind]
+
+
+ODD = ("pit", "tilt", "ramp", "checkers", "levels", "spike", "step", "noise")
+
+
+def is_met(heights, target, value, rtol, kernel):
+    surface, space = Surface(heights, 1.0), half_space(heights.shape, kernel)
+    indentation = indentation_for(surface, space, target, value, rtol=rtol)
+    found = getattr(solve(surface, space, indentation, rtol=rtol), MEASURE[target])
+    if target == "contact_area":
+        assert found >= value
+    else:  # by the search and by the residual, which is at most a hundredth of the indentation
+        stiffest = Trials(surface, space)._problem.stiffest
+        noise = 4.0 * min(rtol, 0.01 * indentation) + 1e-5 * indentation
+        assert abs(found - value) <= stiffest * noise
+
+
+@pytest.mark.parametrize("kernel", ["love", "punch"])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-8])
+@pytest.mark.parametrize("kind", ODD)
+def test_odd_surfaces_are_searched_to_the_end(kind, rtol, kernel):
+    """One pit that closes late, and targets below one element or below what the tolerance can tell."""
+    rng = np.random.Generator(np.random.PCG64(3))
+    for n, target, value in [(5, "contact_area", 1.0), (9, "contact_area", 1e-9), (17, "pressure", 1e-7)]:
+        is_met(odd_heights(kind, n, rng), target, value, rtol, kernel)
+
+
+@pytest.mark.slow
+def test_six_hundred_odd_surfaces_are_searched_to_the_end():
+    rng = np.random.Generator(np.random.PCG64(17))
+    for trial in range(600):
+        heights = odd_heights(ODD[trial % 8], int(rng.choice([5, 7, 9, 12, 17, 33])), rng)
+        target = str(rng.choice(["contact_area", "contact_area", "pressure"]))
+        area = float(rng.choice([1e-9, 1e-5, 1e-3, 0.01, 0.1, 0.5, 0.9, 1.0]))
+        value = area if target == "contact_area" else float(10 ** rng.uniform(-9, 2))
+        is_met(heights, target, value, float(rng.choice([1e-3, 1e-6, 1e-8])), str(rng.choice(["love", "punch"])))
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-8])
+def test_a_pit_is_closed_whatever_the_condition(rtol):
+    heights = np.zeros((9, 9))
+    heights[2, 6] = -3.0
+    surface, space = Surface(heights, 1.0), half_space((9, 9))
+    found = first_indentation(surface, space, lambda state: bool(state.contact()[2, 6]), rtol=rtol)
+    assert found == pytest.approx(indentation_for(surface, space, "contact_area", 1.0, rtol=rtol), rel=2e-3)
+
+
+def test_full_contact_takes_few_solves(monkeypatch):
+    solves, at = [], Trials.at
+    monkeypatch.setattr(Trials, "at", lambda *a, **k: solves.append(at(*a, **k)) or solves[-1])
+    indentation_for(fractal(6, 2.1), half_space((65, 65)), "contact_area", 1.0)
+    assert len(solves) <= 30
+
+
 def test_the_paper_s_method_finds_the_same():
     surface, space = fractal(3), half_space((9, 9))
     for target, value in (("contact_area", 0.3), ("pressure", 1.0)):
