@@ -38,7 +38,7 @@ from roughvol._version import __version__
 from roughvol.columns import Arrays
 from roughvol.errors import DatasetError
 from roughvol.storage import FORMAT
-from roughvol.study import Case, Region
+from roughvol.study import Body, Case, Region
 from roughvol.variables import DTYPES, FIELDS, MISSING, TIMES, VARIABLES, Variable
 
 __all__ = ["VARIABLES", "Dataset", "Variable", "build", "combine", "provenance", "read", "write"]
@@ -247,6 +247,8 @@ def provenance(
     ids: Iterable[str] = (),
     region: Region | None = None,
     length_unit: str | None = None,
+    bodies: Iterable[Body] = (),
+    versions: Mapping[str, int] | None = None,
 ) -> dict[str, str]:
     """Return the global attributes: what was asked, by which code, on which machine, when, and what to cite.
 
@@ -264,6 +266,10 @@ def provenance(
         Of which part its observables are; that of the case, or the whole, if not given.
     length_unit : str, optional
         Unit of all lengths in the file; that of the case if not given, arbitrary if that has none.
+    bodies : iterable of Body, optional
+        The files of heights; those of the case if not given. Their names are stored, and the sha256 of their content.
+    versions : mapping, optional
+        Of a whole study: the versions of roughvol that computed its cases, each with the number of its cases.
     """
     libraries = {name: importlib.metadata.version(name) for name in ("numpy", "scipy", "pyfftw", "xarray", "netCDF4")}
     libraries |= {"python": platform.python_version(), "netcdf-c": netCDF4.__netcdf4libversion__}
@@ -288,6 +294,12 @@ def provenance(
         attributes["length_unit"] = unit
     if case is not None and case.surface_text:
         attributes["surface"] = case.surface_text
+    if files := [
+        {"file": body.file.name, "sha256": body.sha256} for body in bodies or (case.bodies if case is not None else ())
+    ]:
+        attributes["height_files"] = json.dumps(files)
+    if versions is not None:
+        attributes["case_versions"] = json.dumps(dict(sorted(versions.items())))
     if case is not None:
         attributes |= {"case_id": case.id, "case": case.key_text}
     if ids := list(ids):

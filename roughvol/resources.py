@@ -1,15 +1,23 @@
-"""What this machine has, and what a case takes of it: cores and memory."""
+"""What this machine has, and what a case takes of it: cores, memory and disk."""
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterable
+import shutil
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from roughvol import limits
+from roughvol.errors import ResourceError
 from roughvol.study import Case
 
-PROCESS_BYTES = 1.6e8  # of a process that has only imported what it needs
-NODE_BYTES = 500  # of the half space and the solver
+# Bytes, as the largest resident set of `run_case` grew at m = 9 and 10 (D = 2.5; docs/cluster.md).
+PROCESS_BYTES = 2e8  # of a process that has only imported what it needs
+SURFACE_BYTES, NODE_BYTES = 50, 280  # a node: of a surface alone; of the half space and the solver
+CHANNEL_BYTES, FLOW_BYTES = 200, 1300  # a node, beside these: of a search for the last channel, of a flow
+FIELD_BYTES = 16  # a node and field kept
+FILE_BYTES = 8e4  # of a case without fields on disk
 SPARED = 0.9  # the share of the available memory that a run may fill
 
 
@@ -24,9 +32,37 @@ def available_memory() -> float | None:
     return min((value for value in found if value is not None), default=None)
 
 
-def memory_of(nodes: int, fields: int = 0) -> float:
-    """Return the bytes a process needs for a case with so many nodes, and fields of them kept."""
-    return PROCESS_BYTES + nodes * (NODE_BYTES + 16 * fields)
+def free_disk(place: Path) -> float | None:
+    """Return the bytes that are free where a folder is or would be made; None if the system does not tell."""
+    place = place.absolute()
+    there = next((folder for folder in (place, *place.parents) if folder.exists()), place)
+    try:
+        return float(shutil.disk_usage(there).free)
+    except OSError:
+        return None
+
+
+def memory_of(case: Case, nodes: int) -> float:
+    """Return the bytes a process needs for a case on so many nodes."""
+    if case.sweep.steps == 0:
+        return PROCESS_BYTES + nodes * (SURFACE_BYTES + FIELD_BYTES * fields_of(case))
+    transport, widths = case.record.transport, case.record.region_widths
+    flows = [transport.transmissivity, transport.diffusivity, transport.flux_at] if transport else []
+    flows += [widths.transmissivity] if widths else []
+    each = NODE_BYTES + FIELD_BYTES * fields_of(case)
+    each += FLOW_BYTES * any(flow is not None for flow in flows)
+    each += CHANNEL_BYTES * case.sweep.target.kind.startswith("percolation")
+    return PROCESS_BYTES + nodes * each
+
+
+def disk_of(case: Case, nodes: int) -> float:
+    """Return the most bytes that the file of a case takes; fields are compressed, and take less."""
+    return FILE_BYTES + 8 * nodes * fields_of(case)
+
+
+def nodes_of(case: Case, shape: tuple[int, int] | None) -> int:
+    """Return the nodes of a case; ``shape`` is that of the surface from its height file."""
+    return (2**case.m + 1) ** 2 if case.m is not None else math.prod(shape or (0,))
 
 
 def fields_of(case: Case) -> int:
@@ -34,6 +70,46 @@ def fields_of(case: Case) -> int:
     flux = case.record.transport.flux_at if case.record.transport else None
     selects = [select for select in (case.record.fields_at, flux) if select is not None]
     return case.record.heights + sum(2 * len(select.levels) for select in selects)
+
+
+def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, place: Path, *, here: bool = True) -> None:
+    """Refuse what this machine cannot hold, however few processes compute it.
+
+    Parameters
+    ----------
+    cases, nodes : sequences of equal length
+        What is to be computed, and the nodes of each.
+    disk : float
+        Bytes of the files to be written.
+    place : Path
+        Folder of the results.
+    here : bool
+        Whether the cases are computed on this machine; the memory of a cluster is not known.
+
+    Raises
+    ------
+    ResourceError
+        If a case needs more memory than is available, or the files more disk than is free.
+    """
+    wanting = []
+    if here and cases:
+        need, case = max(((memory_of(c, n), c) for c, n in zip(cases, nodes, strict=True)), key=lambda pair: pair[0])
+        available, limit = available_memory(), limits.address_space()
+        if available is not None and need > available:
+            wanting.append(
+                f"{case.label} needs about {need / 1e9:.3g} GB of memory, {available / 1e9:.3g} GB are available"
+            )
+        elif limit is not None and need - PROCESS_BYTES + limits.needed() > limit:
+            wanting.append(
+                f"not enough memory: {case.label} needs about {(need - PROCESS_BYTES + limits.needed()) / 1e9:.2g} GB "
+                f"of address space, the limit is {limit / 1e9:.2g} GB (ulimit -v)"
+            )
+    free = free_disk(place)
+    if free is not None and disk > free:
+        wanting.append(f"the results need up to {disk / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free at {place}")
+    if wanting:
+        message = "this study does not fit: " + "; ".join(wanting)
+        raise ResourceError(message)
 
 
 def limited(jobs: int, needs: Iterable[float], available: float | None) -> tuple[int, str]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
-from pydantic import Field, ValidationInfo, field_validator, model_serializer
+from pydantic import Field, SerializationInfo, ValidationInfo, field_serializer, field_validator, model_serializer
 
 from roughvol.errors import DatasetError, Problem, StudyError, SurfaceError
 from roughvol.lengths import factor
@@ -87,9 +87,33 @@ class Treatment:
 UNTREATED = Treatment()
 
 
+class Located(str):
+    """The absolute path of a height file, which keeps the text that the study names it by."""
+
+    written: str
+
+    def __new__(cls, path: str, written: str) -> Located:
+        """Return the path with the text."""
+        new = super().__new__(cls, path)
+        new.written = written
+        return new
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Survive pickling."""
+        return Located, (str(self), self.written)
+
+    @property
+    def portable(self) -> str:
+        """The text, or the name of the file where the text is an absolute path."""
+        return Path(self.written).name if Path(self.written).is_absolute() else self.written
+
+
 def _found(value: str, info: ValidationInfo) -> str:
-    """Return the absolute path of a height file that is there."""
-    path = ((info.context or {}).get("folder", Path()) / value).absolute()
+    """Return the absolute path of a height file that is there; of a stored study, the text."""
+    context = info.context or {}
+    if context.get("stored"):
+        return Located(value, value)
+    path = (context.get("folder", Path()) / value).absolute()
     if path.suffix.lower() not in HEIGHT_FORMATS and importlib.util.find_spec("SurfaceTopography") is None:
         refuse(
             "must end in one of {known}; for files of instruments: pip install '{extra}'",
@@ -102,7 +126,13 @@ def _found(value: str, info: ValidationInfo) -> str:
         found = False
     if not found:
         refuse("there is no such file ({path})", path=printable(str(path)))
-    return str(path)
+    return Located(str(path), getattr(value, "written", value))
+
+
+def _path_text(value: str, info: SerializationInfo) -> str:
+    """Return the absolute path; in what is stored, no folder of this machine."""
+    stored = bool((info.context or {}).get("stored"))
+    return value.portable if stored and isinstance(value, Located) else str(value)
 
 
 class CounterBody(Strict):
@@ -117,6 +147,7 @@ class CounterBody(Strict):
     )
 
     _file = field_validator("file")(_found)
+    _text = field_serializer("file")(_path_text)
 
 
 class HeightFile(Strict):
@@ -153,6 +184,7 @@ class HeightFile(Strict):
     )
 
     _file = field_validator("file")(_found)
+    _text = field_serializer("file")(_path_text)
 
     @property
     def length_unit(self) -> str | None:
