@@ -365,7 +365,10 @@ def outdated(folder: Path, cases: Mapping[str, Case]) -> dict[str, str]:
 
 def _other_format(path: Path, found: storage.Labels, expected: storage.Labels) -> str | None:
     """Return in what format a file was stored if that is not ours."""
-    for name, title, first in (("answers", "answer format", storage.FIRST_ANSWERS), ("format", "file format", "")):
+    for name, title, first in (
+        ("format_of_answers", "answer format", storage.FIRST_ANSWERS),
+        ("format", "file format", ""),
+    ):
         theirs, ours = found.get(name, first), expected[name]
         if theirs != ours and theirs:
             age = "a newer" if (len(theirs), theirs) > (len(ours), ours) else "an older"

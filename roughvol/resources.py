@@ -18,6 +18,7 @@ SURFACE_BYTES, NODE_BYTES = 50, 280  # a node: of a surface alone; of the half s
 CHANNEL_BYTES, FLOW_BYTES = 200, 1300  # a node, beside these: of a search for the last channel, of a flow
 FIELD_BYTES = 16  # a node and field kept
 FILE_BYTES = 8e4  # of a case without fields on disk
+SMALL = 1e9  # up to which nothing is refused: the estimate is rough, and what fails, fails soon
 SPARED = 0.9  # the share of the available memory that a run may fill
 
 
@@ -73,7 +74,7 @@ def fields_of(case: Case) -> int:
 
 
 def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, place: Path, *, here: bool = True) -> None:
-    """Refuse what this machine cannot hold, however few processes compute it.
+    """Refuse what this machine cannot hold, however few processes compute it; what needs less than 1 GB is tried.
 
     Parameters
     ----------
@@ -95,18 +96,16 @@ def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, place: 
     if here and cases:
         need, case = max(((memory_of(c, n), c) for c, n in zip(cases, nodes, strict=True)), key=lambda pair: pair[0])
         available, limit = available_memory(), limits.address_space()
-        if available is not None and need > available:
-            wanting.append(
-                f"{case.label} needs about {need / 1e9:.3g} GB of memory, {available / 1e9:.3g} GB are available"
-            )
+        if available is not None and need > max(available, SMALL):
+            wanting.append(f"{case.label} needs about {_size(need)} of memory, {_size(available)} are available")
         elif limit is not None and need - PROCESS_BYTES + limits.needed() > limit:
             wanting.append(
-                f"not enough memory: {case.label} needs about {(need - PROCESS_BYTES + limits.needed()) / 1e9:.2g} GB "
-                f"of address space, the limit is {limit / 1e9:.2g} GB (ulimit -v)"
+                f"not enough memory: {case.label} needs about {_size(need - PROCESS_BYTES + limits.needed())} "
+                f"of address space, the limit is {_size(limit)} (ulimit -v)"
             )
     free = free_disk(place)
-    if free is not None and disk > free:
-        wanting.append(f"the results need up to {disk / 1e9:.3g} GB of disk, {free / 1e9:.3g} GB are free at {place}")
+    if free is not None and disk > max(free, SMALL):
+        wanting.append(f"the results need up to {_size(disk)} of disk, {_size(free)} are free at {place}")
     if wanting:
         message = "this study does not fit: " + "; ".join(wanting)
         raise ResourceError(message)
@@ -132,15 +131,14 @@ def limited(jobs: int, needs: Iterable[float], available: float | None) -> tuple
             break
         fitting += 1
     fitting = max(fitting, 1)
-    if fitting == jobs:
-        return (
-            jobs,
-            f"a case needs about {largest[0] / 1e9:.2g} GB, {available / 1e9:.2g} GB are available: it may fail",
-        )
+    held = f"a case needs about {largest[0] / 1e9:.2g} GB, {available / 1e9:.2g} GB are available"
     return fitting, (
-        f"{fitting} instead of {jobs} processes at once: a case needs about {largest[0] / 1e9:.2g} GB, "
-        f"{available / 1e9:.2g} GB are available"
+        f"{held}: it may fail" if fitting == jobs else f"{fitting} instead of {jobs} processes at once: {held}"
     )
+
+
+def _size(number: float) -> str:
+    return f"{number / 1e12:.3g} TB" if number >= 1e12 else f"{number / 1e9:.3g} GB"
 
 
 def _line(path: str, name: str) -> float | None:

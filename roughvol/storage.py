@@ -131,7 +131,7 @@ def labels_of(attributes: Mapping[str, str]) -> Labels:
     text = attributes.get("case", "")
     return {
         "format": FORMAT,
-        "answers": str(json.loads(text).get("format", "")) if text else "",
+        "format_of_answers": str(json.loads(text).get("format", "")) if text else "",
         "version": attributes.get("roughvol_version", __version__),
         "case": attributes.get("case_id", ""),
         "key": hashlib.sha256(text.encode()).hexdigest() if text else "",

@@ -86,7 +86,7 @@ def _study(text: str, place: str, path: Path, *, stored: bool = False) -> Study:
         raise StudyError([Problem(str(error), "", error.line, place)]) from error
     problems = dict(reading.problems)
     try:
-        name = re.sub(r"[^A-Za-z0-9_.-]+", "_", path.stem)[:100].lstrip("-.") or "study"
+        name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
         study = Study.model_validate({"name": name, **data}, context={"folder": path.parent, "stored": stored})
     except ValidationError as error:
         for key, message in itertools.chain(_translate(error, data), conflicts(data)):
@@ -114,7 +114,7 @@ _PLAIN = {
     "less_than_equal": "must be <= {le}",
     "finite_number": "must be a finite number",
     "literal_error": "must be {expected}",
-    "string_pattern_mismatch": "must be made of letters, digits, _, - and dots, and begin with a letter, a digit or _",
+    "string_pattern_mismatch": "must be made of letters, digits, _ and - (and dots, not first), and not begin with -",
     "string_too_long": "must have at most {max_length} characters",
 }
 
