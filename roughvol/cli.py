@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from roughvol.study import Case
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+LIGHT = ("schema", "status")  # they import no library that computes
 SHOWN = 50  # cases of a kind that `status` names
 PLAIN_EVERY = 5.0  # seconds between two lines of progress where there is no terminal to draw on
 
@@ -39,10 +40,14 @@ OUT = click.option("--out", type=click.Path(path_type=Path), help="Folder of the
 class _Door(click.Group):
     """Turns errors into one message and an exit code."""
 
-    def invoke(self, ctx: click.Context) -> Any:
-        if message := limits.too_narrow():
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        found = super().resolve_command(ctx, args)
+        if found[0] not in LIGHT and (message := limits.too_narrow()):
             click.echo(f"error: {message}", err=True)
             ctx.exit(FAILED)
+        return found
+
+    def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:

@@ -16,6 +16,8 @@ except ImportError:  # no such limits on this system
 # Bytes of address space that a process needs: measured with 2 cores (VmPeak of one case of m = 4, `roughvol run`), and
 # for each core the stack and the buffers of its thread in the libraries of linear algebra.
 LIBRARIES, PER_CORE = 4.5e8, 5e7
+# Beside a case: a library that is refused its buffers may try for ever, so that a limit must not be met.
+SPARE, AS_MUCH_AGAIN = 1e8, 1.5
 _TOLD = ("failed to map segment", "cannot allocate memory", "thread-local data", "can't start new thread")
 
 
@@ -27,9 +29,10 @@ def address_space() -> float | None:
     return None if soft == resource.RLIM_INFINITY else float(soft)
 
 
-def needed() -> float:
-    """Return the bytes of address space that the libraries of one process take."""
-    return LIBRARIES + PER_CORE * (os.cpu_count() or 1)
+def needed(case: float = 0.0) -> float:
+    """Return the bytes of address space that one process takes, its libraries alone or with those of a case."""
+    libraries = LIBRARIES + PER_CORE * (os.cpu_count() or 1)
+    return libraries + SPARE + AS_MUCH_AGAIN * case if case else libraries
 
 
 def too_narrow() -> str:

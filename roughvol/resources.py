@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from roughvol import limits
-from roughvol.errors import ResourceError
+from roughvol.errors import CampaignError, ResourceError
 from roughvol.study import Case
 
 # Bytes, as the largest resident set of `run_case` grew at m = 9 and 10 (D = 2.5; docs/cluster.md).
@@ -91,6 +91,8 @@ def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, place: 
     ------
     ResourceError
         If a case needs more memory than is available, or the files more disk than is free.
+    CampaignError
+        If a process may not have what a case needs (``ulimit -v``).
     """
     wanting = []
     if here and cases:
@@ -98,11 +100,12 @@ def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, place: 
         available, limit = available_memory(), limits.address_space()
         if available is not None and need > max(available, SMALL):
             wanting.append(f"{case.label} needs about {_size(need)} of memory, {_size(available)} are available")
-        elif limit is not None and need - PROCESS_BYTES + limits.needed() > limit:
-            wanting.append(
-                f"not enough memory: {case.label} needs about {_size(need - PROCESS_BYTES + limits.needed())} "
-                f"of address space, the limit is {_size(limit)} (ulimit -v)"
+        if limit is not None and (space := limits.needed(need - PROCESS_BYTES)) > limit:
+            message = (
+                f"not enough memory: {case.label} needs about {_size(space)} of address space, "
+                f"the limit is {_size(limit)} (ulimit -v)"
             )
+            raise CampaignError(message)
     free = free_disk(place)
     if free is not None and disk > max(free, SMALL):
         wanting.append(f"the results need up to {_size(disk)} of disk, {_size(free)} are free at {place}")
