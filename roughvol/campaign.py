@@ -280,7 +280,7 @@ def _sorted_out(
     ledger.write(ledger_file(place), sound)
     told = _few(notices, place)
     if left := [id for id in strange if case_file(place, id) not in bad]:
-        told.append(f"{len(left)} files of cases that are not of this study stay in {place / 'cases'}")
+        told.append(f"{place / 'cases'} keeps files of cases that are not of this study: {len(left)}")
     if several := folder.versions_text(versions):
         told.append(several)
     return told, missing

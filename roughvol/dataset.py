@@ -201,6 +201,8 @@ def read(path: Path) -> Dataset:
 def read_arrays(path: Path) -> tuple[Arrays, storage.Labels]:
     """Return the variables of a file as plain arrays, and its labels: for many files, where `read` takes too long.
 
+    Variables that the table does not hold are left out: a later version stored them beside the same answers.
+
     Raises
     ------
     DatasetError
@@ -213,14 +215,18 @@ def read_arrays(path: Path) -> tuple[Arrays, storage.Labels]:
         if "columns" in labels:
             found = columns.unpacked(content[len(content) - int(labels["columns"]) :])
             for name, (dims, values) in found.items():
+                if name not in VARIABLES:
+                    continue
                 arrays[name] = (dims, np.asarray(values, dtype=DTYPES[VARIABLES[name].kind]))
             return arrays, labels
         with netCDF4.Dataset("memory.nc", memory=content) as stored:
             stored.set_auto_maskandscale(False)
             for name, variable in stored.variables.items():
+                if name not in VARIABLES:
+                    continue
                 arrays[name] = (variable.dimensions, _decoded(name, variable[...]))
-    except (OSError, ValueError, RuntimeError, KeyError) as error:  # KeyError: no variable of the table
-        message = f"{path} is damaged or no dataset of this version of roughvol ({error})"
+    except (OSError, ValueError, RuntimeError, KeyError) as error:
+        message = f"{path} is damaged or no dataset of roughvol ({error})"
         raise DatasetError(message) from error
     return arrays, labels
 
@@ -235,7 +241,7 @@ def _decoded(name: str, values: NDArray[Any]) -> NDArray[Any]:
 def _check_format(attributes: Mapping[str, str], path: Path) -> None:
     found = attributes.get("format")
     if found != FORMAT:
-        message = f"{path} is no dataset of this version of roughvol: its format is {found!r}, not {FORMAT!r}"
+        message = f"{path} is no dataset of roughvol: its format is {found!r}, not {FORMAT!r}"
         raise DatasetError(message)
 
 

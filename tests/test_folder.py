@@ -238,6 +238,14 @@ def test_files_of_another_file_format_are_outdated_not_damaged(study: Study, pla
     assert "older file format" in (place / "cases" / "set_aside" / f"{path.name}.reason.txt").read_text()
 
 
+def test_variables_of_a_later_version_are_left_out(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = _values(campaign.collect(study, place))
+    known = dict(dataset.VARIABLES)
+    del known["Sdq"]  # as an older version would not know it
+    monkeypatch.setattr(dataset, "VARIABLES", known)
+    xr.testing.assert_identical(_values(campaign.collect(study, place)), before.drop_vars("Sdq"))
+
+
 # The same study
 
 
