@@ -9,21 +9,36 @@ thread, and nothing that can change an answer passes from one case to the next.
 from __future__ import annotations
 
 import contextlib
+import math
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from roughvol import collecting, dataset, dimensional, estimate, folder, ledger, regions, resources, storage, workers
+from roughvol import (
+    collecting,
+    dataset,
+    dimensional,
+    estimate,
+    folder,
+    ledger,
+    regions,
+    resources,
+    storage,
+    validity,
+    workers,
+)
 from roughvol._version import __version__
 from roughvol.batch import Batch, OnEvent, Progress
 from roughvol.dataset import Arrays, Dataset
 from roughvol.errors import CampaignError, DatasetError, FolderError
 from roughvol.folder import case_file, checkpoint_file, folder_of, ledger_file
+from roughvol.physics import texture
 from roughvol.physics.surface import Surface
 from roughvol.pressing import FFT, HalfSpaces, last_indentation, run_case, surface_of
 from roughvol.resources import cores
 from roughvol.standing import Status, status
-from roughvol.study import Case, Study, load
+from roughvol.study import Case, GeneratedSurface, Study, load
 
 __all__ = [
     "FFT",
@@ -34,6 +49,7 @@ __all__ = [
     "collect",
     "cores",
     "folder_of",
+    "foreseen",
     "last_indentation",
     "run",
     "run_case",
@@ -173,6 +189,33 @@ def check_surfaces(study: Study) -> Surface | None:
     return surface
 
 
+def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Finding]:
+    """Return where a study will leave the model, as far as that is known before anything is computed.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    surface : Surface, optional
+        The surface from its height file, as `check_surfaces` returns it; read if not given. Of generated surfaces the
+        roughest is made, that of the first seed, and at most at m = `LOOKED_AT`: its slope only grows with m.
+    """
+    case, given = study.cases()[0], study.surface
+    held = validity.setting(study)
+    if case.sweep.steps == 0:
+        return []
+    if not held.scaled:
+        return validity.before(held, case.sweep.target, Sq=math.nan, Sdq=math.nan, L=case.L)
+    size = 1.0
+    if isinstance(given, GeneratedSurface):
+        surface = surface_of(replace(case, D=max(given.D), m=min(max(given.m), LOOKED_AT)))
+        size = (given.height or surface.Sq) / surface.Sq
+    surface = surface or surface_of(case)
+    Sdq = size * texture.Sdq(surface.heights, surface.spacing)
+    return validity.before(held, case.sweep.target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side)
+
+
+LOOKED_AT = 10  # m up to which a surface is made for its slope alone; 1025² takes a tenth of a second
 READ_HERE = (".npy", ".npz", ".txt", ".csv", ".asc")
 
 
@@ -297,7 +340,8 @@ def _collected(place: Path, cases: Mapping[str, Case], study: Study, stopping: C
     path = place / "study.nc"
     with contextlib.suppress(DatasetError):
         stored = dataset.read(path)
-        if stored.attrs.get("study") == study.stored() and stored.attrs.get("case_ids") == dataset.ids_text(cases):
+        same = stored.attrs.get("study") == study.stored() and stored.attrs.get("case_ids") == dataset.ids_text(cases)
+        if same and "warnings" in stored.attrs:  # which files of older versions lack
             storage.touch(path)  # newer than the study file, for make
             return stored
     parts, bad, versions = collecting.sound_parts(place, cases, stopping)
@@ -325,4 +369,6 @@ def _combined(
     )
     if one.surface_text:
         attributes["surface"] = one.surface_text
-    return dimensional.in_units(dataset.combine(list(parts.values()), attributes), study, unit)
+    results = dimensional.in_units(dataset.combine(list(parts.values()), attributes), study, unit)
+    found = validity.after(validity.setting(study), results)
+    return results.assign_attrs(warnings="\n".join(validity.sentences(found)))

@@ -6,7 +6,7 @@ import contextlib
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -89,7 +89,7 @@ def check(study: Path, jobs: int | None, out: Path | None) -> None:
 
     A study that needs more memory or disk than this machine has is an error; one of more than 30 days draws a warning.
     """
-    from roughvol import campaign, estimate
+    from roughvol import campaign, estimate, validity
     from roughvol.study import load
 
     loaded = load(study)
@@ -99,6 +99,7 @@ def check(study: Path, jobs: int | None, out: Path | None) -> None:
         click.echo(_measured(surface, loaded.cases()[0]))
     cost = estimate.estimate(loaded, jobs)
     click.echo(_cost(cost))
+    _warn(validity.sentences(campaign.foreseen(loaded, surface)))
     for choice in estimate.choices(loaded, jobs):
         area, pressure, volume = choice.errors
         click.echo(
@@ -106,7 +107,7 @@ def check(study: Path, jobs: int | None, out: Path | None) -> None:
             f"errors about {area:.0e} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
         )
     if slow := estimate.warning(cost.seconds, cost.jobs):
-        click.echo(f"warning: {slow}", err=True)
+        _warn([slow])
     estimate.check_fits(loaded, campaign.folder_of(loaded, out))
 
 
@@ -155,6 +156,7 @@ def run(
     assert last is not None
     click.echo(_ran(last, time.monotonic() - started))
     click.echo(_summary(results, campaign.folder_of(loaded, out) / "study.nc"))
+    _warn(results.attrs["warnings"].splitlines())
 
 
 @main.command(epilog=_examples("roughvol status configs/effect_of_D.yaml"))
@@ -295,6 +297,12 @@ def _message(error: RoughvolError) -> str:
         lines = [f"  {problem}" for problem in error.problems]
         return "\n".join([f"{_count(len(lines), 'problem')} in the study", *lines])
     return f"error: {error}"
+
+
+def _warn(*sentences: Iterable[str]) -> None:
+    """Print each sentence once as a warning."""
+    for sentence in dict.fromkeys(one for several in sentences for one in several):
+        click.echo(f"warning: {sentence}", err=True)
 
 
 def _ran(last: Progress, seconds: float) -> str:

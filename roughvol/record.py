@@ -8,11 +8,13 @@ Everything returned is a mapping from names of `dataset.VARIABLES` to arrays wit
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from roughvol import leakage, regions
 from roughvol.physics import fractal, freevolume, texture
@@ -36,6 +38,7 @@ PER_STEP = (
     "mean_pressure_bound",
     "converged",
 )
+ABOVE_HARDNESS = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
 LAST = Level("last")
 ROUNDING = 1e-9  # by which a state may miss a level and still count as reaching it
 
@@ -96,6 +99,10 @@ class Reduction:
     def __init__(self, case: Case, surface: Surface) -> None:
         self._case, self._surface = case, surface
         self._per_step: dict[str, list[Any]] = {name: [] for name in PER_STEP}
+        self._hardness = None
+        if case.hardness is not None:  # as pressures are stored, p L/(E* σ)
+            self._hardness = case.hardness * surface.side / (case.height or surface.Sq or 1.0)
+            self._per_step |= {name: [] for name in ABOVE_HARDNESS}
         self._levels = _levels(case)
         self._kept: dict[str, dict[str, tuple[int, Values]]] = {dim: {} for dim in self._levels}
         self._along = AlongSteps(case, surface)
@@ -111,7 +118,12 @@ class Reduction:
         contact, step = within(whole, self._case), self.steps + 1
         for name in PER_STEP:
             self._per_step[name].append(getattr(contact, name))
+        if self._hardness is not None:
+            for name, share in zip(ABOVE_HARDNESS, above(contact.pressure(), self._hardness), strict=True):
+                self._per_step[name].append(share)
         self._along.follow(step, contact, whole)
+        if step == self._case.sweep.steps and min(whole.shape) > 3:  # 3 nodes have one in the middle
+            self._along.values["central_pressure_ratio"] = central_pressure_ratio(whole)
         for dim, by_label in self._levels.items():
             for label, level in by_label.items():
                 if label not in self._kept[dim] and reached(level, step, contact, self._case):
@@ -145,6 +157,30 @@ class Reduction:
         }
         self._seconds = state["seconds"]
         self._along.restore(state)
+
+
+def above(pressure: NDArray[np.float64], hardness: float) -> tuple[float, float]:
+    """Return the share of the contact with a pressure above the hardness, and the share of the load there.
+
+    Parameters
+    ----------
+    pressure : ndarray
+        Pressure of every element, 0 outside the contact, in any unit.
+    hardness : float
+        Hardness in the same unit.
+    """
+    hard = pressure[pressure > hardness]
+    if hard.size == 0:
+        return 0.0, 0.0
+    return hard.size / np.count_nonzero(pressure), float(hard.sum() / pressure.sum())
+
+
+def central_pressure_ratio(whole: Contact) -> float:
+    """Return the mean pressure in the central half of each side over that of the whole; NaN without contact."""
+    pressure = whole.pressure()
+    mean = float(pressure.mean())
+    inside = regions.window_of(regions.central(0.5), whole.shape)
+    return float(pressure[inside].mean()) / mean if mean > 0.0 else math.nan
 
 
 class AlongSteps:

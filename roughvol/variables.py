@@ -55,6 +55,9 @@ VARIABLES: dict[str, Variable] = {
     "observable_time": Variable("... observable", "s", "wall-clock time spent on it, all states together", "t_q"),
     "region_aspect": Variable("...", "1", "extent of the region observed along y over that along x", "W_y/W_x"),
     "heights": Variable("... x y", "length", "heights of the undeformed surface", "z"),
+    "central_pressure_ratio": Variable(
+        "...", "1", "mean pressure in the central half of each side over that of the whole, last step", "p_c/p"
+    ),
     # per step
     "indentation": Variable("... step", "1", "far-field closing displacement from first touch over Sq", "Δ/σ"),
     "separation": Variable("... step", "1", "rigid far-field separation of the mean planes over Sq", "d/σ"),
@@ -67,6 +70,13 @@ VARIABLES: dict[str, Variable] = {
     "residual": Variable("... step", "1", "largest violation of the contact conditions in the gap over Sq", "η/σ"),
     "mean_pressure_bound": Variable("... step", "1", "certified bound of the relative error of p*", "|δp*|/p*"),
     "converged": Variable("... step", "1", "the state was solved and met its residual", "converged", "flag"),
+    # where the study gives a hardness
+    "contact_above_hardness_fraction": Variable(
+        "... step", "1", "share of the contact with a pressure above the hardness", "A_H/A"
+    ),
+    "load_above_hardness_fraction": Variable(
+        "... step", "1", "share of the load on elements with a pressure above the hardness", "F_H/F"
+    ),
     # of the void, at the steps a study selects; open: gap > 0; void 4-connected, contact 8-connected
     "percolates_x": Variable("... step", "1", "1 if void leads from side to side along x, 0 if not", "Π_x", "count"),
     "percolates_y": Variable("... step", "1", "1 if void leads from side to side along y, 0 if not", "Π_y", "count"),

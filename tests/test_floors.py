@@ -57,10 +57,11 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "collecting": (ABOVE_DATASET | {"columns", "folder"}, set()),
     "batch": (ABOVE_DATASET | {"workers", "resources", "pressing", "folder", "ledger", "limits"}, set()),
     "dimensional": ({"study", "variables", "errors"}, set()),
+    "validity": ({"study"}, {"numpy"}),
     "campaign": (
         ABOVE_DATASET
         | {"workers", "resources", "pressing", "folder", "ledger", "standing", "columns", "collecting", "batch"}
-        | {"dimensional", "estimate"},
+        | {"dimensional", "estimate", "validity"},
         set(),
     ),
     "estimate": (ABOVE_DATASET | {"pressing", "resources"}, {"numpy"}),
@@ -92,6 +93,7 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
             "figure_cases",
             "seal_figures",
             "report",
+            "validity",
         },
         {"click", "rich"},
     ),

@@ -8,7 +8,7 @@ import itertools
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -65,6 +65,8 @@ class Case:
     against: Body | None = None
     treatment: Treatment = UNTREATED
     length_unit: str | None = None  # of L, the heights and all lengths stored; None for an arbitrary one
+    hardness: float | None = None  # over E*
+    height: float | None = None  # the Sq to which heights are scaled, where there is a hardness to compare with
 
     @property
     def key(self) -> dict[str, Any]:
@@ -86,6 +88,8 @@ class Case:
         }
         if self.sweep.steps == 0:  # nothing is solved, so neither the end of the sweep nor the solver matters
             return {**key, "sweep": {"steps": 0}}
+        if self.hardness is not None:
+            key["material"] = {"hardness": float(f"{self.hardness:.12g}"), "Sq": self.height}  # in any unit the same
         solver: dict[str, Any] = {
             "rtol": self.solver.tolerance,
             "kernel": self.solver.kernel,
@@ -193,13 +197,14 @@ class Study(Strict):
         """
         surface = self.surface
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solver, self.record
+        hard = self.material.indentation_hardness
+        hardness = None if hard is None else hard / E_star
         if isinstance(surface, GeneratedSurface):
             law, L, unit = surface.midpoint_law, float(surface.L), surface.length_unit
+            height = None if hardness is None else surface.height
             product = itertools.product(surface.D, surface.m, surface.seeds)
-            return tuple(
-                Case(L, E_star, sweep, solver, record, D=D, m=m, seed=seed, midpoint_law=law, length_unit=unit)
-                for D, m, seed in product
-            )
+            one = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
+            return tuple(replace(one, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
         measured = resolve(surface)
         first, *others = measured.bodies
         case = Case(
@@ -215,6 +220,7 @@ class Study(Strict):
             against=others[0] if others else None,
             treatment=measured.treatment,
             length_unit=measured.unit,
+            hardness=hardness,
         )
         return (case,)
 
