@@ -24,6 +24,7 @@ from roughvol import (
     ledger,
     regions,
     resources,
+    same_study,
     storage,
     validity,
     workers,
@@ -124,7 +125,7 @@ def run(
     shape = surface.shape if surface is not None else None
     _check_fits(place, cases, shape, fresh=wanted if fresh else (), wanted=wanted, here=scheduler is None)
     with folder.opened(place):
-        another = folder.another_study(place, study, cases)
+        another = same_study.another_study(place, study, cases)
         if another and not fresh:
             raise FolderError(another)
         storage.store(place / "study.yaml", text.encode())

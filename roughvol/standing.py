@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from roughvol import folder, ledger
+from roughvol import folder, ledger, same_study
 from roughvol.folder import Holder, case_file, folder_of, ledger_file
 from roughvol.study import Study, load
 
@@ -53,7 +53,7 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     study = study if isinstance(study, Study) else load(study)
     place = folder_of(study, out)
     cases = {case.id: case for case in study.cases()}
-    folder.check_same_study(place, study, cases)
+    same_study.check_same_study(place, study, cases)
     holder = folder.holder(place)
     running, left = _now(place) if holder else ((), None)
     seen = ledger.read(ledger_file(place))  # before the files: what is stored meanwhile has no line, and is opened

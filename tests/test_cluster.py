@@ -39,7 +39,8 @@ def _dask(place: Path, *arguments: str) -> subprocess.Popen[bytes]:
     environment = os.environ | {
         "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "2",
         "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "2s",
-        "PYTHONPATH": str(Path(__file__).parent),  # for the tasks of this file
+        # for the tasks of this file, by the code that is tested
+        "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]),
     }
     log = (place / f"{arguments[0]}-{time.monotonic_ns()}.log").open("wb")
     with log:

@@ -53,7 +53,8 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "checkpoint": ({"storage", "study", "errors", "_version"}, {"numpy"}),
     "pressing": (ABOVE_DATASET | {"checkpoint"}, {"numpy", "threadpoolctl"}),
     "folder": ({"ledger", "storage", "study", "errors"}, set()),
-    "standing": ({"folder", "ledger", "study"}, set()),
+    "same_study": ({"folder", "study", "errors"}, set()),
+    "standing": ({"folder", "ledger", "same_study", "study"}, set()),
     "collecting": (ABOVE_DATASET | {"columns", "folder"}, set()),
     "batch": (ABOVE_DATASET | {"workers", "resources", "pressing", "folder", "ledger", "limits"}, set()),
     "dimensional": ({"study", "variables", "errors"}, set()),
@@ -61,7 +62,7 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "campaign": (
         ABOVE_DATASET
         | {"workers", "resources", "pressing", "folder", "ledger", "standing", "columns", "collecting", "batch"}
-        | {"dimensional", "estimate", "validity"},
+        | {"dimensional", "estimate", "same_study", "validity"},
         set(),
     ),
     "estimate": (ABOVE_DATASET | {"pressing", "resources"}, {"numpy"}),
