@@ -227,6 +227,28 @@ def test_answers_of_an_older_format_are_set_aside_with_that_word_and_computed_an
 
 
 @pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("changed", [{"version": "99.0"}, {"format_of_answers": "99"}], ids=["version", "answers"])
+def test_a_worker_of_another_version_is_noted_and_one_of_another_answer_format_refused(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: dict[str, str]
+) -> None:
+    def other(work: Any, tasks: Any, *, on_end: Any, **how: Any) -> bool:
+        def relabelled(task: Any, result: bytes, error: None) -> None:
+            content, labels = storage.unstamped(result, tmp_path)
+            on_end(task, storage.stamped(content, labels | changed), error)
+
+        return _here(work, tasks, on_end=relabelled, **how)
+
+    monkeypatch.setattr(workers, "each", other)
+    if "version" in changed:
+        told = _notices(study, tmp_path)
+        assert told == [f"a worker has roughvol 99.0, here is {dataset.__version__}: answers of one format"]
+        assert campaign.status(study, tmp_path).versions == {"99.0": 4}
+    else:
+        with pytest.raises(CampaignError, match=r"(?s)4 of 4 cases failed.*by a newer answer format \(99, now \d+\)"):
+            campaign.run(study, out=tmp_path)
+        assert campaign.status(study, tmp_path).done == ()
+
+
 def test_files_of_another_file_format_are_outdated_not_damaged(study: Study, place: Path) -> None:
     path = next((place / "cases").glob("*.nc"))
     _relabelled(path, format="roughvol 0")
