@@ -213,11 +213,13 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
         size = (given.height or surface.Sq) / surface.Sq
     surface = surface or surface_of(case)
     Sdq = size * texture.Sdq(surface.heights, surface.spacing)
-    return validity.before(held, case.sweep.target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side)
+    return validity.peak(held, surface.peak) + validity.before(
+        held, case.sweep.target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side
+    )
 
 
 LOOKED_AT = 10  # m up to which a surface is made for its slope alone; 1025² takes a tenth of a second
-READ_HERE = (".npy", ".npz", ".txt", ".csv", ".asc")
+READ_HERE = (".npy", ".npz", ".txt", ".csv", ".xyz", ".asc")
 
 
 def _read_apart(case: Case) -> Surface:
@@ -372,4 +374,4 @@ def _combined(
         attributes["surface"] = one.surface_text
     results = dimensional.in_units(dataset.combine(list(parts.values()), attributes), study, unit)
     found = validity.after(validity.setting(study), results)
-    return results.assign_attrs(warnings="\n".join(validity.sentences(found)))
+    return results.assign_attrs(warnings="\n".join(validity.sentences(found, one.notes)))

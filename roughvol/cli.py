@@ -19,8 +19,6 @@ from roughvol.errors import CampaignError, ContactError, ConvergenceError, Datas
 if TYPE_CHECKING:
     from roughvol.campaign import Progress
     from roughvol.dataset import Dataset
-    from roughvol.physics.surface import Surface
-    from roughvol.study import Case
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 LIGHT = ("schema", "status")  # they import no library that computes
@@ -78,28 +76,39 @@ def main() -> None:
     """Free volume between rough surfaces in elastic contact: from a study file to labelled data and figures."""
 
 
-@main.command(epilog=_examples("roughvol check configs/morphology.yaml"))
+@main.command(
+    epilog=_examples("roughvol check configs/morphology.yaml", "roughvol check scan.yaml --look --out scan.png")
+)
 @STUDY
+@click.option("--look", is_flag=True, help="Draw the surface of the first case: map, histogram, two profiles.")
+@click.option("--out", type=click.Path(path_type=Path), help="File of that picture [default: NAME-look.png].")
 @click.option("--jobs", "-j", type=click.IntRange(min=1), help="Processes to reckon with [default: one a core].")
-@OUT
-def check(study: Path, jobs: int | None, out: Path | None) -> None:
+def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
     """Say what STUDY will compute and what it costs, without computing it.
 
-    Prints the study with every default written out, then the number of cases, memory, disk and expected time.
+    Prints the study with every default written out, how its surface was understood, then the number of cases, memory,
+    disk and expected time.
 
     A study that needs more memory or disk than this machine has is an error; one of more than 30 days draws a warning.
     """
-    from roughvol import campaign, estimate, validity
+    from roughvol import bodies, campaign, estimate, understood, validity
     from roughvol.study import load
 
     loaded = load(study)
-    surface = campaign.check_surfaces(loaded)
+    cases = loaded.cases()
+    surface = understood.shown(loaded, campaign.check_surfaces(loaded))
     click.echo(loaded.to_yaml())
     if surface is not None:
-        click.echo(_measured(surface, loaded.cases()[0]))
+        click.echo(understood.text(surface, cases[0], len(cases)))
+    if look or out is not None:
+        from roughvol import look_figure
+
+        path = look_figure.write(surface, cases[0].length_unit, cases[0].label, out or Path(f"{loaded.name}-look.png"))
+        click.echo(f"# picture {path}")
     cost = estimate.estimate(loaded, jobs)
     click.echo(_cost(cost))
-    _warn(validity.sentences(campaign.foreseen(loaded, surface)))
+    noted = bodies.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
+    _warn(validity.sentences(campaign.foreseen(loaded, surface), noted))
     for choice in estimate.choices(loaded, jobs):
         area, pressure, volume = choice.errors
         click.echo(
@@ -108,7 +117,7 @@ def check(study: Path, jobs: int | None, out: Path | None) -> None:
         )
     if slow := estimate.warning(cost.seconds, cost.jobs):
         _warn([slow])
-    estimate.check_fits(loaded, campaign.folder_of(loaded, out))
+    estimate.check_fits(loaded, campaign.folder_of(loaded))
 
 
 @main.command(
@@ -234,9 +243,11 @@ def plot(run: str | None, figure: tuple[str, ...], suffix: str, out: Path | None
     help="JSON with verdicts and bands of numbers; a departure from them is an error.",
 )
 def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> None:
-    """Answer every claim of the paper from RUN..., as report.html, report.md and claims.json [default: all runs].
+    """Report on RUN..., as report.html, report.md and claims.json [default: all runs].
 
-    A RUN is a folder, a study.nc, or a name under runs/. What no run can answer is said to be not computed.
+    A RUN is a folder, a study.nc, or a name under runs/. Runs of the paper's configuration answer its claims; a run
+    that lacks it is refused, by name and with the reason. Every other run, as of a measured map, gets a section of its
+    own: surface, loading, states, closing pressures, warnings, figures.
     """
     from roughvol import report as reporting
 
@@ -337,18 +348,6 @@ def _summary(results: Dataset, path: Path) -> str:
     for name, absent in dataset.unreached(results).items():
         lines.append(f"no state at which {name} is asked for was reached in {_count(absent, 'case')}")
     return "\n".join([*dict.fromkeys(lines), str(path)])
-
-
-def _measured(surface: Surface, case: Case) -> str:
-    unit = f" {case.length_unit}" if case.length_unit else ""
-    rows, columns = surface.shape
-    lines = [f"# surface {rows} x {columns} nodes, L = {case.L:.6g}{unit}, Sq = {surface.Sq:.6g}{unit}"]
-    if case.surface_text:
-        lines.append(f"#         {case.surface_text}")
-    if surface.filled:
-        share = surface.filled / (rows * columns)
-        lines.append(f"#         {surface.filled} of its heights were missing and are filled ({share:.2%})")
-    return "\n".join(lines)
 
 
 def _cost(cost: Any) -> str:

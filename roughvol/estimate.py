@@ -12,7 +12,7 @@ import functools
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from roughvol import leakage, regions, resources
 from roughvol.physics.halfspace import HalfSpace
 from roughvol.pressing import surface_of
 from roughvol.resources import cores
-from roughvol.study import ACCURACY, EXPECTED, Case, Study
+from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
 
 TIMED_UP_TO = 1025  # nodes a side; beyond it a convolution is long, and scales as N² log N
 # seconds a step, whatever the grid, and more where the iteration is used
@@ -205,9 +205,13 @@ def _level(shape: tuple[int, int]) -> float:
 
 
 def _shape(case: Case) -> tuple[int, int]:
-    if case.m is None:
-        return surface_of(case).shape
-    return 2**case.m + 1, 2**case.m + 1
+    return _measured_shape(replace(case, solver=Solver())) if case.m is None else (2**case.m + 1, 2**case.m + 1)
+
+
+@functools.lru_cache(maxsize=8)
+def _measured_shape(case: Case) -> tuple[int, int]:
+    """Return the nodes of a surface from files, read once for all estimates of a study."""
+    return surface_of(case).shape
 
 
 @functools.cache

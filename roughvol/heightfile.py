@@ -1,27 +1,25 @@
-"""Height fields from files: one reader for each ending, all giving a float64 array of heights, positive up.
+"""Height fields from files: a reader for each kind of content, all giving a float64 array of heights, positive up.
 
-Conventions: the first axis of the array is the one whose length a study calls L; rows stay in the order of the file.
-Missing heights are refused, or given as NaN to a caller who fills them. Files of the endings below tell neither size
-nor unit (what a header says about spacing is not used); all others are left to `instrument`, where they tell both.
-Nothing is ever unpickled.
+Conventions: the first axis of the array is x, whose length a study calls L. Labels in the file say which axis is x;
+without labels, the order of the file stays. Missing heights are refused, or given as NaN to a caller who fills them.
+Nothing is ever unpickled. docs/measured.md has a table of who reads what.
 """
 
 from __future__ import annotations
 
-import math
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from roughvol import instrument
+from roughvol import instrument, netcdfmap, plaintext, textmap, tiffmap
+from roughvol.description import Description, HeightMap, NotRead, refuse_huge
 from roughvol.errors import DatasetError, SurfaceError
-from roughvol.instrument import MAX_NODES, Description
 
 Heights = NDArray[np.float64]
 
@@ -38,40 +36,50 @@ _UNREADABLE = (
     zlib.error,
 )
 MAX_BYTES = 1 << 32  # like MAX_NODES far more than can be pressed, far less than a header may promise
-_ESRI_KEYS = {
-    *("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter"),
-    *("cellsize", "dx", "dy", "nodata_value"),
-}
+TEXT = (".txt", ".csv", ".xyz", ".dat", ".asc")
+TIFF = (".tif", ".tiff")
+SENTINELS = (-9999.0, 9999.0, -99999.0, 99999.0, -999999.0, -32768.0, float(np.float32(-3.4028235e38)), 1e38, -1e38)
+_FAR = 3.0  # ranges of the other heights by which a number is off that marks missing ones
 
 
-def describe(path: str | Path, variable: str | None = None) -> Description | None:
-    """Return what the file of an instrument tells about its heights; None for the formats that tell nothing.
+def describe(
+    path: str | Path, variable: str | None = None, *, columns: str | None = None, ignore_header: bool = False
+) -> Description:
+    """Return what a file gives beside its heights: nodes, size, units, channel, reader.
 
-    Raises as `instrument.describe`.
+    Parameters and errors as `read`.
     """
-    path = Path(path)
-    return None if path.suffix.lower() in _READERS else instrument.describe(path, variable)
+    return _opened(Path(path), variable, columns, ignore_header).description
 
 
-def read(path: str | Path, variable: str | None = None, *, holes: bool = False) -> Heights:
-    """Return the heights stored in a file, in the unit of the file.
+def read(
+    path: str | Path,
+    variable: str | None = None,
+    *,
+    holes: bool = False,
+    columns: str | None = None,
+    ignore_header: bool = False,
+) -> Heights:
+    """Return the heights stored in a file, in the unit that `describe` calls ``heights_unit``.
 
     Parameters
     ----------
     path : str or Path
-        An array in ``.npy``; one of the arrays in ``.npz`` or ``.nc``; numbers row by row in ``.txt`` or ``.csv``
-        (comments after ``#``; columns set apart by blanks, commas, semicolons or tabs); an ESRI ASCII grid, with or
-        without its header, in ``.asc``.
-        All other endings are those of instruments, for `instrument.read`.
+        An array in ``.npy``; one of the arrays in ``.npz`` or ``.nc``; text of heights or of points x y z; an ESRI
+        ASCII grid; a grey-scale TIFF. All other files are for SurfaceTopography, see `instrument`.
     variable : str, optional
         Name of the array in an ``.npz`` or ``.nc`` file, needed if it holds several with two dimensions; or of the
-        channel in the file of an instrument.
+        channel in the file of an instrument. Digits that are no name are a number from 0.
     holes : bool
         Return NaN where a height is missing or not finite, rather than refuse the file.
+    columns : {"heights"}, optional
+        All columns of a text are heights, also if there are three as of points x y z.
+    ignore_header : bool
+        Pass over sizes and units that are not understood.
 
     Returns
     -------
-    heights : (rows, columns) float64 array, finite (or NaN in holes), at least 3 x 3
+    heights : (nodes along x, nodes along y) float64 array, finite (or NaN in holes), at least 3 x 3
 
     Raises
     ------
@@ -81,146 +89,153 @@ def read(path: str | Path, variable: str | None = None, *, holes: bool = False) 
         If what it holds is not a field of finite heights.
     """
     path = Path(path)
-    reader = _READERS.get(path.suffix.lower(), instrument.read)
-    if variable is not None and reader not in (_npz, _netcdf, instrument.read):
-        message = f"{path}: holds one array, without a name; leave out the variable {variable!r}"
-        raise DatasetError(message)
-    try:
+    found = _opened(path, variable, columns, ignore_header)
+    return _checked(path, _guarded(path, found.heights), holes)
+
+
+def _opened(path: Path, variable: str | None, columns: str | None, ignore_header: bool) -> HeightMap:
+    def opened() -> HeightMap:
         size = path.stat().st_size
         if size > MAX_BYTES:
             message = f"{path}: has {size} bytes, at most {MAX_BYTES} are read"
             raise DatasetError(message)
-        array = reader(path, variable)
+        suffix = path.suffix.lower()
+        own = {".npy": _npy, ".npz": _npz}.get(suffix)
+        if own is not None:
+            return own(path, variable)
+        if suffix == ".nc":
+            return netcdfmap.opened(path, variable, ignore_header=ignore_header)
+        if suffix in TEXT and plaintext.is_text(path):
+            return _text(path, variable, columns, ignore_header)
+        return _instrument(path, variable, columns, ignore_header)
+
+    found = _guarded(path, opened)
+    refuse_huge(path, _two(path, found.description.shape))
+    return found
+
+
+def _guarded(path: Path, call: Callable[[], Any]) -> Any:
+    """Call a reader; whatever a damaged file makes it raise becomes an error with the name of the file."""
+    try:
+        return call()
     except (DatasetError, SurfaceError):
         raise
     except _UNREADABLE as error:
-        message = f"{path}: cannot be read as {path.suffix.lower()}: {getattr(error, 'strerror', None) or error}"
+        kind = f" as {path.suffix.lower()}" if path.suffix else ""
+        message = f"{path}: cannot be read{kind}: {getattr(error, 'strerror', None) or error}"
         raise DatasetError(message) from error
-    return _checked(path, array, holes)
+
+
+def _text(path: Path, variable: str | None, columns: str | None, ignore_header: bool) -> HeightMap:
+    """Read text; headers of other programs that are not understood here are left to SurfaceTopography."""
+    try:
+        found = textmap.opened(path, columns, ignore_header=ignore_header)
+    except (NotRead, SurfaceError) as refused:
+        try:
+            other = instrument.opened(path, variable)
+        except (DatasetError, SurfaceError):
+            raise refused from None
+        known = other.description
+        ours = known.reader.endswith(instrument.TEXT)
+        if ours and (isinstance(refused, SurfaceError) or known.sides is None or known.unit is None):
+            raise  # that reader passes over what it does not understand
+        return other
+    if variable is not None:
+        message = f"{path}: holds one array, without a name; leave out the variable {variable!r}"
+        raise DatasetError(message)
+    return found
+
+
+def _instrument(path: Path, variable: str | None, columns: str | None, ignore_header: bool) -> HeightMap:
+    """Ask SurfaceTopography; TIFF and text that it does not know, or reads as text without a mark, are read here."""
+    try:
+        found = instrument.opened(path, variable)
+    except (DatasetError, SurfaceError) as refused:
+        if path.suffix.lower() in TIFF and path.is_file():  # its reader knows those of one maker alone
+            return tiffmap.opened(path, variable, ignore_header=ignore_header)
+        if isinstance(refused, NotRead) and path.stat().st_size and plaintext.is_text(path):
+            return _text(path, variable, columns, ignore_header)
+        raise
+    if found.description.reader.endswith(instrument.TEXT):
+        return _text(path, variable, columns, ignore_header)
+    return found
 
 
 def _checked(path: Path, array: NDArray[Any], holes: bool) -> Heights:
     if array.dtype.kind not in "fiu":
         message = f"{path}: holds values of type {array.dtype}, not numbers"
         raise SurfaceError(message)
-    if array.ndim != 2 or min(array.shape) < 3:
-        message = f"{path}: heights have shape {array.shape}; allowed: two dimensions of at least 3 nodes each"
-        raise SurfaceError(message)
+    _two(path, array.shape)
     with np.errstate(over="ignore"):  # a long double too large for float64 becomes inf, and is refused below
         heights = np.ascontiguousarray(array, dtype=np.float64)
     missing = ~np.isfinite(heights)
+    marks = []
+    for mark in SENTINELS:
+        found = heights == mark
+        if found.any() and _far(mark, heights[~found & ~missing]):
+            missing |= found
+            marks.append(f"{mark:g}")
     if missing.any() and not holes:
         row, column = np.argwhere(missing)[0]
         count = f"{missing.sum()} height{' is' if missing.sum() == 1 else 's are'}"
         message = (
-            f"{path}: {count} missing or not finite, the first in row {row}, column {column}; "
+            f"{path}: {count} missing or not finite, the first in row {row}, column {column}"
+            f"{f' ({chr(44).join(marks)} marks a missing one)' if marks else ''}; "
             "a study may have them filled (surface.missing)"
         )
         raise SurfaceError(message)
     return np.where(missing, np.nan, heights) if holes else heights
 
 
-def _choice(path: Path, variable: str | None, shapes: Mapping[str, tuple[int, ...]]) -> str:
-    """Return the name of the array meant: the one named, or the only one with two dimensions."""
-    fields = [name for name, shape in shapes.items() if len(shape) == 2]
-    if variable is None and len(fields) == 1:
-        return fields[0]
-    if variable is not None and variable in shapes:
-        return variable
-    held = ", ".join(f"{name} {shape}" for name, shape in shapes.items()) or "none"
-    asked = "which array holds the heights is not said (variable)" if variable is None else f"has no array {variable!r}"
-    message = f"{path}: {asked}; arrays in the file: {held}"
-    raise DatasetError(message)
+def _far(mark: float, others: Heights) -> bool:
+    """Return whether a number that often marks missing heights lies far off all others."""
+    others = others[~np.isin(others, SENTINELS)]
+    if not others.size:
+        return False
+    low, high = float(others.min()), float(others.max())
+    return min(abs(mark - low), abs(mark - high)) > _FAR * (high - low) and not low <= mark <= high
 
 
-def _refuse_huge(path: Path, shape: tuple[int, ...]) -> None:
-    """Refuse an array before memory is asked for: a small compressed file may hold any number of zeros."""
-    if math.prod(shape) > MAX_NODES:
-        message = f"{path}: the array has shape {shape}; allowed: at most {MAX_NODES} nodes"
+def _npy(path: Path, variable: str | None) -> HeightMap:
+    if variable is not None:
+        message = f"{path}: holds one array, without a name; leave out the variable {variable!r}"
         raise DatasetError(message)
-
-
-def _npy(path: Path, variable: str | None) -> NDArray[Any]:
     with path.open("rb") as stream:
-        _refuse_huge(path, _header_shape(stream))
-        stream.seek(0)
-        return np.lib.format.read_array(stream, allow_pickle=False)
+        shape = _header_shape(stream)
+    refuse_huge(path, shape)
+
+    def heights() -> NDArray[Any]:
+        with path.open("rb") as stream:
+            return np.lib.format.read_array(stream, allow_pickle=False)
+
+    return HeightMap(Description(_two(path, shape), reader="numpy"), heights)
 
 
-def _npz(path: Path, variable: str | None) -> NDArray[Any]:
+def _npz(path: Path, variable: str | None) -> HeightMap:
     with zipfile.ZipFile(path) as archive:
         members = {name.removesuffix(".npy"): name for name in archive.namelist() if name.endswith(".npy")}
         shapes = {}
         for name, member in members.items():  # the headers alone: the arrays not asked for may be large
             with archive.open(member) as stream:
                 shapes[name] = _header_shape(stream)
-        name = _choice(path, variable, shapes)
-        _refuse_huge(path, shapes[name])
-        with archive.open(members[name]) as stream:
+    name = netcdfmap.choice(path, variable, shapes)
+    refuse_huge(path, shapes[name])
+
+    def heights() -> NDArray[Any]:
+        with zipfile.ZipFile(path) as archive, archive.open(members[name]) as stream:
             return np.lib.format.read_array(stream, allow_pickle=False)
+
+    return HeightMap(Description(_two(path, shapes[name]), channel=name, reader="numpy"), heights)
+
+
+def _two(path: Path, shape: tuple[int, ...]) -> tuple[int, int]:
+    if len(shape) != 2 or min(shape) < 3:
+        message = f"{path}: heights have shape {shape}; allowed: two dimensions of at least 3 nodes each"
+        raise SurfaceError(message)
+    return shape[0], shape[1]
 
 
 def _header_shape(stream: Any) -> tuple[int, ...]:
     version = np.lib.format.read_magic(stream)
     read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     return tuple(read_header(stream)[0])
-
-
-def _netcdf(path: Path, variable: str | None) -> NDArray[Any]:
-    from netCDF4 import Dataset
-
-    with Dataset(path) as stored:
-        name = _choice(path, variable, {name: held.shape for name, held in stored.variables.items()})
-        _refuse_huge(path, stored[name].shape)
-        array = np.ma.asarray(stored[name][...])
-    mask = np.ma.getmaskarray(array)
-    if mask.any() and array.dtype.kind in "fiu":
-        return np.where(mask, np.nan, array.data)
-    return np.asarray(array.data)
-
-
-def _text(path: Path, variable: str | None) -> NDArray[Any]:
-    lines = path.read_text(encoding="utf-8-sig").splitlines()
-    first = next((line for line in lines if line.split("#")[0].strip()), None)
-    if first is None:
-        message = f"{path}: holds no numbers"
-        raise SurfaceError(message)
-    delimiter = next((mark for mark in ";,\t" if mark in first.split("#")[0].strip()), None)
-    return np.loadtxt(lines, delimiter=delimiter, ndmin=2)
-
-
-def _esri(path: Path, variable: str | None) -> NDArray[Any]:
-    lines = path.read_text(encoding="utf-8-sig").splitlines()
-    header: dict[str, float] = {}
-    for line in lines:
-        words = line.lower().split()
-        if len(words) != 2 or words[0] not in _ESRI_KEYS:
-            break
-        header[words[0]] = float(words[1])
-    if not header:
-        return _text(path, variable)
-    if not {"ncols", "nrows"} <= header.keys():
-        message = f"{path}: the header names {', '.join(header)}; needed: ncols and nrows"
-        raise SurfaceError(message)
-    shape = int(header["nrows"]), int(header["ncols"])
-    if header.get("dx") != header.get("dy"):
-        message = f"{path}: cells of {header.get('dx')} by {header.get('dy')}; allowed: square cells"
-        raise SurfaceError(message)
-    # The numbers of a row may run over several lines.
-    heights = np.array(" ".join(lines[len(header) :]).split(), dtype=np.float64)
-    if heights.size != math.prod(shape):
-        message = f"{path}: holds {heights.size} heights; its header says {shape[0]} x {shape[1]}"
-        raise SurfaceError(message)
-    heights = heights.reshape(shape)
-    heights[heights == header.get("nodata_value", math.nan)] = math.nan
-    return heights
-
-
-_READERS: dict[str, Callable[[Path, str | None], NDArray[Any]]] = {
-    ".npy": _npy,
-    ".npz": _npz,
-    ".txt": _text,
-    ".csv": _text,
-    ".asc": _esri,
-    ".nc": _netcdf,
-}

@@ -74,8 +74,11 @@ def run_case(
     with threadpool_limits(1):  # a sum split over threads would round differently from machine to machine
         surface = surface or surface_of(case)
         values = record.of_surface(case, surface)
-        if case.treatment.missing != "refuse":
+        if case.treatment.filling is not None:
             values["filled_fraction"] = surface.filled / surface.heights.size
+        if case.treatment.outliers is not None:
+            values |= {"outliers_removed": surface.outliers, "peak_height": surface.peak}
+            values["peak_height_before"] = surface.peak_before
         if case.sweep.steps > 0:
             held = {} if half_spaces is None else half_spaces
             half_space = _half_space(surface.shape, case.solver.kernel, threads, held)

@@ -61,8 +61,9 @@ def of_surface(case: Case, surface: Surface) -> Values:
     """Return the numbers of the undeformed surface, its heights if asked for, and the labels of its nodes."""
     values: Values = {"Sq": surface.Sq, "Sdq": texture.Sdq(surface.heights, surface.spacing), "z_max": surface.z_max}
     values["hurst_measured"] = texture.hurst_spectrum(surface.heights, surface.spacing)
+    rows, columns = surface.shape
+    values |= {"nodes_x": rows, "nodes_y": columns}
     if case.record.heights or case.record.fields_at or (case.record.transport and case.record.transport.flux_at):
-        rows, columns = surface.shape
         values |= {"x": np.arange(rows) / (rows - 1), "y": np.arange(columns) / (rows - 1)}
     if case.record.heights:
         values["heights"] = surface.heights

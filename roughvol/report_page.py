@@ -1,4 +1,4 @@
-"""The report as one HTML page: figures inside as PNG, no network, no script, light, dark and on paper.
+"""The report as one HTML page: claims, then runs of their own; no network, no script, light, dark and on paper.
 
 The page is made of plain strings; every text that comes from a dataset, a study or a claim is escaped. A figure opens
 in full size as the target of a link to itself.
@@ -6,32 +6,22 @@ in full size as the target of a link to itself.
 
 from __future__ import annotations
 
-import base64
-import io
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from roughvol import run_facts, run_page
 from roughvol._version import __version__
-from roughvol.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Check, Claim, Lacking, Run
-from roughvol.claims.estimates import Ratio
+from roughvol.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Claim
 from roughvol.claims.seeds import FEW
-from roughvol.figures import FIGURES, NEEDS, missing
+from roughvol.report_figures import drawings, drawings_of
+from roughvol.report_html import box, figure_html, table
+from roughvol.report_model import Report, facts_of
 from roughvol.report_style import CSS
-from roughvol.theory_figures import THEORY
+from roughvol.report_words import CITE, ESTIMATE_HEAD, MARKS, agreement, criterion, estimate_row, heading, span
 
-if TYPE_CHECKING:
-    from roughvol.report import Report
-
-DPI = 170  # of the figures in the page: sharp at twice their size there
-CITE = (
-    "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, Wear 336-337 (2015) 86-95, "
-    "doi:10.1016/j.wear.2015.04.021"
-)
 DECISIONS = (
     "Heights and gaps: rigid overlap ū = Δ - (z_max - z), so that the highest point touches first; the paper's Δ - ξ "
     "with ξ above the lowest point would press the valleys.",
@@ -51,143 +41,107 @@ DECISIONS = (
     "solver, 10⁻⁶, instead of rounding (it moved from does not hold to holds); the pressures at which claims 14 and 15 "
     "look were chosen anew, which is why the last check of claim 15 is made at all of them.",
 )
-MARKS = {True: "met", None: "undecided", False: "not met"}
 SLUGS = {HOLDS: "holds", QUALIFIED: "qualified", FAILS: "fails", ABSENT: "absent"}
 
 
-def criterion(check: Check) -> str:
-    """Return a criterion in words, and whether the claim stands on it."""
-    return check.criterion if check.essential else f"{check.criterion} (not essential)"
-
-
-def agreement(agrees: bool | None) -> str:
-    """Return whether a reading gives the paper's number, in words."""
-    return {True: "agrees", False: "does not", None: ""}[agrees]
-
-
-def span(pair: tuple[float, float]) -> str:
-    """Return a range in three digits."""
-    return f"{pair[0]:.3g} to {pair[1]:.3g}"
-
-
-def facts_of(run: Run) -> dict[str, Any]:
-    """Return what was run, how long it took, and whether it converged."""
-    ds = run.dataset
-    facts: dict[str, Any] = {
-        "name": run.name,
-        "cases": 0,
-        "states": 0,
-        "converged": 0,
-        "residual": None,
-        "convolutions": None,
-    }
-    facts["wall_time"] = round(float(ds["wall_time"].sum()), 1) if "wall_time" in ds else None
-    facts["cases"] = int(ds["Sq"].notnull().sum()) if "Sq" in ds else 0
-    if "residual" in ds:
-        solved = ds["residual"].notnull()
-        facts |= {"states": int(solved.sum()), "converged": int((ds["converged"] & solved).sum())}
-        facts["residual"] = float(ds["residual"].max())
-        facts["convolutions"] = round(float((ds["convolutions"] + ds["convolutions_fp32"]).where(solved).mean()), 2)
-    for name in ("roughvol_version", "host", "platform", "date"):
-        facts[name] = str(ds.attrs.get(name, ""))
-    facts["libraries"] = json.loads(ds.attrs.get("libraries", "{}")) | {"fft": json.loads(ds.attrs.get("fft", "{}"))}
-    facts["study"] = str(ds.attrs.get("study", ""))
-    return facts
-
-
-def drawings(report: Report) -> Iterator[tuple[str, str, str, Figure]]:
-    """Yield name, caption, the run it is drawn from, and the figure, for all that the runs can feed."""
-    for name, draw in FIGURES.items():
-        run = _feeds(report, name)
-        if run is not None:
-            yield name, " ".join((draw.__doc__ or name).split()), run.name, draw(run.dataset)
-    for name, draw_all in THEORY.items():
-        try:
-            figure = draw_all(report.evidence)
-        except Lacking:
-            continue
-        yield name, " ".join((draw_all.__doc__ or name).split()), "", figure
-
-
-def _feeds(report: Report, name: str) -> Run | None:
-    """Return the run that a figure of the paper is drawn from: chosen as the claims choose theirs."""
-    variables, by = NEEDS[name]
-    of_fields = {"gap", "box_count", "local_dimension"} & set(variables)
-    able = [run for run in report.runs if missing(name, run.dataset) is None]
-    able = [run for run in able if run.law in ("std", "")] or able
-
-    def rank(run: Run) -> tuple[Any, ...]:
-        sizes = run.dataset.sizes
-        finest = max(run.m) if "m" in sizes else 0
-        if of_fields:  # Figs. 8 to 11 show one state, that whose fields were kept
-            return "gap" in run.dataset, finest, sizes.get("seed", 0)
-        return run.end in ("mean-plane", ""), sizes.get("m" if by == "m" else "D", 0), finest, sizes.get("seed", 0)
-
-    return max(able, key=rank, default=None)
-
-
-def _image(figure: Figure) -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
+SHOWN = 2  # runs refused that a row names at once; more unfold
 
 
 def to_html(report: Report) -> str:
     """Return the page, everything in it."""
-    figures = {}
-    for name, caption, source, figure in drawings(report):
-        figures[name] = _figure(name, caption, source, figure)
-    parts = [_head(report), _verdicts(report), _readings(report), _seeds(report, figures), _estimates(report)]
-    parts += ["<h2 id='claims'>The claims one by one</h2>"]
-    parts += [_claim(claim, figures) for claim in report.claims]
+    figures = {drawing.name: figure_html(drawing.name, drawing) for drawing in drawings(report)}
+    parts = [_head(report), _verdicts(report), _readings(report), _seeds(report, figures)]
+    if report.computed:
+        parts += ["<h2 id='claims'>The claims one by one</h2>", *(_claim(claim, figures) for claim in report.computed)]
     if figures:
-        parts += ["<h2 id='figures'>Further figures</h2>", *figures.values()]
-    parts += [_decisions(report), _runs(report), _citation(report)]
+        shown = "".join(figures.values())
+        parts += [f"<h2 id='figures'>Further figures</h2><div class='figures'>{shown}</div>"]
+    for place, run in enumerate(report.own, start=1):
+        parts.append(run_page.section(run_facts.facts(run), list(drawings_of(run)), f"run-{place}"))
+    parts += [_estimates(report), _decisions(report), _runs(report), _citation(report)]
     body = "\n".join(parts)
     return (
         "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
         "<meta name='color-scheme' content='light dark'>\n"
-        f"<title>Does the paper "
-        f"hold?</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+        f"<title>{escape(heading(report))}</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n"
+        "</body>\n</html>\n"
     )
 
 
 def _head(report: Report) -> str:
-    chips = "".join(
-        f"<li class='{SLUGS[verdict]}'><b>{count}</b> {verdict}</li>"
-        for verdict, count in report.counts().items()
-        if count
-    )
-    links = [("verdicts", "Verdicts")] + [("readings", "Ambiguities")] * bool(report.readings)
-    links += [("seeds", "Monte Carlo")] * bool(report.seeds) + [("estimates", "Leakage")] * bool(report.estimates)
-    links += [("claims", "Claims")]
-    links += [("decisions", "Decisions"), ("runs", "Runs"), ("cite", "How to cite")]
-    nav = " · ".join(f"<a href='#{anchor}'>{words}</a>" for anchor, words in links)
-    return (
-        "<header><h1>Does the paper hold?</h1>"
-        "<p class='lead'>The free volume between rough surfaces in elastic contact: every claim of Paggi &amp; He "
-        "(2015) "
-        f"beside what was computed.</p><ul class='chips'>{chips}</ul><nav>{nav}</nav></header>"
-    )
+    links = [("verdicts", "Verdicts")] * bool(report.computed) + [("readings", "Ambiguities")] * bool(report.readings)
+    links += [("seeds", "Monte Carlo")] * bool(report.seeds) + [("claims", "Claims")] * bool(report.computed)
+    links += [(f"run-{place}", run.name) for place, run in enumerate(report.own, start=1)]
+    links += [("estimates", "Quick estimates")] * bool(report.estimates)
+    links += [("decisions", "Decisions")] * bool(report.computed) + [("runs", "Runs"), ("cite", "How to cite")]
+    nav = " · ".join(f"<a href='#{anchor}'>{escape(words)}</a>" for anchor, words in links)
+    lead, chips = "The free volume between rough surfaces in elastic contact.", ""
+    if report.computed:
+        lead = (
+            "The free volume between rough surfaces in elastic contact: the claims of Paggi &amp; He (2015) beside "
+            "what was computed."
+        )
+        counts = "".join(
+            f"<li class='{SLUGS[verdict]}'><b>{count}</b> {verdict}</li>"
+            for verdict, count in report.counts().items()
+            if count
+        )
+        chips = f"<ul class='chips'>{counts}</ul>"
+    return f"<header><h1>{escape(heading(report))}</h1><p class='lead'>{lead}</p>{chips}<nav>{nav}</nav></header>"
 
 
 def _verdicts(report: Report) -> str:
+    if not report.computed:
+        return ""
     rows = "".join(
-        f"<tr><td class='n'>{c.id}</td><td><a "
-        f"href='#claim-{c.id}'>{escape(c.title)}</a><small>{escape(c.place)}</small></td>"
-        f"<td>{_badge(c)}</td><td>{escape(c.why)}</td></tr>"
-        for c in report.claims
+        f"<tr><td class='n'>{c.id}</td><td><a href='#claim-{c.id}'>{escape(c.title)}</a>"
+        f"<small>{escape(c.place)}</small></td><td>{_badge(c)}</td>"
+        f"<td data-head='Why'>{escape(c.why)}</td><td data-head='Run'>{_source(c)}</td></tr>"
+        for c in report.computed
     )
     return (
         "<h2 id='verdicts'>Verdicts</h2><p>A verdict follows from criteria in the code; those revised after a first "
-        "look are named under Decisions. "
-        "<b>Holds</b>: every "
-        "criterion is met. <b>With a qualification</b>: no essential criterion fails, but another does, or one is "
-        "undecided "
-        "(its 95 % interval contains the limit). <b>Does not hold</b>: an essential criterion fails.</p>"
-        "<table class='verdicts'><thead><tr><th></th><th>Claim</th><th>Verdict</th><th>Why</th></tr></thead>"
-        f"<tbody>{rows}</tbody></table>"
+        "look are named under Decisions. <b>Holds</b>: every criterion is met. <b>With a qualification</b>: no "
+        "essential criterion fails, but another does, or one is undecided (its 95 % interval contains the limit). "
+        "<b>Does not hold</b>: an essential criterion fails. A run that lacks the configuration a claim needs is "
+        "refused for it.</p>"
+        "<table class='verdicts'><thead><tr><th></th><th>Claim</th><th>Verdict</th><th>Why</th><th>Run</th></tr>"
+        f"</thead><tbody>{rows}</tbody></table>{_absent(report.absent)}"
+    )
+
+
+def _source(claim: Claim) -> str:
+    """Return the runs used, and those refused with their reasons."""
+    names = escape(", ".join(claim.source)).replace("_", "_<wbr>")
+    return f"{names}{_refused(claim)}"
+
+
+def _refused(claim: Claim) -> str:
+    if not claim.refused:
+        return ""
+    items = "".join(f"<li>{escape(name)}: {escape(reason)}</li>" for name, reason in claim.refused)
+    count = len(claim.refused)
+    unfolded = " open" if count <= SHOWN else ""
+    return (
+        f"<details class='refused'{unfolded}><summary>{count} run{'s' * (count > 1)} refused</summary>"
+        f"<ul>{items}</ul></details>"
+    )
+
+
+def _absent(claims: Iterable[Claim]) -> str:
+    """Return the claims that no run can answer, each with what is lacking, folded away."""
+    rows = [
+        f"<tr><td class='n'>{c.id}</td><td id='claim-{c.id}'>{escape(c.title)}<small>{escape(c.place)}</small></td>"
+        f"<td data-head='Lacking'>{escape(c.lacking or c.untested)}{_refused(c)}</td></tr>"
+        for c in claims
+    ]
+    if not rows:
+        return ""
+    return (
+        f"<details class='absent-claims'><summary>{len(rows)} claim{'s' * (len(rows) > 1)} not computed, with what is "
+        "lacking</summary><table class='verdicts'><thead><tr><th></th><th>Claim</th><th>Lacking</th></tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table></details>"
     )
 
 
@@ -212,8 +166,11 @@ def _readings(report: Report) -> str:
         parts.append(
             f"<section class='reading'><h3>{escape(reading.topic)}</h3><p>{escape(reading.passage)}. "
             f"<b>Paper:</b> {escape(reading.paper)}. <b>Decided:</b> {escape(reading.decided)}</p>"
-            f"<table><thead><tr><th>Reading</th><th>{escape(reading.quantity)}</th><th></th></tr></thead>"
-            f"<tbody>{rows}</tbody></table></section>"
+            + box(
+                f"<table><thead><tr><th>Reading</th><th>{escape(reading.quantity)}</th><th></th></tr></thead>"
+                f"<tbody>{rows}</tbody></table>"
+            )
+            + "</section>"
         )
     return "\n".join(parts)
 
@@ -235,53 +192,24 @@ def _seeds(report: Report, figures: dict[str, str]) -> str:
         f"each set of "
         f"parameters, and one for the effect of m. Here {run.seeds} are known (run {escape(run.name)}), and {FEW} "
         f"or one are "
-        "drawn from them.</p><table><thead><tr><th>Quantity</th><th>mean of all</th><th>95 % of single surfaces</th>"
+        "drawn from them.</p><div class='box'><table><thead><tr><th>Quantity</th><th>mean of all</th>"
+        "<th>95 % of single surfaces</th>"
         "<th>95 % of means of ten</th><th>t interval of ten misses the mean</th></tr></thead>"
-        f"<tbody>{rows}</tbody></table><table><thead><tr><th>Comparison of independent surfaces</th>"
-        f"<th>wrong order with one each</th><th>with ten each</th></tr></thead><tbody>{wrong}</tbody></table>"
+        f"<tbody>{rows}</tbody></table></div><div class='box'><table><thead><tr>"
+        f"<th>Comparison of independent surfaces</th>"
+        f"<th>wrong order with one each</th><th>with ten each</th></tr></thead><tbody>{wrong}</tbody></table></div>"
         f"{figures.pop('seeds', '')}"
-    )
-
-
-ESTIMATE_HEAD = (
-    "run",
-    "estimate",
-    "A*",
-    "median",
-    "90 % of states",
-    "off by more than 2",
-    "open or closed wrongly",
-    "n",
-)
-
-
-def estimate_row(ratio: Ratio) -> tuple[str, ...]:
-    """Return a row of the table of estimates over the flow computed."""
-    return (
-        ratio.run,
-        ratio.estimate,
-        span(ratio.area),
-        f"{ratio.median:.2f}",
-        span(ratio.span),
-        f"{ratio.doubled:.0%}",
-        str(ratio.closed),
-        str(ratio.states),
     )
 
 
 def _estimates(report: Report) -> str:
     if not report.estimates:
         return ""
-    head = "".join(f"<th>{escape(words)}</th>" for words in ESTIMATE_HEAD)
-    rows = "".join(
-        "<tr>" + "".join(f"<td>{escape(words)}</td>" for words in estimate_row(ratio)) + "</tr>"
-        for ratio in report.estimates
-    )
     return (
         "<h2 id='estimates'>How wrong the quick estimates of leakage are</h2><p>Transmissivity by effective medium "
         "(Bruggeman) and by a single critical junction over that of the lubrication equation on the same gap, all "
         "surfaces and both directions of a run together.</p>"
-        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+        + box(table(ESTIMATE_HEAD, map(estimate_row, report.estimates)))
     )
 
 
@@ -293,10 +221,10 @@ def _claim(claim: Claim, figures: dict[str, str]) -> str:
         for check in claim.checks
     )
     numbers = "".join(f"<tr><td></td><td></td>{_number_cells(number)}</tr>" for number in claim.numbers)
-    table = (
-        "<details><summary>Criteria and numbers</summary><table class='checks'><thead><tr><th></th><th>Criterion</th>"
-        f"<th>Number</th><th>95 % "
-        f"interval</th><th>n</th></tr></thead><tbody>{checks}{numbers}</tbody></table></details>"
+    checked = (
+        "<details><summary>Criteria and numbers</summary><div class='box'><table class='checks'><thead><tr><th></th>"
+        f"<th>Criterion</th><th>Number</th><th>95 % "
+        f"interval</th><th>n</th></tr></thead><tbody>{checks}{numbers}</tbody></table></div></details>"
         if checks
         else ""
     )
@@ -307,7 +235,7 @@ def _claim(claim: Claim, figures: dict[str, str]) -> str:
         f"<section class='claim' id='claim-{claim.id}'><h3>{claim.id}. {escape(claim.title)} {_badge(claim)}</h3>"
         f"<p "
         f"class='place'>{escape(claim.place)}</p><blockquote>{escape(claim.sentence)}</blockquote><p>{escape(claim.why)}</p>"
-        f"{table}<details><summary>How it is judged, and why so</summary>{method}{source}</details>"
+        f"{checked}<details><summary>How it is judged, and why so</summary>{method}{source}{_refused(claim)}</details>"
         f"<div class='figures'>{shown}</div><p class='up'><a href='#verdicts'>↑ verdicts</a></p></section>"
     )
 
@@ -321,18 +249,9 @@ def _number_cells(number: Any) -> str:
     )
 
 
-def _figure(name: str, caption: str, source: str, figure: Figure) -> str:
-    wide = " wide" if figure.get_figwidth() > 5.0 else ""
-    drawn = f" <small>Run: {escape(source)}.</small>" if source else ""
-    return (
-        f"<figure id='{name}' class='plot{wide}'><a class='close' href='#at-{name}'>close</a>"
-        f"<a class='open' href='#{name}' title='full size'><img src='data:image/png;base64,{_image(figure)}' "
-        f"alt='{escape(caption, quote=True)}'></a><figcaption "
-        f"id='at-{name}'>{escape(caption)}{drawn}</figcaption></figure>"
-    )
-
-
 def _decisions(report: Report) -> str:
+    if not report.computed:
+        return ""
     items = [*(f"{reading.topic}: {reading.decided}" for reading in report.readings), *DECISIONS]
     return "<h2 id='decisions'>Decisions</h2><ul>" + "".join(f"<li>{escape(item)}</li>" for item in items) + "</ul>"
 
@@ -361,10 +280,10 @@ def _runs(report: Report) -> str:
         f"<li>{escape(words)}: {escape(', '.join(names))}</li>" for words, names in _machines(facts).items()
     )
     return (
-        "<h2 id='runs'>Runs, convergence, versions</h2><table><thead><tr><th>Run</th><th>surfaces</th><th>time "
-        "[s], all cases"
-        "</th><th>states converged</th><th>convolutions per state</th><th>largest residual η/σ</th></tr></thead>"
-        f"<tbody>{rows}</tbody></table><ul class='versions'>{machines}</ul><h3>Study files</h3>{studies}"
+        "<h2 id='runs'>Runs, convergence, versions</h2><div class='box'><table><thead><tr><th>Run</th><th>surfaces</th>"
+        "<th>time [s], all cases</th><th>states converged</th>"
+        "<th>convolutions per state</th><th>largest residual η/σ</th></tr></thead>"
+        f"<tbody>{rows}</tbody></table></div><ul class='versions'>{machines}</ul><h3>Study files</h3>{studies}"
     )
 
 

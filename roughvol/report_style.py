@@ -53,7 +53,30 @@ figure.plot:target img { width: auto; max-width: none; max-height: none; margin:
 figure.plot:target a.open { pointer-events: none; }
 figure.plot:target figcaption { max-width: 50rem; margin: .6rem auto; }
 figure.plot:target a.close { display: block; position: fixed; top: .7rem; right: 1.2rem; }
-@media (max-width: 40rem) { table { display: block; overflow-x: auto; } }
+.box { overflow-x: auto; } .note { color: var(--faint); font-size: .85rem; margin: .2rem 0 .8rem; }
+details.refused { margin: .2rem 0 0; } details.refused summary { font-size: .8rem; }
+details.refused ul { margin: .2rem 0; padding-left: 1rem; font-size: .8rem; color: var(--faint); }
+table.verdicts td:nth-child(5) { width: 11rem; overflow-wrap: break-word; }
+.run { border-top: 1px solid var(--line); margin-top: 2.5rem; } .run h2 { margin: 1.2rem 0 .2rem; }
+.run h3 { margin-top: 1.4rem; } .pair { display: flex; flex-wrap: wrap; gap: 0 2.5rem; }
+.pair > div { flex: 1 1 20rem; min-width: 0; } .run .box td, .run .box th { white-space: nowrap;
+  padding: .34rem .45rem; }
+dl { display: grid; grid-template-columns: minmax(7rem, 2fr) 3fr; gap: .25rem 1rem; margin: .6rem 0; font-size: .9rem; }
+dt { color: var(--faint); } dd { margin: 0; overflow-wrap: anywhere; font-variant-numeric: tabular-nums; }
+.warnings { color: var(--half); background: var(--half-bg); border-radius: .5rem; padding: .1rem 1rem .5rem;
+  margin: 1rem 0; } .warnings ul { margin: .3rem 0; padding-left: 1.2rem; }
+@media (max-width: 900px) { table.verdicts td:nth-child(2) { width: 24%; }
+  table.verdicts td:nth-child(3), table.verdicts td:nth-child(5) { width: 7rem; } }
+@media (max-width: 600px) { main { padding: 1.2rem .9rem 3rem; } h1 { font-size: 1.6rem; }
+  table.verdicts, table.verdicts tbody { display: block; } table.verdicts thead { display: none; }
+  table.verdicts tr { display: block; border: 1px solid var(--line); border-radius: .5rem; padding: .5rem .7rem;
+    margin: .7rem 0; }
+  table.verdicts td, table.verdicts td:nth-child(n) { display: block; width: auto; border: 0; padding: .15rem 0; }
+  table.verdicts td.n { float: left; padding-right: .5rem; }
+  table.verdicts td[data-head]::before { content: attr(data-head) ": "; color: var(--faint); font-weight: 600; }
+  dl { grid-template-columns: 1fr; gap: 0; } dd { margin-bottom: .4rem; }
+  figure.plot, figure.plot.wide { flex-basis: 100%; max-width: 100%; } pre { white-space: pre-wrap; }
+  .versions li { overflow-wrap: anywhere; } }
 @media print { :root { --ground: #fff; --ink: #000; --faint: #444; --line: #bbb; --card: #f5f5f5; --link: #000;
   --good: #0c5c30; --good-bg: #fff; --half: #6b4600; --half-bg: #fff;
   --bad: #8f1a14; --bad-bg: #fff; --none: #444; --none-bg: #fff; }

@@ -17,7 +17,7 @@ PROCESS_BYTES = 2e8  # of a process that has only imported what it needs
 SURFACE_BYTES, NODE_BYTES = 50, 280  # a node: of a surface alone; of the half space and the solver
 CHANNEL_BYTES, FLOW_BYTES = 200, 1300  # a node, beside these: of a search for the last channel, of a flow
 FIELD_BYTES = 16  # a node and field kept
-FILE_BYTES = 8e4  # of a case without fields on disk
+FILE_BYTES = 1e5  # of a case without fields on disk
 SMALL = 1e9  # up to which nothing is refused: the estimate is rough, and what fails, fails soon
 SPARED = 0.9  # the share of the available memory that a run may fill
 

@@ -34,11 +34,13 @@ HIGHEST = 0.1  # nominal pressure over E*: strains of ten per cent
 LARGEST_DROP = 0.1  # pressure drop over nominal pressure: a linear drop then carries 5 % of the load
 ABOVE_HARDNESS = 0.01  # share of the load above the hardness; a few peaks of one element do not count
 RIM = 0.8  # mean pressure in the central half of each side over that of the whole
+HIGH = 6.0  # highest point above the mean plane over Sq: of 10⁶ independent normal heights the highest is at 5
 METAL = 20.0  # GPa, E*: above polymers and rubber, below all structural metals
 SOFTEST = 1e-3  # contact pressure over E* at which the softest metals yield: H = 3 Y (Tabor 1951), Y/E of 1/3000
 CLOSES_AT = 0.42  # A* at which the last open way closes (Persson & Yang 2008; Wang & Müser 2020)
 
 SMALL_SLOPES = "Al-Qudsi, De Lorenzis & Scaraggi 2022; Sdr ≈ Sdq²/2 (ISO 25178-2)"
+NORMAL_HEIGHTS = "extreme values of normal heights, docs/validity.md"
 SMALL_STRAINS = "Johnson 1985, section 4.1"
 HARDNESS = "Tabor 1951, H ≈ 3 Y"
 COUPLING = "Shvarts & Yastrebov 2018"
@@ -74,7 +76,7 @@ class Finding:
 
     Attributes
     ----------
-    key : which limit: slope, nominal_pressure, hardness, metal, pressure_drop or rim.
+    key : which limit: peak, slope, nominal_pressure, hardness, metal, pressure_drop or rim.
     sentence : what is beyond it, by how much, and where.
     limit : the limit; NaN where there is none to compare with.
     source : where it comes from.
@@ -102,6 +104,8 @@ class Setting:
     drop : the same over E*; NaN if the modulus has no unit.
     scaled : whether the ratio of heights to L is that of a real surface.
     patch : whether the patch stands for a larger joint, and its rim is observed too.
+    measured : whether the heights come from files.
+    cleaned : whether outliers were taken out of them.
     """
 
     modulus: float
@@ -113,6 +117,8 @@ class Setting:
     drop: float = math.nan
     scaled: bool = False
     patch: bool = False
+    measured: bool = False
+    cleaned: bool = False
 
 
 def setting(study: Study) -> Setting:
@@ -133,6 +139,8 @@ def setting(study: Study) -> Setting:
         drop=math.nan if drop is None else drop / material.contact_modulus,
         scaled=scaled,
         patch=asks and record.region is None and record.region_widths is None,
+        measured=not isinstance(surface, GeneratedSurface),
+        cleaned=not isinstance(surface, GeneratedSurface) and surface.outliers is not None,
     )
 
 
@@ -202,7 +210,9 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
         return []  # nothing was pressed
     starred = results["mean_pressure"]
     nominal = starred * results["Sq"].where(results["Sq"] > 0.0, 1.0) / results["L"].item()
-    found = _slope(results["Sdq"].values.ravel()) if given.scaled else []
+    # d/σ + Δ/σ is the height of the first touch above the mean plane
+    found = peak(given, float((results["separation"] + results["indentation"]).max()))
+    found += _slope(results["Sdq"].values.ravel()) if given.scaled else []
     if given.scaled:
         found += _nominal(nominal, starred)
     if "load_above_hardness_fraction" in results:
@@ -221,6 +231,26 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
 def sentences(findings: Iterable[Finding], notes: Iterable[str] = ()) -> list[str]:
     """Return what is found and what else is to be noted, one sentence each, none twice."""
     return list(dict.fromkeys([*notes, *(finding.sentence for finding in findings)]))
+
+
+def peak(given: Setting, height: float) -> list[Finding]:
+    """Return whether the highest point of a measured surface lies far above all others.
+
+    Parameters
+    ----------
+    given : Setting
+        See `setting`.
+    height : float
+        Highest point above the mean plane over Sq.
+    """
+    if not (given.measured and height > HIGH):
+        return []
+    remedy = "outliers were taken out already" if given.cleaned else "see surface.outliers"
+    text = (
+        f"the highest point lies {height:.3g} Sq above the mean plane and touches first, alone; "
+        f"if it is dust or an error of the instrument, {remedy}"
+    )
+    return [Finding("peak", text, HIGH, NORMAL_HEIGHTS)]
 
 
 def _end(target: Level, scale: float, ratio: float) -> float:

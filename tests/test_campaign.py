@@ -123,7 +123,8 @@ def test_a_sweep_that_would_end_before_first_touch_is_an_error() -> None:
 def test_without_steps_nothing_is_pressed() -> None:
     case = loads("surface: {D: 2.5, m: 3, seeds: 1}\nsweep: {steps: 0}\nrecord: {heights: true}").cases()[0]
     result = run_case(case)
-    assert set(result.data_vars) == {"Sq", "Sdq", "z_max", "hurst_measured", "wall_time", "heights"}
+    surface = {"Sq", "Sdq", "z_max", "hurst_measured", "nodes_x", "nodes_y"}
+    assert set(result.data_vars) == {*surface, "wall_time", "heights"}
     assert "step" not in result.dims
 
 

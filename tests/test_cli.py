@@ -135,12 +135,56 @@ def test_check_shows_the_resolved_study_and_its_cost(place: Path) -> None:
         assert line in shown.stdout
 
 
-def test_check_of_a_height_file_names_the_unit_of_its_lengths(place: Path) -> None:
-    np.save("z.npy", np.random.default_rng(0).random((5, 5)))
+def test_check_of_a_height_file_shows_how_it_was_understood(place: Path) -> None:
+    np.save("z.npy", np.random.default_rng(0).random((5, 6)))
     Path("map.yaml").write_text("surface: {file: z.npy, L: 4 um}\nsweep: {steps: 1}\n", encoding="utf-8")
-    assert re.search(
-        r"^# surface 5 x 5 nodes, L = 4 um, Sq = 0\.\d+ um$", _call("check", "map.yaml").stdout, re.MULTILINE
-    )
+    shown = _call("check", "map.yaml").stdout
+    assert re.search(r"^# surface 5 x 6 nodes, L = 4 um by 5 um, spacing 1 um$", shown, re.MULTILINE)
+    assert re.search(r"Sq = 0\.\d+ um, Sdq = 0\.\d+, z_max/Sq = \d\.\d+, z_min/Sq = -\d\.\d+ \(", shown)
+    assert "z.npy read by numpy, heights in um, as the study has it" in shown
+    assert "missing 0 heights (0.00%)\n" in shown
+    assert "warning" not in shown
+    assert yaml.safe_load(shown) == yaml.safe_load(roughvol.load("map.yaml").to_yaml())
+
+
+def test_check_warns_of_a_spike_and_shows_what_was_taken_out(place: Path) -> None:
+    heights = np.random.default_rng(0).random((30, 30))
+    heights[4, 5], heights[8, 8] = 40.0, np.nan
+    np.save("z.npy", heights)
+    keys = "file: z.npy, L: 29, missing: interpolate, level: tilt"
+    for extra in ("", ", outliers: {sigma: 6}"):
+        text = f"surface: {{{keys}{extra}}}\nsweep: {{steps: 1}}\n"
+        Path("map.yaml").write_text(text, encoding="utf-8")
+        called = _call("check", "map.yaml")
+        shown = called.stdout
+        warned = re.search(
+            r"^warning: the highest point lies 29\.\d Sq above .*see surface\.outliers$", called.stderr, re.M
+        )
+        assert (warned is None) == bool(extra)
+        assert f"missing {2 if extra else 1} heights" in shown
+    assert re.search(r"1 outlier taken out; z_max/Sq was 29\.\d and is 1\.\d", shown)
+    steps = re.findall(r"step (\d): (\w+)", shown)
+    assert steps == [("1", "heights"), ("2", "least"), ("3", "missing")]
+
+
+def test_check_shows_the_first_generated_surface_in_its_units(place: Path) -> None:
+    text = "surface: {D: [2.3, 2.5], m: 4, L: 100 um, Sq: 500 nm, seeds: 2}\nsweep: {steps: 1}\n"
+    Path("made.yaml").write_text(text, encoding="utf-8")
+    shown = _call("check", "made.yaml").stdout
+    assert "# surface 17 x 17 nodes, L = 100 um by 100 um, spacing 6.25 um\n" in shown
+    assert "D = 2.30, m = 4, seed 0, the first of 4 cases" in shown
+    assert "Sq = 0.5 um" in shown
+
+
+def test_check_draws_a_picture_on_request(place: Path) -> None:
+    shown = _call("check", "tiny.yaml", "--look").stdout
+    assert "# picture tiny-look.png" in shown
+    assert Path("tiny-look.png").read_bytes().startswith(b"\x89PNG")
+    assert "# picture other.pdf" in _call("check", "tiny.yaml", "--out", "other.pdf").stdout
+    assert Path("other.pdf").stat().st_size > 1000
+    wrong = _call("check", "tiny.yaml", "--out", "nowhere/x.png")
+    assert wrong.exit_code == 2
+    assert re.fullmatch(r"error: cannot write nowhere/x\.png: .*\n", wrong.stderr)
 
 
 def test_schema_is_a_json_schema(place: Path) -> None:

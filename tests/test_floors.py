@@ -34,8 +34,18 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "_version": (set(), set()),
     "physics": ({"errors"}, {"numpy", "scipy"}),
     "study": ({"study", "errors", "lengths", "heightfile", "_version"}, {"yaml", "pydantic", "pydantic_core", "pint"}),
-    "instrument": ({"errors", "lengths"}, {"numpy", "SurfaceTopography"}),
-    "heightfile": ({"errors", "instrument"}, {"numpy", "netCDF4", "xarray"}),
+    "description": ({"errors", "lengths"}, set()),
+    "plaintext": ({"errors", "description"}, {"numpy"}),
+    "textheader": ({"errors", "description"}, set()),
+    "points": ({"errors"}, {"numpy"}),
+    "textmap": ({"errors", "description", "plaintext", "textheader", "points"}, {"numpy"}),
+    "netcdfmap": ({"errors", "description"}, {"numpy", "netCDF4"}),
+    "tiffmap": ({"errors", "description"}, {"numpy", "tifffile"}),
+    "instrument": ({"errors", "description"}, {"numpy", "SurfaceTopography"}),
+    "heightfile": (
+        {"errors", "description", "instrument", "netcdfmap", "tiffmap", "textmap", "plaintext"},
+        {"numpy"},
+    ),
     "bodies": ({"study", "heightfile", "lengths", "physics", "errors"}, {"numpy"}),
     "storage": ({"errors", "_version"}, set()),
     "columns": (set(), {"numpy"}),
@@ -66,6 +76,7 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
         set(),
     ),
     "estimate": (ABOVE_DATASET | {"pressing", "resources"}, {"numpy"}),
+    "understood": (ABOVE_DATASET | {"pressing", "description"}, set()),
     "tradeoff": (ABOVE_DATASET | {"pressing"}, {"numpy", "threadpoolctl"}),
     "convergence": (ABOVE_DATASET | {"tradeoff"}, {"numpy"}),
     "tradeoff_figures": (ABOVE_DATASET | {"figures", "tradeoff"}, {"numpy", "matplotlib"}),
@@ -73,10 +84,26 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "figures": (ABOVE_DATASET, {"numpy", "matplotlib", "mpl_toolkits"}),
     "theory_figures": (ABOVE_DATASET | {"claims", "figures"}, {"numpy", "matplotlib"}),
     "figure_cases": (ABOVE_DATASET | {"figures", "seal_figures"}, set()),
+    "look_figure": ({"figures", "lengths", "physics", "errors"}, {"numpy", "matplotlib"}),
     "report_style": (set(), set()),
     "seal_figures": (ABOVE_DATASET | {"figures"}, {"numpy", "matplotlib"}),
-    "report_page": (ABOVE_DATASET | {"figures", "claims", "theory_figures", "report_style"}, {"numpy", "matplotlib"}),
-    "report": (ABOVE_DATASET | {"claims", "report_page"}, {"numpy", "matplotlib"}),
+    "captions": (set(), set()),
+    "report_model": (ABOVE_DATASET | {"claims"}, set()),
+    "report_words": ({"claims", "report_model"}, set()),
+    "run_facts": (ABOVE_DATASET | {"claims"}, {"numpy", "xarray"}),
+    "report_figures": (
+        ABOVE_DATASET | {"captions", "claims", "figures", "figure_cases", "theory_figures", "report_model"},
+        {"matplotlib"},
+    ),
+    "report_html": ({"report_figures"}, set()),
+    "run_page": ({"report_figures", "report_html", "run_facts"}, set()),
+    "report_page": (
+        {"_version", "claims", "run_facts", "run_page", "report_figures", "report_html", "report_model"}
+        | {"report_style", "report_words"},
+        {"numpy"},
+    ),
+    "report_text": ({"_version", "claims", "run_facts", "report_model", "report_words"}, set()),
+    "report": ({"errors", "report_model", "report_page", "report_text"}, set()),
     "cli": (
         {
             *ABOVE_DATASET,
@@ -86,6 +113,8 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
             "standing",
             "campaign",
             "estimate",
+            "understood",
+            "look_figure",
             "tradeoff",
             "convergence",
             "tradeoff_figures",
@@ -162,6 +191,8 @@ def _floor(module: str) -> tuple[set[str], set[str]]:
         siblings = siblings | {"physics.blocks"}  # its far half
     if module == "physics.search":
         siblings = siblings | {"physics.surface", "physics.contact"}  # what it searches among
+    if module in ("physics.outliers", "physics.lattice"):
+        siblings = siblings | {"physics.levelling"}  # a plane taken off, holes filled
     if module == "physics.halfspace":
         parties = parties | {"pyfftw"}
     return siblings, parties

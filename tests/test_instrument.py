@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from roughvol import heightfile, instrument
+from roughvol import bodies, campaign, heightfile
 from roughvol.errors import DatasetError, RoughvolError, StudyError, SurfaceError
+from roughvol.physics import lattice
 from roughvol.study import loads
 
 topography = pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")
@@ -57,10 +58,9 @@ def _write_sdf(path: Path, scale: str = "1.0e-6", cells: Any = None) -> Path:
 def test_heights_size_and_unit_come_back(tmp_path: Path, suffix: str, holed: bool) -> None:
     path = _write(tmp_path / f"scan{suffix}", np.ma.masked_array(HEIGHTS, HOLES) if holed else HEIGHTS)
     told = heightfile.describe(path)
-    assert told is not None
-    assert told.unit == "m"  # that of both formats
+    assert (told.unit, told.heights_unit) == ("m", "m")  # that of both formats
     assert told.shape == (7, 5)
-    assert told.side == pytest.approx(6 * PIXEL * 1e-6, rel=1e-12)
+    assert told.sides == pytest.approx((6 * PIXEL * 1e-6, 4 * PIXEL * 1e-6), rel=1e-12)
     expected = np.where(HOLES, np.nan, HEIGHTS) if holed else HEIGHTS
     heights = heightfile.read(path, holes=True) * 1e6
     assert np.array_equal(np.isnan(heights), np.isnan(expected))
@@ -70,9 +70,9 @@ def test_heights_size_and_unit_come_back(tmp_path: Path, suffix: str, holed: boo
 
 def test_a_text_of_iso_25178_is_read(tmp_path: Path) -> None:
     path = _write_sdf(tmp_path / "scan.sdf")
-    told = instrument.describe(path)
+    told = heightfile.describe(path)
     assert (told.shape, told.unit) == ((7, 5), "um")
-    assert told.side == pytest.approx(6 * PIXEL, rel=1e-12)
+    assert told.sides == pytest.approx((6 * PIXEL, 4 * PIXEL), rel=1e-12)
     assert np.abs(heightfile.read(path) - HEIGHTS).max() < 1e-14
 
 
@@ -85,22 +85,84 @@ def test_missing_heights_are_refused_unless_somebody_fills_them(tmp_path: Path) 
 def test_a_channel_that_is_not_there_is_named_beside_those_that_are(tmp_path: Path) -> None:
     path = _write(tmp_path / "scan.gwy")
     with pytest.raises(
-        DatasetError, match=r"scan\.gwy: has no channel 'z'; channels in the file: Topography \(height\)"
+        DatasetError, match=r"scan\.gwy: has no channel 'z'; channels in the file: 0: Topography \(height\)"
     ):
-        instrument.describe(path, "z")
+        heightfile.describe(path, "z")
 
 
-def test_pixels_that_are_not_square_are_refused(tmp_path: Path) -> None:
-    path = _write(tmp_path / "oblong.x3p", pixel=(PIXEL, 2 * PIXEL))
-    with pytest.raises(SurfaceError, match=r"oblong\.x3p: pixels of 2\.5e-07 by 5e-07; allowed: square pixels"):
-        instrument.read(path)
+@pytest.mark.parametrize("off", [1.0006, 0.9994, 2.0, 0.5])
+def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_path: Path, off: float) -> None:
+    path = _write(tmp_path / "oblong.x3p", pixel=(PIXEL, off * PIXEL))
+    assert heightfile.describe(path).sides == pytest.approx((6 * PIXEL * 1e-6, 4 * off * PIXEL * 1e-6), rel=1e-12)
+    text = "surface: {file: oblong.x3p, unit: um%s}"
+    with pytest.raises(
+        StudyError, match=r"surface\.resample: missing: .*oblong\.x3p has pixels of 0\.25 by .* um"
+    ) as said:
+        loads(text % "", tmp_path / "study.yaml").cases()
+    assert "give resample: square" in str(said.value)
+    (case,) = loads(text % ", resample: square", tmp_path / "study.yaml").cases()
+    surface = bodies.surface(case)
+    assert surface.spacing == pytest.approx(PIXEL * min(1.0, off), rel=1e-12)
+    assert surface.side == pytest.approx(case.L, rel=1e-15)
+    assert np.abs(surface.heights - lattice.squared(HEIGHTS, off)).max() < 1e-8
+    assert case.surface_text.startswith("heights interpolated onto square pixels of the finer spacing")
+    with pytest.raises(StudyError, match=r"surface\.L: is 3 um, but .* gives 1\.5e-06 m"):
+        loads(text % ", resample: square, L: 3 um", tmp_path / "study.yaml").cases()
+
+
+def test_pixels_square_to_a_tenth_of_one_over_a_thousand_are_square(tmp_path: Path) -> None:
+    _write(tmp_path / "nearly.x3p", pixel=(PIXEL, 1.00005 * PIXEL))
+    (case,) = loads("surface: {file: nearly.x3p}", tmp_path / "study.yaml").cases()
+    assert bodies.surface(case).shape == (7, 5)
+
+
+def test_pixels_too_oblong_are_refused_whatever_is_asked(tmp_path: Path) -> None:
+    _write(tmp_path / "oblong.x3p", pixel=(PIXEL, 3 * PIXEL))
+    for keys in ("", ", resample: square"):
+        with pytest.raises(StudyError, match=r"surface\.resample: .*allowed: one side up to 2 times the other"):
+            loads(f"surface: {{file: oblong.x3p{keys}}}", tmp_path / "study.yaml").cases()
+
+
+def test_the_same_surface_on_oblong_pixels_is_pressed_the_same(tmp_path: Path) -> None:
+    def heights(pixel: tuple[float, float]) -> np.ndarray:
+        x, y = np.meshgrid(pixel[0] * np.arange(33), pixel[1] * np.arange(33), indexing="ij")
+        return np.cos(x) + np.sin(0.8 * y + 0.3 * x)
+
+    pressures = []
+    for name, pixel, keys in (("square", (0.25, 0.25), ""), ("oblong", (0.25, 0.2503), ", resample: square")):
+        _write(tmp_path / f"{name}.x3p", heights(pixel), pixel=pixel)
+        text = f"surface: {{file: {name}.x3p, unit: um{keys}}}\nsweep: {{steps: 1, to: {{indentation: 1}}}}"
+        (case,) = loads(text, tmp_path / "study.yaml").cases()
+        pressures.append(campaign.run_case(case).mean_pressure.item())
+    assert pressures[1] == pytest.approx(pressures[0], rel=1e-3)
+
+
+def test_two_bodies_on_oblong_pixels_are_resampled_each(tmp_path: Path) -> None:
+    for name, heights in (("one", HEIGHTS), ("other", 2.0 * HEIGHTS), ("both", HEIGHTS + 2.0 * HEIGHTS[::-1])):
+        _write(tmp_path / f"{name}.x3p", heights, pixel=(1.5 * PIXEL, PIXEL))
+    added, both = (
+        bodies.surface(loads(f"surface: {{{keys}, unit: um, resample: square}}", tmp_path / "s.yaml").cases()[0])
+        for keys in ("file: one.x3p, against: {file: other.x3p, mirror: x}", "file: both.x3p")
+    )
+    assert added.shape == both.shape == (10, 5)
+    assert np.abs(added.heights - both.heights).max() < 1e-13
+
+
+def test_a_crop_in_lengths_counts_oblong_pixels(tmp_path: Path) -> None:
+    _write(tmp_path / "oblong.x3p", np.random.default_rng(0).normal(size=(21, 21)), pixel=(PIXEL, 2 * PIXEL))
+    crop = "crop: {x: [1 um, 3 um], y: [1 um, 3 um]}"
+    (case,) = loads(f"surface: {{file: oblong.x3p, {crop}, resample: square}}", tmp_path / "s.yaml").cases()
+    assert case.treatment.crop == ((4, 12), (2, 6))
+    surface = bodies.surface(case)
+    assert surface.shape == (9, 9)
+    assert surface.side == pytest.approx(2e-6, rel=1e-12)
 
 
 def test_a_line_is_no_map(tmp_path: Path) -> None:
     path = tmp_path / "line.dat"
     path.write_text("\n".join(f"{x} {x * x}" for x in range(9)), encoding="ascii")
-    with pytest.raises(SurfaceError, match=r"line\.dat: .*allowed: a map of equidistant nodes, at least 3 x 3"):
-        instrument.describe(path)
+    with pytest.raises(SurfaceError, match=r"line\.dat: .*shape \(9, 2\); allowed: two dimensions of at least 3"):
+        heightfile.describe(path)
 
 
 @pytest.mark.parametrize("suffix", [".al3d", ".sur", ".x3p", ".png", ".hgt", ".nms", ""])
@@ -109,9 +171,9 @@ def test_what_no_instrument_wrote_is_refused_by_name(tmp_path: Path, suffix: str
     path = tmp_path / f"noise{suffix}"
     path.write_bytes(np.random.default_rng(size).bytes(size))
     if suffix == ".hgt" and size in (18, 512, 20_000):  # a square of 16-bit numbers is all that this format is
-        assert instrument.describe(path).shape == (round((size / 2) ** 0.5),) * 2
+        assert heightfile.describe(path).shape == (round((size / 2) ** 0.5),) * 2
         return
-    for call in (instrument.describe, instrument.read):
+    for call in (heightfile.describe, heightfile.read):
         with pytest.raises(RoughvolError) as caught:
             call(path)
         assert str(path) in str(caught.value)
@@ -140,8 +202,8 @@ def test_a_damaged_file_is_read_or_refused(tmp_path: Path, suffix: str) -> None:
 
 
 def test_an_absent_file_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match=r"none\.x3p: cannot be read: No such file"):
-        instrument.read(tmp_path / "none.x3p")
+    with pytest.raises(DatasetError, match=r"none\.x3p: cannot be read as \.x3p: No such file"):
+        heightfile.read(tmp_path / "none.x3p")
 
 
 # In a study
@@ -161,13 +223,12 @@ def test_a_study_takes_length_and_unit_from_the_file(tmp_path: Path) -> None:
 
 def test_the_unit_of_the_study_converts_that_of_the_file(tmp_path: Path) -> None:
     _write_sdf(tmp_path / "scan.sdf")
-    texts = ["", ", unit: um", ", unit: nm", ", L: 3 mm", ", L: 3, unit: um", ", L: 3"]
+    texts = ["", ", unit: um", ", unit: nm", ", L: 0.0015 mm", ", L: 1.5, unit: um", ", L: 1.5"]
     cases = [_study(tmp_path, f"surface: {{file: scan.sdf{text}}}").cases()[0] for text in texts]
     assert cases[0].id == cases[1].id
     assert cases[4].id == cases[5].id
-    assert len({case.id for case in cases}) == 4
     assert [case.length_unit for case in cases] == ["um", "um", "nm", "mm", "um", "um"]
-    assert [case.L for case in cases[2:]] == [pytest.approx(6000 * PIXEL, rel=1e-12), 3.0, 3.0, 3.0]
+    assert [case.L for case in cases[2:]] == [pytest.approx(6000 * PIXEL, rel=1e-12), 0.0015, 1.5, 1.5]
 
 
 def test_two_bodies_must_fit(tmp_path: Path) -> None:
@@ -177,10 +238,13 @@ def test_two_bodies_must_fit(tmp_path: Path) -> None:
     np.save(tmp_path / "silent.npy", HEIGHTS)
     (case,) = _study(tmp_path, "surface: {file: scan.sdf, against: {file: same.x3p}}").cases()
     assert [body.unit for body in case.bodies] == ["um", "m"]
-    with pytest.raises(StudyError, match=r"surface\.against\.file: the files differ in length, 1\.5.* and 3.*: give L"):
+    with pytest.raises(StudyError, match=r"surface\.against\.file: the files differ in size, 1\.5 x 1 and 3 x 2 um"):
         _study(tmp_path, "surface: {file: scan.sdf, against: {file: coarse.x3p}}").cases()
-    assert _study(tmp_path, "surface: {file: scan.sdf, L: 2, against: {file: coarse.x3p}}").cases()[0].L == 2.0
-    with pytest.raises(StudyError, match=r"surface\.unit: missing: .*silent\.npy does not tell its unit, .* is in um"):
+    (case,) = _study(
+        tmp_path, "surface: {file: scan.sdf, against: {file: coarse.x3p, header: ignore, heights_unit: m}}"
+    ).cases()
+    assert (case.L, case.against.numbers_in) == (pytest.approx(1.5), "m")
+    with pytest.raises(StudyError, match=r"surface\.unit: missing: .*silent\.npy does not give its unit, .* is in um"):
         _study(tmp_path, "surface: {file: scan.sdf, against: {file: silent.npy}}").cases()
     (case,) = _study(tmp_path, "surface: {file: silent.npy, unit: nm, against: {file: scan.sdf}}").cases()
     assert (case.length_unit, case.L) == ("nm", pytest.approx(6000 * PIXEL, rel=1e-12))

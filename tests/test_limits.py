@@ -41,8 +41,8 @@ def test_a_limit_too_narrow_for_a_case_is_told_before_it_starts(
     study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(limits, "address_space", lambda: limits.needed() + 1e6)
-    for command in ("check", "run"):
-        refused = CliRunner().invoke(main, [command, study, "--out", str(tmp_path / "out")])
+    for call in (["check", study], ["run", study, "--out", str(tmp_path / "out")]):
+        refused = CliRunner().invoke(main, call)
         assert refused.exit_code == 1
         assert refused.stderr.startswith("error: not enough memory: D = 2.40, m = 3, seed 0 needs about ")
         assert len(refused.stderr.splitlines()) == 1

@@ -124,4 +124,4 @@ def test_nothing_that_was_not_asked_for_is_kept(contacts: list[Contact]) -> None
     case = loads("surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}\nsweep: {steps: 8}").cases()[0]
     surface = surface_of(case)
     assert set(record.of_sweep(case, surface, contacts)) == {*record.PER_STEP, "step", "central_pressure_ratio"}
-    assert set(record.of_surface(case, surface)) == {"Sq", "Sdq", "z_max", "hurst_measured"}
+    assert set(record.of_surface(case, surface)) == {"Sq", "Sdq", "z_max", "hurst_measured", "nodes_x", "nodes_y"}

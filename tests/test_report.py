@@ -6,6 +6,7 @@ import base64
 import dataclasses
 import json
 import re
+from html import escape, unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,10 +14,21 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from roughvol import campaign, dataset, report, report_page
+from roughvol import (
+    campaign,
+    captions,
+    dataset,
+    figure_cases,
+    report,
+    report_model,
+    report_page,
+    run_facts,
+    tradeoff_figures,
+)
 from roughvol.claims import ABSENT, FAILS, HOLDS, Evidence, Lacking
 from roughvol.cli import main
 from roughvol.errors import DatasetError
+from roughvol.physics.surface import random_midpoint_displacement
 from roughvol.theory_figures import THEORY
 
 EXPECTED = Path(__file__).parent / "regression" / "expected_small.json"
@@ -53,7 +65,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def answered(small_study: Path) -> report.Report:
-    return report.assemble([small_study])
+    return report.assemble([small_study], any_size=True)
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +77,7 @@ def html(answered: report.Report) -> str:
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures out of the page: they take seconds and are tested once."""
     monkeypatch.setattr(report_page, "drawings", lambda _: iter(()))
+    monkeypatch.setattr(report_page, "drawings_of", lambda _: iter(()))
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +111,9 @@ def test_page_is_light_and_dark_and_prints(html: str) -> None:
 def test_every_claim_is_on_the_page_with_its_verdict(answered: report.Report, page: Page, html: str) -> None:
     for claim in answered.claims:
         assert f"claim-{claim.id}" in page.ids
+    for claim in answered.absent:
+        assert escape(claim.lacking or claim.untested) in html.split("class='absent-claims'")[1].split("</table>")[0]
+    for claim in answered.computed:
         section = html.split(f"id='claim-{claim.id}'")[1].split("</section>")[0]
         assert f">{claim.verdict}<" in section
         assert section.count("class='met'") == sum(check.met is True for check in claim.checks)
@@ -204,7 +220,9 @@ def test_small_study_answers_as_stored(answered: report.Report) -> None:
 @pytest.mark.usefixtures("no_figures")
 def test_command_writes_the_report_and_checks(small_study: Path, tmp_path: Path) -> None:
     arguments = ["report", str(small_study), "--out", str(tmp_path / "out")]
-    done = CliRunner().invoke(main, [*arguments, "--check", str(EXPECTED)])
+    right = tmp_path / "right.json"
+    right.write_text('{"verdicts": {"2": "not computed"}}')  # the surfaces are too coarse, and too few
+    done = CliRunner().invoke(main, [*arguments, "--check", str(right)])
     assert done.exit_code == 0, done.output
     assert done.stdout.splitlines()[-1] == str(tmp_path / "out" / "report.html")
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"report.html", "report.md", "claims.json"}
@@ -212,7 +230,7 @@ def test_command_writes_the_report_and_checks(small_study: Path, tmp_path: Path)
     wrong.write_text('{"verdicts": {"2": "does not hold"}}')
     failed = CliRunner().invoke(main, [*arguments, "--check", str(wrong)])
     assert failed.exit_code == 1
-    assert "claim 2: holds, expected does not hold" in failed.stderr
+    assert "claim 2: not computed, expected does not hold" in failed.stderr
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -253,8 +271,187 @@ def test_runs_that_answer_little_are_reported_all_the_same(tmp_path: Path) -> No
         campaign.run(tmp_path / f"{name}.yaml", out=tmp_path / name, jobs=1)
     heights.unlink()
     little = report.assemble([tmp_path / name / "study.nc" for name in studies])
-    verdicts = {claim.id: claim.verdict for claim in little.claims}
-    assert verdicts[2] == HOLDS
-    assert all(verdict == ABSENT for id, verdict in verdicts.items() if id > 2)
+    assert {claim.verdict for claim in little.claims} == {ABSENT}
+    assert [run.name for run in little.own] == list(studies)
     assert "hills" in report.to_html(little)
     assert Page(report.to_html(little)).wrong == []
+
+
+# a run of one's own
+
+
+SCAN = """
+name: scan
+surface: {{file: {file}, L: 50 um, level: tilt, missing: nearest}}
+material: {{E: 10 MPa, nu: 0.49}}
+sweep: {{steps: 8, to: percolation}}
+record: {{transport: {{constriction: every-step, percolation: every-step}}, dimensional: {{pressure: kPa}}}}
+"""
+SEALING = """
+name: sealing
+surface: {D: [2.2, 2.4], m: 4, seeds: 2}
+sweep: {steps: 6, to: percolation}
+record: {transport: {percolation: every-step}}
+"""
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return the stored answers of a measured map and of a small sealing study."""
+    folder = tmp_path_factory.mktemp("own")
+    heights = random_midpoint_displacement(D=2.2, m=4, seed=3).heights[:, :13].copy()
+    heights[2, 3] = np.nan
+    np.save(folder / "map.npy", heights)
+    texts = {"scan": SCAN.format(file=folder / "map.npy"), "sealing": SEALING}
+    for name, text in texts.items():
+        (folder / f"{name}.yaml").write_text(text)
+        campaign.run(folder / f"{name}.yaml", out=folder / name, jobs=1)
+    stored = dataset.read(folder / "scan" / "study.nc").assign_attrs(
+        warnings="the slope <0.9> is large\nthe pressure exceeds the hardness"
+    )
+    dataset.write(stored, folder / "warned" / "study.nc")
+    return {name: folder / name / "study.nc" for name in ("scan", "sealing", "warned")}
+
+
+@pytest.fixture(scope="module")
+def scan_page(own: dict[str, Path]) -> str:
+    return report.to_html(report.assemble([own["warned"]]))
+
+
+def _text(html: str) -> str:
+    return " ".join(unescape(re.sub(r"<[^>]+>", " ", html)).split())
+
+
+def test_a_scan_gets_a_page_about_its_surface(own: dict[str, Path], scan_page: str) -> None:
+    text, stored = _text(scan_page), dataset.read(own["scan"])
+    assert "17 x 13" in text
+    assert "50 by 37.5 um" in text
+    assert f"Sq, root mean square height {run_facts.number(float(stored.Sq[0]))} um" in text
+    peak = float((stored.separation + stored.indentation)[0, 0])
+    assert f"Highest point above the mean plane over Sq {run_facts.number(peak)}" in text
+    assert "tilt" in text
+    assert f"{1 / (17 * 13):.2%} of the nodes, 1 node, filled" in text
+    assert "13.16 MPa" in text
+    assert Page(scan_page).wrong == []
+    assert Page(scan_page).images
+
+
+def test_a_scan_is_not_asked_about_the_paper(scan_page: str) -> None:
+    for words in ("not computed", "Does the paper hold", "claim-", "Verdicts"):
+        assert words not in scan_page
+    assert "Wear 336-337" in scan_page
+
+
+def test_the_table_of_states_has_the_stored_numbers(own: dict[str, Path]) -> None:
+    stored = dataset.read(own["scan"])
+    facts = run_facts.facts(report.assemble([own["scan"]]).runs[0])
+    states = next(table for table in facts.tables if table.title == "States")
+    columns = dict(zip(states.head, zip(*states.rows, strict=True), strict=True))
+    assert columns["p [kPa]"][-1] == run_facts.number(float(stored.nominal_pressure[0, -1]))
+    assert columns["A*"] == tuple(run_facts.number(float(value)) for value in stored.contact_area_fraction[0])
+    gap = float(stored.free_volume[0, -1] * stored.Sq[0])
+    assert columns["g_mean [um]"][-1] == run_facts.number(gap)
+    assert columns["open along x"][0] == "open"
+    assert columns["open along x"][-1] == "closed"
+
+
+def test_closing_lies_between_neighbouring_loads(own: dict[str, Path]) -> None:
+    stored = dataset.read(own["scan"])
+    facts = run_facts.facts(report.assemble([own["scan"]]).runs[0])
+    closing = next(table for table in facts.tables if table.title == run_facts.CLOSING)
+    for row, axis in zip(closing.rows, "xy", strict=True):
+        is_open = stored[f"percolates_{axis}"][0].values > 0
+        last = int(np.flatnonzero(is_open)[-1])
+        loads = stored.nominal_pressure[0].values
+        assert row[1:4] == (axis, run_facts.number(loads[last]), run_facts.number(loads[last + 1]))
+
+
+def test_warnings_are_shown_one_a_line(scan_page: str, own: dict[str, Path]) -> None:
+    assert "<li>the slope &lt;0.9&gt; is large</li><li>the pressure exceeds the hardness</li>" in scan_page
+    assert "Warnings" not in report.to_html(report.assemble([own["scan"]]))
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_a_study_of_ones_own_gets_its_facts_and_no_claims(own: dict[str, Path]) -> None:
+    text = _text(report.to_html(report.assemble([own["sealing"]])))
+    assert "4 generated surfaces, D = 2.2, 2.4, m = 4" in text
+    assert "Where it closes" in text
+    assert "not computed" not in text
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_runs_of_the_paper_and_scans_have_a_section_each(small_study: Path, own: dict[str, Path]) -> None:
+    both = report.assemble([small_study, own["scan"]], any_size=True)
+    html = report.to_html(both)
+    assert [run.name for run in both.own] == ["scan"]
+    assert "Does the paper hold?" in html
+    assert "<section class='run' id='run-1'>" in html
+    assert Page(html).wrong == []
+    assert dict(both.claims[2].refused) == {"scan": "heights from a file"}
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_each_row_names_its_run_and_those_refused(answered: report.Report, small_study: Path, tmp_path: Path) -> None:
+    dataset.write(dataset.read(small_study), tmp_path / "toy" / "study.nc")
+    refused = report.assemble([tmp_path / "toy" / "study.nc"])
+    assert not refused.computed
+    assert dict(refused.claims[2].refused)["toy"].startswith("D = 2.1, 2.3, 2.9, needs")
+    row = report.to_html(answered).split("href='#claim-3'")[1].split("</tr>")[0]
+    assert "data-head='Run'>small" in row
+    claim = dataclasses.replace(answered.claims[2], refused=(("toy", "m = 4, needs m >= 8; 1 surface"),))
+    some = dataclasses.replace(answered, claims=(claim,))
+    assert "<li>toy: m = 4, needs m &gt;= 8; 1 surface</li>" in report.to_html(some).split("</table>")[0]
+    assert "| toy: m = 4, needs m >= 8 |" in report.to_markdown(some)
+    assert json.loads(report.to_json(some))["claims"][0]["refused"] == dict(claim.refused)
+
+
+def test_facts_are_in_json_markdown_and_on_the_terminal(own: dict[str, Path]) -> None:
+    scan = report.assemble([own["warned"]])
+    assert json.loads(report.to_json(scan))["surfaces"][0]["surface"]["Nodes"].startswith("17 x 13")
+    markdown, lines = report.to_markdown(scan), report.summary(scan)
+    for table in re.findall(r"(?:^\|.*\n)+", markdown, flags=re.MULTILINE):
+        assert len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) == 1
+    for words in ("17 x 13", "the pressure exceeds the hardness", "Where it closes"):
+        assert words in markdown
+        assert words in lines
+    assert "not computed" not in markdown + lines
+
+
+def test_runs_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    paths = [
+        tmp_path / "a" / "scan" / "study.nc",
+        tmp_path / "b" / "scan" / "study.nc",
+        tmp_path / "other" / "study.nc",
+    ]
+    assert report_model.names_of(paths) == ["a/scan", "b/scan", "other"]
+
+
+# captions and narrow windows
+
+
+def test_every_figure_has_a_caption_of_its_own() -> None:
+    names = {*figure_cases.figures(), *THEORY, *tradeoff_figures.FIGURES}
+    assert names <= captions.CAPTIONS.keys()
+    for text in captions.CAPTIONS.values():
+        assert text.endswith(".")
+        assert max(len(sentence.split()) for sentence in re.split(r"[.;:] ", text)) <= 30
+    assert len(set(captions.CAPTIONS.values())) == len(captions.CAPTIONS)
+
+
+def test_captions_and_not_docstrings_are_shown(html: str) -> None:
+    assert captions.caption("fig09") in unescape(html)
+
+
+def test_a_single_surface_has_no_band_and_a_measured_one_no_D() -> None:
+    assert "band" in captions.caption("fig04a")
+    text = captions.caption("fig04a", surfaces=1, measured=True)
+    assert "band" not in text
+    assert "dimension D" not in text
+
+
+def test_tables_fit_a_phone(html: str) -> None:
+    """Every table scrolls in its own box, but for those that turn into cards, whose cells name their columns."""
+    for before, table in re.findall(r"(.{0,20})<table([^>]*)>", html):
+        assert "class='box'>" in before or "verdicts" in table
+    assert "table.verdicts td[data-head]::before" in html
+    assert html.count("data-head='Why'") == len(re.findall(r"<td class='n'>\d+</td><td><a", html))

@@ -415,7 +415,7 @@ def test_without_the_extra_files_of_instruments_are_refused_with_its_name(
         loads("surface: {file: scan.al3d}", tmp_path / "study.yaml")
     (problem,) = caught.value.problems
     assert (problem.key, problem.line) == ("surface.file", 1)
-    assert "must end in one of .npy .npz .txt .csv .asc .nc" in problem.message
+    assert "must end in one of .npy .npz .nc .txt .csv .xyz .dat .asc .tif .tiff" in problem.message
     assert "pip install 'roughvol[measured]'" in problem.message
 
 
@@ -450,7 +450,7 @@ BAD: dict[str, tuple[str, int, str, str]] = {
     "missing section": ("name: a", 1, "surface", "missing"),
     "missing key": ("name: a\nsurface:\n  m: 3", 2, "surface.D", "missing (fractal dimension"),
     "missing nu": (SURFACE + "material:\n  E: 3", 2, "material.nu", "missing (Poisson's ratio, -1 < nu <= 0.5)"),
-    "missing L": ("surface: {file: configs}", 1, "surface.L", "missing"),
+    "missing L": ("surface: {file: a.npy}", 1, "surface.L", "missing"),
     "twice": (SURFACE + "name: a\nname: b", 3, "name", "given twice, first in line 2"),
     "twice deep": ("surface:\n  D: 2.3\n  m: 4\n  D: 2.4", 4, "surface.D", "given twice, first in line 2"),
     "D": ("surface: {D: 3, m: 4}", 1, "surface.D", "must be < 3, given 3 (fractal dimension"),
@@ -584,10 +584,10 @@ BAD: dict[str, tuple[str, int, str, str]] = {
     ),
     "no file": ("surface: {file: nowhere.npy, L: 1}", 1, "surface.file", "there is no such file"),
     "file not there": ("surface: {file: a.asc, L: 1}", 1, "surface.file", "there is no such file"),
-    "no L, no size": ("surface: {file: a.asc}", 1, "surface.L", "missing, and the file does not tell it"),
+    "no L, no size": ("surface: {file: a.npy}", 1, "surface.L", "missing, and the file does not give it"),
     "level": ("surface: {file: a.asc, L: 1, level: plane}", 1, "surface.level", "must be 'none', 'mean', 'tilt' or"),
     "low pass": ("surface: {file: a.asc, L: 1, low_pass: 0}", 1, "surface.low_pass", "must be > 0"),
-    "low pass um": ("surface: {file: a.asc, L: 1, low_pass: 3 um}", 1, "surface.low_pass", "L has none: give both"),
+    "low pass um": ("surface: {file: a.npy, L: 1, low_pass: 3 um}", 1, "surface.low_pass", "L has none: give both"),
     "missing": ("surface: {file: a.asc, L: 1, missing: zero}", 1, "surface.missing", "must be 'refuse', 'nearest' or"),
     "unit": ("surface: {file: a.asc, L: 1, unit: kg}", 1, "surface.unit", "allowed: pm, angstrom, nm, um"),
     "against": ("surface: {file: a.asc, L: 1, against: b.asc}", 1, "surface.against", "must be a mapping"),
@@ -616,6 +616,14 @@ BAD: dict[str, tuple[str, int, str, str]] = {
         "that of the first body has none",
     ),
     "file with a null": ('surface: {file: "\\0.npy", L: 1}', 1, "surface.file", "there is no such file"),
+    "heights unit": (
+        "surface: {file: a.npy, L: 1, heights_unit: kg}",
+        1,
+        "surface.heights_unit",
+        "a unit of something",
+    ),
+    "columns": ("surface: {file: a.npy, L: 1, columns: xyz}", 1, "surface.columns", "must be 'heights'"),
+    "header": ("surface: {file: a.npy, L: 1, header: no}", 1, "surface.header", "must be 'ignore'"),
     "variable of npy": ("surface: {file: a.npy, L: 1, variable: z}", 1, "surface.variable", "leave 'variable' out"),
     "paper beyond m = 6": (
         "surface: {D: 2.3, m: [6,\n 7]}\nsolver: paper",
@@ -697,7 +705,7 @@ def test_one_mistake_is_one_problem() -> None:
     }
     several |= {"unknown key", "Sq of a file"}
     several |= {"no L, no size", "level", "low pass", "low pass um", "missing", "unit", "against", "mirror"}
-    several |= {"variable against"}  # and their files are not there
+    several |= {"variable against", "heights unit", "columns", "header"}  # and their files are not there
     for name, (text, *_) in BAD.items():
         assert len(problems_of(text)) == 1 or name in several, name
 

@@ -51,7 +51,8 @@ def _before(text: str) -> dict[str, Finding]:
 
 def _states(**values: list[float]) -> Dataset:
     """Make results of one surface from numbers."""
-    given = {"Sq": [1.0], "Sdq": [0.01]} | values
+    still = [0.0] * len(values["mean_pressure"])
+    given = {"Sq": [1.0], "Sdq": [0.01], "separation": still, "indentation": still} | values
     made = {name: (("case", "step"), np.array([value])) for name, value in given.items() if name not in ("Sq", "Sdq")}
     made |= {name: (("case",), np.array(given[name])) for name in ("Sq", "Sdq")}
     return xr.Dataset(made, coords={"L": 100.0})
@@ -338,3 +339,19 @@ def test_notes_of_others_come_first_and_nothing_twice() -> None:
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_no_shipped_study_is_known_to_leave_the_model_before_it_runs(path: Path) -> None:
     assert campaign.foreseen(campaign.load(path)) == []
+
+
+# Highest point
+
+
+@pytest.mark.parametrize(("cleaned", "word"), [("", "see surface.outliers"), (", outliers: {}", "taken out already")])
+def test_the_highest_point_of_a_scan_alone_is_judged(tmp_path: Path, cleaned: str, word: str) -> None:
+    np.save(tmp_path / "z.npy", np.zeros((4, 4)))
+    states = _states(mean_pressure=[0.1], contact_area_fraction=[0.1], separation=[4.0], indentation=[3.0])
+    scan = loads(f"surface: {{file: z.npy, L: 3{cleaned}}}", tmp_path / "study.yaml")
+    (found,) = (one for one in validity.after(validity.setting(scan), states) if one.key == "peak")
+    assert "7 Sq" in found.sentence
+    assert word in found.sentence
+    assert not [
+        one for one in validity.after(validity.setting(loads("surface: {D: 2.3, m: 3}")), states) if one.key == "peak"
+    ]

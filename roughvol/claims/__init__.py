@@ -1,9 +1,9 @@
 """The paper's claims as functions of datasets: numbers with intervals, criteria fixed in the code, a verdict by rule.
 
-``assess(runs)`` answers the 24 claims from whatever runs are given, ``READINGS`` what the ambiguous passages mean.
-`model` says how a verdict follows from checks, `evidence` how runs are chosen, `statistics` what an interval is; the
-claims stand in `surfaces`, `contact`, `resolution`, `morphology`, `theory` and `density`, each with its criterion
-argued in its docstring, and the second readings in `readings`.
+``assess(runs)`` answers the 24 claims from the runs that fit them, `readings` what the ambiguous passages mean.
+`model` says how a verdict follows from checks, `needs` which configuration a claim asks for, `evidence` how runs are
+chosen, `statistics` what an interval is. The claims are in `surfaces`, `contact`, `resolution`, `morphology`, `theory`
+and `density`, each with its criterion argued in its docstring, and the second readings in `readings`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = [
 MODULES = (surfaces, contact, resolution, morphology, theory, density)  # importing them registers their claims
 
 
-def assess(runs: Sequence[Run]) -> list[Claim]:
+def assess(evidence: Evidence | Sequence[Run]) -> list[Claim]:
     """Return every claim of the paper with its verdict, in the order of the checklist."""
-    evidence = Evidence(tuple(runs))
+    evidence = evidence if isinstance(evidence, Evidence) else Evidence(tuple(evidence))
     return [CLAIMS[id](evidence) for id in sorted(CLAIMS)]

@@ -16,7 +16,7 @@ from roughvol.claims.evidence import (
     PAPER_D,
     A,
     Array,
-    Evidence,
+    Given,
     Lacking,
     Outcome,
     P,
@@ -28,6 +28,7 @@ from roughvol.claims.evidence import (
     common,
 )
 from roughvol.claims.model import Check, above, below
+from roughvol.claims.needs import BY_D, BY_M, MANY
 
 EXPONENT, EXPONENT_ROUNDING = 0.37, 0.005  # Section 3.1, printed with two digits
 FAIR = 0.10  # of Persson's exponent: the paper calls its own distance of 0.07 "fair good agreement"
@@ -40,16 +41,17 @@ CLEAR = 0.05  # and that no reader would take for one line
     "A* falls with D at equal pressure",
     "Sec. 3.1, Fig. 4a",
     "The larger D, the smaller the real contact area at the same pressure (10 surfaces each, m = 8).",
+    needs=BY_D.of(A, P),
     figures=("fig04a",),
 )
-def area_falls_with_D(evidence: Evidence) -> Outcome:
+def area_falls_with_D(given: Given) -> Outcome:
     """Compare A*/p*, the slope of the line through the origin over the pressures that all surfaces reach.
 
     Surfaces of equal seed are a matched pair. Met if the interval of the ratio of their slopes lies below 1 for every
     pair of neighbouring D; essential, because the sentence says "the larger". A* itself is compared at half and
     at the whole of the common range, where a line through the origin could hide a crossing.
     """
-    run = evidence.pick(A, P, by="D")
+    run = given.run()
     m = max(run.m)
     slopes, limit = area_slopes(run, run.D, [m])
     checks, numbers = [], []
@@ -82,9 +84,10 @@ def _at_pressure(run: Run, D: float, m: int, pressure: float) -> Array:
     "A*/p* ~ δ^0.37",
     "Sec. 3.1, Fig. 4b",
     "A*(p*) depends on the resolution; A*/p* ~ δ^0.37 at D = 2.3, in fair agreement with Persson's 0.30.",
+    needs=BY_M.of(A, P),
     figures=("fig04b", "readings_exponent"),
 )
-def area_exponent(evidence: Evidence) -> Outcome:
+def area_exponent(given: Given) -> Outcome:
     """Fit n, the slope of log(A*/p*) over log δ at the four finest m, for each surface; A*/p* as in Fig. 4b.
 
     Three questions. Does A*/p* fall with refinement: the interval of n lies above 0 (essential). Is it 0.37: the
@@ -92,7 +95,7 @@ def area_exponent(evidence: Evidence) -> Outcome:
     Persson's D - 2 a fair prediction: the mean n is within 0.10 of it (the paper calls 0.07 "fair good"; not
     essential, because it judges another theory). n over the two finest m is given beside it, to show the fit range.
     """
-    run = evidence.pick(A, P, by="m", D=PAPER_D)
+    run = given.run()
     each, limit, used = exponents(run, PAPER_D, 4)
     name = f"n at m = {used[0]} to {used[-1]}, p* ≤ {limit:.2f}"
     number = statistics.mean("exponent", name, each)
@@ -132,9 +135,10 @@ def exponents(run: Run, D: float, finest: int) -> tuple[Array, float, list[int]]
     "V* = d/σ only far away",
     "Sec. 3.1, Fig. 5",
     "V* = d/σ holds only for d/σ ≳ 3; below, the two differ and V* depends on D (D = 2.1 and 2.9).",
+    needs=BY_D.of(V, P, D_SIGMA, D=(2.1, 2.9)),
     figures=("fig05", "theory_separation"),
 )
-def separation_is_not_volume(evidence: Evidence) -> Outcome:
+def separation_is_not_volume(given: Given) -> Outcome:
     """Take d as the rigid far-field separation: with that of the deformed mean plane V* = d/σ is an identity.
 
     "Holds" means a departure V*σ/d - 1 below 2 % (one line on paper) in the mean over surfaces at d/σ = 3, for
@@ -142,7 +146,7 @@ def separation_is_not_volume(evidence: Evidence) -> Outcome:
     departure above 5 % at d/σ = 1, for each D, with the whole interval. "Depends on D" means that the interval of
     the matched difference of V* between the largest and the smallest D lies above 0 at d/σ = 1 and at 0.
     """
-    run = evidence.pick(V, D_SIGMA, by="D")
+    run = given.run()
     m, ends = max(run.m), (run.D[0], run.D[-1])
     departure = {D: _departures(run, D, m, np.array([0.0, 0.5, 1.0, 2.0, 3.0])) for D in ends}
     checks, numbers = [], []
@@ -224,9 +228,10 @@ def scatter(curves: NDArray[np.float64], seeds: NDArray[np.intp]) -> float:
     "V*(p*) depends strongly on D",
     "Sec. 3.1, Fig. 6a; Conclusion",
     "The relation between V* and p* is significantly affected by D: larger D, larger V* at equal pressure.",
+    needs=BY_D.of(V, P),
     figures=("fig06a",),
 )
-def volume_at_pressure(evidence: Evidence) -> Outcome:
+def volume_at_pressure(given: Given) -> Outcome:
     """Measure the band between the lowest and the highest mean curve, over the mean, averaged along p*.
 
     The natural unit for "significantly" is the scatter between surfaces of one D (± one standard deviation): a band
@@ -234,7 +239,7 @@ def volume_at_pressure(evidence: Evidence) -> Outcome:
     That V* rises with D at equal p* must hold, at the middle and at the end of the common range, for every pair of
     neighbouring D (interval of the matched difference above 0; essential at the end).
     """
-    run = evidence.pick(V, P, by="D")
+    run = given.run()
     m = max(run.m)
     curves, grid = band(run, P, run.D, m)
     if run.seeds < 2:
@@ -265,9 +270,10 @@ def volume_at_pressure(evidence: Evidence) -> Outcome:
     "V*(A*) almost independent of D",
     "Sec. 3.1, Fig. 6b",
     "The relation between V* and A* is almost independent of D: all curves lie in a relatively narrow band.",
+    needs={"": BY_D.of(V, A, P), "many": MANY.of(V, A, P, by="D", optional=True)},
     figures=("fig06b",),
 )
-def volume_at_area(evidence: Evidence) -> Outcome:
+def volume_at_area(given: Given) -> Outcome:
     """Measure the band of claim 6 along A*, over the areas that all surfaces reach.
 
     "Relatively narrow": narrower than the band of V*(p*) of the same surfaces, the whole bootstrap interval of the
@@ -275,7 +281,7 @@ def volume_at_area(evidence: Evidence) -> Outcome:
     of one D, the whole interval of band/scatter below 1 (essential: what is wider than the scatter is a dependence).
     A run of more surfaces, where there is one, is asked the same at its finest m (other: it is not the paper's m = 8).
     """
-    run = evidence.pick(V, A, P, by="D")
+    run = given.run()
     if run.seeds < 2:
         message = "several surfaces of each D"
         raise Lacking(message)
@@ -303,7 +309,7 @@ def volume_at_area(evidence: Evidence) -> Outcome:
         for key, k, value in (("first", 0, ends[0]), ("last", -1, ends[1]))
     ]
     more, sources = [], [run]
-    for other in [each for each in evidence.find(V, A, P, by="D") if each.seeds > run.seeds and len(each.D) > 2][:1]:
+    for other in [each for each in given.runs("many") if each.seeds > run.seeds and len(each.D) > 2][:1]:
         curves, _ = band(other, A, other.D, max(other.m))
         many = statistics.bootstrap(
             "band_over_scatter_many",

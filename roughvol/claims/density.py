@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from roughvol.claims import statistics
-from roughvol.claims.evidence import PAPER_D, PAPER_M, Array, Evidence, Lacking, Outcome, Run, V, claim, nearest
+from roughvol.claims.evidence import PAPER_D, PAPER_M, Array, Given, Lacking, Outcome, Run, V, claim, nearest
 from roughvol.claims.model import Check, above, below
+from roughvol.claims.needs import BY_D, BY_M, DENSITY, MANY
 
 F, EDGES = "volume_density", "volume_density_edges"
 FULCRUM = 0.10  # spread of f(1) over D, relative: "almost independent"
@@ -45,9 +46,10 @@ def pooled(f: Array, edges: Array, bins: int) -> tuple[Array, Array]:
     "Sec. 4, Fig. 12a",
     "At d = 0 and m = 7, f(v) decreases about linearly; lower D is steeper with a smaller v_max; f(1) is almost "
     "independent of D.",
+    needs=BY_D.of(F, EDGES, finest=PAPER_M, m=(PAPER_M,), **DENSITY),
     figures=("fig12a", "readings_fulcrum"),
 )
-def density_by_D(evidence: Evidence) -> Outcome:
+def density_by_D(given: Given) -> Outcome:
     """Pool f of all surfaces of one D on ten bins up to its v_max, in which sampling noise is small.
 
     Decreasing: the rank correlation of f with v is below -0.9 for every D (essential), and the largest f is in the
@@ -56,7 +58,7 @@ def density_by_D(evidence: Evidence) -> Outcome:
     the slopes of f (least-squares line of each surface) below 1, for every pair of neighbouring D (essential). Fulcrum:
     the means of f(1) over D spread by less than 10 % of their mean (essential: "almost independent").
     """
-    run = evidence.pick(F, EDGES, by="D")
+    run = given.run()
     m = int(nearest(run.m, PAPER_M))
     checks, numbers = [], []
     data = {D: densities(run, D, m) for D in run.D}
@@ -141,11 +143,12 @@ def best_fulcrum(data: dict[float, tuple[Array, Array]]) -> tuple[float, float]:
     "V* at d = 0 shrinks as D does",
     "Sec. 4",
     "At the maximum indentation V* diminishes by reducing D.",
+    needs=BY_D.of(V),
     figures=("fig06a", "seeds"),
 )
-def volume_shrinks(evidence: Evidence) -> Outcome:
+def volume_shrinks(given: Given) -> Outcome:
     """Compare matched pairs of surfaces at the last step: the interval of V*(D') - V*(D) lies above 0."""
-    run = evidence.pick(V, by="D")
+    run = given.run()
     m = max(run.m)
     checks = []
     for low, high in pairwise(run.D):
@@ -178,16 +181,17 @@ def moments(run: Run, D: float) -> dict[int, tuple[Array, Array, Array]]:
     "f(v) by m: a shift over decades along a line of slope -1",
     "Sec. 4, Fig. 12b",
     "For m = 3 to 8 f and v_max shift by up to 4 orders of magnitude; the means (v, f) lie on a line of slope -1.",
+    needs=BY_M.of(F, EDGES, **DENSITY),
     figures=("fig12b",),
 )
-def density_by_m(evidence: Evidence) -> Outcome:
+def density_by_m(given: Given) -> Outcome:
     """Fit to every surface the least-squares line through (log v̄, log f̄) over all m; f̄ is the mean of f over its bins.
 
     Slope -1: the mean is within 0.05 of it (essential; two digits would be 0.005, but a line "provides" the slope by
     an argument, not by a fit). Four orders: the larger of the shifts of v_max and of f̄ between the smallest
     and the largest m rounds to 4 (3.5 to 4.5 decades; other, "up to").
     """
-    run = evidence.pick(F, EDGES, by="m", D=PAPER_D)
+    run = given.run()
     found = moments(run, PAPER_D)
     v, f, largest = (np.log10([found[m][k] for m in run.m]) for k in range(3))
     slope = statistics.mean(
@@ -215,9 +219,13 @@ def density_by_m(evidence: Evidence) -> Outcome:
     "A shift of 0.7 per m, since v̄ ~ (L/2^m)^D",
     "Sec. 4",
     "The mean volume goes as (L/2^m)^D: log v̄ shifts by 0.7 per m, close to the observed log 8 - log 2 = 0.6.",
+    needs={
+        "": BY_M.of(F, EDGES, **DENSITY),
+        "wide": MANY.of(V, by="D", D=(2.1, 2.9), m=(5, 6, 7), seeds=10, optional=True),
+    },
     figures=("shift",),
 )
-def shift_per_m(evidence: Evidence) -> Outcome:
+def shift_per_m(given: Given) -> Outcome:
     """Fit the exponent q of v̄ ~ (L/2^m)^q, from the slope of log v̄ over m of every surface, all m.
 
     Met if the interval of q contains D = 2.3 (essential). The observed 0.6 is met if the mean shift per m rounds to it
@@ -225,7 +233,7 @@ def shift_per_m(evidence: Evidence) -> Outcome:
     the law is tested where it must differ most: q at the largest and the smallest D, to be told apart by their D
     (essential if there is such a run).
     """
-    run = evidence.pick(F, EDGES, by="m", D=PAPER_D)
+    run = given.run()
     found = moments(run, PAPER_D)
     logs = np.log10([found[m][0] for m in run.m])
     shifts = -np.array([statistics.slope(run.m, row) for row in logs.T])
@@ -236,7 +244,7 @@ def shift_per_m(evidence: Evidence) -> Outcome:
         Check("the shift rounds to 0.6", round(shift.value, 1) == 0.6, shift, essential=False),
     ]
     sources, other = [run], ""
-    for wide in [each for each in evidence.find(V, by="D") if len(each.m) > 2][:1]:
+    for wide in [each for each in given.runs("wide") if len(each.m) > 2][:1]:
         powers = [mean_volume_exponents(wide, D) for D in (wide.D[0], wide.D[-1])]
         number = statistics.mean("difference", f"q(D = {wide.D[-1]:g}) - q(D = {wide.D[0]:g})", powers[1] - powers[0])
         expected = wide.D[-1] - wide.D[0]
@@ -266,16 +274,17 @@ def mean_volume_exponents(run: Run, D: float) -> Array:
     "V* at d = 0 decays with m",
     "Sec. 4",
     "Increasing m, the net result of the integration is a decay of V* (at the maximum contact).",
+    needs=BY_M.of(V),
     figures=("volume_by_m",),
 )
-def volume_decays(evidence: Evidence) -> Outcome:
+def volume_decays(given: Given) -> Outcome:
     """Fit a line to V* at the last step over m, for every surface.
 
     Essential: the paper's own sum, V/(L²σ) over (2^m + 1)² elements of side δ, decays (interval of the slope below 0);
     that sum covers more than L² and carries a factor (1 + 2^-m)² of its own. Other: the decay is still there
     without that factor, as a mean over the elements; and over the four finest m alone, where the factor has gone.
     """
-    run = evidence.pick(V, by="m", D=PAPER_D)
+    run = given.run()
     if len(run.m) < 3:
         message = "three m at least"
         raise Lacking(message)

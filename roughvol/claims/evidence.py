@@ -1,22 +1,24 @@
-"""What a claim is answered from: the runs given, chosen by what they hold and never by their names.
+"""What a claim is answered from: the runs given, chosen by what they are and never by their names.
 
-A claim asks for variables, for a comparison (of D or of m), for a midpoint law and for the plane the sweep ends on; of
-the runs that have these, the one with the most values compared is taken, then the one of the finest lattice, then the
-one of the most surfaces. So a report of two small runs follows the same rules as that of the whole paper.
+A claim declares the configuration it needs (`needs`). Of the runs that have it, the one with the most values compared
+is taken, then the one of the finest lattice, then the one of the most surfaces; all others are refused with a reason.
 """
 
 from __future__ import annotations
 
-import functools
 import inspect
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.claims.model import Check, Claim, Number
+from roughvol.claims.needs import PAPER_D as PAPER_D
+from roughvol.claims.needs import PAPER_M as PAPER_M
+from roughvol.claims.needs import Needs, fit, refusals
 from roughvol.errors import RoughvolError, StudyError
 from roughvol.physics.surface import Surface, random_midpoint_displacement
 from roughvol.study import GeneratedSurface, Study, loads
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
-PAPER_D, PAPER_M = 2.3, 7  # the paper's single surface, Figs. 4b and 7 to 12b
 GRID = 20  # points of a common axis on which curves are compared
 
 
@@ -66,6 +67,37 @@ class Run:
     def end(self) -> str:
         """Where the sweep ends, empty where nothing was pressed."""
         return self.study.sweep.target.label if self.study and self.study.sweep.steps else ""
+
+    @property
+    def origin(self) -> str:
+        """Where the heights come from if they were not made, empty if they were."""
+        if self.generated is not None:
+            return ""
+        return "heights from a file" if "case" in self.dataset.dims else "its study cannot be read again"
+
+    @property
+    def steps(self) -> int:
+        """Steps of the sweep, 0 where nothing was pressed."""
+        return self.study.sweep.steps if self.study else int(self.dataset.sizes.get("step", 0))
+
+    @property
+    def rtol(self) -> float:
+        """Largest residual η/σ that the solver was allowed to leave."""
+        return self.study.solver.tolerance if self.study else math.inf
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the heights were scaled to an Sq that the study names."""
+        return self.generated is not None and self.generated.height is not None
+
+    @property
+    def shallowest(self) -> float:
+        """Largest d/σ of a last state."""
+        return float(self.dataset[D_SIGMA].isel(step=-1).max()) if D_SIGMA in self.dataset else math.inf
+
+    def computed(self, *, D: float, m: int) -> int:
+        """Return how many surfaces of one D and m are stored."""
+        return int(self.dataset["Sq"].sel(D=D, m=m).notnull().sum())
 
     @property
     def L(self) -> float:
@@ -109,14 +141,40 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """All runs of a report."""
+    """All runs of a report; with ``any_size`` small ones count as well, for trials and not for verdicts."""
 
     runs: tuple[Run, ...]
+    any_size: bool = False
+
+    def fit(self, needs: Needs) -> list[Run]:
+        """Return the runs that are what is needed, the best first (see the module's docstring)."""
+        return fit(self._asked(needs), self.runs)
+
+    def refusals(self, *needs: Needs) -> dict[str, str]:
+        """Return why each run that fits none of several needs is refused, by its name."""
+        return refusals([self._asked(each) for each in needs], self.runs)
+
+    def _asked(self, needs: Needs) -> Needs:
+        return needs.relaxed() if self.any_size else needs
+
+    def best(self, needs: Needs) -> Run:
+        """Return the best of `fit`.
+
+        Raises
+        ------
+        Lacking
+            If there is none.
+        """
+        found = self.fit(needs)
+        if found:
+            return found[0]
+        message = f"no run with {needs}"
+        raise Lacking(message)
 
     def find(
         self, *needs: str, by: str = "", law: str = "std", end: str | None = "mean-plane", D: float | None = None
     ) -> list[Run]:
-        """Return the runs that have what is asked for, the best first (see the module's docstring).
+        """Return the runs of any size that hold what is asked for, the best first.
 
         Parameters
         ----------
@@ -129,16 +187,7 @@ class Evidence:
         D : float, optional
             A dimension that must be among those of the run.
         """
-        found = []
-        for run in self.runs:
-            if run.generated is None or run.law != law or (end is not None and run.end != end):
-                continue
-            if any(name not in run.dataset for name in needs) or (by and run.dataset.sizes[by] < 2):
-                continue
-            if D is None or any(abs(D - each) < 1e-9 for each in run.D):
-                found.append(run)
-        compared: Callable[[Run], int] = lambda run: run.dataset.sizes[by] if by else 0  # noqa: E731
-        return sorted(found, key=lambda run: (compared(run), max(run.m), run.seeds), reverse=True)
+        return self.fit(_any_size(needs, by, law, end, D))
 
     def pick(
         self, *needs: str, by: str = "", law: str = "std", end: str | None = "mean-plane", D: float | None = None
@@ -150,14 +199,36 @@ class Evidence:
         Lacking
             If there is none.
         """
-        found = self.find(*needs, by=by, law=law, end=end, D=D)
-        if found:
-            return found[0]
-        wants = [f"{', '.join(needs)}" if needs else "surfaces", f"midpoint law {law}"]
-        wants += [f"several {by}"] * bool(by) + [f"a sweep to {end}"] * bool(end)
-        wants += [] if D is None else [f"D = {D:g}"]
-        message = f"no run with {', '.join(wants)}"
+        return self.best(_any_size(needs, by, law, end, D))
+
+
+def _any_size(holds: tuple[str, ...], by: str, law: str, end: str | None, D: float | None) -> Needs:
+    return Needs(holds, by=by, law=law, ends=() if end is None else (end,), D=() if D is None else (D,))
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """The runs that fit a claim, by what they serve for, the best of each first."""
+
+    needs: Mapping[str, Needs]
+    fit: Mapping[str, Sequence[Run]]
+
+    def run(self, use: str = "") -> Run:
+        """Return the best run for a use.
+
+        Raises
+        ------
+        Lacking
+            If there is none.
+        """
+        if self.fit[use]:
+            return self.fit[use][0]
+        message = f"no run with {self.needs[use]}"
         raise Lacking(message)
+
+    def runs(self, use: str = "") -> list[Run]:
+        """Return all runs for a use, the best first."""
+        return list(self.fit[use])
 
 
 @dataclass(frozen=True)
@@ -170,30 +241,64 @@ class Outcome:
     numbers: Sequence[Number] = ()
 
 
-Answer = Callable[[Evidence], Outcome]
-CLAIMS: dict[int, Callable[[Evidence], Claim]] = {}
+Answer = Callable[[Given], Outcome]
+
+
+@dataclass(frozen=True)
+class Question:
+    """A claim of the paper, what it needs of a run for each use it makes of one, and the function that answers it."""
+
+    id: int
+    title: str
+    place: str
+    sentence: str
+    needs: Mapping[str, Needs]
+    answer: Answer
+    figures: tuple[str, ...] = ()
+
+    @property
+    def method(self) -> str:
+        """How it is judged: the docstring of the function, shown beside the verdict."""
+        return inspect.getdoc(self.answer) or ""
+
+    def given(self, evidence: Evidence) -> Given:
+        """Return the runs that fit."""
+        return Given(self.needs, {use: evidence.fit(needs) for use, needs in self.needs.items()})
+
+    def __call__(self, evidence: Evidence) -> Claim:
+        """Return the claim with what was found, or with what no run has; every run refused is named."""
+        refused = tuple(evidence.refusals(*self.needs.values()).items())
+        names = ("id", "title", "place", "sentence", "method", "figures")
+        claim = Claim(**{name: getattr(self, name) for name in names}, refused=refused)
+        try:
+            found = self.answer(self.given(evidence))
+        except Lacking as lacking:
+            return replace(claim, lacking=str(lacking), why=f"Not computed: {lacking}.")
+        checks = tuple(check.tested() for check in found.checks)
+        source = tuple(dict.fromkeys(run.name for run in found.source))
+        claim = replace(claim, checks=checks, numbers=tuple(found.numbers), source=source, why=found.why)
+        if lacking_ := claim.untested:
+            return replace(claim, lacking=lacking_, why=f"Not computed: {lacking_}.")
+        return claim
+
+
+CLAIMS: dict[int, Question] = {}
 
 
 def claim(
-    id: int, title: str, place: str, sentence: str, *, figures: tuple[str, ...] = ()
+    id: int,
+    title: str,
+    place: str,
+    sentence: str,
+    *,
+    needs: Needs | Mapping[str, Needs],
+    figures: tuple[str, ...] = (),
 ) -> Callable[[Answer], Answer]:
-    """Register the function that answers a claim; its docstring is the method shown beside the verdict."""
+    """Register the function that answers a claim, with the configuration it needs."""
 
     def register(answer: Answer) -> Answer:
-        @functools.wraps(answer)
-        def claimed(evidence: Evidence) -> Claim:
-            claimed = Claim(id, title, place, sentence, method=inspect.getdoc(answer) or "", figures=figures)
-            fixed = {name: getattr(claimed, name) for name in ("id", "title", "place", "sentence", "method", "figures")}
-            try:
-                found = answer(evidence)
-            except Lacking as lacking:
-                return Claim(**fixed, lacking=str(lacking), why=f"Not computed: {lacking}.")
-            source = tuple(dict.fromkeys(run.name for run in found.source))
-            return Claim(
-                **fixed, checks=tuple(found.checks), numbers=tuple(found.numbers), why=found.why, source=source
-            )
-
-        CLAIMS[id] = claimed
+        uses = {"": needs} if isinstance(needs, Needs) else dict(needs)
+        CLAIMS[id] = Question(id, title, place, sentence, uses, answer, figures)
         return answer
 
     return register

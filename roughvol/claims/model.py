@@ -5,7 +5,7 @@ The verdict is never written down, it follows from the checks:
 * **holds**: every check is met;
 * **holds with a qualification**: no essential check fails, but some other does, or some check is undecided;
 * **does not hold**: an essential check fails;
-* **not computed**: the datasets lack what an essential check needs.
+* **not computed**: the datasets lack what an essential check needs, or they decide no essential check.
 
 A check of a number against a limit is met if the whole interval lies on the right side, fails if the whole interval
 lies on the wrong side, and is undecided if the interval contains the limit: too few surfaces prove nothing either way.
@@ -17,7 +17,7 @@ reaches: the literal wording where another reading is the default, or the adverb
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 HOLDS = "holds"
@@ -64,13 +64,23 @@ class Check:
     number: Number | None = None
     essential: bool = True
 
+    @property
+    def has_value(self) -> bool:
+        """Whether there was anything to test: a number that is one, or a criterion that needs none."""
+        return self.number is None or math.isfinite(self.number.value)
+
+    def tested(self) -> Check:
+        """Return the check, undecided where its number has no value: nothing was tested then."""
+        return self if self.has_value else replace(self, met=None)
+
 
 @dataclass(frozen=True)
 class Claim:
     """A sentence of the paper beside what was computed.
 
-    ``source`` names the runs that were used, ``method`` how the numbers and the criteria were chosen, ``why`` is the
-    one sentence that goes with the verdict, ``lacking`` what the datasets did not have.
+    ``source`` names the runs that were used, ``refused`` those that were not, each with its reason. ``method`` says how
+    the numbers and the criteria were chosen, ``why`` is the one sentence that goes with the verdict, ``lacking`` names
+    what the datasets did not have.
     """
 
     id: int
@@ -84,11 +94,23 @@ class Claim:
     source: tuple[str, ...] = ()
     figures: tuple[str, ...] = ()
     lacking: str = ""
+    refused: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def untested(self) -> str:
+        """What keeps the essential checks from deciding anything, empty if nothing does."""
+        essential = [check for check in self.checks if check.essential]
+        for check in essential:
+            if not check.has_value:
+                return f'no value for the criterion "{check.criterion}"'
+        if essential and all(check.met is None for check in essential):
+            return "the 95 % interval of every essential criterion contains its limit, more surfaces are needed"
+        return ""
 
     @property
     def verdict(self) -> str:
         """One of `VERDICTS`, by the rule of the module."""
-        if self.lacking or not any(check.essential for check in self.checks):
+        if self.lacking or self.untested or not any(check.essential for check in self.checks):
             return ABSENT
         if any(check.met is False for check in self.checks if check.essential):
             return FAILS
@@ -144,7 +166,7 @@ def plain(thing: Any) -> Any:
         fields = ("id", "title", "place", "sentence", "verdict", "why", "method", "lacking")
         data = {name: getattr(thing, name) for name in fields}
         data |= {"checks": plain(thing.checks), "numbers": plain(tuple(thing.all_numbers.values()))}
-        return data | {"source": list(thing.source), "figures": list(thing.figures)}
+        return data | {"source": list(thing.source), "refused": dict(thing.refused), "figures": list(thing.figures)}
     if isinstance(thing, Check):
         key = thing.number.key if thing.number else None
         return {"criterion": thing.criterion, "met": thing.met, "essential": thing.essential, "number": key}

@@ -16,7 +16,7 @@ from roughvol.claims.evidence import (
     PAPER_M,
     A,
     Array,
-    Evidence,
+    Given,
     Lacking,
     Outcome,
     P,
@@ -26,6 +26,7 @@ from roughvol.claims.evidence import (
     nearest,
 )
 from roughvol.claims.model import Check, Number, above, below
+from roughvol.claims.needs import BOXES, BY_D, FIELD, ONE_D
 from roughvol.physics.freevolume import domain, element_volumes, free_volume
 
 PAPER_A = 0.1  # the contact area of Figs. 8 to 11
@@ -72,15 +73,16 @@ def field(run: Run) -> Field:
     "Sec. 3.2, Fig. 8",
     "The undeformed surface (D = 2.3, m = 7) and its deformed shape at a contact area fraction of about 0.1, in the "
     "loading of Sec. 3.",
+    needs={"": FIELD, "sweep": ONE_D.of(A, m=(PAPER_M,), finest=PAPER_M, optional=True)},
     figures=("fig08",),
 )
-def deformed_surface(evidence: Evidence) -> Outcome:
+def deformed_surface(given: Given) -> Outcome:
     """Ask that the state exists (essential): A* within 0.005 of 0.1, the contact on the plane and nothing beyond it.
 
     Whether the loading described gets there is the other question. The figure shows one surface, so the interval in
     which A* of one surface falls at the end of the sweep to the mean plane must reach 0.1 within one digit (0.095).
     """
-    run = evidence.pick("gap", end=None)
+    run = given.run()
     state = field(run)
     number = statistics.exact("area", "A* of the recorded state", state.numbers[A])
     lowest = statistics.exact("lowest_gap", "smallest gap over σ", float(state.gap.min()))
@@ -94,7 +96,7 @@ def deformed_surface(evidence: Evidence) -> Outcome:
         statistics.exact("pressure", "p* there", state.numbers[P]),
     ]
     sources, reached = [run], ""
-    for sweep in evidence.find(A, D=PAPER_D)[:1]:
+    for sweep in given.runs("sweep")[:1]:
         m = int(nearest(sweep.m, PAPER_M))
         end = statistics.single(
             "area_end", f"A* of one surface on the mean plane, D = {PAPER_D:g}, m = {m}", sweep.last(A, D=PAPER_D, m=m)
@@ -115,9 +117,10 @@ def deformed_surface(evidence: Evidence) -> Outcome:
     "The map of the free volumes",
     "Sec. 3.2, Fig. 9",
     "The free volume of each element: zero in contact, largest in the deep valleys; V = Σ v.",
+    needs=FIELD,
     figures=("fig09",),
 )
-def volume_map(evidence: Evidence) -> Outcome:
+def volume_map(given: Given) -> Outcome:
     """Ask that the sum of the map is the stored V* within the residual of the solver, η/σ = 10⁻⁶.
 
     (The map has gap 0 exactly in contact, where the solution leaves up to η.)
@@ -125,7 +128,7 @@ def volume_map(evidence: Evidence) -> Outcome:
     "Depends on the amplitude of the valleys": the rank correlation of v with the depth of the undeformed surface over
     the open elements is above 0.9 (what is left is the elastic displacement, which varies slowly).
     """
-    run = evidence.pick("gap", end=None)
+    run = given.run()
     state = field(run)
     total = abs(free_volume(state.gap, 1.0) - state.numbers[V])
     depth = state.heights.max() - state.heights
@@ -149,11 +152,12 @@ def volume_map(evidence: Evidence) -> Outcome:
     "Domains v ≤ v_th",
     "Sec. 3.2, Fig. 10",
     "The domain v ≤ v_th is the contact for v_th = 0, grows with v_th, and is everything for v_th = max v.",
+    needs=FIELD,
     figures=("fig10",),
 )
-def domains(evidence: Evidence) -> Outcome:
+def domains(given: Given) -> Outcome:
     """Check set theory on the recorded field at 0, 0.1, 0.25, 0.5 and 1 of max v: exact or not."""
-    run = evidence.pick("gap", end=None)
+    run = given.run()
     state = field(run)
     shares = (0.0, 0.1, 0.25, 0.5, 1.0)
     black = [domain(state.volumes, share * state.volumes.max(), state.contact) for share in shares]
@@ -214,15 +218,16 @@ def fitted_dimension(r: NDArray[np.int64], counts: Array) -> Array:
     "Box-counting curves are nearly straight",
     "Sec. 3.2, Fig. 11a",
     "log N over log r is close to a straight line for every threshold, which suggests a power law.",
+    needs=BOXES.of("box_count", states=(("box_at", "contact_area=0.1"), ("box_at", "pressure=1.2"))),
     figures=("fig11a",),
 )
-def straight_box_counts(evidence: Evidence) -> Outcome:
+def straight_box_counts(given: Given) -> Outcome:
     """Call a curve straight on paper if R² of the line through all box sides is above 0.99 (mean over surfaces).
 
     R² is kind to monotonous curves in logarithms, so a power law asks for more: the local dimensions of one curve, over
     the sides r = 1 … 2^m/4, differ by less than 0.1 (interval; other, because the paper says "close to").
     """
-    run = evidence.pick("box_count", end=None)
+    run = given.run()
     D, m, label = state_of_boxes(run)
     r, counts = boxes(run, D, m, label)
     logs, used = np.log(counts), r <= max(r[-1] // 4, 2)
@@ -258,9 +263,10 @@ def straight_box_counts(evidence: Evidence) -> Outcome:
     "Sec. 3.2, Fig. 11b",
     "The local dimension depends on r; that of the contact is below 2, that of v_th = max v is 2, and these two bound "
     "the others.",
+    needs=BOXES.of("box_count", states=(("box_at", "contact_area=0.1"), ("box_at", "pressure=1.2"))),
     figures=("fig11b",),
 )
-def bounds_of_dimension(evidence: Evidence) -> Outcome:
+def bounds_of_dimension(given: Given) -> Outcome:
     """Test four statements, each essential.
 
     "Depends on r": the local dimension of the contact ranges over more than 0.1. "Below 2": the whole interval of
@@ -268,7 +274,7 @@ def bounds_of_dimension(evidence: Evidence) -> Outcome:
     of neighbouring thresholds (interval of the matched difference not below 0). Whether the bounds hold at every r
     and not only for the fit is the other check, made at every state that was box-counted.
     """
-    run = evidence.pick("box_count", end=None)
+    run = given.run()
     D, m, label = state_of_boxes(run)
     r, counts = boxes(run, D, m, label)
     thresholds = run.dataset["threshold"].values.tolist()
@@ -320,16 +326,17 @@ def bounds_of_dimension(evidence: Evidence) -> Outcome:
     "The dimension of the contact rises with p* and falls with D",
     "Sec. 3.2",
     "The fractal dimension of the contact area increases with the pressure and decreases with D.",
+    needs=BOXES.of("box_count", by="D", D=BY_D.D, states=(("box_at", "pressure=0.3"), ("box_at", "pressure=2.4"))),
     figures=("theory_dimension",),
 )
-def contact_dimension(evidence: Evidence) -> Outcome:
+def contact_dimension(given: Given) -> Outcome:
     """Fit the dimension over r = 1 … 2^m/4, at states of equal pressure, on matched surfaces.
 
     "Rises": from the lowest to the highest pressure recorded, for every D. "Falls with D": between neighbouring D, at
     every pressure. Intervals of matched differences exclude 0; both essential. At equal *area* the same comparison
     of D tells whether the dimension falls with D by itself, or only because the area does (other).
     """
-    run = evidence.pick("box_count", by="D", end=None)
+    run = given.run()
     m = max(run.m)
     labels = run.dataset["box_at"].values.tolist()
     dimension = {(D, label): fitted_dimension(*_contact(run, D, m, label)) for D in run.D for label in labels}

@@ -14,9 +14,25 @@ from roughvol.claims.density import EDGES, FULCRUM, F, densities, fulcrum, momen
 from roughvol.claims.evidence import D_SIGMA, PAPER_D, PAPER_M, A, Evidence, Lacking, P, Run, V, at, nearest
 from roughvol.claims.model import Number, Reading, Row, above, below
 from roughvol.claims.morphology import PAPER_A, REACHED, field
+from roughvol.claims.needs import BY_D, BY_M, DENSITY, FIELD, ONE_D
 from roughvol.claims.theory import BINS, CLOSE, KINDS, estimates
 
 SMALL_AMPLITUDE = (0.09**-0.25) / (0.09**-0.5)  # initial variance 1/√0.09, over the default standard deviation 1/√0.09
+
+_DENSITY_BY_D = BY_D.of(F, EDGES, finest=PAPER_M, m=(PAPER_M,), **DENSITY)
+_DENSITY_BY_M = BY_M.of(F, EDGES, m=(5, 6, 7), **DENSITY)
+SERVES = (  # every configuration that a reading asks for
+    *(BY_M.of(A, P, law=law) for law in ("std", "variance")),
+    *(_DENSITY_BY_M.of(F, EDGES, law=law) for law in ("std", "variance")),
+    _DENSITY_BY_M.of(F, EDGES, ends=("summit-plane",)),
+    *(_DENSITY_BY_D.of(F, EDGES, law=law) for law in ("std", "variance")),
+    _DENSITY_BY_D.of(F, EDGES, ends=("summit-plane",)),
+    *(ONE_D.of(A, finest=PAPER_M, m=(PAPER_M,), ends=(end,)) for end in ("mean-plane", "summit-plane")),
+    BY_M.of(V),
+    ONE_D.of(P),
+    ONE_D.of(V, D_SIGMA),
+    FIELD,
+)
 
 
 def readings(evidence: Evidence) -> list[Reading]:
@@ -33,7 +49,7 @@ def readings(evidence: Evidence) -> list[Reading]:
 def _law(evidence: Evidence) -> Reading:
     rows = []
     for law, words in (("std", "standard deviation divided (default)"), ("variance", "variance divided, as printed")):
-        for run in evidence.find(A, P, by="m", law=law, D=PAPER_D)[:1]:
+        for run in evidence.fit(BY_M.of(A, P, law=law))[:1]:
             for finest in (4, 2):
                 each, _, used = exponents(run, PAPER_D, finest)
                 name = f"n, {law} law, m = {used[0]} to {used[-1]}"
@@ -70,7 +86,7 @@ def _amplitude(evidence: Evidence) -> Reading:
         ("std", "summit-plane", f"std law, to the plane of the summits, {small}", SMALL_AMPLITUDE),
     )
     for law, end, words, scale in sources:
-        for run in evidence.find(F, EDGES, by="m", law=law, end=end, D=PAPER_D)[:1]:
+        for run in evidence.fit(_DENSITY_BY_M.of(F, EDGES, law=law, ends=(end,)))[:1]:
             found = moments(run, PAPER_D)
             for m, paper in ((5, 8.0), (6, 8.0), (7, 2.0)):
                 if m in found:
@@ -100,7 +116,7 @@ def _fulcrum(evidence: Evidence) -> Reading:
         number = statistics.bootstrap(key, "spread of f(1) over D", lambda s: fulcrum(data, 1.0, s, scale), run.seeds)
         rows.append(Row(words, number, number.value < FULCRUM))
 
-    for run in evidence.find(F, EDGES, by="D")[:1]:
+    for run in evidence.fit(_DENSITY_BY_D)[:1]:
         row(run, "std law, initial standard deviation 3.333, open elements (default)", "default")
         row(run, "the same, contact elements counted", "contact", contact=True)
         row(run, f"initial standard deviation {SMALL_AMPLITUDE / 0.3:.3f}", "amplitude", scale=SMALL_AMPLITUDE)
@@ -112,10 +128,10 @@ def _fulcrum(evidence: Evidence) -> Reading:
             dims=2.51,
         )
         row(run, "D ≤ 2.5 only", "D25", dims=2.51)
-    for run in evidence.find(F, EDGES, by="D", law="variance")[:1]:
+    for run in evidence.fit(_DENSITY_BY_D.of(F, EDGES, law="variance"))[:1]:
         row(run, "variance law, initial variance 3.333", "variance")
         row(run, "variance law, initial variance 3.333, D ≤ 2.5", "variance_25", dims=2.51)
-    for run in evidence.find(F, EDGES, by="D", end="summit-plane")[:1]:
+    for run in evidence.fit(_DENSITY_BY_D.of(F, EDGES, ends=("summit-plane",)))[:1]:
         row(run, "to the plane of the summits", "summits")
         row(run, "to the plane of the summits, D ≤ 2.5", "summits_25", dims=2.51)
         row(
@@ -140,7 +156,7 @@ def _plane(evidence: Evidence) -> Reading:
         ("mean-plane", "to the mean plane (default)"),
         ("summit-plane", "to the mean plane of the summits"),
     ):
-        for run in evidence.find(A, D=PAPER_D, end=end)[:1]:
+        for run in evidence.fit(ONE_D.of(A, finest=PAPER_M, m=(PAPER_M,), ends=(end,)))[:1]:
             m = int(nearest(run.m, PAPER_M))
             area = run.last(A, D=PAPER_D, m=m)
             for key, factor, counted in (
@@ -166,7 +182,7 @@ def _plane(evidence: Evidence) -> Reading:
 
 def _counting(evidence: Evidence) -> Reading:
     rows = []
-    for run in evidence.find(V, by="m", D=PAPER_D)[:1]:
+    for run in evidence.fit(BY_M.of(V))[:1]:
         values = np.array([run.last(V, D=PAPER_D, m=m) for m in run.m])
         factor = np.array([[(1.0 + 2.0**-m) ** 2] for m in run.m])
         for words, key, each in (
@@ -192,7 +208,7 @@ def _counting(evidence: Evidence) -> Reading:
 
 
 def _modulus(evidence: Evidence) -> Reading:
-    run = evidence.pick(P, D=PAPER_D)
+    run = evidence.best(ONE_D.of(P))
     m = max(run.m)
     pressure = run.last(P, D=PAPER_D, m=m)
     rows = [Row("E* = E/(1-ν²) (default)", statistics.mean("E_star", f"p* at d = 0, m = {m}", pressure))]
@@ -210,7 +226,7 @@ def _modulus(evidence: Evidence) -> Reading:
 
 
 def _separation(evidence: Evidence) -> Reading:
-    run = evidence.pick(V, D_SIGMA, D=PAPER_D)
+    run = evidence.best(ONE_D.of(V, D_SIGMA))
     m = max(run.m)
     d, v = run.values(D_SIGMA, D=PAPER_D, m=m), run.values(V, D=PAPER_D, m=m)
     rigid = statistics.mean("rigid", "V*σ/d - 1 at d/σ = 1", at(d, v - d, np.array([1.0])))
@@ -230,7 +246,7 @@ def _separation(evidence: Evidence) -> Reading:
 
 
 def _sums(evidence: Evidence) -> Reading:
-    state = field(evidence.pick("gap", end=None))
+    state = field(evidence.best(FIELD))
     words = {
         ("mean", "width"): "as printed, Σ n_k Δv_k",
         ("mean", "volume"): "Σ n_k v_k, the volume of an element of the bin",

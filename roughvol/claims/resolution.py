@@ -13,7 +13,7 @@ from roughvol.claims.evidence import (
     PAPER_D,
     A,
     Array,
-    Evidence,
+    Given,
     Lacking,
     Outcome,
     P,
@@ -24,6 +24,9 @@ from roughvol.claims.evidence import (
     common,
 )
 from roughvol.claims.model import Check, Number, above, below
+from roughvol.claims.needs import BY_M, Needs
+
+_PRESSED = Needs((V, A, P), finest=5, seeds=10, steps=60, rtol=1e-6)  # to any end
 
 
 @claim(
@@ -31,15 +34,16 @@ from roughvol.claims.model import Check, Number, above, below
     "V*(p*) converges with m",
     "Sec. 3.1, Fig. 7a; Conclusion",
     "Refinement leads the relation V*(p*) to converge to a single curve.",
+    needs=BY_M.of(V, P),
     figures=("fig07a",),
 )
-def volume_converges(evidence: Evidence) -> Outcome:
+def volume_converges(given: Given) -> Outcome:
     """Follow e(m), the mean change of V* at equal p* from m - 1 to m of one surface, over V*, along the common range.
 
     Converging means that e falls: the slope of log e over m, for each surface, is below 0 with its whole interval
     (essential). A "single curve" is one that a plot shows as one: e at the finest m below 2 % (interval; other).
     """
-    run = evidence.pick(V, P, by="m", D=PAPER_D)
+    run = given.run()
     changes, rates = steps_in_m(run, P)
     rate = statistics.mean("rate", "slope of log₂ of the change over m", rates)
     final = changes[-1]
@@ -80,9 +84,10 @@ def steps_in_m(run: Run, x: str, *, signed: bool = False) -> tuple[list[Number],
     "V*(A*) depends strongly on m",
     "Sec. 3.1, Fig. 7b; Conclusion",
     "The relation V*(A*) is strongly resolution dependent; the finer the surface, the smaller V*.",
+    needs=BY_M.of(V, A, P),
     figures=("fig07b",),
 )
-def volume_at_area_depends_on_m(evidence: Evidence) -> Outcome:
+def volume_at_area_depends_on_m(given: Given) -> Outcome:
     """Take the changes of claim 8 at equal A*, with their sign, and beside those at equal p*.
 
     Met if V* falls from m to m + 1 for the finest pair (interval below 0; essential), and if that change is larger
@@ -90,7 +95,7 @@ def volume_at_area_depends_on_m(evidence: Evidence) -> Outcome:
     That it does not converge, the change at the finest pair being at least half of that two levels before (interval of
     the matched ratio above 0.5), is the adverb "strongly".
     """
-    run = evidence.pick(V, A, P, by="m", D=PAPER_D)
+    run = given.run()
     axes = [run.values(A, D=PAPER_D, m=m) for m in run.m[-4:]]
     grid = common(axes)
     curves = [at(axis, run.values(V, D=PAPER_D, m=m), grid) for axis, m in zip(axes, run.m[-4:], strict=True)]
@@ -131,19 +136,21 @@ def volume_at_area_depends_on_m(evidence: Evidence) -> Outcome:
     "From first touch to full contact",
     "Sec. 3.2",
     "At first contact A* = 0 and V* is maximal; with pressure A* rises to 1 and V* falls to 0 at full contact.",
+    needs={
+        "pressed": _PRESSED.of(V, A, P, D=(PAPER_D,), law=""),
+        "far": _PRESSED.of(V, A, P, D=(2.1, 2.3, 2.9), separation=-10.0),
+    },
     figures=("full_contact",),
 )
-def limits(evidence: Evidence) -> Outcome:
-    """Check monotony on every step of every surface of every run, and full contact by going there.
+def limits(given: Given) -> Outcome:
+    """Check monotony on every step of every surface of every run that fits, and full contact by going there.
 
     A step may go the wrong way by what its residual allows: V* and p* by 10⁻⁵, A* by two elements. At the first
     step A* must be below a tenth of its largest value (it is 0 at first touch itself, before the first step). Full
     contact is A* = 1 exactly and V* below 10⁻⁵, on surfaces pressed until then.
     """
-    runs = evidence.find(V, A, P, end=None) + evidence.find(V, A, P, law="variance", end=None)
-    if not runs:
-        message = "no run with a sweep"
-        raise Lacking(message)
+    given.run("pressed")
+    runs = sorted(given.runs("pressed"), key=lambda run: run.law != "std")
     wrong, steps = 0, 0
     for run in runs:
         for D in run.D:
@@ -163,11 +170,9 @@ def limits(evidence: Evidence) -> Outcome:
     )
     checks.append(Check("A* starts near 0 and V* is largest there", start.value < 0.1, start))
     # the run that was pressed furthest, whatever its end is called
-    full = max(runs, key=lambda run: min(float(run.last(A, D=D, m=max(run.m)).min()) for D in run.D))
+    given.run("far")
+    full = max(given.runs("far"), key=lambda run: min(float(run.last(A, D=D, m=max(run.m)).min()) for D in run.D))
     m = max(full.m)
-    if min(float(full.last(D_SIGMA, D=D, m=m).max()) for D in full.D) > -10.0:
-        message = "a run pressed far beyond the mean plane, to full contact"
-        raise Lacking(message)
     area = min(float(full.last(A, D=D, m=m).min()) for D in full.D)
     volume = max(float(full.last(V, D=D, m=m).max()) for D in full.D)
     last = statistics.exact("full_area", f"smallest A* at the end (m = {m})", area, full.seeds)

@@ -13,8 +13,10 @@ from roughvol.claims.contact import exponents
 from roughvol.claims.density import mean_volume_exponents
 from roughvol.claims.evidence import PAPER_D, A, Array, Evidence, Lacking, P, Run, V, area_slopes, nearest
 from roughvol.claims.model import Number
+from roughvol.claims.needs import MANY
 
 FEW = 10  # surfaces of the paper's Monte Carlo
+ENOUGH = MANY.of(A, P, V, D=(2.1, PAPER_D), seeds=3 * FEW)
 DRAWS = 5000
 
 
@@ -51,9 +53,10 @@ def many_seeds(evidence: Evidence) -> tuple[Run, list[Spread], list[Flip]]:
     Raises
     ------
     Lacking
-        If no run has three times ten surfaces.
+        If no run has what is needed, at least three times ten surfaces.
     """
-    runs = [run for run in evidence.find(A, P, V) if run.seeds >= 3 * FEW]
+    evidence.best(ENOUGH)
+    runs = [run for run in evidence.fit(ENOUGH) if run.seeds >= 3 * FEW]
     if not runs:
         message = f"a run of {3 * FEW} surfaces or more"
         raise Lacking(message)

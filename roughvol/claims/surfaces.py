@@ -8,10 +8,13 @@ from itertools import pairwise
 import numpy as np
 
 from roughvol.claims import statistics
-from roughvol.claims.evidence import A, Evidence, Lacking, Outcome, P, Run, V, claim, nearest
+from roughvol.claims.evidence import A, Given, Lacking, Outcome, P, Run, V, claim, nearest
 from roughvol.claims.model import Check, Number, above
+from roughvol.claims.needs import BY_D, BY_M, PAPER_M, Needs
 from roughvol.physics import texture, theory
 
+SHARED = 10  # surfaces that two runs of claim 24 must have in common
+_ALL_D = Needs(by="D", D=BY_D.D, seeds=10)  # surfaces alone: no sweep is asked for
 HURST_TOLERANCE = 0.10  # the estimator reads H - 0.05 on average (`texture.hurst_spectrum`), and as much again
 
 
@@ -21,9 +24,13 @@ HURST_TOLERANCE = 0.10  # the estimator reads H - 0.05 on average (`texture.hurs
     "Sec. 2",
     "Random midpoint displacement makes surfaces with a power-law spectrum of dimension D; each contains every "
     "coarser one.",
+    needs={
+        "": _ALL_D.of("hurst_measured", finest=8),
+        "literal": _ALL_D.of("hurst_measured", finest=7, law="variance", optional=True),
+    },
     figures=("fig01", "fig03"),
 )
-def nested_power_law(evidence: Evidence) -> Outcome:
+def nested_power_law(given: Given) -> Outcome:
     """Ask for exact nesting: the nodes that m shares with m - 1 must be equal bit for bit, the corners zero.
 
     The Hurst exponent is read off the power spectrum at the finest lattice and averaged over surfaces; H = 3 - D is
@@ -32,7 +39,7 @@ def nested_power_law(evidence: Evidence) -> Outcome:
     Essential in the default reading, where the factor 2^((3-D)/2) divides the standard deviation. The literal one,
     where it divides the variance, must meet the same tolerance for the claim to hold as printed.
     """
-    run = evidence.pick("hurst_measured", by="D", end=None)
+    run = given.run()
     worst, count = 0, 0
     for D in run.D:
         surfaces = [run.surface(D, m, seed=run.seed_numbers()[0]) for m in range(1, max(run.m) + 1)]
@@ -48,7 +55,7 @@ def nested_power_law(evidence: Evidence) -> Outcome:
         ),
     ]
     sources, literal = [run], "the literal law was not run"
-    if runs := evidence.find("hurst_measured", by="D", law="variance", end=None):
+    if runs := given.runs("literal"):
         more, off_literal = _hurst(runs[0], "variance")
         met = off_literal.value <= HURST_TOLERANCE
         text = f"the same if the variance is divided, as printed (within {HURST_TOLERANCE:g})"
@@ -84,16 +91,17 @@ def _by_D(run: Run, m: int) -> list[tuple[float, np.ndarray]]:
     "Roughness grows with D",
     "Sec. 3.1, Figs. 2, 3",
     "Surfaces of larger D are rougher (D = 2.1, 2.5, 2.9 at m = 7), and a larger m shows more of it.",
+    needs=Needs(("Sdq",), by="D", D=(2.1, 2.5, 2.9), m=(PAPER_M,), seeds=10),
     figures=("fig02", "fig03"),
 )
-def roughness_grows(evidence: Evidence) -> Outcome:
+def roughness_grows(given: Given) -> Outcome:
     """Measure roughness by the root mean square slope Sdq at m = 7 (or the nearest m), for matched pairs of surfaces.
 
     Met if the interval of the ratio Sdq(D')/Sdq(D) lies above 1 for every pair of neighbouring D. The amplitude Sq
     is no measure of it: starred numbers do not depend on it. The growth with m is checked in the same way (Fig. 3
     shows the surfaces without a sentence about them, so it does not decide).
     """
-    run = evidence.pick("Sdq", by="D", end=None)
+    run = given.run()
     m = int(nearest(run.m, 7))
     checks = []
     for low, high in pairwise(run.D):
@@ -118,8 +126,9 @@ def roughness_grows(evidence: Evidence) -> Outcome:
     "Sec. 2",
     "A*, p* and V* do not change under x → λx, y → λy; then ρ → λρ, and the elastic model is valid while ρ > ρ_c = "
     "σ(E/H)².",
+    needs=BY_M.of(A, P, V, by="", m=(5, 6)),
 )
-def in_plane_scaling(evidence: Evidence) -> Outcome:
+def in_plane_scaling(given: Given) -> Outcome:
     """Compare the same surfaces at two L step by step.
 
     Equal means: differences of V* and p* below 10⁻⁴, ten times what residuals of 10⁻⁶ on a range of Δ/σ of 3 may
@@ -127,7 +136,7 @@ def in_plane_scaling(evidence: Evidence) -> Outcome:
     is tested as printed: curvature is a second derivative in the plane, and the exponent of ρ ~ λ^n is measured.
     ψ and ρ_c are computed where a study names a hardness, with ρ the radius of the mean curvature of the summits.
     """
-    able = [run for run in evidence.find(V) if run.study is not None]
+    able = given.runs()
     found = [(a, b, shared) for a in able for b in able if a.L > b.L and (shared := _shared(a, b))]
     if not found:
         message = "two runs of the same D, m and seeds at two L"
@@ -178,4 +187,4 @@ def _shared(a: Run, b: Run) -> tuple[list[float], list[int], list[int]] | None:
     D, m = sorted({*a.D} & {*b.D}), sorted({*a.m} & {*b.m})
     seeds = sorted({*a.seed_numbers()} & {*b.seed_numbers()})
     same = a.study is not None and b.study is not None and a.study.sweep == b.study.sweep
-    return (D, m, seeds) if D and m and seeds and same else None
+    return (D, m, seeds) if D and m and len(seeds) >= min(SHARED, a.seeds, b.seeds) and same else None

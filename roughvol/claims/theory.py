@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.claims import statistics
-from roughvol.claims.evidence import D_SIGMA, PAPER_D, A, Array, Evidence, Outcome, V, claim
+from roughvol.claims.evidence import D_SIGMA, PAPER_D, A, Array, Given, Outcome, V, claim
 from roughvol.claims.model import Check
 from roughvol.claims.morphology import Field, field
+from roughvol.claims.needs import FIELD, ONE_D
 from roughvol.physics import fractal, theory
 from roughvol.physics.freevolume import domain
 
@@ -22,9 +23,10 @@ LINEAR = 0.05  # departure from a line over the range, which no reader would ove
     "Eq. 4: V* from the bearing area, linear in A*",
     "Sec. 4, Eq. 4",
     "Eq. 4 gives a V* that decays with A*, linearly if heights are Gaussian; the computed decay is not quite linear.",
+    needs=ONE_D.of(V, A, D_SIGMA),
     figures=("theory_bearing",),
 )
-def bearing_area(evidence: Evidence) -> Outcome:
+def bearing_area(given: Given) -> Outcome:
     """Evaluate Eq. 4 along the loading, at the computed d/σ and A* of every step.
 
     It must decay (essential). Linear: the largest departure of V*(A*) of Eq. 4 (Gaussian) from its least-squares line
@@ -33,7 +35,7 @@ def bearing_area(evidence: Evidence) -> Outcome:
     heights' own distribution, is within 10 % of the computed V* (other). The factor (1 - A*) counts the open elements a
     second time, so the form without it is given too.
     """
-    run = evidence.pick(V, A, D_SIGMA, D=PAPER_D)
+    run = given.run()
     D, m = PAPER_D, max(run.m)
     separation, area, volume = (run.values(name, D=D, m=m) for name in (D_SIGMA, A, V))
     printed = theory.bearing_area_volume(separation, "gaussian", area)
@@ -86,9 +88,10 @@ def _bend(x: Array, y: Array) -> float:
     "Sec. 4, Eqs. 5-10",
     "V* is the sum over K intervals of the number of boxes between two thresholds, n_k = (l/δ)^D(k+1) - (l/δ)^D(k), "
     "times Δv_th.",
+    needs=FIELD,
     figures=("theory_bins",),
 )
-def volume_of_dimension(evidence: Evidence) -> Outcome:
+def volume_of_dimension(given: Given) -> Outcome:
     """Take the dimensions of the domains at K + 1 thresholds from box counts of the recorded field; l = L.
 
     The paper's D depends on r and v_th; its mean over r = 1 … 2^m is log N(1)/log 2^m, which with l = L gives the
@@ -97,7 +100,7 @@ def volume_of_dimension(evidence: Evidence) -> Outcome:
     its bin, is within 10 % as well; it changes by less than 5 % when K doubles (a sum that stands for an integral
     must); and one dimension fitted over all r does as well as the mean (it must if N(r) is a power law).
     """
-    run = evidence.pick("gap", end=None)
+    run = given.run()
     state = field(run)
     exact, printed, fitted = (estimates(state, kind, weight) for kind, weight in KINDS)
     over = [value / state.numbers[V] for value in (exact[1], printed[1], fitted[1])]

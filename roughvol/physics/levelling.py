@@ -26,7 +26,7 @@ ALPHA = math.sqrt(math.log(2.0) / math.pi)  # ISO 16610-61: halves the amplitude
 REACH = 1.5  # in cut-offs; there the weight has fallen to e^(-2.25 π²/ln 2) = 1e-14 of its largest
 
 
-def level(heights: Heights, kind: str) -> Heights:
+def level(heights: Heights, kind: str, among: NDArray[np.bool_] | None = None) -> Heights:
     """Return the heights less the least-squares surface of the known ones.
 
     z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'² over the nodes with known z; n = 0 for the mean
@@ -37,6 +37,8 @@ def level(heights: Heights, kind: str) -> Heights:
     heights : array, shape (rows, columns)
         z [length], NaN where not known; these stay NaN.
     kind : {"none", "mean", "tilt", "quadratic"}
+    among : bool array of the same shape, optional
+        The known nodes that the surface is fitted to; all known ones if not given.
 
     Raises
     ------
@@ -47,18 +49,19 @@ def level(heights: Heights, kind: str) -> Heights:
         message = f"level must be one of {', '.join(map(repr, LEVELS))}, got {kind!r}"
         raise SurfaceError(message)
     known = _some_known(heights)
+    support = known if among is None else among & known
     degree = LEVELS[kind]
     if degree < 0:
         return heights.copy()
     terms = [(a, b) for a in range(degree + 1) for b in range(degree + 1 - a)]
     x, y = (np.vander(np.linspace(-1.0, 1.0, nodes), 2 * degree + 1, increasing=True) for nodes in heights.shape)
-    moments = x.T @ known @ y  # Σ x^a y^b over the known nodes
+    moments = x.T @ support @ y  # Σ x^a y^b over the fitted nodes
     normal = np.array([[moments[a + c, b + d] for c, d in terms] for a, b in terms])
     exponent = _exponent(heights)
     left = np.ldexp(np.where(known, heights, 0.0), -exponent)
     for _ in range(3):  # the second and third time take off what rounding in the normal equations has left
-        weighted = x[:, : degree + 1].T @ left @ y[:, : degree + 1]
-        # where the known nodes do not fix all terms (all in one line), those of the smallest coefficients
+        weighted = x[:, : degree + 1].T @ np.where(support, left, 0.0) @ y[:, : degree + 1]
+        # where the fitted nodes do not fix all terms (all in one line), those of the smallest coefficients
         fitted = np.linalg.lstsq(normal, np.array([weighted[a, b] for a, b in terms]), rcond=1e-13)[0]
         coefficients = np.zeros((degree + 1, degree + 1))
         coefficients[tuple(np.transpose(terms))] = fitted

@@ -37,6 +37,10 @@ class Surface:
         Distance δ of neighbouring nodes [length], the same on both axes, finite and positive.
     filled : int
         How many of the heights were not measured but filled in.
+    outliers : int
+        How many measured heights were taken out as outliers.
+    peak_before : float, optional
+        `peak` of the surface with its outliers, where outliers were looked for.
 
     Raises
     ------
@@ -48,6 +52,8 @@ class Surface:
     heights: Heights
     spacing: float
     filled: int = 0
+    outliers: int = 0
+    peak_before: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "heights", _checked_heights(self.heights))
@@ -55,7 +61,7 @@ class Surface:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle through the constructor: a plain pickle would bring the heights back writable."""
-        return (Surface, (self.heights, self.spacing, self.filled))
+        return (Surface, (self.heights, self.spacing, self.filled, self.outliers, self.peak_before))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -90,6 +96,16 @@ class Surface:
         Right for any scale of heights: they are brought to unit range first, because the squares of 1e-250 underflow.
         """
         return self._moments[1]
+
+    @property
+    def peak(self) -> float:
+        """Highest point above the mean plane over Sq, (z_max - z̄)/Sq; NaN if the surface is flat."""
+        return (self.z_max - self.mean_height) / self.Sq if self.Sq > 0.0 else math.nan
+
+    @property
+    def pit(self) -> float:
+        """Lowest point above the mean plane over Sq, (z_min - z̄)/Sq, negative; NaN if the surface is flat."""
+        return (self.z_min - self.mean_height) / self.Sq if self.Sq > 0.0 else math.nan
 
     @cached_property
     def _moments(self) -> tuple[float, float]:

@@ -14,8 +14,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from roughvol.study.agreement import resolve
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
-from roughvol.study.measured import HEIGHT_FORMATS, UNTREATED, Body, HeightFile, Treatment, resolve
+from roughvol.study.measured import BARE_FORMATS, HEIGHT_FORMATS, Body, HeightFile
 from roughvol.study.quantities import has_unit, length_unit
 from roughvol.study.recording import Record
 from roughvol.study.settings import (
@@ -32,13 +33,14 @@ from roughvol.study.settings import (
     whole,
     without_unused,
 )
+from roughvol.study.treatment import UNTREATED, Treatment
 from roughvol.study.yamltext import KeyPath, key_text, number_text, write
 
 ANSWER_FORMAT = 1  # part of every case id: raise it when equal settings no longer give equal stored numbers
 LATER = ("transport", "region", "region_widths")
 DERIVED = ("dimensional",)  # of the section record: made from what is stored, when cases are collected
 MAX_CASES = 100_000
-SEVERAL_ARRAYS = (".npz", ".nc")
+SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")
 
 
 @dataclass(frozen=True)
@@ -62,11 +64,14 @@ class Case:
     sha256: str | None = None
     variable: str | None = None
     file_unit: str | None = None  # of the numbers in the file, where it tells one
+    pixel_ratio: float | None = None  # side of the pixels in the file along y over that along x, if they are resampled
     against: Body | None = None
     treatment: Treatment = UNTREATED
     length_unit: str | None = None  # of L, the heights and all lengths stored; None for an arbitrary one
     hardness: float | None = None  # over E*
     height: float | None = None  # the Sq to which heights are scaled, where there is a hardness to compare with
+    reading: tuple[tuple[str, str], ...] = ()  # of the first body: heights_unit, columns, header, read_as where used
+    notes: tuple[str, ...] = ()  # on size and units of the files, for the user
 
     @property
     def key(self) -> dict[str, Any]:
@@ -78,8 +83,12 @@ class Case:
             surface = {"sha256": self.sha256, "variable": self.variable, **self.treatment.used}
             if self.against is not None:
                 other = self.against
-                surface["against"] = {"sha256": other.sha256, "variable": other.variable, "mirror": other.mirror}
-            if any(body.unit for body in self.bodies):  # their numbers are converted to this one
+                named = {"sha256": other.sha256, "variable": other.variable, "mirror": other.mirror}
+                surface["against"] = named | other.reading
+            surface |= self.bodies[0].reading if self.bodies else {}
+            if self.treatment.resample != "none":
+                surface["pixel_ratio"] = [body.pixel_ratio for body in self.bodies]
+            if any(body.numbers_in for body in self.bodies):  # their numbers are converted to this one
                 surface["unit"] = self.length_unit
         key = {
             "format": ANSWER_FORMAT,
@@ -104,7 +113,8 @@ class Case:
         """The rough bodies whose heights come from files: none, one, or two facing each other."""
         if self.file is None or self.sha256 is None:
             return ()
-        first = Body(self.file, self.sha256, self.variable, self.file_unit)
+        named: dict[str, Any] = dict(self.reading)
+        first = Body(self.file, self.sha256, self.variable, self.file_unit, pixel_ratio=self.pixel_ratio, **named)
         return (first,) if self.against is None else (first, self.against)
 
     @property
@@ -149,7 +159,8 @@ class Case:
         if self.against is not None:
             turned = f", its axis {self.against.mirror} reversed" if self.against.mirror != "none" else ""
             said.append(f"heights of {self.against.file.name} added{turned}")
-        units = {body.file.name: body.unit for body in self.bodies if body.unit}
+        units = {body.file.name: body.numbers_in for body in self.bodies if body.numbers_in}
+        said += [f"sizes and units in {body.file.name} ignored" for body in self.bodies if body.header]
         said += [f"numbers of {name} are in {unit}" for name, unit in units.items()]
         return "; ".join(filter(None, said))
 
@@ -217,10 +228,13 @@ class Study(Strict):
             sha256=first.sha256,
             variable=first.variable,
             file_unit=first.unit,
+            pixel_ratio=first.pixel_ratio,
             against=others[0] if others else None,
             treatment=measured.treatment,
             length_unit=measured.unit,
             hardness=hardness,
+            reading=tuple(first.reading.items()),
+            notes=measured.notes,
         )
         return (case,)
 
@@ -306,13 +320,20 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
         suffix = suffixes.get(path, "")
         if body.get("variable") is not None and suffix in HEIGHT_FORMATS and suffix not in SEVERAL_ARRAYS:
             yield (*path, "variable"), f"a {suffix} file holds one array, without a name: leave 'variable' out"
-    if "file" not in surface or not set(suffixes.values()) <= {*HEIGHT_FORMATS, ""}:
-        return  # files of instruments may tell what the study does not
+    if "file" not in surface or not set(suffixes.values()) <= {*BARE_FORMATS}:
+        return  # other files may give what the study does not
     if surface.get("L") is None and surface.keys() <= HeightFile.model_fields.keys():
-        yield ("surface", "L"), f"missing, and the file does not tell it ({HeightFile.model_fields['L'].description})"
-    if has_unit(surface.get("low_pass")) and surface.get("unit") is None and length_unit(surface.get("L")) is None:
-        message = f"has a unit ({surface['low_pass']}) and L has none: give both with theirs, as L: 100 um"
-        yield ("surface", "low_pass"), message
+        yield ("surface", "L"), f"missing, and the file does not give it ({HeightFile.model_fields['L'].description})"
+    if surface.get("unit") is not None or length_unit(surface.get("L")) is not None:
+        return
+    crop = surface["crop"] if isinstance(surface.get("crop"), dict) else {}
+    lengths: list[tuple[KeyPath, Any]] = [(("low_pass",), surface.get("low_pass"))]
+    lengths += [
+        (("crop", axis), place) for axis, places in crop.items() if isinstance(places, list) for place in places
+    ]
+    for key, length in lengths:
+        if has_unit(length):
+            yield ("surface", *key), f"has a unit ({length}) and L has none: give both with theirs, as L: 100 um"
 
 
 def _unit_conflicts(

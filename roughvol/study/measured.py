@@ -1,50 +1,64 @@
 """The section ``surface`` of a study of measured heights: one file, or two for two rough bodies, and their treatment.
 
-What a file tells about itself (size, unit) is read when the cases are made, not before. The length of the study counts
-if it is given, else that of the first file; the unit likewise, and numbers of a file with a unit are converted to it.
+What a file gives beside its heights (size, units) is read when the cases are made, not before: see `agreement`.
 """
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import importlib.util
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, SerializationInfo, ValidationInfo, field_serializer, field_validator, model_serializer
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializationInfo,
+    ValidationInfo,
+    field_serializer,
+    field_validator,
+    model_serializer,
+)
 
-from roughvol.errors import DatasetError, Problem, StudyError, SurfaceError
-from roughvol.lengths import factor
 from roughvol.study.quantities import Length, unit_of
 from roughvol.study.settings import UNIT, LengthUnit, Strict, refuse, without_unused
-from roughvol.study.yamltext import number_text, printable
+from roughvol.study.treatment import (
+    UNTREATED,
+    Crop,
+    Levelling,
+    Missing,
+    Outliers,
+    Resampling,
+)
+from roughvol.study.yamltext import printable
 
-if TYPE_CHECKING:
-    from roughvol.heightfile import Description
-
-HEIGHT_FORMATS = (".npy", ".npz", ".txt", ".csv", ".asc", ".nc")
+BARE_FORMATS = (".npy", ".npz")  # give neither size nor unit
+HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".tif", ".tiff")
 EXTRA = "roughvol[measured]"  # with it, the formats of instruments
 
-SAME = 1e-4  # by which the lengths that two files tell may differ and count as one
-
-Levelling = Literal["none", "mean", "tilt", "quadratic"]
-Missing = Literal["refuse", "nearest", "interpolate"]
 Mirror = Literal["none", "x", "y"]
+Columns = Literal["heights"]
+Header = Literal["ignore"]
 
 _FILE = (
     f"height field, one of {' '.join('*' + ending for ending in HEIGHT_FORMATS)}, or with {EXTRA} a file of an "
     "instrument (*.al3d *.sur *.x3p *.gwy ...), relative to the study file"
 )
-_VARIABLE = "name of the array inside an .npz or .nc file, or of the channel in a file of an instrument"
+_VARIABLE = (
+    "name of the array inside an .npz or .nc file, or of the channel in a file of an instrument; or its number from 0"
+)
+_HEIGHTS_UNIT = "unit of the heights in a file that names none"
+_COLUMNS = "'heights': all columns of a text are heights, also if there are three as of points x y z"
+_HEADER = "'ignore': sizes and units in the file do not count; L and heights_unit of the study do"
 
 
 @dataclass(frozen=True)
 class Body:
     """One rough body: its file, the sha256 of its content, and how its numbers are to be read.
 
-    ``unit`` is that of the numbers, where the file tells it; ``mirror`` the axis that is reversed.
+    ``unit`` is that of the heights as the file names it, ``heights_unit`` as the study does where the file does not;
+    ``mirror`` the axis that is reversed; ``read_as`` the layout of the file, where other versions read it otherwise;
+    ``pixel_ratio`` the side of its pixels along y over that along x, where they are resampled.
     """
 
     file: Path
@@ -52,39 +66,22 @@ class Body:
     variable: str | None = None
     unit: str | None = None
     mirror: Mirror = "none"
-
-
-@dataclass(frozen=True)
-class Treatment:
-    """What is done to each body alike, in this order: levelled, missing heights filled, short waves filtered off."""
-
-    level: Levelling = "none"
-    missing: Missing = "refuse"
-    low_pass: float | None = None
+    heights_unit: str | None = None
+    columns: Columns | None = None
+    header: Header | None = None
+    read_as: str | None = None
+    pixel_ratio: float | None = None
 
     @property
-    def used(self) -> dict[str, Any]:
-        """What is not left as it is."""
-        return {name: value for name, value in vars(self).items() if value != getattr(UNTREATED, name)}
+    def numbers_in(self) -> str | None:
+        """The unit of the heights in the file, whoever names it; None for that of the study."""
+        return self.unit or self.heights_unit
 
-    def sentence(self, unit: str | None) -> str:
-        """Return what is done, in words, for the file that holds the results; lengths in the unit of the study."""
-        done = []
-        if self.level != "none":
-            done.append(f"least-squares {self.level} of the known heights taken off")
-        if self.missing != "refuse":
-            filling = {"nearest": "the nearest known one", "interpolate": "the mean of their neighbours"}[self.missing]
-            done.append(f"missing heights filled with {filling}")
-        if self.low_pass is not None:
-            cut_off = f"{number_text(self.low_pass)} {unit or ''}".rstrip()
-            done.append(
-                f"waves shorter than {cut_off} taken off by the Gaussian filter of ISO 16610-61, "
-                "its weights renormalised at the edges"
-            )
-        return "; ".join(done)
-
-
-UNTREATED = Treatment()
+    @property
+    def reading(self) -> dict[str, Any]:
+        """What changes the heights beside the content of the file, where it is used."""
+        named = {"heights_unit": self.heights_unit, "columns": self.columns, "header": self.header}
+        return {key: value for key, value in {**named, "read_as": self.read_as}.items() if value is not None}
 
 
 class Located(str):
@@ -135,11 +132,22 @@ def _path_text(value: str, info: SerializationInfo) -> str:
     return value.portable if stored and isinstance(value, Located) else str(value)
 
 
+def _number(value: Any) -> Any:
+    """Return the number of a channel as text; other values stay, to be checked."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else value
+
+
+Variable = Annotated[str, BeforeValidator(_number)]
+
+
 class CounterBody(Strict):
     """The second of two rough bodies, on the same lattice as the first."""
 
     file: str = Field(description=_FILE + "; heights positive out of its own body")
-    variable: str | None = Field(default=None, description=_VARIABLE)
+    variable: Variable | None = Field(default=None, description=_VARIABLE)
+    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; that of the first if left out")
+    columns: Columns | None = Field(default=None, description=_COLUMNS)
+    header: Header | None = Field(default=None, description=_HEADER)
     mirror: Mirror = Field(
         default="none",
         description="'none': its node [i, j] faces node [i, j] of the first; 'x' or 'y': its first or second axis is "
@@ -149,6 +157,11 @@ class CounterBody(Strict):
     _file = field_validator("file")(_found)
     _text = field_serializer("file")(_path_text)
 
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> dict[str, Any]:
+        """Leave out what came later where it is not used."""
+        return without_unused(handler(self), "heights_unit", "columns", "header")
+
 
 class HeightFile(Strict):
     """One surface read from a file of heights, square or not, or the sum of two that face each other."""
@@ -156,12 +169,31 @@ class HeightFile(Strict):
     file: str = Field(description=_FILE)
     L: Length | None = Field(
         default=None,
-        description="length of the first axis, L > 0, in the unit of the heights; may be left out if the file tells "
-        "its size, and counts instead of that if given",
+        description="length of the first axis, L > 0, with its unit or in that of the heights; may be left out if the "
+        "file gives its size, and must agree with it",
     )
-    variable: str | None = Field(default=None, description=_VARIABLE)
+    variable: Variable | None = Field(default=None, description=_VARIABLE)
     unit: LengthUnit | None = Field(
-        default=None, description=f"{UNIT}; heights of a file that tells its own unit are converted"
+        default=None, description=f"{UNIT}; heights of a file that names its own unit are converted"
+    )
+    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + ", if not that of L")
+    columns: Columns | None = Field(default=None, description=_COLUMNS)
+    header: Header | None = Field(default=None, description=_HEADER)
+    crop: Crop | None = Field(
+        default=None,
+        description="{x: [from, to], y: [from, to]}: the part of the map that is pressed, by shares of its sides or by "
+        "lengths with a unit; L is that of the whole map",
+    )
+    outliers: Outliers | None = Field(
+        default=None,
+        description="{sigma, window}: take out heights that are single spikes; {} takes the defaults, 6 and 5 nodes",
+    )
+    downsample: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=1, description="take the means of so many nodes a side, 1 to 1000; 1 keeps every node"
+    )
+    resample: Resampling = Field(
+        default="none",
+        description="'none', or 'square': interpolate heights of pixels that are off square onto square ones",
     )
     level: Levelling = Field(
         default="none",
@@ -199,79 +231,5 @@ class HeightFile(Strict):
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
         """Leave out what came later where it is not used."""
-        data = without_unused(handler(self), "L", "unit", "against")
+        data = without_unused(handler(self), "L", "unit", "against", "heights_unit", "columns", "header")
         return {name: value for name, value in data.items() if value != getattr(UNTREATED, name, object)}
-
-
-@dataclass(frozen=True)
-class Measured:
-    """Measured heights with nothing left open: length of the first axis, unit of all lengths, bodies, treatment."""
-
-    L: float
-    unit: str | None
-    bodies: tuple[Body, ...]
-    treatment: Treatment
-
-
-def resolve(surface: HeightFile) -> Measured:
-    """Return the section with what its files tell filled in.
-
-    Raises
-    ------
-    StudyError
-        If a file cannot be read or described, if nobody tells a length or which unit the numbers have, or if two files
-        do not fit.
-    """
-    keys = ("surface.file", "surface.against.file")
-    bodies, told = [], []
-    for key, body in zip(keys, surface.bodies, strict=False):
-        path = Path(body.file)
-        sha256 = _digest(path, key)
-        try:
-            description = _described(path, sha256, body.variable)
-        except (DatasetError, SurfaceError) as error:
-            _wrong(str(error), key)
-        told.append(description)
-        mirror = body.mirror if isinstance(body, CounterBody) else "none"
-        bodies.append(Body(path, sha256, body.variable, description.unit if description else None, mirror))
-    unit = surface.length_unit or next((body.unit for body in bodies if body.unit), None)
-    unknown = [body.file for body in bodies if body.unit is None]
-    if unit and not surface.length_unit and unknown:
-        _wrong(f"missing: {unknown[0]} does not tell its unit, the other file is in {unit}", "surface.unit")
-    sides = [
-        one.side * (factor(one.unit, unit) if one.unit and unit else 1.0) if one and one.side else None for one in told
-    ]
-    L = next((side for side in (surface.L, *sides) if side is not None), None)
-    if L is None:
-        _wrong(f"missing: {surface.file} does not tell the length of its first axis", "surface.L")
-    if surface.L is None and any(side and abs(side - L) > SAME * L for side in sides):
-        _wrong(f"the files differ in length, {' and '.join(map(str, sides))}: give L to overrule them", keys[1])
-    low_pass, own = surface.low_pass, unit_of(surface.low_pass)
-    if low_pass is not None and own is not None:
-        if unit is None:
-            _wrong(f"has a unit ({low_pass}) and L has none: give both with theirs, as L: 100 um", "surface.low_pass")
-        low_pass = float(low_pass) * factor(own, unit)
-    treatment = Treatment(surface.level, surface.missing, None if low_pass is None else float(low_pass))
-    return Measured(float(L), unit, tuple(bodies), treatment)
-
-
-def _digest(path: Path, key: str) -> str:
-    try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError as error:
-        _wrong(f"cannot read {path}: {error.strerror}", key)
-
-
-@functools.lru_cache(maxsize=64)
-def _described(path: Path, sha256: str, variable: str | None) -> Description | None:
-    """Return what a file tells about itself; asked again of the same content, without opening it."""
-    if path.suffix.lower() in HEIGHT_FORMATS:  # nothing, and numpy need not be imported to know it
-        return None
-    from roughvol import heightfile
-
-    return heightfile.describe(path, variable)
-
-
-def _wrong(message: str, key: str) -> NoReturn:
-    raise StudyError([Problem(message, key)])

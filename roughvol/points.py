@@ -1,0 +1,79 @@
+"""Points x y z on a regular grid, in any order, put together to a map.
+
+Conventions: both axes ascend with the index. Nodes of the grid without a point are missing (NaN).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roughvol.errors import SurfaceError
+
+_SAME = 1e-6  # of the span: coordinates closer than that are one, up to rounding
+_REGULAR = 0.02  # of a spacing: by which a coordinate may lie off its node
+_CROWDED = 4  # nodes a point, beyond which the nodes are not counted
+_COVERED = 0.5  # share of the nodes that must have a point
+
+
+def grid(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[float, float], bool]:
+    """Return the map that points make.
+
+    Parameters
+    ----------
+    points : (N, 3) float64 array
+        Columns x, y and z.
+
+    Returns
+    -------
+    heights : (nx, ny) float64 array, NaN where there is no point
+    sides : (float, float)
+        Spans of x and of y.
+    counted : bool
+        Whether both coordinates are whole numbers one apart, from 0 or 1.
+
+    Raises
+    ------
+    SurfaceError
+        If the points are not those of a regular grid; the message is the reason.
+    """
+    if not np.isfinite(points[:, :2]).all():
+        message = "a coordinate is missing"
+        raise SurfaceError(message)
+    (i, nx, span_x, whole_x), (j, ny, span_y, whole_y) = (_nodes(points[:, axis], "xy"[axis]) for axis in (0, 1))
+    node = i * ny + j
+    shared = int((np.bincount(node) > 1).sum()) if nx * ny <= _CROWDED * len(node) else 0
+    if shared:
+        message = f"{shared} nodes have several of the {len(node)} points"
+        raise SurfaceError(message)
+    if len(node) < _COVERED * nx * ny:
+        message = (
+            f"{len(node)} points lie on a grid of {nx} x {ny} nodes; allowed: at least {_COVERED:.0%} of its nodes"
+        )
+        raise SurfaceError(message)
+    heights = np.full(nx * ny, np.nan)
+    heights[node] = points[:, 2]
+    return heights.reshape(nx, ny), (span_x, span_y), whole_x and whole_y
+
+
+def _nodes(values: NDArray[np.float64], name: str) -> tuple[NDArray[np.int64], int, float, bool]:
+    """Return the node of each coordinate, the number of nodes, their span, and whether they only count."""
+    order = np.unique(values)
+    span = float(order[-1] - order[0])
+    if not span > 0.0:
+        message = f"{name} is {order[0]:g} everywhere"
+        raise SurfaceError(message)
+    steps = np.diff(order)
+    steps = steps[steps > _SAME * span]
+    count = round(span / float(np.median(steps)))
+    if count < 2:
+        message = f"{name} takes {count + 1} values; allowed: at least 3"
+        raise SurfaceError(message)
+    place = (values - order[0]) / (span / count)
+    node = np.rint(place)
+    off = float(np.abs(place - node).max())
+    if off > _REGULAR:
+        message = f"{name} is not equidistant: a point lies {off:.2g} of a spacing off its node"
+        raise SurfaceError(message)
+    whole = bool(order[0] in (0.0, 1.0) and count == span)
+    return node.astype(np.int64), count + 1, span, whole
