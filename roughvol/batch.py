@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from roughvol import dataset, folder, ledger, resources, storage, workers
+from roughvol import dataset, folder, ledger, limits, resources, storage, workers
+from roughvol._version import __version__
 from roughvol.errors import CampaignError, RoughvolError
 from roughvol.folder import case_file, checkpoint_file, failed_file, ledger_file
 from roughvol.physics.surface import Surface
@@ -89,6 +90,7 @@ class Batch:
         self._work, self._steps_done = 0.0, 0  # of those that have ended
         self._done = 0
         self._failures: dict[str, BaseException] = {}
+        self._others: list[str] = []  # versions of workers that are not ours
         self._started = self._told = time.monotonic()
 
     def through(self, jobs: int | None, scheduler: str | None, stopping: Callable[[], bool]) -> None:
@@ -125,8 +127,6 @@ class Batch:
             )
         finally:
             storage.remove_leftovers(self._place / "cases")
-            with contextlib.suppress(OSError):
-                (self._place / "progress.json").unlink(missing_ok=True)
         if self._done + len(self._failures) < len(tasks):
             raise KeyboardInterrupt
         if self._failures:
@@ -135,14 +135,8 @@ class Batch:
 
     def _limited(self, jobs: int) -> int:
         """Return how many processes the memory allows, and say so where that is fewer."""
-        nodes = [
-            (2**case.m + 1) ** 2 if case.m is not None else math.prod(self._surface.shape) if self._surface else 0
-            for case in self._cases
-        ]
-        needs = [
-            resources.memory_of(count, resources.fields_of(case))
-            for count, case in zip(nodes, self._cases, strict=True)
-        ]
+        shape = self._surface.shape if self._surface else None
+        needs = [resources.memory_of(case, resources.nodes_of(case, shape)) for case in self._cases]
         fitting, sentence = resources.limited(jobs, needs, resources.available_memory())
         if sentence:
             self._tell(notice=sentence)
@@ -165,12 +159,16 @@ class Batch:
         self._reached.pop(case.id, None)
         if result is not None:
             _, found = storage.unstamped(result, case_file(self._place, case.id))
-            if folder.mismatch(case_file(self._place, case.id), found, case):
-                message = f"a worker has another version of roughvol: {found['version']}"
+            version = found.get("version", "")
+            if why := folder.mismatch(case_file(self._place, case.id), found, case):
+                message = f"a worker has roughvol {version}, whose answers are of another format: {why}"
                 error = CampaignError(message)
             else:
+                if version not in (__version__, *self._others):
+                    self._others.append(version)
+                    self._tell(notice=f"a worker has roughvol {version}, here is {__version__}: answers of one format")
                 storage.store(case_file(self._place, case.id), result)
-                ledger.add(ledger_file(self._place), case.id, case_file(self._place, case.id))
+                ledger.add(ledger_file(self._place), case.id, case_file(self._place, case.id), version)
                 for path in (failed_file(self._place, case.id), checkpoint_file(self._place, case.id)):
                     with contextlib.suppress(OSError):
                         path.unlink(missing_ok=True)
@@ -230,4 +228,6 @@ def _campaign_error(failures: Mapping[str, BaseException], cases: int) -> Campai
 def _text(error: BaseException) -> str:
     if isinstance(error, workers.Lost):
         return "its process died, and again when it ran alone (out of memory?)"
+    if limits.is_lack_of_memory(error):
+        return "not enough memory"
     return str(error) if isinstance(error, RoughvolError) else f"{type(error).__name__}: {error}"

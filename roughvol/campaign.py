@@ -10,14 +10,29 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from roughvol import collecting, dataset, dimensional, folder, ledger, regions, storage, validity, workers
+from roughvol import (
+    collecting,
+    dataset,
+    dimensional,
+    estimate,
+    folder,
+    ledger,
+    regions,
+    resources,
+    same_study,
+    storage,
+    validity,
+    workers,
+)
+from roughvol._version import __version__
 from roughvol.batch import Batch, OnEvent, Progress
 from roughvol.dataset import Arrays, Dataset
-from roughvol.errors import CampaignError, DatasetError
+from roughvol.errors import CampaignError, DatasetError, FolderError
 from roughvol.folder import case_file, checkpoint_file, folder_of, ledger_file
 from roughvol.physics import texture
 from roughvol.physics.surface import Surface
@@ -89,29 +104,38 @@ def run(
         If the study or its height file cannot be used; then nothing has been computed.
     FolderError
         If the folder is in use, holds another study, or cannot be written (any more); what is finished stays.
+    ResourceError
+        If a case needs more memory than this machine has, or the files more disk; then nothing has been computed.
     CampaignError
         If cases failed (the others are stored, and the next run computes only what is missing), or ``only`` names what
         is no case of the study.
     """
     study = study if isinstance(study, Study) else load(study)
+    if scheduler is not None:
+        workers.check_address(scheduler)
     surface = check_surfaces(study)
-    place, cases, text = folder_of(study, out), _cases(study), study.to_yaml()
+    place, cases, text = folder_of(study, out), _cases(study), study.stored()
     if jobs is not None and jobs < 1:
         message = f"jobs is {jobs}; allowed: 1 or more"
         raise CampaignError(message)
     if only is not None and (not only or set(only) - cases.keys()):
         message = f"only: {', '.join(sorted(set(only) - cases.keys())) or 'nothing'} names no case of this study"
         raise CampaignError(message)
+    wanted = cases.keys() if only is None else cases.keys() & set(only)
+    shape = surface.shape if surface is not None else None
+    _check_fits(place, cases, shape, fresh=wanted if fresh else (), wanted=wanted, here=scheduler is None)
     with folder.opened(place):
-        if not fresh:
-            folder.check_same_study(place, study, cases)
+        another = same_study.another_study(place, study, cases)
+        if another and not fresh:
+            raise FolderError(another)
         storage.store(place / "study.yaml", text.encode())
-        wanted = cases.keys() if only is None else cases.keys() & set(only)
-        notices, absent = _sorted_out(place, cases, fresh=wanted if fresh else ())
+        notices, absent = _sorted_out(place, cases, fresh=wanted if fresh else (), another=another is not None)
         left = {case.id for case in absent} - wanted
         missing = [case for case in absent if case.id in wanted]
         cases = {id: case for id, case in cases.items() if id not in left}
         kept = len(cases) - len(missing)
+        if scheduler is None and missing:
+            notices += _slow(missing, shape, jobs)
         if on_event is not None:
             for notice in notices:
                 on_event(Progress(cases=len(cases), kept=kept, notice=notice))
@@ -134,11 +158,11 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
     """
     study = study if isinstance(study, Study) else load(study)
     place, cases = folder_of(study, out), _cases(study)
-    parts, _ = collecting.sound_parts(place, cases)
+    parts, _, versions = collecting.sound_parts(place, cases)
     if not parts:
         message = f"no case of {study.name} is finished in {place}"
         raise DatasetError(message)
-    return _combined(parts, cases, study)
+    return _combined(parts, cases, study, versions)
 
 
 def check_surfaces(study: Study) -> Surface | None:
@@ -225,22 +249,60 @@ def _cases(study: Study) -> dict[str, Case]:
     return {case.id: case for case in study.cases()}
 
 
-def _sorted_out(place: Path, cases: Mapping[str, Case], *, fresh: Collection[str]) -> tuple[list[str], list[Case]]:
-    """Set aside what is not sound or not ours; return what to tell of it, and the cases to compute."""
+def _check_fits(
+    place: Path,
+    cases: Mapping[str, Case],
+    shape: tuple[int, int] | None,
+    *,
+    fresh: Collection[str],
+    wanted: Collection[str],
+    here: bool,
+) -> None:
+    """Refuse to begin what this machine cannot hold, by the cases that have no file yet."""
+    there = ledger.files(place / "cases", ".nc")
+    left = [case for id, case in cases.items() if id in wanted and (id in fresh or id not in there)]
+    if not left:
+        return
+    nodes = [resources.nodes_of(case, shape) for case in left]
+    disk = sum(resources.disk_of(case, n) for case, n in zip(left, nodes, strict=True))
+    disk += sum(resources.disk_of(case, resources.nodes_of(case, shape)) for case in cases.values())  # study.nc
+    resources.check_fits(left, nodes, disk, place, here=here)
+
+
+def _slow(cases: Sequence[Case], shape: tuple[int, int] | None, jobs: int | None) -> list[str]:
+    """Return a warning if it will take very long."""
+    told = estimate.warning_of(cases, [resources.nodes_of(case, shape) for case in cases], jobs or cores())
+    return [f"warning: {told}"] if told else []
+
+
+def _sorted_out(
+    place: Path, cases: Mapping[str, Case], *, fresh: Collection[str], another: bool
+) -> tuple[list[str], list[Case]]:
+    """Set aside what is not sound or not ours; return what to tell of it, and the cases to compute.
+
+    Sound files of cases that this study leaves out stay where they are, unless the folder held another study.
+    """
     storage.remove_leftovers(place / "cases")
     storage.remove_leftovers(place)
-    bad = {path: f"{path} is no case of this study" for path in folder.strangers(place, cases)}
+    strange, old = folder.strangers(place, cases), folder.outdated(place, cases)
+    bad = {case_file(place, id): f"{why}; its case is computed anew" for id, why in old.items()}
+    if another:
+        bad |= {case_file(place, id): f"{case_file(place, id)} is no case of this study" for id in strange}
     there = ledger.files(place / "cases", ".nc")
     missing, sound = [], {}
+    versions: Counter[str] = Counter()
     for id, case in cases.items():
+        if id not in there or id in fresh:
+            missing.append(case)
+            continue
         path = case_file(place, id)
-        why = folder.why_not(path, case, whole=True) if id in there and id not in fresh else "missing"
-        if why is None:
-            sound[id] = there[id]
+        found = folder.examined(path, case, whole=True)
+        if found.why is None:
+            sound[id] = ledger.Entry(there[id], found.version)
+            versions[found.version] += 1
             continue
         missing.append(case)
-        if why != "missing":
-            bad[path] = f"{why}; it is computed again"
+        bad[path] = f"{found.why}; it is computed {'anew' if found.outdated else 'again'}"
     together = place / "study.nc"
     if together.exists():
         try:
@@ -248,6 +310,8 @@ def _sorted_out(place: Path, cases: Mapping[str, Case], *, fresh: Collection[str
         except DatasetError as error:
             bad[together] = f"{error}; it is made again from the cases"
     notices = [f"set aside: {why} (now {folder.set_aside(path, why)})" for path, why in bad.items()]
+    if missing:
+        versions[__version__] += len(missing)
     try:
         if missing:
             together.unlink(missing_ok=True)  # it would not belong to the cases beside it
@@ -260,7 +324,12 @@ def _sorted_out(place: Path, cases: Mapping[str, Case], *, fresh: Collection[str
     except OSError as error:
         raise storage.cannot_write(place, error) from error
     ledger.write(ledger_file(place), sound)
-    return _few(notices, place), missing
+    told = _few(notices, place)
+    if left := [id for id in strange if case_file(place, id) not in bad]:
+        told.append(f"{place / 'cases'} keeps files of cases that are not of this study: {len(left)}")
+    if several := folder.versions_text(versions):
+        told.append(several)
+    return told, missing
 
 
 def _few(notices: list[str], place: Path) -> list[str]:
@@ -274,22 +343,33 @@ def _collected(place: Path, cases: Mapping[str, Case], study: Study, stopping: C
     path = place / "study.nc"
     with contextlib.suppress(DatasetError):
         stored = dataset.read(path)
-        same = stored.attrs.get("study") == study.to_yaml() and stored.attrs.get("case_ids") == dataset.ids_text(cases)
+        same = stored.attrs.get("study") == study.stored() and stored.attrs.get("case_ids") == dataset.ids_text(cases)
         if same and "warnings" in stored.attrs:  # which files of older versions lack
+            storage.touch(path)  # newer than the study file, for make
             return stored
-    parts, bad = collecting.sound_parts(place, cases, stopping)
+    parts, bad, versions = collecting.sound_parts(place, cases, stopping)
     absent = [f"{case_file(place, id)} has vanished" for id in cases if id not in parts and id not in bad]
     if absent or bad:
         message = "\n".join([*bad.values(), *absent])
         raise DatasetError(message)
-    dataset.write(_combined(parts, cases, study), path)
+    dataset.write(_combined(parts, cases, study, versions), path)
     return dataset.read(path)
 
 
-def _combined(parts: Mapping[str, Arrays], cases: Mapping[str, Case], study: Study) -> Dataset:
+def _combined(
+    parts: Mapping[str, Arrays], cases: Mapping[str, Case], study: Study, versions: Mapping[str, int]
+) -> Dataset:
     one = next(iter(cases.values()))
     unit, region = one.length_unit, one.record.region
-    attributes = dataset.provenance(study.to_yaml(), fft=FFT, ids=parts, region=region, length_unit=unit)
+    attributes = dataset.provenance(
+        study.stored(),
+        fft=FFT,
+        ids=parts,
+        region=region,
+        length_unit=unit,
+        bodies=one.bodies,
+        versions=versions,
+    )
     if one.surface_text:
         attributes["surface"] = one.surface_text
     results = dimensional.in_units(dataset.combine(list(parts.values()), attributes), study, unit)

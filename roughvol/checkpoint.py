@@ -65,7 +65,10 @@ class Checkpoint:
 
 
 def numerics() -> str:
-    """Return what decides on the last bit: versions and vector units; a sweep is not carried on by other ones."""
+    """Return what decides on the last bit: versions and vector units; a sweep is not carried on by other ones.
+
+    That of roughvol counts here, unlike in a finished case: the bits of one sweep come from one program.
+    """
     names = ("numpy", "scipy", "pyfftw")
     versions = [f"{name} {importlib.metadata.version(name)}" for name in names]
     return ", ".join([f"roughvol {__version__}", *versions, platform.machine(), *_vector_units()])

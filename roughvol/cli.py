@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from roughvol import limits
 from roughvol._version import __version__
 from roughvol.errors import CampaignError, ContactError, ConvergenceError, DatasetError, RoughvolError, StudyError
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from roughvol.dataset import Dataset
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+LIGHT = ("schema", "status")  # they import no library that computes
 SHOWN = 50  # cases of a kind that `status` names
 PLAIN_EVERY = 5.0  # seconds between two lines of progress where there is no terminal to draw on
 
@@ -36,6 +38,13 @@ OUT = click.option("--out", type=click.Path(path_type=Path), help="Folder of the
 class _Door(click.Group):
     """Turns errors into one message and an exit code."""
 
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        found = super().resolve_command(ctx, args)
+        if found[0] not in LIGHT and (message := limits.too_narrow()):
+            click.echo(f"error: {message}", err=True)
+            ctx.exit(FAILED)
+        return found
+
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
@@ -45,6 +54,12 @@ class _Door(click.Group):
         except RoughvolError as error:
             click.echo(_message(error), err=True)
             ctx.exit(FAILED if isinstance(error, CampaignError | ContactError | ConvergenceError) else BAD_INPUT)
+        except (MemoryError, ImportError, OSError, RuntimeError) as error:
+            if not limits.is_lack_of_memory(error):
+                raise
+            first = str(error).strip().splitlines()
+            click.echo(f"error: not enough memory ({first[0] if first else type(error).__name__})", err=True)
+            ctx.exit(FAILED)
 
 
 @click.group(
@@ -67,11 +82,14 @@ def main() -> None:
 @STUDY
 @click.option("--look", is_flag=True, help="Draw the surface of the first case: map, histogram, two profiles.")
 @click.option("--out", type=click.Path(path_type=Path), help="File of that picture [default: NAME-look.png].")
-def check(study: Path, look: bool, out: Path | None) -> None:
+@click.option("--jobs", "-j", type=click.IntRange(min=1), help="Processes to reckon with [default: one a core].")
+def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
     """Say what STUDY will compute and what it costs, without computing it.
 
     Prints the study with every default written out, how its surface was understood, then the number of cases, memory,
     disk and expected time.
+
+    A study that needs more memory or disk than this machine has is an error; one of more than 30 days draws a warning.
     """
     from roughvol import bodies, campaign, estimate, understood, validity
     from roughvol.study import load
@@ -87,15 +105,19 @@ def check(study: Path, look: bool, out: Path | None) -> None:
 
         path = look_figure.write(surface, cases[0].length_unit, cases[0].label, out or Path(f"{loaded.name}-look.png"))
         click.echo(f"# picture {path}")
-    click.echo(_cost(estimate.estimate(loaded)))
+    cost = estimate.estimate(loaded, jobs)
+    click.echo(_cost(cost))
     noted = bodies.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
     _warn(validity.sentences(campaign.foreseen(loaded, surface), noted))
-    for choice in estimate.choices(loaded):
+    for choice in estimate.choices(loaded, jobs):
         area, pressure, volume = choice.errors
         click.echo(
             f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {_duration(choice.seconds)}; "
             f"errors about {area:.0e} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
         )
+    if slow := estimate.warning(cost.seconds, cost.jobs):
+        _warn([slow])
+    estimate.check_fits(loaded, campaign.folder_of(loaded))
 
 
 @main.command(
@@ -151,7 +173,7 @@ def run(
 @OUT
 def status(study: Path, out: Path | None) -> None:
     """Say which cases of STUDY are finished, running, failed or missing, also while a run is going on."""
-    from roughvol import standing
+    from roughvol import folder, standing
 
     state = standing.status(study, out)
     left, several = len(state.running) + len(state.missing), (state.failed, state.damaged)
@@ -160,6 +182,8 @@ def status(study: Path, out: Path | None) -> None:
     if state.holder is not None:
         time_left = f", about {_duration(state.left)} left" if state.left is not None else ""
         click.echo(f"a run is going on: {state.holder}{time_left}")
+    if mixed := folder.versions_text(state.versions):
+        click.echo(f"  {mixed}")
     if state.strange:
         click.echo(f"  {_count(state.strange, 'file')} of cases that are not of this study")
     for title, ids in (("running", state.running), ("missing", state.missing)):
@@ -167,9 +191,15 @@ def status(study: Path, out: Path | None) -> None:
             click.echo(f"  {id}  {title}")
         if len(ids) > SHOWN:
             click.echo(f"  … and {len(ids) - SHOWN} more {title}")
-    for title, reasons in (("failed", state.failed), ("damaged, will be computed again", state.damaged)):
-        for id, reason in reasons.items():
+    for title, reasons in (
+        ("failed", state.failed),
+        ("damaged, will be computed again", state.damaged),
+        ("outdated, will be computed anew", state.outdated),
+    ):
+        for id, reason in list(reasons.items())[:SHOWN]:
             click.echo(f"  {id}  {title}: {reason}")
+        if len(reasons) > SHOWN:
+            click.echo(f"  … and {len(reasons) - SHOWN} more {title}")
 
 
 @main.command(epilog=_examples("roughvol plot", "roughvol plot effect_of_D fig04a fig06b --format pdf"))
@@ -324,7 +354,8 @@ def _cost(cost: Any) -> str:
     return (
         f"# {_count(cost.cases, 'case')}, {_count(cost.steps, 'state')} to solve\n"
         f"# memory  about {_bytes(cost.memory)} a process, {_count(cost.jobs, 'process', 'processes')} at once\n"
-        f"# disk    up to {_bytes(cost.disk)}\n"
+        + (f"#         {cost.notice}\n" if cost.notice else "")
+        + f"# disk    up to {_bytes(cost.disk)}\n"
         f"# time    about {_duration(cost.seconds)} (an estimate, from convolutions timed on this machine)"
         + "".join(f"\n#         {_duration(taken)} of one core for {name}" for name, taken in cost.observables.items())
     )
@@ -343,7 +374,10 @@ def _duration(seconds: float) -> str:
     if seconds < 100:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes / 60:.1f} h"
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    days = minutes / 1440
+    return f"{minutes / 60:.1f} h" if days < 3 else f"{days:.0f} days" if days < 365 else f"{days / 365.25:.3g} years"
 
 
 def _study_file(run: str | None) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -14,8 +15,10 @@ from roughvol.study import Case
 
 def sound_parts(
     place: Path, cases: Mapping[str, Case], stopping: Callable[[], bool] = lambda: False
-) -> tuple[dict[str, Arrays], dict[str, str]]:
-    """Return the arrays of the finished cases in the order of the cases, and what is wrong with the other files.
+) -> tuple[dict[str, Arrays], dict[str, str], dict[str, int]]:
+    """Return the arrays of the finished cases in the order of the cases, the faults of the other files, the versions.
+
+    The versions are those of roughvol that computed the cases, each with the number of its cases.
 
     Raises
     ------
@@ -24,6 +27,7 @@ def sound_parts(
     """
     parts: dict[str, Arrays] = {}
     bad: dict[str, str] = {}
+    versions: Counter[str] = Counter()
     for id, case in cases.items():
         if stopping():
             raise KeyboardInterrupt
@@ -37,6 +41,7 @@ def sound_parts(
         why = folder.mismatch(path, labels, case)
         if why is None:
             parts[id] = arrays
+            versions[labels.get("version", "")] += 1
         else:
             bad[id] = why
-    return parts, bad
+    return parts, bad, dict(versions)

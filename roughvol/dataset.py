@@ -38,7 +38,7 @@ from roughvol._version import __version__
 from roughvol.columns import Arrays
 from roughvol.errors import DatasetError
 from roughvol.storage import FORMAT
-from roughvol.study import Case, Region
+from roughvol.study import Body, Case, Region
 from roughvol.variables import DTYPES, FIELDS, MISSING, TIMES, VARIABLES, Variable
 
 __all__ = ["VARIABLES", "Dataset", "Variable", "build", "combine", "provenance", "read", "write"]
@@ -201,6 +201,8 @@ def read(path: Path) -> Dataset:
 def read_arrays(path: Path) -> tuple[Arrays, storage.Labels]:
     """Return the variables of a file as plain arrays, and its labels: for many files, where `read` takes too long.
 
+    Variables that the table does not hold are left out: a later version stored them beside the same answers.
+
     Raises
     ------
     DatasetError
@@ -213,14 +215,18 @@ def read_arrays(path: Path) -> tuple[Arrays, storage.Labels]:
         if "columns" in labels:
             found = columns.unpacked(content[len(content) - int(labels["columns"]) :])
             for name, (dims, values) in found.items():
+                if name not in VARIABLES:
+                    continue
                 arrays[name] = (dims, np.asarray(values, dtype=DTYPES[VARIABLES[name].kind]))
             return arrays, labels
         with netCDF4.Dataset("memory.nc", memory=content) as stored:
             stored.set_auto_maskandscale(False)
             for name, variable in stored.variables.items():
+                if name not in VARIABLES:
+                    continue
                 arrays[name] = (variable.dimensions, _decoded(name, variable[...]))
-    except (OSError, ValueError, RuntimeError, KeyError) as error:  # KeyError: no variable of the table
-        message = f"{path} is damaged or no dataset of this version of roughvol ({error})"
+    except (OSError, ValueError, RuntimeError, KeyError) as error:
+        message = f"{path} is damaged or no dataset of roughvol ({error})"
         raise DatasetError(message) from error
     return arrays, labels
 
@@ -235,7 +241,7 @@ def _decoded(name: str, values: NDArray[Any]) -> NDArray[Any]:
 def _check_format(attributes: Mapping[str, str], path: Path) -> None:
     found = attributes.get("format")
     if found != FORMAT:
-        message = f"{path} is no dataset of this version of roughvol: its format is {found!r}, not {FORMAT!r}"
+        message = f"{path} is no dataset of roughvol: its format is {found!r}, not {FORMAT!r}"
         raise DatasetError(message)
 
 
@@ -247,6 +253,8 @@ def provenance(
     ids: Iterable[str] = (),
     region: Region | None = None,
     length_unit: str | None = None,
+    bodies: Iterable[Body] = (),
+    versions: Mapping[str, int] | None = None,
 ) -> dict[str, str]:
     """Return the global attributes: what was asked, by which code, on which machine, when, and what to cite.
 
@@ -264,6 +272,10 @@ def provenance(
         Of which part its observables are; that of the case, or the whole, if not given.
     length_unit : str, optional
         Unit of all lengths in the file; that of the case if not given, arbitrary if that has none.
+    bodies : iterable of Body, optional
+        The files of heights; those of the case if not given. Their names are stored, and the sha256 of their content.
+    versions : mapping, optional
+        Of a whole study: the versions of roughvol that computed its cases, each with the number of its cases.
     """
     libraries = {name: importlib.metadata.version(name) for name in ("numpy", "scipy", "pyfftw", "xarray", "netCDF4")}
     libraries |= {"python": platform.python_version(), "netcdf-c": netCDF4.__netcdf4libversion__}
@@ -288,6 +300,12 @@ def provenance(
         attributes["length_unit"] = unit
     if case is not None and case.surface_text:
         attributes["surface"] = case.surface_text
+    if files := [
+        {"file": body.file.name, "sha256": body.sha256} for body in bodies or (case.bodies if case is not None else ())
+    ]:
+        attributes["height_files"] = json.dumps(files)
+    if versions is not None:
+        attributes["case_versions"] = json.dumps(dict(sorted(versions.items())))
     if case is not None:
         attributes |= {"case_id": case.id, "case": case.key_text}
     if ids := list(ids):

@@ -73,5 +73,9 @@ class FolderError(DatasetError):
     """The folder of a run that cannot be used: locked, of another study, full, read-only or gone; it says which."""
 
 
+class ResourceError(RoughvolError, RuntimeError):
+    """What a run needs and cannot have: memory, disk; the message holds how much there is."""
+
+
 class CampaignError(RoughvolError, RuntimeError):
     """A run in which some cases failed; the message lists them."""

@@ -11,7 +11,9 @@ from __future__ import annotations
 import functools
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -38,7 +40,8 @@ PER_NODE |= {"flux_at": 7e-6, "fields_at": 1e-9, "volume_density": 1.2e-8, "box_
 PER_NODE |= {"region_transmissivity": 7e-6}  # of a width, over the nodes inside; box counting of a threshold
 FLOWS, FLOW_POWER = ("transmissivity", "diffusivity", "flux_at", "region_transmissivity"), 0.15
 FLOW_NODES = 257**2
-FILE_BYTES = 1.2e5  # of a case without fields
+LONG = 30 * 86400.0  # seconds from which on a run is warned of
+ROUGH = 1e-7  # seconds a state and node at the least: enough to see without a timing that a run is not long
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,7 @@ class Estimate:
     """Cost of a study: numbers of cases and of states to solve, bytes in memory a process and on disk, seconds.
 
     ``observables`` are the seconds, of all cases together, that each thing the study records takes out of them.
+    ``notice`` is a sentence where the memory allows fewer processes than asked for.
     """
 
     cases: int
@@ -55,29 +59,62 @@ class Estimate:
     disk: float
     seconds: float
     observables: dict[str, float]
+    notice: str = ""
 
 
 def estimate(study: Study, jobs: int | None = None) -> Estimate:
-    """Return the expected cost of computing a whole study in so many processes; all cores if not given."""
+    """Return the expected cost of computing a whole study in so many processes; all cores if not given.
+
+    There are never more processes than the memory available now allows.
+    """
+    return _estimate(study.cases(), jobs)
+
+
+def check_fits(study: Study, place: Path) -> None:
+    """Refuse a study that this machine cannot hold; see `resources.check_fits`."""
     cases = study.cases()
+    nodes = [math.prod(_shape(case)) for case in cases]
+    disk = 2 * sum(resources.disk_of(case, n) for case, n in zip(cases, nodes, strict=True))
+    resources.check_fits(cases, nodes, disk, place)
+
+
+def warning(seconds: float, jobs: int) -> str:
+    """Return a warning where a run would take longer than `LONG`; empty where it does not."""
+    if seconds < LONG:
+        return ""
+    many = f"{jobs} process" + "es" * (jobs > 1)
+    return f"this takes about {seconds / (365.25 * 86400.0):.2g} years ({seconds / 86400.0:.0f} days) in {many}"
+
+
+def warning_of(cases: Sequence[Case], nodes: Sequence[int], jobs: int) -> str:
+    """Return the warning of some cases; nothing is timed where they are few or small."""
+    rough = ROUGH * sum(case.sweep.steps * n for case, n in zip(cases, nodes, strict=True)) / jobs
+    if rough < LONG / 30.0:
+        return ""
+    return warning(_estimate(cases, jobs).seconds, jobs)
+
+
+def _estimate(cases: Sequence[Case], jobs: int | None) -> Estimate:
     jobs = min(jobs or cores(), len(cases))
     shapes = [_shape(case) for case in cases]
+    nodes = [rows * columns for rows, columns in shapes]
+    needs = [resources.memory_of(case, n) for case, n in zip(cases, nodes, strict=True)]
+    jobs, notice = resources.limited(jobs, needs, resources.available_memory())
     seconds = [_seconds(case, shape) for case, shape in zip(cases, shapes, strict=True)]
     observables = {name: 0.0 for case in cases for name in _observable_seconds(case, shapes[0])}
     for case, shape in zip(cases, shapes, strict=True):
         for name, taken in _observable_seconds(case, shape).items():
             observables[name] += taken
-    nodes = [rows * columns for rows, columns in shapes]
-    fields = [resources.fields_of(case) for case in cases]
     return Estimate(
         cases=len(cases),
         steps=sum(case.sweep.steps for case in cases),
         jobs=jobs,
-        memory=max(resources.memory_of(n, f) for n, f in zip(nodes, fields, strict=True)),
+        memory=max(needs),
         # each case is stored twice, by itself and in study.nc
-        disk=2 * sum(FILE_BYTES + 8 * n * f for n, f in zip(nodes, fields, strict=True)),
+        disk=2 * sum(resources.disk_of(case, n) for case, n in zip(cases, nodes, strict=True)),
         seconds=START + max(sum(seconds) / jobs, max(seconds)),
         observables=observables,
+        notice=notice,
     )
 
 

@@ -4,7 +4,7 @@
 - ``cases/<id>.nc``: a finished case, stamped (see `storage`)
 - ``cases/<id>.failed.json``: the error of a case that failed, until it succeeds
 - ``cases/.<id>.checkpoint``: the finished steps of a long sweep
-- ``cases/set_aside/``: what lay under the name of a case and is none of this study, each with its reason
+- ``cases/set_aside/``: what lay under the name of a case and cannot be used, each with its reason
 - ``cases/ledger``: sizes and times of the finished files, for `status` (see `ledger`)
 - ``progress.json``: what a run is doing now
 - ``lock``: the process that runs here
@@ -22,11 +22,11 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from roughvol import ledger, storage
-from roughvol.errors import DatasetError, FolderError, StudyError
-from roughvol.study import Case, Study, loads
+from roughvol.errors import DatasetError, FolderError
+from roughvol.study import Case, Study
 
 try:
     import fcntl
@@ -76,6 +76,17 @@ def checkpoint_file(folder: Path, id: str) -> Path:
     return folder / "cases" / f".{id}.checkpoint"
 
 
+def stored_study(folder: Path) -> str | None:
+    """Return the text of the study that a folder holds, None without one."""
+    try:
+        with (folder / "study.yaml").open("rb") as stream:
+            return stream.read(MAX_BYTES).decode(errors="replace")
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        return f"cannot read: {error.strerror}"
+
+
 # The lock --------------------------------------------------------------------------------------------------------
 
 
@@ -99,9 +110,15 @@ def opened(folder: Path) -> Iterator[None]:
         raise
     except OSError as error:
         raise storage.cannot_write(folder, error) from error
+    progress = folder / "progress.json"  # one that is there is of a run that was killed
     try:
+        with contextlib.suppress(OSError):
+            progress.unlink(missing_ok=True)
         yield
     finally:
+        with contextlib.suppress(OSError):
+            if _same_file(handle, path):
+                progress.unlink(missing_ok=True)
         with contextlib.suppress(OSError):
             if _same_file(handle, path):  # not if the folder was moved away and another run has begun here
                 path.unlink()
@@ -229,82 +246,36 @@ def _birth(pid: int) -> str:
         return ""
 
 
-# The study -------------------------------------------------------------------------------------------------------
-
-
-def check_same_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> None:
-    """Refuse a folder that holds another study; one that only adds cases, or changes no answer, is the same.
-
-    Raises
-    ------
-    FolderError
-        With every difference.
-    """
-    path = folder / "study.yaml"
-    if not path.exists():
-        return
-    try:
-        found = differences(loads(path.read_text(encoding="utf-8"), file=path), study)
-    except (StudyError, OSError, UnicodeDecodeError) as error:
-        found = [f"its study.yaml cannot be read: {error}"]
-    if not found and isinstance(next(iter(cases.values())).file, Path) and (strange := strangers(folder, cases)):
-        files = " and ".join(str(body.file) for body in next(iter(cases.values())).bodies)
-        found = [f"surface.file: the content of {files} is not that of {strange[0].stem}"]
-    if found:
-        lines = "\n".join(f"  {line}" for line in found)
-        message = (
-            f"{folder} holds the results of another study:\n{lines}\n"
-            "give another --out to keep them, or --fresh to compute all anew in this folder"
-        )
-        raise FolderError(message)
-
-
-def differences(old: Study, new: Study) -> list[str]:
-    """Return what makes two studies disagree about a case they share, or lets cases of the old one go; a line each."""
-    before, after = (dict(_flat(study.model_dump(mode="json"))) for study in (old, new))
-    lines = []
-    axes = ("surface.D", "surface.m", "surface.seeds")
-    for name in axes:
-        if name in before and name in after:
-            gone = [value for value in before[name] if value not in after[name]]
-            if gone:
-                lines.append(f"{name}: no longer {', '.join(map(str, gone))}")
-    if _answers(old) == _answers(new):
-        return lines
-    for name in dict.fromkeys([*before, *after]):
-        if before.get(name) != after.get(name) and name not in (*axes, "name"):
-            lines.append(f"{name}: {_shown(before, name)} → {_shown(after, name)}")
-    return lines or ["the surface: its file has changed"]
-
-
-def _answers(study: Study) -> dict[str, Any] | None:
-    """Return what all cases of a study share of what changes their answers."""
-    try:
-        key = study.cases()[0].key
-    except StudyError:  # the height file of then is no more
-        return None
-    key["surface"] = {name: value for name, value in key["surface"].items() if name not in ("D", "m", "seed")}
-    return dict(json.loads(json.dumps(key)))
-
-
-def _flat(data: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in data.items():
-        if isinstance(value, Mapping) and value:
-            yield from _flat(value, f"{before}{name}.")
-        else:
-            yield f"{before}{name}", value
-
-
-def _shown(values: Mapping[str, Any], name: str) -> str:
-    return "not there" if name not in values else json.dumps(values[name], ensure_ascii=False)
-
-
 # The cases -------------------------------------------------------------------------------------------------------
 
 
-def strangers(folder: Path, cases: Mapping[str, Case]) -> list[Path]:
-    """Return the files of cases that are not of this study."""
-    return [case_file(folder, id) for id in sorted(ledger.files(folder / "cases", ".nc")) if id not in cases]
+def strangers(folder: Path, cases: Mapping[str, Case]) -> list[str]:
+    """Return the ids of the files of cases that are not of this study."""
+    return [id for id in sorted(ledger.files(folder / "cases", ".nc")) if id not in cases]
+
+
+def outdated(folder: Path, cases: Mapping[str, Case]) -> dict[str, str]:
+    """Return the ids of the files not of this study that another format has stored, each with that reason."""
+    ours, found = labels_for(next(iter(cases.values()))), {}
+    for id in strangers(folder, cases):
+        with contextlib.suppress(DatasetError):
+            path = case_file(folder, id)
+            if why := _other_format(path, storage.labels(path), ours):
+                found[id] = why
+    return found
+
+
+def _other_format(path: Path, found: storage.Labels, expected: storage.Labels) -> str | None:
+    """Return in what format a file was stored if that is not ours."""
+    for name, title, first in (
+        ("format_of_answers", "answer format", storage.FIRST_ANSWERS),
+        ("format", "file format", ""),
+    ):
+        theirs, ours = found.get(name, first), expected[name]
+        if theirs != ours and theirs:
+            age = "a newer" if (len(theirs), theirs) > (len(ours), ours) else "an older"
+            return f"{path} was stored by {age} {title} ({theirs}, now {ours})"
+    return None
 
 
 def labels_for(case: Case) -> storage.Labels:
@@ -312,29 +283,47 @@ def labels_for(case: Case) -> storage.Labels:
     return storage.labels_of({"case_id": case.id, "case": case.key_text})
 
 
-def why_not(path: Path, case: Case, *, whole: bool) -> str | None:
-    """Return what is wrong with the file of a case: None if nothing, "missing" if there is none.
+class Examined(NamedTuple):
+    """The file of a case: its version of roughvol, its fault if it has one, whether that is only its format."""
+
+    version: str
+    why: str | None = None
+    outdated: bool = False
+
+
+def examined(path: Path, case: Case, *, whole: bool) -> Examined:
+    """Return what is known of the file of a case.
 
     Parameters
     ----------
     whole : bool
         Check every bit, not only that the end is there and says what it should.
     """
-    if not path.exists():
-        return "missing"
     try:
-        return mismatch(path, storage.verified(path)[1] if whole else storage.labels(path), case)
+        found = storage.verified(path)[1] if whole else storage.labels(path)
     except DatasetError as error:
-        return str(error)
+        return Examined("", str(error))
+    old = _other_format(path, found, labels_for(case)) is not None
+    return Examined(found.get("version", ""), mismatch(path, found, case), old)
 
 
 def mismatch(path: Path, found: storage.Labels, case: Case) -> str | None:
-    """Return in what the labels of a file are not those of a case, None if they are."""
+    """Return in what the labels of a file are not those of a case, None if they are; the version is none of it."""
     expected = labels_for(case)
-    for name, title in (("format", "format"), ("version", "version of roughvol"), ("case", "case"), ("key", "study")):
+    if why := _other_format(path, found, expected):
+        return why
+    for name, title in (("format", "file format"), ("case", "case"), ("key", "study")):
         if found.get(name) != expected[name]:
             return f"{path} is of another {title}: {found.get(name)!r}, not {expected[name]!r}"
     return None
+
+
+def versions_text(versions: Mapping[str, int]) -> str:
+    """Return which versions of roughvol computed the cases, empty if it was one."""
+    if len(versions) < 2:
+        return ""
+    several = ", ".join(f"{version} ({count})" for version, count in sorted(versions.items()))
+    return f"cases are of several versions of roughvol, with answers of one format: {several}"
 
 
 def set_aside(path: Path, reason: str) -> Path:

@@ -5,8 +5,8 @@ when a run has checked every bit of every file. Nothing else trusts it: `run` an
 and a file that has no line, or another size or time than its line says, is opened by `status` too. So a ledger that is
 torn, old, or gone costs time, and no more.
 
-    {"format": …, "version": …}            what wrote the files, on the first line
-    <id> <bytes> <time of change, ns>      a line for each case
+    {"format": …, "ledger": 2}                       of the files and of the lines, on the first line
+    <id> <bytes> <time of change, ns> <version>      a line for each case, with the version of roughvol that computed it
 """
 
 from __future__ import annotations
@@ -16,15 +16,22 @@ import json
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from roughvol import storage
-from roughvol._version import __version__
 from roughvol.errors import FolderError
 
 Seen = tuple[int, int]  # bytes, and nanoseconds of the last change
 
 MAX_BYTES = 1 << 26  # 100 000 lines are 6 MB
-_HEAD = json.dumps({"format": storage.FORMAT, "version": __version__}, sort_keys=True)
+_HEAD = json.dumps({"format": storage.FORMAT, "ledger": 2}, sort_keys=True)
+
+
+class Entry(NamedTuple):
+    """The line of a case: its file as it was seen, and the version of roughvol in it."""
+
+    seen: Seen
+    version: str
 
 
 def files(folder: Path, suffix: str) -> dict[str, Seen]:
@@ -39,8 +46,8 @@ def files(folder: Path, suffix: str) -> dict[str, Seen]:
     return found
 
 
-def read(path: Path) -> dict[str, Seen]:
-    """Return what a ledger holds; nothing if it is of another version, or there is none."""
+def read(path: Path) -> dict[str, Entry]:
+    """Return what a ledger holds; nothing if it is of another format, or there is none."""
     try:
         with path.open("rb") as stream:
             head, *lines = stream.read(MAX_BYTES).decode().split("\n")
@@ -50,25 +57,26 @@ def read(path: Path) -> dict[str, Seen]:
         return {}
     found = {}
     for line in lines:
-        id, *numbers = line.split(" ")
-        if len(numbers) == 2 and all(number.isascii() and number.isdigit() for number in numbers):
-            found[id] = (int(numbers[0]), int(numbers[1]))
+        id, *rest = line.split(" ")
+        if len(rest) == 3 and all(number.isascii() and number.isdigit() for number in rest[:2]):
+            found[id] = Entry((int(rest[0]), int(rest[1])), rest[2])
     return found
 
 
-def write(path: Path, seen: Mapping[str, Seen]) -> None:
+def write(path: Path, entries: Mapping[str, Entry]) -> None:
     """Write a ledger anew; that it cannot be written is no reason to stop."""
     with contextlib.suppress(FolderError):
-        storage.store(path, "\n".join([_HEAD, *_lines(seen.items())]).encode() + b"\n")
+        storage.store(path, "\n".join([_HEAD, *_lines(entries.items())]).encode() + b"\n")
 
 
-def add(path: Path, id: str, file: Path) -> None:
+def add(path: Path, id: str, file: Path, version: str) -> None:
     """Add the file of a case that has just been stored."""
     with contextlib.suppress(OSError):
         standing = file.stat()
         with path.open("a", encoding="utf-8") as stream:
-            stream.write("\n".join([*_lines([(id, (standing.st_size, standing.st_mtime_ns))]), ""]))
+            entry = Entry((standing.st_size, standing.st_mtime_ns), version)
+            stream.write("\n".join([*_lines([(id, entry)]), ""]))
 
 
-def _lines(items: Iterable[tuple[str, Seen]]) -> Iterable[str]:
-    return (f"{id} {size} {time}" for id, (size, time) in items)
+def _lines(items: Iterable[tuple[str, Entry]]) -> Iterable[str]:
+    return (f"{id} {size} {time} {version}" for id, ((size, time), version) in items)

@@ -1,15 +1,24 @@
-"""What this machine has, and what a case takes of it: cores and memory."""
+"""What this machine has, and what a case takes of it: cores, memory and disk."""
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterable
+import shutil
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from roughvol import limits
+from roughvol.errors import CampaignError, ResourceError
 from roughvol.study import Case
 
-PROCESS_BYTES = 1.6e8  # of a process that has only imported what it needs
-NODE_BYTES = 500  # of the half space and the solver
+# Bytes, as the largest resident set of `run_case` grew at m = 9 and 10 (D = 2.5; docs/cluster.md).
+PROCESS_BYTES = 2e8  # of a process that has only imported what it needs
+SURFACE_BYTES, NODE_BYTES = 50, 280  # a node: of a surface alone; of the half space and the solver
+CHANNEL_BYTES, FLOW_BYTES = 200, 1300  # a node, beside these: of a search for the last channel, of a flow
+FIELD_BYTES = 16  # a node and field kept
+FILE_BYTES = 1.2e5  # of a case without fields on disk
+SMALL = 1e9  # up to which nothing is refused: the estimate is rough, and what fails, fails soon
 SPARED = 0.9  # the share of the available memory that a run may fill
 
 
@@ -24,9 +33,37 @@ def available_memory() -> float | None:
     return min((value for value in found if value is not None), default=None)
 
 
-def memory_of(nodes: int, fields: int = 0) -> float:
-    """Return the bytes a process needs for a case with so many nodes, and fields of them kept."""
-    return PROCESS_BYTES + nodes * (NODE_BYTES + 16 * fields)
+def free_disk(place: Path) -> float | None:
+    """Return the bytes that are free where a folder is or would be made; None if the system does not tell."""
+    place = place.absolute()
+    there = next((folder for folder in (place, *place.parents) if folder.exists()), place)
+    try:
+        return float(shutil.disk_usage(there).free)
+    except OSError:
+        return None
+
+
+def memory_of(case: Case, nodes: int) -> float:
+    """Return the bytes a process needs for a case on so many nodes."""
+    if case.sweep.steps == 0:
+        return PROCESS_BYTES + nodes * (SURFACE_BYTES + FIELD_BYTES * fields_of(case))
+    transport, widths = case.record.transport, case.record.region_widths
+    flows = [transport.transmissivity, transport.diffusivity, transport.flux_at] if transport else []
+    flows += [widths.transmissivity] if widths else []
+    each = NODE_BYTES + FIELD_BYTES * fields_of(case)
+    each += FLOW_BYTES * any(flow is not None for flow in flows)
+    each += CHANNEL_BYTES * case.sweep.target.kind.startswith("percolation")
+    return PROCESS_BYTES + nodes * each
+
+
+def disk_of(case: Case, nodes: int) -> float:
+    """Return the most bytes that the file of a case takes; fields are compressed, and take less."""
+    return FILE_BYTES + 8 * nodes * fields_of(case)
+
+
+def nodes_of(case: Case, shape: tuple[int, int] | None) -> int:
+    """Return the nodes of a case; ``shape`` is that of the surface from its height file."""
+    return (2**case.m + 1) ** 2 if case.m is not None else math.prod(shape or (0,))
 
 
 def fields_of(case: Case) -> int:
@@ -34,6 +71,47 @@ def fields_of(case: Case) -> int:
     flux = case.record.transport.flux_at if case.record.transport else None
     selects = [select for select in (case.record.fields_at, flux) if select is not None]
     return case.record.heights + sum(2 * len(select.levels) for select in selects)
+
+
+def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, place: Path, *, here: bool = True) -> None:
+    """Refuse what this machine cannot hold, however few processes compute it; what needs less than 1 GB is tried.
+
+    Parameters
+    ----------
+    cases, nodes : sequences of equal length
+        What is to be computed, and the nodes of each.
+    disk : float
+        Bytes of the files to be written.
+    place : Path
+        Folder of the results.
+    here : bool
+        Whether the cases are computed on this machine; the memory of a cluster is not known.
+
+    Raises
+    ------
+    ResourceError
+        If a case needs more memory than is available, or the files more disk than is free.
+    CampaignError
+        If a process may not have what a case needs (``ulimit -v``).
+    """
+    wanting = []
+    if here and cases:
+        need, case = max(((memory_of(c, n), c) for c, n in zip(cases, nodes, strict=True)), key=lambda pair: pair[0])
+        available, limit = available_memory(), limits.address_space()
+        if available is not None and need > max(available, SMALL):
+            wanting.append(f"{case.label} needs about {_size(need)} of memory, {_size(available)} are available")
+        if limit is not None and (space := limits.needed(need - PROCESS_BYTES)) > limit:
+            message = (
+                f"not enough memory: {case.label} needs about {_size(space)} of address space, "
+                f"the limit is {_size(limit)} (ulimit -v)"
+            )
+            raise CampaignError(message)
+    free = free_disk(place)
+    if free is not None and disk > max(free, SMALL):
+        wanting.append(f"the results need up to {_size(disk)} of disk, {_size(free)} are free at {place}")
+    if wanting:
+        message = "this study does not fit: " + "; ".join(wanting)
+        raise ResourceError(message)
 
 
 def limited(jobs: int, needs: Iterable[float], available: float | None) -> tuple[int, str]:
@@ -56,15 +134,14 @@ def limited(jobs: int, needs: Iterable[float], available: float | None) -> tuple
             break
         fitting += 1
     fitting = max(fitting, 1)
-    if fitting == jobs:
-        return (
-            jobs,
-            f"a case needs about {largest[0] / 1e9:.2g} GB, {available / 1e9:.2g} GB are available: it may fail",
-        )
+    held = f"a case needs about {largest[0] / 1e9:.2g} GB, {available / 1e9:.2g} GB are available"
     return fitting, (
-        f"{fitting} instead of {jobs} processes at once: a case needs about {largest[0] / 1e9:.2g} GB, "
-        f"{available / 1e9:.2g} GB are available"
+        f"{held}: it may fail" if fitting == jobs else f"{fitting} instead of {jobs} processes at once: {held}"
     )
+
+
+def _size(number: float) -> str:
+    return f"{number / 1e12:.3g} TB" if number >= 1e12 else f"{number / 1e9:.3g} GB"
 
 
 def _line(path: str, name: str) -> float | None:

@@ -27,6 +27,7 @@ MARK = b"ROUGHVOL"
 TAIL = 64 + 8 + len(MARK)
 MAX_LABELS = 100_000
 Labels = dict[str, str]
+FIRST_ANSWERS = "1"  # format of the answers in files whose stamp does not name it, which are of version 0.7 or older
 
 _REASONS = {
     errno.ENOSPC: "the disk is full",
@@ -59,6 +60,20 @@ def store(path: Path, content: bytes) -> None:
         finally:
             with contextlib.suppress(OSError):
                 aside.unlink(missing_ok=True)
+    except OSError as error:
+        raise cannot_write(path, error) from error
+
+
+def touch(path: Path) -> None:
+    """Set the time of a file to now, for tools that compare times.
+
+    Raises
+    ------
+    FolderError
+        If that is not allowed.
+    """
+    try:
+        os.utime(path)
     except OSError as error:
         raise cannot_write(path, error) from error
 
@@ -112,10 +127,15 @@ def stamped(content: bytes, labels: Labels) -> bytes:
 
 
 def labels_of(attributes: Mapping[str, str]) -> Labels:
-    """Return what the stamp of a dataset says: format, version, and the case in full."""
-    key = hashlib.sha256(attributes["case"].encode()).hexdigest() if "case" in attributes else ""
-    version = attributes.get("roughvol_version", __version__)
-    return {"format": FORMAT, "version": version, "case": attributes.get("case_id", ""), "key": key}
+    """Return what the stamp of a dataset says: format of the file and of the answer, version, and the case in full."""
+    text = attributes.get("case", "")
+    return {
+        "format": FORMAT,
+        "format_of_answers": str(json.loads(text).get("format", "")) if text else "",
+        "version": attributes.get("roughvol_version", __version__),
+        "case": attributes.get("case_id", ""),
+        "key": hashlib.sha256(text.encode()).hexdigest() if text else "",
+    }
 
 
 def labels(path: Path) -> Labels:
@@ -192,7 +212,7 @@ def _lives(pid: int) -> bool:
 def _labels_length(path: Path, tail: bytes) -> int:
     digits = tail[64:72]
     if len(tail) < TAIL or not tail.endswith(MARK) or not digits.isdigit() or int(digits) > MAX_LABELS:
-        message = f"{path} does not end with a checksum: it is truncated, or not a file of this version of roughvol"
+        message = f"{path} does not end with a checksum: it is truncated, or not a file of roughvol"
         raise DatasetError(message)
     return int(digits)
 

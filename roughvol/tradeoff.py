@@ -186,7 +186,7 @@ def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> 
     result = Dataset(
         {name: (_EACH.split(), array) for name, array in values.items()},
         coords=coords,
-        attrs=dataset.provenance(study.to_yaml(), fft=FFT, ids=[case.id for case in cases]),
+        attrs=dataset.provenance(study.stored(), fft=FFT, ids=[case.id for case in cases]),
     )
     for name, variable in TABLE.items():
         result[name].attrs = {"units": variable.units, "long_name": variable.long_name, "symbol": variable.symbol}

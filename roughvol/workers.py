@@ -15,6 +15,7 @@ import math
 import multiprocessing
 import os
 import queue
+import re
 import signal
 import sys
 import threading
@@ -38,11 +39,29 @@ POLL = 0.1  # seconds between two looks at the messages
 REPORT_EVERY = 0.2  # seconds between two messages of one process: five a second are more than an eye needs
 LIVES = 2  # processes that may die of a task before it is given up
 CONNECT = 30  # seconds to reach a scheduler
+_ADDRESS = re.compile(r"(?:[a-z]+://)?(?:\[[0-9A-Fa-f:.%a-z]+\]|[^\s/:\[\]]+):(?P<port>[0-9]{1,5})/?")
 COUNT_EVERY = 1.0  # seconds between two questions to a scheduler: how many workers, whether to stop
 
 _messages: Any = None  # the way to the parent, set once when a worker starts
 _stop: Any = None  # set by the parent when the tasks begun are to end early, if they can
 _one_at_a_time = threading.Lock()  # a Dask worker may run threads; neither netCDF nor a half space can be shared
+
+
+def check_address(scheduler: str) -> None:
+    """Refuse an address that no Dask scheduler can have, before anything is opened.
+
+    Raises
+    ------
+    CampaignError
+        Unless it is ``host:port`` or ``protocol://host:port``.
+    """
+    found = _ADDRESS.fullmatch(scheduler)
+    if found is None or not 0 < int(found["port"]) < 1 << 16:
+        message = (
+            f"the scheduler's address is {scheduler!r}; "
+            "allowed: host:port or protocol://host:port, as in tcp://127.0.0.1:8786"
+        )
+        raise CampaignError(message)
 
 
 class Pool(Protocol):
@@ -232,9 +251,10 @@ class _Cluster:
         except ImportError as error:
             message = "a scheduler needs dask.distributed: pip install 'roughvol[cluster]'"
             raise CampaignError(message) from error
+        check_address(address)
         try:
             self._client = Client(address, timeout=CONNECT, set_as_default=False)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RuntimeError) as error:
             message = f"no scheduler answers at {address}: {error}"
             raise CampaignError(message) from error
         self._executor = self._client.get_executor(pure=False)

@@ -13,8 +13,10 @@ from typing import Any
 
 import pytest
 import xarray as xr
+from click.testing import CliRunner
 
 from roughvol import campaign, dataset, workers
+from roughvol.cli import main
 from roughvol.dataset import Dataset
 from roughvol.errors import CampaignError
 from roughvol.study import loads
@@ -37,7 +39,8 @@ def _dask(place: Path, *arguments: str) -> subprocess.Popen[bytes]:
     environment = os.environ | {
         "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "2",
         "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "2s",
-        "PYTHONPATH": str(Path(__file__).parent),  # for the tasks of this file
+        # for the tasks of this file, by the code that is tested
+        "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]),
     }
     log = (place / f"{arguments[0]}-{time.monotonic_ns()}.log").open("wb")
     with log:
@@ -174,6 +177,27 @@ def test_a_task_that_kills_workers_is_given_up(cluster: tuple[str, list[subproce
     assert sorted(ended) == [0, 1, 2, 3]
     assert "KilledWorker" in type(ended.pop(1)).__name__
     assert set(ended.values()) == {None}
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "tcp://127.0.0.1", "127.0.0.1:port", "tcp://a:99999", "tcp://:1", ""])
+def test_an_address_that_no_scheduler_can_have_is_refused_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str
+) -> None:
+    monkeypatch.setattr("distributed.Client", lambda *_, **__: pytest.fail("a client is opened"))
+    (tmp_path / "c.yaml").write_text(TEXT)
+    call = ["run", str(tmp_path / "c.yaml"), "--out", str(tmp_path / "out"), "--scheduler", address]
+    refused = CliRunner().invoke(main, call)
+    assert refused.exit_code == 1
+    (line,) = refused.stderr.splitlines()
+    assert f"the scheduler's address is {address!r}; allowed: host:port or protocol://host:port" in line
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "address", ["tcp://127.0.0.1:8786", "localhost:8786", "tls://node-1.example.org:1/", "[::1]:8786"]
+)
+def test_addresses_of_dask_are_accepted(address: str) -> None:
+    workers.check_address(address)
 
 
 def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

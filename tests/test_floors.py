@@ -30,6 +30,7 @@ ABOVE_DATASET = {
 FIGURE_PARTS = {"figure_style", "figure_data", "figure_curves", "figure_origin", "relief"}
 FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "errors": (set(), set()),
+    "limits": (set(), set()),
     "lengths": (set(), set()),
     "_version": (set(), set()),
     "physics": ({"errors"}, {"numpy", "scipy"}),
@@ -59,19 +60,20 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "regions": ({"study", "physics", "errors", "leakage"}, {"numpy"}),
     "record": ({"study", "physics", "errors", "leakage", "regions"}, {"numpy"}),
     "workers": ({"errors"}, {"distributed"}),
-    "resources": ({"study"}, set()),
+    "resources": ({"study", "errors", "limits"}, set()),
     "checkpoint": ({"storage", "study", "errors", "_version"}, {"numpy"}),
     "pressing": (ABOVE_DATASET | {"checkpoint"}, {"numpy", "threadpoolctl"}),
     "folder": ({"ledger", "storage", "study", "errors"}, set()),
-    "standing": ({"folder", "ledger", "study"}, set()),
+    "same_study": ({"folder", "study", "errors"}, set()),
+    "standing": ({"folder", "ledger", "same_study", "study"}, set()),
     "collecting": (ABOVE_DATASET | {"columns", "folder"}, set()),
-    "batch": (ABOVE_DATASET | {"workers", "resources", "pressing", "folder", "ledger"}, set()),
+    "batch": (ABOVE_DATASET | {"workers", "resources", "pressing", "folder", "ledger", "limits"}, set()),
     "dimensional": ({"study", "variables", "errors"}, set()),
     "validity": ({"study"}, {"numpy"}),
     "campaign": (
         ABOVE_DATASET
         | {"workers", "resources", "pressing", "folder", "ledger", "standing", "columns", "collecting", "batch"}
-        | {"dimensional", "validity"},
+        | {"dimensional", "estimate", "same_study", "validity"},
         set(),
     ),
     "estimate": (ABOVE_DATASET | {"pressing", "resources"}, {"numpy"}),
@@ -113,7 +115,9 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "cli": (
         {
             *ABOVE_DATASET,
+            "limits",
             "workers",
+            "folder",
             "standing",
             "campaign",
             "estimate",
@@ -131,6 +135,7 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
         },
         {"click", "rich"},
     ),
+    "__main__": ({"cli"}, set()),
     "__init__": ({"_version", "campaign", "study"}, set()),  # the door: imports on first use only
 }
 PROCESSES = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
@@ -18,11 +19,12 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from roughvol import campaign, dataset, folder, resources, storage
+from roughvol import campaign, dataset, estimate, folder, resources, storage, workers
+from roughvol.claims.evidence import Run
 from roughvol.cli import main
 from roughvol.dataset import Dataset
-from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError
-from roughvol.study import Study, loads
+from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError, StudyError
+from roughvol.study import Study, cases, loads
 
 TEXT = "name: small\nsurface: {D: 2.4, m: 3, seeds: 4}\nsweep: {steps: 4}\n"
 FIELDS = (
@@ -38,6 +40,20 @@ def _values(results: Dataset) -> Dataset:
 @pytest.fixture(scope="module")
 def study() -> Study:
     return loads(TEXT)
+
+
+def _here(work: Any, tasks: Any, *, on_begin: Any, on_message: Any, on_end: Any, **_: Any) -> bool:
+    """Do the tasks in this process: to start one takes seconds."""
+    for task in tasks:
+        on_begin(task)
+        on_end(task, work(task, on_message), None)
+    return True
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compute in this process."""
+    monkeypatch.setattr(workers, "each", _here)
 
 
 @pytest.fixture(scope="module")
@@ -119,8 +135,7 @@ def test_without_locks_of_the_system_the_process_decides(
 
 
 # Sound files only
-
-
+@pytest.mark.usefixtures("here")
 def test_a_flipped_bit_is_found_named_set_aside_and_computed_again(study: Study, place: Path, finished: Path) -> None:
     path = next((place / "cases").glob("*.nc"))
     content = bytearray(path.read_bytes())
@@ -136,17 +151,227 @@ def test_a_flipped_bit_is_found_named_set_aside_and_computed_again(study: Study,
     xr.testing.assert_identical(_values(again), _values(campaign.collect(study, finished)))
 
 
-def test_files_of_another_version_are_computed_again(study: Study, place: Path) -> None:
-    path = next((place / "cases").glob("*.nc"))
+def _relabelled(path: Path, **changed: str) -> None:
     content, labels = storage.verified(path)
-    storage.store(path, storage.stamped(content, labels | {"version": "0.0.1"}))
+    storage.store(path, storage.stamped(content, labels | changed))
+
+
+def _times(place: Path) -> dict[str, int]:
+    return {path.name: path.stat().st_mtime_ns for path in (place / "cases").glob("*.nc")}
+
+
+def _notices(study: Study, place: Path, **how: Any) -> list[str]:
+    told: list[str] = []
+    campaign.run(study, out=place, jobs=1, on_event=lambda now: told.append(now.notice), **how)
+    return [notice for notice in told if notice]
+
+
+def _refuse_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: Any) -> None:
+        pytest.fail("nothing is left to compute")
+
+    monkeypatch.setattr(campaign, "Batch", never)
+
+
+def test_a_new_version_keeps_everything_and_computes_nothing(
+    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = _times(place)
+    for module in (storage, campaign, dataset):
+        monkeypatch.setattr(module, "__version__", "99.1.2")
+    _refuse_work(monkeypatch)
     found = campaign.status(study, place)
-    assert list(found.damaged.values()) == [
-        f"{path} is of another version of roughvol: '0.0.1', not '{labels['version']}'"
-    ]
+    assert (len(found.done), found.damaged, found.outdated, found.collected) == (4, {}, {}, True)
+    assert _notices(study, place) == []
+    assert _times(place) == before
+    assert not (place / "cases" / "set_aside").exists()
+
+
+def test_mixed_versions_are_noted_by_run_and_status_and_stored(
+    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _relabelled(next((place / "cases").glob("*.nc")), version="0.0.1")
+    (place / "study.nc").unlink()
+    _refuse_work(monkeypatch)
+    ours = dataset.__version__
+    line = f"cases are of several versions of roughvol, with answers of one format: 0.0.1 (1), {ours} (3)"
+    for _ in range(2):  # before the run by the files, after it by the ledger
+        shown = CliRunner().invoke(main, ["status", str(_written(place.parent, TEXT)), "--out", str(place)])
+        assert (shown.exit_code, shown.output.count(line)) == (0, 1)
+        assert _notices(study, place) == [line]
+    assert json.loads(dataset.read(place / "study.nc").attrs["case_versions"]) == {"0.0.1": 1, ours: 3}
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("named", [True, False])  # whether the old files name their answer format
+def test_answers_of_an_older_format_are_set_aside_with_that_word_and_computed_anew(
+    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch, named: bool
+) -> None:
+    before = _times(place)
+    for path in [] if named else list((place / "cases").glob("*.nc")):
+        content, labels = storage.verified(path)
+        storage.store(path, storage.stamped(content, {k: v for k, v in labels.items() if k != "format_of_answers"}))
+    now = cases.ANSWER_FORMAT
+    monkeypatch.setattr(cases, "ANSWER_FORMAT", now + 1)
+    if not named and now != 1:
+        pytest.skip("only files of the first format do not name it")
+    later = loads(TEXT)
+    found = campaign.status(later, place)
+    assert (len(found.done), len(found.missing), found.damaged, len(found.outdated)) == (0, 4, {}, 4)
+    told = _notices(later, place)
+    assert len(told) == 4
+    assert all(f"was stored by an older answer format ({now}, now {now + 1})" in notice for notice in told)
+    assert not [notice for notice in told if "damaged" in notice or "altered" in notice]
+    assert {path.name for path in (place / "cases" / "set_aside").glob("*.nc")} == set(before)
+    assert (len(campaign.status(later, place).done), campaign.status(later, place).outdated) == (4, {})
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("changed", [{"version": "99.0"}, {"format_of_answers": "99"}], ids=["version", "answers"])
+def test_a_worker_of_another_version_is_noted_and_one_of_another_answer_format_refused(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: dict[str, str]
+) -> None:
+    def other(work: Any, tasks: Any, *, on_end: Any, **how: Any) -> bool:
+        def relabelled(task: Any, result: bytes, error: None) -> None:
+            content, labels = storage.unstamped(result, tmp_path)
+            on_end(task, storage.stamped(content, labels | changed), error)
+
+        return _here(work, tasks, on_end=relabelled, **how)
+
+    monkeypatch.setattr(workers, "each", other)
+    if "version" in changed:
+        told = _notices(study, tmp_path)
+        assert told == [f"a worker has roughvol 99.0, here is {dataset.__version__}: answers of one format"]
+        assert campaign.status(study, tmp_path).versions == {"99.0": 4}
+    else:
+        with pytest.raises(CampaignError, match=r"(?s)4 of 4 cases failed.*by a newer answer format \(99, now \d+\)"):
+            campaign.run(study, out=tmp_path)
+        assert campaign.status(study, tmp_path).done == ()
+
+
+def test_files_of_another_file_format_are_outdated_not_damaged(study: Study, place: Path) -> None:
+    path = next((place / "cases").glob("*.nc"))
+    _relabelled(path, format="roughvol 0")
+    found = campaign.status(study, place)
+    assert (len(found.done), len(found.missing), found.damaged) == (3, 1, {})
+    assert list(found.outdated.values()) == [f"{path} was stored by an older file format (roughvol 0, now roughvol 1)"]
     campaign.run(study, out=place, jobs=1)
     assert len(campaign.status(study, place).done) == 4
-    assert "another version" in (place / "cases" / "set_aside" / f"{path.name}.reason.txt").read_text()
+    assert "older file format" in (place / "cases" / "set_aside" / f"{path.name}.reason.txt").read_text()
+
+
+def test_variables_of_a_later_version_are_left_out(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = _values(campaign.collect(study, place))
+    known = dict(dataset.VARIABLES)
+    del known["Sdq"]  # as an older version would not know it
+    monkeypatch.setattr(dataset, "VARIABLES", known)
+    xr.testing.assert_identical(_values(campaign.collect(study, place)), before.drop_vars("Sdq"))
+
+
+# The same study
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("axis", ["D", "seeds"])
+def test_a_subset_of_a_stored_study_is_collected_by_run_and_status_agrees(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, axis: str
+) -> None:
+    text = "name: s\nsurface: {D: [2.3, 2.6], m: 2, seeds: 2}\nsweep: {steps: 2}\n"
+    whole, part = (
+        loads(text),
+        loads(text.replace(*{"D": ("[2.3, 2.6]", "2.6"), "seeds": ("seeds: 2", "seeds: 1")}[axis])),
+    )
+    first = campaign.run(whole, out=tmp_path, jobs=1)
+    before = _times(tmp_path)
+    _refuse_work(monkeypatch)
+    found = campaign.status(part, tmp_path)
+    assert (len(found.done), found.missing, found.strange, found.collected) == (2, (), 2, False)
+    results = campaign.run(part, out=tmp_path, jobs=1)
+    assert results.sizes["D"] * results.sizes["seed"] == 2
+    assert _times(tmp_path) == before  # what is left out stays where it is
+    assert campaign.status(part, tmp_path).collected
+    xr.testing.assert_identical(_values(campaign.run(whole, out=tmp_path, jobs=1)), _values(first))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("steps: 4", "steps: 5"), ("D: 2.4", "D: 2.5"), ("m: 3", "m: 2"), ("seeds: 4", "seeds: [7]")]
+)
+def test_run_and_status_refuse_another_study_in_the_same_words(place: Path, old: str, new: str) -> None:
+    path = _written(place.parent, TEXT.replace(old, new))
+    refused = [CliRunner().invoke(main, [command, str(path), "--out", str(place)]) for command in ("run", "status")]
+    assert [done.exit_code for done in refused] == [2, 2]
+    assert refused[0].stderr == refused[1].stderr
+    assert "holds the results of another study:" in refused[0].stderr
+    assert refused[1].stdout == ""
+
+
+def test_a_run_that_finds_nothing_to_do_leaves_results_newer_than_the_study(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = _written(place.parent, TEXT)
+    old = (place / "study.nc").read_bytes()
+    for name in ("study.nc", "study.yaml"):
+        os.utime(place / name, (1, 1))
+    os.utime(path, (2, 2))
+    _refuse_work(monkeypatch)
+    campaign.run(path, out=place)
+    assert (place / "study.nc").read_bytes() == old
+    for name in ("study.nc", "study.yaml"):
+        assert (place / name).stat().st_mtime > path.stat().st_mtime
+
+
+# Height files
+
+
+def _clone(place: Path, out: Path) -> Dataset:
+    (place / "data").mkdir(parents=True)
+    np.save(place / "data" / "scan.npy", np.random.default_rng(1).normal(size=(5, 6)))
+    (place / "map.yaml").write_text("surface: {file: data/scan.npy, L: 4.0}\nsweep: {steps: 2}\n")
+    return campaign.run(place / "map.yaml", out=out, jobs=1)
+
+
+@pytest.mark.usefixtures("here")
+def test_stored_files_hold_no_path_of_this_machine(tmp_path: Path) -> None:
+    one, two = (_clone(tmp_path / name, tmp_path / f"{name}_out") for name in ("one", "two"))
+    for attrs in (one.attrs, two.attrs):
+        del attrs["date"]
+    assert one.attrs == two.attrs
+    (file,) = json.loads(one.attrs["height_files"])
+    content = (tmp_path / "one" / "data" / "scan.npy").read_bytes()
+    assert file == {"file": "scan.npy", "sha256": hashlib.sha256(content).hexdigest()}
+    assert "file: data/scan.npy" in one.attrs["study"]
+    written = [path for path in (tmp_path / "one_out").rglob("*") if path.is_file()]
+    assert {path.name for path in written} >= {"study.nc", "study.yaml"}
+    for private in {str(tmp_path), str(Path.home()) + "/", str(Path.cwd()), "/tmp/"}:
+        assert not [path for path in written if private.encode() in path.read_bytes()]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_stored_study_is_read_without_its_height_file(tmp_path: Path) -> None:
+    results = _clone(tmp_path / "one", tmp_path / "out")
+    shutil.rmtree(tmp_path / "one")
+    study = Run.of("out", results).study
+    assert study is not None
+    assert study.sweep.steps == 2
+    with pytest.raises(StudyError):
+        study.cases()
+
+
+@pytest.mark.usefixtures("here")
+def test_a_height_file_that_was_moved_or_named_by_its_absolute_path_is_the_same_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _clone(tmp_path / "one", tmp_path / "out")
+    before = _times(tmp_path / "out")
+    path = tmp_path / "one" / "map.yaml"
+    text = path.read_text()
+    (tmp_path / "one" / "data" / "scan.npy").rename(tmp_path / "one" / "scan.npy")
+    _refuse_work(monkeypatch)
+    for name in ("scan.npy", str(tmp_path / "one" / "scan.npy")):
+        path.write_text(text.replace("data/scan.npy", name))
+        assert len(campaign.status(path, tmp_path / "out").done) == 1
+        assert "file: scan.npy" in campaign.run(path, out=tmp_path / "out").attrs["study"]
+        assert _times(tmp_path / "out") == before
 
 
 @pytest.mark.parametrize("stamped", [True, False])
@@ -168,17 +393,18 @@ def test_a_study_nc_that_is_not_as_written_is_never_parsed_but_made_again(
     xr.testing.assert_identical(_values(again), _values(dataset.read(finished / "study.nc")))
 
 
+@pytest.mark.usefixtures("here")
 def test_many_files_set_aside_are_told_of_in_few_lines(tmp_path: Path) -> None:
     many = loads("name: small\nsurface: {D: 2.4, m: 1, seeds: 15}\nsweep: {steps: 1}\n")
     campaign.run(many, out=tmp_path, jobs=1)
     for path in (tmp_path / "cases").glob("*.nc"):
         content, labels = storage.verified(path)
-        storage.store(path, storage.stamped(content, labels | {"version": "0.0.1"}))
+        storage.store(path, storage.stamped(content, labels | {"key": "0"}))
     notices: list[str] = []
     campaign.run(many, out=tmp_path, jobs=1, on_event=lambda now: notices.append(now.notice))
     told = [notice for notice in notices if notice]
     assert len(told) == campaign.NAMED + 1
-    assert "is of another version of roughvol: '0.0.1'" in told[0]
+    assert "is of another study: '0'" in told[0]
     assert "it is computed again" in told[0]
     assert told[-1].startswith("set aside: 5 more, each with its reason beside it in ")
     assert len(list((tmp_path / "cases" / "set_aside").glob("*.nc"))) == 15  # nothing is lost
@@ -253,6 +479,65 @@ def test_a_run_tells_when_memory_limits_it(study: Study, tmp_path: Path, monkeyp
     assert next(notice for notice in notices if notice).startswith("1 instead of 3 processes at once")
 
 
+def test_memory_grows_with_what_is_asked_as_was_measured() -> None:
+    text = "surface: {D: 2.4, m: 9, seeds: 1}\nsweep: {steps: STEPS, to: mean-plane}\nrecord: {WHAT}\n"
+
+    def extra(what: str = "", steps: int = 3) -> float:
+        (case,) = loads(text.replace("WHAT", what).replace("STEPS", str(steps))).cases()
+        return (resources.memory_of(case, 513**2) - resources.PROCESS_BYTES) / 513**2
+
+    assert extra("heights: true", 0) < extra() < extra("heights: true") < extra("transport: {transmissivity: last}")
+    assert extra() >= 263  # bytes a node, measured
+    assert extra("transport: {transmissivity: last}") >= 1551
+
+
+@pytest.mark.parametrize("lacking", ["memory", "disk"])
+def test_what_does_not_fit_is_refused_by_check_and_run_before_anything_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacking: str
+) -> None:
+    monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
+    monkeypatch.setattr(resources, "free_disk", lambda place: 79e9)
+    monkeypatch.setattr("roughvol.estimate._convolution", lambda shape, kernel: 10.0)
+    text = "name: big\nsurface: {D: 2.4, m: 13, seeds: SEEDS}\nsweep: {steps: 60}\nrecord: {WHAT}\n"
+    whats = {"memory": ("2", "transport: {transmissivity: last}"), "disk": ("200", "heights: true")}
+    seeds, what = whats[lacking]
+    path = _written(tmp_path, text.replace("SEEDS", seeds).replace("WHAT", what))
+    out = [f"--out={tmp_path / 'out'}"]  # of `run`
+    for command in ("check", "run"):
+        refused = CliRunner().invoke(main, [command, str(path), *out[command == "check" :]])
+        assert refused.exit_code == 2
+        (line,) = [line for line in refused.stderr.splitlines() if line.startswith("error: ")]
+        wanted = {
+            "memory": "m = 13, seed 0 needs about 106 GB of memory, 23 GB are available",
+            "disk": "the results need up to 215 GB of disk, 79 GB are free",
+        }
+        assert wanted[lacking] in line
+        assert "2 processes at once\n" not in refused.stdout
+        assert [found.name for found in tmp_path.iterdir()] == ["study.yaml"]
+
+
+def test_processes_are_never_promised_more_memory_than_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
+    monkeypatch.setattr("roughvol.estimate._convolution", lambda shape, kernel: 10.0)
+    cost = estimate.estimate(loads("surface: {D: 2.4, m: 13, seeds: 2}\nsweep: {steps: 6}"), jobs=2)
+    assert cost.jobs == 1
+    assert cost.jobs * cost.memory <= 23e9
+    assert cost.notice.startswith("1 instead of 2 processes at once")
+
+
+def test_a_run_of_years_is_warned_of_and_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
+    monkeypatch.setattr("roughvol.estimate._convolution", lambda shape, kernel: 10.0)
+    study = loads("surface: {D: 2.4, m: 11, seeds: 200}\nsweep: {steps: 10000}")
+    cost = estimate.estimate(study, jobs=2)
+    told = estimate.warning(cost.seconds, cost.jobs)
+    years = cost.seconds / (365.25 * 86400)
+    assert years > 0.5
+    assert told == f"this takes about {years:.2g} years ({cost.seconds / 86400:.0f} days) in 2 processes"
+    assert campaign._slow(study.cases(), None, 2) == [f"warning: {told}"]
+    assert campaign._slow(study.cases()[:1], None, 2) == []
+
+
 def test_the_memory_of_this_machine_is_known() -> None:
     available = resources.available_memory()
     assert available is None or 1e6 < available < 1e15
@@ -318,6 +603,17 @@ def test_a_folder_that_vanishes_while_a_long_case_runs_ends_the_run_at_once(tmp_
 
     with pytest.raises(FolderError, match="the folder has vanished"):
         campaign.run(study, out=tmp_path / "run", jobs=1, on_event=vanish)
+
+
+def test_a_note_of_a_killed_run_is_stale_and_removed_also_where_nothing_is_left_to_do(
+    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (place / "progress.json").write_text(json.dumps({"running": [study.cases()[0].id], "left": 5.0}))
+    found = campaign.status(study, place)
+    assert (len(found.done), found.running, found.left) == (4, (), None)
+    _refuse_work(monkeypatch)
+    campaign.run(study, out=place)
+    assert not (place / "progress.json").exists()
 
 
 def test_a_note_of_a_run_that_makes_no_sense_is_none(study: Study, place: Path) -> None:

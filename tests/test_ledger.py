@@ -37,13 +37,13 @@ def place(finished: Path, tmp_path: Path) -> Path:
 def opened(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
     """The files that are opened, and whether all of it is read."""
     found: list[tuple[str, bool]] = []
-    look = folder.why_not
+    look = folder.examined
 
-    def watched(path: Path, case: campaign.Case, *, whole: bool) -> str | None:
+    def watched(path: Path, case: campaign.Case, *, whole: bool) -> folder.Examined:
         found.append((path.stem, whole))
         return look(path, case, whole=whole)
 
-    monkeypatch.setattr(folder, "why_not", watched)
+    monkeypatch.setattr(folder, "examined", watched)
     return found
 
 
@@ -62,7 +62,9 @@ def test_a_run_that_was_killed_has_noted_what_it_stored(study: Study, place: Pat
 
     with pytest.raises(KeyboardInterrupt):
         campaign.run(more, out=place, jobs=1, on_event=kill)
-    assert ledger.read(ledger_file(place)) == ledger.files(place / "cases", ".nc")
+    assert {id: entry.seen for id, entry in ledger.read(ledger_file(place)).items()} == ledger.files(
+        place / "cases", ".nc"
+    )
     assert len(before) + 1 == len(ledger.read(ledger_file(place)))
 
 
@@ -78,11 +80,13 @@ def _spoil(path: Path) -> None:
     path.write_bytes(b"\xff\xfe" + os.urandom(500))
 
 
-def _of_another_version(path: Path) -> None:
-    path.write_text(path.read_text().replace('"version": "', '"version": "0.'))
+def _as_version_0_7_wrote_it(path: Path) -> None:
+    head, *lines = path.read_text().splitlines()
+    old = [head.replace('"ledger": 2', '"version": "0.7.0"'), *(line.rsplit(" ", 1)[0] for line in lines)]
+    path.write_text("\n".join([*old, ""]))
 
 
-@pytest.mark.parametrize("harm", [_forget, _tear, _spoil, _of_another_version])
+@pytest.mark.parametrize("harm", [_forget, _tear, _spoil, _as_version_0_7_wrote_it])
 def test_a_ledger_that_is_damaged_or_old_costs_a_look_at_the_files_and_no_more(
     study: Study, place: Path, opened: list[tuple[str, bool]], harm: Callable[[Path], None]
 ) -> None:
@@ -90,7 +94,7 @@ def test_a_ledger_that_is_damaged_or_old_costs_a_look_at_the_files_and_no_more(
     assert len(campaign.status(study, place).done) == 3
     assert opened
     with ledger_file(place).open("a") as stream:
-        stream.write("x 1\nx y z\nx -1 ²\n\n")
+        stream.write("x 1\nx y z\nx -1 ² 3\n\n")
     assert len(campaign.status(study, place).done) == 3
 
 
@@ -130,10 +134,10 @@ def test_a_ledger_that_cannot_be_written_stops_nothing(study: Study, tmp_path: P
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
-    seen = {"a-1": (12, 1_700_000_000_123_456_789), "b_2.5": (0, 0)}
+    seen = {"a-1": ledger.Entry((12, 1_700_000_000_123_456_789), "0.7.0"), "b_2.5": ledger.Entry((0, 0), "1.0rc1")}
     ledger.write(tmp_path / "ledger", seen)
     assert ledger.read(tmp_path / "ledger") == seen
     (tmp_path / "c.nc").write_bytes(b"123")
-    ledger.add(tmp_path / "ledger", "c", tmp_path / "c.nc")
-    assert ledger.read(tmp_path / "ledger") == seen | ledger.files(tmp_path, ".nc")
+    ledger.add(tmp_path / "ledger", "c", tmp_path / "c.nc", "0.8")
+    assert ledger.read(tmp_path / "ledger") == seen | {"c": ledger.Entry(ledger.files(tmp_path, ".nc")["c"], "0.8")}
     assert ledger.files(tmp_path / "nowhere", ".nc") == ledger.read(tmp_path / "nothing") == {}

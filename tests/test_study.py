@@ -20,6 +20,7 @@ from roughvol.study import (
     ACCURACY,
     HEIGHT_FORMATS,
     GeneratedSurface,
+    HeightFile,
     Level,
     Study,
     YoungPoisson,
@@ -884,3 +885,54 @@ def test_a_study_made_in_python_obeys_the_same_rules() -> None:
     assert Study(surface=surface).surface == surface
     with pytest.raises(ValueError, match="takes m <= 6"):
         Study(surface=surface, solver={"method": "paper"})  # type: ignore[arg-type]
+
+
+def test_whole_numbers_may_be_written_with_a_point() -> None:
+    text = "surface: {D: 2.3, m: [8.0, 7], seeds: 3.0}\nsweep: {steps: 6e1}\nrecord: {volume_density: {bins: 9.0}}\n"
+    study = loads(text)
+    same = loads(text.replace("8.0", "8").replace("3.0", "3").replace("6e1", "60").replace("9.0", "9"))
+    assert study == same
+    assert [case.id for case in study.cases()] == [case.id for case in same.cases()]
+    assert study.to_yaml() == same.to_yaml()
+    assert type(study.sweep.steps) is int
+    assert loads("surface: {D: 2.3, m: 3, seeds: [1.0, 4]}").surface.seeds == (1, 4)
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("surface.m", "surface: {D: 2.3, m: 8.5}"),
+        ("surface.seeds", "surface: {D: 2.3, m: 3, seeds: 2.5}"),
+        ("surface.seeds[0]", "surface: {D: 2.3, m: 3, seeds: [1.5, 2]}"),
+        ("sweep.steps", "surface: {D: 2.3, m: 3}\nsweep: {steps: 10.25}"),
+        ("surface.m", "surface: {D: 2.3, m: true}"),
+    ],
+)
+def test_numbers_that_are_not_whole_are_refused_where_they_must_be(key: str, text: str) -> None:
+    found = [problem for problem in problems_of(text) if problem.key.startswith(key.split("[")[0])]
+    assert found
+    assert all("must be a whole number" in problem.message for problem in found)
+
+
+@pytest.mark.parametrize("name", ["v1.2_run", "1.0", "_a.b-c", "a."])
+def test_a_name_may_hold_dots(name: str) -> None:
+    assert loads(SURFACE + f'\nname: "{name}"\n').name == name
+
+
+@pytest.mark.parametrize("name", [".", "..", ".hidden", "-x", "a/b", ""])
+def test_a_name_that_means_a_folder_or_hides_is_refused(name: str) -> None:
+    assert [problem.key for problem in problems_of(SURFACE + f'\nname: "{name}"\n')] == ["name"]
+
+
+def test_a_stored_study_goes_without_its_files_and_names_no_folder(tmp_path: Path) -> None:
+    for name in ("a.npy", "b.npy"):
+        np.save(tmp_path / name, np.zeros((3, 3)))
+    text = f"surface: {{file: ./a.npy, L: 2, against: {{file: {tmp_path / 'b.npy'}}}}}"
+    study = loads(text, tmp_path / "study.yaml")
+    assert pickle.loads(pickle.dumps(study)).stored() == study.stored()
+    assert str(tmp_path) not in study.stored()
+    again = loads(study.stored(), stored=True)
+    assert isinstance(again.surface, HeightFile)
+    assert again.surface.against is not None
+    assert (again.surface.file, again.surface.against.file) == ("./a.npy", "b.npy")
+    assert again.stored() == study.stored()

@@ -48,8 +48,8 @@ class Run:
     def of(cls, name: str, dataset: Dataset) -> Run:
         """Return the run of a dataset as `dataset.read` gives it."""
         try:
-            return cls(name, dataset, loads(dataset.attrs.get("study", ""), file=name))
-        except StudyError:  # a height file that is no longer there: the numbers still are
+            return cls(name, dataset, loads(dataset.attrs.get("study", ""), file=name, stored=True))
+        except StudyError:  # of a version that wrote other studies: the numbers still are
             return cls(name, dataset)
 
     @property

@@ -30,6 +30,7 @@ from roughvol.study.settings import (
     names,
     refuse,
     tag_surface,
+    whole,
     without_unused,
 )
 from roughvol.study.treatment import UNTREATED, Treatment
@@ -167,8 +168,10 @@ class Case:
 class Study(Strict):
     """A study: which surfaces, pressed how far, solved how accurately, and what is stored."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", max_length=100)] = Field(
-        default="study", description="letters, digits, _ and -, at most 100; if left out, that of the study file"
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", max_length=100)] = Field(
+        default="study",
+        description="letters, digits, _, - and dots, at most 100, a letter, digit or _ first; "
+        "if left out, that of the study file",
     )
     surface: Annotated[
         Annotated[GeneratedSurface, Tag("<generated>")] | Annotated[HeightFile, Tag("<file>")],
@@ -239,6 +242,13 @@ class Study(Strict):
         """Return the study with every default written out; `loads` of it gives an equal study."""
         return write(self.model_dump(mode="json"))
 
+    def stored(self) -> str:
+        """Return the study as files of results hold it: height files by the text that names them, no absolute path.
+
+        ``loads(text, stored=True)`` reads it without those files.
+        """
+        return write(self.model_dump(mode="json", context={"stored": True}))
+
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of a study file, for editors."""
@@ -295,7 +305,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
             if number in seen:
                 yield path, f"{number_text(number)} stands in the list twice"
             seen.add(number)
-    seeds = surface.get("seeds", 10)
+    seeds = whole(surface.get("seeds", 10))
     counts = [len(list(_numbers(surface.get(name)))) for name in ("D", "m", "seeds")]
     cases = counts[0] * counts[1] * (seeds if isinstance(seeds, int) else counts[2])
     if cases > MAX_CASES:

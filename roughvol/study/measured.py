@@ -10,7 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_serializer
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializationInfo,
+    ValidationInfo,
+    field_serializer,
+    field_validator,
+    model_serializer,
+)
 
 from roughvol.study.quantities import Length, unit_of
 from roughvol.study.settings import UNIT, LengthUnit, Strict, refuse, without_unused
@@ -76,9 +84,33 @@ class Body:
         return {key: value for key, value in {**named, "read_as": self.read_as}.items() if value is not None}
 
 
+class Located(str):
+    """The absolute path of a height file, which keeps the text that the study names it by."""
+
+    written: str
+
+    def __new__(cls, path: str, written: str) -> Located:
+        """Return the path with the text."""
+        new = super().__new__(cls, path)
+        new.written = written
+        return new
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Survive pickling."""
+        return Located, (str(self), self.written)
+
+    @property
+    def portable(self) -> str:
+        """The text, or the name of the file where the text is an absolute path."""
+        return Path(self.written).name if Path(self.written).is_absolute() else self.written
+
+
 def _found(value: str, info: ValidationInfo) -> str:
-    """Return the absolute path of a height file that is there."""
-    path = ((info.context or {}).get("folder", Path()) / value).absolute()
+    """Return the absolute path of a height file that is there; of a stored study, the text."""
+    context = info.context or {}
+    if context.get("stored"):
+        return Located(value, value)
+    path = (context.get("folder", Path()) / value).absolute()
     if path.suffix.lower() not in HEIGHT_FORMATS and importlib.util.find_spec("SurfaceTopography") is None:
         refuse(
             "must end in one of {known}; for files of instruments: pip install '{extra}'",
@@ -91,7 +123,13 @@ def _found(value: str, info: ValidationInfo) -> str:
         found = False
     if not found:
         refuse("there is no such file ({path})", path=printable(str(path)))
-    return str(path)
+    return Located(str(path), getattr(value, "written", value))
+
+
+def _path_text(value: str, info: SerializationInfo) -> str:
+    """Return the absolute path; in what is stored, no folder of this machine."""
+    stored = bool((info.context or {}).get("stored"))
+    return value.portable if stored and isinstance(value, Located) else str(value)
 
 
 def _number(value: Any) -> Any:
@@ -117,6 +155,7 @@ class CounterBody(Strict):
     )
 
     _file = field_validator("file")(_found)
+    _text = field_serializer("file")(_path_text)
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
@@ -177,6 +216,7 @@ class HeightFile(Strict):
     )
 
     _file = field_validator("file")(_found)
+    _text = field_serializer("file")(_path_text)
 
     @property
     def length_unit(self) -> str | None:

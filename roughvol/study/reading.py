@@ -57,18 +57,28 @@ def load(path: str | Path) -> Study:
     return _study(text, place, Path(path))
 
 
-def loads(text: str, file: str | Path = "<string>") -> Study:
+def loads(text: str, file: str | Path = "<string>", *, stored: bool = False) -> Study:
     """Read a study from text; ``file`` names it in messages, gives its default name and the folder of height files.
+
+    Parameters
+    ----------
+    text : str
+        The study.
+    file : str or path
+        Where the text comes from.
+    stored : bool
+        The text is that of a file of results, see `Study.stored`: height files are not looked for, and such a study
+        makes no cases.
 
     Raises
     ------
     StudyError
         With every problem of the text, in its order.
     """
-    return _study(text, printable(str(file)), Path("study" if file == "<string>" else file))
+    return _study(text, printable(str(file)), Path("study" if file == "<string>" else file), stored=stored)
 
 
-def _study(text: str, place: str, path: Path) -> Study:
+def _study(text: str, place: str, path: Path, *, stored: bool = False) -> Study:
     reading = Reading()
     try:
         data = reading.read(text)
@@ -77,7 +87,7 @@ def _study(text: str, place: str, path: Path) -> Study:
     problems = dict(reading.problems)
     try:
         name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
-        study = Study.model_validate({"name": name, **data}, context={"folder": path.parent})
+        study = Study.model_validate({"name": name, **data}, context={"folder": path.parent, "stored": stored})
     except ValidationError as error:
         for key, message in itertools.chain(_translate(error, data), conflicts(data)):
             problems.setdefault(key, message)
@@ -104,7 +114,7 @@ _PLAIN = {
     "less_than_equal": "must be <= {le}",
     "finite_number": "must be a finite number",
     "literal_error": "must be {expected}",
-    "string_pattern_mismatch": "must be made of letters, digits, _ and -, and not begin with -",
+    "string_pattern_mismatch": "must be made of letters, digits, _ and - (and dots, not first), and not begin with -",
     "string_too_long": "must have at most {max_length} characters",
 }
 

@@ -16,6 +16,7 @@ from roughvol.study.settings import (
     Positive,
     StepNumber,
     Strict,
+    Whole,
     Word,
     refuse,
     without_unused,
@@ -65,7 +66,7 @@ class BoxCounting(Strict):
 class VolumeDensity(Strict):
     """The density f(v) of the free volume per element."""
 
-    bins: Annotated[int, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
+    bins: Annotated[Whole, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
     at: Selector = Field(default=Select(), description=f"the states to take f(v) at: {_STATES}")
     include_contact: bool = Field(default=False, description="whether elements in contact (v = 0) count: true or false")
 

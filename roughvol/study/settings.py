@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Discriminator,
     Field,
@@ -111,14 +112,20 @@ class Word:
         return value
 
 
+def whole(value: Any) -> Any:
+    """Return the integer that a number like 8.0 is, anything else as it is."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+Whole = Annotated[int, BeforeValidator(whole)]
 Many = Annotated[tuple[T, ...], _OneOrMany()]
 Dimension = Annotated[float, Field(gt=2, lt=3)]
-Refinement = Annotated[int, Field(ge=1, le=13)]
-Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Refinement = Annotated[Whole, Field(ge=1, le=13)]
+Seed = Annotated[Whole, Field(ge=0, lt=2**63)]
 Positive = Annotated[float, Field(gt=0)]
 AreaFraction = Annotated[float, Field(gt=0, le=1)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
-StepNumber = Annotated[int, Field(ge=1)]
+StepNumber = Annotated[Whole, Field(ge=1)]
 LengthUnit = Annotated[str, UnitOf("length")]
 UNIT = "unit of L and of the heights, for the units of what is stored; they stay without one if left out"
 
@@ -175,6 +182,7 @@ class GeneratedSurface(Strict):
     @field_validator("seeds", mode="before")
     @classmethod
     def _counted(cls, value: Any) -> Any:
+        value = whole(value)
         if not isinstance(value, int) or isinstance(value, bool):
             return value
         if not 1 <= value <= MAX_SEEDS:
@@ -240,7 +248,7 @@ def tag_surface(value: Any) -> str:
 class Sweep(Strict):
     """How far the half space is pressed down, in how many equal steps of indentation."""
 
-    steps: Annotated[int, Field(ge=0, le=10_000)] = Field(
+    steps: Annotated[Whole, Field(ge=0, le=10_000)] = Field(
         default=60, description="number of equal steps of indentation, 0 to 10000; 0 means no contact at all"
     )
     to: Annotated[

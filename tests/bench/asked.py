@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from roughvol import convergence, dataset, figure_cases, tradeoff, tradeoff_figures
+from roughvol import __version__, convergence, dataset, figure_cases, tradeoff, tradeoff_figures
 from roughvol.pressing import run_case
 from roughvol.study import ACCURACY, loads
 
@@ -133,6 +133,8 @@ def main() -> None:
     saved = 100 * convergence.time_saved(ds)
     verdicts = "\n".join(f"- {line}" for line in convergence.summary(ds).splitlines() if line.startswith("D = "))
     page = f"""# Speed against accuracy
+
+<!-- made by: make tradeoff, roughvol {__version__} -->
 
 Written by `make tradeoff`. Measured on {ds.sizes["surface"]} surfaces of configs/tradeoff.yaml (D = 2.1, 2.5, 2.9,
 m = 8, 60 steps to the mean plane), one thread; seconds are processor time of a sweep, means over the surfaces. Errors

@@ -6,10 +6,13 @@ import sys
 import warnings
 from pathlib import Path
 
+from roughvol import __version__
 from tests.extremes.matrix import CELLS, RTOL
 
 PAGE = Path(__file__).parents[2] / "docs" / "extremes.md"
 HEAD = f"""# Extremes
+
+<!-- made by: make extremes, roughvol {__version__} -->
 
 Written by `make extremes`; the quick part runs in `make test`. Every row is a surface pressed through several states.
 In each state is checked: p ≥ 0, g ≥ 0, p g = 0; contact only within the rigid overlap; the residual η/σ, recomputed
