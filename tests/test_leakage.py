@@ -100,7 +100,7 @@ def test_a_quantity_is_computed_at_its_states_and_nowhere_else(result: Dataset, 
 
 def test_nothing_is_computed_that_was_not_asked_for() -> None:
     values = record.of_sweep(case := _case("sweep: {steps: 2}"), surface_of(case), HalfSpace((17, 17)), _touching(case))
-    assert set(values) == {*record.PER_STEP, "step"}
+    assert set(values) == {*record.PER_STEP, "step", "central_pressure_ratio"}
     case = _case("sweep: {steps: 2}\nrecord: {transport: {constriction: last}}")
     added = set(record.of_sweep(case, surface_of(case), HalfSpace((17, 17)), _touching(case))) - set(values)
     assert added == {"axis", "transport_time", "observable", "observable_time"} | {

@@ -144,13 +144,15 @@ def test_the_share_foreseen_is_that_of_the_distribution_of_pressure() -> None:
 def test_shares_survive_a_checkpoint() -> None:
     case = loads(SMALL.replace("contact_area: 0.1", "indentation: 2") + METAL).cases()[0]
     surface = surface_of(case)
-    states = list(sweep(surface, HalfSpace(surface.shape), 2.0 * np.arange(1, 5) / 4))
-    whole = record.of_sweep(case, surface, states)
+    half_space = HalfSpace(surface.shape)
+    states = list(sweep(surface, half_space, 2.0 * np.arange(1, 5) / 4))
+    whole = record.of_sweep(case, surface, half_space, states)
     for kept in (2, 4):  # also after the last step
-        first, second = record.Reduction(case, surface), record.Reduction(case, surface)
+        first, second = (record.Reduction(case, surface, half_space) for _ in range(2))
         for state in states[:kept]:
             first.follow(state)
-        second.restore(checkpoint.unpacked(checkpoint.packed(first.state())))
+        last_two = [state.state() for state in states[kept - 2 : kept]]
+        second.restore(checkpoint.unpacked(checkpoint.packed(first.state())), last_two)
         for state in states[kept:]:
             second.follow(state)
         for name in (*HARD, "central_pressure_ratio"):
