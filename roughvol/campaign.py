@@ -179,14 +179,17 @@ def check_surfaces(study: Study) -> Surface | None:
         If the study wants lengths in units that nothing tells, or regions that hold too few elements.
     """
     cases = study.cases()
-    dimensional.check(cases[0])
     if cases[0].file is None:
-        for m, case in {case.m: case for case in cases if case.m is not None}.items():
-            regions.check(case, (2**m + 1, 2**m + 1))
+        with study.placing():
+            dimensional.check(cases[0])
+            for m, case in {case.m: case for case in cases if case.m is not None}.items():
+                regions.check(case, (2**m + 1, 2**m + 1))
         return None
     here = all(body.file.suffix.lower() in READ_HERE for body in cases[0].bodies)
-    surface = surface_of(cases[0]) if here else _read_apart(cases[0])
-    regions.check(cases[0], surface.shape)
+    with study.placing():
+        dimensional.check(cases[0])
+        surface = surface_of(cases[0]) if here else _read_apart(cases[0])
+        regions.check(cases[0], surface.shape)
     return surface
 
 

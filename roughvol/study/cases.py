@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import itertools
@@ -12,8 +13,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
+from roughvol.errors import Problem, StudyError
 from roughvol.study.agreement import resolve
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
 from roughvol.study.measured import BARE_FORMATS, HEIGHT_FORMATS, Body, HeightFile
@@ -165,6 +167,28 @@ class Case:
         return "; ".join(filter(None, said))
 
 
+class Places:
+    """Lines of the keys in the text of a study; no part of its identity, so all are equal."""
+
+    def __init__(self, file: str = "", lines: dict[str, int] | None = None) -> None:
+        self.file, self.lines = file, lines or {}
+
+    def __eq__(self, other: object) -> bool:
+        """Return True for any two."""
+        return isinstance(other, Places)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def of(self, problem: Problem) -> Problem:
+        """Return a problem with file and line, where it has none; a missing key is placed where its mapping begins."""
+        if problem.file or not self.file:
+            return problem
+        key = problem.key
+        while key and key not in self.lines:
+            key = key.rpartition(".")[0]
+        return replace(problem, line=self.lines.get(key), file=self.file)
+
+
 class Study(Strict):
     """A study: which surfaces, pressed how far, solved how accurately, and what is stored."""
 
@@ -191,12 +215,22 @@ class Study(Strict):
         description="{heights, fields_at, box_counting, volume_density, transport, region, region_widths, dimensional}",
     )
 
+    _places: Places = PrivateAttr(default_factory=Places)
+
     @model_validator(mode="after")
     def _possible(self) -> Study:
         found = [f"{key_text(path)}: {message}" for path, message in conflicts(self.model_dump(mode="json"))]
         if found:
             refuse("{found}", found="\n".join(found))
         return self
+
+    @contextlib.contextmanager
+    def placing(self) -> Iterator[None]:
+        """Give the problems of a `StudyError` raised inside their file and line."""
+        try:
+            yield
+        except StudyError as error:
+            raise StudyError([self._places.of(problem) for problem in error.problems]) from error
 
     def cases(self) -> tuple[Case, ...]:
         """Return the product over D, m and seeds, seeds running fastest; a height file is one case.
@@ -216,7 +250,8 @@ class Study(Strict):
             product = itertools.product(surface.D, surface.m, surface.seeds)
             one = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
             return tuple(replace(one, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
-        measured = resolve(surface)
+        with self.placing():
+            measured = resolve(surface)
         first, *others = measured.bodies
         case = Case(
             measured.L,

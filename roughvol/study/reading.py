@@ -15,7 +15,7 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.cases import Study, conflicts
+from roughvol.study.cases import Places, Study, conflicts
 from roughvol.study.settings import names, nearest
 from roughvol.study.yamltext import (
     MAX_BYTES,
@@ -98,6 +98,7 @@ def _study(text: str, place: str, path: Path, *, stored: bool = False) -> Study:
         marks = {key: reading.marks.get(key) or reading.marks[key[:-1]] for key in problems}
         ordered = sorted(problems, key=lambda key: marks[key])
         raise StudyError([Problem(problems[key], key_text(key), marks[key][0], place) for key in ordered])
+    study._places = Places(place, {key_text(key): line for key, (line, _) in reading.marks.items()})
     return study
 
 
