@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from roughvol.errors import ConvergenceError
@@ -69,9 +71,7 @@ def solve_indentation(
     raise ConvergenceError(message, indentation=indentation, iterations=iterations, residual=residual)
 
 
-def conjugate_gradients(
-    problem: Problem, indentation: float, face: Face, rtol: float, mode: Mode
-) -> tuple[Array, int]:
+def conjugate_gradients(problem: Problem, indentation: float, face: Face, rtol: float, mode: Mode) -> tuple[Array, int]:
     """Return q ≥ 0 on the candidates and the iterations, by preconditioned conjugate gradients with bounds.
 
     Residuals and directions of 32 bits lose no digit of the result: their errors shrink with them, and the verification
@@ -84,40 +84,37 @@ def conjugate_gradients(
     """
     tuning, half_space, elements = problem.tuning, problem.half_space, face.elements
     single = problem.single(rtol) and mode is not Mode.EXACT
+    tolerance = tuning.safety * rtol
     q, w = face.q.copy(), face.w.copy()
-    inverse, free = approximate_inverse(
-        half_space.influence, half_space.shape, elements, q, w, face.rates, tuning
-    )
-    direction = np.zeros(q.size, dtype=np.float32 if single else np.float64)
-    r_before = direction
-    decrease = length = 1.0
-    residual = np.inf
+    inverse, free = approximate_inverse(half_space.influence, half_space.shape, elements, q, w, face.rates, tuning)
+    direction: NDArray[Any] = np.zeros(q.size, dtype=np.float32 if single else np.float64)
+    r_before, rz, step, residual = direction.copy(), 1.0, 0.0, np.inf
     for iteration in range(tuning.iterations):
         if iteration % tuning.cut_every == 0:
-            cut(problem, elements, q, w, single)  # (5) project
+            cut(problem, elements, q, w, single)  # (5) project on q ≥ 0
         if iteration:
             free = (q != 0.0) | (w < 0.0)  # (6) free set
         r = np.negative(w, out=np.empty_like(direction), casting="same_kind")
         r *= free  # (7) residual
         residual = float(np.abs(r).max())
-        if residual <= tuning.safety * rtol:
+        if residual <= tolerance:
             if cut(problem, elements, q, w, single):
                 continue
             return q, iteration
         z = inverse(r)  # (8) precondition
-        z *= free & ((q > 0.0) | (z >= 0.0))  # (9) leave alone what would only turn tensile
-        before, decrease = decrease, float(r @ z)
-        direction *= max(0.0, (decrease - float(r_before @ z)) / before)
-        direction += z
-        direction *= free  # (10) direction
-        if mode is Mode.SWIFT and iteration and residual <= tuning.last_step * tuning.safety * rtol:
-            return np.maximum(q + length * direction, 0.0), iteration  # (12) a last step as long as the one before
+        z *= free & ((q > 0.0) | (z >= 0.0))  # (9) bounds
+        rz_before, rz = rz, float(r @ z)
+        direction *= max(0.0, (rz - float(r_before @ z)) / rz_before)
+        direction += z  # (10) direction
+        direction *= free
+        if mode is Mode.SWIFT and iteration and residual <= tuning.last_step * tolerance:
+            return np.maximum(q + step * direction, 0.0), iteration  # (12) last step, unmeasured
         response = half_space.displacement_at(elements, direction, single=single)
-        length = float(r @ direction) / float(direction @ response)
-        q += length * direction
-        w += length * response  # (11) exact step
+        step = float(r @ direction) / float(direction @ response)  # (11) exact step
+        q += step * direction
+        w += step * response
         r_before = r
-    message = f"conjugate gradients not converged to {tuning.safety * rtol:g}"
+    message = f"conjugate gradients not converged to {tolerance:g}"
     raise ConvergenceError(message, indentation=indentation, iterations=tuning.iterations, residual=residual)
 
 

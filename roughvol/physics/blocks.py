@@ -9,9 +9,10 @@ blocks, and a rest without force on any block. The rest reaches no further than 
 
 P spreads the force of a block over its elements as t is spread there. Pᵀ takes the mean over a block, weighted by t.
 E gives all elements of a block one value. N holds, for forces on a block and the eight around it, the departure of the
-displacement from its mean over the block. B is the near field on the elements. C ≈ (Pᵀ K P)⁻¹ is the same problem with a
-64th of the elements: its nearest coefficients are summed exactly, the others are those of points. It is solved in the
-same way, down to some hundred blocks and a factorisation.
+displacement from its mean over the block. B is the near field on the elements.
+
+C ≈ (Pᵀ K P)⁻¹ is the same problem with a 64th of the elements: its nearest coefficients are summed exactly, the others
+are those of points. It is solved in the same way, down to some hundred blocks and a factorisation.
 
 M⁻¹ is symmetric, and positive definite for any t ≥ 0, N and positive definite C. Numbers have 32 bits: rounding is far
 smaller than the approximations.
@@ -37,7 +38,6 @@ Map = Callable[[NDArray[Any]], NDArray[Any]]
 
 _AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))  # offsets to the blocks around a block, and itself
 _CENTRE = _AROUND.index((0, 0))
-_GATHERED = 2**12  # elements whose coefficients are gathered at a time, to stay in cache
 
 
 def by_blocks(
@@ -167,8 +167,9 @@ class Level:
         begin = np.full((count, len(_AROUND) + 1), (count + 1) * fields.shape[1], dtype=np.intp)
         begin[:, :-1] = self.neighbours * fields.shape[1] + np.arange(len(_AROUND)) * side**2
         data = np.empty((elements.size, len(_AROUND) + 1), dtype=np.float32)
-        for first in range(0, elements.size, _GATHERED):
-            some = slice(first, first + _GATHERED)
+        gathered = tuning.cache // side**2  # elements at a time, to stay in cache
+        for first in range(0, elements.size, gathered):
+            some = slice(first, first + gathered)
             at = begin.take(of_element[some], axis=0)
             at += within[some, None]
             fields.ravel().take(at, out=data[some], mode="clip")

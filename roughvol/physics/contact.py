@@ -7,7 +7,7 @@ overlap ū = Δ - (z_max - z) and the displacement u = H p the pressures solve t
 
     p ≥ 0,    g = u - ū ≥ 0,    p g = 0    on every element,
 
-which has exactly one solution because H is positive definite. Inside this module all is scaled: heights by their
+which has exactly one solution because H is positive definite. Inside `problem` all is scaled: heights by their
 root mean square σ (h ≤ 0, highest point 0), pressures as q = p δ/(π E* σ), so that u/σ = K ∗ q with the lattice
 kernel of `halfspace`; b = h + Δ/σ is the scaled overlap and w = K ∗ q - b the scaled gap. No unit gets further in.
 
@@ -20,12 +20,11 @@ this number and on nothing else. Where b ≤ 0 there is a gap in any case, since
 
 The method
 ----------
-H⁻¹ is an M-matrix for the Love kernel. Along increasing Δ therefore pressures never decrease, contact sets are nested
-and every gap is a convex function of Δ, so the secant through the last two states, w_k + θ (w_k - w_{k-1}), is a lower
-bound of the next gap: the elements it leaves at p > 0 or w < 0 *contain* the next contact set, nearly exactly. On
-this set conjugate gradients solve H p = ū with the approximate inverse of `precondition`; elements that turn
-tensile leave the set, penetrating ones come back, and a last convolution verifies. For other kernels the same loop
-runs without the guarantee: it then relies on the verification, which re-admits whatever penetrates.
+H⁻¹ is an M-matrix for the Love kernel. Along increasing Δ, pressures therefore never decrease, contact sets are nested,
+and every gap is a convex function of Δ. The secant through the last two states is then a lower bound of the next gap:
+elements with p > 0 or a negative secant *contain* the next contact set, nearly exactly. `active_set` solves on these
+elements. For other kernels the same loop runs without the guarantee: the verification re-admits every element that
+penetrates. docs/solver.md has the equations.
 """
 
 from __future__ import annotations
@@ -204,5 +203,3 @@ def _method(name: str) -> Method:
         message = f"method is {name!r}; allowed: {', '.join(METHODS)}"
         raise ContactError(message)
     return METHODS[name]
-
-

@@ -55,9 +55,7 @@ class HalfSpace:
         full grid: one over a window counts by its share of the points transformed.
     """
 
-    def __init__(
-        self, shape: tuple[int, int], kernel: str = "love", threads: int = 1, tuning: Tuning = TUNING
-    ) -> None:
+    def __init__(self, shape: tuple[int, int], kernel: str = "love", threads: int = 1, tuning: Tuning = TUNING) -> None:
         self.shape = (int(shape[0]), int(shape[1]))
         if min(self.shape) < 1:
             message = f"shape is {shape}; allowed: at least one element along each axis"

@@ -29,7 +29,7 @@ def near_field(influence: Array, columns: int, elements: Index, reach: float) ->
     """Return r ↦ Gᵀ G r ≈ K⁻¹ r on the elements, G sparse and triangular.
 
     Row i of G solves K_PP y = e_i on P = element i and those of its preceding neighbours that belong to the set;
-    G_i = y/√y_i. This is the factorised sparse approximate inverse. It is symmetric and positive definite whenever K is.
+    G_i = y/√y_i. This is the factorised sparse approximate inverse, symmetric and positive definite whenever K is.
 
     Parameters
     ----------
@@ -137,4 +137,4 @@ def _columns_of_inverse(matrix: Array, present: NDArray[np.bool_], column: int) 
     systems = np.where(present[:, :, None] & present[:, None, :], matrix, np.eye(len(matrix)))
     unit = np.zeros((len(matrix), 1))
     unit[column] = 1.0
-    return np.linalg.solve(systems, unit)[:, :, 0]
+    return np.asarray(np.linalg.solve(systems, unit)[:, :, 0], dtype=np.float64)

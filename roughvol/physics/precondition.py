@@ -89,7 +89,13 @@ def approximate_inverse(
 
 
 def _corrected(
-    near: Map, influence: Array, shape: tuple[int, int], elements: Index, rate: Array, displacement: Array, tuning: Tuning
+    near: Map,
+    influence: Array,
+    shape: tuple[int, int],
+    elements: Index,
+    rate: Array,
+    displacement: Array,
+    tuning: Tuning,
 ) -> Map:
     """Return the near field corrected by blocks, with t from the last step.
 

@@ -26,7 +26,7 @@ def check_rtol(rtol: float) -> None:
 
 
 class Problem:
-    """One surface on one half space, scaled; knows how to convolve, verify and record, not how to iterate."""
+    """One surface on one half space, scaled."""
 
     def __init__(
         self, surface: Surface, half_space: Compliance, precision: str = "mixed", tuning: Tuning = TUNING
@@ -53,6 +53,7 @@ class Problem:
         return self._mixed and rtol >= self.tuning.single_from
 
     def counts(self) -> tuple[float, float]:
+        """Return the convolutions done so far, by precision."""
         return self.half_space.convolutions, self.half_space.convolutions_fp32
 
     def check_reachable(self, indentation: float, rtol: float) -> None:
@@ -144,6 +145,7 @@ class Problem:
         return 0.9 * float(np.pi * (self.shape[0] - 1)) * q / self.heights.size
 
     def untouched(self, indentation: float = 0.0) -> State:
+        """Return the state without contact."""
         return State(indentation, np.empty(0, dtype=np.intp), np.empty(0), -self.heights)
 
     def verified(self, indentation: float, elements: Index, q: Array, step: float) -> tuple[State, float]:
@@ -168,6 +170,10 @@ class Problem:
         residual: float,
         before: State | None = None,
     ) -> Contact:
+        """Return the record of a state that a solve verified, with the counts since `counts`.
+
+        The residual is not a number where nothing was solved; such a record has not converged.
+        """
         touching = state.pressure > TENSILE * state.pressure.max(initial=0.0)
         elements, pressure = state.elements[touching], state.pressure[touching]
         size = self.heights.size

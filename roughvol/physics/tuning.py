@@ -63,7 +63,7 @@ class Tuning:
         Rows copied at a time, each on another page of memory on large grids.
     """
 
-    dense_up_to: int = 160
+    dense_up_to: int = 240
     near_reach: float = 5.0**0.5
     block_side: int = 8
     factorised_up_to: int = 256
