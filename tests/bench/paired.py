@@ -58,7 +58,8 @@ def measure(version: str, case: list[object]) -> list[float]:
     threads = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
     environment = os.environ | threads | {"PYTHONPATH": str(Path(folder).resolve())}
     command = [sys.executable, "-c", SWEEP, json.dumps([*case, numbers])]
-    return json.loads(subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE).stdout)
+    run = subprocess.run(command, cwd=folder, env=environment, check=True, stdout=subprocess.PIPE)
+    return json.loads(run.stdout)
 
 
 def main() -> None:
