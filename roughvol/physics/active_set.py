@@ -56,8 +56,8 @@ def solve_indentation(
         now, before = _approach(problem, indentation, now, rtol)
     face = predict(problem, indentation, now, before, problem.single(rtol))  # (3), (4)
     iterations, residual = 0, np.inf
-    modes = [Mode.SWIFT, Mode.CAREFUL] + [Mode.EXACT] * (problem.tuning.rounds - 2)
-    for mode in modes:
+    rounds = problem.tuning.rounds
+    for mode in [Mode.SWIFT, Mode.CAREFUL, *[Mode.EXACT] * rounds][:rounds]:
         if face.elements.size <= problem.tuning.dense_up_to:
             q, steps = dense_face(problem, indentation, face.elements), 1
         else:

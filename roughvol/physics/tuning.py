@@ -75,7 +75,7 @@ class Tuning:
     cut_every: int = 2
     sum_terms: float = 3.0
     safety: float = 0.7
-    last_step: float = 3.0
+    last_step: float = 5.0
     iterations: int = 2000
     rounds: int = 60
     single_from: float = 2e-9
