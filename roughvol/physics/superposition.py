@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Index = NDArray[Any]
 
+_PIECE = 2**13  # elements summed at a time, to stay in cache
+
 
 class Superposition:
     """The influence of few loaded elements on many, in lattice units; not thread-safe.
@@ -25,7 +27,7 @@ class Superposition:
     def __init__(self, influence: Array, terms: float) -> None:
         self._influence, self._columns, self._terms = influence, influence.shape[1], terms * influence.size
         self._mirrored: NDArray[Any] = np.empty(0, dtype=bool)
-        self._numbered: tuple[Index, NDArray[np.int32]] | None = None
+        self._numbered: tuple[Index, NDArray[np.intp]] | None = None
 
     def displacement(self, elements: Index, loaded: Index, pressure: Array, *, single: bool) -> NDArray[Any] | None:
         """Return u on the elements under pressures on a few of them, or None where a convolution takes less time.
@@ -45,12 +47,18 @@ class Superposition:
             return None
         table, number = self._table(single), self._numbers(elements)
         displacement: NDArray[Any] = np.zeros(elements.size, dtype=table.dtype)
-        for place, q in zip(number[loaded], pressure.tolist(), strict=True):
-            offset = number - place
-            displacement += q * table.take(np.abs(offset, out=offset))
+        offset, term = np.empty(_PIECE, dtype=np.intp), np.empty(_PIECE, dtype=table.dtype)
+        sources = list(zip(number[loaded].tolist(), pressure.astype(table.dtype), strict=True))
+        for first in range(0, elements.size, _PIECE):
+            here, total = number[first : first + _PIECE], displacement[first : first + _PIECE]
+            offset, term = offset[: here.size], term[: here.size]
+            for place, q in sources:
+                np.abs(np.subtract(here, place, out=offset), out=offset)
+                table.take(offset, out=term, mode="clip")  # no offset lies outside; without a mode, take would copy
+                total += np.multiply(term, q, out=term)
         return displacement
 
-    def _numbers(self, elements: Index) -> NDArray[np.int32]:
+    def _numbers(self, elements: Index) -> NDArray[np.intp]:
         """Return numbers whose differences are places in the table; they are kept until other elements come.
 
         In a table whose rows hold both signs of the column, an offset is the distance of two numbers.
@@ -58,7 +66,7 @@ class Superposition:
         if self._numbered is None or self._numbered[0] is not elements:
             columns = np.int32(self._columns)
             row, column = np.divmod(elements.astype(np.int32), columns)
-            self._numbered = elements, row * (2 * columns - 1) + column
+            self._numbered = elements, (row * (2 * columns - 1) + column).astype(np.intp)
         return self._numbered[1]
 
     def _table(self, single: bool) -> NDArray[Any]:

@@ -69,13 +69,13 @@ class Tuning:
     factorised_up_to: int = 256
     least_pivot: float = 0.05
     lifted_share: float = 0.001
-    lifted_again_from: int = 2**22
+    lifted_again_from: int = 2**20
     lifted_rounds: int = 3
     bordered_up_to: int = 4096
     cut_every: int = 2
     sum_terms: float = 3.0
-    safety: float = 0.7
-    last_step: float = 5.0
+    safety: float = 0.9
+    last_step: float = 4.0
     iterations: int = 2000
     rounds: int = 60
     single_from: float = 2e-9
