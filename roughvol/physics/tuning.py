@@ -73,7 +73,7 @@ class Tuning:
     lifted_rounds: int = 3
     bordered_up_to: int = 4096
     cut_every: int = 2
-    sum_terms: float = 3.0
+    sum_terms: float = 5.0
     safety: float = 0.9
     last_step: float = 4.0
     iterations: int = 2000
