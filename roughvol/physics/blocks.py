@@ -167,7 +167,7 @@ class Level:
         begin = np.full((count, len(_AROUND) + 1), (count + 1) * fields.shape[1], dtype=np.intp)
         begin[:, :-1] = self.neighbours * fields.shape[1] + np.arange(len(_AROUND)) * side**2
         data = np.empty((elements.size, len(_AROUND) + 1), dtype=np.float32)
-        gathered = tuning.cache // side**2  # elements at a time, to stay in cache
+        gathered = tuning.cache // 64  # elements at a time, to stay in cache
         for first in range(0, elements.size, gathered):
             some = slice(first, first + gathered)
             at = begin.take(of_element[some], axis=0)

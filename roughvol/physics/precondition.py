@@ -77,12 +77,12 @@ def approximate_inverse(
     def apply(r: NDArray[Any]) -> NDArray[Any]:
         z = np.zeros_like(r)
         z[kept] = inverse(r[kept])
-        some = np.flatnonzero(left_out & (r != 0.0))
-        if 0 < some.size <= tuning.bordered_up_to:
+        entered = np.flatnonzero(left_out & (r != 0.0))
+        at_once = tuning.cache // 64  # small systems at a time
+        for first in range(0, entered.size, at_once):
+            some = entered[first : first + at_once]
             members, rows = border(influence, shape[1], elements, left_out, some)
             np.add.at(z, members, rows * (rows * r[members]).sum(axis=1, keepdims=True))
-        else:
-            z[some] = r[some] / influence[0, 0]
         return z
 
     return apply, ~left_out

@@ -31,8 +31,6 @@ class Tuning:
         Nodes of the grid from which on elements lifted clear are looked for more than once.
     lifted_rounds : int
         Times that they are looked for there, at most.
-    bordered_up_to : int
-        Elements left out of the inverse that may take part with their neighbours; more take part alone.
     cut_every : int
         Iterations from one cut of negative pressures to the next.
     sum_terms : float
@@ -71,7 +69,6 @@ class Tuning:
     lifted_share: float = 0.001
     lifted_again_from: int = 2**20
     lifted_rounds: int = 3
-    bordered_up_to: int = 4096
     cut_every: int = 2
     sum_terms: float = 5.0
     safety: float = 0.9
