@@ -96,7 +96,7 @@ def conjugate_gradients(problem: Problem, indentation: float, face: Face, rtol: 
             free = (q != 0.0) | (w < 0.0)  # (6) free set
         r = np.negative(w, out=np.empty_like(direction), casting="same_kind")
         r *= free  # (7) residual
-        residual = float(np.abs(r).max())
+        residual_before, residual = residual, float(np.abs(r).max())
         if residual <= tolerance:
             if cut(problem, elements, q, w, single):
                 continue
@@ -107,7 +107,11 @@ def conjugate_gradients(problem: Problem, indentation: float, face: Face, rtol: 
         direction *= max(0.0, (rz - float(r_before @ z)) / rz_before)
         direction += z  # (10) direction
         direction *= free
-        if mode is Mode.SWIFT and iteration and residual <= tuning.last_step * tolerance:
+        if (
+            mode is Mode.SWIFT
+            and iteration
+            and residual <= tolerance * min(tuning.last_step, residual_before / residual)
+        ):
             return np.maximum(q + step * direction, 0.0), iteration  # (12) last step, unmeasured
         response = half_space.displacement_at(elements, direction, single=single)
         step = float(r @ direction) / float(direction @ response)  # (11) exact step
