@@ -586,9 +586,9 @@ def test_error_of_the_pressure_asked_for_is_certified(asked):
         assert contact.mean_pressure_bound <= asked
 
 
-def test_load_is_never_lost_below_the_tolerance(monkeypatch):
+def test_load_is_never_lost_below_the_tolerance():
     """Random surfaces, tolerances and indentations down to 1e-6 σ, where no load at all would meet the residual."""
-    monkeypatch.setattr("roughvol.physics.contact._DENSE_UP_TO", 4)
+    iterated = Tuning(dense_up_to=4)
     rng = np.random.Generator(np.random.PCG64(11))
     for trial in range(60):
         n = int(rng.integers(3, 13))
@@ -599,7 +599,7 @@ def test_load_is_never_lost_below_the_tolerance(monkeypatch):
         asked = None if trial % 2 else float(10 ** rng.uniform(-4, -1))
         at = np.unique(10 ** rng.uniform(-6, 1, 6))
         rtol = float(10 ** rng.uniform(-6, -1))
-        for contact in sweep(surface, half_space((n, n)), at, rtol=rtol, pressure_error=asked):
+        for contact in sweep(surface, half_space((n, n)), at, rtol=rtol, pressure_error=asked, tuning=iterated):
             b = scaled_overlap(surface, contact.indentation).ravel()
             exact = math.pi * (n - 1) * exact_pressure(K, b).mean()
             assert contact.mean_pressure > 0.0
