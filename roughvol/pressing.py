@@ -15,7 +15,7 @@ from roughvol import checkpoint as checkpoints
 from roughvol.checkpoint import Checkpoint
 from roughvol.dataset import Dataset
 from roughvol.errors import ContactError
-from roughvol.physics import halfspace, texture
+from roughvol.physics import convolution, texture
 from roughvol.physics.contact import sweep
 from roughvol.physics.halfspace import HalfSpace
 from roughvol.physics.search import first_indentation, indentation_for
@@ -24,7 +24,7 @@ from roughvol.study import Case
 
 HalfSpaces = MutableMapping[tuple[tuple[int, int], str, int], HalfSpace]
 
-FFT = {"library": f"FFTW {halfspace.FFTW_VERSION}", "planner": halfspace.PLANNER}
+FFT = {"library": f"FFTW {convolution.FFTW_VERSION}", "planner": convolution.PLANNER}
 
 
 class Stopped(Exception):

@@ -138,6 +138,18 @@ FLOORS: dict[str, tuple[set[str], set[str]]] = {
     "__main__": ({"cli"}, set()),
     "__init__": ({"_version", "campaign", "study"}, set()),  # the door: imports on first use only
 }
+# the contact solver, from the ground up: which of its modules imports which
+SOLVER: dict[str, set[str]] = {
+    "convolution": {"tuning"},
+    "halfspace": {"kernels", "convolution", "tuning"},
+    "blocks": {"kernels", "tuning"},
+    "precondition": {"near_field", "blocks", "tuning"},
+    "problem": {"state", "superposition", "surface", "tuning"},
+    "active_set": {"kernels", "precondition", "problem", "state"},
+    "paper_algorithm": {"kernels", "problem", "state"},
+    "contact": {"active_set", "paper_algorithm", "problem", "state", "surface", "tuning"},
+    "search": {"surface", "contact"},
+}
 PROCESSES = {
     "multiprocessing",
     "subprocess",
@@ -188,20 +200,10 @@ def _imports(module: str) -> set[str]:
 
 def _floor(module: str) -> tuple[set[str], set[str]]:
     siblings, parties = FLOORS[module.split(".")[0]]
-    if module == "physics.contact":
-        siblings = siblings | {
-            "physics.surface",
-            "physics.precondition",
-            "physics.blocks",
-            "physics.superposition",
-        }  # its parts
-    if module == "physics.precondition":
-        siblings = siblings | {"physics.blocks"}  # its far half
-    if module == "physics.search":
-        siblings = siblings | {"physics.surface", "physics.contact"}  # what it searches among
+    siblings = siblings | {f"physics.{name}" for name in SOLVER.get(module.removeprefix("physics."), set())}
     if module in ("physics.outliers", "physics.lattice"):
         siblings = siblings | {"physics.levelling"}  # a plane taken off, holes filled
-    if module == "physics.halfspace":
+    if module == "physics.convolution":
         parties = parties | {"pyfftw"}
     return siblings, parties
 
@@ -238,7 +240,7 @@ def test_third_parties_stay_in_their_rooms(module: str) -> None:
 
 @pytest.mark.parametrize("module", [name for name in _modules() if name != "workers"])
 def test_processes_start_in_one_place_and_threads_only_inside_a_convolution(module: str) -> None:
-    forbidden = PROCESSES if module == "physics.halfspace" else PROCESSES | THREADS | {"concurrent"}
+    forbidden = PROCESSES if module == "physics.convolution" else PROCESSES | THREADS | {"concurrent"}
     assert not [name for name in _imports(module) if any(f"{name}.".startswith(f"{door}.") for door in forbidden)]
 
 

@@ -21,7 +21,8 @@ import pytest
 
 from roughvol.errors import ContactError, SurfaceError
 from roughvol.physics.contact import solve, sweep
-from roughvol.physics.halfspace import HalfSpace, kernel_quadrant
+from roughvol.physics.halfspace import HalfSpace
+from roughvol.physics.kernels import kernel_quadrant
 from roughvol.physics.search import indentation_for
 from roughvol.physics.surface import Surface, random_midpoint_displacement
 from roughvol.study import loads

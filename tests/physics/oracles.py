@@ -9,7 +9,7 @@ from scipy import linalg, signal
 from scipy.optimize import nnls
 
 from roughvol.physics import theory
-from roughvol.physics.halfspace import kernel_quadrant
+from roughvol.physics.kernels import kernel_quadrant
 
 
 def dense_matrix(influence):

@@ -26,9 +26,12 @@ from oracles import (
 )
 
 from roughvol.errors import ContactError, ConvergenceError
+from roughvol.physics import active_set, paper_algorithm
 from roughvol.physics.contact import Trials, solve, sweep
-from roughvol.physics.halfspace import HalfSpace, kernel_quadrant
+from roughvol.physics.halfspace import HalfSpace
+from roughvol.physics.kernels import kernel_quadrant
 from roughvol.physics.surface import Surface, random_midpoint_displacement
+from roughvol.physics.tuning import Tuning
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT.parent / "shared" / "reference"
@@ -553,11 +556,11 @@ def test_full_contact_at_200_sigma(m):
 
 @pytest.mark.parametrize("D", [2.1, 2.5, 2.9])
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4])
-def test_bound_of_the_pressure_is_one_and_sharp(rtol, D, monkeypatch):
-    monkeypatch.setattr("roughvol.physics.contact._DENSE_UP_TO", 8)  # a factorisation would leave no residual
+def test_bound_of_the_pressure_is_one_and_sharp(rtol, D):
+    iterated = Tuning(dense_up_to=8)  # a factorisation would leave no residual
     surface = fractal(4, D)
     steps = mean_plane(surface) * np.arange(1, 11) / 5
-    contacts = list(sweep(surface, half_space(surface.shape), steps, rtol=rtol))
+    contacts = list(sweep(surface, half_space(surface.shape), steps, rtol=rtol, tuning=iterated))
     for contact in contacts:
         K, b = matrix(surface.shape), scaled_overlap(surface, contact.indentation).ravel()
         lattice = math.pi * 16 / b.size
@@ -583,9 +586,9 @@ def test_error_of_the_pressure_asked_for_is_certified(asked):
         assert contact.mean_pressure_bound <= asked
 
 
-def test_load_is_never_lost_below_the_tolerance(monkeypatch):
+def test_load_is_never_lost_below_the_tolerance():
     """Random surfaces, tolerances and indentations down to 1e-6 σ, where no load at all would meet the residual."""
-    monkeypatch.setattr("roughvol.physics.contact._DENSE_UP_TO", 4)
+    iterated = Tuning(dense_up_to=4)
     rng = np.random.Generator(np.random.PCG64(11))
     for trial in range(60):
         n = int(rng.integers(3, 13))
@@ -596,7 +599,7 @@ def test_load_is_never_lost_below_the_tolerance(monkeypatch):
         asked = None if trial % 2 else float(10 ** rng.uniform(-4, -1))
         at = np.unique(10 ** rng.uniform(-6, 1, 6))
         rtol = float(10 ** rng.uniform(-6, -1))
-        for contact in sweep(surface, half_space((n, n)), at, rtol=rtol, pressure_error=asked):
+        for contact in sweep(surface, half_space((n, n)), at, rtol=rtol, pressure_error=asked, tuning=iterated):
             b = scaled_overlap(surface, contact.indentation).ravel()
             exact = math.pi * (n - 1) * exact_pressure(K, b).mean()
             assert contact.mean_pressure > 0.0
@@ -741,11 +744,10 @@ def test_white_noise_to_full_contact_at_real_size(kernel):
 
 
 @pytest.mark.parametrize("heights", [fractal(6).heights, np.zeros((33, 33)), np.eye(33)])
-def test_a_cold_start_in_stages_ends_in_the_same_state(heights, monkeypatch):
+def test_a_cold_start_in_stages_ends_in_the_same_state(heights):
     surface = Surface(heights, 1.0)
     at_once = solve(surface, half_space(surface.shape), 2.0, rtol=1e-9)
-    monkeypatch.setattr("roughvol.physics.contact._COLD_UP_TO", 200)
-    in_stages = solve(surface, half_space(surface.shape), 2.0, rtol=1e-9)
+    in_stages = solve(surface, half_space(surface.shape), 2.0, rtol=1e-9, tuning=Tuning(cold_up_to=200))
     assert np.array_equal(in_stages.contact(), at_once.contact())
     assert in_stages.mean_pressure == pytest.approx(at_once.mean_pressure, rel=1e-8)
     assert in_stages.residual <= 1e-9
@@ -753,37 +755,81 @@ def test_a_cold_start_in_stages_ends_in_the_same_state(heights, monkeypatch):
 
 @pytest.mark.parametrize("precision", ["mixed", "double"])
 @pytest.mark.parametrize("rtol", [1e-6, 1e-10])
-def test_removed_pressures_may_be_summed_or_convolved(precision, rtol, monkeypatch):
-    monkeypatch.setattr("roughvol.physics.contact._DENSE_UP_TO", 8)
+def test_cut_pressures_may_be_summed_or_convolved(precision, rtol):
     surface = Surface(fractal(6).heights[:, :40], 1.0)
     ends = np.linspace(0.3, 3.0, 7)
-    found = []
-    for direct in (0.0, np.inf):
-        monkeypatch.setattr("roughvol.physics.superposition._DIRECT", direct)
-        found.append(list(sweep(surface, half_space(surface.shape), ends, rtol=rtol, precision=precision)))
-    for convolved, summed in zip(*found, strict=True):
-        assert max(convolved.residual, summed.residual) <= rtol
-        assert abs(convolved.free_volume - summed.free_volume) <= 2.0 * rtol
-    assert sum(c.convolutions + c.convolutions_fp32 for c in found[0]) > sum(
-        c.convolutions + c.convolutions_fp32 for c in found[1]
+    convolved, summed = (
+        list(
+            sweep(
+                surface,
+                half_space(surface.shape),
+                ends,
+                rtol=rtol,
+                precision=precision,
+                tuning=Tuning(dense_up_to=8, sum_terms=terms),
+            )
+        )
+        for terms in (0.0, math.inf)
+    )
+    for one, other in zip(convolved, summed, strict=True):
+        assert max(one.residual, other.residual) <= rtol
+        assert abs(one.free_volume - other.free_volume) <= 2.0 * rtol
+    assert sum(c.convolutions + c.convolutions_fp32 for c in convolved) > sum(
+        c.convolutions + c.convolutions_fp32 for c in summed
     )
 
 
-def test_removed_pressures_may_be_summed_with_a_split_kernel(monkeypatch):
-    monkeypatch.setattr("roughvol.physics.contact._DENSE_UP_TO", 8)
-    monkeypatch.setattr("roughvol.physics.superposition._DIRECT", np.inf)
-    surface, asked = fractal(6), []
-    ends = np.linspace(0.3, 3.0, 7)
-    direct = list(sweep(surface, half_space(surface.shape), ends, rtol=1e-4))
+# ---- every exit without convergence is an error
 
-    def split(self, elements, loaded, pressure, *, single, error):
-        asked.append((single, error))
-        return self._split.displacement(elements, elements[loaded], pressure)
 
-    monkeypatch.setattr("roughvol.physics.superposition.Superposition.displacement", split)
-    by_parts = list(sweep(surface, half_space(surface.shape), ends, rtol=1e-4))
-    assert len(asked) > 5
-    assert (True, 0.1 * 1e-4) in asked
-    for one, other in zip(by_parts, direct, strict=True):
-        assert max(one.residual, other.residual) <= 1e-4
-        assert abs(one.free_volume - other.free_volume) <= 2e-4
+@pytest.mark.parametrize("limit", [{"iterations": 1}, {"rounds": 1}])
+def test_a_solve_given_up_is_an_error_that_carries_its_numbers(limit):
+    surface = fractal(6)
+    # one round with 32-bit directions leaves more than 1e-13
+    tight = Tuning(dense_up_to=8, single_from=0.0, **limit)
+    with pytest.raises(ConvergenceError, match="not converged") as caught:
+        solve(surface, half_space(surface.shape), 1.0, rtol=1e-13, tuning=tight)
+    assert caught.value.indentation == 1.0
+    assert caught.value.iterations >= 1
+    assert caught.value.residual > 1e-13
+
+
+def test_a_contact_set_that_does_not_settle_is_an_error(monkeypatch):
+    # Wrong solutions of the equations: half of the elements turn tensile, then penetrate, for ever.
+    def wrong(factor, b, **_):
+        return np.where(np.arange(b.size) % 2, -1.0, 1e-9) if b.size == whole else np.full(b.size, 1e-9)
+
+    surface = fractal(4)
+    whole = np.count_nonzero(scaled_overlap(surface, 1.0) > 0.0)
+    assert 8 < whole <= Tuning().dense_up_to
+    monkeypatch.setattr(active_set.linalg, "cho_solve", wrong)
+    with pytest.raises(ConvergenceError, match="did not settle"):
+        solve(surface, half_space(surface.shape), 1.0)
+
+
+def test_gauss_seidel_that_does_not_converge_is_an_error(monkeypatch):
+    monkeypatch.setattr(paper_algorithm, "GAUSS_SEIDEL", 1)
+    surface = fractal(4)
+    with pytest.raises(ConvergenceError, match="Gauss-Seidel not converged"):
+        solve(surface, half_space(surface.shape), 1.0, method="paper")
+
+
+def test_tolerances_are_not_kept_between_solves():
+    surface = fractal(5)
+    trials = Trials(surface, half_space(surface.shape), rtol=1e-9)
+    rough = trials.at(1.0, trials.untouched, rtol=1e-2)
+    exact = trials.at(2.0, trials.untouched)
+    assert exact.residual <= 1e-9
+    assert rough.residual <= 1e-2
+
+
+# ---- the constants
+
+
+def test_no_more_constants_than_a_reader_can_hold():
+    documented = Tuning.__doc__
+    names = [field.name for field in dataclasses.fields(Tuning)]
+    assert len(names) <= 25
+    assert all(f"    {name} : " in documented for name in names)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Tuning().dense_up_to = 1

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from itertools import pairwise
-from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -14,15 +13,10 @@ from hypothesis import strategies as st
 from oracles import dense_matrix, love_influence, summed_displacement
 
 from roughvol.errors import ContactError
-from roughvol.physics import halfspace, theory
-from roughvol.physics.halfspace import (
-    KERNELS,
-    HalfSpace,
-    kernel_quadrant,
-    love_kernel,
-    punch_kernel,
-    transform_length,
-)
+from roughvol.physics import convolution, theory
+from roughvol.physics.halfspace import HalfSpace, transform_length
+from roughvol.physics.kernels import KERNELS, kernel_quadrant, love_kernel, punch_kernel
+from roughvol.physics.tuning import Tuning
 
 SHAPES = [(1, 1), (1, 2), (1, 7), (2, 1), (2, 2), (3, 3), (3, 4), (5, 9), (17, 9), (12, 7), (23, 18), (3, 100), (33, 2)]
 EPS = np.finfo(float).eps
@@ -303,34 +297,25 @@ def test_threads_change_no_bit():
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("single", [False, True])
-@pytest.mark.parametrize(("together", "band", "part"), [(1, 7, 2**18), (8, 64, 2**14), (10**6, 10**6, 2**16)])
-def test_how_rows_and_columns_are_copied_changes_no_bit(together, band, part, single, threads, monkeypatch):
+@pytest.mark.parametrize(("together", "band", "cache"), [(1, 7, 2**18), (8, 64, 2**14), (10**6, 10**6, 2**16)])
+def test_how_rows_and_columns_are_copied_changes_no_bit(together, band, cache, single, threads):
     pressure = noise((200, 333))
     elements = np.flatnonzero(pressure > 0.5)
 
-    def displacements(threads):
-        space = HalfSpace((200, 333), threads=threads)
+    def displacements(threads, tuning):
+        space = HalfSpace((200, 333), threads=threads, tuning=tuning)
         few = space.displacement_at(elements, pressure.ravel()[elements], single=single)
-        return space, np.concatenate((space.displacement(pressure).ravel(), few))
+        return np.concatenate((space.displacement(pressure).ravel(), few))
 
-    _, plain = displacements(1)
-    monkeypatch.setattr(halfspace, "_TOGETHER", (together, together))
-    monkeypatch.setattr(halfspace, "_BAND", band)
-    monkeypatch.setattr(halfspace, "_PART", part)
-    for fine, row in ((2**40, 2**40), (0, 0), (0, 2**40)):
-        monkeypatch.setattr(halfspace, "_FINE", fine)
-        monkeypatch.setattr(halfspace, "_COPIED_ROW", row)
-        space, same = displacements(threads)
-        assert np.array_equal(same, plain)
-        if together == 8 and not fine:  # a few at a time of those that are copied together
-            assert all(engine._at_once <= 5 for engine in space._engines.values())
+    other = Tuning(columns_together=together, band=band, cache=cache)
+    assert np.array_equal(displacements(threads, other), displacements(1, Tuning()))
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 129, 257, 1025, 4097])
 @pytest.mark.parametrize("size", [16, 4096, 131072, 2**20])
 @pytest.mark.parametrize("together", [1, 8])
 def test_parts_cover_all_and_are_multiples(count, size, together):
-    parts = halfspace._parts(count, size, together)
+    parts = convolution.parts(count, size, 2**18, together)
     assert np.array_equal(np.concatenate([np.arange(part.start, part.stop) for part in parts]), np.arange(count))
     lengths = [part.stop - part.start for part in parts]
     assert len(set(lengths[:-1])) <= 1
@@ -346,8 +331,8 @@ def test_parts_cover_all_and_are_multiples(count, size, together):
     st.integers(1, 200), st.integers(1, 200), st.sampled_from(sorted(KERNELS)), st.booleans(), st.integers(0, 2**32 - 1)
 )
 def test_elements_anywhere_are_displaced_as_on_the_whole_grid(rows, columns, kernel, single, seed):
-    with patch.object(halfspace, "_WINDOWED_FROM", 0):
-        check_patches(HalfSpace((rows, columns), kernel), single, np.random.Generator(np.random.PCG64(seed)))
+    space = HalfSpace((rows, columns), kernel, tuning=Tuning(windows_from=0))
+    check_patches(space, single, np.random.Generator(np.random.PCG64(seed)))
 
 
 def check_patches(space, single, generator):
@@ -366,7 +351,7 @@ def check_patches(space, single, generator):
 
 
 def test_a_window_counts_by_its_share_of_the_points():
-    space = HalfSpace((257, 257))
+    space = HalfSpace((257, 257), tuning=Tuning(windows_from=0))
     corners = np.array([0, 257 * 257 - 1])
     space.displacement_at(corners, np.ones(2))
     assert space.convolutions == 1.0
@@ -387,13 +372,13 @@ def test_elements_that_change_are_not_mistaken_for_the_last():
 
 
 def test_windows_are_kept_within_bounds():
-    space = HalfSpace((257, 257))
+    space = HalfSpace((257, 257), tuning=Tuning(windows_from=0))
     for last in range(20, 257):
         elements = np.arange(last) * 258
         space.displacement_at(elements, np.ones(last), single=True)
     windows = [engine.size for engine in space._engines.values() if engine.size < 512 * 512]
-    assert len(windows) > 3
-    assert sum(windows) <= 2**22
+    assert windows
+    assert sum(windows) <= 512 * 512
 
 
 def test_counters_count_convolutions_by_precision():

@@ -1,0 +1,88 @@
+"""Two versions of the solver against each other, or one with other constants: processor time, in one run.
+
+    git worktree add ../old 7ca2980
+    python -m tests.bench.paired ../old . --m 7 8 --D 2.1 2.5 --rounds 5
+    python -m tests.bench.paired . ".:dense_up_to=160" --m 7
+
+Versions are folders, with constants of `Tuning` behind a colon. Each sweep has a process of its own; the versions take
+turns, so that a busy machine slows all of them. The ratio is the median over the rounds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+SWEEP = """
+import json, sys, time
+import numpy as np
+from threadpoolctl import threadpool_limits
+from roughvol.physics.contact import sweep
+from roughvol.physics.halfspace import HalfSpace
+from roughvol.physics.surface import random_midpoint_displacement
+
+m, D, seed, steps, repeats, rtol, constants = json.loads(sys.argv[1])
+options = {}
+if constants:
+    from roughvol.physics.tuning import Tuning
+    options["tuning"] = Tuning(**constants)
+surface = random_midpoint_displacement(D, m, side=100.0, seed=seed)
+half_space = HalfSpace(surface.shape, **options)
+assert half_space.total_compliance.size
+end = (surface.z_max - surface.mean_height) / surface.Sq
+seconds = []
+with threadpool_limits(1):
+    for _ in range(repeats):
+        start = time.process_time()
+        counts = [
+            (c.convolutions, c.convolutions_fp32, c.iterations)
+            for c in sweep(surface, half_space, end * np.arange(1, steps + 1) / steps, rtol=rtol, **options)
+        ]
+        seconds.append(time.process_time() - start)
+print(json.dumps([float(np.median(seconds)), *np.mean(counts, axis=0)]))
+"""
+
+
+def measure(version: str, case: list[object]) -> list[float]:
+    """Return seconds, and fp64 and fp32 convolutions and iterations per step, from a process of its own."""
+    folder, _, text = version.partition(":")
+    constants = dict(pair.split("=") for pair in text.split(",") if pair)
+    numbers = {name: json.loads(value) for name, value in constants.items()}
+    threads = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
+    environment = os.environ | threads | {"PYTHONPATH": str(Path(folder).resolve())}
+    command = [sys.executable, "-c", SWEEP, json.dumps([*case, numbers])]
+    run = subprocess.run(command, cwd=folder, env=environment, check=True, stdout=subprocess.PIPE)
+    return json.loads(run.stdout)
+
+
+def main() -> None:
+    """Measure and print a Markdown table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("versions", nargs="+")
+    parser.add_argument("--m", type=int, nargs="+", default=[7, 8, 9])
+    parser.add_argument("--D", type=float, nargs="+", default=[2.1, 2.5])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--steps", type=int, default=60)
+    parser.add_argument("--rtol", type=float, default=1e-6)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--repeats", type=int, default=1, help="sweeps in each process; the median counts")
+    given = parser.parse_args()
+    print("| m | D | version | CPU s | ratio | fp64 | fp32 | iterations |\n|---|---|---|---|---|---|---|---|")
+    for m, D in product(given.m, given.D):
+        case = [m, D, given.seed, given.steps, given.repeats, given.rtol]
+        rounds = np.array([[measure(version, case) for version in given.versions] for _ in range(given.rounds)])
+        ratios = np.median(rounds[:, :, 0] / rounds[:, :1, 0], axis=0)
+        for version, (seconds, *counts), ratio in zip(given.versions, np.median(rounds, axis=0), ratios, strict=True):
+            shown = " | ".join(f"{count:.2f}" for count in counts)
+            print(f"| {m} | {D} | {version} | {seconds:.3g} | {ratio:.2f} | {shown} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
