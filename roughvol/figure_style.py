@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +37,7 @@ DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.
 LIGHTEST = 0.584  # of matplotlib's CMRmap, made for print in grey: 3.1 : 1 against white
 STEPS = 256  # at which the lightness of the map is taken
 PER_INCH = 24  # characters in a line of a note
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+RAISED = {"2": "²", "3": "³"}  # the font has no others, nor a raised minus
 WIDE = 62  # characters of a legend, lines included, that fit over a column
 MANY = 30  # computed states of a curve, beyond which only some have a marker
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
@@ -123,7 +123,8 @@ def looks(count: int) -> list[dict[str, Any]]:
 def unit_text(unit: str) -> str:
     """Return a unit as it is printed: ``um^3`` as µm³, ``mPa*s`` as mPa s."""
     words = re.sub(r"\bu(?=(?:m|s|g|N|Pa|bar|l|L)\b)", "µ", unit)
-    return re.sub(r"(?:\^|\*\*)(-?\d+)", lambda power: power.group(1).translate(RAISED), words).replace("*", " ")
+    raised: Callable[[re.Match[str]], str] = lambda power: RAISED.get(power[1], f"$^{{{power[1]}}}$")  # noqa: E731
+    return re.sub(r"(?:\^|\*\*)(-?\d+)", raised, words).replace("*", " ")
 
 
 def unit_of(ds: Dataset, name: str) -> str:
@@ -145,7 +146,7 @@ def volume_label(ds: Dataset) -> str:
 def density_label(ds: Dataset) -> str:
     """Return the label of an axis of their density."""
     unit = volume_unit(ds)
-    inverse = unit.replace("³", "⁻³") if " " not in unit else f"({unit})⁻¹"
+    inverse = unit.replace("³", "$^{-3}$") if " " not in unit else f"({unit})$^{{-1}}$"
     return f"probability density $f(v)$ [{inverse}]"
 
 

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
+from matplotlib import font_manager
 
 from roughvol import figure_style, tradeoff_figures
 from roughvol.cli import main
 from roughvol.dataset import write
-from roughvol.figure_style import ACCENT, CONTACT, GREY, SECOND, contrast, lightness, looks, unit_text
+from roughvol.figure_style import ACCENT, CONTACT, GREY, SECOND, STYLE, contrast, lightness, looks, unit_text
 from roughvol.figures import FIGURES
 
 LEAST_CONTRAST = 3.0  # WCAG 2.2, 1.4.11
@@ -78,7 +79,7 @@ def test_tradeoff_has_colours_of_the_same_kind() -> None:
         ("um^3", "µm³"),
         ("mm^3/s", "mm³/s"),
         ("mPa*s", "mPa s"),
-        ("length^-3", "length⁻³"),
+        ("length^-3", "length$^{-3}$"),
         ("nm*um^2", "nm µm²"),
         ("um", "µm"),
         ("unit", "unit"),
@@ -132,3 +133,10 @@ def test_saving_leaves_no_trace_in_matplotlib(curve: xr.Dataset, tmp_path: Path)
     before = dict(mpl.rcParams)
     figure_style.axes()[0].savefig(tmp_path / "empty.svg")
     assert dict(mpl.rcParams) == before
+
+
+def test_the_font_has_every_letter_of_a_unit() -> None:
+    font = font_manager.get_font(font_manager.findfont(STYLE["font.family"][0]))
+    for unit in ("um^3", "mm^2", "length^-3", "m^4", "mPa*s", "1/um"):
+        plain = re.sub(r"\$.*?\$", "", unit_text(unit))
+        assert {ord(letter) for letter in plain} <= font.get_charmap().keys()

@@ -538,7 +538,7 @@ def test_labels_carry_the_units_of_the_dataset(study: xr.Dataset) -> None:
     micro["heights"].attrs["units"] = "um"
     assert FIGURES["fig09"](micro).axes[1].get_ylabel() == "element volume $v$ [µm³]"
     assert FIGURES["fig12a"](micro).axes[0].get_xlabel() == "element volume $v$ [µm³]"
-    assert FIGURES["fig12b"](micro).axes[0].get_ylabel() == "probability density $f(v)$ [µm⁻³]"
+    assert FIGURES["fig12b"](micro).axes[0].get_ylabel() == "probability density $f(v)$ [µm$^{-3}$]"
     assert FIGURES["fig02"](micro).axes[0].get_zlabel() == "$z$ [µm]"
     assert "[µm]" in FIGURES["fig01"](micro).axes[-1].get_ylabel()
     assert "length" not in "".join(text.get_text() for text in FIGURES["fig09"](micro).findobj(mpl.text.Text))
