@@ -107,11 +107,8 @@ def conjugate_gradients(problem: Problem, indentation: float, face: Face, rtol: 
         direction *= max(0.0, (rz - float(r_before @ z)) / rz_before)
         direction += z  # (10) direction
         direction *= free
-        if (
-            mode is Mode.SWIFT
-            and iteration
-            and residual <= tolerance * min(tuning.last_step, residual_before / residual)
-        ):
+        trusted = tolerance * min(tuning.last_step, residual_before / residual)
+        if mode is Mode.SWIFT and iteration and residual <= trusted:
             return np.maximum(q + step * direction, 0.0), iteration  # (12) last step, unmeasured
         response = half_space.displacement_at(elements, direction, single=single)
         step = float(r @ direction) / float(direction @ response)  # (11) exact step
