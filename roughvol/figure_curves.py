@@ -22,10 +22,12 @@ def plot(
     title: str,
     *,
     common: bool = False,
+    log: bool = False,
 ) -> None:
     """Draw the curves of every family, label the axes, and say above them what is shown.
 
-    With `common`, the curves of a family have the same abscissae; else their mean is taken on a grid.
+    With `common`, the curves of a family have the same abscissae; else their mean is taken on a grid. With `log`,
+    single surfaces are left out where they are zero.
     """
     for order, (family, each) in enumerate(zip(some, members, strict=True)):
         if len(each) == 1:
@@ -39,8 +41,9 @@ def plot(
         mean, spread = rows.mean(axis=0), rows.std(axis=0, ddof=1)
         colour = family.look["color"]
         ax.fill_between(abscissa, mean - spread, mean + spread, color=colour, alpha=0.18, lw=0, zorder=2)
-        for one in each:
-            ax.plot(*one, color=colour, lw=0.35, alpha=0.4, zorder=1)
+        for x, y in each:
+            drawn = np.where(y > 0.0, y, np.nan) if log else y  # a logarithmic axis has no zero
+            ax.plot(x, drawn, color=colour, lw=0.35, alpha=0.4, zorder=1)
         ax.plot(abscissa, mean, label=family.label, color=colour, ls=DASHES[order % len(DASHES)], zorder=3)
     counts = sorted({len(each) for each in members if len(each) > 1})
     if counts:

@@ -149,7 +149,7 @@ def _densities(ds: Dataset, by: str, m: float = FINEST, *, log: bool = False) ->
     some, title = families(ds, by, "volume_density", "volume_density_edges", m=m)
     fig, ax = axes(height=3.4 if log else 3.0)
     members = [merged(*densities(family), log=log) for family in some]
-    plot(ax, some, members, (volume_label(ds), density_label(ds)), title, common=True)
+    plot(ax, some, members, (volume_label(ds), density_label(ds)), title, common=True, log=log)
     fig.shown = shown(some)
     return fig, ax, some
 

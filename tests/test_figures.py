@@ -6,6 +6,8 @@ import io
 import subprocess
 import sys
 from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -14,6 +16,7 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from roughvol import figure_curves
 from roughvol.dataset import VARIABLES, combine
 from roughvol.errors import DatasetError
 from roughvol.figure_data import ENOUGH, merged
@@ -530,6 +533,18 @@ def test_markers_are_computed_states(study: xr.Dataset, single: xr.Dataset, name
                 assert {tuple(pair) for pair in line.get_xydata().tolist()} <= stored
     marked = [line for line in FIGURES[name](single).axes[0].lines if line.get_marker() != "None"]
     assert marked
+
+
+@pytest.mark.parametrize("log", [True, False])
+def test_no_single_surface_falls_to_zero_on_a_logarithmic_axis(log: bool) -> None:
+    ax = Figure().subplots()
+    x = np.array([1.0, 2.0, 3.0])
+    family: Any = SimpleNamespace(label="", look={"color": "k"})
+    two = [(x, np.array([3.0, 2.0, 1.0])), (x, np.array([3.0, 1.0, 0.0]))]
+    figure_curves.plot(ax, [family], [two], ("", ""), "", common=True, log=log)
+    single = [line.get_ydata() for line in ax.lines if line.get_linewidth() < 0.5]
+    assert len(single) == 2
+    assert bool(np.isnan(single[1][-1])) is log
 
 
 def test_labels_carry_the_units_of_the_dataset(study: xr.Dataset) -> None:
