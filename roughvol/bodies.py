@@ -1,4 +1,4 @@
-"""The surface of a case of measured heights: each body read and treated by itself, two of them added.
+"""The surface of measured heights: each body read and treated by itself, two of them added.
 
 Conventions: the heights of each body are positive out of it. Two bodies touch first where the sum of their heights is
 largest, so they are pressed as one rough surface of height z1 + z2 against a plane. Apart from missing heights and
@@ -8,83 +8,92 @@ outliers, which belong to one of them, what is done to each body is linear and c
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol import heightfile, lengths
+from roughvol.body import Body, Treatment
 from roughvol.errors import SurfaceError
 from roughvol.physics import lattice, levelling, outliers
 from roughvol.physics.surface import Surface
-from roughvol.study import Body, Case
-
-Heights = NDArray[np.float64]
+from roughvol.typing import Array, Mask
 
 _FLATTEST = 1e-7  # of the side: a nanometre on a centimetre
 _MIRRORS = {"none": np.s_[:, :], "x": np.s_[::-1, :], "y": np.s_[:, ::-1]}
 
 
-def surface(case: Case) -> Surface:
-    """Return the surface of a case whose heights come from files.
+def surface(bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | None) -> Surface:
+    """Return the surface whose heights come from files: one body, or the sum of two.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+        One body or two.
+    treatment : Treatment
+        Treatment of each body.
+    L : float
+        Length of the first axis of the treated lattice [unit].
+    unit : str or None
+        Unit of lengths and heights; None to take the numbers as they are.
 
     Raises
     ------
     SurfaceError, DatasetError
-        If a file cannot be read, has changed since the study was loaded, holds no heights or not those of a lattice of
-        the same shape as the other; if heights are missing and the study does not say how to fill them, or if they
-        cannot be treated as it says.
+        If a file cannot be read or has changed since the study was loaded, if it holds no heights or not those of a
+        lattice of the same shape as the other, if heights are missing and ``treatment`` refuses them, or if the
+        treatment is not possible.
     """
-    measured = [_measured(body, case) for body in case.bodies]
-    total, filled, removed = _pressed(measured, case)
+    measured = [_measured(body, treatment, unit) for body in bodies]
+    total, filled, removed = _pressed(bodies, measured, treatment, L)
     peak_before = None
-    if case.treatment.outliers is not None:
-        whole = replace(case, treatment=replace(case.treatment, outliers=None))
-        before = _pressed(measured, whole)[0] if removed else total
+    if treatment.outliers is not None:
+        before = _pressed(bodies, measured, replace(treatment, outliers=None), L)[0] if removed else total
         peak_before = Surface(before, 1.0).peak
-    return Surface(total, case.L / (len(total) - 1), filled, removed, peak_before)
+    return Surface(total, L / (len(total) - 1), filled, removed, peak_before)
 
 
-def _pressed(measured: list[Heights], case: Case) -> tuple[Heights, int, int]:
-    """Return the heights that are pressed, how many of them were filled, and how many outliers were taken out."""
+def _pressed(
+    bodies: Sequence[Body], measured: Sequence[Array], treatment: Treatment, L: float
+) -> tuple[Array, int, int]:
+    """Return the heights that are pressed, the number of filled ones, and the number of outliers taken out."""
     (total, filled, removed), *others = (
-        _treated(heights, body, case) for heights, body in zip(measured, case.bodies, strict=True)
+        _treated(heights, body, treatment, L) for heights, body in zip(measured, bodies, strict=True)
     )
-    for body, (heights, missing, count) in zip(case.bodies[1:], others, strict=True):
+    for body, (heights, missing, count) in zip(bodies[1:], others, strict=True):
         if heights.shape != total.shape:
-            message = f"{body.file}: has {heights.shape} nodes; allowed: {total.shape}, as {case.bodies[0].file} has"
+            message = f"{body.file}: has {heights.shape} nodes; allowed: {total.shape}, as {bodies[0].file} has"
             raise SurfaceError(message)
         total, filled, removed = total + heights, filled | missing, removed + count
     return total, int(filled.sum()), removed
 
 
-def notes(case: Case, surface: Surface) -> tuple[str, ...]:
-    """Return what the user should look at: the notes of the case, and heights that are absurd for its length.
+def notes(surface: Surface, unit: str | None) -> tuple[str, ...]:
+    """Return what is absurd in the heights for the length of the surface.
 
     Parameters
     ----------
-    case : Case
-        Case whose heights come from files.
     surface : Surface
-        Its surface, as `surface` returns it.
+        Measured surface.
+    unit : str or None
+        Unit of its heights and lengths.
     """
-    unit = case.length_unit or ""
     span, side = float(np.ptp(surface.heights)), surface.spacing * (min(surface.heights.shape) - 1)
-    said = f"the heights span {span:.3g} {unit}".rstrip()
-    found = []
+    said = f"the heights span {span:.3g} {unit or ''}".rstrip()
     if span > side:
-        found.append(f"{said}, more than the shorter side, {side:.3g} {unit}".rstrip() + ": is heights_unit right?")
-    elif 0.0 < span < _FLATTEST * side:
-        found.append(f"{said}, {span / side:.1g} of the shorter side: is heights_unit right?")
-    return (*case.notes, *found)
+        return (f"{said}, more than the shorter side, {side:.3g} {unit or ''}".rstrip() + ": is heights_unit right?",)
+    if 0.0 < span < _FLATTEST * side:
+        return (f"{said}, {span / side:.1g} of the shorter side: is heights_unit right?",)
+    return ()
 
 
-def _measured(body: Body, case: Case) -> Heights:
+def _measured(body: Body, treatment: Treatment, unit: str | None) -> Array:
     """Return the heights of one body as its file holds them, in the unit of the study."""
     heights = heightfile.read(
         body.file,
         variable=body.variable,
-        holes=case.treatment.missing != "refuse",
+        holes=treatment.missing != "refuse",
         columns=body.columns,
         ignore_header=body.header == "ignore",
     )
@@ -93,15 +102,15 @@ def _measured(body: Body, case: Case) -> Heights:
     if sha256 != body.sha256:
         message = f"{body.file} has changed since the study was loaded; run the study again"
         raise SurfaceError(message)
-    unit = body.numbers_in
-    if unit is not None and case.length_unit is not None and unit != case.length_unit:
-        heights = heights * lengths.factor(unit, case.length_unit)
+    own = body.numbers_in
+    if own is not None and unit is not None and own != unit:
+        heights = heights * lengths.factor(own, unit)
     return heights
 
 
-def _treated(heights: Heights, body: Body, case: Case) -> tuple[Heights, NDArray[np.bool_], int]:
+def _treated(heights: Array, body: Body, treatment: Treatment, L: float) -> tuple[Array, Mask, int]:
     """Return the heights of one body as they are pressed, which of them were filled, and the number of outliers."""
-    treatment, mirror, removed = case.treatment, _MIRRORS[body.mirror], 0
+    mirror, removed = _MIRRORS[body.mirror], 0
     try:
         heights = heights[mirror]  # a crop, blocks and new nodes are those of the first body, on both
         if treatment.crop is not None:
@@ -122,7 +131,7 @@ def _treated(heights: Heights, body: Body, case: Case) -> tuple[Heights, NDArray
         if treatment.filling is not None:
             heights = levelling.fill(heights, treatment.filling)
         if treatment.low_pass is not None:
-            heights = levelling.low_pass(heights, case.L / (len(heights) - 1), treatment.low_pass)
+            heights = levelling.low_pass(heights, L / (len(heights) - 1), treatment.low_pass)
     except SurfaceError as error:
         message = f"{body.file}: {error}"
         raise SurfaceError(message) from error

@@ -91,7 +91,7 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
 
     A study that needs more memory or disk than this machine has is an error; one of more than 30 days draws a warning.
     """
-    from roughvol import bodies, campaign, estimate, understood, validity
+    from roughvol import campaign, estimate, understood, validity
     from roughvol.study import load
 
     loaded = load(study)
@@ -107,7 +107,7 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
         click.echo(f"# picture {path}")
     cost = estimate.estimate(loaded, jobs)
     click.echo(_cost(cost))
-    noted = bodies.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
+    noted = understood.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
     _warn(validity.sentences(campaign.foreseen(loaded, surface), noted))
     for choice in estimate.choices(loaded, jobs):
         area, pressure, volume = choice.errors

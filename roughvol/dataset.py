@@ -35,10 +35,11 @@ from xarray.backends import NetCDF4DataStore
 
 from roughvol import columns, storage
 from roughvol._version import __version__
+from roughvol.body import Body
 from roughvol.columns import Arrays
 from roughvol.errors import DatasetError
 from roughvol.storage import FORMAT
-from roughvol.study import Body, Case, Region
+from roughvol.study import Case, Region
 from roughvol.variables import DTYPES, FIELDS, MISSING, TIMES, VARIABLES, Variable
 
 __all__ = ["VARIABLES", "Dataset", "Variable", "build", "combine", "provenance", "read", "write"]

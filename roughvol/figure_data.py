@@ -12,16 +12,15 @@ import operator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.dataset import at_state
 from roughvol.figure_style import A, P, looks
 from roughvol.physics.freevolume import element_volumes
+from roughvol.typing import Array, Mask
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
-Array = NDArray[np.float64]
 Curve = tuple[Array, Array]
 
 PAPER = {"D": 2.3, "m": 7.0, A: 0.1}  # the single configuration of Figs. 8-11
@@ -98,7 +97,7 @@ def own(field: DataArray) -> DataArray:
     return field.dropna("x", how="all").dropna("y", how="all").transpose("x", "y")
 
 
-def volumes(ds: Dataset) -> tuple[Dataset, Array, NDArray[np.bool_], dict[str, Any], str]:
+def volumes(ds: Dataset) -> tuple[Dataset, Array, Mask, dict[str, Any], str]:
     """Return the one state, its v [length³] and contact, how their image lies in its axes, and the state in words."""
     found, name, words = state(ds, "field_at", "gap")
     gap = own(found["gap"])

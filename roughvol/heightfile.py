@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from roughvol import instrument, netcdfmap, plaintext, textmap, tiffmap
 from roughvol.description import Description, HeightMap, NotRead, refuse_huge
 from roughvol.errors import DatasetError, SurfaceError
-
-Heights = NDArray[np.float64]
+from roughvol.typing import Array
 
 # What numpy, zipfile and netCDF4 raise on damaged files; a header that asks for petabytes is one of them.
 _UNREADABLE = (
@@ -59,7 +58,7 @@ def read(
     holes: bool = False,
     columns: str | None = None,
     ignore_header: bool = False,
-) -> Heights:
+) -> Array:
     """Return the heights stored in a file, in the unit that `describe` calls ``heights_unit``.
 
     Parameters
@@ -161,7 +160,7 @@ def _instrument(path: Path, variable: str | None, columns: str | None, ignore_he
     return found
 
 
-def _checked(path: Path, array: NDArray[Any], holes: bool) -> Heights:
+def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
     if array.dtype.kind not in "fiu":
         message = f"{path}: holds values of type {array.dtype}, not numbers"
         raise SurfaceError(message)
@@ -187,7 +186,7 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Heights:
     return np.where(missing, np.nan, heights) if holes else heights
 
 
-def _far(mark: float, others: Heights) -> bool:
+def _far(mark: float, others: Array) -> bool:
     """Return whether a number that often marks missing heights lies far off all others."""
     others = others[~np.isin(others, SENTINELS)]
     if not others.size:

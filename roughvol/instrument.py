@@ -16,12 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.description import Description, HeightMap, NotRead, chosen, length_unit, refuse_huge
 from roughvol.errors import DatasetError, SurfaceError
-
-Heights = NDArray[np.float64]
+from roughvol.typing import Array
 
 EXTRA = "pip install 'roughvol[measured]'"
 UNMARKED = ("nms", "hgt")
@@ -52,7 +50,7 @@ def opened(path: Path, channel: str | None = None) -> HeightMap:
     return HeightMap(described, lambda: _read(path, channel))
 
 
-def _read(path: Path, channel: str | None) -> Heights:
+def _read(path: Path, channel: str | None) -> Array:
     with _opened(path) as reader:
         one = _chosen(path, reader, channel)
         # the library builds no map without a size; where the file gives none, any will do

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from roughvol.physics import transport
 from roughvol.study import Level, Select, Transport
+from roughvol.typing import Array, Mask
 
 Values = dict[str, Any]
 AXES = (("x", 0), ("y", 1))
@@ -23,11 +24,11 @@ QUANTITIES = ("percolation", "constriction", "transmissivity", "diffusivity", "e
 class Void(Protocol):
     """What this module needs of a state of contact."""
 
-    def gap(self) -> NDArray[np.float64]:
+    def gap(self) -> Array:
         """Return g/σ, exactly 0 in contact."""
         ...
 
-    def contact(self) -> NDArray[np.bool_]:
+    def contact(self) -> Mask:
         """Return where p > 0."""
         ...
 
@@ -101,7 +102,7 @@ def flux(state: Void) -> Values:
     return values | {f"flux_at_transmissivity_{axis}": flow.coefficient for axis, flow in flows.items()}
 
 
-def _connectivity(gap: NDArray[np.float64], contact: NDArray[np.bool_]) -> Values:
+def _connectivity(gap: Array, contact: Mask) -> Values:
     found = transport.connectivity(gap, contact)
     edges = np.append(size_classes(gap.size), np.iinfo(np.int64).max)
     return {
@@ -117,7 +118,7 @@ def _connectivity(gap: NDArray[np.float64], contact: NDArray[np.bool_]) -> Value
     }
 
 
-def _constriction(gap: NDArray[np.float64]) -> Values:
+def _constriction(gap: Array) -> Values:
     values: Values = {}
     for axis, n in AXES:
         found = transport.constriction(gap, n)
@@ -126,7 +127,7 @@ def _constriction(gap: NDArray[np.float64]) -> Values:
     return values
 
 
-def _estimates(gap: NDArray[np.float64]) -> Values:
+def _estimates(gap: Array) -> Values:
     values: Values = {}
     for name, exponent in EXPONENTS.items():
         values[f"estimate_medium_{name}"] = transport.effective_medium(gap, exponent)

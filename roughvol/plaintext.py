@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.description import NotRead
 from roughvol.errors import DatasetError, SurfaceError
+from roughvol.typing import Array
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?|[-+]?(?:inf|infinity)", re.IGNORECASE)
 _MISSING = re.compile(r"|[-+]?nan|na|n/a|#n/a|null|none|bad|void|\*+|-+|\?+", re.IGNORECASE)
@@ -73,7 +73,7 @@ def split(path: Path) -> Text:
     return Text(path, header, data, comments)
 
 
-def words(text: Text) -> NDArray[np.float64]:
+def words(text: Text) -> Array:
     """Return all numbers of a text in one row, whatever their lines; cells are set apart by blanks or a delimiter."""
     try:
         return np.array(" ".join(line for _, line in text.data).split(), dtype=np.float64)
@@ -82,7 +82,7 @@ def words(text: Text) -> NDArray[np.float64]:
         return np.array([_value(text.path, number, cell) for number, cell in cells])
 
 
-def table(text: Text) -> NDArray[np.float64]:
+def table(text: Text) -> Array:
     """Return the numbers of a text, a row for each line; NaN where a cell is empty or marked as missing.
 
     Raises
@@ -113,7 +113,7 @@ def table(text: Text) -> NDArray[np.float64]:
         return _slowly(text, lines, mark)
 
 
-def _slowly(text: Text, lines: list[str], mark: str | None) -> NDArray[np.float64]:
+def _slowly(text: Text, lines: list[str], mark: str | None) -> Array:
     """Read cell by cell, as numpy does not: marks of missing numbers, quotes, and errors with their line."""
     rows: list[list[float]] = []
     for (number, whole), line in zip(text.data, lines, strict=True):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
+from roughvol.typing import Array
 
 _SAME = 1e-6  # of the span: coordinates closer than that are one, up to rounding
 _REGULAR = 0.02  # of a spacing: by which a coordinate may lie off its node
@@ -16,7 +17,7 @@ _CROWDED = 4  # nodes a point, beyond which the nodes are not counted
 _COVERED = 0.5  # share of the nodes that must have a point
 
 
-def grid(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[float, float], bool]:
+def grid(points: Array) -> tuple[Array, tuple[float, float], bool]:
     """Return the map that points make.
 
     Parameters
@@ -56,7 +57,7 @@ def grid(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], tuple[float,
     return heights.reshape(nx, ny), (span_x, span_y), whole_x and whole_y
 
 
-def _nodes(values: NDArray[np.float64], name: str) -> tuple[NDArray[np.int64], int, float, bool]:
+def _nodes(values: Array, name: str) -> tuple[NDArray[np.int64], int, float, bool]:
     """Return the node of each coordinate, the number of nodes, their span, and whether they only count."""
     order = np.unique(values)
     span = float(order[-1] - order[0])

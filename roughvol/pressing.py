@@ -132,7 +132,7 @@ def surface_of(case: Case) -> Surface:
     """Return the surface of a case, generated or read from its files."""
     if case.file is not None:
         with threadpool_limits(1):  # levelling sums over all nodes
-            return bodies.surface(case)
+            return bodies.surface(case.bodies, case.treatment, case.L, case.length_unit)
     assert case.D is not None
     assert case.m is not None
     assert case.seed is not None

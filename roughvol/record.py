@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol import leakage, regions
 from roughvol.physics import fractal, freevolume, search, texture
@@ -23,6 +22,7 @@ from roughvol.physics.search import TARGETS
 from roughvol.physics.surface import Surface
 from roughvol.regions import Within, window, within
 from roughvol.study import Case, Level
+from roughvol.typing import Array
 
 Values = dict[str, Any]
 
@@ -203,7 +203,7 @@ class Reduction:
         self._along.restore(state)
 
 
-def above(pressure: NDArray[np.float64], hardness: float) -> tuple[float, float]:
+def above(pressure: Array, hardness: float) -> tuple[float, float]:
     """Return the share of the contact with a pressure above the hardness, and the share of the load there.
 
     Parameters
@@ -437,7 +437,7 @@ _OBSERVABLES = {"field_at": "fields_at", "density_at": "volume_density", "box_at
 _AT = {"field_at": _fields, "density_at": _density, "box_at": _boxes, "flux_at": _flux}
 
 
-def _volumes(surface: Surface, contact: Contact | Within) -> freevolume.Field:
+def _volumes(surface: Surface, contact: Contact | Within) -> Array:
     """Element volumes v = g δ² [length³]; a flat surface has Sq = 0 and its gap is in lengths already."""
     return freevolume.element_volumes(contact.gap() * (surface.Sq or 1.0), surface.spacing, contact.contact())
 

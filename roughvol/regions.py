@@ -12,14 +12,12 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from roughvol import leakage
 from roughvol.errors import ContactError, Problem, StudyError
 from roughvol.physics import transport
 from roughvol.physics.contact import Contact
 from roughvol.study import Case, Level, Region, RegionWidths
+from roughvol.typing import Array, Mask
 
 Window = tuple[slice, slice]
 QUANTITIES = ("region_widths", "region_transmissivity")
@@ -32,15 +30,15 @@ class Within:
     def __init__(self, contact: Contact, window: Window) -> None:
         self.whole, self._window = contact, window
 
-    def gap(self) -> NDArray[np.float64]:
+    def gap(self) -> Array:
         """Return g/σ inside."""
         return self.whole.gap()[self._window]
 
-    def pressure(self) -> NDArray[np.float64]:
+    def pressure(self) -> Array:
         """Return p L/(E* σ) inside."""
         return self.whole.pressure()[self._window]
 
-    def contact(self) -> NDArray[np.bool_]:
+    def contact(self) -> Mask:
         """Return where p > 0 inside."""
         return self.whole.contact()[self._window]
 

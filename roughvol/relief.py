@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import LightSource
-from numpy.typing import NDArray
 
 from roughvol.figure_style import CONTACT, PAGE, Drawing, canvas
+from roughvol.typing import Mask
 
 if TYPE_CHECKING:
     from xarray import DataArray
 
 
-def reliefs(
-    surfaces: Sequence[DataArray], titles: Sequence[str], height: str, contact: NDArray[np.bool_] | None = None
-) -> Drawing:
+def reliefs(surfaces: Sequence[DataArray], titles: Sequence[str], height: str, contact: Mask | None = None) -> Drawing:
     """Return a figure of lit surfaces on one vertical scale.
 
     Parameters

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from xarray import DataArray, Dataset
 
 from roughvol.claims import Run
 from roughvol.study import HeightFile
+from roughvol.typing import Array
 from roughvol.variables import VARIABLES
-
-Array = NDArray[np.float64]
 
 STATES = 24  # rows of a table of states; a longer sweep is shown at even steps, its first and last state among them
 P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"

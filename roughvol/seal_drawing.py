@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from roughvol import seal_ways
 from roughvol.figure_data import Family, curves
 from roughvol.figure_style import GREY, Drawing, looks
 from roughvol.seal_ways import DIRECTIONS, Way
+from roughvol.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 LINES: dict[str, Any] = {"x": "-", "y": (0, (4.0, 1.5))}
 CLOSED = {"x": "x", "y": "+"}

@@ -18,7 +18,6 @@ import numpy as np
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
-from numpy.typing import NDArray
 
 from roughvol import seal_ways
 from roughvol.dataset import at_state
@@ -47,7 +46,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from xarray import Dataset
 
-Array = NDArray[np.float64]
 Draw = Callable[["Dataset"], Drawing]
 
 FIGURES: dict[str, Draw] = {}

@@ -12,14 +12,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.figure_data import Family
+from roughvol.typing import Array
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
-Array = NDArray[np.float64]
 
 DIRECTIONS = ("x", "y")
 GRID = 240  # points of a curve over several surfaces

@@ -15,14 +15,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol import plaintext, points, textheader
 from roughvol.description import Description, HeightMap, NotRead
 from roughvol.errors import SurfaceError
 from roughvol.textheader import Header
-
-Heights = NDArray[np.float64]
+from roughvol.typing import Array
 
 INSIST = "surface.columns: heights takes all numbers as heights"
 _EVEN = 1e-6  # by which steps along a row may differ and count as those of a coordinate
@@ -72,7 +70,7 @@ def opened(path: Path, columns: str | None = None, *, ignore_header: bool = Fals
     return _matrix(path, numbers, header)
 
 
-def _map(heights: Heights, header: Header, description: Description) -> HeightMap:
+def _map(heights: Array, header: Header, description: Description) -> HeightMap:
     if header.factor != 1.0:
         heights = heights * header.factor
     described = replace(
@@ -86,7 +84,7 @@ def _map(heights: Heights, header: Header, description: Description) -> HeightMa
     return HeightMap(described, lambda: heights)
 
 
-def _matrix(path: Path, numbers: Heights, header: Header) -> HeightMap:
+def _matrix(path: Path, numbers: Array, header: Header) -> HeightMap:
     if not header.along_lines:
         return _map(numbers, header, Description(numbers.shape, reader="text, rows", read_as=_as_before(path)))
     heights = numbers.T
@@ -112,7 +110,7 @@ def _as_before(path: Path) -> str | None:
     return None if path.suffix.lower() in (".txt", ".csv", ".asc") else "rows"
 
 
-def _points(path: Path, numbers: Heights, header: Header) -> HeightMap:
+def _points(path: Path, numbers: Array, header: Header) -> HeightMap:
     try:
         heights, sides, counted = points.grid(numbers)
     except SurfaceError as error:
@@ -125,7 +123,7 @@ def _points(path: Path, numbers: Heights, header: Header) -> HeightMap:
     return replace(found, description=replace(found.description, source=source))
 
 
-def _refuse_coordinates(path: Path, numbers: Heights) -> None:
+def _refuse_coordinates(path: Path, numbers: Array) -> None:
     """Refuse tables that hold coordinates among the heights."""
     rows, columns = numbers.shape
     for table, nodes, said in ((numbers, columns, "columns"), (numbers.T, rows, "lines")):
@@ -146,7 +144,7 @@ def _refuse_coordinates(path: Path, numbers: Heights) -> None:
         raise SurfaceError(message)
 
 
-def _even(values: Heights) -> bool:
+def _even(values: Array) -> bool:
     steps = np.diff(values)
     return bool(
         steps[0] != 0.0 and np.isfinite(steps).all() and np.abs(steps - steps[0]).max() <= _EVEN * abs(steps[0])

@@ -23,7 +23,6 @@ from roughvol.claims.evidence import (
     PAPER_D,
     PAPER_M,
     A,
-    Array,
     Lacking,
     P,
     Run,
@@ -51,6 +50,7 @@ from roughvol.figure_style import (
     volume_unit,
 )
 from roughvol.physics import texture, theory
+from roughvol.typing import Array
 
 Draw = Callable[[Evidence], Drawing]
 

@@ -27,7 +27,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from roughvol import dataset
@@ -39,8 +38,7 @@ from roughvol.physics.halfspace import HalfSpace
 from roughvol.physics.surface import Surface
 from roughvol.pressing import FFT, last_indentation, surface_of
 from roughvol.study import Case, Study
-
-Array = NDArray[np.float64]
+from roughvol.typing import Array, Mask
 
 REFERENCE_RTOL = 1e-12  # near the best that double precision can reach, see `physics.contact`
 RTOLS = tuple(10.0**-k for k in range(1, 11))
@@ -101,7 +99,7 @@ class _Run:
 
     numbers: Array  # (steps, 3): A*, p*, V*
     gap: Array
-    contact: NDArray[np.bool_]
+    contact: Mask
     residual: float
     pressure_bound: float
     counts: tuple[float, float]

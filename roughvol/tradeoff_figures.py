@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
-from numpy.typing import NDArray
 
 from roughvol.figure_origin import guarded
 from roughvol.figure_style import PAGE, Drawing, canvas, looks
 from roughvol.tradeoff import QUANTITIES, RUNG
+from roughvol.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +62,7 @@ def _rungs(ds: Dataset, ladder: str, precision: str | None = None) -> Dataset:
     return ds.isel({RUNG: np.flatnonzero(kept)})
 
 
-def _worst(ds: Dataset, name: str) -> NDArray[np.float64]:
+def _worst(ds: Dataset, name: str) -> Array:
     return np.asarray(np.maximum(ds[name].max("surface").values, FLOOR), dtype=np.float64)
 
 

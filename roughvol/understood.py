@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from roughvol import heightfile
+from roughvol import bodies, heightfile
+from roughvol.body import Body
 from roughvol.description import Description
 from roughvol.physics import texture
 from roughvol.physics.surface import Surface
 from roughvol.pressing import surface_of
-from roughvol.study import Body, Case, GeneratedSurface, Study
+from roughvol.study import Case, GeneratedSurface, Study, treatment
 
 LARGEST_M = 10  # of a generated surface that is made only to be shown: a second, 2^20 nodes
 
@@ -67,7 +68,7 @@ def text(surface: Surface, case: Case, cases: int = 1) -> str:
     if surface.peak_before is not None:
         count = "1 outlier" if surface.outliers == 1 else f"{surface.outliers} outliers"
         said.append(f"{count} taken out; z_max/Sq was {surface.peak_before:.3g} and is {surface.peak:.3g}")
-    steps = case.treatment.steps(case.length_unit)
+    steps = treatment.steps(case.treatment, case.length_unit)
     said += [f"step {number}: {step}" for number, step in enumerate(steps, 1)]
     if case.against is not None:
         turned = f", its axis {case.against.mirror} reversed" * (case.against.mirror != "none")
@@ -82,3 +83,8 @@ def _reading(body: Body, told: Description, wanted: str | None) -> str:
     if body.numbers_in:
         unit = f"in {body.numbers_in}" + f", converted to {wanted}" * (wanted is not None and body.numbers_in != wanted)
     return f"{body.file.name} read by {told.reader}, heights {unit}"
+
+
+def notes(case: Case, surface: Surface) -> tuple[str, ...]:
+    """Return what the user should look at: the notes of the case, and heights that are absurd for its length."""
+    return (*case.notes, *bodies.notes(surface, case.length_unit))

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 from numpy.typing import NDArray
 
-from roughvol import bodies, campaign, dataset
+from roughvol import campaign, dataset, pressing
 from roughvol.errors import SurfaceError
 from roughvol.physics import levelling
 from roughvol.physics.surface import random_midpoint_displacement
@@ -39,17 +39,17 @@ def _case(folder: Path, surface: str, rest: str = "") -> Case:
 
 
 def _heights(folder: Path, surface: str) -> NDArray[np.float64]:
-    return bodies.surface(_case(folder, surface)).heights
+    return pressing.surface_of(_case(folder, surface)).heights
 
 
 def test_an_untreated_file_is_pressed_bit_for_bit(folder: Path) -> None:
-    surface = bodies.surface(_case(folder, "file: a.npy"))
+    surface = pressing.surface_of(_case(folder, "file: a.npy"))
     assert np.array_equal(surface.heights, FIRST)
     assert (surface.spacing, surface.filled) == (0.25, 0)
 
 
 def test_the_treatment_is_levelling_then_filling_then_filtering(folder: Path) -> None:
-    surface = bodies.surface(_case(folder, "file: holed.npy, level: tilt, missing: interpolate, low_pass: 1"))
+    surface = pressing.surface_of(_case(folder, "file: holed.npy, level: tilt, missing: interpolate, low_pass: 1"))
     levelled = levelling.level(np.where(HOLES, np.nan, FIRST + TILT), "tilt")
     expected = levelling.low_pass(levelling.fill(levelled, "interpolate"), 0.25, 1.0)
     assert np.array_equal(surface.heights, expected)
@@ -80,11 +80,11 @@ def test_each_body_is_treated_as_their_sum_would_be(folder: Path) -> None:
 
 def test_holes_of_both_bodies_are_counted_once(folder: Path) -> None:
     text = "file: holed.npy, missing: nearest, against: {file: holed.npy, mirror: x}"
-    assert bodies.surface(_case(folder, text)).filled == (HOLES | HOLES[::-1]).sum()
+    assert pressing.surface_of(_case(folder, text)).filled == (HOLES | HOLES[::-1]).sum()
 
 
 def test_what_was_filled_travels_between_processes(folder: Path) -> None:
-    surface = bodies.surface(_case(folder, "file: holed.npy, missing: nearest"))
+    surface = pressing.surface_of(_case(folder, "file: holed.npy, missing: nearest"))
     copy = pickle.loads(pickle.dumps(surface))
     assert (copy.filled, copy.spacing) == (4, surface.spacing)
     assert np.array_equal(copy.heights, surface.heights)
@@ -109,14 +109,14 @@ def test_a_body_pressed_on_its_own_negative_is_flat(folder: Path) -> None:
 )
 def test_what_cannot_be_pressed_is_refused_by_name(folder: Path, surface: str, said: str) -> None:
     with pytest.raises(SurfaceError, match=said):
-        bodies.surface(_case(folder, surface))
+        pressing.surface_of(_case(folder, surface))
 
 
 def test_a_file_that_changes_after_the_study_was_loaded_is_refused(folder: Path) -> None:
     case = _case(folder, "file: a.npy, against: {file: b.npy}")
     np.save(folder / "b.npy", 2.0 * SECOND)
     with pytest.raises(SurfaceError, match=r"b\.npy has changed since the study was loaded"):
-        bodies.surface(case)
+        pressing.surface_of(case)
 
 
 # Pressed

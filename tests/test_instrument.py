@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from roughvol import bodies, campaign, heightfile
+from roughvol import campaign, heightfile, pressing
 from roughvol.errors import DatasetError, RoughvolError, StudyError, SurfaceError
 from roughvol.physics import lattice
 from roughvol.study import loads
@@ -101,7 +101,7 @@ def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_pa
         loads(text % "", tmp_path / "study.yaml").cases()
     assert "give resample: square" in str(said.value)
     (case,) = loads(text % ", resample: square", tmp_path / "study.yaml").cases()
-    surface = bodies.surface(case)
+    surface = pressing.surface_of(case)
     assert surface.spacing == pytest.approx(PIXEL * min(1.0, off), rel=1e-12)
     assert surface.side == pytest.approx(case.L, rel=1e-15)
     assert np.abs(surface.heights - lattice.squared(HEIGHTS, off)).max() < 1e-8
@@ -113,7 +113,7 @@ def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_pa
 def test_pixels_square_to_a_tenth_of_one_over_a_thousand_are_square(tmp_path: Path) -> None:
     _write(tmp_path / "nearly.x3p", pixel=(PIXEL, 1.00005 * PIXEL))
     (case,) = loads("surface: {file: nearly.x3p}", tmp_path / "study.yaml").cases()
-    assert bodies.surface(case).shape == (7, 5)
+    assert pressing.surface_of(case).shape == (7, 5)
 
 
 def test_pixels_too_oblong_are_refused_whatever_is_asked(tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ def test_two_bodies_on_oblong_pixels_are_resampled_each(tmp_path: Path) -> None:
     for name, heights in (("one", HEIGHTS), ("other", 2.0 * HEIGHTS), ("both", HEIGHTS + 2.0 * HEIGHTS[::-1])):
         _write(tmp_path / f"{name}.x3p", heights, pixel=(1.5 * PIXEL, PIXEL))
     added, both = (
-        bodies.surface(loads(f"surface: {{{keys}, unit: um, resample: square}}", tmp_path / "s.yaml").cases()[0])
+        pressing.surface_of(loads(f"surface: {{{keys}, unit: um, resample: square}}", tmp_path / "s.yaml").cases()[0])
         for keys in ("file: one.x3p, against: {file: other.x3p, mirror: x}", "file: both.x3p")
     )
     assert added.shape == both.shape == (10, 5)
@@ -153,7 +153,7 @@ def test_a_crop_in_lengths_counts_oblong_pixels(tmp_path: Path) -> None:
     crop = "crop: {x: [1 um, 3 um], y: [1 um, 3 um]}"
     (case,) = loads(f"surface: {{file: oblong.x3p, {crop}, resample: square}}", tmp_path / "s.yaml").cases()
     assert case.treatment.crop == ((4, 12), (2, 6))
-    surface = bodies.surface(case)
+    surface = pressing.surface_of(case)
     assert surface.shape == (9, 9)
     assert surface.side == pytest.approx(2e-6, rel=1e-12)
 

@@ -15,7 +15,6 @@ from roughvol.claims.evidence import (
     D_SIGMA,
     PAPER_D,
     A,
-    Array,
     Given,
     Lacking,
     Outcome,
@@ -29,6 +28,7 @@ from roughvol.claims.evidence import (
 )
 from roughvol.claims.model import Check, above, below
 from roughvol.claims.needs import BY_D, BY_M, MANY
+from roughvol.typing import Array
 
 EXPONENT, EXPONENT_ROUNDING = 0.37, 0.005  # Section 3.1, printed with two digits
 FAIR = 0.10  # of Persson's exponent: the paper calls its own distance of 0.07 "fair good agreement"
@@ -199,25 +199,25 @@ def _onset(run: Run, D: float, m: int) -> Array:
     )
 
 
-def band(run: Run, x: str, D: Sequence[float], m: int) -> tuple[NDArray[np.float64], Array]:
+def band(run: Run, x: str, D: Sequence[float], m: int) -> tuple[Array, Array]:
     """Return V* on a common axis, shape (D, seeds, points), and that axis."""
     axes = [run.values(x, D=d, m=m) for d in D]
     grid = common(axes)
     return np.array([at(axis, run.values(V, D=d, m=m), grid) for axis, d in zip(axes, D, strict=True)]), grid
 
 
-def _over_scatter(curves: NDArray[np.float64], seeds: NDArray[np.intp]) -> float:
+def _over_scatter(curves: Array, seeds: NDArray[np.intp]) -> float:
     spread = scatter(curves, seeds)  # 0 for a resample of one surface only
     return width(curves, seeds) / spread if spread > 0.0 else math.nan
 
 
-def width(curves: NDArray[np.float64], seeds: NDArray[np.intp]) -> float:
+def width(curves: Array, seeds: NDArray[np.intp]) -> float:
     """Return the width of the band that the means over surfaces fill, over their middle, averaged along the axis."""
     means = curves[:, seeds].mean(axis=1)
     return float(np.mean((means.max(axis=0) - means.min(axis=0)) / means.mean(axis=0)))
 
 
-def scatter(curves: NDArray[np.float64], seeds: NDArray[np.intp]) -> float:
+def scatter(curves: Array, seeds: NDArray[np.intp]) -> float:
     """Return the scatter of surfaces of one kind, ± one standard deviation over the middle, averaged along the axis."""
     chosen = curves[:, seeds]
     return float(np.mean(2.0 * chosen.std(axis=1, ddof=1).mean(axis=0) / chosen.mean(axis=(0, 1))))

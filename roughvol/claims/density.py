@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from roughvol.claims import statistics
-from roughvol.claims.evidence import PAPER_D, PAPER_M, Array, Given, Lacking, Outcome, Run, V, claim, nearest
+from roughvol.claims.evidence import PAPER_D, PAPER_M, Given, Lacking, Outcome, Run, V, claim, nearest
 from roughvol.claims.model import Check, above, below
 from roughvol.claims.needs import BY_D, BY_M, DENSITY, MANY
+from roughvol.typing import Array
 
 F, EDGES = "volume_density", "volume_density_edges"
 FULCRUM = 0.10  # spread of f(1) over D, relative: "almost independent"

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.claims.model import Check, Claim, Number
 from roughvol.claims.needs import PAPER_D as PAPER_D
@@ -22,11 +21,11 @@ from roughvol.claims.needs import Needs, fit, refusals
 from roughvol.errors import RoughvolError, StudyError
 from roughvol.physics.surface import Surface, random_midpoint_displacement
 from roughvol.study import GeneratedSurface, Study, loads
+from roughvol.typing import Array
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-Array = NDArray[np.float64]
 
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
 GRID = 20  # points of a common axis on which curves are compared

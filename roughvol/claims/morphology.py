@@ -15,7 +15,6 @@ from roughvol.claims.evidence import (
     PAPER_D,
     PAPER_M,
     A,
-    Array,
     Given,
     Lacking,
     Outcome,
@@ -29,6 +28,7 @@ from roughvol.claims.model import Check, Number, above, below
 from roughvol.claims.needs import BOXES, BY_D, FIELD, ONE_D
 from roughvol.dataset import at_state
 from roughvol.physics.freevolume import domain, element_volumes, free_volume
+from roughvol.typing import Array, Mask
 
 PAPER_A = 0.1  # the contact area of Figs. 8 to 11
 STRAIGHT = 0.99  # R² of log N over log r from which a box-counting plot is called straight
@@ -39,7 +39,7 @@ class Field(NamedTuple):
     """One recorded state: gap over σ, contact, volumes [length³], heights [length], and its numbers."""
 
     gap: Array
-    contact: NDArray[np.bool_]
+    contact: Mask
     volumes: Array
     heights: Array
     numbers: dict[str, float]

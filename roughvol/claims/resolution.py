@@ -12,7 +12,6 @@ from roughvol.claims.evidence import (
     D_SIGMA,
     PAPER_D,
     A,
-    Array,
     Given,
     Lacking,
     Outcome,
@@ -25,6 +24,7 @@ from roughvol.claims.evidence import (
 )
 from roughvol.claims.model import Check, Number, above, below
 from roughvol.claims.needs import BY_M, Needs
+from roughvol.typing import Array
 
 _PRESSED = Needs((V, A, P), finest=5, seeds=10, steps=60, rtol=1e-6)  # to any end
 

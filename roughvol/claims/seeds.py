@@ -11,9 +11,10 @@ import numpy as np
 from roughvol.claims import statistics
 from roughvol.claims.contact import exponents
 from roughvol.claims.density import mean_volume_exponents
-from roughvol.claims.evidence import PAPER_D, A, Array, Evidence, Lacking, P, Run, V, area_slopes, nearest
+from roughvol.claims.evidence import PAPER_D, A, Evidence, Lacking, P, Run, V, area_slopes, nearest
 from roughvol.claims.model import Number
 from roughvol.claims.needs import MANY
+from roughvol.typing import Array
 
 FEW = 10  # surfaces of the paper's Monte Carlo
 ENOUGH = MANY.of(A, P, V, D=(2.1, PAPER_D), seeds=3 * FEW)

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
 from roughvol.claims.model import Number
-
-Array = NDArray[np.float64]
+from roughvol.typing import Array
 
 COVERAGE = 0.95
 RESAMPLES = 2000

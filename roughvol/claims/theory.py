@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.claims import statistics
-from roughvol.claims.evidence import D_SIGMA, PAPER_D, A, Array, Given, Outcome, V, claim
+from roughvol.claims.evidence import D_SIGMA, PAPER_D, A, Given, Outcome, V, claim
 from roughvol.claims.model import Check
 from roughvol.claims.morphology import Field, field
 from roughvol.claims.needs import FIELD, ONE_D
 from roughvol.physics import fractal, theory
 from roughvol.physics.freevolume import domain
+from roughvol.typing import Array, Mask
 
 BINS = (25, 50, 100, 200, 400)  # K of Eq. 9 to 11
 CLOSE = 0.10  # relative difference from the computed V* up to which a formula gives an estimate
@@ -166,7 +166,7 @@ def estimates(state: Field, kind: str, weight: str) -> list[float]:
     return found
 
 
-def _dimension(mask: NDArray[np.bool_], kind: str) -> float:
+def _dimension(mask: Mask, kind: str) -> float:
     counts = fractal.box_counts(mask)
     if kind == "mean":
         return float(np.log(counts.counts[0]) / np.log(counts.r[-1]))

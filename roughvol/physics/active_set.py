@@ -17,7 +17,8 @@ from roughvol.errors import ConvergenceError
 from roughvol.physics.kernels import influence_matrix
 from roughvol.physics.precondition import Rates, approximate_inverse
 from roughvol.physics.problem import TENSILE, Problem
-from roughvol.physics.state import Array, Index, State
+from roughvol.physics.state import State
+from roughvol.typing import Array, Index
 
 
 class Mode(Enum):

@@ -20,7 +20,6 @@ smaller than the approximations.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -30,11 +29,7 @@ from scipy import linalg, sparse
 
 from roughvol.physics.kernels import influence_matrix
 from roughvol.physics.tuning import TUNING, Tuning
-
-Array = NDArray[np.float64]
-Single = NDArray[np.float32]
-Index = NDArray[Any]
-Map = Callable[[NDArray[Any]], NDArray[Any]]
+from roughvol.typing import Array, Index, Map, Single
 
 _AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))  # offsets to the blocks around a block, and itself
 _CENTRE = _AROUND.index((0, 0))

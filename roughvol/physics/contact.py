@@ -38,11 +38,11 @@ from roughvol.errors import ContactError
 from roughvol.physics.active_set import solve_indentation
 from roughvol.physics.paper_algorithm import solve_paper
 from roughvol.physics.problem import LIGHT, LIGHT_ROUGH, PRECISIONS, TENSILE, Problem, check_rtol
-from roughvol.physics.state import Array, Compliance, Contact, Index, State
+from roughvol.physics.state import Compliance, Contact, State
 from roughvol.physics.surface import Surface
 from roughvol.physics.tuning import TUNING, Tuning
 
-__all__ = ["METHODS", "PRECISIONS", "Array", "Compliance", "Contact", "Index", "Trials", "solve", "sweep"]
+__all__ = ["METHODS", "PRECISIONS", "Compliance", "Contact", "Trials", "solve", "sweep"]
 
 Method = Callable[[Problem, float, State, State | None, float], tuple[State, int, float]]
 METHODS: dict[str, Method] = {"fast": solve_indentation, "paper": solve_paper}

@@ -12,8 +12,7 @@ import pyfftw
 from numpy.typing import NDArray
 
 from roughvol.physics.tuning import TUNING, Tuning
-
-Array = NDArray[np.float64]
+from roughvol.typing import Array
 
 # ESTIMATE chooses a plan without timing anything: the same plan, hence the same rounding, on every run and in every
 # worker process.

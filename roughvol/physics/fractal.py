@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
+from roughvol.typing import Array, Mask
 
 
 class BoxCounts(NamedTuple):
@@ -25,11 +26,11 @@ class BoxCounts(NamedTuple):
 class LocalDimension(NamedTuple):
     """Local dimension 𝒟 (``dimension``) between neighbouring box sides, at their geometric mean ``r_mid`` [nodes]."""
 
-    r_mid: NDArray[np.float64]
-    dimension: NDArray[np.float64]
+    r_mid: Array
+    dimension: Array
 
 
-def box_counts(mask: NDArray[np.bool_]) -> BoxCounts:
+def box_counts(mask: Mask) -> BoxCounts:
     """Return N(r), the boxes of side r that hold at least one True node (the paper's Section 3.2, Fig. 11a).
 
     Parameters

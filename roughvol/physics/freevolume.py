@@ -9,32 +9,31 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.errors import ContactError
+from roughvol.typing import Array, Mask
 
-Field = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Mask = Mask
 
 
 class VolumeDensity(NamedTuple):
     """Density f(v) of element volumes on K bins: ``edges`` (K + 1) [length³] and ``density`` (K) [1/length³]."""
 
-    edges: Field
-    density: Field
+    edges: Array
+    density: Array
 
     @property
-    def widths(self) -> Field:
+    def widths(self) -> Array:
         """Widths Δv of the bins, shape (K,) [length³]."""
         return np.diff(self.edges)
 
     @property
-    def centres(self) -> Field:
+    def centres(self) -> Array:
         """Centres v of the bins, shape (K,) [length³]."""
         return 0.5 * (self.edges[1:] + self.edges[:-1])
 
 
-def element_volumes(gap: Field, spacing: float, contact: Mask) -> Field:
+def element_volumes(gap: Array, spacing: float, contact: Mask) -> Array:
     """Return the free volume of each element, v = g δ² (the paper's Section 2), exactly 0 on the contact.
 
     Parameters
@@ -63,7 +62,7 @@ def element_volumes(gap: Field, spacing: float, contact: Mask) -> Field:
     return np.where(contact, 0.0, gap * spacing**2)
 
 
-def free_volume(gap: Field, Sq: float) -> float:
+def free_volume(gap: Array, Sq: float) -> float:
     """Return the dimensionless free volume, V* = mean(g) / σ: the volume per element area, over σ.
 
     The paper's V / (L² σ) with V = Σ v over the (2^m + 1)² elements is this times (1 + 2^-m)²: its elements cover
@@ -88,7 +87,7 @@ def free_volume(gap: Field, Sq: float) -> float:
 
 
 def volume_density(
-    volumes: Field, contact: Mask, bins: int = 50, include_contact: bool = False, upper: float | None = None
+    volumes: Array, contact: Mask, bins: int = 50, include_contact: bool = False, upper: float | None = None
 ) -> VolumeDensity:
     """Return the probability density f(v) of the element volumes, ∫ f dv = 1 (the paper's Section 4, Fig. 12).
 
@@ -134,7 +133,7 @@ def volume_density(
     return VolumeDensity(edges, numbers / (counted.size * np.diff(edges)))
 
 
-def domain(volumes: Field, threshold: float, contact: Mask) -> Mask:
+def domain(volumes: Array, threshold: float, contact: Mask) -> Mask:
     """Return the free volume domain, D(v ≤ v_th) together with the contact (the paper's Section 3.2, Fig. 10).
 
     At v_th = 0 it is the contact itself: an open element whose gap happens to be 0, as at first touch, is not black.
@@ -165,7 +164,7 @@ def domain(volumes: Field, threshold: float, contact: Mask) -> Mask:
     return contact.copy() if threshold == 0.0 else (volumes <= threshold) | contact
 
 
-def _check_mask(field: Field, contact: Mask) -> None:
+def _check_mask(field: Array, contact: Mask) -> None:
     if contact.dtype != np.bool_ or contact.shape != field.shape:
         message = f"contact must be a bool mask of shape {field.shape}, got {contact.dtype} of shape {contact.shape}"
         raise ContactError(message)

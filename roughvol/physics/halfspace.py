@@ -27,8 +27,7 @@ from roughvol.errors import ContactError
 from roughvol.physics.convolution import Convolution
 from roughvol.physics.kernels import kernel_quadrant
 from roughvol.physics.tuning import TUNING, Tuning
-
-Array = NDArray[np.float64]
+from roughvol.typing import Array
 
 
 def transform_length(nodes: int) -> int:

@@ -6,15 +6,11 @@ Lattice units, see `halfspace`: u = δ/(π E*) Σ K(i - k, j - l) p. K is even a
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.errors import ContactError
-
-Array = NDArray[np.float64]
-Index = NDArray[Any]
+from roughvol.typing import Array, Index
 
 _SERIES_FROM = 64.0  # spacings; both forms have a relative error of 4e-14 there, the worst of all
 

@@ -7,17 +7,15 @@ comes out is the first node, or the first block of nodes, of what goes in. Nothi
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import interpolate
 
 from roughvol.physics import levelling
-
-Heights = NDArray[np.float64]
+from roughvol.typing import Array
 
 AT_NODE = 1e-9  # of an axis: a place as near to a node is at the node
 
 
-def block_means(heights: Heights, side: int) -> Heights:
+def block_means(heights: Array, side: int) -> Array:
     """Return the means of the known heights in blocks of nodes, k times as far apart as the nodes.
 
     The mean of a plane over a block is the plane in the middle of the block. Rows and columns at the end that fill no
@@ -42,7 +40,7 @@ def block_means(heights: Heights, side: int) -> Heights:
     return np.where(2 * known >= side**2, total / np.maximum(known, 1), np.nan)
 
 
-def squared(heights: Heights, ratio: float) -> Heights:
+def squared(heights: Array, ratio: float) -> Array:
     """Return the heights on square pixels of the finer of the two spacings, by cubic splines along the coarser axis.
 
     Interpolation onto the finer spacing leaves every wave that the map holds. A cubic spline keeps waves of four pixels

@@ -15,8 +15,7 @@ from scipy import ndimage, signal, sparse
 from scipy.sparse import linalg
 
 from roughvol.errors import SurfaceError
-
-Heights = NDArray[np.float64]
+from roughvol.typing import Array, Mask
 
 LEVELS = {"none": -1, "mean": 0, "tilt": 1, "quadratic": 2}  # degree of the surface that is taken off
 FILLS = ("nearest", "interpolate")
@@ -26,7 +25,7 @@ ALPHA = math.sqrt(math.log(2.0) / math.pi)  # ISO 16610-61: halves the amplitude
 REACH = 1.5  # in cut-offs; there the weight has fallen to e^(-2.25 π²/ln 2) = 1e-14 of its largest
 
 
-def level(heights: Heights, kind: str, among: NDArray[np.bool_] | None = None) -> Heights:
+def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     """Return the heights less the least-squares surface of the known ones.
 
     z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'² over the nodes with known z; n = 0 for the mean
@@ -69,7 +68,7 @@ def level(heights: Heights, kind: str, among: NDArray[np.bool_] | None = None) -
     return np.where(known, np.ldexp(left, exponent), np.nan)
 
 
-def fill(heights: Heights, rule: str) -> Heights:
+def fill(heights: Array, rule: str) -> Array:
     """Return the heights with those filled in that are not known.
 
     ``nearest`` takes the height of the nearest known node (of several equally near ones always the same). With
@@ -106,7 +105,7 @@ def fill(heights: Heights, rule: str) -> Heights:
     return filled
 
 
-def low_pass(heights: Heights, spacing: float, cut_off: float) -> Heights:
+def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
     """Return the heights without their waves shorter than the cut-off: the areal Gaussian filter of ISO 16610-61.
 
         s(x) = exp(-π (x/(α λc))²) / (α λc),   α = √(ln 2/π),   transmission exp(-π (α λc/λ)²)
@@ -155,7 +154,7 @@ def low_pass(heights: Heights, spacing: float, cut_off: float) -> Heights:
     return np.asarray(np.ldexp(filtered + middle, exponent), dtype=np.float64)
 
 
-def _some_known(heights: Heights) -> NDArray[np.bool_]:
+def _some_known(heights: Array) -> Mask:
     known = ~np.isnan(heights)
     if not known.any():
         message = f"none of the {heights.size} heights is known"
@@ -163,12 +162,12 @@ def _some_known(heights: Heights) -> NDArray[np.bool_]:
     return known
 
 
-def _exponent(heights: Heights) -> int:
+def _exponent(heights: Array) -> int:
     """Power of two that brings the heights to about one: squares and products of any heights are then floats."""
     return math.frexp(float(np.nanmax(np.abs(heights))))[1]
 
 
-def _harmonic(heights: Heights, missing: NDArray[np.bool_]) -> Heights:
+def _harmonic(heights: Array, missing: Mask) -> Array:
     """Return the missing heights from the discrete Laplace equation, with natural conditions at the rim."""
     rows, columns = heights.shape
     number = np.full(heights.shape, -1)

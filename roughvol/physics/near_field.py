@@ -9,17 +9,13 @@ kernel, and a factor is made by looking rows up.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Map = Callable[[NDArray[Any]], NDArray[Any]]
+from roughvol.typing import Array, Index, Map, Mask
 
 _SQUARE = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3)])  # offsets within two spacings along each axis
 _CENTRE = len(_SQUARE) // 2
@@ -91,7 +87,7 @@ def _rows(influence: tuple[tuple[float, ...], ...], reach: float) -> tuple[NDArr
 
 
 def border(
-    influence: Array, columns: int, elements: Index, left_out: NDArray[np.bool_], some: Index
+    influence: Array, columns: int, elements: Index, left_out: Mask, some: Index
 ) -> tuple[Index, NDArray[np.float32]]:
     """Return the elements around some that were left out of the inverse, and the rows g of their border.
 
@@ -131,7 +127,7 @@ def _between(influence: Array, offsets: NDArray[np.intp]) -> Array:
     return kernel[away[..., 0], away[..., 1]]
 
 
-def _columns_of_inverse(matrix: Array, present: NDArray[np.bool_], column: int) -> Array:
+def _columns_of_inverse(matrix: Array, present: Mask, column: int) -> Array:
     """Return one column of the inverse of each principal submatrix, zero elsewhere; shape of `present`."""
     # absent members become rows of the identity, so that all systems have one size
     systems = np.where(present[:, :, None] & present[:, None, :], matrix, np.eye(len(matrix)))

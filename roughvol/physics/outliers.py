@@ -6,13 +6,11 @@ Conventions: heights z on a lattice, axis 0 is x and axis 1 is y; a height that 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from roughvol.errors import SurfaceError
 from roughvol.physics import levelling
-
-Heights = NDArray[np.float64]
+from roughvol.typing import Array, Mask
 
 NORMAL = 1.482602218505602  # 1/Φ⁻¹(3/4): the median absolute deviation of normal heights is their deviation over this
 ROUNDS = 10  # in which the plane forgets the outliers
@@ -20,7 +18,7 @@ LARGEST_SHARE = 0.05  # of heights taken out: beyond, they are a part of the sur
 AT_ONCE = 1 << 22  # heights of all windows that are sorted together
 
 
-def outliers(heights: Heights, sigma: float, window: int = 5, degree: str = "tilt") -> NDArray[np.bool_]:
+def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt") -> Mask:
     """Return which heights lie farther than so many robust deviations from the median of their neighbourhood.
 
         |r - med_w(r)| > sigma s,   s = 1.4826 med |r - med(r)|
@@ -96,7 +94,7 @@ def outliers(heights: Heights, sigma: float, window: int = 5, degree: str = "til
     return found
 
 
-def _robust(heights: Heights, known: NDArray[np.bool_], sigma: float, degree: str) -> tuple[Heights, float, float]:
+def _robust(heights: Array, known: Mask, sigma: float, degree: str) -> tuple[Array, float, float]:
     """Return the heights less a surface that outliers do not bend, their median and their robust deviation."""
     fitted = known
     for _ in range(ROUNDS):

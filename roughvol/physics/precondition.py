@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,10 +10,8 @@ from numpy.typing import NDArray
 from roughvol.physics.blocks import by_blocks
 from roughvol.physics.near_field import border, near_field
 from roughvol.physics.tuning import TUNING, Tuning
+from roughvol.typing import Array, Index, Map, Mask
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Map = Callable[[NDArray[Any]], NDArray[Any]]
 Rates = tuple[Array, Array]
 
 
@@ -26,7 +23,7 @@ def approximate_inverse(
     gap: Array,
     rates: Rates | None,
     tuning: Tuning = TUNING,
-) -> tuple[Map, NDArray[np.bool_]]:
+) -> tuple[Map, Mask]:
     """Return r ↦ M⁻¹ r ≈ K⁻¹ r, and the elements that it expects in contact.
 
     An element without pressure is lifted clear by its neighbours if the step M⁻¹(-w) gives it none. An inverse that

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import ContactError
-from roughvol.physics.state import Array, Compliance, Contact, Index, State
+from roughvol.physics.state import Compliance, Contact, State
 from roughvol.physics.superposition import Superposition
 from roughvol.physics.surface import Surface
 from roughvol.physics.tuning import TUNING, Tuning
+from roughvol.typing import Array, Index
 
 PRECISIONS = ("mixed", "double")
 ROUNDING = 4e-16  # no residual η/σ below this share of the indentation survives the rounding of a convolution

@@ -8,8 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from roughvol.typing import Array, Index, Mask
 
 
 class Compliance(Protocol):
@@ -82,7 +81,7 @@ class Contact:
         gap[self._elements] = 0.0
         return gap.reshape(self.shape)
 
-    def contact(self) -> NDArray[np.bool_]:
+    def contact(self) -> Mask:
         """Return the mask of the elements in contact, p > 0."""
         mask = np.zeros(self.shape, dtype=bool)
         mask.flat[self._elements] = True

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[Any]
+from roughvol.typing import Array, Index
 
 _PIECE = 2**13  # elements summed at a time, to stay in cache
 

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from roughvol.errors import SurfaceError
-
-Heights = NDArray[np.float64]
+from roughvol.typing import Array
 
 LARGEST_M = 14  # 2 GiB of heights; the contact problem ends well before
 SMALLEST_RANGE = 1e-290  # of heights that are not flat: below, their differences are denormal and Sq loses its digits
@@ -49,7 +48,7 @@ class Surface:
         at least `SMALLEST_RANGE`), or δ is not finite and positive.
     """
 
-    heights: Heights
+    heights: Array
     spacing: float
     filled: int = 0
     outliers: int = 0
@@ -207,7 +206,7 @@ def midpoint_levels(m: int) -> NDArray[np.int64]:
     return levels
 
 
-def _edge_midpoints(corners: Heights, centres: Heights) -> tuple[Heights, Heights]:
+def _edge_midpoints(corners: Array, centres: Array) -> tuple[Array, Array]:
     """Return the mean of the neighbours of the midpoints of the edges along x and of those along y."""
     along_x = corners[:-1] + corners[1:]
     along_x[:, 1:] += centres
@@ -222,7 +221,7 @@ def _edge_midpoints(corners: Heights, centres: Heights) -> tuple[Heights, Height
     return along_x, along_y
 
 
-def _edge_noise(normal: Callable[[int | tuple[int, int]], Heights], cells: int) -> tuple[Heights, Heights]:
+def _edge_noise(normal: Callable[[int | tuple[int, int]], Array], cells: int) -> tuple[Array, Array]:
     """Draw the numbers of one edge pass: the boundary y = 0, y = L, x = 0, x = L, then the interior along x, along y.
 
     The order is part of what a seed means: changing it changes every surface.
@@ -253,7 +252,7 @@ def _deviations(D: float, m: int, law: str) -> list[float]:
     return [INITIAL_SPREAD * factor for factor in factors]
 
 
-def _checked_heights(heights: ArrayLike) -> Heights:
+def _checked_heights(heights: ArrayLike) -> Array:
     """Return a read-only, C-contiguous copy of the heights, or say what is wrong with them."""
     masked = int(np.ma.count_masked(heights)) if isinstance(heights, np.ma.MaskedArray) else 0
     if masked:

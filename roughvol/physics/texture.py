@@ -11,56 +11,55 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from roughvol.errors import SurfaceError
-
-Heights = NDArray[np.float64]
+from roughvol.typing import Array, Mask
 
 FEWEST_CELLS_FOR_SPECTRUM = 32  # below, the range of `hurst_spectrum` spans less than one octave
 SPECTRUM_BINS = 8
 
 
-def Sq(heights: Heights) -> float:
+def Sq(heights: Array) -> float:
     """Return the root mean square height, Sq = √mean(ζ²) [length] (ISO 25178-2)."""
     unit, exponent = _about_mean_plane(heights)
     return math.ldexp(_root_mean_square(unit), exponent)
 
 
-def Sa(heights: Heights) -> float:
+def Sa(heights: Array) -> float:
     """Return the arithmetical mean height, Sa = mean(abs(ζ)) [length] (ISO 25178-2)."""
     unit, exponent = _about_mean_plane(heights)
     return math.ldexp(float(np.abs(unit).mean()), exponent)
 
 
-def Ssk(heights: Heights) -> float:
+def Ssk(heights: Array) -> float:
     """Return the skewness, Ssk = mean(ζ³) / Sq³ [1], NaN if flat (ISO 25178-2)."""
     return _standardised_moment(heights, 3)
 
 
-def Sku(heights: Heights) -> float:
+def Sku(heights: Array) -> float:
     """Return the kurtosis, Sku = mean(ζ⁴) / Sq⁴ [1], 3 for a Gaussian, NaN if flat (ISO 25178-2)."""
     return _standardised_moment(heights, 4)
 
 
-def Sp(heights: Heights) -> float:
+def Sp(heights: Array) -> float:
     """Return the maximum peak height, Sp = max(ζ) [length] (ISO 25178-2)."""
     unit, exponent = _about_mean_plane(heights)
     return math.ldexp(float(unit.max()), exponent)
 
 
-def Sv(heights: Heights) -> float:
+def Sv(heights: Array) -> float:
     """Return the maximum pit height, Sv = -min(ζ) [length], not negative (ISO 25178-2)."""
     unit, exponent = _about_mean_plane(heights)
     return math.ldexp(-float(unit.min()), exponent)
 
 
-def Sz(heights: Heights) -> float:
+def Sz(heights: Array) -> float:
     """Return the maximum height, Sz = Sp + Sv = max(z) - min(z) [length] (ISO 25178-2)."""
     return float(heights.max() - heights.min())
 
 
-def Sdq(heights: Heights, spacing: float) -> float:
+def Sdq(heights: Array, spacing: float) -> float:
     """Return the root mean square gradient, Sdq = √mean((∂z/∂x)² + (∂z/∂y)²) [1] (ISO 25178-2).
 
     Central differences over 2δ on the interior nodes only: exact for planes, and blind to the wavelength 2δ, so that
@@ -80,7 +79,7 @@ def Sdq(heights: Heights, spacing: float) -> float:
     return math.ldexp(differences, exponent) / (2.0 * spacing)
 
 
-def summits(heights: Heights) -> NDArray[np.bool_]:
+def summits(heights: Array) -> Mask:
     """Return where the summits are: interior nodes strictly higher than each of their eight neighbours.
 
     A plateau of equal nodes has no summit, and neither has the boundary, whose neighbourhood is not known.
@@ -102,7 +101,7 @@ def summits(heights: Heights) -> NDArray[np.bool_]:
     return mask
 
 
-def summit_plane(heights: Heights) -> float:
+def summit_plane(heights: Array) -> float:
     """Return the mean height of the summits [length]: the paper's "mean plane of the asperity heights" (Section 3).
 
     Raises
@@ -113,7 +112,7 @@ def summit_plane(heights: Heights) -> float:
     return float(heights[_some_summits(heights)].mean())
 
 
-def summit_radius(heights: Heights, spacing: float) -> float:
+def summit_radius(heights: Array, spacing: float) -> float:
     """Return the radius of curvature of the summits, ρ = 1 / mean(κ) [length].
 
     κ = -½ (∂²z/∂x² + ∂²z/∂y²) at each summit, by second differences over δ: 1/ρ is the Spc of ISO 25178-2, over
@@ -131,7 +130,7 @@ def summit_radius(heights: Heights, spacing: float) -> float:
     return spacing / (0.5 * float(drop.mean()) / spacing)
 
 
-def material_ratio(heights: Heights, levels: ArrayLike) -> Heights:
+def material_ratio(heights: Array, levels: ArrayLike) -> Array:
     """Return the areal material ratio, the share of nodes at or above each level (Smr(c) of ISO 25178-2).
 
     Parameters
@@ -151,7 +150,7 @@ def material_ratio(heights: Heights, levels: ArrayLike) -> Heights:
     return np.asarray((ordered.size - below) / ordered.size, dtype=np.float64)
 
 
-def Svi(heights: Heights) -> float:
+def Svi(heights: Array) -> float:
     """Return the valley fluid retention index, Svi = mean(max(h₂₀ - z, 0)) / Sq [1], NaN if flat.
 
     h₂₀ is the plane that leaves 20 % of the heights below it (the paper's Section 3.2; Dong, Sullivan & Stout 1994).
@@ -165,7 +164,7 @@ def Svi(heights: Heights) -> float:
     return float(np.maximum(plane - unit, 0.0).mean()) / spread
 
 
-def Sbi(heights: Heights) -> float:
+def Sbi(heights: Array) -> float:
     """Return the surface bearing index, Sbi = Sq / ζ₀₅ [1], NaN if flat.
 
     ζ₀₅ is the height above the mean plane that leaves 5 % of the heights above it (Dong, Sullivan & Stout
@@ -177,7 +176,7 @@ def Sbi(heights: Heights) -> float:
     return spread / level if level != 0.0 else math.nan
 
 
-def hurst_structure(heights: Heights, spacing: float = 1.0) -> float:
+def hurst_structure(heights: Array, spacing: float = 1.0) -> float:
     """Return the Hurst exponent from the structure function, H = ½ d log S / d log l, S(l) = mean((z(x+l) - z(x))²).
 
     Least squares over the lags l = 1, 2, 4, … δ up to an eighth of the shorter side (at least 1 and 2), mean
@@ -210,7 +209,7 @@ def hurst_structure(heights: Heights, spacing: float = 1.0) -> float:
     return 0.5 * _slope(np.log(np.array(lags) * spacing), np.log(structure))
 
 
-def hurst_spectrum(heights: Heights, spacing: float = 1.0) -> float:
+def hurst_spectrum(heights: Array, spacing: float = 1.0) -> float:
     """Return the Hurst exponent from the power spectrum, C(q) ~ q^(-2-2H) in two dimensions.
 
     The heights about their (weighted) mean are multiplied by a parabolic (Welch) window, |FFT|² is averaged over
@@ -254,7 +253,7 @@ def hurst_spectrum(heights: Heights, spacing: float = 1.0) -> float:
     return -0.5 * _slope(mean_log_wave, np.log(mean_power)) - 1.0
 
 
-def _about_mean_plane(heights: Heights) -> tuple[Heights, int]:
+def _about_mean_plane(heights: Array) -> tuple[Array, int]:
     """Return heights about their mean plane divided by 2^e, with range at most 1, and e."""
     top = float(heights.max())
     exponent = math.frexp(top - float(heights.min()))[1]  # a power of two, so that scaling back is exact
@@ -263,17 +262,17 @@ def _about_mean_plane(heights: Heights) -> tuple[Heights, int]:
     return unit, exponent
 
 
-def _root_mean_square(unit: Heights) -> float:
+def _root_mean_square(unit: Array) -> float:
     return math.sqrt(float(np.mean(np.square(unit))))
 
 
-def _standardised_moment(heights: Heights, order: int) -> float:
+def _standardised_moment(heights: Array, order: int) -> float:
     unit, _ = _about_mean_plane(heights)
     spread = _root_mean_square(unit)
     return float(np.mean((unit / spread) ** order)) if spread > 0.0 else math.nan
 
 
-def _some_summits(heights: Heights) -> NDArray[np.bool_]:
+def _some_summits(heights: Array) -> Mask:
     mask = summits(heights)
     if not mask.any():
         rows, columns = heights.shape
@@ -282,7 +281,7 @@ def _some_summits(heights: Heights) -> NDArray[np.bool_]:
     return mask
 
 
-def _slope(x: Heights, y: Heights) -> float:
+def _slope(x: Array, y: Array) -> float:
     """Return the slope of the least squares line through (x, y)."""
     x = x - x.mean()
     return float(x @ y / (x @ x))

@@ -13,12 +13,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import erf, ndtr
 
 from roughvol.errors import ContactError, SurfaceError
-
-Array = NDArray[np.float64]
+from roughvol.typing import Array
 
 # Δ E* L / F of a rigid square punch of side L, to 1e-5: 1 / (π · 0.36679), 0.36679 being the capacitance of a unit
 # square plate; lattices of 17² … 513² elements, extrapolated in 1/N, give the same digits.

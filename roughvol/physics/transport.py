@@ -34,9 +34,9 @@ from scipy import ndimage, optimize, sparse
 from scipy.sparse import linalg as sparse_linalg
 
 from roughvol.errors import ContactError
+from roughvol.typing import Array, Mask
 
-Field = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Mask = Mask
 Sizes = NDArray[np.int64]
 
 _SIDES = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
@@ -85,7 +85,7 @@ class Conduction(NamedTuple):
 
     coefficient: float
     conservation_error: float
-    flux: Field
+    flux: Array
 
 
 def percolates(void: Mask, axis: int) -> bool:
@@ -102,7 +102,7 @@ def percolates(void: Mask, axis: int) -> bool:
     return bool(_spanning(labels, axis).size)
 
 
-def connectivity(gap: Field, contact: Mask) -> Connectivity:
+def connectivity(gap: Array, contact: Mask) -> Connectivity:
     """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void.
 
     Parameters
@@ -142,7 +142,7 @@ def connectivity(gap: Field, contact: Mask) -> Connectivity:
     )
 
 
-def constriction(gap: Field, axis: int) -> Constriction:
+def constriction(gap: Array, axis: int) -> Constriction:
     """Return the critical constriction: the largest h_c such that the elements with g ≥ h_c still percolate.
 
     Elements are taken in the order of falling gap (equal ones row by row); the one that completes the first path is
@@ -179,7 +179,7 @@ def constriction(gap: Field, axis: int) -> Constriction:
     return Constriction(float(gap[row, column]), (row, column))
 
 
-def conduction(gap: Field, axis: int, exponent: float = 3.0) -> Conduction:
+def conduction(gap: Array, axis: int, exponent: float = 3.0) -> Conduction:
     """Return the flow of div(g^n grad P) = 0 along an axis over that of two smooth plates at the mean gap.
 
     Solved by a sparse factorisation on the clusters that percolate; boundary values and normalisation as at the top of
@@ -225,7 +225,7 @@ def conduction(gap: Field, axis: int, exponent: float = 3.0) -> Conduction:
     )
 
 
-def effective_medium(gap: Field, exponent: float = 3.0) -> float:
+def effective_medium(gap: Array, exponent: float = 3.0) -> float:
     """Return Bruggeman's estimate of the coefficient of `conduction`, from the distribution of the gap alone.
 
     The root k of Σ (g^n - k)/(g^n + k) = 0 over all elements, contact included, over (mean g)^n; 0 where half of the
@@ -263,7 +263,7 @@ def effective_medium(gap: Field, exponent: float = 3.0) -> float:
     return float(np.exp(root - exponent * np.log(np.mean(gap / values.max()))))
 
 
-def single_junction(gap: Field, axis: int, exponent: float = 3.0) -> float:
+def single_junction(gap: Array, axis: int, exponent: float = 3.0) -> float:
     """Return the estimate of the coefficient of `conduction` from the critical constriction alone.
 
     All pressure is taken to drop over one square junction of the gap h_c of `constriction`, hence (h_c/mean g)^n times
@@ -297,12 +297,12 @@ class _Flow(NamedTuple):
     ``down``, shape (rows + 1, columns), runs from the inlet to the outlet; ``across`` has shape (rows, columns - 1).
     """
 
-    down: Field
-    across: Field
+    down: Array
+    across: Array
     dissipation: float
 
 
-def _flow(k: Field, flowing: Mask) -> _Flow:
+def _flow(k: Array, flowing: Mask) -> _Flow:
     """Return the flow along axis 0 between P = 1 and P = 0 through the flowing elements, which are open and connected.
 
     Unknown is u = P - R with R = 0 or 1, whichever is nearer: where P differs from a reservoir by less than rounding,
@@ -328,7 +328,7 @@ def _flow(k: Field, flowing: Mask) -> _Flow:
     u, nearer = np.zeros(size + 2), np.zeros(size + 2)
     nearer[size] = 1.0
 
-    def drops() -> Field:
+    def drops() -> Array:
         return (nearer[tail] - nearer[head]) + (u[tail] - u[head])
 
     for attempt in range(_SOLVES):
@@ -346,7 +346,7 @@ def _flow(k: Field, flowing: Mask) -> _Flow:
 _SOLVES = 3  # the first solves, the second gives u the digits that P has not, the third takes rounding off
 
 
-def _harmonic(a: Field, b: Field) -> Field:
+def _harmonic(a: Array, b: Array) -> Array:
     """Return 2ab/(a + b), 0 where one of them is."""
     both = (a > 0.0) & (b > 0.0)
     return np.divide(2.0 * a * b, a + b, out=np.zeros(a.shape), where=both)
@@ -359,7 +359,7 @@ def _spanning(labels: NDArray[np.integer], axis: int) -> NDArray[np.integer]:
     return both[both > 0]
 
 
-def _check(gap: Field) -> None:
+def _check(gap: Array) -> None:
     if gap.ndim != 2 or gap.size == 0 or not np.all((gap >= 0.0) & np.isfinite(gap)):
         message = f"gap must be a 2-D field of finite numbers >= 0, got shape {gap.shape}"
         if gap.size and np.isfinite(gap).all():

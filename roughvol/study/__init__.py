@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from roughvol.study.cases import ANSWER_FORMAT, Case, Study, json_schema
 from roughvol.study.material import ContactModulus, YoungPoisson
-from roughvol.study.measured import HEIGHT_FORMATS, Body, CounterBody, HeightFile
+from roughvol.study.measured import HEIGHT_FORMATS, CounterBody, HeightFile
 from roughvol.study.quantities import convert
 from roughvol.study.reading import load, loads
 from roughvol.study.recording import (
@@ -35,7 +35,7 @@ from roughvol.study.settings import (
     Sweep,
     Target,
 )
-from roughvol.study.treatment import Crop, Outliers, Treatment
+from roughvol.study.treatment import Crop, Outliers
 
 __all__ = [
     "ACCURACY",
@@ -43,7 +43,6 @@ __all__ = [
     "EVERY_STEP",
     "EXPECTED",
     "HEIGHT_FORMATS",
-    "Body",
     "BoxCounting",
     "Case",
     "ContactModulus",
@@ -63,7 +62,6 @@ __all__ = [
     "Sweep",
     "Target",
     "Transport",
-    "Treatment",
     "VolumeDensity",
     "YoungPoisson",
     "convert",

@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
+from roughvol.body import Body, Treatment
 from roughvol.errors import DatasetError, Problem, StudyError, SurfaceError
 from roughvol.lengths import METRES, factor
-from roughvol.study.measured import BARE_FORMATS, Body, CounterBody, HeightFile
-from roughvol.study.treatment import File, Treatment, settled
+from roughvol.study.measured import BARE_FORMATS, CounterBody, HeightFile
+from roughvol.study.treatment import File, settled
 from roughvol.study.yamltext import number_text
 
 if TYPE_CHECKING:

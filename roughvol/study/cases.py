@@ -15,10 +15,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
+from roughvol.body import UNTREATED, Body, Treatment
 from roughvol.errors import Problem, StudyError
 from roughvol.study.agreement import resolve
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
-from roughvol.study.measured import BARE_FORMATS, HEIGHT_FORMATS, Body, HeightFile
+from roughvol.study.measured import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.quantities import has_unit, length_unit
 from roughvol.study.recording import Record
 from roughvol.study.settings import (
@@ -35,7 +36,7 @@ from roughvol.study.settings import (
     whole,
     without_unused,
 )
-from roughvol.study.treatment import UNTREATED, Treatment
+from roughvol.study.treatment import steps
 from roughvol.study.yamltext import KeyPath, key_text, number_text, write
 
 ANSWER_FORMAT = 2  # part of every case id: raise it when equal settings no longer give equal stored numbers
@@ -157,7 +158,7 @@ class Case:
     @property
     def surface_text(self) -> str:
         """What is done to heights from files, in words; empty if they are pressed as they stand there."""
-        said = [self.treatment.sentence(self.length_unit)]
+        said = ["; ".join(steps(self.treatment, self.length_unit))]
         if self.against is not None:
             turned = f", its axis {self.against.mirror} reversed" if self.against.mirror != "none" else ""
             said.append(f"heights of {self.against.file.name} added{turned}")

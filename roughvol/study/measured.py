@@ -6,9 +6,8 @@ What a file gives beside its heights (size, units) is read when the cases are ma
 from __future__ import annotations
 
 import importlib.util
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import (
     BeforeValidator,
@@ -20,25 +19,15 @@ from pydantic import (
     model_serializer,
 )
 
+from roughvol.body import UNTREATED, Columns, Header, Levelling, Mirror, Missing, Resampling
 from roughvol.study.quantities import Length, unit_of
 from roughvol.study.settings import UNIT, LengthUnit, Strict, refuse, without_unused
-from roughvol.study.treatment import (
-    UNTREATED,
-    Crop,
-    Levelling,
-    Missing,
-    Outliers,
-    Resampling,
-)
+from roughvol.study.treatment import Crop, Outliers
 from roughvol.study.yamltext import printable
 
 BARE_FORMATS = (".npy", ".npz")  # give neither size nor unit
 HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".tif", ".tiff")
 EXTRA = "roughvol[measured]"  # with it, the formats of instruments
-
-Mirror = Literal["none", "x", "y"]
-Columns = Literal["heights"]
-Header = Literal["ignore"]
 
 _FILE = (
     f"height field, one of {' '.join('*' + ending for ending in HEIGHT_FORMATS)}, or with {EXTRA} a file of an "
@@ -50,38 +39,6 @@ _VARIABLE = (
 _HEIGHTS_UNIT = "unit of the heights in a file that names none"
 _COLUMNS = "'heights': all columns of a text are heights, also if there are three as of points x y z"
 _HEADER = "'ignore': sizes and units in the file do not count; L and heights_unit of the study do"
-
-
-@dataclass(frozen=True)
-class Body:
-    """One rough body: its file, the sha256 of its content, and how its numbers are to be read.
-
-    ``unit`` is that of the heights as the file names it, ``heights_unit`` as the study does where the file does not;
-    ``mirror`` the axis that is reversed; ``read_as`` the layout of the file, where other versions read it otherwise;
-    ``pixel_ratio`` the side of its pixels along y over that along x, where they are resampled.
-    """
-
-    file: Path
-    sha256: str
-    variable: str | None = None
-    unit: str | None = None
-    mirror: Mirror = "none"
-    heights_unit: str | None = None
-    columns: Columns | None = None
-    header: Header | None = None
-    read_as: str | None = None
-    pixel_ratio: float | None = None
-
-    @property
-    def numbers_in(self) -> str | None:
-        """The unit of the heights in the file, whoever names it; None for that of the study."""
-        return self.unit or self.heights_unit
-
-    @property
-    def reading(self) -> dict[str, Any]:
-        """What changes the heights beside the content of the file, where it is used."""
-        named = {"heights_unit": self.heights_unit, "columns": self.columns, "header": self.header}
-        return {key: value for key, value in {**named, "read_as": self.read_as}.items() if value is not None}
 
 
 class Located(str):

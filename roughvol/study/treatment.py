@@ -13,20 +13,16 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn, Protocol
+from typing import Annotated, Any, NoReturn, Protocol
 
 from pydantic import Field, field_validator
 
+from roughvol.body import Levelling, Missing, Nodes, Resampling, Treatment
 from roughvol.errors import Problem, StudyError
 from roughvol.lengths import factor
 from roughvol.study.quantities import In, Length, unit_of
 from roughvol.study.settings import Strict, refuse
 from roughvol.study.yamltext import number_text
-
-Levelling = Literal["none", "mean", "tilt", "quadratic"]
-Missing = Literal["refuse", "nearest", "interpolate"]
-Resampling = Literal["none", "square"]
-Nodes = tuple[tuple[int, int], tuple[int, int]]
 
 SQUARE = 1e-4  # by which the sides of a pixel may differ: a tenth of one over a thousand
 MOST_OBLONG = 2.0  # ratio of the sides of a pixel up to which a map is resampled
@@ -88,76 +84,6 @@ class Outliers(Strict):
 
 
 @dataclass(frozen=True)
-class Treatment:
-    """What is done to each body alike.
-
-    The order is: ``crop`` to the nodes from the first to the last, along x and y; ``outliers`` (sigma, nodes of the
-    window) taken out; ``downsample`` by means of so many nodes a side; ``resample``; ``level``; ``missing`` heights
-    filled; ``low_pass``.
-    """
-
-    level: Levelling = "none"
-    missing: Missing = "refuse"
-    low_pass: float | None = None
-    crop: Nodes | None = None
-    outliers: tuple[float, int] | None = None
-    downsample: int = 1
-    resample: Resampling = "none"
-
-    @property
-    def used(self) -> dict[str, Any]:
-        """What is not left as it is, as plain data."""
-        data = dict(vars(self))
-        if self.crop is not None:
-            data["crop"] = [list(pair) for pair in self.crop]
-        if self.outliers is not None:
-            data["outliers"] = {"sigma": self.outliers[0], "window": self.outliers[1]}
-        return {name: value for name, value in data.items() if value != getattr(UNTREATED, name)}
-
-    @property
-    def filling(self) -> Literal["nearest", "interpolate"] | None:
-        """How heights are filled that are not known, None if all are: removed outliers are filled in any case."""
-        if self.missing != "refuse":
-            return self.missing
-        return None if self.outliers is None else "interpolate"
-
-    def steps(self, unit: str | None) -> list[str]:
-        """Return what is done, one sentence a step in the order of the steps; lengths in the unit of the study."""
-        done = []
-        if self.crop is not None:
-            done.append("cropped to nodes {} to {} along x and {} to {} along y".format(*self.crop[0], *self.crop[1]))
-        if self.outliers is not None:
-            sigma, window = self.outliers
-            done.append(
-                f"heights farther than {number_text(sigma)} robust deviations from the median of {window} x {window} "
-                "nodes taken out" + (" and filled with the mean of their neighbours" * (self.missing == "refuse"))
-            )
-        if self.downsample != 1:
-            done.append(f"means of {self.downsample} x {self.downsample} nodes taken")
-        if self.resample != "none":
-            done.append("heights interpolated onto square pixels of the finer spacing by cubic splines")
-        if self.level != "none":
-            done.append(f"least-squares {self.level} of the known heights taken off")
-        if self.missing != "refuse":
-            filling = {"nearest": "the nearest known one", "interpolate": "the mean of their neighbours"}[self.missing]
-            done.append(f"missing heights filled with {filling}")
-        if self.low_pass is not None:
-            cut_off = f"{number_text(self.low_pass)} {unit or ''}".rstrip()
-            done.append(
-                f"waves shorter than {cut_off} taken off by the Gaussian filter of ISO 16610-61, "
-                "its weights renormalised at the edges"
-            )
-        return done
-
-    def sentence(self, unit: str | None) -> str:
-        """Return what is done, in words, for the file that holds the results; lengths in the unit of the study."""
-        return "; ".join(self.steps(unit))
-
-
-UNTREATED = Treatment()
-
-
-@dataclass(frozen=True)
 class Lattice:
     """Nodes of a map along x and y, and the side of its pixels along x and along y."""
 
@@ -193,6 +119,37 @@ class Keys(Protocol):
     outliers: Outliers | None
     downsample: int
     resample: Resampling
+
+
+def steps(treatment: Treatment, unit: str | None) -> list[str]:
+    """Return what is done, one sentence a step in the order of the steps; lengths in the unit of the study."""
+    done = []
+    if treatment.crop is not None:
+        done.append(
+            "cropped to nodes {} to {} along x and {} to {} along y".format(*treatment.crop[0], *treatment.crop[1])
+        )
+    if treatment.outliers is not None:
+        sigma, window = treatment.outliers
+        done.append(
+            f"heights farther than {number_text(sigma)} robust deviations from the median of {window} x {window} "
+            "nodes taken out" + (" and filled with the mean of their neighbours" * (treatment.missing == "refuse"))
+        )
+    if treatment.downsample != 1:
+        done.append(f"means of {treatment.downsample} x {treatment.downsample} nodes taken")
+    if treatment.resample != "none":
+        done.append("heights interpolated onto square pixels of the finer spacing by cubic splines")
+    if treatment.level != "none":
+        done.append(f"least-squares {treatment.level} of the known heights taken off")
+    if treatment.missing != "refuse":
+        filling = {"nearest": "the nearest known one", "interpolate": "the mean of their neighbours"}[treatment.missing]
+        done.append(f"missing heights filled with {filling}")
+    if treatment.low_pass is not None:
+        cut_off = f"{number_text(treatment.low_pass)} {unit or ''}".rstrip()
+        done.append(
+            f"waves shorter than {cut_off} taken off by the Gaussian filter of ISO 16610-61, "
+            "its weights renormalised at the edges"
+        )
+    return done
 
 
 def settled(

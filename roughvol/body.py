@@ -1,0 +1,85 @@
+"""Measured bodies as plain records: the file of one body, and the treatment of its heights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+Mirror = Literal["none", "x", "y"]
+Columns = Literal["heights"]
+Header = Literal["ignore"]
+Levelling = Literal["none", "mean", "tilt", "quadratic"]
+Missing = Literal["refuse", "nearest", "interpolate"]
+Resampling = Literal["none", "square"]
+Nodes = tuple[tuple[int, int], tuple[int, int]]
+
+
+@dataclass(frozen=True)
+class Body:
+    """One rough body: its file, the sha256 of its content, and how its numbers are to be read.
+
+    ``unit`` is that of the heights as the file names it, ``heights_unit`` as the study does where the file does not;
+    ``mirror`` the axis that is reversed; ``read_as`` the layout of the file, where other versions read it otherwise;
+    ``pixel_ratio`` the side of its pixels along y over that along x, where they are resampled.
+    """
+
+    file: Path
+    sha256: str
+    variable: str | None = None
+    unit: str | None = None
+    mirror: Mirror = "none"
+    heights_unit: str | None = None
+    columns: Columns | None = None
+    header: Header | None = None
+    read_as: str | None = None
+    pixel_ratio: float | None = None
+
+    @property
+    def numbers_in(self) -> str | None:
+        """The unit of the heights in the file, whoever names it; None for that of the study."""
+        return self.unit or self.heights_unit
+
+    @property
+    def reading(self) -> dict[str, Any]:
+        """What changes the heights beside the content of the file, where it is used."""
+        named = {"heights_unit": self.heights_unit, "columns": self.columns, "header": self.header}
+        return {key: value for key, value in {**named, "read_as": self.read_as}.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Treatment:
+    """What is done to each body alike.
+
+    The order is: ``crop`` to the nodes from the first to the last, along x and y; ``outliers`` (sigma, nodes of the
+    window) taken out; ``downsample`` by means of so many nodes a side; ``resample``; ``level``; ``missing`` heights
+    filled; ``low_pass``.
+    """
+
+    level: Levelling = "none"
+    missing: Missing = "refuse"
+    low_pass: float | None = None
+    crop: Nodes | None = None
+    outliers: tuple[float, int] | None = None
+    downsample: int = 1
+    resample: Resampling = "none"
+
+    @property
+    def used(self) -> dict[str, Any]:
+        """What is not left as it is, as plain data."""
+        data = dict(vars(self))
+        if self.crop is not None:
+            data["crop"] = [list(pair) for pair in self.crop]
+        if self.outliers is not None:
+            data["outliers"] = {"sigma": self.outliers[0], "window": self.outliers[1]}
+        return {name: value for name, value in data.items() if value != getattr(UNTREATED, name)}
+
+    @property
+    def filling(self) -> Literal["nearest", "interpolate"] | None:
+        """How heights are filled that are not known, None if all are: removed outliers are filled in any case."""
+        if self.missing != "refuse":
+            return self.missing
+        return None if self.outliers is None else "interpolate"
+
+
+UNTREATED = Treatment()

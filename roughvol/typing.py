@@ -1,0 +1,16 @@
+"""Types of arrays that every room uses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
+Map = Callable[[NDArray[Any]], NDArray[Any]]
+"""A linear map of vectors."""
