@@ -1,23 +1,9 @@
-"""roughvol: the free volume between rough surfaces in elastic contact."""
+"""roughvol: the free volume between rough surfaces in elastic contact.
 
-from __future__ import annotations
+``roughvol.run("study.yaml")`` computes a study and returns its dataset; ``roughvol.load`` reads it.
+The rooms, from the bottom up: `surfaces`, `study` and `contact`, `store` and `observables`, `campaign` and `report`.
+"""
 
-from typing import Any
+import lazy_loader
 
-from roughvol._version import __version__
-
-__all__ = ["__version__", "load", "run"]
-
-
-def __getattr__(name: str) -> Any:
-    """Import on first use, so that ``import roughvol`` (and ``roughvol --help``) stays quick."""
-    if name == "run":
-        from roughvol.campaign import run
-
-        return run
-    if name == "load":
-        from roughvol.study import load
-
-        return load
-    message = f"module 'roughvol' has no attribute {name!r}"
-    raise AttributeError(message)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from roughvol import limits
 from roughvol._version import __version__
+from roughvol.campaign import limits
 from roughvol.errors import CampaignError, ContactError, ConvergenceError, DatasetError, RoughvolError, StudyError
 
 if TYPE_CHECKING:
-    from roughvol.campaign import Progress
-    from roughvol.dataset import Dataset
+    from roughvol.campaign.batch import Progress
+    from roughvol.store.dataset import Dataset
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 LIGHT = ("schema", "status")  # they import no library that computes
@@ -91,33 +91,36 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
 
     A study that needs more memory or disk than this machine has is an error; one of more than 30 days draws a warning.
     """
-    from roughvol import campaign, estimate, understood, validity
+    from roughvol.campaign import checks, cost, understood, validity
+    from roughvol.store import run_folder
     from roughvol.study import load
 
     loaded = load(study)
+    surface = understood.shown(loaded, checks.check_surfaces(loaded))  # a bad file is known before it is read here
     cases = loaded.cases()
-    surface = understood.shown(loaded, campaign.check_surfaces(loaded))
     click.echo(loaded.to_yaml())
     if surface is not None:
         click.echo(understood.text(surface, cases[0], len(cases)))
     if look or out is not None:
-        from roughvol import look_figure
+        from roughvol.report.figures import surface_picture
 
-        path = look_figure.write(surface, cases[0].length_unit, cases[0].label, out or Path(f"{loaded.name}-look.png"))
+        path = surface_picture.write(
+            surface, cases[0].length_unit, cases[0].label, out or Path(f"{loaded.name}-look.png")
+        )
         click.echo(f"# picture {path}")
-    cost = estimate.estimate(loaded, jobs)
-    click.echo(_cost(cost))
+    estimated = cost.estimate(loaded, jobs)
+    click.echo(_cost(estimated))
     noted = understood.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
-    _warn(validity.sentences(campaign.foreseen(loaded, surface), noted))
-    for choice in estimate.choices(loaded, jobs):
+    _warn(validity.sentences(checks.foreseen(loaded, surface), noted))
+    for choice in cost.choices(loaded, jobs):
         area, pressure, volume = choice.errors
         click.echo(
             f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {_duration(choice.seconds)}; "
             f"errors about {area:.0e} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
         )
-    if slow := estimate.warning(cost.seconds, cost.jobs):
+    if slow := cost.warning(estimated.seconds, estimated.jobs):
         _warn([slow])
-    estimate.check_fits(loaded, campaign.folder_of(loaded))
+    cost.check_fits(loaded, run_folder.folder_of(loaded))
 
 
 @main.command(
@@ -139,11 +142,13 @@ def run(
     Ctrl-C stops after the cases that are being computed, a second one at once; the same command goes on from there.
     """
     started = time.monotonic()
-    from roughvol import campaign, figure_cases, workers
+    from roughvol.campaign import running, workers
+    from roughvol.report.figures import selection
+    from roughvol.store import run_folder
     from roughvol.study import load
 
     loaded = load(study)
-    only = figure_cases.needed(figures.split(","), loaded.cases()) if figures else None
+    only = selection.needed(figures.split(","), loaded.cases()) if figures else None
     last: Progress | None = None
 
     def follow(now: Progress) -> None:
@@ -152,7 +157,7 @@ def run(
         draw(now)
 
     with _progress() as draw, workers.first_interrupt(_say_how_to_stop) as interrupted:
-        results = campaign.run(
+        results = running.run(
             loaded,
             out=out,
             jobs=jobs,
@@ -164,7 +169,7 @@ def run(
         )
     assert last is not None
     click.echo(_ran(last, time.monotonic() - started))
-    click.echo(_summary(results, campaign.folder_of(loaded, out) / "study.nc"))
+    click.echo(_summary(results, run_folder.folder_of(loaded, out) / "study.nc"))
     _warn(results.attrs["warnings"].splitlines())
 
 
@@ -173,16 +178,16 @@ def run(
 @OUT
 def status(study: Path, out: Path | None) -> None:
     """Say which cases of STUDY are finished, running, failed or missing, also while a run is going on."""
-    from roughvol import folder, standing
+    from roughvol.store import run_folder, run_status
 
-    state = standing.status(study, out)
+    state = run_status.status(study, out)
     left, several = len(state.running) + len(state.missing), (state.failed, state.damaged)
     total = len(state.done) + left + sum(map(len, several))
     click.echo(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))
     if state.holder is not None:
         time_left = f", about {_duration(state.left)} left" if state.left is not None else ""
         click.echo(f"a run is going on: {state.holder}{time_left}")
-    if mixed := folder.versions_text(state.versions):
+    if mixed := run_folder.versions_text(state.versions):
         click.echo(f"  {mixed}")
     if state.strange:
         click.echo(f"  {_count(state.strange, 'file')} of cases that are not of this study")
@@ -214,15 +219,16 @@ def plot(run: str | None, figure: tuple[str, ...], suffix: str, out: Path | None
 
     Without a FIGURE it draws every one that the run can feed.
     """
-    from roughvol import dataset, figure_cases
+    from roughvol.report.figures import selection
+    from roughvol.store import dataset
 
-    figures = figure_cases.figures()
+    figures = selection.figures()
     first_is_figure = run is not None and run in figures and not Path(run).exists()
     names = (str(run), *figure) if first_is_figure else figure
     path = _study_file(None if first_is_figure else run)
     results = dataset.read(path)
     folder = out or path.parent / "figures"
-    for name in figure_cases.drawable(results, names):
+    for name in selection.drawable(results, names):
         target = folder / f"{name}.{suffix}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -249,7 +255,7 @@ def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> Non
     that lacks it is refused, by name and with the reason. Every other run, as of a measured map, gets a section of its
     own: surface, loading, states, closing pressures, warnings, figures.
     """
-    from roughvol import report as reporting
+    from roughvol.report import write as reporting
 
     finished = sorted(Path("runs").glob("*/study.nc"))
     paths = [_study_file(name) for name in run] or finished or [_study_file(None)]
@@ -273,19 +279,21 @@ def tradeoff(study: Path, out: Path | None) -> None:
 
     Says also which of A*, p* and V* are converged in the resolution m of the study.
     """
-    from roughvol import campaign, convergence, dataset, tradeoff_figures
-    from roughvol import tradeoff as trade
+    from roughvol.campaign import tradeoff as trade
+    from roughvol.report import convergence
+    from roughvol.report.figures import work_precision
+    from roughvol.store import dataset, run_folder
     from roughvol.study import load
 
     loaded = load(study)
-    folder = campaign.folder_of(loaded, out)
+    folder = run_folder.folder_of(loaded, out)
     show = sys.stderr.isatty()
     measured = trade.measure(
         loaded, lambda k, n: click.echo(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None
     )
     dataset.write(measured, folder / "tradeoff.nc")
-    for name, draw in tradeoff_figures.FIGURES.items():
-        if tradeoff_figures.missing(name, measured) is None:
+    for name, draw in work_precision.FIGURES.items():
+        if work_precision.missing(name, measured) is None:
             (folder / "figures").mkdir(exist_ok=True)
             draw(measured).savefig(folder / "figures" / f"{name}.png")
             click.echo(folder / "figures" / f"{name}.png")
@@ -322,7 +330,7 @@ def _ran(last: Progress, seconds: float) -> str:
 
 
 def _summary(results: Dataset, path: Path) -> str:
-    from roughvol import dataset
+    from roughvol.store import dataset
 
     lines = []
     if "step" in results.sizes:

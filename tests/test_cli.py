@@ -16,8 +16,8 @@ import yaml
 from click.testing import CliRunner, Result
 
 import roughvol
-from roughvol import dataset
 from roughvol.cli import main
+from roughvol.store import dataset
 
 TEXT = """
 name: tiny

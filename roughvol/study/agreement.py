@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
-from roughvol.body import Body, Treatment
 from roughvol.errors import DatasetError, Problem, StudyError, SurfaceError
-from roughvol.lengths import METRES, factor
-from roughvol.study.measured import BARE_FORMATS, CounterBody, HeightFile
+from roughvol.study.height_file import BARE_FORMATS, CounterBody, HeightFile
 from roughvol.study.treatment import File, settled
-from roughvol.study.yamltext import number_text
+from roughvol.study.yaml_text import number_text
+from roughvol.surfaces.body import Body, Treatment
+from roughvol.surfaces.length_units import METRES, factor
 
 if TYPE_CHECKING:
-    from roughvol.description import Description
+    from roughvol.surfaces.files.description import Description
 
 SAME = 1e-3  # by which lengths that the study and the files give may differ
 LONGEST, FINEST = 0.1, 1e-11  # metres: beyond, a width or a spacing is no roughness scan
@@ -213,9 +213,9 @@ def _shape(body: Body, key: str) -> tuple[int, int]:
 @functools.lru_cache(maxsize=64)
 def _asked(path: Path, sha256: str, variable: str | None, columns: str | None, ignore_header: bool) -> Description:
     """Return what a file gives; asked again of the same content, without opening it."""
-    from roughvol import heightfile
+    from roughvol.surfaces.files import reading
 
-    return heightfile.describe(path, variable, columns=columns, ignore_header=ignore_header)
+    return reading.describe(path, variable, columns=columns, ignore_header=ignore_header)
 
 
 def _wrong(message: str, key: str) -> NoReturn:

@@ -15,14 +15,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
-from roughvol.body import UNTREATED, Body, Treatment
 from roughvol.errors import Problem, StudyError
 from roughvol.study.agreement import resolve
+from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
-from roughvol.study.measured import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
-from roughvol.study.quantities import has_unit, length_unit
-from roughvol.study.recording import Record
-from roughvol.study.settings import (
+from roughvol.study.record import Record
+from roughvol.study.sections import (
     PAPER_MAX_M,
     GeneratedSurface,
     Solver,
@@ -37,7 +35,9 @@ from roughvol.study.settings import (
     without_unused,
 )
 from roughvol.study.treatment import steps
-from roughvol.study.yamltext import KeyPath, key_text, number_text, write
+from roughvol.study.units import has_unit, length_unit
+from roughvol.study.yaml_text import KeyPath, key_text, number_text, write
+from roughvol.surfaces.body import UNTREATED, Body, Treatment
 
 ANSWER_FORMAT = 2  # part of every case id: raise it when equal settings no longer give equal stored numbers
 LATER = ("transport", "region", "region_widths")

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_serializer
 
-from roughvol.study.quantities import Pressure, in_unit, unit_of
-from roughvol.study.settings import Strict, without_unused
+from roughvol.study.sections import Strict, without_unused
+from roughvol.study.units import Pressure, in_unit, unit_of
 
 PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
 _HARDNESS = "hardness, > 0, in the unit of the modulus, or with its unit as 2 GPa"

@@ -16,8 +16,8 @@ from pydantic import BaseModel, ValidationError
 
 from roughvol.errors import Problem, StudyError
 from roughvol.study.cases import Places, Study, conflicts
-from roughvol.study.settings import names, nearest
-from roughvol.study.yamltext import (
+from roughvol.study.sections import names, nearest
+from roughvol.study.yaml_text import (
     MAX_BYTES,
     TOO_LARGE,
     KeyPath,

@@ -17,12 +17,12 @@ from typing import Annotated, Any, NoReturn, Protocol
 
 from pydantic import Field, field_validator
 
-from roughvol.body import Levelling, Missing, Nodes, Resampling, Treatment
 from roughvol.errors import Problem, StudyError
-from roughvol.lengths import factor
-from roughvol.study.quantities import In, Length, unit_of
-from roughvol.study.settings import Strict, refuse
-from roughvol.study.yamltext import number_text
+from roughvol.study.sections import Strict, refuse
+from roughvol.study.units import In, Length, unit_of
+from roughvol.study.yaml_text import number_text
+from roughvol.surfaces.body import Levelling, Missing, Nodes, Resampling, Treatment
+from roughvol.surfaces.length_units import factor
 
 SQUARE = 1e-4  # by which the sides of a pixel may differ: a tenth of one over a thousand
 MOST_OBLONG = 2.0  # ratio of the sides of a pixel up to which a map is resampled

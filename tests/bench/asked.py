@@ -13,8 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from roughvol import __version__, convergence, dataset, figure_cases, tradeoff, tradeoff_figures
-from roughvol.pressing import run_case
+from roughvol import __version__
+from roughvol.campaign import tradeoff
+from roughvol.campaign.one_case import run_case
+from roughvol.report import convergence
+from roughvol.report.figures import selection, work_precision
+from roughvol.store import dataset, tradeoff_variables
 from roughvol.study import ACCURACY, loads
 
 ROOT = Path(__file__).parents[2]
@@ -53,7 +57,7 @@ def cost(text: str, names: tuple[str, ...]) -> tuple[float, int, float]:
     """Return convolutions, bytes written and processor seconds of a study, or of what figures need of it."""
     study = loads(text)
     cases = study.cases()
-    wanted = figure_cases.needed(names, cases) if names else [case.id for case in cases]
+    wanted = selection.needed(names, cases) if names else [case.id for case in cases]
     convolutions, written, started = 0.0, 0, time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         for case in (case for case in cases if case.id in wanted):
@@ -90,7 +94,10 @@ def precision(ds: dataset.Dataset) -> str:
         worst = [
             float(mixed[name].max())
             for name in (
-                *(f"{quantity}_error" for quantity in (*tradeoff.QUANTITIES, "volume_density", "box_dimension")),
+                *(
+                    f"{quantity}_error"
+                    for quantity in (*tradeoff_variables.QUANTITIES, "volume_density", "box_dimension")
+                ),
                 "residual",
                 "mean_pressure_bound",
             )
@@ -113,7 +120,7 @@ def settings(ds: dataset.Dataset) -> str:
         ladder = row.ladder.item()
         value = row[{"resolution": "m"}.get(ladder, ladder)].item()
         extra = f" (m = {row.m.item()}, {row.steps.item()} steps)" if ladder == "method" else ""
-        errors = " | ".join(f"{float(row[f'{name}_error'].max()):.0e}" for name in tradeoff.QUANTITIES)
+        errors = " | ".join(f"{float(row[f'{name}_error'].max()):.0e}" for name in tradeoff_variables.QUANTITIES)
         lines.append(
             f"| {ladder} | {value}{extra} | {errors} | {float(row.units.mean()):.1f} | "
             f"{float(row.seconds.mean()):.3f} | {float(row.memory.max()) / 1e6:.1f} MB |"
@@ -129,7 +136,7 @@ def main() -> None:
         (ROOT / "docs" / "tradeoff.md").write_text(f"{head}{TABLE_AFTER}{asked()}\n", encoding="utf-8")
         return
     ds = dataset.read(ROOT / "runs" / "tradeoff" / "tradeoff.nc")
-    tradeoff_figures.FIGURES["tradeoff_precision"](ds).savefig(ROOT / "docs" / "tradeoff.png")
+    work_precision.FIGURES["tradeoff_precision"](ds).savefig(ROOT / "docs" / "tradeoff.png")
     saved = 100 * convergence.time_saved(ds)
     verdicts = "\n".join(f"- {line}" for line in convergence.summary(ds).splitlines() if line.startswith("D = "))
     page = f"""# Speed against accuracy

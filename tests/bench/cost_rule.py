@@ -1,4 +1,4 @@
-"""The constants of `roughvol/estimate.py`, fitted to sweeps and searches on this machine.
+"""The constants of `roughvol/campaign/cost.py`, fitted to sweeps and searches on this machine.
 
 `python -m tests.bench.cost_rule [m …]`. The time of a step is STEP + n PER_CONVOLUTION t, and ITERATIVE more
 where the iteration is used (m > 5); t is the time of one convolution, n how many a step takes:
@@ -20,12 +20,12 @@ import numpy as np
 from scipy.optimize import nnls
 from threadpoolctl import threadpool_limits
 
-from roughvol import estimate
-from roughvol.physics.contact import sweep
-from roughvol.physics.halfspace import HalfSpace
-from roughvol.physics.search import indentation_for
-from roughvol.physics.surface import random_midpoint_displacement
+from roughvol.campaign import cost
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import sweep
+from roughvol.contact.search import indentation_for
 from roughvol.study import ACCURACY
+from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 STEPS = 60
 SEEDS = 2
@@ -95,7 +95,7 @@ def main() -> int:
     print(f"SEARCH = {np.median(search):.0f}")
     shapes = [(2 ** int(k) + 1,) * 2 for k in m]
     rule = np.array(
-        [estimate.seconds_per_step(*row) for row in zip(shapes, 10.0**-digits, convolution, strict=True)], dtype=float
+        [cost.seconds_per_step(*row) for row in zip(shapes, 10.0**-digits, convolution, strict=True)], dtype=float
     )
     fitted = columns @ times
     print("   m  η/σ    units  s a step   fitted: off by   rule in the package: off by   a search in steps")

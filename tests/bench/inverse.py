@@ -17,11 +17,11 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigs
 from threadpoolctl import threadpool_limits
 
-from roughvol.physics.blocks import by_blocks
-from roughvol.physics.contact import sweep
-from roughvol.physics.halfspace import HalfSpace
-from roughvol.physics.near_field import near_field
-from roughvol.physics.surface import random_midpoint_displacement
+from roughvol.contact.far_field import by_blocks
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import sweep
+from roughvol.contact.near_field import near_field
+from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 STEPS, ITERATIONS, TOLERANCE = 60, 20, 1e-6
 

@@ -69,8 +69,8 @@ class Problem:
     """A surface, its indentations and roughvol's answer; measures the states of others."""
 
     def __init__(self, case: dict[str, Any]) -> None:
-        from roughvol.physics.halfspace import HalfSpace
-        from roughvol.physics.surface import random_midpoint_displacement
+        from roughvol.contact.halfspace import HalfSpace
+        from roughvol.surfaces.midpoint import random_midpoint_displacement
 
         self.surface = random_midpoint_displacement(case["D"], case["m"], side=100.0, seed=case["seed"])
         self.half_space = HalfSpace(self.surface.shape)
@@ -82,7 +82,7 @@ class Problem:
 
     def sweep(self) -> tuple[float, float, list[Any]]:
         """Return wall and processor seconds of roughvol's sweep, and its records."""
-        from roughvol.physics.contact import sweep
+        from roughvol.contact.loading import sweep
 
         start, cpu_start = time.perf_counter(), time.process_time()
         contacts = list(sweep(self.surface, self.half_space, self.indentations, rtol=TARGET))

@@ -30,9 +30,9 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
     """Run one sweep of equal steps to d = 0 and return its counts, times and memory."""
     from threadpoolctl import threadpool_limits
 
-    from roughvol.physics.contact import sweep
-    from roughvol.physics.halfspace import HalfSpace
-    from roughvol.physics.surface import random_midpoint_displacement
+    from roughvol.contact.halfspace import HalfSpace
+    from roughvol.contact.loading import sweep
+    from roughvol.surfaces.midpoint import random_midpoint_displacement
 
     class Timed(HalfSpace):
         spent = 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.physics.test_validation import NODES, QUANTITIES, errors, square_punch_compliance
+from tests.contact.test_validation import NODES, QUANTITIES, errors, square_punch_compliance
 
 LARGEST = 257
 NAMES = {"sphere": "Hertz sphere", "cone": "Sneddon cone", "punch": "circular flat punch"}

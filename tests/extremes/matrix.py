@@ -19,15 +19,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.kernels import kernel_quadrant
+from roughvol.contact.loading import solve, sweep
+from roughvol.contact.search import indentation_for
 from roughvol.errors import ContactError, SurfaceError
-from roughvol.physics.contact import solve, sweep
-from roughvol.physics.halfspace import HalfSpace
-from roughvol.physics.kernels import kernel_quadrant
-from roughvol.physics.search import indentation_for
-from roughvol.physics.surface import Surface, random_midpoint_displacement
 from roughvol.study import loads
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.surfaces.surface import Surface
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "physics"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "contact"))
 from oracles import dense_matrix, exact_pressure, lattice_pressure, scaled_overlap, summed_displacement
 
 DENSE = 300  # elements; beyond, the dense oracle takes too long
@@ -185,7 +186,7 @@ def over_L(L):
 @cells("E*", {f"1e{k}": 10.0**k for k in (-12, -3, 9, 15)})
 def over_modulus(modulus):
     text = "surface: {{D: 2.4, m: 4, seeds: 1}}\nsweep: {{steps: 4}}\nmaterial: {{E_star: {:e}}}"
-    from roughvol.campaign import run_case
+    from roughvol.campaign.one_case import run_case
 
     one, other = (run_case(loads(text.format(E)).cases()[0]) for E in (1.0, modulus))
     for name in ("contact_area_fraction", "mean_pressure", "free_volume"):

@@ -1,0 +1,22 @@
+"""Who computes, and when: the cases of a study in many processes, resumable.
+
+Room of the campaign.
+
+==============  ====================================================================
+`running`       run a study, or collect what is finished
+`checks`        a study checked before anything is computed
+`one_case`      one case: surface, sweep, reduction
+`batch`         cases handed to workers and stored as they end
+`workers`       processes of this machine or of a Dask cluster
+`resources`     cores, memory and disk
+`limits`        the limit of a process on its own memory
+`cost`          cases, memory, disk and time of a study, estimated
+`understood`    how a study was understood, in words
+`validity`      where a study leaves the model
+`tradeoff`      speed against accuracy, measured
+==============  ====================================================================
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,234 @@
+"""The cases of a study that are to be computed: handed to workers, stored as they come back, and told of."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from roughvol._version import __version__
+from roughvol.campaign import limits, resources, workers
+from roughvol.campaign.one_case import HalfSpaces, Stopped, run_case
+from roughvol.campaign.resources import cores
+from roughvol.errors import CampaignError, RoughvolError
+from roughvol.store import dataset, ledger, lock, run_folder, stamped_file
+from roughvol.store.run_folder import case_file, checkpoint_file, failed_file, ledger_file
+from roughvol.study import Case
+from roughvol.surfaces.surface import Surface
+
+TOLD_EVERY = 1.0  # seconds between two notes of a run for `status`
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run has come: counts of cases and steps, the share of the work done, and what happened last.
+
+    ``work`` runs from 0 to 1 and weighs each step by the expected cost of one at its resolution; ``kept`` are the cases
+    that were found finished. ``event`` is a line about a case that has just ended, or empty; ``notice`` one about what
+    somebody should know: a file set aside, fewer processes than asked for.
+    """
+
+    cases: int
+    kept: int
+    done: int = 0
+    failed: int = 0
+    steps: int = 0
+    steps_done: int = 0
+    work: float = 0.0
+    event: str = ""
+    notice: str = ""
+
+
+OnEvent = Callable[[Progress], None]
+
+_Task = tuple[Case, str, int, Path, str | None, Surface | None]
+_held: HalfSpaces = {}  # in a worker process: the half space of its last case
+
+
+def _work(task: _Task, tell: workers.Tell) -> bytes | None:
+    """Return the file of a case; None if it was asked to end early and has kept its steps."""
+    case, text, threads, checkpoint, mark, surface = task
+    # On another machine the path may lead anywhere; what has the same lock is the folder of this run.
+    shared = mark is None or lock.mark(checkpoint.parent.parent) == mark != ""
+    try:
+        result = run_case(
+            case,
+            study=text,
+            half_spaces=_held,
+            on_step=lambda step: tell((case.id, step)),
+            threads=threads,
+            surface=surface,
+            checkpoint=checkpoint if shared else None,
+            stopping=workers.stop_asked,
+        )
+    except Stopped:
+        return None
+    return dataset.to_bytes(result)
+
+
+class Batch:
+    """The cases that are computed now: what has become of each, and who is told."""
+
+    def __init__(
+        self,
+        place: Path,
+        text: str,
+        cases: Sequence[Case],
+        kept: int,
+        surface: Surface | None,
+        on_event: OnEvent | None,
+    ) -> None:
+        self._place, self._text, self._kept, self._surface, self._on_event = place, text, kept, surface, on_event
+        self._cost = {case.id: _cost(case) for case in cases}
+        self._total = sum(self._cost.values())
+        self._cases = sorted(cases, key=lambda case: -self._cost[case.id])  # the longest first
+        self._steps = {case.id: case.sweep.steps for case in cases}
+        self._all_steps = sum(self._steps.values())
+        self._reached: dict[str, int] = {}  # of those that run
+        self._work, self._steps_done = 0.0, 0  # of those that have ended
+        self._done = 0
+        self._failures: dict[str, BaseException] = {}
+        self._others: list[str] = []  # versions of workers that are not ours
+        self._started = self._told = time.monotonic()
+
+    def through(self, jobs: int | None, scheduler: str | None, stopping: Callable[[], bool]) -> None:
+        """Compute them all.
+
+        Raises
+        ------
+        CampaignError
+            If some failed.
+        KeyboardInterrupt
+            If it was stopped before the end.
+        """
+        jobs = jobs or cores()
+        self._tell()
+        self._note(at_once=True)
+        processes = min(jobs, len(self._cases))
+        if scheduler is None:
+            processes = self._limited(processes)
+        threads = 1 if scheduler else max(1, jobs // processes)  # cores left over work inside the convolutions
+        place, mark = self._place.resolve(), lock.mark(self._place) if scheduler else None
+        tasks: list[_Task] = [
+            (case, self._text, threads, checkpoint_file(place, case.id), mark, self._surface) for case in self._cases
+        ]
+        try:
+            workers.each(
+                _work,
+                tasks,
+                jobs=processes,
+                on_begin=self._begun,
+                on_message=self._stepped,
+                on_end=self._ended,
+                stopping=stopping,
+                scheduler=scheduler,
+            )
+        finally:
+            stamped_file.remove_leftovers(self._place / "cases")
+        if self._done + len(self._failures) < len(tasks):
+            raise KeyboardInterrupt
+        if self._failures:
+            error = _campaign_error(self._failures, self._kept + len(tasks))
+            raise error from BaseExceptionGroup("failed", list(self._failures.values()))
+
+    def _limited(self, jobs: int) -> int:
+        """Return how many processes the memory allows, and say so where that is fewer."""
+        shape = self._surface.shape if self._surface else None
+        needs = [resources.memory_of(case, resources.nodes_of(case, shape)) for case in self._cases]
+        fitting, sentence = resources.limited(jobs, needs, resources.available_memory())
+        if sentence:
+            self._tell(notice=sentence)
+        return fitting
+
+    def _begun(self, task: _Task) -> None:
+        self._reached[task[0].id] = 0
+        self._note()
+
+    def _stepped(self, message: tuple[str, int]) -> None:
+        if message[0] in self._reached:
+            self._reached[message[0]] = message[1]
+            self._tell()
+            self._note()
+
+    def _ended(self, task: _Task, result: bytes | None, error: BaseException | None) -> None:
+        case = task[0]
+        if error is None and result is None:  # stopped on the way
+            return
+        self._reached.pop(case.id, None)
+        if result is not None:
+            _, found = stamped_file.unstamped(result, case_file(self._place, case.id))
+            version = found.get("version", "")
+            if why := run_folder.mismatch(case_file(self._place, case.id), found, case):
+                message = f"a worker has roughvol {version}, whose answers are of another format: {why}"
+                error = CampaignError(message)
+            else:
+                if version not in (__version__, *self._others):
+                    self._others.append(version)
+                    self._tell(notice=f"a worker has roughvol {version}, here is {__version__}: answers of one format")
+                stamped_file.store(case_file(self._place, case.id), result)
+                ledger.add(ledger_file(self._place), case.id, case_file(self._place, case.id), version)
+                for path in (failed_file(self._place, case.id), checkpoint_file(self._place, case.id)):
+                    with contextlib.suppress(OSError):
+                        path.unlink(missing_ok=True)
+        self._work += self._cost[case.id]
+        if error is None:
+            self._done += 1
+            self._steps_done += self._steps[case.id]
+            self._tell(f"{case.label}: done")
+        else:
+            self._failures[case.id] = error
+            run_folder.record_failure(self._place, case.id, _text(error), type(error).__name__)
+            self._tell(f"{case.label}: FAILED, {_text(error)}")
+        self._note()
+
+    def _share(self) -> float:
+        under_way = sum(self._cost[id] * step / max(self._steps[id], 1) for id, step in self._reached.items())
+        return (self._work + under_way) / self._total
+
+    def _tell(self, event: str = "", notice: str = "") -> None:
+        if self._on_event is None:
+            return
+        progress = Progress(
+            cases=self._kept + len(self._cases),
+            kept=self._kept,
+            done=self._done,
+            failed=len(self._failures),
+            steps=self._all_steps,
+            steps_done=self._steps_done + sum(self._reached.values()),
+            work=1.0 if self._done + len(self._failures) == len(self._cases) else self._share(),
+            event=event,
+            notice=notice,
+        )
+        self._on_event(progress)
+
+    def _note(self, *, at_once: bool = False) -> None:
+        """Leave a note for `status` now and then."""
+        now = time.monotonic()
+        if at_once or now - self._told >= TOLD_EVERY:
+            self._told, share = now, self._share()
+            left = (now - self._started) * (1.0 - share) / share if share > 0.0 else None
+            run_folder.note(self._place, {"running": list(self._reached), "left": left})
+
+
+def _cost(case: Case) -> float:
+    """Relative cost: N² log N a convolution, and about as many convolutions a step at every resolution."""
+    nodes = 2.0 ** (case.m or 8) + 1.0
+    return nodes**2 * math.log(nodes) * max(case.sweep.steps, 1)
+
+
+def _campaign_error(failures: Mapping[str, BaseException], cases: int) -> CampaignError:
+    """Name every case that failed."""
+    lines = [f"{id}: {_text(error)}" for id, error in failures.items()]
+    others = "" if len(failures) == cases else "; the others are kept"
+    return CampaignError("\n".join([f"{len(failures)} of {cases} cases failed{others}", *lines]))
+
+
+def _text(error: BaseException) -> str:
+    if isinstance(error, workers.Lost):
+        return "its process died, and again when it ran alone (out of memory?)"
+    if limits.is_lack_of_memory(error):
+        return "not enough memory"
+    return str(error) if isinstance(error, RoughvolError) else f"{type(error).__name__}: {error}"

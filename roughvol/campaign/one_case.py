@@ -1,0 +1,174 @@
+"""One case: the paper's Sections 2 and 3 as one function, and the finished steps of a long one kept on the way."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, MutableMapping
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from roughvol.contact import convolution
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import sweep
+from roughvol.contact.search import first_indentation, indentation_for
+from roughvol.errors import ContactError
+from roughvol.observables import reduction
+from roughvol.observables.reduction import Reduction, Values
+from roughvol.store import checkpoint as checkpoints
+from roughvol.store import dataset
+from roughvol.store.checkpoint import Checkpoint
+from roughvol.store.dataset import Dataset
+from roughvol.study import Case
+from roughvol.surfaces import measured, texture
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.surfaces.surface import Surface
+
+HalfSpaces = MutableMapping[tuple[tuple[int, int], str, int], HalfSpace]
+
+FFT = {"library": f"FFTW {convolution.FFTW_VERSION}", "planner": convolution.PLANNER}
+
+
+class Stopped(Exception):
+    """A case that was asked to end, and has kept its finished steps."""
+
+
+def run_case(
+    case: Case,
+    *,
+    study: str = "",
+    half_spaces: HalfSpaces | None = None,
+    on_step: Callable[[int], None] | None = None,
+    threads: int = 1,
+    surface: Surface | None = None,
+    checkpoint: Path | None = None,
+    stopping: Callable[[], bool] = lambda: False,
+) -> Dataset:
+    """Return all that is asked about one surface: made (Section 2), pressed step by step (Section 3), reduced.
+
+    Parameters
+    ----------
+    case : Case
+        Surface, sweep, solver, and what to record.
+    study : str
+        Resolved study as text, for the provenance.
+    half_spaces : mutable mapping, optional
+        Holds the half space of the last shape and kernel, for the next case to use.
+    on_step : callable, optional
+        Called with the number of each step solved.
+    threads : int
+        Threads inside a convolution; they change no value.
+    surface : Surface, optional
+        Its surface, if it has been read already.
+    checkpoint : path, optional
+        Where a large case keeps its finished steps meanwhile, and finds those of a run that was killed.
+    stopping : callable, optional
+        Asked after each step of a case with a checkpoint; once it is true the case ends there.
+
+    Raises
+    ------
+    Stopped
+        If it ended because it was asked to, its steps kept.
+    SurfaceError, ContactError, ConvergenceError
+        If there is no surface, no problem or no solution; nothing is returned of a sweep that broke off.
+    """
+    started = time.perf_counter()
+    with threadpool_limits(1):  # a sum split over threads would round differently from machine to machine
+        surface = surface or surface_of(case)
+        values = reduction.of_surface(case, surface)
+        if case.treatment.filling is not None:
+            values["filled_fraction"] = surface.filled / surface.heights.size
+        if case.treatment.outliers is not None:
+            values |= {"outliers_removed": surface.outliers, "peak_height": surface.peak}
+            values["peak_height_before"] = surface.peak_before
+        if case.sweep.steps > 0:
+            held = {} if half_spaces is None else half_spaces
+            half_space = _half_space(surface.shape, case.solver.kernel, threads, held)
+            large = checkpoint is not None and math.prod(surface.shape) >= checkpoints.NODES
+            kept = Checkpoint(checkpoint, case, checkpoints.numerics()) if checkpoint is not None and large else None
+            values |= _swept(case, surface, half_space, kept, on_step, stopping)
+    values["wall_time"] = time.perf_counter() - started
+    return dataset.build(case, values, dataset.provenance(study, fft=FFT | {"threads": str(threads)}, case=case))
+
+
+def _swept(
+    case: Case,
+    surface: Surface,
+    half_space: HalfSpace,
+    checkpoint: Checkpoint | None,
+    on_step: Callable[[int], None] | None,
+    stopping: Callable[[], bool],
+) -> Values:
+    """Return what is recorded of the sweep, of which the steps that a checkpoint holds are not solved again."""
+    reduced = Reduction(case, surface, half_space)
+    state = checkpoint.load() if checkpoint else None
+    if state is not None:
+        reduced.restore(state["reduction"], state["states"])
+    last = state["last"] if state else last_indentation(case, surface, half_space)
+    indentations = last * np.arange(1, case.sweep.steps + 1) / case.sweep.steps
+    left = indentations[reduced.steps :]
+    solver = case.solver
+    contacts = sweep(
+        surface,
+        half_space,
+        left,
+        rtol=solver.tolerance,
+        method=solver.method,
+        pressure_error=solver.pressure_error,
+        resume=reduced.states,
+    )
+    for contact in contacts:
+        reduced.follow(contact)
+        if on_step is not None:
+            on_step(reduced.steps)
+        if checkpoint is not None:
+            stopped = stopping()
+            if stopped or checkpoint.due():
+                checkpoint.save({"last": last, "states": reduced.states, "reduction": reduced.state()})
+            if stopped:
+                raise Stopped
+    return reduced.values()
+
+
+def surface_of(case: Case) -> Surface:
+    """Return the surface of a case, generated or read from its files."""
+    if case.file is not None:
+        with threadpool_limits(1):  # levelling sums over all nodes
+            return measured.surface(case.bodies, case.treatment, case.L, case.length_unit)
+    assert case.D is not None
+    assert case.m is not None
+    assert case.seed is not None
+    assert case.midpoint_law is not None
+    return random_midpoint_displacement(case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law)
+
+
+def _half_space(shape: tuple[int, int], kernel: str, threads: int, held: HalfSpaces) -> HalfSpace:
+    key = (shape, kernel, threads)
+    if key not in held:
+        held.clear()  # one at a time: it is the largest thing in memory
+        held[key] = HalfSpace(shape, kernel=kernel, threads=threads)
+    return held[key]
+
+
+def last_indentation(case: Case, surface: Surface, half_space: HalfSpace) -> float:
+    """Return Δ/σ at the end of the sweep: on a plane, at a value given, or where the search for one ends."""
+    target, scale = case.sweep.target, surface.Sq or 1.0
+    value = target.value or 0.0
+    rtol, method = min(case.solver.tolerance, case.solver.pressure_error or 1.0), case.solver.method
+    predicate = reduction.end_of(case)
+    if predicate is not None:
+        return first_indentation(surface, half_space, predicate, rtol=rtol, method=method)
+    if target.kind in ("contact_area", "pressure"):
+        return indentation_for(surface, half_space, target.kind, value, rtol=rtol, method=method)
+    if target.kind == "indentation":
+        return value
+    if target.kind == "summit-plane":
+        end = (surface.z_max - texture.summit_plane(surface.heights)) / scale
+    else:  # d/σ = value; 0 on the mean plane
+        end = (surface.z_max - surface.mean_height) / scale - value
+    if not end > 0.0:
+        message = f"a sweep to {target.label} would end at Δ/σ = {end:.6g}; allowed: beyond first touch, Δ/σ > 0"
+        raise ContactError(message)
+    return end

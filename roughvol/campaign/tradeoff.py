@@ -1,0 +1,303 @@
+"""Speed against accuracy, measured on the surfaces of a study: what each setting of the solver costs and gives away.
+
+Five ladders, each against a reference that differs from it in one respect only:
+
+=============  ==========================================================  ==========================================
+ladder         rungs                                                       reference
+=============  ==========================================================  ==========================================
+tolerance      η/σ ≤ 1e-1 … 1e-10, convolutions inside mixed or double     η/σ ≤ 1e-12, double, same grid and states
+steps          all steps of the study, a third, a tenth                    the same reference, at the common states
+kernel         love, punch                                                 the same reference
+method         fast, paper; on a grid of m ≤ 5                             η/σ ≤ 1e-12, double, of that grid
+resolution     four levels of the nested family that ends at the finest m  its finest level at equal separations d/σ
+=============  ==========================================================  ==========================================
+
+Errors are the largest over the states of a sweep for A*, p* (relative) and V*; those of f(v) and of the box dimension
+belong to the last state. A unit of work is one convolution in double precision; one in single precision counts by the
+time it takes, but at least one half.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+import tracemalloc
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from roughvol.campaign.one_case import FFT, last_indentation, surface_of
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import Contact, sweep
+from roughvol.errors import ContactError
+from roughvol.observables import box_counting, free_volume
+from roughvol.store import dataset
+from roughvol.store.dataset import Dataset
+from roughvol.store.tradeoff_variables import EACH, QUANTITIES, RUNG, RUNG_VARIABLES, TABLE
+from roughvol.study import Case, Study
+from roughvol.surfaces.surface import Surface
+from roughvol.typing import Array, Mask
+
+REFERENCE_RTOL = 1e-12  # near the best that double precision can reach, see `physics.contact`
+RTOLS = tuple(10.0**-k for k in range(1, 11))
+LEVELS = 4  # of the nested family: three changes, enough to see whether they shrink in proportion
+PAPER_M = 5  # the dense matrices of the paper's algorithm: minutes a sweep beyond
+BINS = 50  # of the density f(v)
+THRESHOLDS = (0.0, 0.25)  # v/v_max of the domains whose box dimension is compared
+SURFACES = 6  # of a study, at most: the first seeds of every D
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One setting of the ladder; ``m`` is -1 for a height file."""
+
+    ladder: str
+    rtol: float
+    precision: str
+    kernel: str
+    method: str
+    steps: int
+    m: int
+
+
+@dataclass(frozen=True)
+class _Run:
+    """A sweep reduced: numbers of every state, the last state whole, its work."""
+
+    numbers: Array  # (steps, 3): A*, p*, V*
+    gap: Array
+    contact: Mask
+    residual: float
+    pressure_bound: float
+    counts: tuple[float, float]
+    seconds: float
+
+
+def surfaces_of(study: Study) -> tuple[Case, ...]:
+    """Return the cases of the ladder: the finest m of a study, every D, as many of the first seeds as `SURFACES` allow.
+
+    Raises
+    ------
+    ContactError
+        If the study solves nothing.
+    """
+    cases = study.cases()
+    finest = max((case.m or 0 for case in cases), default=0)
+    cases = tuple(case for case in cases if (case.m or 0) == finest)
+    if not cases or cases[0].sweep.steps == 0:
+        message = "the study has no sweep (steps: 0), so there is nothing to trade"
+        raise ContactError(message)
+    seeds = list(dict.fromkeys(case.seed for case in cases))
+    dimensions = {case.D for case in cases}
+    kept = seeds[: max(1, SURFACES // len(dimensions))]
+    return tuple(case for case in cases if case.seed in kept)
+
+
+def rungs_of(case: Case) -> list[Rung]:
+    """Return the rungs of every ladder for the surfaces like this one."""
+    m, steps, solver = -1 if case.m is None else case.m, case.sweep.steps, case.solver
+    base = Rung("tolerance", 1e-9, "mixed", solver.kernel, "fast", steps, m)
+    rungs = [replace(base, rtol=rtol, precision=how) for how in ("mixed", "double") for rtol in RTOLS]
+    fewer = dict.fromkeys(k for k in (steps, steps // 3, steps // 10) if k and steps % k == 0)
+    rungs += [replace(base, ladder="steps", steps=k) for k in fewer]
+    rungs += [replace(base, ladder="kernel", kernel=kernel) for kernel in ("love", "punch")]
+    if case.m is not None:
+        least = min(case.m, PAPER_M)
+        few = max(k for k in fewer if k <= max(6, min(fewer)))
+        rungs += [
+            replace(base, ladder="method", m=least, steps=few, method=how, rtol=1e-6) for how in ("fast", "paper")
+        ]
+        rungs += [replace(base, ladder="resolution", m=k) for k in range(max(1, case.m - LEVELS + 1), case.m + 1)]
+    return rungs
+
+
+def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> Dataset:
+    """Climb every ladder on the surfaces of a study and return errors, bounds and costs, labelled.
+
+    Parameters
+    ----------
+    study : Study
+        Its surfaces, sweep and kernel are used; its accuracy is not.
+    on_rung : callable, optional
+        Called with the number of sweeps done and their total.
+
+    Returns
+    -------
+    Dataset
+        Variables of `TABLE`, dimensions ``rung`` and ``surface``.
+
+    Raises
+    ------
+    SurfaceError, ContactError, ConvergenceError
+        If a surface cannot be made, pressed or solved.
+    """
+    cases = surfaces_of(study)
+    rungs = rungs_of(cases[0])
+    values = {name: np.full((len(rungs), len(cases)), np.nan) for name, row in TABLE.items() if row.dims == EACH}
+    held: dict[tuple[Any, ...], tuple[HalfSpace, float]] = {}
+    with threadpool_limits(1):
+        for column, case in enumerate(cases):
+            bench = _Bench(case, held)
+            for row, rung in enumerate(rungs):
+                for name, value in bench.compare(rung, memory=column == 0).items():
+                    values[name][row, column] = value
+                if on_rung is not None:
+                    on_rung(column * len(rungs) + row + 1, len(cases) * len(rungs))
+    coords: dict[str, Any] = {"surface": ("surface", np.array([case.label for case in cases], dtype=object))}
+    for name, variable in RUNG_VARIABLES.items():
+        kind = {"text": object, "index": np.int64}.get(variable.kind, np.float64)
+        coords[name] = (RUNG, np.array([getattr(rung, name) for rung in rungs], dtype=kind))
+    coords["D"] = ("surface", np.array([np.nan if case.D is None else case.D for case in cases]))
+    result = Dataset(
+        {name: (EACH.split(), array) for name, array in values.items()},
+        coords=coords,
+        attrs=dataset.provenance(study.stored(), fft=FFT, ids=[case.id for case in cases]),
+    )
+    for name, variable in TABLE.items():
+        result[name].attrs = {"units": variable.units, "long_name": variable.long_name, "symbol": variable.symbol}
+    result["D"].attrs = {"units": "1", "long_name": "fractal dimension of the surface", "symbol": "D"}
+    return result
+
+
+class _Bench:
+    """One surface of the study on its ladders; half spaces are shared between surfaces."""
+
+    def __init__(self, case: Case, held: dict[tuple[Any, ...], tuple[HalfSpace, float]]) -> None:
+        self.case, self._held = case, held
+        self._surfaces: dict[int, Surface] = {}
+        self._runs: dict[int, _Run] = {}
+        own = -1 if case.m is None else case.m
+        # of a sweep, at every m that has one of its own
+        self._ends = {m: self._end(m) for m in dict.fromkeys((own, min(own, PAPER_M)))}
+
+    def compare(self, rung: Rung, *, memory: bool) -> dict[str, float]:
+        """Return the variables of one rung on this surface."""
+        surface = self._surface(rung.m)
+        half_space, ratio = self._half_space(surface, rung.kernel)
+        at = self._separations(rung) if rung.ladder == "resolution" else self._indentations(rung.m, rung.steps)
+        run = _swept(surface, half_space, at, rung)
+        finest = -1 if self.case.m is None else self.case.m
+        reference = self._reference(finest if rung.ladder == "resolution" else rung.m)
+        every = len(reference.numbers) // len(run.numbers)
+        wanted = reference.numbers[every - 1 :: every]
+        change = np.abs(run.numbers - wanted)
+        touched = wanted[:, 1] > 0.0
+        states = max(len(run.numbers), 1)
+        return {
+            "contact_area_fraction_error": float(change[:, 0].max()),
+            "mean_pressure_error": float((change[touched, 1] / wanted[touched, 1]).max(initial=0.0)),
+            "free_volume_error": float(change[:, 2].max()),
+            "volume_density_error": _density_error(run, reference),
+            "box_dimension_error": _dimension_error(run, reference),
+            "residual": run.residual,
+            "mean_pressure_bound": run.pressure_bound,
+            "convolutions_per_step": run.counts[0] / states,
+            "convolutions_fp32_per_step": run.counts[1] / states,
+            "units": (run.counts[0] + ratio * run.counts[1]) / states,
+            "seconds": run.seconds,
+            "memory": _peak(surface, at, rung) if memory else np.nan,
+        } | dict(zip(QUANTITIES, run.numbers[-1].tolist(), strict=True))
+
+    def _surface(self, m: int) -> Surface:
+        if m not in self._surfaces:
+            self._surfaces[m] = surface_of(self.case if m < 0 else replace(self.case, m=m))
+        return self._surfaces[m]
+
+    def _half_space(self, surface: Surface, kernel: str) -> tuple[HalfSpace, float]:
+        """Return the half space and what a convolution in single precision counts there."""
+        key = (surface.shape, kernel)
+        if key not in self._held:
+            half_space = HalfSpace(surface.shape, kernel=kernel)
+            assert half_space.total_compliance.size  # belongs to the grid, not to the first sweep
+            self._held[key] = half_space, max(0.5, _seconds(half_space, True) / _seconds(half_space, False))
+        return self._held[key]
+
+    def _end(self, m: int) -> float:
+        case = self.case if m < 0 else replace(self.case, m=m)
+        surface = self._surface(m)
+        return last_indentation(case, surface, self._half_space(surface, case.solver.kernel)[0])
+
+    def _indentations(self, m: int, steps: int) -> Array:
+        return self._ends[m] * np.arange(1, steps + 1) / steps
+
+    def _separations(self, rung: Rung) -> Array:
+        """Return the indentations at which a level of the family has the separations d/σ of the finest."""
+        assert self.case.m is not None
+        finest, own = self._surface(self.case.m), self._surface(rung.m)
+        shift = (own.z_max - own.mean_height) / own.Sq - (finest.z_max - finest.mean_height) / finest.Sq
+        shifted: Array = self._indentations(self.case.m, rung.steps) + shift
+        return shifted
+
+    def _reference(self, m: int) -> _Run:
+        rung = Rung("", REFERENCE_RTOL, "double", self.case.solver.kernel, "fast", self.case.sweep.steps, m)
+        if m not in self._runs:
+            surface = self._surface(m)
+            half_space, _ = self._half_space(surface, rung.kernel)
+            self._runs[m] = _swept(surface, half_space, self._indentations(m, rung.steps), rung)
+        return self._runs[m]
+
+
+def _swept(surface: Surface, half_space: HalfSpace, indentations: Iterable[float], rung: Rung) -> _Run:
+    started = (half_space.convolutions, half_space.convolutions_fp32, time.process_time())
+    numbers, residual, bound = [], 0.0, 0.0
+    last: Contact | None = None
+    options = {"rtol": rung.rtol, "method": rung.method, "precision": rung.precision}
+    for last in sweep(surface, half_space, indentations, **options):  # type: ignore[arg-type]
+        numbers.append([last.contact_area_fraction, last.mean_pressure, last.free_volume])
+        residual, bound = max(residual, last.residual), max(bound, last.mean_pressure_bound)
+    seconds = time.process_time() - started[2]
+    assert last is not None
+    counts = half_space.convolutions - started[0], half_space.convolutions_fp32 - started[1]
+    return _Run(np.array(numbers), last.gap(), last.contact(), residual, bound, counts, seconds)
+
+
+def _density_error(run: _Run, reference: _Run) -> float:
+    """Return ∫ |f - f_ref| dv of the gaps off the contact, in common bins: 0 for equal ones, 2 for disjoint ones."""
+    upper = float(max(run.gap.max(), reference.gap.max()))
+    if not min(run.gap.max(), reference.gap.max()) > 0.0:
+        return float("nan")
+    one, other = (free_volume.volume_density(each.gap, each.contact, BINS, upper=upper) for each in (run, reference))
+    return float(np.abs(one.density - other.density) @ np.diff(one.edges))
+
+
+def _dimension_error(run: _Run, reference: _Run) -> float:
+    """Return the largest difference of the local dimensions, at equal lengths: the largest boxes are as long as L."""
+    worst = 0.0
+    for share in THRESHOLDS:
+        one, other = (
+            box_counting.local_dimension(
+                box_counting.box_counts(free_volume.domain(each.gap, share * float(each.gap.max()), each.contact))
+            ).dimension[::-1]
+            for each in (run, reference)
+        )
+        common = min(one.size, other.size)
+        worst = max(worst, float(np.abs(one[:common] - other[:common]).max(initial=0.0)))
+    return worst
+
+
+def _seconds(half_space: HalfSpace, single: bool) -> float:
+    elements = np.arange(0, half_space.shape[0] * half_space.shape[1], 7)
+    pressure = np.ones(elements.size, dtype=np.float32 if single else np.float64)
+    times = []
+    for _ in range(6):  # the first makes the plans
+        started = time.perf_counter()
+        half_space.displacement_at(elements, pressure, single=single)
+        times.append(time.perf_counter() - started)
+    return min(times)
+
+
+def _peak(surface: Surface, indentations: Array, rung: Rung) -> float:
+    """Return the peak of what is allocated for a half space and a sweep to the same end in at most six steps."""
+    few = indentations[-1] * np.arange(1, 7) / 6
+    tracemalloc.start()
+    try:
+        half_space = HalfSpace(surface.shape, kernel=rung.kernel)
+        options = {"rtol": rung.rtol, "method": rung.method, "precision": rung.precision}
+        for _ in itertools.islice(sweep(surface, half_space, few, **options), 6):  # type: ignore[arg-type]
+            pass
+        return float(tracemalloc.get_traced_memory()[1])
+    finally:
+        tracemalloc.stop()

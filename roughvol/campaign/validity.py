@@ -1,0 +1,374 @@
+"""Where a study leaves the model: a linear elastic half space of small slopes, without yield or fluid pressure.
+
+Conventions: pressures are over E*, p/E* = p* Sq/L with p* the starred pressure; s = Sdq/2 is the scale of the contact
+pressure over E*, the root mean square pressure of a surface pressed flat (Persson 2001). Limits are choices of this
+module; docs/validity.md has each with its formula, its source and the remedy.
+
+Starred results depend neither on E* nor on the ratio of heights to L; slopes and pressures over E* do depend on that
+ratio. It is known from heights in a file, from ``Sq``, or from L with a unit. A generated surface without these has
+heights in the unit of L by convention alone (initial deviation 1/0.3); its slope and its p/E* are not judged. A
+hardness is always compared: a study gives it for this comparison. The rim of a free patch is judged in studies that
+ask for a flow or name units, and give no region: their patch is a sample of a larger joint.
+
+The functions take plain numbers or a collected dataset, and read no file.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from roughvol.study import GeneratedSurface, Level, Study, convert
+from roughvol.study.units import in_unit, unit_of
+
+if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
+
+STEEPEST = 0.3  # Sdq: the true area is then 4.4 % larger, and the mean contact pressure 0.19 E*
+HIGHEST = 0.1  # nominal pressure over E*: strains of ten per cent
+LARGEST_DROP = 0.1  # pressure drop over nominal pressure: a linear drop then carries 5 % of the load
+ABOVE_HARDNESS = 0.01  # share of the load above the hardness; a few peaks of one element do not count
+RIM = 0.8  # mean pressure in the central half of each side over that of the whole
+HIGH = 6.0  # highest point above the mean plane over Sq: of 10⁶ independent normal heights the highest is at 5
+METAL = 20.0  # GPa, E*: above polymers and rubber, below all structural metals
+SOFTEST = 1e-3  # contact pressure over E* at which the softest metals yield: H = 3 Y (Tabor 1951), Y/E of 1/3000
+CLOSES_AT = 0.42  # A* at which the last open way closes (Persson & Yang 2008; Wang & Müser 2020)
+
+SMALL_SLOPES = "Al-Qudsi, De Lorenzis & Scaraggi 2022; Sdr ≈ Sdq²/2 (ISO 25178-2)"
+NORMAL_HEIGHTS = "extreme values of normal heights, docs/validity.md"
+SMALL_STRAINS = "Johnson 1985, section 4.1"
+HARDNESS = "Tabor 1951, H ≈ 3 Y"
+COUPLING = "Shvarts & Yastrebov 2018"
+FREE_PATCH = "configs/seal_region.yaml, docs/validity.md"
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Where a limit is passed.
+
+    Attributes
+    ----------
+    cases, of_cases : cases that pass it, and all; 0 of 0 before anything is computed.
+    states, of_states : states that pass it, and all that were compared; 0 of 0 for a limit of the surface.
+    first : p* of the least loaded of these states; NaN if there is none.
+    """
+
+    cases: int = 0
+    of_cases: int = 0
+    states: int = 0
+    of_states: int = 0
+    first: float = math.nan
+
+    def __str__(self) -> str:
+        """Return the counts in words."""
+        text = f"{self.states} of {self.of_states} states"
+        return text if self.of_cases == 1 else f"{text} ({self.cases} of {self.of_cases} cases)"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One limit of the model that a study passes.
+
+    Attributes
+    ----------
+    key : which limit: peak, slope, nominal_pressure, hardness, metal, pressure_drop or rim.
+    sentence : what is beyond it, by how much, and where.
+    limit : the limit; NaN where there is none to compare with.
+    source : where it comes from.
+    extent : where it is passed.
+    """
+
+    key: str
+    sentence: str
+    limit: float
+    source: str
+    extent: Extent = Extent()
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What of a study the limits are held against; moduli and pressures in ``unit``, None for an arbitrary one.
+
+    Attributes
+    ----------
+    modulus : E*.
+    unit : unit of the moduli.
+    shown : unit in which pressures are shown.
+    hardness, hardness_text : H, and as the study has it.
+    drop_text : the pressure drop of a leak rate, as the study has it; None if no leak rate is asked for.
+    drop : the same over E*; NaN if the modulus has no unit.
+    scaled : whether the ratio of heights to L is that of a real surface.
+    patch : whether the patch stands for a larger joint, and its rim is observed too.
+    measured : whether the heights come from files.
+    cleaned : whether outliers were taken out of them.
+    """
+
+    modulus: float
+    unit: str | None = None
+    shown: str = "MPa"
+    hardness: float | None = None
+    hardness_text: str = ""
+    drop_text: str | None = None
+    drop: float = math.nan
+    scaled: bool = False
+    patch: bool = False
+    measured: bool = False
+    cleaned: bool = False
+
+
+def setting(study: Study) -> Setting:
+    """Return what of a study the limits are held against."""
+    surface, material, record = study.surface, study.material, study.record
+    wanted, unit = record.dimensional, material.unit
+    leak = wanted.leak_rate if wanted is not None else None
+    drop = in_unit(leak.pressure_drop, unit) if leak is not None and unit is not None else None
+    scaled = not isinstance(surface, GeneratedSurface) or bool(surface.height or surface.length_unit)
+    asks = record.transport is not None or wanted is not None or unit is not None
+    return Setting(
+        modulus=material.contact_modulus,
+        unit=unit,
+        shown=(wanted.pressure if wanted is not None else None) or "MPa",
+        hardness=material.indentation_hardness,
+        hardness_text=_written(material.hardness, unit),
+        drop_text=str(leak.pressure_drop) if leak is not None else None,
+        drop=math.nan if drop is None else drop / material.contact_modulus,
+        scaled=scaled,
+        patch=asks and record.region is None and record.region_widths is None,
+        measured=not isinstance(surface, GeneratedSurface),
+        cleaned=not isinstance(surface, GeneratedSurface) and surface.outliers is not None,
+    )
+
+
+def _written(hardness: float | None, unit: str | None) -> str:
+    """Return a hardness as a study has it, with the unit of the modulus where it has none of its own."""
+    if hardness is None or unit_of(hardness) is not None:
+        return str(hardness)
+    return f"{hardness:g} {unit or ''}".strip()
+
+
+def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float) -> list[Finding]:
+    """Return where a study is expected to leave the model, before it is computed; pressures by Persson's theory.
+
+    Persson (2001): A* = erf(√2 p/(E* Sdq)), and at light load the contact pressure is distributed as
+    (p/s²) exp(-p²/(2 s²)), all over E*, s = Sdq/2; the mean in contact is then √(π/2) s = 0.63 Sdq.
+
+    Parameters
+    ----------
+    given : Setting
+        See `setting`.
+    target : Level
+        Where the sweep ends.
+    Sq, Sdq, L : float
+        Of the roughest surface: Sq and L [one length], Sdq [1]; not used where ``given.scaled`` is false.
+    """
+    found = []
+    scale = 0.5 * Sdq if given.scaled else math.nan
+    end = _end(target, scale, Sq / L) if given.scaled else math.nan
+    if given.scaled:
+        found += _slope(np.array([Sdq]))
+    if end > HIGHEST:
+        text = f"nominal pressure will be about {end:.2g} E* at the end (limit {HIGHEST}): strains are not small"
+        found.append(Finding("nominal_pressure", text, HIGHEST, SMALL_STRAINS))
+    if given.hardness is not None and scale > 0.0:
+        x = given.hardness / given.modulus / scale
+        contact = math.exp(-0.5 * x * x)
+        load = contact * x * math.sqrt(2.0 / math.pi) + math.erfc(x / math.sqrt(2.0))
+        if load > ABOVE_HARDNESS:
+            text = (
+                f"contact pressure will exceed the hardness {given.hardness_text} on about {_percent(contact)} of the "
+                f"contact, with {_percent(load)} of the load: yield is not computed"
+            )
+            found.append(Finding("hardness", text, ABOVE_HARDNESS, HARDNESS))
+    found += _metal(given, math.sqrt(0.5 * math.pi) * scale, "about ")
+    if given.drop_text is not None and math.isnan(given.drop):
+        found.append(_drop_unknown(given))
+    elif end > 0.0 and given.drop > LARGEST_DROP * end:
+        text = (
+            f"pressure_drop {given.drop_text} is {given.drop / end:.2g} of the nominal pressure expected at the end of "
+            f"the sweep, about {_pressure(given, end)} (limit {LARGEST_DROP}): the fluid would carry part of the load"
+        )
+        found.append(Finding("pressure_drop", text, LARGEST_DROP, COUPLING))
+    return found
+
+
+def after(given: Setting, results: Dataset) -> list[Finding]:
+    """Return where the computed states of a study leave the model.
+
+    Parameters
+    ----------
+    given : Setting
+        See `setting`.
+    results : Dataset
+        The collected cases, heights scaled to the Sq of the study if it gives one.
+    """
+    if "mean_pressure" not in results:
+        return []  # nothing was pressed
+    starred = results["mean_pressure"]
+    nominal = starred * results["Sq"].where(results["Sq"] > 0.0, 1.0) / results["L"].item()
+    # d/σ + Δ/σ is the height of the first touch above the mean plane
+    found = peak(given, float((results["separation"] + results["indentation"]).max()))
+    found += _slope(results["Sdq"].values.ravel()) if given.scaled else []
+    if given.scaled:
+        found += _nominal(nominal, starred)
+    if "load_above_hardness_fraction" in results:
+        found += _hardness(given, results, starred, nominal)
+    else:
+        contact = (nominal / results["contact_area_fraction"]).where(starred > 0.0)
+        found += _metal(given, _at_highest(contact, starred) if given.scaled else math.nan, "")
+    if "leak_rate_x" in results or "leak_rate_y" in results:
+        flows = [results[name].notnull() for name in ("leak_rate_x", "leak_rate_y") if name in results]
+        found += _drop(given, starred.where(sum(flows) > 0), nominal)
+    if given.patch and "central_pressure_ratio" in results:
+        found += _rim(results["central_pressure_ratio"].values.ravel())
+    return found
+
+
+def sentences(findings: Iterable[Finding], notes: Iterable[str] = ()) -> list[str]:
+    """Return what is found and what else is to be noted, one sentence each, none twice."""
+    return list(dict.fromkeys([*notes, *(finding.sentence for finding in findings)]))
+
+
+def peak(given: Setting, height: float) -> list[Finding]:
+    """Return whether the highest point of a measured surface lies far above all others.
+
+    Parameters
+    ----------
+    given : Setting
+        See `setting`.
+    height : float
+        Highest point above the mean plane over Sq.
+    """
+    if not (given.measured and height > HIGH):
+        return []
+    remedy = "outliers were taken out already" if given.cleaned else "see surface.outliers"
+    text = (
+        f"the highest point lies {height:.3g} Sq above the mean plane and touches first, alone; "
+        f"if it is dust or an error of the instrument, {remedy}"
+    )
+    return [Finding("peak", text, HIGH, NORMAL_HEIGHTS)]
+
+
+def _end(target: Level, scale: float, ratio: float) -> float:
+    """Return the nominal pressure over E* at the end of a sweep, NaN where no estimate is at hand."""
+    if target.kind == "pressure":
+        return (target.value or 0.0) * ratio
+    area = CLOSES_AT if target.kind.startswith("percolation") else 1.0
+    if target.kind == "contact_area":
+        area = target.value or 1.0
+    return scale * NormalDist().inv_cdf(0.5 * (1.0 + area)) if area < 1.0 else math.nan
+
+
+def _slope(slopes: np.ndarray) -> list[Finding]:
+    slopes = slopes[np.isfinite(slopes)]
+    steep = int(np.sum(slopes > STEEPEST))
+    if not steep:
+        return []
+    where = f" on {steep} of {slopes.size} surfaces" if slopes.size > 1 else ""
+    text = f"rms slope Sdq is up to {slopes.max():.2g}{where} (limit {STEEPEST}): small-slope elasticity is inaccurate"
+    return [Finding("slope", text, STEEPEST, SMALL_SLOPES, Extent(steep, slopes.size))]
+
+
+def _nominal(nominal: DataArray, starred: DataArray) -> list[Finding]:
+    beyond = nominal > HIGHEST
+    if not bool(beyond.any()):
+        return []
+    extent = _extent(beyond, starred)
+    text = (
+        f"nominal pressure is up to {float(nominal.max()):.2g} E* (limit {HIGHEST}), beyond it at {extent} "
+        f"from p* = {extent.first:.3g} on: strains are not small"
+    )
+    return [Finding("nominal_pressure", text, HIGHEST, SMALL_STRAINS, extent)]
+
+
+def _hardness(given: Setting, results: Dataset, starred: DataArray, nominal: DataArray) -> list[Finding]:
+    contact, load = results["contact_above_hardness_fraction"], results["load_above_hardness_fraction"]
+    beyond = load > ABOVE_HARDNESS
+    if not bool(beyond.any()):
+        return []
+    extent = _extent(beyond, starred)
+    at = _pressure(given, float(nominal.where(beyond).min())) if given.scaled and given.unit else ""
+    text = (
+        f"contact pressure exceeds the hardness {given.hardness_text} at {extent}, "
+        f"from {at or 'p* = ' + format(extent.first, '.3g')} on: {_percent(_at_highest(contact, starred))} of the "
+        f"contact and {_percent(_at_highest(load, starred))} of the load at the highest load; yield is not computed"
+    )
+    return [Finding("hardness", text, ABOVE_HARDNESS, HARDNESS, extent)]
+
+
+def _metal(given: Setting, contact: float, extent: str) -> list[Finding]:
+    """Return the lack of a hardness, unless the contact pressure over E* (NaN: not known) is below any yield."""
+    if given.unit is None or given.hardness is not None or contact < SOFTEST:
+        return []
+    if convert(given.modulus, given.unit, "GPa") < METAL:
+        return []
+    modulus = f"{convert(given.modulus, given.unit, 'GPa'):.3g} GPa"
+    reached = "" if math.isnan(contact) else f" (mean in contact: {extent}{_pressure(given, contact, 'GPa')})"
+    text = f"contact modulus {modulus} is metal-like and no hardness is given: no yield limits the pressure{reached}"
+    return [Finding("metal", text, SOFTEST, HARDNESS)]
+
+
+def _drop_unknown(given: Setting) -> Finding:
+    text = f"pressure_drop {given.drop_text} cannot be compared with the contact pressure: the modulus has no unit"
+    return Finding("pressure_drop", text, LARGEST_DROP, COUPLING)
+
+
+def _drop(given: Setting, starred: DataArray, nominal: DataArray) -> list[Finding]:
+    """Return the states at which the drop is not small; ``starred`` is NaN where no leak rate is stored."""
+    if math.isnan(given.drop):
+        return [_drop_unknown(given)]
+    beyond = (given.drop > LARGEST_DROP * nominal) & starred.notnull()
+    if not bool(beyond.any()):
+        return []
+    extent = _extent(beyond, starred)
+    highest = float(nominal.where(beyond).max())
+    text = (
+        f"pressure_drop {given.drop_text} is more than {LARGEST_DROP} of the nominal pressure at {extent}, "
+        f"up to {_pressure(given, highest)}: the fluid would carry part of the load there, and widen the gap"
+    )
+    return [Finding("pressure_drop", text, LARGEST_DROP, COUPLING, extent)]
+
+
+def _rim(ratios: np.ndarray) -> list[Finding]:
+    ratios = ratios[np.isfinite(ratios)]
+    middle = float(np.median(ratios)) if ratios.size else math.nan
+    if not middle < RIM:
+        return []
+    low = int(np.sum(ratios < RIM))
+    what = f", median of {ratios.size} cases" if ratios.size > 1 else ""
+    text = (
+        f"the rim carries more than the middle: the central half of each side has {middle:.2f} of the mean pressure at "
+        f"the last state{what} (limit {RIM}); record: {{region: interior}} leaves the rim out"
+    )
+    return [Finding("rim", text, RIM, FREE_PATCH, Extent(low, ratios.size))]
+
+
+def _at_highest(values: DataArray, starred: DataArray) -> float:
+    """Return the value at the state of highest load."""
+    load = starred.fillna(-1.0).values
+    return float(values.transpose(*starred.dims).values.ravel()[int(np.argmax(load))])
+
+
+def _extent(beyond: DataArray, starred: DataArray) -> Extent:
+    """Return how many cases and states are beyond a limit, of those whose p* is not missing."""
+    compared = starred.notnull()
+    cases, of_cases, states, of_states = (
+        int(mask.sum()) for mask in (beyond.any("step"), compared.any("step"), beyond, compared)
+    )
+    return Extent(cases, of_cases, states, of_states, float(starred.where(beyond).min()))
+
+
+def _pressure(given: Setting, over_modulus: float, unit: str | None = None) -> str:
+    """Return a pressure over E* in the unit shown, or as it is where the modulus has none."""
+    if given.unit is None:
+        return f"{over_modulus:.3g} E*"
+    unit = unit or given.shown
+    return f"{convert(over_modulus * given.modulus, given.unit, unit):.3g} {unit}"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %"

@@ -1,0 +1,11 @@
+from . import closed_forms as closed_forms
+from .halfspace import HalfSpace as HalfSpace
+from .loading import Compliance as Compliance
+from .loading import Contact as Contact
+from .loading import Trials as Trials
+from .loading import solve as solve
+from .loading import sweep as sweep
+from .search import first_indentation as first_indentation
+from .search import indentation_for as indentation_for
+from .tuning import TUNING as TUNING
+from .tuning import Tuning as Tuning

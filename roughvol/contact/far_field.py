@@ -1,0 +1,247 @@
+"""The preconditioner: the near field of K⁻¹, corrected for the far field by blocks of elements and blocks of blocks.
+
+What the near field leaves are collective modes: regions of the contact shift load among each other. Let t be the
+pressure that answers a uniform further indentation, K t = 1 on the contact. Under its share of t, a block of 8 × 8
+elements moves almost evenly, because all of the contact does under t. Pressures are split into t-shaped forces on
+blocks, and a rest without force on any block. The rest reaches no further than the neighbouring blocks:
+
+    M⁻¹ = P C Pᵀ + (1 - P Xᵀ) B (1 - X Pᵀ),        X = E + N C.
+
+P spreads the force of a block over its elements as t is spread there. Pᵀ takes the mean over a block, weighted by t.
+E gives all elements of a block one value. N holds, for forces on a block and the eight around it, the departure of the
+displacement from its mean over the block. B is the near field on the elements.
+
+C ≈ (Pᵀ K P)⁻¹ is the same problem with a 64th of the elements: its nearest coefficients are summed exactly, the others
+are those of points. It is solved in the same way, down to some hundred blocks and a factorisation.
+
+M⁻¹ is symmetric, and positive definite for any t ≥ 0, N and positive definite C. Numbers have 32 bits: rounding is far
+smaller than the approximations.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, sparse
+
+from roughvol.contact.kernels import influence_matrix
+from roughvol.contact.tuning import TUNING, Tuning
+from roughvol.typing import Array, Index, Map, Single
+
+_AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))  # offsets to the blocks around a block, and itself
+_CENTRE = _AROUND.index((0, 0))
+
+
+def by_blocks(
+    near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any], tuning: Tuning = TUNING
+) -> Map:
+    """Return r ↦ M⁻¹ r on the elements, see the docstring of the module.
+
+    Parameters
+    ----------
+    near : callable
+        B, symmetric and positive definite.
+    influence : array
+        K(i, j) of the non-negative offsets.
+    shape : tuple of int
+        Rows and columns of the grid.
+    elements : array (n,)
+        Flat indices, increasing.
+    t : array (n,)
+        Pressure under uniform further indentation, ≥ 0.
+    tuning : Tuning
+        Constants.
+
+    References
+    ----------
+    J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 ("BNN", two levels).
+    """
+    return _corrected(near, Level(influence, shape, elements, t, tuning), tuning)
+
+
+def _corrected(near: Map, blocks: Level, tuning: Tuning) -> Map:
+    """Return M⁻¹ for the elements that make up the blocks."""
+    solved = _between_blocks(blocks, tuning)
+    spread, moved, count = blocks.spread, blocks.moved, blocks.numbers.size
+    mean, moments = spread.T, moved.T
+
+    def apply(r: NDArray[Any]) -> NDArray[Any]:
+        r = r.astype(np.float32, copy=False)
+        means = mean @ r  # Pᵀ r
+        forces = solved(means)  # C Pᵀ r
+        z = near(r - moved @ np.concatenate((forces, means)))  # B (1 - X Pᵀ) r; N and E side by side
+        back = moments @ z  # Nᵀ z and Eᵀ z
+        forces -= solved(back[:count])
+        forces -= back[count:]
+        z += spread @ forces
+        return z
+
+    return apply
+
+
+def _between_blocks(blocks: Level, tuning: Tuning) -> Map:
+    """Return C, the inverse of the operator between blocks: a factorisation, or this same method for many blocks."""
+    if blocks.numbers.size > tuning.factorised_up_to:
+        above = Level(blocks.influence, blocks.shape, blocks.numbers, blocks.mass, tuning, blocks)
+        return _corrected(_near_field(blocks, tuning.least_pivot), above, tuning)
+    matrix = influence_matrix(blocks.influence, blocks.numbers)
+    here, k = np.nonzero(blocks.neighbours < blocks.numbers.size)
+    matrix[here, blocks.neighbours[here, k]] = blocks.near[here, k]
+    try:
+        factor = linalg.cho_factor(matrix, lower=True, check_finite=False)
+    except linalg.LinAlgError:  # points for blocks were too rough; not seen on any contact
+        return _near_field(blocks, tuning.least_pivot)
+    return lambda r: linalg.cho_solve(factor, r, check_finite=False).astype(np.float32)
+
+
+class Level:
+    """Elements in blocks, and the operator between the blocks, Pᵀ K P.
+
+    Parameters
+    ----------
+    influence, shape, elements, t, tuning
+        As in `by_blocks`.
+    below : Level, optional
+        The level whose blocks are the elements of this one.
+
+    Attributes
+    ----------
+    shape, influence, numbers
+        Grid of blocks, kernel between distant ones, flat indices of those that hold elements.
+    mass : array (blocks,)
+        Sum of t over each block.
+    neighbours : array (blocks, 9)
+        Number, in `numbers`, of each of the blocks around; their count where there is none.
+    near : array (blocks, 9)
+        Exact coefficients between those.
+    spread, moved : sparse arrays (n, blocks), (n, 2 blocks)
+        P; N and E side by side.
+    """
+
+    def __init__(
+        self,
+        influence: Array,
+        shape: tuple[int, int],
+        elements: Index,
+        t: NDArray[Any],
+        tuning: Tuning = TUNING,
+        below: Level | None = None,
+    ) -> None:
+        side = tuning.block_side
+        self.shape = (-(-shape[0] // side), -(-shape[1] // side))
+        self.influence = influence[::side, ::side]
+        row, column = np.divmod(elements.astype(np.int32), np.int32(shape[1]))
+        width = self.shape[1] + 2
+        block = (row // side + 1) * width + column // side + 1
+        occupied = np.flatnonzero(np.bincount(block))
+        count = occupied.size
+        number = np.full((self.shape[0] + 2) * width, count, dtype=np.int32)
+        number[occupied] = np.arange(count, dtype=np.int32)
+        x, y = np.divmod(occupied, width)
+        self.numbers: Index = (x - 1) * self.shape[1] + y - 1
+        self.neighbours: NDArray[np.int32] = number[occupied[:, None] + np.array([i * width + j for i, j in _AROUND])]
+        of_element = number[block]
+        within = (row % side) * side + column % side
+        place = of_element.astype(np.intp) * side**2 + within
+        shapes = np.zeros((count, side**2), dtype=np.float32)
+        shapes.ravel()[place] = np.maximum(t, 1e-9 * t.max()) if t.any() else 1.0  # no block without force
+        self.mass: Single = shapes.sum(axis=1)
+        shapes /= self.mass[:, None]
+        share = shapes.ravel().take(place)
+        start = np.arange(elements.size + 1, dtype=np.int32)
+        self.spread = sparse.csr_array((share, of_element, start), shape=(elements.size, count))
+
+        # displacement of every element under a unit force on each of the blocks around; the last column is E
+        fields = np.empty((count + 2, len(_AROUND) * side**2), dtype=np.float32)
+        fields[count:] = [[0.0], [1.0]]  # of no block, and E
+        given = influence[: 2 * side, : 2 * side]
+        np.matmul(shapes, _tables(given.tobytes(), given.shape[0], side), out=fields[:count])
+        begin = np.full((count, len(_AROUND) + 1), (count + 1) * fields.shape[1], dtype=np.intp)
+        begin[:, :-1] = self.neighbours * fields.shape[1] + np.arange(len(_AROUND)) * side**2
+        data = np.empty((elements.size, len(_AROUND) + 1), dtype=np.float32)
+        gathered = tuning.cache // 64  # elements at a time, to stay in cache
+        for first in range(0, elements.size, gathered):
+            some = slice(first, first + gathered)
+            at = begin.take(of_element[some], axis=0)
+            at += within[some, None]
+            fields.ravel().take(at, out=data[some], mode="clip")
+        if below is not None:  # the elements are blocks themselves: those around them act by more than points do
+            points = [_at(influence, i, j) for i, j in _AROUND]
+            here, k = np.nonzero(below.neighbours < elements.size)
+            other = below.neighbours[here, k]
+            excess = (below.near[here, k] - np.array(points)[k]) * share[other]
+            towards = np.zeros(2 * width + 3, dtype=np.intp)
+            towards[[(i + 1) * width + j + 1 for i, j in _AROUND]] = np.arange(len(_AROUND))
+            column_of = towards[block[other] - block[here] + width + 1]
+            data += np.bincount(here * data.shape[1] + column_of, excess, data.size).reshape(data.shape)
+        means = self.spread.T @ data
+        self.near: Single = means[:, :-1].copy()
+        means[:, -1] = 0.0
+        data -= means.take(of_element, axis=0)
+        where = np.empty(begin.shape, dtype=np.int32)
+        where[:, :-1] = np.minimum(self.neighbours, count - 1)
+        where[:, -1] = np.arange(count, 2 * count)
+        where = where.take(of_element, axis=0)
+        start = np.arange(0, data.size + 1, data.shape[1], dtype=np.int32)
+        self.moved = sparse.csr_array((data.ravel(), where.ravel(), start), shape=(elements.size, 2 * count))
+
+
+@lru_cache(maxsize=16)
+def _tables(influence: bytes, rows: int, side: int) -> Single:
+    """Return, side by side for the blocks around, the displacement of each element of a block by each of theirs."""
+    given = np.frombuffer(influence).reshape(rows, -1)
+    kernel = np.zeros((2 * side, 2 * side))
+    kernel[: given.shape[0], : given.shape[1]] = given
+    place = np.arange(side)
+    tables = np.empty((side**2, len(_AROUND), side**2), dtype=np.float32)
+    for k, (i, j) in enumerate(_AROUND):
+        row = np.abs(place[:, None] + i * side - place)
+        column = np.abs(place[:, None] + j * side - place)
+        tables[:, k] = kernel[row[:, None, :, None], column[None, :, None, :]].reshape(side**2, side**2)
+    return tables.reshape(side**2, -1)
+
+
+def _at(influence: Array, row: int, column: int) -> float:
+    """Return K at an offset, and the nearest coefficient on a grid that does not reach so far (it is not used)."""
+    return float(influence[min(abs(row), influence.shape[0] - 1), min(abs(column), influence.shape[1] - 1)])
+
+
+def _near_field(blocks: Level, least_pivot: float) -> Map:
+    """Return the near field of the operator between blocks, from the blocks around that come before.
+
+    As in `near_field`, but coefficients differ from block to block, so the small systems cannot be tabulated. All are
+    solved at once, by a Cholesky factorisation whose numbers are vectors over the blocks.
+    """
+    before = _AROUND[: _CENTRE + 1]
+    count, size = blocks.numbers.size, len(before)
+    members = [blocks.neighbours[:, k] for k in range(size)]
+    present = np.array([member < count for member in members])
+    near = np.vstack((blocks.near, np.zeros((1, len(_AROUND)), dtype=np.float32)))
+    factor = np.zeros((size, size, count), dtype=np.float32)
+    for i, (row, column) in enumerate(before):
+        factor[i, i] = np.where(present[i], near[members[i], _CENTRE], 1.0)
+        for j, (other_row, other_column) in enumerate(before[:i]):
+            offset = other_row - row, other_column - column
+            if offset in _AROUND:
+                factor[i, j] = near[members[i], _AROUND.index(offset)] * present[j]
+            else:
+                factor[i, j] = _at(blocks.influence, *offset) * (present[i] & present[j])
+    least = least_pivot * np.diagonal(factor).T
+    for j in range(size):
+        factor[j, j] = np.sqrt(np.maximum(factor[j, j], least[j]))
+        factor[j + 1 :, j] /= factor[j, j]
+        for i in range(j + 1, size):
+            factor[i, j + 1 : i + 1] -= factor[i, j] * factor[j + 1 : i + 1, j]
+    rows = np.zeros((size, count), dtype=np.float32)
+    rows[-1] = 1.0 / factor[-1, -1]
+    for i in range(size - 2, -1, -1):
+        rows[i] = -(factor[i + 1 :, i] * rows[i + 1 :]).sum(axis=0) / factor[i, i]
+    rows *= present
+    start = np.arange(0, rows.size + 1, size, dtype=np.int32)
+    where = np.minimum(members, count - 1).T.ravel()
+    inverse = sparse.csr_array((rows.T.ravel(), where, start), shape=(count, count))
+    transposed = inverse.T
+    return lambda r: transposed @ (inverse @ r)

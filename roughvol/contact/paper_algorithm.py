@@ -1,0 +1,64 @@
+"""The paper's Algorithm 1, kept as a reference for small grids."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import linalg
+
+from roughvol.contact.kernels import influence_matrix
+from roughvol.contact.problem import Problem
+from roughvol.contact.state import State
+from roughvol.errors import ContactError, ConvergenceError
+
+LARGEST = 65  # elements along a side: the matrix is dense
+GAUSS_SEIDEL = 100_000  # sweeps for one contact set
+
+
+def solve_paper(
+    problem: Problem, indentation: float, now: State, _before: State | None, rtol: float
+) -> tuple[State, int, float]:
+    """Solve one indentation by Algorithm 1: from the rigid overlap, tensile elements leave, Gauss-Seidel inside.
+
+    Every indentation starts anew. An element that has left does not come back; for the Love kernel none has to.
+
+    Returns
+    -------
+    state, sweeps of Gauss-Seidel, residual η/σ.
+
+    Raises
+    ------
+    ContactError
+        A grid larger than 65 × 65.
+    ConvergenceError
+        The residual was not reached.
+    """
+    if max(problem.shape) > LARGEST:
+        message = f"method 'paper' takes grids up to {LARGEST} × {LARGEST} (m = 6); this one is {problem.shape}"
+        raise ContactError(message)
+    elements = np.flatnonzero(problem.heights > -indentation)
+    sweeps = 0
+    while True:
+        matrix = influence_matrix(problem.half_space.influence, elements)
+        lower = np.tril(matrix)
+        upper = np.triu(matrix, 1)
+        b = problem.heights[elements] + indentation
+        p = np.zeros(b.size)
+        for _ in range(GAUSS_SEIDEL):
+            w = matrix @ p - b
+            if np.abs(w).max(initial=0.0) <= 0.1 * rtol:
+                break
+            p = linalg.solve_triangular(lower, b - upper @ p, lower=True, check_finite=False)
+            sweeps += 1
+        else:
+            message = f"Gauss-Seidel not converged to {0.1 * rtol:g}"
+            residual = float(np.abs(w).max())
+            raise ConvergenceError(message, indentation=indentation, iterations=sweeps, residual=residual)
+        tensile = p < 0.0
+        if not tensile.any():
+            break
+        elements = elements[~tensile]
+    state, residual = problem.verified(indentation, elements, p, indentation - now.indentation)
+    if residual > rtol:
+        message = f"Algorithm 1 not converged to {rtol:g}"
+        raise ConvergenceError(message, indentation=indentation, iterations=sweeps, residual=residual)
+    return state, sweeps, residual

@@ -1,0 +1,163 @@
+"""Parts of a surface: a contact seen through a window of its elements, and central squares of several widths.
+
+A window holds the elements whose centres lie in a region. What is observed in it is that of the loaded surface cut out
+there; lengths stay over the Sq of the whole, pressures over its E* Sq/L.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+from roughvol.contact.loading import Contact
+from roughvol.errors import ContactError, Problem, StudyError
+from roughvol.observables import transport, void
+from roughvol.study import Case, Level, Region, RegionWidths
+from roughvol.typing import Array, Mask
+
+Window = tuple[slice, slice]
+QUANTITIES = ("region_widths", "region_transmissivity")
+ROUNDING = 1e-9  # of a position over the length of its axis
+
+
+class Within:
+    """A contact seen through a window of its elements: area, pressure, free volume and fields are those inside."""
+
+    def __init__(self, contact: Contact, window: Window) -> None:
+        self.whole, self._window = contact, window
+
+    def gap(self) -> Array:
+        """Return g/σ inside."""
+        return self.whole.gap()[self._window]
+
+    def pressure(self) -> Array:
+        """Return p L/(E* σ) inside."""
+        return self.whole.pressure()[self._window]
+
+    def contact(self) -> Mask:
+        """Return where p > 0 inside."""
+        return self.whole.contact()[self._window]
+
+    @cached_property
+    def contact_area_fraction(self) -> float:
+        """A* of the elements inside."""
+        return float(self.contact().mean())
+
+    @cached_property
+    def mean_pressure(self) -> float:
+        """p* of the elements inside, L and σ of the whole."""
+        return float(self.pressure().mean())
+
+    @cached_property
+    def free_volume(self) -> float:
+        """V* of the elements inside, σ of the whole."""
+        return float(self.gap().mean())
+
+    mean_pressure_bound = math.nan  # what is certified is the pressure on the whole surface
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what does not depend on the window."""
+        return getattr(self.whole, name)
+
+
+def within(contact: Contact, case: Case) -> Contact | Within:
+    """Return a contact as seen in the region that a study observes: itself, if that is the whole."""
+    return contact if case.record.region is None else Within(contact, window(case, contact.shape))
+
+
+def window(case: Case, shape: tuple[int, int]) -> Window:
+    """Return the rows and columns of the elements in the region that a study observes.
+
+    Raises
+    ------
+    ContactError
+        If fewer than two lie in it along an axis.
+    """
+    return window_of(case.record.region or Region(), shape)
+
+
+def window_of(region: Region, shape: tuple[int, int]) -> Window:
+    """Return the rows and columns of the elements whose centres lie in a region.
+
+    Raises
+    ------
+    ContactError
+        If fewer than two lie in it along an axis.
+    """
+    slices = []
+    for (start, end), nodes in zip((region.x, region.y), shape, strict=True):
+        first, last = math.ceil(start * (nodes - 1) - ROUNDING), math.floor(end * (nodes - 1) + ROUNDING)
+        if last <= first:
+            message = f"the region {region.label} of {shape[0]} × {shape[1]} elements is fewer than 2 × 2"
+            raise ContactError(message)
+        slices.append(slice(first, last + 1))
+    return slices[0], slices[1]
+
+
+def check(case: Case, shape: tuple[int, int]) -> None:
+    """Refuse a study whose regions hold too few elements of its surface.
+
+    Raises
+    ------
+    StudyError
+        With the region and the shape.
+    """
+    widths = case.record.region_widths
+    asked = [] if case.record.region is None else [("record.region", case.record.region)]
+    if widths is not None:
+        asked += [("record.region_widths.shares", central(share)) for share in widths.shares]
+    problems = []
+    for key, region in asked:
+        try:
+            window_of(region, shape)
+        except ContactError as error:
+            problems.append(Problem(str(error), key))
+    if problems:
+        raise StudyError(problems)
+
+
+def central(share: float) -> Region:
+    """Return the region in the middle whose sides are a share of those of the surface."""
+    sides = (0.5 - 0.5 * share, 0.5 + 0.5 * share)
+    return Region(x=sides, y=sides)
+
+
+def levels(asked: RegionWidths) -> dict[str, dict[str, Level] | None]:
+    """Return the levels by label of what is asked of the central regions; None stands for every step."""
+    wanted = dict(zip(QUANTITIES, (asked.at, asked.transmissivity), strict=True))
+    return {name: void.by_label(states) for name, states in wanted.items() if states is not None}
+
+
+def of_state(
+    whole: Contact, quantities: list[str], windows: Mapping[float, Window]
+) -> tuple[dict[str, Any], dict[str, float]]:
+    """Return the numbers inside each window, and the seconds by quantity.
+
+    Parameters
+    ----------
+    whole : Contact
+        A state of the whole surface.
+    quantities : list of str
+        Of `QUANTITIES`.
+    windows : mapping
+        The window of each width.
+    """
+    values: dict[str, Any] = {}
+    seconds = {}
+    for name in quantities:
+        started = time.perf_counter()
+        if name == "region_widths":
+            contact, pressure, gap = whole.contact(), whole.pressure(), whole.gap()
+            values["contact_area_fraction_within"] = [contact[inside].mean() for inside in windows.values()]
+            values["mean_pressure_within"] = [pressure[inside].mean() for inside in windows.values()]
+            values["free_volume_within"] = [gap[inside].mean() for inside in windows.values()]
+        else:
+            gap = whole.gap()
+            for axis, n in void.AXES:
+                flows = [transport.conduction(gap[inside], n).coefficient for inside in windows.values()]
+                values[f"transmissivity_within_{axis}"] = flows
+        seconds[name] = time.perf_counter() - started
+    return values, seconds

@@ -1,0 +1,2 @@
+from .model import Report as Report
+from .model import assemble as assemble

@@ -1,0 +1,312 @@
+"""Claims about the density of the free volumes and the totals at d = 0 (Section 4, Fig. 12)."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import spearmanr
+
+from roughvol.report.claims import statistics
+from roughvol.report.claims.evidence import PAPER_D, PAPER_M, Given, Lacking, Outcome, V, claim, nearest
+from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, MANY
+from roughvol.report.claims.stored_run import Run
+from roughvol.report.claims.verdict import Check, above, below
+from roughvol.typing import Array
+
+F, EDGES = "volume_density", "volume_density_edges"
+FULCRUM = 0.10  # spread of f(1) over D, relative: "almost independent"
+LOW_D = 2.5  # the fulcrum is sought among the smoother surfaces alone as well: the paper does not say which D it drew
+COARSE_BINS = 10  # of the pooled density in which it is asked whether it decreases: about 4 % of noise a bin at m = 7
+
+
+def densities(run: Run, D: float, m: int) -> tuple[Array, Array]:
+    """Return f (surfaces, bins) and its edges (surfaces, edges) at the last recorded state."""
+    case = run.dataset.sel(D=D, m=m).isel(density_at=-1)
+    return case[F].transpose("seed", "bin").values, case[EDGES].transpose("seed", "edge").values
+
+
+def value_at(f: Array, edges: Array, v: float) -> Array:
+    """Return f(v) of each surface, linear between the centres of bins, 0 beyond the largest volume."""
+    centres = 0.5 * (edges[:, 1:] + edges[:, :-1])
+    return np.array([np.interp(v, x, y, right=0.0) for x, y in zip(centres, f, strict=True)])
+
+
+def pooled(f: Array, edges: Array, bins: int) -> tuple[Array, Array]:
+    """Return the density of all surfaces together on common bins, exactly: through the cumulative shares."""
+    common = np.linspace(0.0, float(edges.max()), bins + 1)
+    below = np.pad(np.cumsum(f * np.diff(edges), axis=1), ((0, 0), (1, 0)))
+    share = np.mean([np.interp(common, x, y) for x, y in zip(edges, below, strict=True)], axis=0)
+    return 0.5 * (common[1:] + common[:-1]), np.diff(share) / np.diff(common)
+
+
+@claim(
+    19,
+    "f(v) by D: falling, a fulcrum at v = 1",
+    "Sec. 4, Fig. 12a",
+    "At d = 0 and m = 7, f(v) decreases about linearly; lower D is steeper with a smaller v_max; f(1) is almost "
+    "independent of D.",
+    needs=BY_D.of(F, EDGES, finest=PAPER_M, m=(PAPER_M,), **DENSITY),
+    figures=("fig12a", "readings_fulcrum"),
+)
+def density_by_D(given: Given) -> Outcome:
+    """Pool f of all surfaces of one D on ten bins up to its v_max, in which sampling noise is small.
+
+    Decreasing: the rank correlation of f with v is below -0.9 for every D (essential), and the largest f is in the
+    first bin for every D (other: "decreasing" to the letter). About linear: R² of a line above 0.9 for every D (other,
+    "approximately"). Steeper and shorter at lower D: the interval of the matched ratios of v_max lies above 1 and of
+    the slopes of f (least-squares line of each surface) below 1, for every pair of neighbouring D (essential). Fulcrum:
+    the means of f(1) over D spread by less than 10 % of their mean (essential: "almost independent").
+    """
+    run = given.run()
+    m = int(nearest(run.m, PAPER_M))
+    checks, numbers = [], []
+    data = {D: densities(run, D, m) for D in run.D}
+    for D, (f, edges) in data.items():
+        v, together = pooled(f, edges, COARSE_BINS)
+        rank = statistics.exact(
+            f"rank_D{D:g}", f"rank correlation of f with v, D = {D:g}", float(spearmanr(v, together).statistic), len(f)
+        )
+        peak = statistics.exact(
+            f"peak_D{D:g}", f"v of the largest f over v_max, D = {D:g}", v[together.argmax()] / edges.max(), len(f)
+        )
+        line = statistics.exact(
+            f"line_D{D:g}", f"R² of a line, D = {D:g}", statistics.straightness(v, together), len(f)
+        )
+        checks.append(Check(f"f falls with v at D = {D:g} (rank correlation below -0.9)", rank.value < -0.9, rank))
+        checks.append(
+            Check(f"f is largest at v = 0 for D = {D:g}", bool(together.argmax() == 0), peak, essential=False)
+        )
+        checks.append(Check(f"a line fits f at D = {D:g} (R² above 0.9)", line.value > 0.9, line, essential=False))
+        numbers.append(statistics.mean(f"f1_D{D:g}", f"f(1) at D = {D:g}", value_at(f, edges, 1.0)))
+    for low, high in pairwise(run.D):
+        largest = statistics.ratio(
+            f"vmax_{low:g}_{high:g}",
+            f"v_max at D = {high:g} over that at {low:g}",
+            data[high][1][:, -1] / data[low][1][:, -1],
+        )
+        slopes = statistics.ratio(
+            f"slope_{low:g}_{high:g}",
+            f"slope of f at D = {high:g} over that at {low:g}",
+            _slopes(*data[high]) / _slopes(*data[low]),
+        )
+        checks.append(Check(f"v_max grows from D = {low:g} to {high:g}", above(largest, 1.0), largest))
+        checks.append(Check(f"f is flatter at D = {high:g} than at {low:g}", below(slopes, 1.0), slopes))
+    spread = statistics.bootstrap("fulcrum", "spread of f(1) over D", lambda s: fulcrum(data, 1.0, s), run.seeds)
+    checks.append(Check(f"f(1) spreads by less than {FULCRUM:.0%} over D", spread.value < FULCRUM, spread))
+    best = best_fulcrum(data)
+    numbers.append(statistics.exact("best_v", "v at which f depends least on D", best[0], run.seeds))
+    numbers.append(statistics.exact("best_spread", "spread of f there", best[1], run.seeds))
+    few = {D: pair for D, pair in data.items() if D <= LOW_D}
+    among = ""
+    if 1 < len(few) < len(data):
+        best_low = best_fulcrum(few)
+        numbers.append(
+            statistics.exact("best_v_low", f"v at which f depends least on D ≤ {LOW_D:g}", best_low[0], run.seeds)
+        )
+        numbers.append(statistics.exact("best_spread_low", "spread of f there", best_low[1], run.seeds))
+        among = f"; for D ≤ {LOW_D:g} alone there is one, {best_low[1]:.0%} at v = {best_low[0]:.2g}" * (
+            best_low[1] < FULCRUM
+        )
+    peaks = [D for D, check in zip(run.D, checks[1 : 3 * len(run.D) : 3], strict=True) if not check.met]
+    least = (
+        f"f has a maximum inside for D = {', '.join(f'{D:g}' for D in peaks)}"
+        if peaks
+        else "f is largest at 0 for every D"
+    )
+    why = f"f(1) spreads by {spread.value:.0%} over D (least, {best[1]:.0%}, at v = {best[0]:.2g}){among}; {least}."
+    return Outcome(checks, why, [run], numbers)
+
+
+def _slopes(f: Array, edges: Array) -> Array:
+    centres = 0.5 * (edges[:, 1:] + edges[:, :-1])
+    return np.array([-statistics.slope(x, y) for x, y in zip(centres, f, strict=True)])
+
+
+def fulcrum(data: dict[float, tuple[Array, Array]], v: float, seeds: NDArray[np.intp], scale: float = 1.0) -> float:
+    """Return (largest - smallest)/mean over D of the mean f(v); volumes multiplied by ``scale`` beforehand."""
+    means = [float(np.mean(value_at(f[seeds], edges[seeds], v / scale))) for f, edges in data.values()]
+    return (max(means) - min(means)) / float(np.mean(means)) if np.mean(means) > 0.0 else math.nan
+
+
+def best_fulcrum(data: dict[float, tuple[Array, Array]]) -> tuple[float, float]:
+    """Return the v below the smallest v_max at which f depends least on D, and the spread there."""
+    largest = min(float(edges[:, -1].min()) for _, edges in data.values())
+    seeds = np.arange(min(len(f) for f, _ in data.values()))
+    spreads = {v: fulcrum(data, v, seeds) for v in np.linspace(0.0, largest, 100)[1:]}
+    best = min(spreads, key=lambda v: spreads[v])
+    return float(best), spreads[best]
+
+
+@claim(
+    20,
+    "V* at d = 0 shrinks as D does",
+    "Sec. 4",
+    "At the maximum indentation V* diminishes by reducing D.",
+    needs=BY_D.of(V),
+    figures=("fig06a", "seeds"),
+)
+def volume_shrinks(given: Given) -> Outcome:
+    """Compare matched pairs of surfaces at the last step: the interval of V*(D') - V*(D) lies above 0."""
+    run = given.run()
+    m = max(run.m)
+    checks = []
+    for low, high in pairwise(run.D):
+        each = run.last(V, D=high, m=m) - run.last(V, D=low, m=m)
+        number = statistics.mean(
+            f"rise_{low:g}_{high:g}", f"V*(D = {high:g}) - V*(D = {low:g}) at d = 0, m = {m}", each
+        )
+        checks.append(Check(f"V* grows from D = {low:g} to {high:g}", above(number, 0.0), number))
+    numbers = [statistics.mean(f"V_D{D:g}", f"V* at d = 0, D = {D:g}, m = {m}", run.last(V, D=D, m=m)) for D in run.D]
+    why = (
+        f"V* at d = 0 grows from {numbers[0].value:.2f} at D = {run.D[0]:g} to {numbers[-1].value:.2f} at D = "
+        f"{run.D[-1]:g}."
+    )
+    return Outcome(checks, why, [run], numbers)
+
+
+def moments(run: Run, D: float) -> dict[int, tuple[Array, Array, Array]]:
+    """Return for each m the mean volume, the mean of f over its bins and the largest volume of every surface."""
+    found = {}
+    for m in run.m:
+        f, edges = densities(run, D, m)
+        centres = 0.5 * (edges[:, 1:] + edges[:, :-1])
+        mean_volume = np.sum(f * centres * np.diff(edges), axis=1)
+        found[m] = mean_volume, f.mean(axis=1), edges[:, -1]
+    return found
+
+
+@claim(
+    21,
+    "f(v) by m: a shift over decades along a line of slope -1",
+    "Sec. 4, Fig. 12b",
+    "For m = 3 to 8 f and v_max shift by up to 4 orders of magnitude; the means (v, f) lie on a line of slope -1.",
+    needs=BY_M.of(F, EDGES, **DENSITY),
+    figures=("fig12b",),
+)
+def density_by_m(given: Given) -> Outcome:
+    """Fit to every surface the least-squares line through (log v̄, log f̄) over all m; f̄ is the mean of f over its bins.
+
+    Slope -1: the mean is within 0.05 of it (essential; two digits would be 0.005, but a line "provides" the slope by
+    an argument, not by a fit). Four orders: the larger of the shifts of v_max and of f̄ between the smallest
+    and the largest m rounds to 4 (3.5 to 4.5 decades; other, "up to").
+    """
+    run = given.run()
+    found = moments(run, PAPER_D)
+    v, f, largest = (np.log10([found[m][k] for m in run.m]) for k in range(3))
+    slope = statistics.mean(
+        "slope", "slope of the line of means", [statistics.slope(x, y) for x, y in zip(v.T, f.T, strict=True)]
+    )
+    shift_v = statistics.mean(
+        "decades_v", f"decades between v_max at m = {run.m[0]} and {run.m[-1]}", largest[0] - largest[-1]
+    )
+    shift_f = statistics.mean("decades_f", f"decades between mean f at m = {run.m[-1]} and {run.m[0]}", f[-1] - f[0])
+    decades = max(shift_v, shift_f, key=lambda number: number.value)
+    checks = [
+        Check("slope of the line of means is -1 within 0.05", abs(slope.value + 1.0) <= 0.05, slope),
+        Check("the shift rounds to 4 decades", 3.5 <= decades.value < 4.5, decades, essential=False),
+    ]
+    whole = (run.m[-1] - run.m[0]) * math.log10(4.0)
+    why = (
+        f"The line of means has slope {slope.value:.3f}; the shift is {decades.value:.1f} decades, of which the "
+        f"area of an element makes {whole:.1f}."
+    )
+    return Outcome(checks, why, [run], [shift_v if decades is shift_f else shift_f])
+
+
+@claim(
+    22,
+    "A shift of 0.7 per m, since v̄ ~ (L/2^m)^D",
+    "Sec. 4",
+    "The mean volume goes as (L/2^m)^D: log v̄ shifts by 0.7 per m, close to the observed log 8 - log 2 = 0.6.",
+    needs={
+        "": BY_M.of(F, EDGES, **DENSITY),
+        "wide": MANY.of(V, by="D", D=(2.1, 2.9), m=(5, 6, 7), seeds=10, optional=True),
+    },
+    figures=("shift",),
+)
+def shift_per_m(given: Given) -> Outcome:
+    """Fit the exponent q of v̄ ~ (L/2^m)^q, from the slope of log v̄ over m of every surface, all m.
+
+    Met if the interval of q contains D = 2.3 (essential). The observed 0.6 is met if the mean shift per m rounds to it
+    (other). The area of an element alone gives q = 2 and a shift of log10 4 = 0.602. Where a run has several D and m
+    the law is tested where it must differ most: q at the largest and the smallest D, to be told apart by their D
+    (essential if there is such a run).
+    """
+    run = given.run()
+    found = moments(run, PAPER_D)
+    logs = np.log10([found[m][0] for m in run.m])
+    shifts = -np.array([statistics.slope(run.m, row) for row in logs.T])
+    q = statistics.mean("exponent", f"q in v̄ ~ (L/2^m)^q, D = {PAPER_D:g}", shifts / math.log10(2.0))
+    shift = statistics.mean("shift", "shift of log₁₀ v̄ per m", shifts)
+    checks = [
+        Check(f"q = D = {PAPER_D:g}", q.low <= PAPER_D <= q.high, q),
+        Check("the shift rounds to 0.6", round(shift.value, 1) == 0.6, shift, essential=False),
+    ]
+    sources, other = [run], ""
+    for wide in [each for each in given.runs("wide") if len(each.m) > 2][:1]:
+        powers = [mean_volume_exponents(wide, D) for D in (wide.D[0], wide.D[-1])]
+        number = statistics.mean("difference", f"q(D = {wide.D[-1]:g}) - q(D = {wide.D[0]:g})", powers[1] - powers[0])
+        expected = wide.D[-1] - wide.D[0]
+        checks.append(
+            Check(f"q differs by the difference of D, {expected:.1f}", number.low <= expected <= number.high, number)
+        )
+        sources.append(wide)
+        other = f"; between D = {wide.D[0]:g} and {wide.D[-1]:g} q changes by {number.value:.2f}, not {expected:.1f}"
+    numbers = [
+        statistics.mean(f"mean_volume_m{m}", f"mean volume of the open elements at m = {m} [length³]", found[m][0])
+        for m in run.m
+    ]
+    why = (
+        f"q = {q}: the shift is {shift.value:.3f} per m, of which the area of an element makes log₁₀ 4 = 0.602{other}."
+    )
+    return Outcome(checks, why, sources, numbers)
+
+
+def mean_volume_exponents(run: Run, D: float) -> Array:
+    """Return q of every surface from the mean volume over all elements, v̄ = V* σ δ²."""
+    logs = [np.log2(run.last(V, D=D, m=m) * run.values("Sq", D=D, m=m) * (run.L / 2**m) ** 2) for m in run.m]
+    return -np.array([statistics.slope(run.m, row) for row in np.array(logs).T])
+
+
+@claim(
+    23,
+    "V* at d = 0 decays with m",
+    "Sec. 4",
+    "Increasing m, the net result of the integration is a decay of V* (at the maximum contact).",
+    needs=BY_M.of(V),
+    figures=("volume_by_m",),
+)
+def volume_decays(given: Given) -> Outcome:
+    """Fit a line to V* at the last step over m, for every surface.
+
+    Essential: the paper's own sum, V/(L²σ) over (2^m + 1)² elements of side δ, decays (interval of the slope below 0);
+    that sum covers more than L² and carries a factor (1 + 2^-m)² of its own. Other: the decay is still there
+    without that factor, as a mean over the elements; and over the four finest m alone, where the factor has gone.
+    """
+    run = given.run()
+    if len(run.m) < 3:
+        message = "three m at least"
+        raise Lacking(message)
+    pure = np.array([run.last(V, D=PAPER_D, m=m) for m in run.m])
+    literal = pure * np.array([[(1.0 + 2.0**-m) ** 2] for m in run.m])
+    fits = {
+        "literal": (literal, run.m, "V/(L²σ), as printed"),
+        "mean": (pure, run.m, "V* as a mean over elements"),
+        "finest": (pure[-4:], run.m[-4:], "the same at the finest m alone"),
+    }
+    checks = []
+    for key, (values, ms, words) in fits.items():
+        number = statistics.mean(
+            f"slope_{key}", f"change per m of {words}", [statistics.slope(ms, row) for row in values.T]
+        )
+        checks.append(Check(f"{words} decays", below(number, 0.0), number, essential=key == "literal"))
+    numbers = [statistics.mean(f"V_m{m}", f"V* at d = 0, m = {m}", row) for m, row in zip(run.m, pure, strict=True)]
+    first, last = run.m[0], run.m[-1]
+    why = (
+        f"From m = {first} to {last} the literal sum goes from {literal[0].mean():.3f} to {literal[-1].mean():.3f}, "
+        f"the mean over elements from {pure[0].mean():.3f} to {pure[-1].mean():.3f}."
+    )
+    return Outcome(checks, why, [run], numbers)

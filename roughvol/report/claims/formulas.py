@@ -1,0 +1,173 @@
+"""Claims about the theories of the free volume: the bearing area (Eq. 4) and the box dimension (Eqs. 5 to 11)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from roughvol.observables import box_counting
+from roughvol.observables.free_volume import domain
+from roughvol.report.claims import paper_formulas, statistics
+from roughvol.report.claims.evidence import D_SIGMA, PAPER_D, A, Given, Outcome, V, claim
+from roughvol.report.claims.needs import FIELD, ONE_D
+from roughvol.report.claims.shape import Field, field
+from roughvol.report.claims.verdict import Check
+from roughvol.typing import Array, Mask
+
+BINS = (25, 50, 100, 200, 400)  # K of Eq. 9 to 11
+CLOSE = 0.10  # relative difference from the computed V* up to which a formula gives an estimate
+LINEAR = 0.05  # departure from a line over the range, which no reader would overlook
+
+
+@claim(
+    17,
+    "Eq. 4: V* from the bearing area, linear in A*",
+    "Sec. 4, Eq. 4",
+    "Eq. 4 gives a V* that decays with A*, linearly if heights are Gaussian; the computed decay is not quite linear.",
+    needs=ONE_D.of(V, A, D_SIGMA),
+    figures=("theory_bearing",),
+)
+def bearing_area(given: Given) -> Outcome:
+    """Evaluate Eq. 4 along the loading, at the computed d/σ and A* of every step.
+
+    It must decay (essential). Linear: the largest departure of V*(A*) of Eq. 4 (Gaussian) from its least-squares line
+    is below 5 % of its range (essential; the factor 1 - A* is linear, the integral moves with d as well). Not quite
+    linear: the computed V*(A*) departs by more than that (essential). An estimate: at d = 0 Eq. 4 as printed, with the
+    heights' own distribution, is within 10 % of the computed V* (other). The factor (1 - A*) counts the open elements a
+    second time, so the form without it is given too.
+    """
+    run = given.run()
+    D, m = PAPER_D, max(run.m)
+    separation, area, volume = (run.values(name, D=D, m=m) for name in (D_SIGMA, A, V))
+    printed = paper_formulas.bearing_area_volume(separation, "gaussian", area)
+    decays = int((np.diff(printed, axis=1) > 0.0).sum())
+    bend_theory = statistics.mean(
+        "bend_eq4", "largest departure of Eq. 4 from a line in A*", [*map(_bend, area, printed)]
+    )
+    bend_computed = statistics.mean("bend_computed", "the same of the computed V*(A*)", [*map(_bend, area, volume)])
+    last = {
+        "gauss_printed": printed[:, -1],
+        "gauss_without": paper_formulas.bearing_area_volume(separation, "gaussian")[:, -1],
+        "own_printed": np.empty(run.seeds),
+        "own_without": np.empty(run.seeds),
+    }
+    for k, seed in enumerate(run.seed_numbers()):
+        heights = run.surface(D, m, seed).heights
+        own = paper_formulas.bearing_area_volume(separation[k, -1], heights)
+        last["own_without"][k], last["own_printed"][k] = own, own * (1.0 - area[k, -1])
+    words = {"gauss": "Gaussian heights", "own": "own heights", "printed": "as printed", "without": "without 1 - A*"}
+    numbers = []
+    for key, each in last.items():
+        heights_, form = key.split("_")
+        numbers.append(statistics.mean(key, f"V* of Eq. 4 at the last step, {words[heights_]}, {words[form]}", each))
+    computed = statistics.mean("computed", "computed V* at the last step", volume[:, -1])
+    off = statistics.mean(
+        "off", "Eq. 4 as printed (own heights) over the computed V*, less 1", last["own_printed"] / volume[:, -1] - 1.0
+    )
+    checks = [
+        Check("Eq. 4 decays with A*", decays == 0, statistics.exact("rises", "steps at which it rises", decays)),
+        Check(f"it is linear in A* within {LINEAR:.0%}", bend_theory.value < LINEAR, bend_theory),
+        Check(f"the computed V*(A*) is not ({LINEAR:.0%})", bend_computed.value > LINEAR, bend_computed),
+        Check(f"within {CLOSE:.0%} of the computed V* at the last step", abs(off.value) <= CLOSE, off, essential=False),
+    ]
+    why = (
+        f"Eq. 4 bends by {bend_theory.value:.0%} of its range (the integral moves with d as well), and at d = 0 it "
+        f"gives "
+        f"{numbers[2].value:.2f} where {computed.value:.2f} is computed: it knows no elastic displacement."
+    )
+    return Outcome(checks, why, [run], [*numbers, computed])
+
+
+def _bend(x: Array, y: Array) -> float:
+    rest = y - y.mean() - statistics.slope(x, y) * (x - x.mean())
+    return float(np.abs(rest).max() / np.ptp(y))
+
+
+@claim(
+    18,
+    "Eqs. 5-10: V* from the box dimension",
+    "Sec. 4, Eqs. 5-10",
+    "V* is the sum over K intervals of the number of boxes between two thresholds, n_k = (l/δ)^D(k+1) - (l/δ)^D(k), "
+    "times Δv_th.",
+    needs=FIELD,
+    figures=("theory_bins",),
+)
+def volume_of_dimension(given: Given) -> Outcome:
+    """Take the dimensions of the domains at K + 1 thresholds from box counts of the recorded field; l = L.
+
+    The paper's D depends on r and v_th; its mean over r = 1 … 2^m is log N(1)/log 2^m, which with l = L gives the
+    counts back exactly. Essential: with these, and with each element of a bin counted at the volume of the bin, the sum
+    is within 10 % of the computed V* at K = 50. Other: the printed sum, which counts each element at the *width* of
+    its bin, is within 10 % as well; it changes by less than 5 % when K doubles (a sum that stands for an integral
+    must); and one dimension fitted over all r does as well as the mean (it must if N(r) is a power law).
+    """
+    run = given.run()
+    state = field(run)
+    exact, printed, fitted = (estimates(state, kind, weight) for kind, weight in KINDS)
+    over = [value / state.numbers[V] for value in (exact[1], printed[1], fitted[1])]
+    change = abs(printed[3] / printed[2] - 1.0)
+    sum_ = statistics.exact("sum", "Σ n_k v_k over the computed V*, K = 50", over[0])
+    as_printed = statistics.exact("printed", "the printed sum over the computed V*, K = 50", over[1])
+    one = statistics.exact("fitted", "Σ n_k v_k with one fitted dimension over V*, K = 50", over[2])
+    double = statistics.exact("doubling", "change of the printed sum from K = 100 to 200", change)
+    checks = [
+        Check(f"Σ n_k v_k within {CLOSE:.0%} of V*", abs(over[0] - 1.0) <= CLOSE, sum_),
+        Check(f"the printed sum within {CLOSE:.0%} of V*", abs(over[1] - 1.0) <= CLOSE, as_printed, essential=False),
+        Check(
+            "the printed sum has a limit (changes by less than 5 % when K doubles)",
+            change < 0.05,
+            double,
+            essential=False,
+        ),
+        Check(
+            f"one fitted dimension per domain does as well ({CLOSE:.0%})",
+            abs(over[2] - 1.0) <= CLOSE,
+            one,
+            essential=False,
+        ),
+    ]
+    numbers = [
+        statistics.exact(f"printed_{K}", f"V* of the printed sum, K = {K}", value)
+        for K, value in zip(BINS, printed, strict=True)
+    ]
+    why = (
+        f"Counting each element at the volume of its bin gives {over[0]:.3f} of V*; the printed sum counts it at "
+        f"the width "
+        f"of the bin, gives {over[1]:.3f} at K = 50 and falls as 1/K."
+    )
+    return Outcome(checks, why, [run], numbers)
+
+
+KINDS = (("mean", "volume"), ("mean", "width"), ("fit", "volume"))
+
+
+def estimates(state: Field, kind: str, weight: str) -> list[float]:
+    """Return V* of Eqs. 7 to 10 for each K of `BINS`, on the elements that the box counting keeps.
+
+    ``kind`` is "mean" (mean local dimension, log N(1)/log 2^m) or "fit" (least squares over all r).
+    """
+    side = 1 << (min(state.volumes.shape).bit_length() - 1)
+    spacing = state.numbers["spacing"]
+    volumes, contact = state.volumes[:side, :side], state.contact[:side, :side]
+    found = []
+    for K in BINS:
+        edges = np.linspace(0.0, float(volumes.max()), K + 1)
+        dimensions = np.array([_dimension(domain(volumes, edge, contact), kind) for edge in edges])
+        found.append(
+            paper_formulas.volume_from_dimension(
+                edges,
+                dimensions,
+                length=side * spacing,
+                spacing=spacing,
+                Sq=state.numbers["Sq"],
+                area=(side * spacing) ** 2,
+                weight=weight,
+            )
+        )
+    return found
+
+
+def _dimension(mask: Mask, kind: str) -> float:
+    counts = box_counting.box_counts(mask)
+    if kind == "mean":
+        return float(np.log(counts.counts[0]) / np.log(counts.r[-1]))
+    return -statistics.slope(np.log(counts.r), np.log(counts.counts))

@@ -1,0 +1,69 @@
+"""How wrong the quick estimates of leakage are: effective medium and single junction over the flow computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from roughvol.report.claims.evidence import A, Evidence
+from roughvol.report.claims.stored_run import Run
+
+ESTIMATES = {
+    "effective medium": "estimate_medium_transmissivity",
+    "single critical junction": "estimate_junction_transmissivity_{}",
+}
+EDGES = (0.0, 0.05, 0.1, 0.2, 0.3, 1.0)  # of the classes of A*
+FEWEST = 5  # states in a class, below which nothing is said
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """An estimate over the transmissivity computed, at the states of one run with A* in a class, x and y together.
+
+    ``span`` holds 90 % of the states; ``doubled`` is the share of states at which the two differ by more than a factor
+    of two; ``closed`` counts the states at which the estimate lets fluid through and the gap does not, or the reverse.
+    """
+
+    run: str
+    estimate: str
+    area: tuple[float, float]
+    median: float
+    span: tuple[float, float]
+    doubled: float
+    closed: int
+    states: int
+
+
+def ratios(evidence: Evidence) -> list[Ratio]:
+    """Return how far the estimates are off, for every run that holds both them and the flow."""
+    return [ratio for run in evidence.runs for name in ESTIMATES for ratio in _of(run, name)]
+
+
+def _of(run: Run, name: str) -> Iterator[Ratio]:
+    ds = run.dataset
+    pairs = [(ESTIMATES[name].format(axis), f"transmissivity_{axis}") for axis in "xy"]
+    if A not in ds or any(variable not in ds for pair in pairs for variable in pair):
+        return
+    area = np.concatenate([ds[A].values.ravel()] * 2)
+    guess, flow = (np.concatenate([ds[pair[k]].values.ravel() for pair in pairs]) for k in (0, 1))
+    known = np.isfinite(guess) & np.isfinite(flow) & np.isfinite(area)
+    for low, high in pairwise(EDGES):
+        inside = known & (area > low) & (area <= high)
+        open_ = inside & (guess > 0.0) & (flow > 0.0)
+        if open_.sum() < FEWEST:
+            continue
+        ratio = guess[open_] / flow[open_]
+        bounds = np.quantile(ratio, [0.05, 0.95])
+        yield Ratio(
+            run=run.name,
+            estimate=name,
+            area=(low, high),
+            median=float(np.median(ratio)),
+            span=(float(bounds[0]), float(bounds[1])),
+            doubled=float(np.mean((ratio > 2.0) | (ratio < 0.5))),
+            closed=int((inside & ((guess > 0.0) != (flow > 0.0))).sum()),
+            states=int(open_.sum()),
+        )

@@ -1,0 +1,105 @@
+"""Monte Carlo honestly: what ten surfaces, or one, may say where a hundred are known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from roughvol.report.claims import statistics
+from roughvol.report.claims.area_and_volume import exponents
+from roughvol.report.claims.density import mean_volume_exponents
+from roughvol.report.claims.evidence import PAPER_D, A, Evidence, Lacking, P, V, area_slopes, nearest
+from roughvol.report.claims.needs import MANY
+from roughvol.report.claims.stored_run import Run
+from roughvol.report.claims.verdict import Number
+from roughvol.typing import Array
+
+FEW = 10  # surfaces of the paper's Monte Carlo
+ENOUGH = MANY.of(A, P, V, D=(2.1, PAPER_D), seeds=3 * FEW)
+DRAWS = 5000
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A quantity over many surfaces: its mean, and in which 95 % of single surfaces and of means of ten lie.
+
+    ``missed`` is the share of sets of ten whose own t interval does not contain the mean of all.
+    """
+
+    key: str
+    name: str
+    many: Number
+    one: tuple[float, float]
+    ten: tuple[float, float]
+    missed: float
+
+
+@dataclass(frozen=True)
+class Flip:
+    """How often a comparison of two D comes out wrong, with surfaces of different seeds: one of each, ten of each."""
+
+    name: str
+    one: float
+    ten: float
+    n: int
+
+
+def many_seeds(evidence: Evidence) -> tuple[Run, list[Spread], list[Flip]]:
+    """Return what the run with the most surfaces says about fewer of them.
+
+    Sets of ten are drawn without repetition from all, 5000 times, with a fixed seed.
+
+    Raises
+    ------
+    Lacking
+        If no run has what is needed, at least three times ten surfaces.
+    """
+    evidence.best(ENOUGH)
+    runs = [run for run in evidence.fit(ENOUGH) if run.seeds >= 3 * FEW]
+    if not runs:
+        message = f"a run of {3 * FEW} surfaces or more"
+        raise Lacking(message)
+    run = max(runs, key=lambda each: (each.seeds, len(each.D)))
+    random = np.random.Generator(np.random.PCG64(statistics.BOOTSTRAP_SEED))
+    sets = np.array([random.choice(run.seeds, FEW, replace=False) for _ in range(DRAWS)])
+    others = np.array([random.choice(run.seeds, FEW, replace=False) for _ in range(DRAWS)])
+    values = dict(_quantities(run))
+    spreads = [_spread(key, name, each, sets) for key, (name, each) in values.items()]
+    m, flips = max(run.m), []
+    for low, high in zip(run.D[:-1], run.D[1:], strict=True):
+        for symbol, sign in (("V* at d = 0", 1.0), ("A*/p*", -1.0)):
+            first, second = (values[f"{symbol}_{D:g}"][1] for D in (low, high))
+            wrong = sign * (second[:, np.newaxis] - first) < 0.0
+            apart = ~np.eye(run.seeds, dtype=bool)
+            ten = sign * (second[others].mean(axis=1) - first[sets].mean(axis=1)) < 0.0
+            name = f"{symbol}: D = {high:g} against {low:g}, m = {m}"
+            flips.append(Flip(name, float(wrong[apart].mean()), float(ten.mean()), run.seeds))
+    return run, spreads, flips
+
+
+def _quantities(run: Run) -> Iterator[tuple[str, tuple[str, Array]]]:
+    m = max(run.m)
+    slopes, limit = area_slopes(run, run.D, [m])
+    for D in run.D:
+        yield f"V* at d = 0_{D:g}", (f"V* at d = 0, D = {D:g}, m = {m}", run.last(V, D=D, m=m))
+        yield f"A*/p*_{D:g}", (f"A*/p*, D = {D:g}, m = {m} (p* ≤ {limit:.2f})", slopes[D, m])
+    if len(run.m) > 1:
+        D = nearest(run.D, PAPER_D)
+        words = f"D = {D:g}, m = {run.m[0]} to {m}"
+        yield "n", (f"n of A*/p* ~ δ^n, {words}", exponents(run, D, len(run.m))[0])
+        yield "q", (f"q of v̄ ~ δ^q, {words}", mean_volume_exponents(run, D))
+
+
+def _spread(key: str, name: str, each: Array, sets: np.ndarray) -> Spread:
+    many = statistics.mean(key, name, each)
+    drawn = each[sets]
+    means = drawn.mean(axis=1)
+    half = statistics.student_quantile(FEW) * drawn.std(axis=1, ddof=1) / math.sqrt(FEW)
+    tails = [0.025, 0.975]
+    one, ten = (tuple(float(q) for q in np.quantile(values, tails)) for values in (each, means))
+    return Spread(
+        key, name, many, (one[0], one[1]), (ten[0], ten[1]), float((np.abs(means - many.value) > half).mean())
+    )

@@ -1,0 +1,121 @@
+"""A stored run, as claims see it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from roughvol.errors import StudyError
+from roughvol.study import GeneratedSurface, Study, loads
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.surfaces.surface import Surface
+from roughvol.typing import Array
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A stored study: its name, its dataset, and the study itself where its text can be read again."""
+
+    name: str
+    dataset: Dataset
+    study: Study | None = field(default=None)
+
+    @classmethod
+    def of(cls, name: str, dataset: Dataset) -> Run:
+        """Return the run of a dataset as `dataset.read` gives it."""
+        try:
+            return cls(name, dataset, loads(dataset.attrs.get("study", ""), file=name, stored=True))
+        except StudyError:  # of a version that wrote other studies: the numbers still are
+            return cls(name, dataset)
+
+    @property
+    def generated(self) -> GeneratedSurface | None:
+        """How the surfaces were made, None if they were read from a file."""
+        surface = self.study.surface if self.study else None
+        return surface if isinstance(surface, GeneratedSurface) else None
+
+    @property
+    def law(self) -> str:
+        """Midpoint law, empty for surfaces from files."""
+        return self.generated.midpoint_law if self.generated else ""
+
+    @property
+    def end(self) -> str:
+        """Where the sweep ends, empty where nothing was pressed."""
+        return self.study.sweep.target.label if self.study and self.study.sweep.steps else ""
+
+    @property
+    def origin(self) -> str:
+        """Where the heights come from if they were not made, empty if they were."""
+        if self.generated is not None:
+            return ""
+        return "heights from a file" if "case" in self.dataset.dims else "its study cannot be read again"
+
+    @property
+    def steps(self) -> int:
+        """Steps of the sweep, 0 where nothing was pressed."""
+        return self.study.sweep.steps if self.study else int(self.dataset.sizes.get("step", 0))
+
+    @property
+    def rtol(self) -> float:
+        """Largest residual η/σ that the solver was allowed to leave."""
+        return self.study.solver.tolerance if self.study else math.inf
+
+    @property
+    def scaled(self) -> bool:
+        """Whether the heights were scaled to an Sq that the study names."""
+        return self.generated is not None and self.generated.height is not None
+
+    @property
+    def shallowest(self) -> float:
+        """Largest d/σ of a last state."""
+        return float(self.dataset["separation"].isel(step=-1).max()) if "separation" in self.dataset else math.inf
+
+    def computed(self, *, D: float, m: int) -> int:
+        """Return how many surfaces of one D and m are stored."""
+        return int(self.dataset["Sq"].sel(D=D, m=m).notnull().sum())
+
+    @property
+    def L(self) -> float:
+        """Length of the first axis [length]."""
+        return float(self.dataset["L"])
+
+    @property
+    def D(self) -> list[float]:
+        """Fractal dimensions, increasing."""
+        return [float(D) for D in self.dataset["D"].values]
+
+    @property
+    def m(self) -> list[int]:
+        """Refinements, increasing."""
+        return [int(m) for m in self.dataset["m"].values]
+
+    @property
+    def seeds(self) -> int:
+        """Number of surfaces of each D and m."""
+        return int(self.dataset.sizes["seed"])
+
+    def values(self, name: str, *, D: float, m: int) -> Array:
+        """Return a stored variable of one D and m, the surfaces along the first axis."""
+        one = self.dataset[name].sel(D=D, m=m)
+        return np.asarray(one.transpose("seed", ...).values, dtype=np.float64)
+
+    def last(self, name: str, *, D: float, m: int) -> Array:
+        """Return a variable at the last step, shape (seeds,)."""
+        return self.values(name, D=D, m=m)[:, -1]
+
+    def surface(self, D: float, m: int, seed: int) -> Surface:
+        """Return the surface of a case, made again from its labels (nothing of it needs to be stored)."""
+        made = random_midpoint_displacement(D, m, side=self.L, seed=seed, law=self.law)
+        height = self.generated.height if self.generated else None
+        return made if height is None else Surface(made.heights * (height / made.Sq), made.spacing)
+
+    def seed_numbers(self) -> list[int]:
+        """Return the seeds."""
+        return [int(seed) for seed in self.dataset["seed"].values]

@@ -1,0 +1,97 @@
+"""What the ladders of `tradeoff` say: what a digit costs, and which quantities are converged in the resolution."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from roughvol.store.dataset import Dataset
+from roughvol.store.tradeoff_variables import QUANTITIES, RUNG, TABLE
+
+CONVERGED = 0.02  # share of a quantity by which it may still change with m and count as converged
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """What the last refinements say of a quantity at the finest m; changes are root mean squares over surfaces of a D.
+
+    ``change`` is that of the last level relative to the quantity, ``ratio`` over the change before it, ``remaining``
+    the sum of the geometric series still to come (infinite from a ratio of 1 on), ``scatter`` the relative standard
+    deviation over the seeds (NaN for one).
+    """
+
+    D: float
+    quantity: str
+    change: float
+    ratio: float
+    remaining: float
+    scatter: float
+
+    @property
+    def converged(self) -> bool:
+        """Whether less than `CONVERGED` of the quantity is still to come."""
+        return self.remaining <= CONVERGED
+
+
+def convergence(ds: Dataset) -> list[Convergence]:
+    r"""Return how far A*, p* and V* of the last state are from their limits in m, by Richardson's argument.
+
+    .. math:: \text{remaining} = c_M \frac{r}{1 - r}, \qquad r = c_M / c_{M-1}
+
+    with the relative changes c of the last two refinements: the geometric series of those to come, if they go on
+    shrinking as they last did.
+    For each D apart: changes fall about as 2^(-m (3 - D)). Nothing is returned where there are fewer than three levels.
+    """
+    family = ds.isel({RUNG: np.flatnonzero(ds["ladder"].values == "resolution")})
+    if family.sizes[RUNG] < 3:
+        return []
+    found = []
+    for D, quantity in itertools.product(np.unique(ds["D"].values), QUANTITIES):
+        values = family[quantity].values[:, ds["D"].values == D]  # (level, surface)
+        last = values[-1]
+        changes = np.sqrt(np.mean((np.diff(values, axis=0) / last) ** 2, axis=1))
+        ratio = float(changes[-1] / changes[-2]) if changes[-2] > 0.0 else 0.0
+        remaining = float(changes[-1] * ratio / (1.0 - ratio)) if ratio < 1.0 else float("inf")
+        scatter = float(last.std(ddof=1) / last.mean()) if last.size > 1 else float("nan")
+        found.append(Convergence(float(D), quantity, float(changes[-1]), ratio, remaining, scatter))
+    return found
+
+
+def time_saved(ds: Dataset) -> float:
+    """Return the share of time that one digit less of residual saves, between η/σ = 1e-3 and 1e-9 (mixed precision).
+
+    From a straight line through log(seconds) of all surfaces together against the digits: what the sentence
+    "ten times less accuracy costs x per cent less time" says.
+    """
+    chosen = (ds["ladder"].values == "tolerance") & (ds["precision"].values == "mixed")
+    chosen &= (ds["rtol"].values <= 1.1e-3) & (ds["rtol"].values >= 0.9e-9)
+    seconds = ds["seconds"].values[chosen].sum(axis=1)
+    slope = np.polyfit(-np.log10(ds["rtol"].values[chosen]), np.log(seconds), 1)[0]
+    return float(1.0 - np.exp(-slope))
+
+
+def summary(ds: Dataset) -> str:
+    """Return the ladder of tolerances, what a digit costs, and what is converged in m, as lines of text."""
+    ladder = ds.isel({RUNG: np.flatnonzero((ds["ladder"].values == "tolerance") & (ds["precision"].values == "mixed"))})
+    lines = ["η/σ asked   error of A*   of p*     of V*     bound of p*   units a step   seconds"]
+    for k in range(ladder.sizes[RUNG]):
+        row = ladder.isel({RUNG: k})
+        worst = {name: float(row[name].max()) for name in TABLE if row[name].dims == ("surface",) and name != "surface"}
+        lines.append(
+            f"{float(row['rtol']):.0e}       {worst['contact_area_fraction_error']:.1e}       "
+            f"{worst['mean_pressure_error']:.1e}   {worst['free_volume_error']:.1e}   "
+            f"{worst['mean_pressure_bound']:.1e}       {float(row['units'].mean()):5.1f}          "
+            f"{float(row['seconds'].mean()):.2f}"
+        )
+    lines.append(f"ten times less accuracy costs {100 * time_saved(ds):.0f} per cent less time")
+    for found in convergence(ds):
+        verdict = "converged" if found.converged else "NOT converged"
+        to_come = f"{100 * found.remaining:.1f} %" if np.isfinite(found.remaining) else "no limit in sight"
+        seeds = f", scatter of seeds {100 * found.scatter:.1f} %" if np.isfinite(found.scatter) else ""
+        lines.append(
+            f"D = {found.D:g}: {QUANTITIES[found.quantity]} {verdict} in m (last change {100 * found.change:.1f} %, "
+            f"ratio {found.ratio:.2f}, still to come {to_come}{seeds})"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,161 @@
+"""Read from a dataset, for figures: families of surfaces that share a curve, single surfaces, states, densities.
+
+Nothing is solved here, and nothing is drawn. A comparison of D is at the largest m (or the m nearest a wish), one of m
+at the D nearest 2.3; a single case is the one nearest to D = 2.3, m = 7 and A* = 0.1, the paper's. A study of files
+(dimension ``case``) has its curves labelled by case.
+"""
+
+from __future__ import annotations
+
+import functools
+import operator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from roughvol.observables.free_volume import element_volumes
+from roughvol.report.figures.style import A, P, looks
+from roughvol.store.dataset import at_state
+from roughvol.typing import Array, Mask
+
+if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
+
+Curve = tuple[Array, Array]
+
+PAPER = {"D": 2.3, "m": 7.0, A: 0.1}  # the single configuration of Figs. 8-11
+FINEST = 1e9  # a wish for the largest m
+ENOUGH = 25  # elements in a bin of a density: a fifth of noise
+PER_DECADE = 12  # bins on a logarithmic axis at most
+
+
+class Family(NamedTuple):
+    """The surfaces that share a curve: its label, its D, m or place, its colour and marker, their data along seed."""
+
+    label: str
+    value: float
+    look: dict[str, Any]
+    data: Dataset
+
+    @property
+    def surfaces(self) -> int:
+        """Number of surfaces."""
+        return int(self.data.sizes["seed"])
+
+
+def held(ds: Dataset, *variables: str) -> DataArray:
+    """Return which cases hold a value of every one of the variables."""
+    known = [ds[name].notnull() for name in variables]
+    cases = ("D", "m", "seed", "case")
+    return functools.reduce(operator.and_, [mask.any([dim for dim in mask.dims if dim not in cases]) for mask in known])
+
+
+def families(ds: Dataset, by: str, *variables: str, m: float = FINEST) -> tuple[list[Family], str]:
+    """Return the families to compare in the order of `by`, and what they have in common, for the legend."""
+    common, wish = ("D", PAPER["D"]) if by == "m" else ("m", m)
+    if "case" in ds.dims:
+        by, title, ds = "case", "", ds.expand_dims("seed")
+    else:
+        holding = ds[common].values[held(ds, *variables).any([by, "seed"]).values].tolist()
+        fixed = min(holding, key=lambda value: (abs(value - wish), -value))
+        ds, title = ds.sel({common: fixed}), f"${common} = {fixed:g}$"
+    known = held(ds, *variables).transpose(by, "seed").values
+    places = np.flatnonzero(known.any(axis=1)).tolist()
+    found = []
+    for place, look in zip(places, looks(len(places)), strict=True):
+        value = ds[by].values[place]
+        name = file_text(value) if by == "case" else f"${by} = {value:g}$"
+        data = ds.isel({by: place, "seed": np.flatnonzero(known[place])})
+        found.append(Family(name, float(place if by == "case" else value), look, data))
+    return found, title
+
+
+def single(ds: Dataset, *variables: str) -> tuple[Dataset, str]:
+    """Return the case nearest to the paper's D = 2.3, m = 7 that holds the variables, and its name."""
+    known = held(ds, *variables)
+    places = [dict(zip(known.dims, place, strict=True)) for place in np.argwhere(known.values).tolist()]
+    numbers = [dim for dim in ("D", "m") if dim in known.dims]
+    case = ds.isel(min(places, key=lambda place: [abs(float(ds[dim][place[dim]]) - PAPER[dim]) for dim in numbers]))
+    return case, ", ".join([f"${dim} = {case[dim].item():g}$" for dim in numbers]) or file_text(case["case"].item())
+
+
+def file_text(name: str) -> str:
+    """Return the name of a height file as text: no formula, nor (leading underscore) left out of a legend."""
+    return name.replace("$", r"\$").lstrip("_")
+
+
+def state(ds: Dataset, at: str, *variables: str) -> tuple[Dataset, str, str]:
+    """Return the single case at its recorded state (along `at`) nearest to the paper's A* = 0.1, and both in words."""
+    case, name = single(ds, *variables)
+    reached = [at_state(case, at, int(k)) for k in np.flatnonzero(case[f"{at}_step"].values > 0)]  # -1: never reached
+    found = min(reached, key=lambda one: abs(float(one[A]) - PAPER[A]))
+    return found, name, rf"$A^{{\ast}} = {float(found[A]):.3f}$, $p^{{\ast}} = {float(found[P]):.2f}$"
+
+
+def own(field: DataArray) -> DataArray:
+    """Return a field (x along axis 0) without the nodes that only finer lattices of the dataset have."""
+    return field.dropna("x", how="all").dropna("y", how="all").transpose("x", "y")
+
+
+def volumes(ds: Dataset) -> tuple[Dataset, Array, Mask, dict[str, Any], str]:
+    """Return the one state, its v [length³] and contact, how their image lies in its axes, and the state in words."""
+    found, name, words = state(ds, "field_at", "gap")
+    gap = own(found["gap"])
+    x, y, contact = gap["x"].values, gap["y"].values, gap.values == 0.0
+    v = element_volumes(gap.values * float(found["Sq"]), float(found["L"]) * x[1], contact)
+    half = x[1] / 2  # a node is the centre of its element
+    extent = (-half, x[-1] + half, -half, y[-1] + half)
+    return found, v, contact, {"origin": "lower", "extent": extent, "interpolation": "none"}, f"{name}: {words}"
+
+
+def curves(family: Family, x: str, y: str) -> list[Curve]:
+    """Return y(x) of each surface at its computed states, in the order of x."""
+    surfaces = [family.data.isel(seed=seed) for seed in range(family.surfaces)]
+    pairs = [np.array([one[x].values, one[y].values]) for one in surfaces]
+    known = [pair[:, np.isfinite(pair).all(axis=0)] for pair in pairs]
+    return [(pair[0][order], pair[1][order]) for pair in known for order in [np.argsort(pair[0], kind="stable")]]
+
+
+def densities(family: Family) -> tuple[Array, Array, float]:
+    """Return edges of bins, f(v) of each surface on them, shape (surfaces, bins), and the number of elements counted.
+
+    Several surfaces are brought to common bins through their cumulative, which keeps ∫ f dv = 1. The number of elements
+    is read off the stored shares: the smallest that is not 0 is one element.
+    """
+    density = family.data["volume_density"].transpose("seed", "bin").values
+    edges = family.data["volume_density_edges"].transpose("seed", "edge").values
+    shares = density * np.diff(edges)
+    elements = sum(1.0 / row[row > 0.0].min() for row in shares if (row > 0.0).any())
+    bins = edges[0]
+    if len(edges) > 1:
+        bins = np.linspace(edges.min(), edges.max(), edges.shape[1])
+        below = np.pad(np.cumsum(shares, axis=1), ((0, 0), (1, 0)))
+        density = np.diff([np.interp(bins, *pair) for pair in zip(edges, below, strict=True)], axis=1) / np.diff(bins)
+    return bins, density, float(elements)
+
+
+def merged(edges: Array, density: Array, elements: float, *, log: bool = False) -> list[Curve]:
+    """Return (v, f) of each surface on bins merged until each holds enough elements.
+
+    Equal bins up to v_max fit neither few elements nor a logarithmic axis. With fewer elements than bins most hold 0, 1
+    or 2 of them and the density is a comb; on a logarithmic axis 40 of 50 bins crowd into the last decade and the
+    first ones are blocks. Neighbours are therefore joined from below: until all surfaces together have `ENOUGH`
+    elements in the bin (or n^(2/3)/2 of n, the rule of Rice, where n is small), so that none is empty and the noise is
+    about the same in all; and, with `log`, until the bin is as wide as 1/12 of a decade. What is left at the upper end
+    joins the last bin. Joining keeps ∫ f dv. A point is drawn at the middle of its bin.
+    """
+    shares = density * np.diff(edges)
+    counts = shares.mean(axis=0) * elements
+    least = min(ENOUGH, 0.5 * elements ** (2.0 / 3.0))
+    kept, gathered = [0], 0.0
+    for k, count in enumerate(counts, start=1):
+        gathered += count
+        wide = not log or edges[k] >= edges[kept[-1]] * 10.0 ** (1.0 / PER_DECADE)
+        if wide and gathered >= least * (1.0 - 1e-9):
+            kept.append(k)
+            gathered = 0.0
+    end = int(np.flatnonzero(counts > 0.0)[-1]) + 1 if (counts > 0.0).any() else len(counts)
+    kept = [*kept[: max(len(kept) - 1, 1)], end] if gathered > 0.0 or len(kept) == 1 else kept
+    bins = edges[kept]
+    joined = np.add.reduceat(shares, kept[:-1], axis=1) / np.diff(bins)
+    return [(0.5 * (bins[1:] + bins[:-1]), row) for row in joined]

@@ -1,0 +1,164 @@
+"""Where a drawing comes from, in one line below it: the paper's figure at the paper's conditions, or whose run it is.
+
+The same file name, ``fig05.png``, may hold the paper's Fig. 5, the same curves for other D, or those of a measured map.
+`origin` compares what is drawn with what the paper drew, and names the run and the differences where there are any.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+
+from roughvol.errors import DatasetError, StudyError
+from roughvol.report.figures.families import file_text
+from roughvol.report.figures.style import STYLE, Drawing, unit_of
+from roughvol.study import GeneratedSurface, Study, loads
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+Draw = Callable[["Dataset"], Drawing]
+
+WORK = "Paggi and He (2015)"
+SIDE = 100.0  # L of the paper's surfaces
+SHOWN = 3  # files that are named
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What the paper drew: its D and m (None: it does not say, or several), surfaces of each, plane it went to, A*."""
+
+    D: tuple[float, ...] | None = None
+    m: tuple[int, ...] | None = None
+    surfaces: int | None = None
+    end: tuple[str, ...] = ()
+    area: float | None = None
+
+
+LAST = ("mean-plane", "summit-plane")  # Section 3 ends on the one, Section 4 on the other
+NEAR = 0.25  # relative: "A* ~ 0.1"
+CONDITIONS: dict[str, Conditions] = {
+    "fig01": Conditions(),
+    "fig02": Conditions(D=(2.1, 2.5, 2.9), m=(7,)),
+    "fig03": Conditions(m=(5, 6, 7, 8)),
+    "fig04a": Conditions(m=(8,), surfaces=10, end=LAST),
+    "fig04b": Conditions(D=(2.3,), surfaces=1, end=LAST),
+    "fig05": Conditions(D=(2.1, 2.9), end=LAST),
+    "fig06a": Conditions(m=(8,), surfaces=10, end=LAST),
+    "fig06b": Conditions(m=(8,), surfaces=10, end=LAST),
+    "fig07a": Conditions(D=(2.3,), surfaces=1, end=LAST),
+    "fig07b": Conditions(D=(2.3,), surfaces=1, end=LAST),
+    **dict.fromkeys(("fig08", "fig09", "fig10", "fig11a", "fig11b"), Conditions(D=(2.3,), m=(7,), area=0.1)),
+    "fig12a": Conditions(m=(7,), end=LAST),
+    "fig12b": Conditions(D=(2.3,), m=(3, 4, 5, 6, 7, 8), end=LAST),
+}
+
+
+def study_of(ds: Dataset) -> Study | None:
+    """Return the study of a dataset, or None if it holds none that can be read again."""
+    try:
+        return loads(str(ds.attrs.get("study", "")))
+    except StudyError:  # the height file is no longer there, or nothing is stored
+        return None
+
+
+def run_name(ds: Dataset) -> str:
+    """Return the name of the study of a dataset, empty if it has none."""
+    found = re.search(r"^name: *(.+?) *$", str(ds.attrs.get("study", "")), re.MULTILINE)
+    return found.group(1).strip("'\"") if found else ""
+
+
+def is_paper_surface(ds: Dataset) -> bool:
+    """Return whether the surfaces have the paper's size and heights: midpoint displacement, L = 100 without a unit."""
+    if "case" in ds.dims or abs(float(ds["L"]) - SIDE) > 1e-9 or unit_of(ds, "L") != "length":
+        return False
+    study = study_of(ds)
+    return study is None or (isinstance(study.surface, GeneratedSurface) and study.surface.height is None)
+
+
+def surfaces(ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
+    """Return in words which surfaces are drawn: files, or D, m, L and how many of each."""
+    unit = unit_of(ds, "L")
+    side = f"L = {float(ds['L']):g}" + (f" {unit}" if unit != "length" else "")
+    if "case" in ds.dims:
+        names = [file_text(str(name)) for name in ds["case"].values.tolist()]
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        return f"height {'file' if len(names) == 1 else 'files'} {', '.join(names[:SHOWN])}{more}, {side}"
+    values = {dim: drawn.get(dim) or ds[dim].values.tolist() for dim in ("D", "m") if dim in ds.dims}
+    parts = [f"{dim} = {_numbers(each)}" for dim, each in values.items()]
+    counts = sorted({int(count) for count in drawn.get("surfaces", (1,))})
+    number = "one surface" if counts == [1] else f"{_numbers(counts)} surfaces"
+    several = " of each" if max(map(len, values.values()), default=1) > 1 else ""
+    return ", ".join([*parts, side, number + several])
+
+
+def origin(name: str, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
+    """Return the note of a figure: which figure of the paper it is, or which run, of what, and how it differs.
+
+    Parameters
+    ----------
+    name : str
+        Of the figure; those without `CONDITIONS` are not the paper's.
+    ds : Dataset
+        What it is drawn from.
+    drawn : mapping
+        Values of ``D``, ``m``, ``surfaces`` (how many of each) and ``area`` (A*) that it shows, as far as they apply.
+    """
+    run = run_name(ds)
+    words = f"Run {run}: {surfaces(ds, drawn)}" if run else surfaces(ds, drawn)
+    if name not in CONDITIONS:
+        return f"{words}."
+    number = f"Fig. {name[3:].lstrip('0')}"
+    if not is_paper_surface(ds):
+        return f"{words}. Drawn as {number} of {WORK}, whose surfaces are others."
+    others = departures(CONDITIONS[name], ds, drawn)
+    if not others:
+        return f"{number} of {WORK}, computed" + (f" by the run {run}." if run else ".")
+    return f"{words}. Drawn as {number} of {WORK}, but for {'; '.join(others)}."
+
+
+def departures(paper: Conditions, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> list[str]:
+    """Return in words how what is drawn differs from the paper's conditions."""
+    found = []
+    for key, wanted in (("D", paper.D), ("m", paper.m)):
+        values = [round(float(value), 9) for value in drawn.get(key, ())]
+        if wanted is not None and values and values != [float(value) for value in wanted]:
+            found.append(f"{key} = {_numbers(values)}, not {_numbers(wanted)}")
+    counts = sorted({int(count) for count in drawn.get("surfaces", ())})
+    if paper.surfaces is not None and counts and counts != [paper.surfaces]:
+        found.append(f"{_numbers(counts)} of each, not {paper.surfaces}")
+    areas = drawn.get("area", ())
+    if paper.area is not None and any(abs(area / paper.area - 1.0) > NEAR for area in areas):
+        found.append(f"A* = {', '.join(f'{area:.3g}' for area in areas)}, not {paper.area:g}")
+    study = study_of(ds)
+    if paper.end and study is not None and study.sweep.steps:
+        label = study.sweep.target.label
+        if label.split("=")[0] not in paper.end:
+            found.append(f"a sweep to {label}")
+    return found
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
+
+
+def guarded(draw: Draw, missing: Callable[[str, Dataset], str | None]) -> Draw:
+    """Return the figure in our style with its note, refusing with the reason where the dataset lacks what it needs."""
+
+    @functools.wraps(draw)
+    def checked(ds: Dataset) -> Drawing:
+        reason = missing(draw.__name__, ds)
+        if reason is not None:
+            raise DatasetError(reason)
+        with mpl.rc_context(STYLE):
+            figure = draw(ds)
+            if "L" in ds:
+                figure.note(origin(draw.__name__, ds, figure.shown))
+            return figure
+
+    return checked

@@ -1,0 +1,371 @@
+"""Figures of the flow through the gap, each a function of a dataset: ``FIGURES["seal_map"](ds)`` is a ``Figure``.
+
+Nothing is solved here; ``missing(name, ds)`` says why a figure cannot be drawn, or returns None. Curves are by D at the
+largest m (or by file), and by direction: solid along x, dashed along y. They are never averaged with each other.
+
+One surface is drawn through its computed states, with a marker at each. Several surfaces are a median and a band over
+surfaces, without markers. A direction that is sealed ends at a cross (along x) or a plus (along y) on the lower edge:
+at the first state computed closed, or where the median is. The dotted line to it begins at the last open
+state, and the closing load lies between the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.colors import ListedColormap, LogNorm
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from roughvol.observables.transport import constriction
+from roughvol.report.figures import seal_ways
+from roughvol.report.figures.curves import shown
+from roughvol.report.figures.families import PAPER, Family, families, held, own, single
+from roughvol.report.figures.origin import guarded
+from roughvol.report.figures.seal_drawing import (
+    CLOSED,
+    FAINT,
+    LEGEND,
+    LINES,
+    direction_legend,
+    draw_by_width,
+    draw_flow,
+    draw_ratio,
+    draw_states,
+    look_of,
+    name_of,
+    states_of,
+)
+from roughvol.report.figures.seal_ways import DIRECTIONS, ways
+from roughvol.report.figures.style import CONTACT, GREY, LABELS, PAGE, A, Drawing, P, V, canvas, looks, unit_of
+from roughvol.store.dataset import at_state
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from xarray import Dataset
+
+Draw = Callable[["Dataset"], Drawing]
+
+FIGURES: dict[str, Draw] = {}
+NEEDS: dict[str, tuple[str, ...]] = {}
+
+NOMINAL = "nominal_pressure"
+DECADES = 9  # of a flow that an axis spans; less flows off it
+STATES = 4  # of a surface, in a figure of its regions
+MAP_RANGE = (1e-2, 1e2)  # of the flux over its mean
+
+
+def missing(name: str, ds: Dataset) -> str | None:
+    """Return why figure `name` cannot be drawn from a dataset, or None if it can (an unknown name is a KeyError)."""
+    absent = [variable for variable in NEEDS[name] if variable not in ds]
+    if absent:
+        return f"{name} needs {', '.join(absent)}, which the study did not record"
+    if not bool(held(ds, *NEEDS[name]).any()):
+        return f"{name} needs {', '.join(NEEDS[name])}, and no case of the dataset has a value of each"
+    return None
+
+
+def _figure(*variables: str) -> Callable[[Draw], Draw]:
+    """Register a figure and what it needs; called without that, it raises the reason as a `DatasetError`."""
+
+    def register(draw: Draw) -> Draw:
+        checked = guarded(draw, missing)
+        NEEDS[draw.__name__], FIGURES[draw.__name__] = variables, checked
+        return checked
+
+    return register
+
+
+def _in_units(ax: Axes, ds: Dataset) -> None:
+    """Put the pressure in its unit along the top of an axis of p*, where one factor holds for all surfaces."""
+    if NOMINAL not in ds:
+        return
+    factors = (ds[NOMINAL] / ds[P].where(ds[P] > 0.0)).values
+    factors = factors[np.isfinite(factors)]
+    if factors.size and np.ptp(factors) < 1e-9 * factors.max():
+        factor = float(factors.mean())
+        there_and_back: Any = (lambda p: p * factor, lambda p: p / factor)
+        top = ax.secondary_xaxis("top", functions=there_and_back)
+        top.set_xlabel(f"nominal pressure [{unit_of(ds, NOMINAL)}]")
+        ax.tick_params(top=False)
+
+
+def _panels(ds: Dataset, rows: int, *names: str) -> tuple[Drawing, Any, list[Family], str]:
+    """Return a page with a column each for p*, A* and V*, and the families to draw."""
+    some, title = families(ds, "D", *names)
+    rows = rows or (1 if len(some) == 1 else len(DIRECTIONS))
+    fig = canvas(PAGE, 2.1 * rows + 1.0)
+    axes = fig.subplots(rows, 3, sharex="col", sharey="row", squeeze=False)
+    for ax, x in zip(axes[-1], (P, A, V), strict=True):
+        ax.set_xlabel(LABELS[x])
+    axes[0, 2].set_xscale("log")  # most of the closing happens below V* = 0.3
+    for ax in axes[:, 2]:
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter(NullFormatter())
+    _in_units(axes[0, 0], ds)
+    fig.shown = shown(some)
+    return fig, axes, some, title
+
+
+def _rows(axes: Any, some: list[Family], label: str) -> list[tuple[Any, str]]:
+    """Return the axes and x of each direction: both in one row for one family, a row each for several."""
+    if len(some) == 1:
+        axes[0, 0].set_ylabel(label)
+        return [(axes[0], direction) for direction in DIRECTIONS]
+    for row, direction in zip(axes, DIRECTIONS, strict=True):
+        row[0].set_ylabel(f"{label}, along ${direction}$")
+    return list(zip(axes, DIRECTIONS, strict=True))
+
+
+@_figure(P, A, V, "connected_volume_fraction", "trapped_volume_fraction")
+def seal_volume(ds: Dataset) -> Drawing:
+    """Free volume connected to the sides of the patch, and trapped in pockets, over p*, A* and V*.
+
+    One surface: its computed states. Several: mean and one standard deviation. Trapped volume grows towards sealing.
+    """
+    ds = ds.assign(connected=ds[V] * ds["connected_volume_fraction"], trapped=ds[V] * ds["trapped_volume_fraction"])
+    fig, axes, some, title = _panels(ds, 2, P, "connected")
+    for row, name in zip(axes, ("connected", "trapped"), strict=True):
+        row[0].set_ylabel(rf"{name} $V^{{\ast}}$")
+        for ax, x in zip(row, (P, A, V), strict=True):
+            for family in some:
+                draw_states(ax, family, x, name)
+    axes[0, 0].set_yscale("log")
+    several = sorted({family.surfaces for family in some if family.surfaces > 1})
+    number = "-".join(map(str, dict.fromkeys((several[0], several[-1])))) if several else ""
+    words = [title, f"mean of {number} surfaces, band ± 1 std. dev." if several else ""]
+    handles = axes[0, 0].get_legend_handles_labels()[0]
+    fig.legend(handles=handles, title="; ".join(filter(None, words)) or None, loc="outside upper center", ncols=6)
+    return fig
+
+
+@_figure(P, A, V, "percolates_x", "percolates_y")
+def seal_percolation(ds: Dataset) -> Drawing:
+    """Which directions are open from side to side: of one surface 1 or 0 at its states, of several the share.
+
+    A step falls at the first state computed closed: the closing load lies between that state and the one before. The
+    band is the binomial standard error.
+    """
+    fig, axes, some, title = _panels(ds, 0, P, "percolates_x", "percolates_y")
+    several = any(family.surfaces > 1 for family in some)
+    for row, direction in _rows(axes, some, "share of open surfaces" if several else "open (1) or closed (0)"):
+        for ax, x in zip(row, (P, A, V), strict=True):
+            for family in some:
+                members = ways(family, x, "percolates", direction)
+                at = seal_ways.grid(members, before=True)
+                look = look_of(family, direction, alone=len(some) == 1)
+                line = {"color": look["color"], "ls": look["ls"], "zorder": 3 + (direction == "y")}
+                share = seal_ways.is_open(members, at).mean(axis=0)
+                ax.plot(at, share, drawstyle="steps-post", label=name_of(family, direction), **line)
+                if len(members) == 1:
+                    load, known = states_of(family, x, f"percolates_{direction}")
+                    ax.plot(load, known, label="_states", **(look | {"ls": "", "zorder": line["zorder"]}))
+                    continue
+                error = np.sqrt(share * (1.0 - share) / len(members))
+                band: dict[str, Any] = {"step": "post", "color": look["color"], "alpha": FAINT, "lw": 0, "zorder": 2}
+                ax.fill_between(at, share - error, share + error, **band)
+    words = "a step falls at the first state computed closed" + ("; band ± 1 std. error" if several else "")
+    direction_legend(fig, some, [title, words])
+    return fig
+
+
+def _coefficient(ds: Dataset, name: str, label: str, *words: str) -> Drawing:
+    """Draw a flow along x and along y over p*, A* and V*."""
+    names = [f"{name}_{direction}" for direction in DIRECTIONS]
+    fig, axes, some, title = _panels(ds, 0, P, *names)
+    values = np.concatenate([family.data[one].values.ravel() for family in some for one in names])
+    values = values[values > 0.0]
+    top = float(values.max(initial=1e-300))
+    for ax in axes[:, 0]:
+        floor = 0.4 * max(float(values.min(initial=top)), top * 10.0**-DECADES)
+        ax.set(yscale="log", ylim=(floor, 2.5 * top))
+    closed = []
+    for row, direction in _rows(axes, some, label):
+        for ax, x in zip(row, (P, A, V), strict=True):
+            for family in some:
+                members = ways(family, x, name, direction)
+                if members and draw_flow(ax, family, members, direction, alone=len(some) == 1):
+                    closed.append(direction)
+    counts = [family.surfaces for family in some]
+    direction_legend(fig, some, [title, seal_ways.band_words(counts), *words], closed, _what(counts))
+    return fig
+
+
+def _what(counts: list[int]) -> str:
+    """Return what the mark of a closed direction is."""
+    return "first state closed" if max(counts) == 1 else "median closed"
+
+
+@_figure(P, A, V, "transmissivity_x", "transmissivity_y")
+def seal_transmissivity(ds: Dataset) -> Drawing:
+    """Flow of div(g³ grad P) = 0 along x and y over that of smooth plates at the mean gap, and where it stops."""
+    return _coefficient(ds, "transmissivity", r"transmissivity $T^{\ast}$")
+
+
+@_figure(P, A, V, "diffusivity_x", "diffusivity_y")
+def seal_diffusivity(ds: Dataset) -> Drawing:
+    """Flow of div(g grad P) = 0 along x and y over that of smooth plates at the mean gap, and where it stops."""
+    return _coefficient(ds, "diffusivity", r"diffusivity $D^{\ast}$")
+
+
+@_figure(P, A, V, "leak_rate_x", "leak_rate_y")
+def seal_leak_rate(ds: Dataset) -> Drawing:
+    """Leak rate of the patch along x and y, at the pressure drop and viscosity of the study, and where it stops."""
+    given = ds["leak_rate_x"].attrs
+    words = f"pressure drop {given.get('pressure_drop', '?')}, viscosity {given.get('viscosity', '?')}"
+    return _coefficient(ds, "leak_rate", f"leak rate [{unit_of(ds, 'leak_rate_x')}]", words.replace("*", " "))
+
+
+@_figure(A, "contact_area_fraction_within", "mean_pressure_within", "free_volume_within")
+def seal_region(ds: Dataset) -> Drawing:
+    """Values of A*, p*, V* inside central squares over those of the whole, and T* along x and y inside, by their width.
+
+    At a few states. One surface: its values. Several: mean and one standard error; of T* median and band. A way that is
+    closed is marked on the lower edge.
+    """
+    family = _nearest(ds)
+    names = {"contact_area_fraction_within": r"$A^{\ast}$", "mean_pressure_within": r"$p^{\ast}$"}
+    names |= {"free_volume_within": r"$V^{\ast}$"}
+    flows = {axis: name for axis in DIRECTIONS if (name := f"transmissivity_within_{axis}") in ds}
+    one_of = next(iter(flows.values()), "free_volume_within")
+    known = family.data[one_of].notnull().any(["seed", "region_width"])
+    pressed = (family.data[A] > 0.0).all("seed")  # else there is nothing to take shares of
+    steps = family.data["step"].values[(known & pressed).values]
+    steps = steps[np.unique(np.linspace(0, len(steps) - 1, min(len(steps), STATES)).round().astype(int))]
+    fig = canvas(PAGE, 2.9)
+    fig.shown = shown([family])
+    axes = fig.subplots(1, 3 + bool(flows), sharex=True)
+    for ax in axes:
+        ax.set_xlabel("width over $L$")
+    states = [family.data.sel(step=step) for step in steps]
+    if flows:
+        values = np.concatenate([one[name].values.ravel() for one in states for name in flows.values()])
+        values = values[values > 0.0]
+        axes[-1].set(ylabel=r"$T^{\ast}$ inside", yscale="log", ylim=(0.4 * values.min(initial=1.0), 2.5))
+    handles, closed = [], []
+    for look, state in zip(looks(len(steps)), states, strict=True):
+        label = rf"$A^{{\ast}} = {float(state[A].mean()):.3f}$"
+        handles.append(Line2D([], [], label=label, **look))
+        width = state["region_width"].values
+        for ax, (name, symbol) in zip(axes, names.items(), strict=False):
+            inside = state[name].transpose("seed", "region_width").values
+            rows = inside / state[name.removesuffix("_within")].values[:, np.newaxis]
+            mean = rows.mean(axis=0)
+            if len(rows) > 1:
+                error = rows.std(axis=0, ddof=1) / np.sqrt(len(rows))
+                ax.fill_between(width, mean - error, mean + error, color=look["color"], alpha=0.18, lw=0, zorder=2)
+            ax.plot(width, mean, label=label, zorder=3, **look)
+            ax.set_ylabel(f"{symbol} inside / {symbol} of the whole")
+        for direction, name in flows.items():
+            rows = state[name].transpose("seed", "region_width").values
+            closed += draw_by_width(axes[-1], width, rows[np.isfinite(rows).all(axis=1)], look, direction)
+    for ax in axes[:3]:
+        ax.axhline(1.0, color=GREY, lw=0.7, ls="--")
+    if flows:
+        handles += [Line2D([], [], color=GREY, ls=LINES[axis], label=rf"$T^{{\ast}}$ along ${axis}$") for axis in flows]
+    handles += [
+        Line2D([], [], color=GREY, ls="", marker=CLOSED[axis], label=f"closed along ${axis}$")
+        for axis in sorted(set(closed))
+    ]
+    words = f": mean of {family.surfaces} surfaces, band ± 1 std. error" if family.surfaces > 1 else ""
+    words += rf"; $T^{{\ast}}$: {seal_ways.band_words([family.surfaces])}" if words and flows else ""
+    fig.legend(
+        handles=handles,
+        title=f"{family.label}{words}",
+        loc="outside upper center",
+        ncols=-(-len(handles) // 2),
+        **LEGEND,
+    )
+    return fig
+
+
+def _nearest(ds: Dataset) -> Family:
+    """Return the surfaces of the D nearest the paper's."""
+    some, _ = families(ds, "D", A, "contact_area_fraction_within")
+    wish = PAPER["D"] if "D" in ds.dims else 0.0
+    return min(some, key=lambda family: (abs(family.value - wish), -family.value))
+
+
+@_figure(
+    A, "transmissivity_x", "transmissivity_y", "estimate_medium_transmissivity", "estimate_junction_transmissivity_x"
+)
+def seal_estimates(ds: Dataset) -> Drawing:
+    """How far the quick estimates are off: effective medium and critical junction over the flow, by direction.
+
+    Several surfaces: median and band, as long as the median is open. A closed way has no flow to compare with: the
+    effective medium counts as infinitely too high there, the junction, closed as well, is left out. Between its last
+    open state and the closing the last ratio is kept. A direction ends at a mark on the lower edge.
+    """
+    some, title = families(ds, "D", A, "transmissivity_x", "estimate_medium_transmissivity")
+    fig = canvas(PAGE, 3.1)
+    fig.shown = shown(some)
+    rows = 1 if len(some) == 1 else len(DIRECTIONS)
+    fig.set_size_inches(PAGE, 2.1 * rows + 1.0)
+    axes = fig.subplots(rows, 2, sharex="all", sharey="all", squeeze=False)
+    drawn = []
+    for row, direction in _rows(axes, some, r"estimate over $T^{\ast}$"):
+        # Where a way is closed the medium, if it still flows, is infinitely too high; the junction is closed as well.
+        for ax, name, beyond in ((row[0], "medium", np.inf), (row[1], f"junction_{direction}", np.nan)):
+            for family in some:
+                kind, _, axis = name.partition("_")
+                estimate = family.data["_".join(filter(None, ("estimate", kind, "transmissivity", axis)))]
+                over = estimate / family.data[f"transmissivity_{direction}"]
+                drawn.append((ax, family, seal_ways.ratios(family, A, over, direction), direction, beyond))
+    values = np.concatenate([np.ones(1), *(one.value for _, _, members, _, _ in drawn for one in members)])
+    axes[0, 0].set(yscale="log", ylim=(0.5 * float(values.min()), 2.0 * float(values.max())))
+    closed = [
+        direction
+        for ax, family, members, direction, beyond in drawn
+        if draw_ratio(ax, family, members, direction, alone=len(some) == 1, beyond=beyond)
+    ]
+    for ax in axes.flat:
+        ax.axhline(1.0, color=GREY, lw=0.7, ls="--", zorder=1)
+    for ax, words in zip(axes[0], ("effective medium", "critical junction"), strict=True):
+        ax.set_title(words)
+    for ax in axes[-1]:
+        ax.set_xlabel(LABELS[A])
+    counts = [family.surfaces for family in some]
+    direction_legend(fig, some, [title, seal_ways.band_words(counts)], closed, _what(counts))
+    return fig
+
+
+@_figure(A, P, "flux_x", "gap", "critical_position_x")
+def seal_map(ds: Dataset) -> Drawing:
+    """Flux along x at each recorded load over its mean, contact in flat blue, the critical constriction in a circle.
+
+    The flow enters at x = 0 and leaves at x = L.
+    """
+    case, name = single(ds, "flux_x")
+    reached = [label for label in case["flux_at"].values if int(case["flux_at_step"].sel(flux_at=label)) > 0]
+    labels = [label for label in reached if label in case["field_at"].values][:3]
+    fig = canvas(PAGE, 2.9)
+    axes = fig.subplots(1, len(labels), sharey=True, squeeze=False)[0]
+    for ax, label in zip(axes, labels, strict=True):
+        state = at_state(case, "flux_at", case["flux_at"].values.tolist().index(label))
+        flux = own(state["flux_x"])
+        x, y, half = flux["x"].values, flux["y"].values, flux["x"].values[1] / 2
+        options: dict[str, Any] = {"origin": "lower", "interpolation": "none"}
+        options["extent"] = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
+        shares = flux.values / (float(flux.mean()) or 1.0)
+        norm = LogNorm(*MAP_RANGE, clip=True)
+        image = ax.imshow(np.maximum(shares, MAP_RANGE[0]).T, norm=norm, cmap="OrRd", **options)
+        gap = state["gap"].sel(field_at=label, x=flux["x"], y=flux["y"]).transpose("x", "y").values
+        ax.imshow(np.where(gap == 0.0, 1.0, np.nan).T, cmap=ListedColormap([CONTACT]), **options)
+        place = constriction(gap, 0).element  # of this state: what is stored along the steps is that of the step after
+        if place is not None:
+            spot: dict[str, Any] = {"marker": "o", "ms": 11, "mfc": "none", "clip_on": False}
+            for width, colour in ((2.6, "w"), (1.2, "k")):
+                ax.plot(x[place[0]], y[place[1]], mec=colour, mew=width, **spot)
+        title = rf"$A^{{\ast}} = {float(state[A]):.3f}$, $p^{{\ast}} = {float(state[P]):.2f}$"
+        if "flux_at_transmissivity_x" in state:
+            mantissa, power = f"{float(state['flux_at_transmissivity_x']):.1e}".split("e")
+            title += "\n" + rf"$T_x^{{\ast}} = {mantissa} \times 10^{{{int(power)}}}$"
+        ax.set(xlabel="$x/L$", title=title)
+    axes[0].set_ylabel("$y/L$")
+    fig.colorbar(image, ax=list(axes), label="flux over its mean", extend="both", shrink=0.8)
+    fig.shown = {key: [float(case[key])] for key in ("D", "m") if key in case.coords}
+    fig.suptitle(f"{name}: flow along $x$; contact in blue, the critical constriction in a circle", fontsize=8.5)
+    return fig

@@ -1,0 +1,190 @@
+"""Parts of the figures of the flow: how a direction of a family is drawn, where it closes, and the one legend."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.lines import Line2D
+
+from roughvol.report.figures import seal_ways
+from roughvol.report.figures.families import Family, curves
+from roughvol.report.figures.seal_ways import DIRECTIONS, Way
+from roughvol.report.figures.style import GREY, Drawing, looks
+from roughvol.typing import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+LINES: dict[str, Any] = {"x": "-", "y": (0, (4.0, 1.5))}
+CLOSED = {"x": "x", "y": "+"}
+LEGEND: dict[str, Any] = {"handlelength": 2.2, "columnspacing": 1.2}
+FAINT = 0.13  # opacity of a band, beneath which others are seen
+
+
+def look_of(family: Family, direction: str, *, alone: bool) -> dict[str, Any]:
+    """Return how a direction of a family is drawn: dashed and hollow along y, and of its own colour if it is alone."""
+    look = looks(2)[DIRECTIONS.index(direction)] if alone else family.look
+    face = look["color"] if direction == "x" else "none"
+    return look | {"ls": LINES[direction], "mfc": face, "mew": 0.8}
+
+
+def name_of(family: Family, direction: str) -> str:
+    """Return the label of a direction of a family."""
+    return f"{family.label}, along ${direction}$"
+
+
+def direction_legend(
+    fig: Drawing, some: Sequence[Family], words: Iterable[str], closed: Iterable[str] = (), what: str = ""
+) -> None:
+    """Put one legend above all axes: families by colour, directions of a single one by line, and what marks closing.
+
+    Parameters
+    ----------
+    fig : Drawing
+        Gets the legend.
+    some : sequence of Family
+        What is drawn.
+    words : iterable of str
+        What they have in common, and what curves and bands are.
+    closed : iterable of str
+        Directions that are seen to close.
+    what : str
+        What a mark means.
+    """
+    alone = len(some) == 1
+    named = [(f"along ${axis}$", some[0], look_of(some[0], axis, alone=True)) for axis in DIRECTIONS]
+    if not alone:
+        named = [(family.label, family, family.look) for family in some]
+    handles = []
+    for label, family, look in named:
+        handles.append(Line2D([], [], label=label, **(look | ({"marker": "none"} if family.surfaces > 1 else {}))))
+    for axis in sorted(set(closed)):
+        handles.append(Line2D([], [], ls="", marker=CLOSED[axis], color=GREY, label=f"{what} along ${axis}$"))
+    title = "; ".join(filter(None, [some[0].label if alone else "", *words])) or None
+    rows = -(-len(handles) // 6)
+    fig.legend(handles=handles, title=title, loc="outside upper center", ncols=-(-len(handles) // rows), **LEGEND)
+
+
+def closing(ax: Axes, direction: str, colour: Any, last: tuple[float, float] | None, closed: float) -> None:
+    """Mark a closed way on the lower edge of the axes, and lead a dotted line there from its last open state."""
+    floor = ax.get_ylim()[0]
+    if last is not None:
+        ax.plot([last[0], closed], [max(last[1], floor), floor], ls=":", lw=0.8, color=colour, zorder=2)
+    options: dict[str, Any] = {"ms": 5.0, "mew": 1.3, "clip_on": False, "zorder": 6}
+    ax.plot([closed], [floor], ls="", marker=CLOSED[direction], color=colour, label="_closed", **options)
+
+
+def draw_flow(ax: Axes, family: Family, members: list[Way], direction: str, *, alone: bool) -> bool:
+    """Draw a flow along one direction; return whether it is seen to close."""
+    look, name, floor = look_of(family, direction, alone=alone), name_of(family, direction), ax.get_ylim()[0]
+    if len(members) == 1:
+        (one,) = members
+        ax.plot(one.load, one.value, label=name, zorder=3, **look)
+        last = (one.load[-1], one.value[-1]) if one.load.size else None
+        if np.isfinite(one.closed):
+            closing(ax, direction, look["color"], last, one.closed)
+        return bool(np.isfinite(one.closed))
+    at = seal_ways.grid(members)
+    if at.size < 2:  # no load at which all are known: the states themselves
+        for one in members:
+            ax.plot(one.load, one.value, label=name, **(look | {"ls": ""}))
+        return False
+    centre, low, high = seal_ways.centre_and_band(seal_ways.sample(members, at))
+    open_ = centre > 0.0
+    ax.fill_between(at, np.maximum(low, 0.1 * floor), high, color=look["color"], alpha=FAINT, lw=0, zorder=2)
+    ax.plot(at[open_], centre[open_], label=name, color=look["color"], ls=look["ls"], zorder=3)
+    if open_.all():
+        return False
+    end = int(np.argmin(open_))
+    closing(ax, direction, look["color"], (at[end - 1], centre[end - 1]) if end else None, at[end])
+    return True
+
+
+def draw_by_width(ax: Axes, width: Array, rows: Array, look: dict[str, Any], direction: str) -> list[str]:
+    """Draw T* along a direction against the width of the region; return the direction if it is closed somewhere."""
+    if not len(rows):
+        return []
+    floor = ax.get_ylim()[0]
+    centre, low, high = seal_ways.centre_and_band(rows) if len(rows) > 1 else (rows[0],) * 3
+    face = look["color"] if direction == "x" else "w"
+    if len(rows) > 1:
+        ax.fill_between(width, np.maximum(low, 0.1 * floor), high, color=look["color"], alpha=FAINT, lw=0, zorder=2)
+    drawn = np.where(centre > 0.0, centre, np.nan)
+    ax.plot(width, drawn, zorder=3, **(look | {"ls": LINES[direction], "mfc": face, "mew": 0.8}))
+    for place in width[centre <= 0.0]:
+        closing(ax, direction, look["color"], None, place)
+    return [direction] if (centre <= 0.0).any() else []
+
+
+def draw_ratio(ax: Axes, family: Family, members: list[Way], direction: str, *, alone: bool, beyond: float) -> bool:
+    """Draw an estimate over the flow along one direction, as long as more than half of the surfaces are open.
+
+    Parameters
+    ----------
+    ax : Axes
+        Has its limits.
+    family : Family
+        Of one D or file.
+    members : list of Way
+        The ratio, and where the flow closes.
+    direction : {"x", "y"}
+        Of the flow.
+    alone : bool
+        Whether there is no other family.
+    beyond : float
+        Ratio of a closed way: infinite for an estimate that is not 0 there, NaN (left out) for one that is.
+
+    Returns
+    -------
+    bool
+        Whether the direction is seen to close.
+    """
+    look, name = look_of(family, direction, alone=alone), name_of(family, direction)
+    floor, top = ax.get_ylim()
+    if len(members) == 1:
+        (one,) = members
+        ax.plot(one.load, one.value, label=name, zorder=3, **look)
+        if np.isfinite(one.closed):
+            closing(ax, direction, look["color"], None, one.closed)
+        return bool(np.isfinite(one.closed))
+    at = seal_ways.grid(members) if members else np.empty(0)
+    if at.size < 2:
+        for one in members:
+            ax.plot(one.load, one.value, label=name, **(look | {"ls": ""}))
+        return False
+    rows = seal_ways.sample(members, at, hold=True, beyond=beyond)
+    closings = sorted(one.closed if np.isfinite(one.closed) else np.inf for one in members)
+    end = closings[len(members) // 2]  # from here on the median is closed
+    kept = (~np.isnan(rows)).any(axis=0) & (at < end)
+    low, high = (0.0, 100.0) if len(members) < seal_ways.FEW else seal_ways.BAND
+    numbers: Any = np.nanpercentile(rows[:, kept], [low, 50.0, high], axis=0, method="inverted_cdf")
+    below, centre, above = np.clip(numbers, 0.1 * floor, 10.0 * top)
+    ax.fill_between(at[kept], below, above, color=look["color"], alpha=FAINT, lw=0, zorder=2)
+    ax.plot(at[kept], centre, label=name, color=look["color"], ls=look["ls"], zorder=3)
+    if np.isfinite(end):
+        closing(ax, direction, look["color"], None, end)
+    return bool(np.isfinite(end))
+
+
+def draw_states(ax: Axes, family: Family, x: str, name: str) -> None:
+    """Draw a number that has no direction: through the states of one surface, or as mean ± one deviation of several."""
+    members = curves(family, x, name)
+    if len(members) == 1:
+        ax.plot(*members[0], label=family.label, zorder=3, **family.look)
+        return
+    low, high = max(one[0][0] for one in members), min(one[0][-1] for one in members)
+    at = np.linspace(low, high, seal_ways.GRID if high > low else 0)
+    rows = np.array([np.interp(at, *one) for one in members])
+    mean, spread = rows.mean(axis=0), rows.std(axis=0, ddof=1)
+    ax.fill_between(at, mean - spread, mean + spread, color=family.look["color"], alpha=0.18, lw=0, zorder=2)
+    ax.plot(at, mean, label=family.label, color=family.look["color"], zorder=3)
+
+
+def states_of(family: Family, x: str, name: str) -> tuple[Array, Array]:
+    """Return x and a variable of the one surface of a family, where both are known."""
+    pair = np.array([family.data[one].isel(seed=0).values for one in (x, name)])
+    load, values = pair[:, np.isfinite(pair).all(axis=0)]
+    return load, values

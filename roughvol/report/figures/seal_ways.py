@@ -1,0 +1,181 @@
+"""Ways through the gap: what flows along one direction of one surface under load, and the load at which it closed.
+
+A way is known at its computed states alone. It is closed from the first state at which nothing flows (or no open void
+leads from side to side) and that no open state follows; between the last open state and that one the closing load is
+not known. Beyond its last state an open way is unknown, not closed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from roughvol.report.figures.families import Family
+from roughvol.typing import Array
+
+if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
+
+
+DIRECTIONS = ("x", "y")
+GRID = 240  # points of a curve over several surfaces
+FEW = 6  # surfaces below which a band holds all of them: percentiles of so few lie between the surfaces
+BAND = (16.0, 84.0)  # percentiles of more: what holds two thirds of them
+EVIDENCE = ("transmissivity", "percolates", "critical_gap", "diffusivity")  # each is 0 where a way is closed
+
+
+class Way(NamedTuple):
+    """Computed states of one direction of one surface in the order of loading, shape (states,), and where it closed."""
+
+    load: Array  # of the open states
+    value: Array  # there
+    closed: float  # load of the first state computed closed, NaN if it was open to the end
+
+    @property
+    def end(self) -> float:
+        """Load up to which anything is known: without bound once closed."""
+        return math.inf if math.isfinite(self.closed) else float(self.load[-1])
+
+
+def flow(ds: Dataset, name: str, direction: str) -> DataArray:
+    """Return a flow along a direction, also 0 at the states at which another variable shows that the way is closed."""
+    values = ds[f"{name}_{direction}"]
+    for other in EVIDENCE:
+        if (known := f"{other}_{direction}") in ds:
+            values = values.where(values.notnull() | (ds[known] != 0.0), 0.0)
+    return values
+
+
+def way(load: Array, value: Array) -> Way:
+    """Return the way of states in the order of loading; those without a value are not computed.
+
+    Parameters
+    ----------
+    load : ndarray
+        What is plotted along, rising or falling with the load.
+    value : ndarray, shape of ``load``
+        A flow, 0 where it is closed, NaN where it is not known.
+    """
+    known = np.isfinite(load) & np.isfinite(value)
+    load, value = load[known], value[known]
+    open_ = np.flatnonzero(value > 0.0)
+    last = int(open_[-1]) if open_.size else -1
+    closed = float(load[last + 1]) if last + 1 < load.size else math.nan
+    return Way(load[open_], value[open_], closed)
+
+
+def ways(family: Family, x: str, name: str, direction: str) -> list[Way]:
+    """Return a flow along a direction against x, one way for each surface that has any state."""
+    loads = family.data[x].transpose("seed", "step").values
+    values = flow(family.data, name, direction).transpose("seed", "step").values
+    found = [way(*pair) for pair in zip(loads, values, strict=True)]
+    return [one for one in found if one.load.size or math.isfinite(one.closed)]
+
+
+def falls(members: Sequence[Way]) -> bool:
+    """Return whether x falls along the loading, as V* does."""
+    for one in members:
+        along = np.append(one.load, one.closed if math.isfinite(one.closed) else [])
+        if along.size > 1:
+            return bool(along[-1] < along[0])
+    return False
+
+
+def grid(members: Sequence[Way], *, before: bool = False) -> Array:
+    """Return points along x, in the order of loading, at which every way is known.
+
+    From the load at which the last has begun (with `before`, the first: a way is open before its first state) to the
+    one at which the first ends open, or 5 % beyond the last closing. The closing loads are among the points.
+    """
+    sign = -1.0 if falls(members) else 1.0
+    first = [sign * (one.load[0] if one.load.size else one.closed) for one in members]
+    closings = [sign * one.closed for one in members if math.isfinite(one.closed)]
+    ends = [sign * float(one.load[-1]) for one in members if not math.isfinite(one.closed)]
+    start = min(first) if before else max(first)
+    stop = min(ends) if ends else max(closings) + 0.05 * abs(max(closings))
+    if stop < start:
+        return np.empty(0)
+    inside = [load for load in closings if start <= load <= stop]
+    return sign * np.unique(np.concatenate([np.linspace(start, stop, GRID), inside]))
+
+
+def ratios(family: Family, x: str, over: DataArray, direction: str) -> list[Way]:
+    """Return what is ``over`` a flow along a direction against x, with the loads at which the flow closes."""
+    loads = family.data[x].transpose("seed", "step").values
+    flows = flow(family.data, "transmissivity", direction).transpose("seed", "step").values
+    found = []
+    for load, value, one in zip(loads, over.transpose("seed", "step").values, flows, strict=True):
+        known = way(load, np.where(one > 0.0, value, np.nan))
+        found.append(Way(known.load, known.value, way(load, one).closed))
+    return [one for one in found if one.load.size or math.isfinite(one.closed)]
+
+
+def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: float = 0.0) -> Array:
+    """Return every way on points along x, shape (ways, points), NaN where it is not known.
+
+    Parameters
+    ----------
+    members : sequence of Way
+        Flows, or ratios to them.
+    at : ndarray, shape (points,)
+        Points along x.
+    hold : bool
+        Whether the last open value is kept until the first state computed closed, as of a ratio. A flow goes to 0
+        there along a straight line. Between open states the logarithm is interpolated.
+    beyond : float
+        Value from the first state computed closed on.
+
+    Returns
+    -------
+    ndarray, shape (ways, points)
+    """
+    rows = np.full((len(members), at.size), np.nan)
+    sign = -1.0 if falls(members) else 1.0
+    points = sign * at
+    for row, one in zip(rows, members, strict=True):
+        load, closed = sign * one.load, sign * one.closed
+        if load.size:
+            inside = (points >= load[0]) & (points <= load[-1])
+            row[inside] = np.exp(np.interp(points[inside], load, np.log(one.value)))
+            between = (points > load[-1]) & (points < closed)
+            ends = [one.value[-1], one.value[-1] if hold else 0.0]
+            row[between] = np.interp(points[between], [load[-1], closed], ends)
+        row[points >= closed] = beyond
+    return rows
+
+
+def is_open(members: Sequence[Way], at: Array) -> Array:
+    """Return 1 where a way is open and 0 from the first state computed closed on, shape (ways, points).
+
+    NaN beyond the last state of one that was open to the end; before its first step a surface hardly touches.
+    """
+    sign = -1.0 if falls(members) else 1.0
+    rows = np.ones((len(members), at.size))
+    for row, one in zip(rows, members, strict=True):
+        row[sign * at >= sign * one.closed] = 0.0
+        row[sign * at > sign * one.end if math.isfinite(one.end) else np.zeros(at.size, bool)] = np.nan
+    return rows
+
+
+def centre_and_band(rows: Array) -> tuple[Array, Array, Array]:
+    """Return median, lower and upper end of the band at every point, of rows of shape (surfaces, points).
+
+    The band holds all surfaces where they are fewer than `FEW`, else the percentiles `BAND`.
+    """
+    low, high = (0.0, 100.0) if len(rows) < FEW else BAND
+    below, centre, above = np.percentile(rows, [low, 50.0, high], axis=0)
+    return centre, below, above
+
+
+def band_words(counts: Sequence[int]) -> str:
+    """Return what a curve and a band are, in words; nothing if every family has one surface alone."""
+    several = sorted({count for count in counts if count > 1})
+    if not several:
+        return ""
+    number = "-".join(map(str, dict.fromkeys((several[0], several[-1]))))
+    band = "all of them" if several[-1] < FEW else f"{BAND[0]:.0f} to {BAND[1]:.0f} %"
+    band += ", all if fewer than 6" if several[0] < FEW <= several[-1] else ""
+    return f"median of {number} surfaces, band {band}"

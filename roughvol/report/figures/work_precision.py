@@ -1,0 +1,169 @@
+"""Work-precision diagrams: what `tradeoff` has measured, each figure a function of its dataset.
+
+Markers are the means over the surfaces (errors: the largest of any), colours name A*, p* and V*.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from roughvol.report.figures.origin import guarded
+from roughvol.report.figures.style import PAGE, Drawing, canvas, looks
+from roughvol.store.tradeoff_variables import QUANTITIES, RUNG
+from roughvol.typing import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from xarray import Dataset
+
+Draw = Callable[["Dataset"], Drawing]
+
+FIGURES: dict[str, Draw] = {}
+LADDERS: dict[str, str] = {}  # that a figure needs
+
+LOOKS = {
+    name: look | {"label": label}
+    for name, look, label in zip(
+        ("mean_pressure", "free_volume", "contact_area_fraction"),
+        looks(3),
+        (r"$p^{\ast}$ (relative)", r"$V^{\ast}$", r"$A^{\ast}$"),
+        strict=True,
+    )
+}
+FLOOR = 1e-16  # where an error of exactly zero is drawn
+
+
+def missing(name: str, ds: Dataset) -> str | None:
+    """Return why a figure cannot be drawn from a dataset, or None if it can."""
+    if "ladder" not in ds.coords:
+        return f"{name} needs a dataset of `roughvol tradeoff`"
+    if LADDERS[name] not in ds["ladder"].values:
+        return f"{name} needs the ladder {LADDERS[name]!r}, which a height file does not have"
+    return None
+
+
+def _figure(ladder: str) -> Callable[[Draw], Draw]:
+    def register(draw: Draw) -> Draw:
+        checked = guarded(draw, missing)
+        FIGURES[draw.__name__], LADDERS[draw.__name__] = checked, ladder
+        return checked
+
+    return register
+
+
+def _rungs(ds: Dataset, ladder: str, precision: str | None = None) -> Dataset:
+    kept = ds["ladder"].values == ladder
+    if precision is not None:
+        kept &= ds["precision"].values == precision
+    return ds.isel({RUNG: np.flatnonzero(kept)})
+
+
+def _worst(ds: Dataset, name: str) -> Array:
+    return np.asarray(np.maximum(ds[name].max("surface").values, FLOOR), dtype=np.float64)
+
+
+@_figure("tolerance")
+def tradeoff_precision(ds: Dataset) -> Drawing:
+    """Errors against the residual asked for, and against the time: what a digit costs.
+
+    An error of exactly 0 is drawn at 1e-16.
+    To see: V* and p* stay under their certified bounds at every residual; A* is off by single elements at 1e-5, exact
+    below; a digit costs the same time all the way down, and mixed precision costs no digit.
+    """
+    fig = canvas(PAGE, 3.0)
+    left, right = fig.subplots(1, 2)
+    mixed, double = (_rungs(ds, "tolerance", how) for how in ("mixed", "double"))
+    for name in QUANTITIES:
+        left.loglog(mixed["rtol"], _worst(mixed, f"{name}_error"), **LOOKS[name])
+    for name, bound, label in (
+        ("free_volume", "residual", r"bound of $V^{\ast}$"),
+        ("mean_pressure", "mean_pressure_bound", r"bound of $p^{\ast}$"),
+    ):
+        left.loglog(mixed["rtol"], _worst(mixed, bound), "--", color=LOOKS[name]["color"], lw=0.8, label=label)
+    left.set(xlabel=r"residual asked for $\eta/\sigma$", ylabel="largest error of any state ($10^{-16}$: none)")
+    left.invert_xaxis()
+    left.legend()
+    for rungs, style, words in ((mixed, "-", "mixed"), (double, ":", "double")):
+        for name in ("mean_pressure", "free_volume"):
+            look = LOOKS[name] | {"label": f"{LOOKS[name]['label']}, {words}"}
+            right.loglog(rungs["seconds"].mean("surface"), _worst(rungs, f"{name}_error"), ls=style, **look)
+    # under a decade or a little more: few labels, as plain numbers
+    right.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)))
+    right.xaxis.set_major_formatter("{x:g}")
+    right.xaxis.set_minor_formatter(NullFormatter())
+    right.set(xlabel="seconds a sweep", ylabel="largest error of any state ($10^{-16}$: none)")
+    right.legend()
+    _grid(left, right)
+    return fig
+
+
+@_figure("resolution")
+def tradeoff_resolution(ds: Dataset) -> Drawing:
+    """Discretisation against algebra: errors at each m of the nested family, beside those of the accuracies.
+
+    To see: the errors of a coarse grid are decades above those of any accuracy of the solver.
+    """
+    fig = canvas(PAGE, 3.0)
+    left, right = fig.subplots(1, 2)
+    family = _rungs(ds, "resolution")
+    levels = family["m"].values
+    final = {name: family[name].values for name in QUANTITIES}
+    for name in QUANTITIES:
+        change = np.sqrt(np.mean(((final[name][:-1] - final[name][-1]) / final[name][-1]) ** 2, axis=1))
+        left.semilogy(levels[:-1], np.maximum(change, FLOOR), **LOOKS[name])
+    mixed = _rungs(ds, "tolerance", "mixed")
+    for rtol, words in ((1e-3, "draft"), (1e-6, "standard"), (1e-9, "reference")):
+        place = int(np.argmin(np.abs(np.log(mixed["rtol"].values / rtol))))
+        error = _worst(mixed, "mean_pressure_error")[place]
+        left.axhline(error, color=LOOKS["mean_pressure"]["color"], lw=0.7, ls=":")
+        left.annotate(f"{words}: " + r"$p^{\ast}$", (levels[0], error), fontsize=7, va="bottom")
+    left.set(xlabel="$m$", ylabel=f"relative difference to $m = {levels[-1]}$ at the last state", xticks=levels[:-1])
+    left.legend()
+    for name in QUANTITIES:
+        look = LOOKS[name] | {"label": str(LOOKS[name]["label"]).removesuffix(" (relative)")}
+        right.plot(levels, (final[name] / final[name][-1]).mean(axis=1), **look)
+    right.set(xlabel="$m$", ylabel=f"value over that at $m = {levels[-1]}$", xticks=levels)
+    right.legend()
+    _grid(left, right)
+    return fig
+
+
+@_figure("steps")
+def tradeoff_settings(ds: Dataset) -> Drawing:
+    """Work and errors of the other choices: number of steps, kernel, method.
+
+    To see: the states of a sweep do not depend on its steps; the kernel is a choice of physics, not of accuracy; the
+    paper's algorithm finds the same.
+    """
+    fig = canvas(PAGE, 3.0)
+    left, right = fig.subplots(1, 2)
+    kept = ds.isel({RUNG: np.flatnonzero(np.isin(ds["ladder"].values, ("steps", "kernel", "method")))})
+    names = []
+    for k in range(kept.sizes[RUNG]):
+        row = kept.isel({RUNG: k})
+        ladder = row["ladder"].item()
+        value, m = row[ladder].item(), row["m"].item()
+        names.append({"steps": f"{value} steps", "method": f"{value}, $m = {m}$"}.get(ladder, value))
+    places = np.arange(len(names))
+    for shift, name in enumerate(QUANTITIES):
+        error = _worst(kept, f"{name}_error")
+        left.plot(places + 0.15 * (shift - 1), error, ls="", **LOOKS[name])
+    left.set_yscale("log")
+    left.set(ylabel="largest error of any state ($10^{-16}$: none)", xticks=places)
+    left.legend()
+    right.plot(places, kept["seconds"].mean("surface").values, ls="", marker="D", color=LOOKS["mean_pressure"]["color"])
+    right.set_yscale("log")
+    right.set(ylabel="seconds a sweep", xticks=places)
+    for ax in (left, right):
+        ax.set_xticklabels(names, rotation=40, ha="right")
+    _grid(left, right)
+    return fig
+
+
+def _grid(*axes: Axes) -> None:
+    for ax in axes:
+        ax.grid(visible=True)

@@ -1,0 +1,130 @@
+"""What a report holds: every claim answered once from the runs given, and which runs get a page of their own.
+
+A run serves the paper if a claim uses it, or if a second reading, the Monte Carlo section or one of the paper's own
+figures asks for its configuration. Every other run is somebody's own study, and is reported as that.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from roughvol.errors import DatasetError
+from roughvol.report.claims import ABSENT, CLAIMS, VERDICTS, Claim, Evidence, Lacking, Reading, Run, assess
+from roughvol.report.claims.ambiguities import SERVES, readings
+from roughvol.report.claims.leak_estimates import Ratio, ratios
+from roughvol.report.claims.many_seeds import ENOUGH, Flip, Spread, many_seeds
+from roughvol.report.claims.needs import ALONE
+from roughvol.store import dataset
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """Everything the page says, computed: claims, second readings, few seeds, estimates of leakage, and the runs.
+
+    ``own`` are the runs that do not serve the paper; each is reported for itself.
+    """
+
+    runs: tuple[Run, ...]
+    claims: tuple[Claim, ...]
+    readings: tuple[Reading, ...]
+    seeds: tuple[Run, list[Spread], list[Flip]] | None
+    estimates: tuple[Ratio, ...]
+    own: tuple[Run, ...] = ()
+    any_size: bool = False
+
+    @property
+    def evidence(self) -> Evidence:
+        """The runs that serve the paper, to be asked."""
+        return Evidence(tuple(run for run in self.runs if run not in self.own), self.any_size)
+
+    @property
+    def computed(self) -> tuple[Claim, ...]:
+        """The claims that have a verdict."""
+        return tuple(claim for claim in self.claims if claim.verdict != ABSENT)
+
+    @property
+    def absent(self) -> tuple[Claim, ...]:
+        """The claims that no run can answer."""
+        return tuple(claim for claim in self.claims if claim.verdict == ABSENT)
+
+    def counts(self) -> dict[str, int]:
+        """Return how many claims have each verdict."""
+        return {verdict: sum(claim.verdict == verdict for claim in self.claims) for verdict in VERDICTS}
+
+
+def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
+    """Return the report of stored runs, each the path of a ``study.nc``.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The files.
+    any_size : bool
+        Answer claims from runs too small for them as well: to try the claims out, not for a verdict.
+
+    Raises
+    ------
+    DatasetError
+        If one cannot be read, or there is none.
+    """
+    paths = list({path.resolve(): path for path in paths}.values())
+    if not paths:
+        message = "no run to report on"
+        raise DatasetError(message)
+    runs = tuple(Run.of(name, dataset.read(path)) for name, path in zip(names_of(paths), paths, strict=True))
+    evidence = Evidence(runs, any_size)
+    claims = tuple(assess(evidence))
+    try:
+        many = many_seeds(evidence)
+    except Lacking:
+        many = None
+    used = {name for claim in claims for name in claim.source}
+    used |= {run.name for needs in (*SERVES, ENOUGH, *ALONE) for run in evidence.fit(needs)}
+    own = tuple(run for run in runs if run.name not in used)
+    return Report(runs, claims, tuple(readings(evidence)), many, tuple(ratios(evidence)), own, any_size)
+
+
+def names_of(paths: Sequence[Path]) -> list[str]:
+    """Return the names of the folders; where two are equal, with as many folders above as tell them apart."""
+    whole = [path.resolve().parent for path in paths]
+    names = []
+    for path in whole:
+        parts = 1
+        while sum(other.parts[-parts:] == path.parts[-parts:] for other in whole) > 1 and parts < len(path.parts):
+            parts += 1
+        names.append("/".join(path.parts[-parts:]))
+    return names
+
+
+def facts_of(run: Run) -> dict[str, Any]:
+    """Return what was run, how long it took, and whether it converged."""
+    ds = run.dataset
+    facts: dict[str, Any] = {
+        "name": run.name,
+        "cases": 0,
+        "states": 0,
+        "converged": 0,
+        "residual": None,
+        "convolutions": None,
+    }
+    facts["wall_time"] = round(float(ds["wall_time"].sum()), 1) if "wall_time" in ds else None
+    facts["cases"] = int(ds["Sq"].notnull().sum()) if "Sq" in ds else 0
+    if "residual" in ds:
+        solved = ds["residual"].notnull()
+        facts |= {"states": int(solved.sum()), "converged": int((ds["converged"] & solved).sum())}
+        facts["residual"] = float(ds["residual"].max())
+        facts["convolutions"] = round(float((ds["convolutions"] + ds["convolutions_fp32"]).where(solved).mean()), 2)
+    for name in ("roughvol_version", "host", "platform", "date"):
+        facts[name] = str(ds.attrs.get(name, ""))
+    facts["libraries"] = json.loads(ds.attrs.get("libraries", "{}")) | {"fft": json.loads(ds.attrs.get("fft", "{}"))}
+    facts["study"] = str(ds.attrs.get("study", ""))
+    return facts
+
+
+def uses_of(figure: str) -> list[Any]:
+    """Return what the claims that show a figure need of a run."""
+    return [needs for question in CLAIMS.values() if figure in question.figures for needs in question.needs.values()]

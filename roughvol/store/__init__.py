@@ -1,0 +1,24 @@
+"""What lies on disk: labelled datasets, the files of cases, and the folder of a run.
+
+Room of the store. It computes nothing.
+
+=====================  =============================================================
+`variables`            the table of every stored variable
+`tradeoff_variables`   the table of a stored trade-off
+`dataset`              build, write, read and combine datasets
+`dimensional`          starred numbers in the units of the study
+`run_folder`           the files of a run, and what each has come to
+`lock`                 one process at a time in a folder
+`same_study`           whether a folder holds the results of a study
+`run_status`           finished, missing, failed and damaged cases
+`collection`           the finished cases, read and verified
+`checkpoint`           the finished steps of a long sweep
+`ledger`               sizes and times of the finished files
+`stamped_file`         files that are whole or absent, with a checksum
+`columns`              small arrays as bytes, quick to read
+=====================  =============================================================
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

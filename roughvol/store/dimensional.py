@@ -1,0 +1,120 @@
+"""The numbers of a study in units: made from the starred ones when its cases are collected, never solved for.
+
+Conventions: σ = Sq, all lengths in the unit of the study, p* = p L/(E* σ), V* = g_mean/σ. A flow is that of an
+incompressible liquid between plates (Reynolds): with ΔP between the two sides of the region, W_x long along the flow
+and W_y wide, plates at the mean gap let through g_mean³ ΔP W_y/(12 μ W_x), and the gap T_x* times that. The numbers
+are those of the patch; k patches side by side let through k times as much, k in a row one k-th.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from roughvol.errors import DatasetError, Problem, StudyError
+from roughvol.store.variables import HEIGHT_POWERS, VARIABLES
+from roughvol.study import Case, GeneratedSurface, Study, convert
+
+if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
+
+
+def check(case: Case) -> None:
+    """Refuse a study that wants lengths in units and whose own unit of length nothing tells, be it the height file.
+
+    Raises
+    ------
+    StudyError
+        With what is missing.
+    """
+    wanted = case.record.dimensional
+    if wanted is None or case.length_unit is not None:
+        return
+    name = next((name for name in wanted.named if name != "pressure"), None)
+    if name is not None:
+        message = f"needs the unit of length, and {case.label} tells none: give surface: {{L: 100 um}}"
+        raise StudyError([Problem(message, f"record.dimensional.{name}")])
+
+
+def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset:
+    """Return the cases of a study with the heights scaled to the Sq it gives, and what it wants in units added.
+
+    Parameters
+    ----------
+    results : Dataset
+        All cases together, as `dataset.combine` makes them.
+    study : Study
+        Names Sq, the moduli, and what is wanted in which unit.
+    length_unit : str or None
+        Unit of the lengths stored.
+
+    Raises
+    ------
+    DatasetError
+        If a leak rate is wanted of cases without the extent of their region.
+    """
+    surface = study.surface
+    if isinstance(surface, GeneratedSurface) and surface.height is not None:
+        results = scaled(results, surface.height)
+    made = {name: (values, unit) for name, values, unit in _made(results, study, length_unit)}
+    results = results.assign({name: values for name, (values, _) in made.items()})
+    for name, (_, unit) in made.items():
+        row = VARIABLES[name]
+        results[name].attrs = {"units": unit, "long_name": row.long_name, "symbol": row.symbol}
+    wanted = study.record.dimensional
+    if wanted is not None and (leak := wanted.leak_rate) is not None:
+        for name in {"leak_rate_x", "leak_rate_y"} & made.keys():
+            results[name].attrs |= {"pressure_drop": str(leak.pressure_drop), "viscosity": str(leak.viscosity)}
+    return results
+
+
+def scaled(results: Dataset, height: float) -> Dataset:
+    """Return generated surfaces as if their heights had been multiplied to have Sq = ``height``.
+
+    Starred numbers do not change; every other goes with its power of the heights (`variables.HEIGHT_POWERS`).
+    """
+    factor = height / results["Sq"]
+    changed = {}
+    for name in HEIGHT_POWERS.keys() & set(map(str, results.data_vars)):
+        old = results[name]
+        changed[name] = (old * factor ** HEIGHT_POWERS[name]).transpose(*old.dims).assign_attrs(old.attrs)
+    return results.assign(changed)
+
+
+def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[tuple[str, DataArray, str]]:
+    """Yield name, values and unit of all that is wanted."""
+    wanted = study.record.dimensional
+    if wanted is None:
+        return
+    sigma = results["Sq"].where(results["Sq"] > 0.0, 1.0)  # gaps of a flat surface are lengths already
+    if wanted.pressure is not None and study.material.unit is not None:
+        modulus = convert(study.material.contact_modulus, study.material.unit, wanted.pressure)
+        yield "nominal_pressure", results["mean_pressure"] * sigma * (modulus / results["L"].item()), wanted.pressure
+    if length_unit is None:
+        return
+    lengths = (
+        (wanted.free_volume, "free_volume_per_area", "free_volume"),
+        (wanted.mean_gap, "mean_gap", "free_volume"),
+        (wanted.separation, "mean_plane_separation", "separation"),
+        (wanted.critical_gap, "critical_opening_x", "critical_gap_x"),
+        (wanted.critical_gap, "critical_opening_y", "critical_gap_y"),
+    )
+    for unit, name, starred in lengths:
+        if unit is not None:
+            yield name, _starred(results, starred) * sigma * convert(1.0, length_unit, unit), unit
+    leak = wanted.leak_rate
+    if leak is None:
+        return
+    if "region_aspect" not in results or bool((results["region_aspect"].isnull() & results["Sq"].notnull()).any()):
+        message = "a leak rate needs the extent of the region, which older cases do not hold: compute them with --fresh"
+        raise DatasetError(message)
+    gap = results["free_volume"] * sigma * convert(1.0, length_unit, "m")
+    plates = gap**3 * (leak.drive / 12.0)
+    yield "leak_rate_x", _starred(results, "transmissivity_x") * plates * results["region_aspect"], leak.unit
+    yield "leak_rate_y", _starred(results, "transmissivity_y") * plates / results["region_aspect"], leak.unit
+
+
+def _starred(results: Dataset, name: str) -> DataArray:
+    """Return a number of every step; missing at all of them if no case reached a state that it was asked for at."""
+    return results[name] if name in results else results["free_volume"] * math.nan

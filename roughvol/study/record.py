@@ -1,0 +1,235 @@
+"""The section ``record`` of a study: what is stored of the states of a sweep, and of which part of the surface."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_serializer, model_validator
+
+from roughvol.study.sections import (
+    AreaFraction,
+    Choice,
+    Fraction,
+    Level,
+    Many,
+    Positive,
+    StepNumber,
+    Strict,
+    Whole,
+    Word,
+    refuse,
+    without_unused,
+)
+from roughvol.study.units import In, UnitOf, convert, in_unit
+from roughvol.study.yaml_text import number_text
+
+
+class Select(Choice):
+    """The states to record: the last one, steps, or those at levels.
+
+    Fields, densities and box counts are of the state at the level itself, which is solved for them. Quantities along
+    the steps are of the first step at the level or beyond it.
+    """
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    step: Many[StepNumber] = Field(default_factory=tuple, description="step numbers, from 1 to sweep.steps")
+    contact_area: Many[AreaFraction] = Field(default_factory=tuple, description="levels of A*, 0 < A* <= 1")
+    pressure: Many[Positive] = Field(default_factory=tuple, description="levels of p* > 0")
+    separation: Many[float] = Field(default_factory=tuple, description="levels of d/σ, reached from above")
+    indentation: Many[Positive] = Field(default_factory=tuple, description="levels of Δ/σ > 0")
+
+    @model_serializer
+    def _plain(self) -> Any:
+        return {kind: list(values) for kind, values in self.named.items()} or "last"
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """The levels one by one, kind by kind; ``Level("last")`` alone if none is named."""
+        levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
+        return tuple(levels) or (Level("last"),)
+
+
+Selector = Annotated[Select, Word("last")]
+_STATES = "'last', or levels of step, contact_area, pressure, separation, indentation"
+
+
+class BoxCounting(Strict):
+    """Box counting of the domains v <= threshold × max(v)."""
+
+    at: Selector = Field(default=Select(), description=f"the states to count at: {_STATES}")
+    thresholds: Many[Fraction] = Field(
+        default=(0.0, 0.1, 0.25, 0.5, 1.0), description="fractions of the largest element volume, 0 to 1; a list"
+    )
+
+
+class VolumeDensity(Strict):
+    """The density f(v) of the free volume per element."""
+
+    bins: Annotated[Whole, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
+    at: Selector = Field(default=Select(), description=f"the states to take f(v) at: {_STATES}")
+    include_contact: bool = Field(default=False, description="whether elements in contact (v = 0) count: true or false")
+
+
+EVERY_STEP = "every-step"
+
+
+def _tag_states(value: Any) -> str:
+    return "<every>" if value == EVERY_STEP else "<states>"
+
+
+States = Annotated[
+    Annotated[Literal["every-step"], Tag("<every>")] | Annotated[Selector, Tag("<states>")], Discriminator(_tag_states)
+]
+_WHEN = f"'{EVERY_STEP}', {_STATES}"
+
+
+class Transport(Choice):
+    """What is computed of the void between the surfaces, quantity by quantity, and at which states."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    percolation: States | None = Field(
+        default=None, description=f"percolation, connected and trapped volume, clusters, pockets: {_WHEN}"
+    )
+    constriction: States | None = Field(default=None, description=f"critical gap along x and y, and its place: {_WHEN}")
+    transmissivity: States | None = Field(default=None, description=f"flow of div(g^3 grad P) = 0, x and y: {_WHEN}")
+    diffusivity: States | None = Field(default=None, description=f"flow of div(g grad P) = 0, x and y: {_WHEN}")
+    estimates: States | None = Field(
+        default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
+    )
+    flux_at: Selector | None = Field(
+        default=None, description=f"store the flux of div(g^3 grad P) = 0 as fields at these states: {_STATES}"
+    )
+
+    @model_validator(mode="after")
+    def _asks_for_something(self) -> Transport:
+        if not self.named:
+            refuse("names no quantity: {known}", known=", ".join(type(self).model_fields))
+        return self
+
+
+class Region(Strict):
+    """A rectangle of the surface, by the shares of its sides."""
+
+    x: tuple[Fraction, Fraction] = Field(
+        default=(0.0, 1.0), description="from and to along the first axis over its length, 0 <= from < to <= 1"
+    )
+    y: tuple[Fraction, Fraction] = Field(
+        default=(0.0, 1.0), description="from and to along the second axis over its length, 0 <= from < to <= 1"
+    )
+
+    @field_validator("x", "y", mode="before")
+    @classmethod
+    def _two(cls, value: Any) -> Any:
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            refuse("must be two numbers, [from, to]")
+        return tuple(value)
+
+    @field_validator("x", "y")
+    @classmethod
+    def _rising(cls, value: tuple[float, float]) -> tuple[float, float]:
+        if value[0] >= value[1]:
+            refuse("must rise, from < to")
+        return value
+
+    @property
+    def label(self) -> str:
+        """The region in words, for datasets."""
+        return "x/L_x {} to {}, y/L_y {} to {}".format(*map(number_text, (*self.x, *self.y)))
+
+
+class RegionWidths(Strict):
+    """What A*, p*, V* and the transmissivity are inside central squares of several widths, from one solution."""
+
+    shares: Many[AreaFraction] = Field(
+        default=(1.0, 0.75, 0.5, 0.25), description="widths of the central regions over that of the surface, 0 to 1"
+    )
+    at: States = Field(default=EVERY_STEP, validate_default=True, description=f"states of A*, p* and V*: {_WHEN}")
+    transmissivity: States | None = Field(default=None, description=f"states of the transmissivity, x and y: {_WHEN}")
+
+
+class LeakRate(Strict):
+    """The flow of an incompressible liquid through the gap: what drives it, what holds it back."""
+
+    pressure_drop: Annotated[Positive, In("pressure", needed=True)] = Field(
+        description="pressure between the two sides of the region, > 0, with its unit as 1 bar"
+    )
+    viscosity: Annotated[Positive, In("viscosity", needed=True)] = Field(
+        description="dynamic viscosity, > 0, with its unit as 1 mPa*s"
+    )
+    unit: Annotated[str, UnitOf("flow")] = Field(default="mm^3/s", description="unit of the leak rate, as mm^3/s")
+
+    @property
+    def drive(self) -> float:
+        """ΔP/μ such that, times a volume in m³, it is a flow in the unit of the leak rate."""
+        drop, viscosity = in_unit(self.pressure_drop, "Pa"), in_unit(self.viscosity, "Pa*s")
+        assert drop is not None
+        assert viscosity is not None
+        return convert(drop / viscosity, "m^3/s", self.unit)
+
+
+class Dimensional(Choice):
+    """What is stored with a unit beside the starred value, and in which; nothing is solved for it."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    pressure: Annotated[str, UnitOf("pressure")] | None = Field(
+        default=None, description="store the nominal contact pressure p* E* Sq/L in this unit, as MPa"
+    )
+    free_volume: Annotated[str, UnitOf("volume per area")] | None = Field(
+        default=None, description="store the free volume over the nominal area in this unit, as mm^3/m^2"
+    )
+    mean_gap: Annotated[str, UnitOf("length")] | None = Field(
+        default=None, description="store the mean gap V* Sq in this unit, as um"
+    )
+    separation: Annotated[str, UnitOf("length")] | None = Field(
+        default=None, description="store the separation d of the mean planes in this unit, as um"
+    )
+    critical_gap: Annotated[str, UnitOf("length")] | None = Field(
+        default=None, description="store the critical gaps along x and y in this unit, as um"
+    )
+    leak_rate: LeakRate | None = Field(
+        default=None, description="store the leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
+    )
+
+    @model_validator(mode="after")
+    def _asks_for_something(self) -> Dimensional:
+        if not self.named:
+            refuse("names no quantity: {known}", known=", ".join(type(self).model_fields))
+        return self
+
+
+INTERIOR = (("x", (0.25, 0.75)), ("y", (0.25, 0.75)))  # the central half of each side
+
+
+class Record(Strict):
+    """What is stored beyond the numbers every step gives."""
+
+    heights: bool = Field(default=False, description="store the heights: true or false")
+    fields_at: Selector | None = Field(default=None, description=f"store gap and pressure at these states: {_STATES}")
+    box_counting: BoxCounting | None = Field(default=None, description="box counting; {} takes the defaults")
+    volume_density: VolumeDensity | None = Field(
+        default=None, description="density of the volumes; {} takes the defaults"
+    )
+    transport: Transport | None = Field(
+        default=None,
+        description="what is computed of the void, quantity by quantity, each with its states",
+    )
+    region: Annotated[Region, Word("interior", INTERIOR)] | None = Field(
+        default=None,
+        description="of which part all observables but heights and fields are taken: 'interior' (the central half of "
+        "each side) or {x: [from, to], y: [from, to]}; the whole if left out",
+    )
+    region_widths: RegionWidths | None = Field(
+        default=None,
+        description="A*, p*, V* and transmissivity of central squares of several widths; {} takes the defaults",
+    )
+    dimensional: Dimensional | None = Field(
+        default=None, description="what is stored with units as well: pressure, free_volume, mean_gap, leak_rate …"
+    )
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> dict[str, Any]:
+        """Leave out what came later where it is not used."""
+        return without_unused(handler(self), "region_widths", "dimensional")

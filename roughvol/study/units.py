@@ -1,0 +1,183 @@
+"""Numbers with a unit in a study, ``100 um`` or ``1 mPa*s``: read, checked for their dimension, converted.
+
+The only user of pint, which is imported when the first unit of a study is met. Lengths go by the names of
+`roughvol.surfaces.length_units`, since a study has one unit of length and all that is stored is labelled with it.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, NoReturn
+
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import PydanticCustomError, core_schema
+
+from roughvol.study.yaml_text import number_text, printable
+from roughvol.surfaces.length_units import METRES, named
+
+# What a number may measure: its dimension as pint writes it, and units to name where another was given.
+KINDS = {
+    "length": ("[length]", ", ".join(METRES)),
+    "volume per area": ("[length]", "mm^3/m^2, ml/m^2, um and the like"),
+    "pressure": ("[mass]/[length]/[time]^2", "Pa, kPa, MPa, GPa, bar, psi and the like"),
+    "viscosity": ("[mass]/[length]/[time]", "Pa*s, mPa*s, cP and the like"),
+    "flow": ("[length]^3/[time]", "mm^3/s, ml/min, um^3/s and the like"),
+}
+EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s"}
+_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", re.ASCII | re.DOTALL)
+# Words, small powers, products and quotients: what else pint evaluates is arithmetic that no unit needs.
+_POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
+_UNIT = re.compile(rf"[^\W\d_]{{1,30}}{_POWER}(?:(?: ?[*·/] ?| )[^\W\d_]{{1,30}}{_POWER}){{0,5}}")
+_NOT_KNOWN = (AttributeError, ValueError, TypeError, AssertionError)  # pint's own derive from these or from PintError
+
+
+class Quantity(float):
+    """A number that keeps the unit it was given in; in every sum and comparison it is the number."""
+
+    unit: str
+
+    def __new__(cls, value: float, unit: str) -> Quantity:
+        """Return the number with its unit."""
+        new = super().__new__(cls, value)
+        new.unit = unit
+        return new
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        """Survive pickling."""
+        return float(self), self.unit
+
+    def __str__(self) -> str:
+        """Return it as it would stand in a study."""
+        return f"{number_text(float(self))} {self.unit}"
+
+
+def unit_of(value: Any) -> str | None:
+    """Return the unit of a number, or None if it has none."""
+    return value.unit if isinstance(value, Quantity) else None
+
+
+def convert(value: float, given: str, wanted: str) -> float:
+    """Return a number in one unit as a number in another of the same dimension.
+
+    Parameters
+    ----------
+    value : float
+        Number in the unit ``given``.
+    given, wanted : str
+        Units that a study has been read with, or others of pint.
+    """
+    registry = _registry()
+    return float(registry.Quantity(value, _spelled(given)).to(_spelled(wanted)).magnitude)
+
+
+def in_unit(value: float | None, wanted: str | None) -> float | None:
+    """Return a number of a study in a unit; one that has none of its own is in it already."""
+    given = unit_of(value)
+    return value if value is None or given is None or wanted is None else convert(float(value), given, wanted)
+
+
+def length_unit(text: Any) -> str | None:
+    """Return the unit of length in the value of a key as it stands in the file, None if there is none."""
+    found = _NUMBER.fullmatch(text.strip()) if isinstance(text, str) else None
+    return None if found is None else named(found[2])
+
+
+def has_unit(text: Any) -> bool:
+    """Return whether the value of a key, as it stands in the file, is a number with something behind it."""
+    return isinstance(text, str) and _NUMBER.fullmatch(text.strip()) is not None
+
+
+@dataclass(frozen=True)
+class In:
+    """Accept a number with a unit of a kind beside a plain number, or alone where ``needed``."""
+
+    kind: str
+    needed: bool = False
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        written = core_schema.plain_serializer_function_ser_schema(_written)
+        return core_schema.no_info_wrap_validator_function(self._read, handler(source), serialization=written)
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        text = {"type": "string", "examples": [EXAMPLES[self.kind]]}
+        return text if self.needed else {"anyOf": [handler(schema["schema"]), text]}
+
+    def _read(self, value: Any, number: Any) -> Any:
+        if isinstance(value, Quantity):
+            return value
+        if not isinstance(value, str):
+            if self.needed:
+                _refuse(f"must be a number with a unit of {self.kind}, as in {EXAMPLES[self.kind]}")
+            return number(value)
+        found = _NUMBER.fullmatch(value.strip())
+        if found is None:
+            plain = "" if self.needed else "a number, or "
+            _refuse(f"must be {plain}a number with a unit of {self.kind}, as in {EXAMPLES[self.kind]}")
+        return Quantity(number(float(found[1])), _checked(found[2], self.kind))
+
+
+@dataclass(frozen=True)
+class UnitOf:
+    """Accept the name of a unit of a kind."""
+
+    kind: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_after_validator_function(lambda unit: _checked(unit, self.kind), handler(source))
+
+
+_Positive = Annotated[float, Field(gt=0)]
+Length = Annotated[_Positive, In("length")]
+Pressure = Annotated[_Positive, In("pressure")]
+
+
+def _written(value: Any) -> Any:
+    return str(value) if isinstance(value, Quantity) else value
+
+
+def _checked(unit: str, kind: str) -> str:
+    """Return a unit as it is stored if it is one of that kind; refuse it otherwise."""
+    unit = unit.strip()
+    if kind == "length" and (name := named(unit)):
+        return name
+    dimension, allowed = KINDS[kind]
+    found = _dimension(unit)
+    if found is None:
+        _refuse(f"'{printable(unit)[:40]}' is no known unit; allowed for a {kind}: {allowed}")
+    if found != _registry().get_dimensionality(dimension):
+        other = next((name for name, (of, _) in KINDS.items() if _registry().get_dimensionality(of) == found), None)
+        what = f"a unit of {other}" if other else "a unit of something else"
+        _refuse(f"'{unit}' is {what}, not of {kind}; allowed: {allowed}")
+    if kind == "length":
+        _refuse(f"'{unit}' is not among the units of length known here: {allowed}")
+    return unit
+
+
+def _dimension(unit: str) -> Any:
+    """Return the dimension of a unit, None if it is not known."""
+    import pint
+
+    if not _UNIT.fullmatch(unit):
+        return None
+    try:
+        return _registry().parse_units(_spelled(unit)).dimensionality
+    except (pint.PintError, *_NOT_KNOWN):
+        return None
+
+
+def _spelled(unit: str) -> str:
+    return unit.replace("·", "*")
+
+
+@functools.cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def _refuse(reason: str) -> NoReturn:
+    kind, message = "refused", "{reason}"
+    raise PydanticCustomError(kind, message, {"reason": reason})

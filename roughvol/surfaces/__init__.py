@@ -1,0 +1,21 @@
+"""What is pressed: a field of heights, made or measured.
+
+Room of the surfaces. It knows no study, no solver and no results.
+
+=================  =================================================================
+`surface`          the record of a surface: heights, spacing, Sq
+`midpoint`         fractal surfaces by random midpoint displacement
+`measured`         surfaces from files: read, treated, two bodies added
+`body`             one measured body and its treatment, as records
+`files`            readers of height maps, one for each kind of content
+`levelling`        planes taken off, holes filled, short waves filtered
+`outliers`         single heights far from their neighbours
+`lattice`          block means, and oblong pixels made square
+`texture`          ISO 25178-2 numbers, summits, Hurst exponents
+`length_units`     units of length and their factors
+=================  =================================================================
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,169 @@
+"""Tables of numbers in text of unknown origin: encoding, comments, delimiters, decimal commas and missing cells.
+
+A line is data if all its cells are numbers or marks of a missing number. Lines before the first one are the header.
+Lines after it that are neither data nor comments are an error: a reader that skips them loses rows of a map.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from roughvol.errors import DatasetError, SurfaceError
+from roughvol.surfaces.files.description import NotRead
+from roughvol.typing import Array
+
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?|[-+]?(?:inf|infinity)", re.IGNORECASE)
+_MISSING = re.compile(r"|[-+]?nan|na|n/a|#n/a|null|none|bad|void|\*+|-+|\?+", re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+_COMMENT = re.compile(r"#(?!N/A).*", re.IGNORECASE)
+_SAMPLE = 50  # lines that show how cells are set apart
+_HEAD = 4096  # bytes that show whether a file is text
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text file: the lines before its first line of numbers, those from there on, and the comments among these.
+
+    Each line comes with its number.
+    """
+
+    path: Path
+    header: list[tuple[int, str]]
+    data: list[tuple[int, str]]
+    comments: list[tuple[int, str]]
+
+
+def is_text(path: Path) -> bool:
+    """Return whether the start of a file looks like text: no zero bytes, unless it is marked as UTF-16."""
+    with path.open("rb") as stream:
+        start = stream.read(_HEAD)
+    control = sum(byte < 32 and byte not in b"\t\n\r\f\x1a" for byte in start)
+    return start[:2] in (b"\xff\xfe", b"\xfe\xff") or (0 not in start and control <= len(start) // 100)
+
+
+def split(path: Path) -> Text:
+    """Return the header and the data of a text file.
+
+    Raises
+    ------
+    SurfaceError
+        If there is no line of numbers.
+    """
+    content = path.read_bytes()
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        text = content.decode("utf-16")
+    else:
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = content.decode("latin-1")  # µ is one byte there
+    lines = list(enumerate(re.split("\r\n|\r|\n", text), start=1))  # str.splitlines also breaks at form feeds
+    first = next((index for index, (_, line) in enumerate(lines) if _is_data(line)), None)
+    if first is None:
+        message = f"{path}: holds no numbers"
+        raise SurfaceError(message)
+    header = [(number, line.strip()) for number, line in lines[:first] if line.strip()]
+    data = [(number, bare) for number, line in lines[first:] if (bare := _bare(line))]
+    comments = [(number, line.strip()) for number, line in lines[first:] if line.lstrip().startswith("#")]
+    return Text(path, header, data, comments)
+
+
+def words(text: Text) -> Array:
+    """Return all numbers of a text in one row, whatever their lines; cells are set apart by blanks or a delimiter."""
+    try:
+        return np.array(" ".join(line for _, line in text.data).split(), dtype=np.float64)
+    except ValueError:
+        cells = ((number, cell) for number, line in text.data for cell in re.split(r"[\s;,]+", line.strip(" ;,\t")))
+        return np.array([_value(text.path, number, cell) for number, cell in cells])
+
+
+def table(text: Text) -> Array:
+    """Return the numbers of a text, a row for each line; NaN where a cell is empty or marked as missing.
+
+    Raises
+    ------
+    NotRead
+        If a line holds words.
+    DatasetError
+        If its rows differ in length, or a cell is no number.
+    """
+    sample = [line for _, line in text.data[:_SAMPLE]]
+    mark = _delimiter(sample)
+    if mark is None:
+        text = replace(text, data=[(number, line) for number, line in text.data if line.strip()])
+    lines = [line for _, line in text.data]
+    if mark is not None and all(line.endswith(mark) for line in lines):
+        lines = [line[:-1] for line in lines]  # ends every row, and sets nothing apart
+    if mark is not None and all(line.startswith(mark) for line in lines):
+        lines = [line[1:] for line in lines]
+    commas = mark != "," and any("," in line for line in sample)
+    if commas:
+        if any("." in line for line in sample):
+            message = f"{text.path}: line {text.data[0][0]} holds both commas and points; allowed: one decimal mark"
+            raise DatasetError(message)
+        lines = [line.replace(",", ".") for line in lines]
+    try:
+        return np.loadtxt(lines, delimiter=mark, comments=None, ndmin=2)
+    except ValueError:
+        return _slowly(text, lines, mark)
+
+
+def _slowly(text: Text, lines: list[str], mark: str | None) -> Array:
+    """Read cell by cell, as numpy does not: marks of missing numbers, quotes, and errors with their line."""
+    rows: list[list[float]] = []
+    for (number, whole), line in zip(text.data, lines, strict=True):
+        cells = [cell.strip().strip('"') for cell in line.split(mark)]
+        if not any(_NUMBER.fullmatch(cell) or _MISSING.fullmatch(cell) for cell in cells):
+            message = f"{text.path}: line {number}: {whole[:60]!r} stands among the numbers"
+            raise NotRead(message)
+        rows.append([_value(text.path, number, cell) for cell in cells])
+    usual = Counter(map(len, rows)).most_common(1)[0][0]
+    for (number, _), row in zip(text.data, rows, strict=True):
+        if len(row) != usual:
+            message = f"{text.path}: line {number} holds {len(row)} numbers, most lines {usual}"
+            raise DatasetError(message)
+    return np.array(rows)
+
+
+def _value(path: Path, number: int, cell: str) -> float:
+    if _NUMBER.fullmatch(cell):
+        return float(cell.lower().replace("d", "e"))
+    if _MISSING.fullmatch(cell):
+        return np.nan
+    message = f"{path}: line {number}: {cell[:40]!r} is no number"
+    raise DatasetError(message)
+
+
+def _bare(line: str) -> str:
+    """Return a line without its comment; delimiters at its ends stay, since cells there may be empty."""
+    return (_COMMENT.sub("", line) if "#" in line else line).strip(" \r\f\x1a")
+
+
+def _is_data(line: str) -> bool:
+    cells = [cell.strip('"') for cell in re.split(r"[\s;,]+", _bare(line).strip(" ;,\t"))]
+    numbers = sum(_NUMBER.fullmatch(cell) is not None for cell in cells)
+    missing = sum(_MISSING.fullmatch(cell) is not None for cell in cells)
+    return numbers + missing == len(cells) and (numbers > 0 or missing > 2)
+
+
+def _delimiter(sample: list[str]) -> str | None:
+    """Return what sets cells apart in these lines: a semicolon, a tab, a comma, or blanks (None)."""
+    for mark in ";\t":
+        if all(mark in line.strip(" ") for line in sample) and not _blanks_inside(sample, mark):
+            return mark
+    cells = [cell for line in sample for cell in line.split()]
+    with_comma = [cell for cell in cells if "," in cell]
+    decimal = len(with_comma) > 0 and all(_DECIMAL_COMMA.fullmatch(cell) for cell in with_comma)
+    if with_comma and not (decimal and len(cells) > len(sample)):
+        return ","
+    return None
+
+
+def _blanks_inside(sample: list[str], mark: str) -> bool:
+    """Return whether cells between these marks hold several numbers, so that the marks only end or group them."""
+    return any(len(cell.split()) > 1 for line in sample for cell in line.split(mark))

@@ -1,0 +1,185 @@
+"""Header lines of text files: size, units, channel and the names of columns.
+
+Understood are the exports of Gwyddion (``# Width: 10.00 µm``), lines of ``h= w=``, ``pixel size=`` and ``height
+conversion factor``, ESRI ASCII grids, and names of columns with their units (``X [µm]; Y [µm]; Z [nm]``). A line that
+seems to give a size or a unit and is none of these is kept as ``unclear``: it must not be passed over.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from roughvol.errors import SurfaceError
+from roughvol.surfaces.files.description import length_unit
+
+_FLOAT = r"([-+]?(?:\d+(?:[.,]\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
+_UNIT = (
+    r"(?:pm|nm|[uµμ]m|mm|cm|km|microns?|(?:pico|nano|micro|milli|centi)[- ]?met(?:er|re)s?|Å|\u212b|[Aa]ngstr[oö]ms?)"
+)
+_HAS_UNIT = re.compile(rf"(?<![^\W\d_]){_UNIT}(?![^\W\d_])|{_FLOAT}\s*(?:m|met(?:er|re)s?)\b|[\[(]m[\])]")
+_NUMBER_WITH_UNIT = re.compile(rf"{_FLOAT}\s*(?:{_UNIT}|m|met(?:er|re)s?)(?![^\W\d_])")
+_LATERAL = re.compile(
+    r"\b(?:x|y|xy|lateral|width|length|pixels?|spacing|step|size|scan|axis|cut.?off|tip)\b", re.IGNORECASE
+)
+_VERTICAL = re.compile(r"\b(?:z|heights?|values?|data|elevations?|topography|depths?)\b", re.IGNORECASE)
+_COLUMN = re.compile(r"(x|y|z|h|heights?|elevation|topography)\s*(?:[\[(/_]\s*([^\])]*?)\s*[\])]?)?", re.IGNORECASE)
+_ESRI = {
+    *("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter"),
+    *("cellsize", "dx", "dy", "nodata_value"),
+}
+_KEYED = {
+    "channel": re.compile(r"channel\s*[:=]\s*(.*)", re.IGNORECASE),
+    "width": re.compile(rf"width\s*[:=]\s*{_FLOAT}\s*(.*)", re.IGNORECASE),
+    "height": re.compile(rf"height\s*[:=]\s*{_FLOAT}\s*(.*)", re.IGNORECASE),
+    "values": re.compile(r"(?:value|height|z)s?[- ]units?\s*[:=]\s*(.*)", re.IGNORECASE),
+    "lateral": re.compile(r"lateral[- ]units?\s*[:=]\s*(.*)", re.IGNORECASE),
+    "pixel": re.compile(rf"pixel\s+size\s*[:=]\s*{_FLOAT}\s*(.*)", re.IGNORECASE),
+    "factor": re.compile(
+        rf"height\s+conversion\s+factor\s*(?:\(\s*->\s*(.*?)\s*\))?\s*[:=]\s*{_FLOAT}\s*(.*)", re.IGNORECASE
+    ),
+}
+_COUNTS = re.compile(r"(?:^|[\s,;])([hw])\s*=\s*(\d+)(?!\S*[.\d])", re.IGNORECASE)
+
+
+@dataclass
+class Header:
+    """What the header lines of a text file give.
+
+    ``size`` is that of all pixels along the lines and down the lines, ``pixel`` that of one; both in ``unit``.
+    """
+
+    size: list[float | None] = field(default_factory=lambda: [None, None])
+    pixel: float | None = None
+    counts: dict[str, int] = field(default_factory=dict)
+    unit: str | None = None
+    heights_unit: str | None = None
+    factor: float = 1.0
+    channel: str = ""
+    points: bool = False
+    esri: dict[str, float] = field(default_factory=dict)
+    source: str = ""
+    unclear: tuple[int, str] | None = None
+
+    @property
+    def along_lines(self) -> bool:
+        """Whether the header names the axis that runs along the lines: it is x then."""
+        return self.pixel is not None or self.size != [None, None] or bool(self.counts)
+
+
+def parse(path: Path, lines: list[tuple[int, str]], *, ignore: bool = False) -> Header:
+    """Return what header lines give.
+
+    Parameters
+    ----------
+    path : Path
+        File, for messages.
+    lines : list of (int, str)
+        Numbers and text of the lines before the first line of data.
+    ignore : bool
+        Pass over lines whose unit is no unit of length.
+
+    Raises
+    ------
+    SurfaceError
+        If a line gives a unit that is no unit of length, or units that differ between the axes.
+    """
+    header = Header()
+    for number, line in lines:
+        place = f"line {number} ({_short(line)})"
+        bare = line.lstrip("#%;/* \t").strip()
+        if not bare:
+            continue
+        try:
+            taken = _esri(header, bare, place) or _keyed(header, path, bare, place)
+            taken = taken or _columns(header, path, bare, place)
+        except SurfaceError:
+            if not ignore:
+                raise
+            continue
+        if taken:
+            continue
+        comment = bare != line
+        named = _HAS_UNIT.search(bare)
+        if named and not _NUMBER_WITH_UNIT.search(bare) and _VERTICAL.search(bare) and not _LATERAL.search(bare):
+            header.heights_unit = length_unit(path, named[0].strip("[]()"), place)
+        elif header.unclear is None and (named or not comment):
+            header.unclear = number, line
+    return header
+
+
+def _short(line: str) -> str:
+    return line if len(line) <= 60 else f"{line[:57]}..."
+
+
+def _number(text: str) -> float:
+    return float(text.replace(",", "."))
+
+
+def _esri(header: Header, bare: str, place: str) -> bool:
+    words = bare.lower().split()
+    if len(words) != 2 or words[0] not in _ESRI:
+        return False
+    try:
+        header.esri[words[0]] = _number(words[1])
+    except ValueError:
+        return False
+    if words[0] in ("cellsize", "dx"):
+        header.source = place
+    return True
+
+
+def _keyed(header: Header, path: Path, bare: str, place: str) -> bool:
+    """Take a line of a key and its value."""
+    for key, pattern in _KEYED.items():
+        found = pattern.fullmatch(bare)
+        if found is None:
+            continue
+        if key == "channel":
+            header.channel = found[1].strip()
+        elif key in ("values", "factor") and (unit := found[1] or ""):
+            header.heights_unit = length_unit(path, unit, place)
+        elif key == "lateral":
+            _lateral(header, path, found[1], place)
+        elif key in ("width", "height", "pixel"):
+            _lateral(header, path, found[2], place)
+            header.source = header.source or place
+            if key == "pixel":
+                header.pixel = _number(found[1])
+            else:
+                header.size[key == "height"] = _number(found[1])
+        if key == "factor":
+            header.factor = _number(found[2])
+        return True
+    counts = {name.lower(): int(value) for name, value in _COUNTS.findall(bare)}
+    header.counts |= counts
+    return bool(counts)
+
+
+def _lateral(header: Header, path: Path, unit: str, place: str) -> None:
+    name = length_unit(path, unit, place)
+    if name is not None and header.unit not in (None, name):
+        message = f"{path}: {place} is in {name}, another size in {header.unit}; allowed: one unit for both axes"
+        raise SurfaceError(message)
+    header.unit = header.unit or name
+
+
+def _columns(header: Header, path: Path, bare: str, place: str) -> bool:
+    """Take a line of the names of columns x, y, z, with or without their units."""
+    joined = re.sub(r"\s+(?=[\[(])", "", bare.replace('"', ""))
+    parts = [part.strip() for part in (re.split(r"[;,\t]", joined) if re.search(r"[;,\t]", joined) else joined.split())]
+    found = [_COLUMN.fullmatch(part) for part in parts[:3]]
+    if len(found) < 3 or any(one is None for one in found):
+        return False
+    names = [one[1].lower() for one in found if one]
+    if names[:2] != ["x", "y"] or names[2] in "xy":
+        return False
+    header.points = True
+    header.source = place
+    for one in found[:2]:
+        if one and one[2]:
+            _lateral(header, path, one[2], place)
+    if found[2] and found[2][2]:
+        header.heights_unit = length_unit(path, found[2][2], place)
+    return True

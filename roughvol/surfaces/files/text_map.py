@@ -1,0 +1,173 @@
+"""Height maps in text: rows of heights with or without a header, points x y z, and ESRI ASCII grids.
+
+Conventions: without labels, lines run along the first axis, as numpy.savetxt writes an array. A header that gives the
+size along the lines (Width, w, pixel size, ncols) makes that axis x, so the array is the transpose of the text. Points
+and ESRI grids carry coordinates: both axes ascend with the index.
+
+These come before the readers of SurfaceTopography, which skip every line they cannot read as numbers (a row that holds
+``***`` is lost) and take no decimal commas, semicolons, ESRI headers or NODATA values.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from roughvol.errors import SurfaceError
+from roughvol.surfaces.files import plain_text, points, text_header
+from roughvol.surfaces.files.description import Description, HeightMap, NotRead
+from roughvol.surfaces.files.text_header import Header
+from roughvol.typing import Array
+
+INSIST = "surface.columns: heights takes all numbers as heights"
+_EVEN = 1e-6  # by which steps along a row may differ and count as those of a coordinate
+
+
+def opened(path: Path, columns: str | None = None, *, ignore_header: bool = False) -> HeightMap:
+    """Return the map in a text file.
+
+    Parameters
+    ----------
+    path : Path
+        Text, with any ending.
+    columns : {"heights"}, optional
+        All columns are heights, also if they look like coordinates.
+    ignore_header : bool
+        Pass over header lines that are not understood.
+
+    Raises
+    ------
+    NotRead
+        If a header line is not understood; the message names it.
+    SurfaceError, DatasetError
+        If the file holds no map.
+    """
+    text = plain_text.split(path)
+    header = text_header.parse(path, text.header, ignore=ignore_header)
+    for comment in text.comments:
+        if text_header.parse(path, [comment], ignore=True) != Header():
+            message = f"{path}: line {comment[0]} is a header among the numbers: {comment[1][:80]!r}; allowed: one map"
+            raise SurfaceError(message)
+    if header.esri:
+        return _esri(text, header)
+    known = header.along_lines and header.unit is not None and header.heights_unit is not None
+    if header.unclear is not None and not known and not ignore_header:
+        number, line = header.unclear
+        message = (
+            f"{path}: line {number} is not understood: {line[:80]!r}; delete it, or pass over it with "
+            "surface.header: ignore and give L and heights_unit"
+        )
+        raise NotRead(message)
+    numbers = plain_text.table(text)
+    if columns == "heights" or header.along_lines:
+        return _matrix(path, numbers, header)
+    if header.points or numbers.shape[1] == 3:
+        return _points(path, numbers[:, :3], header)
+    _refuse_coordinates(path, numbers)
+    return _matrix(path, numbers, header)
+
+
+def _map(heights: Array, header: Header, description: Description) -> HeightMap:
+    if header.factor != 1.0:
+        heights = heights * header.factor
+    described = replace(
+        description,
+        shape=(heights.shape[0], heights.shape[1]),
+        unit=header.unit,
+        heights_unit=header.heights_unit,
+        channel=header.channel,
+        source=header.source,
+    )
+    return HeightMap(described, lambda: heights)
+
+
+def _matrix(path: Path, numbers: Array, header: Header) -> HeightMap:
+    if not header.along_lines:
+        return _map(numbers, header, Description(numbers.shape, reader="text, rows", read_as=_as_before(path)))
+    heights = numbers.T
+    for axis, name in enumerate("wh"):
+        if header.counts.get(name, heights.shape[axis]) != heights.shape[axis]:
+            message = (
+                f"{path}: the header gives {name} = {header.counts[name]}, the text has {numbers.shape[1]} columns "
+                f"in {numbers.shape[0]} lines"
+            )
+            raise SurfaceError(message)
+    pixels = [
+        size / nodes if size is not None else header.pixel
+        for size, nodes in zip(header.size, heights.shape, strict=True)
+    ]
+    sides = None
+    if pixels[0] is not None and pixels[1] is not None:
+        sides = pixels[0] * (heights.shape[0] - 1), pixels[1] * (heights.shape[1] - 1)
+    return _map(heights, header, Description(heights.shape, sides, reader="text with a header", read_as="header"))
+
+
+def _as_before(path: Path) -> str | None:
+    """Return None for the endings that an earlier version read in the same way."""
+    return None if path.suffix.lower() in (".txt", ".csv", ".asc") else "rows"
+
+
+def _points(path: Path, numbers: Array, header: Header) -> HeightMap:
+    try:
+        heights, sides, counted = points.grid(numbers)
+    except SurfaceError as error:
+        message = f"{path}: looks like x y z points, but they are no regular grid: {error}; {INSIST}"
+        raise SurfaceError(message) from error
+    counted = counted and header.unit is None
+    source = header.source or "its coordinates"
+    described = Description(heights.shape, sides, reader="text, points x y z", read_as="points", counted=counted)
+    found = _map(heights, header, described)
+    return replace(found, description=replace(found.description, source=source))
+
+
+def _refuse_coordinates(path: Path, numbers: Array) -> None:
+    """Refuse tables that hold coordinates among the heights."""
+    rows, columns = numbers.shape
+    for table, nodes, said in ((numbers, columns, "columns"), (numbers.T, rows, "lines")):
+        if 3 <= nodes <= 6 and len(table) >= 9:
+            try:
+                points.grid(table[:, :3])
+            except SurfaceError:
+                continue
+            message = (
+                f"{path}: looks like x y z points: the first two of its {nodes} {said} are those of a grid; "
+                f"give it as columns x y z alone; {INSIST}"
+            )
+            raise SurfaceError(message)
+    if min(rows, columns) < 4 or not (_even(numbers[0, 1:]) and _even(numbers[1:, 0])):
+        return
+    if not all(_even(row) for row in numbers[1:, 1:]):
+        message = f"{path}: the first line and the first column look like coordinates: delete them and give L; {INSIST}"
+        raise SurfaceError(message)
+
+
+def _even(values: Array) -> bool:
+    steps = np.diff(values)
+    return bool(
+        steps[0] != 0.0 and np.isfinite(steps).all() and np.abs(steps - steps[0]).max() <= _EVEN * abs(steps[0])
+    )
+
+
+def _esri(text: plain_text.Text, header: Header) -> HeightMap:
+    path, said = text.path, header.esri
+    if not {"ncols", "nrows"} <= said.keys():
+        message = f"{path}: the header names {', '.join(said)}; needed: ncols and nrows"
+        raise SurfaceError(message)
+    if header.unclear is not None:
+        number, line = header.unclear
+        message = f"{path}: line {number} is not understood: {line[:80]!r}"
+        raise NotRead(message)
+    rows, columns = int(said["nrows"]), int(said["ncols"])
+    heights = plain_text.words(text)  # the numbers of a row may run over several lines
+    if heights.size != rows * columns:
+        message = f"{path}: holds {heights.size} heights; its header says {rows} x {columns}"
+        raise SurfaceError(message)
+    heights[heights == said.get("nodata_value", -9999.0)] = math.nan
+    cell = said.get("cellsize")
+    dx, dy = said.get("dx", cell), said.get("dy", cell)
+    sides = None if dx is None or dy is None else (dx * (columns - 1), dy * (rows - 1))
+    grid = heights.reshape(rows, columns)[::-1].T  # lines run from north to south
+    return _map(grid, header, Description((columns, rows), sides, reader="ESRI ASCII grid", read_as="esri"))

@@ -1,0 +1,138 @@
+"""The surface of measured heights: each body read and treated by itself, two of them added.
+
+Conventions: the heights of each body are positive out of it. Two bodies touch first where the sum of their heights is
+largest, so they are pressed as one rough surface of height z1 + z2 against a plane. Apart from missing heights and
+outliers, which belong to one of them, what is done to each body is linear and could as well be done to the sum.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from roughvol.errors import SurfaceError
+from roughvol.surfaces import lattice, length_units, levelling, outliers
+from roughvol.surfaces.body import Body, Treatment
+from roughvol.surfaces.files import reading
+from roughvol.surfaces.surface import Surface
+from roughvol.typing import Array, Mask
+
+_FLATTEST = 1e-7  # of the side: a nanometre on a centimetre
+_MIRRORS = {"none": np.s_[:, :], "x": np.s_[::-1, :], "y": np.s_[:, ::-1]}
+
+
+def surface(bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | None) -> Surface:
+    """Return the surface whose heights come from files: one body, or the sum of two.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+        One body or two.
+    treatment : Treatment
+        Treatment of each body.
+    L : float
+        Length of the first axis of the treated lattice [unit].
+    unit : str or None
+        Unit of lengths and heights; None to take the numbers as they are.
+
+    Raises
+    ------
+    SurfaceError, DatasetError
+        If a file cannot be read or has changed since the study was loaded, if it holds no heights or not those of a
+        lattice of the same shape as the other, if heights are missing and ``treatment`` refuses them, or if the
+        treatment is not possible.
+    """
+    measured = [_measured(body, treatment, unit) for body in bodies]
+    total, filled, removed = _pressed(bodies, measured, treatment, L)
+    peak_before = None
+    if treatment.outliers is not None:
+        before = _pressed(bodies, measured, replace(treatment, outliers=None), L)[0] if removed else total
+        peak_before = Surface(before, 1.0).peak
+    return Surface(total, L / (len(total) - 1), filled, removed, peak_before)
+
+
+def _pressed(
+    bodies: Sequence[Body], measured: Sequence[Array], treatment: Treatment, L: float
+) -> tuple[Array, int, int]:
+    """Return the heights that are pressed, the number of filled ones, and the number of outliers taken out."""
+    (total, filled, removed), *others = (
+        _treated(heights, body, treatment, L) for heights, body in zip(measured, bodies, strict=True)
+    )
+    for body, (heights, missing, count) in zip(bodies[1:], others, strict=True):
+        if heights.shape != total.shape:
+            message = f"{body.file}: has {heights.shape} nodes; allowed: {total.shape}, as {bodies[0].file} has"
+            raise SurfaceError(message)
+        total, filled, removed = total + heights, filled | missing, removed + count
+    return total, int(filled.sum()), removed
+
+
+def notes(surface: Surface, unit: str | None) -> tuple[str, ...]:
+    """Return what is absurd in the heights for the length of the surface.
+
+    Parameters
+    ----------
+    surface : Surface
+        Measured surface.
+    unit : str or None
+        Unit of its heights and lengths.
+    """
+    span, side = float(np.ptp(surface.heights)), surface.spacing * (min(surface.heights.shape) - 1)
+    said = f"the heights span {span:.3g} {unit or ''}".rstrip()
+    if span > side:
+        return (f"{said}, more than the shorter side, {side:.3g} {unit or ''}".rstrip() + ": is heights_unit right?",)
+    if 0.0 < span < _FLATTEST * side:
+        return (f"{said}, {span / side:.1g} of the shorter side: is heights_unit right?",)
+    return ()
+
+
+def _measured(body: Body, treatment: Treatment, unit: str | None) -> Array:
+    """Return the heights of one body as its file holds them, in the unit of the study."""
+    heights = reading.read(
+        body.file,
+        variable=body.variable,
+        holes=treatment.missing != "refuse",
+        columns=body.columns,
+        ignore_header=body.header == "ignore",
+    )
+    with body.file.open("rb") as stream:
+        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+    if sha256 != body.sha256:
+        message = f"{body.file} has changed since the study was loaded; run the study again"
+        raise SurfaceError(message)
+    own = body.numbers_in
+    if own is not None and unit is not None and own != unit:
+        heights = heights * length_units.factor(own, unit)
+    return heights
+
+
+def _treated(heights: Array, body: Body, treatment: Treatment, L: float) -> tuple[Array, Mask, int]:
+    """Return the heights of one body as they are pressed, which of them were filled, and the number of outliers."""
+    mirror, removed = _MIRRORS[body.mirror], 0
+    try:
+        heights = heights[mirror]  # a crop, blocks and new nodes are those of the first body, on both
+        if treatment.crop is not None:
+            (left, right), (front, back) = treatment.crop
+            heights = heights[left : right + 1, front : back + 1]
+        if treatment.outliers is not None:
+            degree = treatment.level if treatment.level == "quadratic" else "tilt"
+            found = outliers.outliers(heights, *treatment.outliers, degree=degree)
+            heights, removed = np.where(found, np.nan, heights), int(found.sum())
+        if treatment.downsample != 1:
+            heights = lattice.block_means(heights, treatment.downsample)
+        if treatment.resample != "none" and body.pixel_ratio is not None:
+            heights = lattice.squared(heights, body.pixel_ratio)
+        heights = heights[mirror]
+        missing = np.isnan(heights)
+        if treatment.level != "none":
+            heights = levelling.level(heights, treatment.level)
+        if treatment.filling is not None:
+            heights = levelling.fill(heights, treatment.filling)
+        if treatment.low_pass is not None:
+            heights = levelling.low_pass(heights, L / (len(heights) - 1), treatment.low_pass)
+    except SurfaceError as error:
+        message = f"{body.file}: {error}"
+        raise SurfaceError(message) from error
+    return heights[mirror], missing[mirror], removed

@@ -1,0 +1,170 @@
+"""Fractal surfaces by random midpoint displacement."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roughvol.errors import SurfaceError
+from roughvol.surfaces.surface import Surface, positive, real
+from roughvol.typing import Array
+
+LARGEST_M = 14  # 2 GiB of heights; the contact problem ends well before
+
+
+LAWS = ("std", "variance")
+
+
+INITIAL_SPREAD = 1.0 / 0.3  # the paper's free parameter 1/√0.09, Section 2
+
+
+def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: int = 0, law: str = "std") -> Surface:
+    """Return a self-affine surface by random midpoint displacement (Peitgen & Saupe 1988; the paper's Section 2).
+
+    Level by level, every square gets a centre (mean of its 4 corners + s_h ξ), then every edge a midpoint (mean of its
+    4 neighbours, 3 on the boundary, + s_{h+1} ξ); nodes that exist get no addition, the corners are zero. ξ are
+    standard normal, and the standard deviation of half step h = 1 … 2m is, with s₀ = v₀ = 1/√0.09,
+
+        law "std":       s_h = s₀ 2^{-h (3-D)/2}        Hurst exponent 3 - D
+        law "variance":  s_h = √(v₀ 2^{-h (3-D)/2})     Hurst exponent (3 - D)/2
+
+    The second is the sentence of the paper read literally; the first gives the dimension D that it names.
+
+    Parameters
+    ----------
+    D : float
+        Fractal dimension, 2 < D < 3.
+    m : int
+        Number of levels, 1 … 14; the surface has N = 2^m + 1 nodes per side.
+    side : float
+        Lateral size L [length]; δ = L / 2^m. The heights do not depend on it.
+    seed : int
+        Seed ≥ 0 of the random stream. The stream is drawn coarse level first and does not depend on D: equal seeds at
+        m - 1 and m are nested bit for bit, and equal seeds at two D are a matched pair.
+    law : {"std", "variance"}
+        Which quantity is divided by 2^{(3-D)/2} at each half step.
+
+    Returns
+    -------
+    Surface
+        Heights of shape (N, N).
+
+    Raises
+    ------
+    SurfaceError
+        If an argument lies outside its interval.
+    """
+    m = _integer("m", m, 1, LARGEST_M)
+    seed = _integer("seed", seed, 0)
+    side = positive("side", side)
+    deviations = _deviations(D, m, law)
+    # Generator and bit generator are both named: `default_rng` may change its mind between versions.
+    normal = np.random.Generator(np.random.PCG64(seed)).standard_normal
+    nodes = 2**m
+    heights = np.zeros((nodes + 1, nodes + 1))
+    for level in range(m):
+        step = nodes >> level
+        half = step // 2
+        cells = 1 << level
+        corners = heights[::step, ::step]
+        centres = 0.25 * (corners[:-1, :-1] + corners[:-1, 1:] + corners[1:, :-1] + corners[1:, 1:])
+        centres += deviations[2 * level] * normal((cells, cells))
+        heights[half::step, half::step] = centres
+        heights_x, heights_y = _edge_midpoints(corners, centres)
+        noise_x, noise_y = _edge_noise(normal, cells)
+        heights[half::step, ::step] = heights_x + deviations[2 * level + 1] * noise_x
+        heights[::step, half::step] = heights_y + deviations[2 * level + 1] * noise_y
+    return Surface(heights, side / nodes)
+
+
+def midpoint_levels(m: int) -> NDArray[np.int64]:
+    """Return the half step at which each node gets its height (the paper's Fig. 1).
+
+    Parameters
+    ----------
+    m : int
+        Number of levels, 1 … 14.
+
+    Returns
+    -------
+    ndarray of int, shape (2^m + 1, 2^m + 1)
+        0 at the corners, 1 at the first centre, 2 at the first edge midpoints, … 2m at the last edge midpoints.
+
+    Raises
+    ------
+    SurfaceError
+        If m lies outside its interval.
+    """
+    m = _integer("m", m, 1, LARGEST_M)
+    nodes = 2**m
+    levels = np.zeros((nodes + 1, nodes + 1), dtype=np.int64)
+    for level in range(m):
+        step = nodes >> level
+        half = step // 2
+        levels[half::step, half::step] = 2 * level + 1
+        levels[half::step, ::step] = 2 * level + 2
+        levels[::step, half::step] = 2 * level + 2
+    return levels
+
+
+def _edge_midpoints(corners: Array, centres: Array) -> tuple[Array, Array]:
+    """Return the mean of the neighbours of the midpoints of the edges along x and of those along y."""
+    along_x = corners[:-1] + corners[1:]
+    along_x[:, 1:] += centres
+    along_x[:, :-1] += centres
+    along_x[:, 1:-1] /= 4.0
+    along_x[:, [0, -1]] /= 3.0
+    along_y = corners[:, :-1] + corners[:, 1:]
+    along_y[1:] += centres
+    along_y[:-1] += centres
+    along_y[1:-1] /= 4.0
+    along_y[[0, -1]] /= 3.0
+    return along_x, along_y
+
+
+def _edge_noise(normal: Callable[[int | tuple[int, int]], Array], cells: int) -> tuple[Array, Array]:
+    """Draw the numbers of one edge pass: the boundary y = 0, y = L, x = 0, x = L, then the interior along x, along y.
+
+    The order is part of what a seed means: changing it changes every surface.
+    """
+    along_x = np.empty((cells, cells + 1))
+    along_y = np.empty((cells + 1, cells))
+    along_x[:, 0] = normal(cells)
+    along_x[:, -1] = normal(cells)
+    along_y[0] = normal(cells)
+    along_y[-1] = normal(cells)
+    along_x[:, 1:-1] = normal((cells, cells - 1))
+    along_y[1:-1] = normal((cells - 1, cells))
+    return along_x, along_y
+
+
+def _deviations(D: float, m: int, law: str) -> list[float]:
+    """Return the standard deviations of the 2m half steps."""
+    if law not in LAWS:
+        message = f"law must be one of {', '.join(map(repr, LAWS))}, got {law!r}"
+        raise SurfaceError(message)
+    D = real("D", D)
+    if not 2.0 < D < 3.0:
+        message = f"D must be in (2, 3), got {D!r}"
+        raise SurfaceError(message)
+    factors = [2.0 ** (-half_step * (3.0 - D) / 2.0) for half_step in range(1, 2 * m + 1)]
+    if law == "variance":
+        return [math.sqrt(INITIAL_SPREAD * factor) for factor in factors]
+    return [INITIAL_SPREAD * factor for factor in factors]
+
+
+def _integer(name: str, value: int, lowest: int, highest: int | None = None) -> int:
+    allowed = f"an integer >= {lowest}" if highest is None else f"an integer in [{lowest}, {highest}]"
+    try:
+        number = operator.index(value)
+    except TypeError as error:
+        message = f"{name} must be {allowed}, got {value!r}"
+        raise SurfaceError(message) from error
+    if number < lowest or (highest is not None and number > highest):
+        message = f"{name} must be {allowed}, got {value!r}"
+        raise SurfaceError(message)
+    return number

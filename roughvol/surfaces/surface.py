@@ -1,0 +1,167 @@
+"""Rough surfaces: heights on a square lattice, and the random midpoint displacement that makes fractal ones.
+
+Conventions: heights z are positive up, axis 0 is x and axis 1 is y, the nodes are δ = ``spacing`` apart on both axes.
+A surface made here has N = 2^m + 1 nodes per side and δ = side / 2^m; its four corners are zero.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from roughvol.errors import SurfaceError
+from roughvol.typing import Array
+
+SMALLEST_RANGE = 1e-290  # of heights that are not flat: below, their differences are denormal and Sq loses its digits
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A height field z on a lattice of spacing δ, checked once and read-only from then on.
+
+    Parameters
+    ----------
+    heights : array_like, shape (rows, columns), both at least 3
+        Heights z [length], positive up, finite. They are copied.
+    spacing : float
+        Distance δ of neighbouring nodes [length], the same on both axes, finite and positive.
+    filled : int
+        How many of the heights were not measured but filled in.
+    outliers : int
+        How many measured heights were taken out as outliers.
+    peak_before : float, optional
+        `peak` of the surface with its outliers, where outliers were looked for.
+
+    Raises
+    ------
+    SurfaceError
+        If the heights are not a real, finite 2-D array of at least 3 × 3 nodes whose range is a float (and 0 or
+        at least `SMALLEST_RANGE`), or δ is not finite and positive.
+    """
+
+    heights: Array
+    spacing: float
+    filled: int = 0
+    outliers: int = 0
+    peak_before: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "heights", _checked_heights(self.heights))
+        object.__setattr__(self, "spacing", positive("spacing", self.spacing))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle through the constructor: a plain pickle would bring the heights back writable."""
+        return (Surface, (self.heights, self.spacing, self.filled, self.outliers, self.peak_before))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of nodes along x and y."""
+        rows, columns = self.heights.shape
+        return rows, columns
+
+    @property
+    def side(self) -> float:
+        """Length of the first axis, L = δ (rows - 1) [length]."""
+        return self.spacing * (self.shape[0] - 1)
+
+    @cached_property
+    def z_max(self) -> float:
+        """Highest height [length]: where a flat half space touches first."""
+        return float(self.heights.max())
+
+    @cached_property
+    def z_min(self) -> float:
+        """Lowest height [length]."""
+        return float(self.heights.min())
+
+    @cached_property
+    def mean_height(self) -> float:
+        """Height of the mean plane, z̄ = mean(z) [length]."""
+        return self._moments[0]
+
+    @cached_property
+    def Sq(self) -> float:
+        """Root mean square of the heights about their mean plane, Sq = √mean((z - z̄)²) [length] (ISO 25178-2).
+
+        Right for any scale of heights: they are brought to unit range first, because the squares of 1e-250 underflow.
+        """
+        return self._moments[1]
+
+    @property
+    def peak(self) -> float:
+        """Highest point above the mean plane over Sq, (z_max - z̄)/Sq; NaN if the surface is flat."""
+        return (self.z_max - self.mean_height) / self.Sq if self.Sq > 0.0 else math.nan
+
+    @property
+    def pit(self) -> float:
+        """Lowest point above the mean plane over Sq, (z_min - z̄)/Sq, negative; NaN if the surface is flat."""
+        return (self.z_min - self.mean_height) / self.Sq if self.Sq > 0.0 else math.nan
+
+    @cached_property
+    def _moments(self) -> tuple[float, float]:
+        # A power of two, so that scaling is exact and Sq(2^k z) = 2^k Sq(z) to the last bit.
+        exponent = math.frexp(self.z_max - self.z_min)[1]
+        depth = np.ldexp(self.z_max - self.heights, -exponent)
+        mean_depth = float(depth.mean())
+        depth -= mean_depth
+        mean_height = self.z_max - math.ldexp(mean_depth, exponent)
+        return mean_height, math.ldexp(math.sqrt(float(np.mean(np.square(depth)))), exponent)
+
+
+def _checked_heights(heights: ArrayLike) -> Array:
+    """Return a read-only, C-contiguous copy of the heights, or say what is wrong with them."""
+    masked = int(np.ma.count_masked(heights)) if isinstance(heights, np.ma.MaskedArray) else 0
+    if masked:
+        message = f"heights must be known at every node, {masked} are masked"
+        raise SurfaceError(message)
+    try:
+        given = np.asarray(heights)
+    except ValueError as error:  # rows of unequal length
+        message = f"heights must be a 2-D array of numbers: {error}"
+        raise SurfaceError(message) from error
+    if given.dtype.kind not in "fiub":
+        message = f"heights must be real numbers, got an array of {given.dtype}"
+        raise SurfaceError(message)
+    if given.ndim != 2 or min(given.shape) < 3:
+        message = f"heights must be 2-D with at least 3 nodes per axis, got shape {given.shape}"
+        raise SurfaceError(message)
+    checked = np.array(given, dtype=np.float64, order="C")
+    bad = ~np.isfinite(checked)
+    if bad.any():
+        row, column = np.argwhere(bad)[0].tolist()
+        message = (
+            f"heights must be finite, got {int(bad.sum())} NaN or infinite out of {bad.size}, "
+            f"the first at [{row}, {column}] ({checked[row, column]})"
+        )
+        raise SurfaceError(message)
+    height_range = float(checked.max()) - float(checked.min())
+    if not math.isfinite(height_range):
+        message = f"heights must have a finite range, got {checked.min():.3g} … {checked.max():.3g}"
+        raise SurfaceError(message)
+    if 0.0 < height_range < SMALLEST_RANGE:
+        message = f"the range of the heights is {height_range:.3g}; allowed: 0 (flat), or at least {SMALLEST_RANGE:g}"
+        raise SurfaceError(message)
+    checked.flags.writeable = False
+    return checked
+
+
+def real(name: str, value: float) -> float:
+    """Return a value as a float, or refuse what is no real number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError) as error:
+        message = f"{name} must be a number, got {value!r}"
+        raise SurfaceError(message) from error
+
+
+def positive(name: str, value: float) -> float:
+    """Return a value as a float, or refuse one that is not finite and positive."""
+    number = real(name, value)
+    if not (math.isfinite(number) and number > 0.0):
+        message = f"{name} must be finite and positive, got {value!r}"
+        raise SurfaceError(message)
+    return number

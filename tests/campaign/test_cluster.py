@@ -1,0 +1,224 @@
+"""A Dask cluster: the same values as here, workers that die are survived, tasks that kill them are given up."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from roughvol.campaign import batch, running, workers
+from roughvol.cli import main
+from roughvol.errors import CampaignError
+from roughvol.store import dataset, run_status
+from roughvol.store.dataset import Dataset
+from roughvol.study import loads
+
+pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'roughvol[cluster]'")
+# The client of Dask leaves its loop's sockets to the garbage collector.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+]
+
+TEXT = "name: c\nsurface: {D: [2.3, 2.6], m: 5, seeds: 6}\nsweep: {steps: 120}\nrecord: {fields_at: last}\n"
+
+
+def _values(results: Dataset) -> Dataset:
+    return dataset.answers(results)
+
+
+def _dask(place: Path, *arguments: str) -> subprocess.Popen[bytes]:
+    environment = os.environ | {
+        "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "2",
+        "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "2s",
+        # for the tasks of this file, by the code that is tested
+        "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]),
+    }
+    log = (place / f"{arguments[0]}-{time.monotonic_ns()}.log").open("wb")
+    with log:
+        return subprocess.Popen(
+            [sys.executable, "-m", "distributed.cli.dask_" + arguments[0], *arguments[1:]],
+            cwd=place,
+            env=environment,
+            stdout=log,
+            stderr=log,
+        )
+
+
+def _worker(place: Path, address: str, *more: str) -> subprocess.Popen[bytes]:
+    return _dask(place, "worker", address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", *more)
+
+
+def _ended(processes: list[subprocess.Popen[bytes]]) -> None:
+    for process in processes:
+        process.terminate()
+    for process in processes:
+        try:
+            process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[tuple[str, Path]]:
+    """A scheduler on this machine: its address, and the folder of its logs."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    address = f"tcp://127.0.0.1:{port}"
+    place = tmp_path / "dask"
+    place.mkdir()
+    process = _dask(place, "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+    try:
+        yield address, place
+    finally:
+        _ended([process])
+
+
+@pytest.fixture
+def cluster(scheduler: tuple[str, Path]) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A scheduler and two workers on this machine, each process of its own."""
+    address, place = scheduler
+    crew = [_worker(place, address, "--no-nanny"), _worker(place, address)]
+    try:
+        yield address, crew
+    finally:
+        _ended(crew)
+
+
+def test_a_cluster_that_loses_a_worker_gives_the_same_values(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    address, crew = cluster
+    study = loads(TEXT)
+    killed: list[int] = []
+
+    def kill_one(now: batch.Progress) -> None:
+        if now.done == 2 and not killed:
+            crew[0].kill()
+            killed.append(now.done)
+
+    there = running.run(study, out=tmp_path / "there", scheduler=address, on_event=kill_one)
+    assert killed
+    here = running.run(study, out=tmp_path / "here", jobs=2)
+    xr.testing.assert_identical(_values(there), _values(here))
+    assert len(run_status.status(study, tmp_path / "there").done) == 12
+
+
+def test_a_stopped_run_leaves_what_the_workers_had_not_begun(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
+) -> None:
+    address, _ = cluster
+    study, done = loads(TEXT.replace("seeds: 6", "seeds: 40")), [0]
+    with pytest.raises(KeyboardInterrupt):
+        running.run(
+            study,
+            out=tmp_path / "there",
+            scheduler=address,
+            on_event=lambda now: done.append(now.done),
+            stopping=lambda: done[-1] >= 2,
+        )
+    found = run_status.status(study, tmp_path / "there")
+    assert 2 <= len(found.done) <= 8  # of 80: those at work, and what the workers had sent meanwhile
+    assert (found.damaged, found.failed) == ({}, {})
+
+
+def test_a_long_sweep_goes_on_elsewhere_where_the_folder_is_shared(scheduler: tuple[str, Path], tmp_path: Path) -> None:
+    address, place = scheduler
+    (place / "small.py").write_text(
+        "from roughvol.store import checkpoint\ncheckpoint.NODES, checkpoint.EVERY = 0, 0.1\n"
+    )
+    study = loads("name: c\nsurface: {D: 2.4, m: 7, seeds: 1}\nsweep: {steps: 1000}\nrecord: {fields_at: last}\n")
+    crew = [_worker(place, address, "--no-nanny", "--preload", "small.py")]
+    steps: list[int] = []
+    again: list[int] = []
+
+    def replace(now: batch.Progress) -> None:
+        (again if len(crew) == 2 else steps).append(now.steps_done)
+        if now.steps_done >= 200 and len(crew) == 1:
+            crew[0].kill()
+            crew[0].wait()
+            crew.append(_worker(place, address, "--no-nanny", "--preload", "small.py"))
+
+    try:
+        there = running.run(study, out=tmp_path / "there", scheduler=address, on_event=replace)
+    finally:
+        _ended(crew)
+    assert len(steps) > 2  # a worker tells of its steps
+    assert min(again) > 50  # and the next does not begin with the first
+    assert not list((tmp_path / "there" / "cases").glob(".*"))
+    xr.testing.assert_identical(_values(there), _values(running.run(study, out=tmp_path / "here", jobs=1)))
+
+
+def _deadly(number: int, tell: Any) -> int:
+    if number == 1:
+        os._exit(9)
+    return number
+
+
+def test_a_task_that_kills_workers_is_given_up(cluster: tuple[str, list[subprocess.Popen[bytes]]]) -> None:
+    address, _ = cluster
+    ended: dict[int, BaseException | None] = {}
+    workers.each(
+        _deadly,
+        range(4),
+        jobs=1,
+        scheduler=address,
+        on_message=print,
+        on_end=lambda task, result, error: ended.update({task: error}),
+    )
+    assert sorted(ended) == [0, 1, 2, 3]
+    assert "KilledWorker" in type(ended.pop(1)).__name__
+    assert set(ended.values()) == {None}
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "tcp://127.0.0.1", "127.0.0.1:port", "tcp://a:99999", "tcp://:1", ""])
+def test_an_address_that_no_scheduler_can_have_is_refused_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str
+) -> None:
+    monkeypatch.setattr("distributed.Client", lambda *_, **__: pytest.fail("a client is opened"))
+    (tmp_path / "c.yaml").write_text(TEXT)
+    call = ["run", str(tmp_path / "c.yaml"), "--out", str(tmp_path / "out"), "--scheduler", address]
+    refused = CliRunner().invoke(main, call)
+    assert refused.exit_code == 1
+    (line,) = refused.stderr.splitlines()
+    assert f"the scheduler's address is {address!r}; allowed: host:port or protocol://host:port" in line
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "address", ["tcp://127.0.0.1:8786", "localhost:8786", "tls://node-1.example.org:1/", "[::1]:8786"]
+)
+def test_addresses_of_dask_are_accepted(address: str) -> None:
+    workers.check_address(address)
+
+
+def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "CONNECT", 1)
+    with pytest.raises(CampaignError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"):
+        running.run(loads(TEXT), out=tmp_path, scheduler="tcp://127.0.0.1:9")
+
+
+def test_a_scheduler_that_has_lost_all_its_workers_is_given_up(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address, crew = cluster
+    monkeypatch.setattr(workers, "GONE", 1.0)
+
+    def kill_all(now: batch.Progress) -> None:
+        if now.done == 1:
+            _ended(crew)
+
+    with pytest.raises(CampaignError, match="has had no worker for 1 s, after it had some; what is finished is kept"):
+        running.run(loads(TEXT), out=tmp_path, scheduler=address, on_event=kill_all)
+    assert run_status.status(loads(TEXT), tmp_path).done

@@ -1,0 +1,137 @@
+"""What a campaign survives, done for real: processes killed at random moments, impatient people, ten thousand cases."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from roughvol.campaign import one_case, running
+from roughvol.store import dataset, run_status
+from roughvol.store.dataset import Dataset
+from roughvol.store.run_folder import case_file
+from roughvol.study import loads
+
+LONG = "name: long\nsurface: {D: 2.5, m: 5, seeds: 24}\nsweep: {steps: 300}\n"
+ENDLESS = "name: endless\nsurface: {D: 2.5, m: 8, seeds: 2}\nsweep: {steps: 4000}\n"
+
+
+def _values(results: Dataset) -> Dataset:
+    return dataset.answers(results)
+
+
+def _start(folder: Path, text: str) -> subprocess.Popen[str]:
+    (folder / "study.yaml").write_text(text)
+    command = [
+        sys.executable,
+        "-c",
+        "from roughvol.cli import main; main()",
+        "run",
+        "study.yaml",
+        "--out",
+        "out",
+        "-j2",
+    ]
+    return subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def _running(folder: Path, process: subprocess.Popen[str]) -> None:
+    deadline = time.monotonic() + 60
+    while '"running": ["' not in _note(folder) and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+
+
+def _note(folder: Path) -> str:
+    try:
+        return (folder / "out" / "progress.json").read_text()
+    except FileNotFoundError:
+        return ""
+
+
+def test_a_second_ctrl_c_ends_a_run_at_once(tmp_path: Path) -> None:
+    process = _start(tmp_path, ENDLESS)
+    _running(tmp_path, process)
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.stderr is not None
+    first = ""
+    while "stopping after the cases" not in first:
+        first = process.stderr.readline()
+        assert first
+    assert process.poll() is None  # the cases that are being computed would take minutes
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert errors.splitlines()[-1].startswith("interrupted; what is finished is kept")
+    assert "Traceback" not in errors
+    assert run_status.status(tmp_path / "study.yaml", tmp_path / "out").holder is None
+
+
+@pytest.mark.slow
+def test_a_run_survives_twenty_kills_of_any_of_its_processes(tmp_path: Path) -> None:
+    chance, study, out = random.Random(1), loads(LONG), tmp_path / "out"
+    undisturbed = _values(running.run(study, out=tmp_path / "undisturbed", jobs=2))
+    kills, finished = 0, dict[str, int]()
+    while kills < 20:
+        process = _start(tmp_path, LONG)
+        time.sleep(chance.uniform(0.5, 4.0))
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        family = [process.pid, *map(int, children.read_text().split())] if process.poll() is None else []
+        if family:
+            victim = chance.choice(family)
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(victim, signal.SIGKILL)
+                kills += 1
+            time.sleep(chance.uniform(0.0, 2.0))  # the run goes on without a worker, until it is killed itself
+            process.kill()
+        process.communicate(timeout=120)
+        now = {path.name: path.stat().st_mtime_ns for path in (out / "cases").glob("*.nc")}
+        assert {name: now[name] for name in finished} == finished  # nothing finished is lost or computed again
+        finished = now
+        if len(finished) == len(study.cases()) or kills == 20:
+            again = running.run(study, out=out, jobs=2)
+            assert not list(out.rglob(".*.part"))
+            assert not (out / "cases" / "set_aside").exists()
+            xr.testing.assert_identical(_values(again), undisturbed)
+            shutil.rmtree(out)
+            finished = {}
+
+
+@pytest.mark.slow
+def test_ten_thousand_cases(tmp_path: Path) -> None:
+    text = "name: scale\nsurface: {D: [2.2, 2.4, 2.6, 2.8], m: 3, seeds: 2500}\nsweep: {steps: 4}\n"
+    (tmp_path / "scale.yaml").write_text(text)
+    study, out = loads(text), tmp_path / "out"
+    (out / "cases").mkdir(parents=True)
+    one = one_case.run_case(study.cases()[0])
+    for case in study.cases():
+        part = one.assign_coords(D=[case.D], seed=[case.seed])
+        part.attrs = one.attrs | {"case_id": case.id, "case": json.dumps(case.key, sort_keys=True)}
+        case_file(out, case.id).write_bytes(dataset.to_bytes(part))
+    command = [sys.executable, "-c", "from roughvol.cli import main; main()", "status", "scale.yaml", "--out", "out"]
+
+    def seconds_of_status() -> float:
+        started = time.monotonic()
+        shown = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert "10000 of 10000 cases finished" in shown.stdout
+        return time.monotonic() - started
+
+    unknown = min(
+        seconds_of_status() for _ in range(5)
+    )  # no run has noted these files; the best of five, of one program
+    started = time.monotonic()
+    assert running.collect(study, out).sizes["seed"] == 2500
+    collected = time.monotonic() - started
+    running.run(study, out=out)
+    known = min(seconds_of_status() for _ in range(5))
+    assert max(unknown, known) < 2.0, (unknown, known)
+    assert collected < 60.0

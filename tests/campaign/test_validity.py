@@ -1,0 +1,361 @@
+"""Limits of the model: each is held against laws and closed forms, said where it is passed, and silent elsewhere."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner, Result
+from numpy.testing import assert_allclose, assert_array_equal
+
+from roughvol.campaign import checks, running, validity
+from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.campaign.validity import Finding, Setting
+from roughvol.cli import main
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import solve, sweep
+from roughvol.observables import reduction
+from roughvol.store import checkpoint, dataset, dimensional
+from roughvol.store.dataset import Dataset
+from roughvol.study import Level, loads
+from roughvol.surfaces.surface import Surface
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+SMALL = "surface: {D: 2.3, m: 4, seeds: 2, L: 50 um, Sq: 0.5 um}\nsweep: {steps: 4, to: {contact_area: 0.1}}\n"
+METAL = "material: {E: 70 GPa, nu: 0.33, hardness: 1 GPa}\n"
+LEAK = """record:
+  transport: {{transmissivity: every-step}}
+  dimensional: {{leak_rate: {{pressure_drop: {}, viscosity: 1 mPa*s}}}}
+"""
+HARD = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
+
+
+def _call(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def _collected(text: str) -> Dataset:
+    study = loads(text)
+    parts = [run_case(case) for case in study.cases()]
+    return dimensional.in_units(dataset.combine(parts, {}), study, study.cases()[0].length_unit)
+
+
+def _after(text: str) -> dict[str, Finding]:
+    return {found.key: found for found in validity.after(validity.setting(loads(text)), _collected(text))}
+
+
+def _before(text: str) -> dict[str, Finding]:
+    return {found.key: found for found in checks.foreseen(loads(text))}
+
+
+def _states(**values: list[float]) -> Dataset:
+    """Make results of one surface from numbers."""
+    still = [0.0] * len(values["mean_pressure"])
+    given = {"Sq": [1.0], "Sdq": [0.01], "separation": still, "indentation": still} | values
+    made = {name: (("case", "step"), np.array([value])) for name, value in given.items() if name not in ("Sq", "Sdq")}
+    made |= {name: (("case",), np.array(given[name])) for name in ("Sq", "Sdq")}
+    return xr.Dataset(made, coords={"L": 100.0})
+
+
+# Hardness
+
+
+def test_shares_above_the_hardness_are_those_of_a_direct_count() -> None:
+    pressure = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 0.0], [0.0, 0.0, 10.0]])
+    assert reduction.above(pressure, 2.5) == (3 / 5, 17 / 20)
+    assert reduction.above(pressure, 10.0) == (0.0, 0.0)  # above, not at
+    assert reduction.above(np.zeros((3, 3)), 0.5) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("region", ["", "record: {region: interior}\n"])
+def test_shares_are_stored_for_every_step_from_the_pressure_field(region: str) -> None:
+    text = SMALL.replace("seeds: 2", "seeds: [1]").replace("contact_area: 0.1", "indentation: 2") + METAL + region
+    case = loads(text).cases()[0]
+    values, surface = run_case(case), surface_of(case)
+    states = list(sweep(surface, HalfSpace(surface.shape), 2.0 * np.arange(1, 5) / 4))
+    # by hand, in GPa: p* E* Sq/L with the Sq of the study
+    scale = 70 / (1 - 0.33**2) * 0.5 / 50
+    for name, expected in zip(
+        HARD,
+        np.transpose([reduction.above(scale * _seen(state.pressure(), region), 1.0) for state in states]),
+        strict=True,
+    ):
+        assert_allclose(values[name].values.ravel(), expected, rtol=1e-12)
+    assert values[HARD[1]].max() > 0.5
+
+
+def _seen(pressure: np.ndarray, region: str) -> np.ndarray:
+    return pressure[4:13, 4:13] if region else pressure
+
+
+def test_a_harder_metal_yields_less_and_a_very_hard_one_nowhere() -> None:
+    shares = [
+        _collected(SMALL + METAL.replace("1 GPa", hardness))[HARD[0]].isel(step=-1).mean().item()
+        for hardness in ("0.1 GPa", "5 GPa", "15 GPa", "1000 GPa")
+    ]
+    assert shares == sorted(shares, reverse=True)
+    assert shares[0] > 0.9
+    assert shares[-1] == 0.0
+    assert "hardness" not in _after(SMALL + METAL.replace("1 GPa", "1000 GPa"))
+
+
+def test_without_a_hardness_nothing_is_stored_and_cases_keep_their_names() -> None:
+    plain, hard = loads(SMALL), loads(SMALL + METAL)
+    assert not set(HARD) & set(run_case(plain.cases()[0]).data_vars)
+    assert plain.cases()[0].id != hard.cases()[0].id
+    assert "material" not in plain.cases()[0].key
+    other = METAL.replace("70 GPa", "70000 MPa").replace("1 GPa", "10 kbar")
+    assert [case.id for case in loads(SMALL + other).cases()] == [case.id for case in hard.cases()]
+
+
+def test_shares_of_a_scaled_surface_are_those_of_one_that_has_these_heights(tmp_path: Path) -> None:
+    text = SMALL.replace("seeds: 2", "seeds: [1]") + METAL.replace("1 GPa", "8 GPa")
+    scaled = _collected(text + "record: {heights: true}")
+    np.save(tmp_path / "z.npy", scaled.heights.isel(D=0, m=0, seed=0).transpose("x", "y").values)
+    file = text.replace("D: 2.3, m: 4, seeds: [1],", "file: z.npy,").replace(", Sq: 0.5 um", "")
+    pressed = run_case(loads(file, tmp_path / "s.yaml").cases()[0])
+    for name in HARD:
+        assert_allclose(pressed[name].values.ravel(), scaled[name].values.ravel(), rtol=1e-5)
+    assert 0.0 < scaled[HARD[0]].isel(step=-1).item() < 1.0
+
+
+def test_run_says_which_share_of_contact_and_load_is_above_the_hardness() -> None:
+    found, results = _after(SMALL + METAL)["hardness"], _collected(SMALL + METAL)
+    highest = int(results.mean_pressure.values.ravel().argmax())
+    for name in HARD:
+        assert f"{100 * results[name].values.ravel()[highest]:.3g} %" in found.sentence
+    assert "hardness 1 GPa" in found.sentence
+    assert found.extent.states == int((results[HARD[1]] > validity.ABOVE_HARDNESS).sum())
+    assert (found.extent.cases, found.extent.of_cases, found.extent.of_states) == (2, 2, 8)
+    assert found.extent.first == results.mean_pressure.where(results[HARD[1]] > validity.ABOVE_HARDNESS).min()
+
+
+def test_the_share_foreseen_is_that_of_the_distribution_of_pressure() -> None:
+    given = Setting(1.0, hardness=0.06, hardness_text="0.06", scaled=True)
+    sentence = validity.before(given, Level("mean-plane"), Sq=1.0, Sdq=0.1, L=100.0)[0].sentence
+    p = np.linspace(0.0, 1.0, 400_001)
+    density = p / 0.05**2 * np.exp(-0.5 * (p / 0.05) ** 2)
+    contact, load = density[p > 0.06].sum() / density.sum(), (p * density)[p > 0.06].sum() / (p * density).sum()
+    assert f"about {100 * contact:.3g} % of the contact" in sentence
+    assert f"{100 * load:.3g} % of the load" in sentence
+
+
+def test_shares_survive_a_checkpoint() -> None:
+    case = loads(SMALL.replace("contact_area: 0.1", "indentation: 2") + METAL).cases()[0]
+    surface = surface_of(case)
+    half_space = HalfSpace(surface.shape)
+    states = list(sweep(surface, half_space, 2.0 * np.arange(1, 5) / 4))
+    whole = reduction.of_sweep(case, surface, half_space, states)
+    for kept in (2, 4):  # also after the last step
+        first, second = (reduction.Reduction(case, surface, half_space) for _ in range(2))
+        for state in states[:kept]:
+            first.follow(state)
+        last_two = [state.state() for state in states[kept - 2 : kept]]
+        second.restore(checkpoint.unpacked(checkpoint.packed(first.state())), last_two)
+        for state in states[kept:]:
+            second.follow(state)
+        for name in (*HARD, "central_pressure_ratio"):
+            assert_array_equal(second.values()[name], whole[name])
+
+
+# A metal without a hardness
+
+
+@pytest.mark.parametrize(
+    ("material", "speaks"),
+    [
+        ("{E: 70 GPa, nu: 0.33}", True),
+        ("{E_star: 2.1e+11 Pa}", True),
+        ("{E: 3 GPa, nu: 0.4}", False),
+        ("{E: 210 GPa, nu: 0.3, against: {E: 10 MPa, nu: 0.49}}", False),  # the rubber is what yields last
+        ("{E_star: 100}", False),  # of no unit
+        ("{E: 70 GPa, nu: 0.33, hardness: 1 GPa}", False),
+    ],
+)
+def test_a_metal_without_a_hardness_is_said(material: str, speaks: bool) -> None:
+    text = f"{SMALL}material: {material}\n"
+    assert ("metal" in _before(text), "metal" in _after(text)) == (speaks, speaks)
+
+
+def test_a_metal_polished_so_that_it_stays_elastic_is_not_said() -> None:
+    text = SMALL.replace("0.5 um", "0.1 nm") + "material: {E: 70 GPa, nu: 0.33}\n"
+    assert _before(text) == _after(text) == {}
+
+
+def test_the_contact_pressure_foreseen_is_near_the_one_computed() -> None:
+    text = "material: {E: 70 GPa, nu: 0.33}\n" + SMALL.replace("m: 4, seeds: 2", "m: 6, seeds: [0]")
+    pressures = [float(found["metal"].sentence.split()[-2]) for found in (_before(text), _after(text))]
+    assert 0.7 < pressures[0] / pressures[1] < 1.4
+
+
+# Slope and nominal pressure
+
+
+def test_slope_is_judged_where_heights_and_lengths_have_one_scale(tmp_path: Path) -> None:
+    raw = "surface: {D: 2.6, m: 4, seeds: 3, L: 5}\nsweep: {steps: 2, to: {indentation: 1}}\n"
+    assert "slope" not in {**_before(raw), **_after(raw)}  # by convention alone the heights are in the unit of L
+    for changed in ("L: 5 um", "L: 5, Sq: 2", "L: 5 um, Sq: 2000 nm"):
+        text = raw.replace("L: 5", changed)
+        assert "slope" in _before(text)
+        found = _after(text)["slope"]
+        assert (found.extent.cases, found.extent.of_cases, found.limit) == (3, 3, validity.STEEPEST)
+        assert f"{_collected(text).Sdq.max().item():.2g} on 3 of 3 surfaces" in found.sentence
+    flat = raw.replace("L: 5", "L: 5 um, Sq: 10 nm")
+    assert "slope" not in {**_before(flat), **_after(flat)}
+
+
+def test_the_limit_of_the_slope_is_where_the_neglected_area_reaches_a_twentieth() -> None:
+    x = np.arange(65) / 64
+    wave = np.sin(2 * np.pi * (x[:, None] + 2 * x))
+    wave *= validity.STEEPEST / math.sqrt(0.5 * (4 * np.pi**2) * 5)  # of that rms gradient
+    gradient = np.gradient(wave, x, x)
+    area = np.sqrt(1 + gradient[0] ** 2 + gradient[1] ** 2).mean() - 1
+    assert 0.04 < area < 0.05
+
+
+def test_nominal_pressure_beyond_a_tenth_of_the_modulus_is_said_from_where() -> None:
+    states = _states(mean_pressure=[1.0, 5.0, 20.0, np.nan], contact_area_fraction=[0.1, 0.4, 1.0, np.nan])
+    (found,) = validity.after(Setting(1.0, scaled=True), states)
+    assert (found.key, found.extent.states, found.extent.of_states, found.extent.first) == (
+        "nominal_pressure",
+        1,
+        3,
+        20.0,
+    )
+    assert "0.2 E*" in found.sentence
+    assert validity.after(Setting(1.0), states) == []
+    foreseen = validity.before(Setting(1.0, scaled=True), Level("pressure", 20.0), Sq=1.0, Sdq=0.01, L=100.0)
+    assert [one.key for one in foreseen] == ["nominal_pressure"]
+
+
+# The pressure of the fluid
+
+
+def test_a_pressure_drop_is_compared_with_the_nominal_pressure_of_each_state() -> None:
+    # p = p* E* Sq/L = 0.1, 1, 10 MPa; a drop of 0.2 MPa is small at the last alone, and the first has no leak rate
+    states = _states(
+        mean_pressure=[0.01, 0.1, 1.0], contact_area_fraction=[0.01, 0.1, 0.2], leak_rate_x=[np.nan, 1.0, 0.5]
+    )
+    given = Setting(1.0, unit="GPa", drop_text="2 bar", drop=0.2e-3)
+    (found,) = validity.after(given, states)
+    assert (found.key, found.extent.states, found.extent.of_states, found.extent.first) == ("pressure_drop", 1, 2, 0.1)
+    assert "1 MPa" in found.sentence
+    small = Setting(1.0, unit="GPa", drop_text="1 mbar", drop=1e-7)
+    assert validity.after(small, states) == []
+
+
+@pytest.mark.parametrize(("drop", "speaks"), [("1 bar", True), ("1 mbar", False)])
+def test_check_foresees_a_pressure_drop_that_lifts_the_joint(drop: str, speaks: bool) -> None:
+    rubber = "surface: {D: 2.3, m: 4, seeds: 1, L: 500 um, Sq: 0.8 um}\nmaterial: {E_star: 10 MPa}\n"
+    for end in ("percolation", "{contact_area: 0.2}", "{pressure: 2}"):
+        assert ("pressure_drop" in _before(f"{rubber}sweep: {{to: {end}}}\n{LEAK.format(drop)}")) is speaks
+    assert "pressure_drop" not in _before(f"{rubber}sweep: {{to: mean-plane}}\n{LEAK.format(drop)}")  # not known
+
+
+def test_a_flat_map_is_looked_at_without_trouble(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.zeros((9, 9)))
+    text = "surface: {file: z.npy, L: 1 mm}\nmaterial: {E: 210 GPa, nu: 0.3, hardness: 2 GPa}\n" + LEAK.format("1 bar")
+    for end in ("{contact_area: 0.2}", "{indentation: 1}"):
+        assert checks.foreseen(loads(f"{text}sweep: {{to: {end}}}", tmp_path / "s.yaml")) == []
+
+
+def test_a_drop_that_cannot_be_compared_is_said() -> None:
+    text = SMALL + LEAK.format("1 bar")
+    assert "has no unit" in _before(text)["pressure_drop"].sentence
+    assert "has no unit" in _after(text)["pressure_drop"].sentence
+
+
+# The rim of a free patch
+
+
+def test_a_rigid_square_carries_its_load_at_the_rim_and_a_dome_in_its_middle() -> None:
+    half_space = HalfSpace((33, 33))
+    flat = solve(Surface(np.zeros((33, 33)), 1.0), half_space, 1.0)
+    assert 0.4 < reduction.central_pressure_ratio(flat) < 0.6
+    x = np.arange(33) - 16.0
+    dome = solve(Surface(-(x[:, None] ** 2 + x**2), 1.0), half_space, 0.01)
+    assert reduction.central_pressure_ratio(dome) == pytest.approx(33**2 / 17**2)
+    assert math.isnan(reduction.central_pressure_ratio(solve(Surface(np.zeros((33, 33)), 1.0), half_space, 0.0)))
+
+
+def test_the_rim_is_told_of_in_studies_of_a_joint_alone() -> None:
+    states = _states(mean_pressure=[0.1], contact_area_fraction=[0.1])
+    states["central_pressure_ratio"] = ("case", [0.55])
+    surface = "surface: {D: 2.3, m: 4}\n"
+    for text, patch in {
+        surface: False,
+        surface + "record: {transport: {percolation: last}}": True,
+        surface + "material: {E_star: 3 MPa}": True,
+        surface + "record: {transport: {percolation: last}, region: interior}": False,
+        surface + "record: {transport: {percolation: last}, region_widths: {}}": False,
+    }.items():
+        given = validity.setting(loads(text))
+        assert given.patch is patch
+        assert [found.key for found in validity.after(given, states)] == ["rim"] * patch
+    states["central_pressure_ratio"] = ("case", [0.9])
+    assert validity.after(Setting(1.0, patch=True), states) == []
+
+
+def test_the_rim_is_judged_by_the_median_of_the_cases() -> None:
+    made = xr.concat([_states(mean_pressure=[0.1], contact_area_fraction=[0.1])] * 3, "case")
+    made["central_pressure_ratio"] = ("case", [0.1, 0.7, 1.9])
+    (found,) = validity.after(Setting(1.0, patch=True), made)
+    assert (found.extent.cases, found.extent.of_cases) == (2, 3)
+    assert "0.70" in found.sentence
+    made["central_pressure_ratio"] = ("case", [0.1, 0.9, 1.9])
+    assert validity.after(Setting(1.0, patch=True), made) == []
+
+
+# What is stored and printed
+
+
+def test_a_run_stores_and_prints_what_it_finds_and_goes_well(tmp_path: Path) -> None:
+    (tmp_path / "metal.yaml").write_text(SMALL + METAL, encoding="utf-8")
+    for command in (("check",), ("run", "--jobs", "1", "--out", tmp_path / "out")):
+        told = _call(command[0], tmp_path / "metal.yaml", *command[1:])
+        assert told.exit_code == 0
+        lines = [line for line in told.stderr.splitlines() if line.startswith("warning: ")]
+        assert len(lines) == len(set(lines)) > 0
+        assert any("hardness 1 GPa" in line for line in lines)
+        assert "warning" not in told.stdout
+    stored = dataset.read(tmp_path / "out" / "study.nc").attrs["warnings"].splitlines()
+    assert [f"warning: {sentence}" for sentence in stored] == lines
+    assert _call("run", tmp_path / "metal.yaml", "--out", tmp_path / "out").stderr.splitlines()[-len(lines) :] == lines
+
+
+def test_a_run_within_the_model_stores_that_nothing_is_found(tmp_path: Path) -> None:
+    study = loads("surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 2, to: {indentation: 1}}\n")
+    older = running.run(study, out=tmp_path, jobs=1)
+    assert older.attrs["warnings"] == dataset.read(tmp_path / "study.nc").attrs["warnings"] == ""
+    del older.attrs["warnings"]  # a collection of an older version is made again, with its warnings
+    dataset.write(older, tmp_path / "study.nc")
+    assert running.run(study, out=tmp_path, jobs=1).attrs["warnings"] == ""
+
+
+def test_notes_of_others_come_first_and_nothing_twice() -> None:
+    found = Finding("slope", "too steep", 0.3, "book")
+    assert validity.sentences([found, found], ["width is 160 m"]) == ["width is 160 m", "too steep"]
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_no_shipped_study_is_known_to_leave_the_model_before_it_runs(path: Path) -> None:
+    assert checks.foreseen(running.load(path)) == []
+
+
+# Highest point
+
+
+@pytest.mark.parametrize(("cleaned", "word"), [("", "see surface.outliers"), (", outliers: {}", "taken out already")])
+def test_the_highest_point_of_a_scan_alone_is_judged(tmp_path: Path, cleaned: str, word: str) -> None:
+    np.save(tmp_path / "z.npy", np.zeros((4, 4)))
+    states = _states(mean_pressure=[0.1], contact_area_fraction=[0.1], separation=[4.0], indentation=[3.0])
+    scan = loads(f"surface: {{file: z.npy, L: 3{cleaned}}}", tmp_path / "study.yaml")
+    (found,) = (one for one in validity.after(validity.setting(scan), states) if one.key == "peak")
+    assert "7 Sq" in found.sentence
+    assert word in found.sentence
+    assert not [
+        one for one in validity.after(validity.setting(loads("surface: {D: 2.3, m: 3}")), states) if one.key == "peak"
+    ]

@@ -1,0 +1,107 @@
+"""Slow and obvious counterparts of the half space and of the contact solver, for grids of some hundred elements."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import linalg, signal
+from scipy.optimize import nnls
+
+from roughvol.contact import closed_forms
+from roughvol.contact.kernels import kernel_quadrant
+
+
+def dense_matrix(influence):
+    """The matrix K(i - j) of all elements of a grid, from the coefficients of the non-negative offsets."""
+    rows, columns = influence.shape
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    return influence[np.abs(row[:, None] - row), np.abs(column[:, None] - column)]
+
+
+def love_influence(shape):
+    """Love's coefficients from the closed form of the loaded rectangle, which shares no line with `love_kernel`."""
+    rows, columns = shape
+    return math.pi * closed_forms.rectangle_displacement(np.arange(rows)[:, None], np.arange(columns), (1.0, 1.0))
+
+
+def summed_displacement(pressure, kernel="love"):
+    """K ∗ p by a linear convolution with the whole mirrored kernel, padded in full."""
+    quadrant = kernel_quadrant(pressure.shape, kernel)
+    half = np.concatenate([quadrant[:0:-1], quadrant])
+    whole = np.concatenate([half[:, :0:-1], half], axis=1)
+    return signal.fftconvolve(whole, pressure, mode="valid")
+
+
+class DenseHalfSpace:
+    """A matrix in the place of the FFT: what the contact solver asks of a half space, and nothing else."""
+
+    def __init__(self, shape, kernel="love"):
+        self.shape = shape
+        self.influence = kernel_quadrant(shape, kernel)
+        self.matrix = dense_matrix(self.influence)
+        self.convolutions = self.convolutions_fp32 = 0
+
+    def displacement_above(self, heights, elements, pressure):
+        self.convolutions += 1
+        return self.matrix[:, elements] @ pressure - heights
+
+    def displacement_at(self, elements, pressure, *, single=False):
+        self.convolutions_fp32 += single
+        self.convolutions += not single
+        matrix = self.matrix[np.ix_(elements, elements)]
+        return matrix.astype(np.float32) @ pressure.astype(np.float32) if single else matrix @ pressure
+
+    @property
+    def total_compliance(self):
+        return self.matrix.sum(axis=1).reshape(self.shape)
+
+
+def exact_pressure(matrix, b):
+    """The one q ≥ 0 with Kq - b ≥ 0 and q (Kq - b) = 0: contact set from non-negative least squares, then Cholesky.
+
+    With K = L Lᵀ the energy ½qᵀKq - bᵀq is ½|Lᵀq - L⁻¹b|² up to a constant. The conditions are checked before the
+    answer leaves: K is positive definite, so they are sufficient, however the set was found.
+    """
+    candidates = np.flatnonzero(b > 0.0)
+    pressure = np.zeros(b.size)
+    if candidates.size:
+        factor = linalg.cholesky(matrix[np.ix_(candidates, candidates)], lower=True)
+        guess, _ = nnls(factor.T, linalg.solve_triangular(factor, b[candidates], lower=True))
+        touching = candidates[guess > 1e-12 * guess.max()]
+        pressure[touching] = linalg.solve(matrix[np.ix_(touching, touching)], b[touching], assume_a="pos")
+    scale = np.abs(b).max()
+    if pressure.min() < -1e-12 * scale or (matrix @ pressure - b).min() < -1e-11 * scale:
+        message = "the oracle found no solution"
+        raise ArithmeticError(message)
+    return np.maximum(pressure, 0.0)
+
+
+def scaled_overlap(surface, indentation):
+    """Rigid overlap ū/σ = (z - z_max)/σ + Δ/σ; a flat surface has its lengths in units of 1."""
+    return (surface.heights - surface.z_max) / (surface.Sq or 1.0) + indentation
+
+
+def lattice_pressure(contact):
+    """q = p δ/(π E* σ) of a record, whose pressure is p L/(E* σ)."""
+    return contact.pressure() / (math.pi * (contact.shape[0] - 1))
+
+
+def solved_case(heights, indentations):
+    """States of a surface by the oracle and the independent kernel: what made tests/regression/contact.json."""
+    heights = np.array(heights, dtype=float)
+    matrix = dense_matrix(love_influence(heights.shape))
+    depth, size = heights.max() - heights, heights.size
+    Sq = math.sqrt(np.mean((heights - heights.mean()) ** 2))
+    states = []
+    for indentation in indentations:
+        pressure = exact_pressure(matrix, (indentation - depth / Sq).ravel())
+        states.append(
+            {
+                "indentation": indentation,
+                "contact_elements": int(np.count_nonzero(pressure)),
+                "mean_pressure": math.pi * (heights.shape[0] - 1) * float(pressure.sum()) / size,
+                "free_volume": float((matrix @ pressure + depth.ravel() / Sq).mean()) - indentation,
+            }
+        )
+    return states

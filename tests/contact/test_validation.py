@@ -1,0 +1,200 @@
+"""Closed-form contacts against resolution: how far the lattice is off, and that it gets nearer as it is refined.
+
+Each error is the root mean square over several contact radii, since a single one depends on how the circle happens to
+fall on the lattice. The bounds are about 1.5 times what was measured.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from roughvol.contact import closed_forms
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import solve, sweep
+from roughvol.surfaces.surface import Surface
+
+NODES = (17, 33, 65, 129)
+RADII = np.linspace(0.25, 0.4, 6)  # of the contact, in units of the side of the grid
+RADIUS, SLOPE, DEPTH = 2.0, 0.5, 0.1  # of the sphere, of the cone, of the flat punch
+
+
+class Body(NamedTuple):
+    """A body by the radius a that it shall touch with: its shape, Δ, and the closed form."""
+
+    heights: object
+    indentation: object
+    contact: object
+    pressure: object
+    displacement: object
+    parameter: object
+
+
+BODIES = {
+    "sphere": Body(
+        lambda r, a: -r * r / (2.0 * RADIUS),
+        lambda a: a * a / RADIUS,
+        closed_forms.hertz,
+        closed_forms.hertz_pressure,
+        closed_forms.hertz_displacement,
+        lambda a: RADIUS,
+    ),
+    "cone": Body(
+        lambda r, a: -SLOPE * r,
+        lambda a: 0.5 * math.pi * SLOPE * a,
+        closed_forms.cone,
+        closed_forms.cone_pressure,
+        closed_forms.cone_displacement,
+        lambda a: SLOPE,
+    ),
+    "punch": Body(
+        lambda r, a: np.where(r <= a, 0.0, -10.0),
+        lambda a: DEPTH,
+        closed_forms.circular_punch,
+        closed_forms.circular_punch_pressure,
+        closed_forms.circular_punch_displacement,
+        lambda a: a,
+    ),
+}
+QUANTITIES = ("force", "radius", "pressure", "displacement", "free volume")
+
+
+@lru_cache
+def half_space(shape):
+    return HalfSpace(shape)
+
+
+def pressed(heights, indentation, rtol=1e-8):
+    """Solve with lengths in units of the side: pressure/E*, gap and force/E*."""
+    surface = Surface(heights, 1.0 / (heights.shape[0] - 1))
+    scale = surface.Sq or 1.0
+    contact = solve(surface, half_space(surface.shape), indentation / scale, rtol=rtol)
+    pressure = contact.pressure() * scale / surface.side
+    return contact, pressure, contact.gap() * scale, pressure.sum() * surface.spacing**2
+
+
+@lru_cache
+def errors(name, nodes):
+    """Relative errors of one body on one grid, in the order of QUANTITIES."""
+    body = BODIES[name]
+    x = (np.arange(nodes) - 0.5 * (nodes - 1)) / (nodes - 1)
+    r = np.hypot(x[:, None], x)
+    squares = []
+    for a in RADII:
+        indentation, parameter = body.indentation(a), body.parameter(a)
+        exact = body.contact(indentation, parameter)
+        assert exact.contact_radius == pytest.approx(a)
+        heights = body.heights(r, a)
+        contact, pressure, gap, force = pressed(heights, indentation)
+        displacement = gap + indentation - (heights.max() - heights)
+        # away from the square root at the edge and from the singular apex of the cone
+        inner, outer = (r < 0.8 * a) & (r > 0.2 * a), r > 1.2 * a
+        area = contact.contact().sum() / (nodes - 1) ** 2
+        p, u = body.pressure(r, indentation, parameter), body.displacement(r, indentation, parameter)
+        squares.append(
+            (
+                force / exact.force - 1.0,
+                math.sqrt(area / math.pi) / a - 1.0,
+                np.abs(pressure - p)[inner].max() / exact.mean_pressure,
+                np.abs(displacement - u)[outer].max() / indentation,
+                (displacement - u).mean() / u.mean(),
+            )
+        )
+    return np.sqrt(np.mean(np.square(squares), axis=0))
+
+
+# body -> bounds of the errors at 129² elements, and orders of convergence over three halvings of the spacing
+BOUNDS = {
+    "sphere": ((6e-5, 4.5e-3, 3e-4, 5e-5, 5e-5), (1.7, 1.0, 2.0, 1.7, 1.7)),
+    "cone": ((4e-5, 4.5e-3, 1.3e-4, 2.5e-5, 3.5e-5), (1.7, 1.0, 2.0, 1.7, 1.7)),
+    "punch": ((5e-3, 1.4e-3, 1.4e-2, 6.5e-3, 4.5e-3), (1.0, 1.0, 1.0, 1.0, 1.0)),
+}
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize("name", BODIES)
+def test_round_bodies_converge_to_their_closed_forms(name, quantity):
+    place = QUANTITIES.index(quantity)
+    found = [errors(name, nodes)[place] for nodes in NODES]
+    bounds, orders = BOUNDS[name]
+    assert found[-1] < bounds[place]
+    assert math.log2(found[0] / found[-1]) / 3.0 > orders[place]
+    assert all(fine < 0.75 * coarse for coarse, fine in pairwise(found))
+
+
+@pytest.mark.parametrize(("name", "exponent"), [("sphere", 1.5), ("cone", 2.0), ("punch", 1.0)])
+def test_load_is_a_power_of_the_indentation(name, exponent):
+    x = np.linspace(-0.5, 0.5, 129)
+    heights = BODIES[name].heights(np.hypot(x[:, None], x), 0.3)
+    surface = Surface(heights, 1.0)
+    steps = np.array([BODIES[name].indentation(a) for a in (0.2, 0.25, 0.3, 0.35, 0.4)]) / surface.Sq
+    if name == "punch":
+        steps = np.linspace(0.2, 1.0, 5) * steps
+    loads = [contact.mean_pressure for contact in sweep(surface, half_space(surface.shape), steps, rtol=1e-11)]
+    slopes = np.diff(np.log(loads)) / np.diff(np.log(steps))
+    np.testing.assert_allclose(slopes, exponent, rtol=0, atol=1e-7 if name == "punch" else 1e-3)
+
+
+def square_punch_compliance(nodes):
+    """Δ E* l / F of a flat square of l = N δ: the elements reach half a spacing beyond the outermost nodes."""
+    _, _, _, force = pressed(np.zeros((nodes, nodes)), 1.0, rtol=1e-9)
+    return nodes / (nodes - 1) / force
+
+
+@pytest.mark.parametrize(("nodes", "compliance"), [(129, 0.8701463), (257, 0.8689983)])
+def test_square_punch_on_known_lattices(nodes, compliance):
+    assert square_punch_compliance(nodes) == pytest.approx(compliance, abs=6e-8)
+
+
+def test_square_punch_converges_to_the_plate():
+    values = [square_punch_compliance(nodes) for nodes in (17, 33, 65, 129)]
+    excess = [value / closed_forms.SQUARE_PUNCH_COMPLIANCE - 1.0 for value in values]
+    assert all(1.85 < coarse / fine < 2.0 for coarse, fine in pairwise(excess))  # first order: singular edges
+    assert excess[-1] < 2.8e-3
+    # extrapolated in 1/N and 1/N², from the three finest
+    first, second = 2.0 * values[2] - values[1], 2.0 * values[3] - values[2]
+    assert (4.0 * second - first) / 3.0 == pytest.approx(closed_forms.SQUARE_PUNCH_COMPLIANCE, rel=2e-5)
+
+
+@pytest.mark.parametrize("shape", [(33, 33), (17, 65), (50, 36)])
+def test_the_bowl_of_a_loaded_rectangle_is_pressed_uniformly(shape):
+    # Full contact with a known answer on every lattice: the rectangle is the sum of its elements without error.
+    spacing = 1.0 / (shape[0] - 1)
+    x, y = (spacing * (np.arange(n) - 0.5 * (n - 1)) for n in shape)
+    sides = (spacing * shape[0], spacing * shape[1])
+    heights = closed_forms.rectangle_displacement(x[:, None], y, sides, 0.3)
+    contact, pressure, gap, force = pressed(heights, heights.max(), rtol=1e-10)
+    np.testing.assert_allclose(pressure, 0.3, rtol=1e-8)
+    assert force == pytest.approx(0.3 * sides[0] * sides[1], rel=1e-9)
+    assert (contact.contact_area_fraction, contact.free_volume) == (1.0, 0.0)
+    assert not gap.any()
+
+
+@pytest.mark.parametrize("nodes", [9, 65, 129])
+def test_single_element_has_the_stiffness_of_its_own(nodes):
+    heights = np.full((nodes, nodes), -1.0)
+    heights[nodes // 3, nodes // 2] = 0.0
+    spacing = 1.0 / (nodes - 1)
+    contact, pressure, gap, force = pressed(heights, 0.01)
+    exact = closed_forms.single_element_pressure(0.01, spacing)
+    assert contact.contact().sum() == 1
+    assert pressure.max() == pytest.approx(exact, rel=1e-12)
+    assert force == pytest.approx(exact * spacing**2, rel=1e-12)
+    # and the others sink as under a loaded square
+    x, y = spacing * (np.arange(nodes) - nodes // 3), spacing * (np.arange(nodes) - nodes // 2)
+    u = closed_forms.rectangle_displacement(x[:, None], y, (spacing, spacing), exact)
+    np.testing.assert_allclose(gap + 0.01 + heights, u, rtol=0, atol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BODIES)
+def test_convergence_goes_on_at_257(name):
+    ratio = errors(name, 129) / errors(name, 257)
+    # second order for bodies that touch smoothly, but for the area, which counts elements; first for sharp edges
+    lowest = np.array([1.8] * 5) if name == "punch" else np.array([3.0, 1.5, 3.5, 3.0, 3.0])
+    assert (ratio > lowest).all()

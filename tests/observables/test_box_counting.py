@@ -1,0 +1,104 @@
+"""Box counts of sets whose dimension is known, and against a plain loop over boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from roughvol.errors import SurfaceError
+from roughvol.observables.box_counting import BoxCounts, box_counts, local_dimension
+
+
+def empty(rows, columns=None):
+    return np.zeros((rows, columns or rows), dtype=bool)
+
+
+def carpet(levels, kept, size):
+    """Return the set in which each black cell is replaced by the pattern ``kept`` (size × size), ``levels`` times."""
+    pattern = np.array(kept, dtype=bool).reshape(size, size)
+    mask = np.ones((1, 1), dtype=bool)
+    for _ in range(levels):
+        mask = np.kron(mask, pattern).astype(bool)
+    return mask
+
+
+def counts_by_loops(mask, side):
+    sides = [2**k for k in range(side.bit_length())]
+    rows, columns = (side * (length // side) for length in mask.shape)
+    return [
+        sum(mask[i : i + r, j : j + r].any() for i in range(0, rows, r) for j in range(0, columns, r)) for r in sides
+    ]
+
+
+@pytest.mark.parametrize(("shape", "side"), [((1, 1), 1), ((3, 3), 2), ((17, 17), 16), ((16, 37), 16), ((40, 9), 8)])
+@pytest.mark.parametrize("share", [0.03, 0.4])
+def test_counts_equal_plain_loops(shape, side, share):
+    mask = np.random.Generator(np.random.PCG64(1)).random(shape) < share
+    r, counts = box_counts(mask)
+    assert r.tolist() == [2**k for k in range(side.bit_length())]
+    assert counts.tolist() == counts_by_loops(mask, side)
+    assert np.all(counts[:-1] >= counts[1:])
+    assert np.all(counts[:-1] <= 4 * counts[1:])
+
+
+@pytest.mark.parametrize("m", [1, 3, 6])
+def test_full_square_has_dimension_exactly_two(m):
+    counts = box_counts(~empty(2**m + 1))
+    assert counts.counts.tolist() == [4 ** (m - k) for k in range(m + 1)]
+    np.testing.assert_allclose(local_dimension(counts).dimension, 2.0, atol=1e-14)
+
+
+@pytest.mark.parametrize(("place", "slope"), [(np.s_[5, :], 1.0), (np.s_[:, 0], 1.0), (np.s_[9, 3], 0.0)])
+def test_lines_and_points(place, slope):
+    mask = empty(33)
+    mask[place] = True
+    np.testing.assert_allclose(local_dimension(box_counts(mask)).dimension, slope, atol=1e-14)
+
+
+def test_diagonal_is_a_line():
+    np.testing.assert_allclose(local_dimension(box_counts(np.eye(64, dtype=bool))).dimension, 1.0, atol=1e-14)
+
+
+def test_carpet_in_boxes_of_two_has_its_dimension_at_every_scale():
+    # Three of four quarters kept: the gasket in a square, dimension log 3 / log 2.
+    counts = box_counts(carpet(6, [1, 1, 1, 0], 2))
+    assert counts.counts.tolist() == [3 ** (6 - k) for k in range(7)]
+    np.testing.assert_allclose(local_dimension(counts).dimension, np.log(3) / np.log(2), atol=1e-14)
+
+
+def test_sierpinski_carpet_in_boxes_that_do_not_fit_it():
+    # Dimension log 8 / log 3 = 1.893; boxes of 2^k cut the 3^k cells, so only the mean slope over scales is near.
+    dimension = local_dimension(box_counts(carpet(5, [1, 1, 1, 1, 0, 1, 1, 1, 1], 3))).dimension
+    assert dimension.mean() == pytest.approx(np.log(8) / np.log(3), abs=0.05)
+    assert np.all(dimension <= 2.0 + 1e-14)
+
+
+def test_dimension_sits_at_geometric_means():
+    local = local_dimension(box_counts(~empty(17)))
+    np.testing.assert_allclose(local.r_mid, np.sqrt([2.0, 8.0, 32.0, 128.0]), rtol=1e-15)
+
+
+def test_last_row_and_column_are_dropped_and_rectangles_tiled():
+    mask = empty(9)
+    mask[8, :] = mask[:, 8] = True
+    assert box_counts(mask).counts.tolist() == [0, 0, 0, 0]
+    assert box_counts(~empty(4, 11)).counts.tolist() == [32, 8, 2]
+
+
+def test_larger_domain_needs_no_fewer_boxes():
+    field = np.random.Generator(np.random.PCG64(2)).random((32, 32))
+    counts = [box_counts(field < share).counts for share in (0.05, 0.2, 0.7)]
+    assert np.all(np.diff(counts, axis=0) >= 0)
+
+
+def test_empty_domain_has_no_dimension():
+    local = local_dimension(box_counts(empty(9)))
+    assert local.r_mid.shape == (3,)
+    assert np.isnan(local.dimension).all()
+    assert local_dimension(BoxCounts(np.array([1]), np.array([1]))).dimension.size == 0
+
+
+@pytest.mark.parametrize("mask", [np.ones((4, 4)), np.ones(4, dtype=bool), np.ones((0, 4), dtype=bool)])
+def test_refused(mask):
+    with pytest.raises(SurfaceError, match="mask must be a 2-D array of bool"):
+        box_counts(mask)

@@ -1,0 +1,148 @@
+"""States at levels between two steps: they are at the level, hold their own numbers and disturb no step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import solve
+from roughvol.observables import reduction
+from roughvol.observables.regions import within
+from roughvol.store.dataset import Dataset
+from roughvol.study import loads
+
+DIMS = ("field_at", "density_at", "box_at", "flux_at")
+STUDY = """
+surface: {{D: 2.4, m: {m}, seeds: [3]}}
+sweep: {{steps: {steps}, to: {to}}}
+solver: {solver}
+record: {{{record}}}
+"""
+AT = "fields_at: {pressure: [0.02, 0.5], contact_area: [0.02, 0.08], indentation: 1, separation: 0.7, step: 2}"
+
+
+def pressed(
+    selected: str, m: int = 4, steps: int = 7, to: str = "{indentation: 3}", solver: str = "{}"
+) -> tuple[Dataset, Any]:
+    case = loads(STUDY.format(m=m, steps=steps, to=to, solver=solver, record=selected)).cases()[0]
+    return run_case(case).isel(D=0, m=0, seed=0, drop=True), case
+
+
+def state(result: Dataset, label: str, dim: str = "field_at") -> dict[str, float]:
+    found = result.sel({dim: label})
+    return {name: float(found[f"{dim}_{name}"]) for name in (*reduction.OF_STATE, "step")}
+
+
+@pytest.mark.parametrize("solver", ["{}", "{kernel: punch}", "{rtol: 1.0e-3}"])
+@pytest.mark.parametrize("region", ["", "region: interior, "])
+def test_a_state_is_at_its_level(region: str, solver: str) -> None:
+    result, case = pressed(region + AT, to="{indentation: 4}", solver=solver)
+    element = 1 / (81 if region else 289)
+    for kind, name in (("pressure", "mean_pressure"), ("indentation", "indentation"), ("separation", "separation")):
+        for label in (label for label in result.field_at.values if label.startswith(kind)):
+            assert state(result, label)[name] == pytest.approx(float(label.split("=")[1]), rel=5e-6)
+    surface = surface_of(case)
+    half_space = HalfSpace(surface.shape, kernel=case.solver.kernel)
+    for area in (0.02, 0.08):
+        found = state(result, f"contact_area={area}")
+        assert area <= found["contact_area_fraction"] < area + element
+        short = solve(surface, half_space, found["indentation"] * (1 - 1e-4), rtol=1e-9)
+        assert within(short, case).contact_area_fraction < area
+
+
+def test_the_paper_s_method_finds_the_same_levels() -> None:
+    fast, paper = (
+        pressed(AT, m=3, to="{indentation: 2}", solver=f"{{method: {name}}}")[0] for name in ("fast", "paper")
+    )
+    for name in reduction.OF_STATE:
+        assert_allclose(paper[f"field_at_{name}"], fast[f"field_at_{name}"], rtol=1e-5)
+
+
+def test_what_is_stored_belongs_to_the_state_and_lies_between_the_steps() -> None:
+    result, case = pressed(AT)
+    surface = surface_of(case)
+    for label in result.field_at.values:
+        found, fields = state(result, label), result.sel(field_at=label)
+        exact = solve(surface, HalfSpace(surface.shape), found["indentation"], rtol=1e-9)
+        assert_allclose(fields["gap"], exact.gap(), atol=1e-5)
+        assert_allclose(float(fields["pressure"].mean()), found["mean_pressure"], rtol=1e-12)
+        assert_allclose(float((fields["gap"] == 0.0).mean()), found["contact_area_fraction"], rtol=1e-12)
+        assert_allclose(float(fields["gap"].mean()), found["free_volume"], rtol=1e-5)
+        step = int(found["step"])
+        below = float(result.indentation[step - 2]) if step > 1 else 0.0
+        assert below < found["indentation"] <= float(result.indentation[step - 1])
+    assert state(result, "step=2") == {
+        **{name: float(result[name][1]) for name in reduction.OF_STATE},
+        "step": 2,
+    }
+
+
+@pytest.mark.parametrize("solver", ["{}", "{kernel: punch}", "{max_error: {mean_pressure: 1.0e-4}}"])
+def test_no_step_changes_by_a_bit(solver: str) -> None:
+    plain, _ = pressed("", m=6, solver=solver)
+    with_levels, _ = pressed(AT, m=6, solver=solver)
+    for name in reduction.PER_STEP:
+        assert_array_equal(plain[name], with_levels[name])
+    assert "level_convolutions" not in plain
+    assert float(with_levels.level_convolutions) > 0
+
+
+def test_equal_levels_are_solved_once() -> None:
+    one, _ = pressed("fields_at: {pressure: 0.5}")
+    several, _ = pressed(
+        "fields_at: {pressure: 0.5}, box_counting: {at: {pressure: 0.5}}, volume_density: {at: {pressure: 0.5}}, "
+        "transport: {flux_at: {pressure: 0.5}}"
+    )
+    assert float(one.level_convolutions) == float(several.level_convolutions) > 0
+    states = [state(several, "pressure=0.5", dim) for dim in DIMS]
+    assert all(other == states[0] for other in states)
+
+
+def test_levels_on_a_step_are_that_step() -> None:
+    result, _ = pressed("fields_at: {indentation: [1, 3], step: 1, contact_area: 0.9}", steps=3)
+    assert float(result.level_convolutions) == 0.0
+    assert result.field_at_step.sel(field_at=["indentation=1", "indentation=3"]).values.tolist() == [1, 3]
+    missed = state(result, "contact_area=0.9")
+    assert missed.pop("step") == -1
+    assert np.isnan(list(missed.values())).all()
+    for to in ("{contact_area: 0.1}", "{pressure: 0.7}"):
+        end, _ = pressed(f"fields_at: {to}", to=to)
+        assert float(end.level_convolutions) == 0.0
+        assert int(end.field_at_step[0]) == 7
+
+
+def test_levels_before_the_first_step_are_found() -> None:
+    result, _ = pressed("fields_at: {pressure: 1.0e-4, contact_area: 1.0e-9, indentation: 0.01}", steps=1)
+    assert result.field_at_step.values.tolist() == [1, 1, 1]
+    assert state(result, "pressure=0.0001")["mean_pressure"] == pytest.approx(1e-4, rel=1e-5)
+    touch = state(result, "contact_area=1e-09")
+    assert touch["contact_area_fraction"] == 1 / 289
+    assert touch["indentation"] < 1e-3
+
+
+@pytest.mark.parametrize("asked", [1e-2, 1e-4])
+def test_the_error_of_the_pressure_asked_for_holds_at_levels(asked: float) -> None:
+    at = "fields_at: {pressure: [0.5, 2], contact_area: 0.3, separation: -1}"
+    accurate = f"{{max_error: {{mean_pressure: {asked}}}}}"
+    result, case = pressed(at, m=6, to="{contact_area: 0.5}", solver=accurate)
+    surface = surface_of(case)
+    assert float(result.iterations.max()) > 1.0  # a factorisation would leave no residual
+    for label in result.field_at.values:
+        found = state(result, label)
+        exact = solve(surface, HalfSpace(surface.shape), found["indentation"], rtol=1e-10)
+        assert found["mean_pressure"] == pytest.approx(exact.mean_pressure, rel=asked)
+
+
+def test_quantities_along_the_steps_stay_at_the_first_step_beyond() -> None:
+    at = "{pressure: 0.5}"
+    result, _ = pressed(f"fields_at: {at}, transport: {{constriction: {at}, flux_at: {at}, transmissivity: {at}}}")
+    step = int(result.field_at_step[0])
+    assert np.flatnonzero(result.critical_gap_x.notnull()) == [step - 1]
+    assert float(result.mean_pressure[step - 1]) > 0.5
+    # the flow through the state at the level is one through more gap
+    assert float(result.flux_at_transmissivity_x[0]) > float(result.transmissivity_x[step - 1])

@@ -1,0 +1,131 @@
+"""What is kept of a sweep: the right state for every level, and numbers that belong to that state."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from roughvol.campaign.one_case import surface_of
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import Contact, sweep
+from roughvol.observables import reduction
+from roughvol.study import Case, Level, loads
+
+STEPS = 8
+STUDY = """
+surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}
+sweep: {steps: 8, to: {indentation: 4.0}}
+record:
+  heights: true
+  fields_at: {step: [3, 8], contact_area: [0.01], separation: [-50]}
+  box_counting: {at: {indentation: 2.0}, thresholds: [0, 0.5, 1]}
+  volume_density: {bins: 7, at: last}
+"""
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return loads(STUDY).cases()[0]
+
+
+@pytest.fixture(scope="module")
+def contacts(case: Case) -> list[Contact]:
+    surface = surface_of(case)
+    return list(sweep(surface, HalfSpace(surface.shape), np.arange(1, STEPS + 1) / 2))
+
+
+@pytest.fixture(scope="module")
+def values(case: Case, contacts: list[Contact]) -> dict[str, Any]:
+    return reduction.of_sweep(case, surface_of(case), HalfSpace((17, 17)), contacts)
+
+
+def test_every_step_is_kept(values: dict[str, Any], contacts: list[Contact]) -> None:
+    for name in reduction.PER_STEP:
+        assert values[name] == [getattr(contact, name) for contact in contacts]
+
+
+def test_a_level_is_the_first_state_that_reaches_it(values: dict[str, Any], contacts: list[Contact]) -> None:
+    areas = np.array([contact.contact_area_fraction for contact in contacts])
+    first = 1 + int(np.argmax(areas >= 0.01))
+    labels = ["step=3", "step=8", "contact_area=0.01", "separation=-50"]
+    assert dict(zip(values["field_at"], values["field_at_step"], strict=True)) == dict(
+        zip(labels, [3, 8, first, -1], strict=True)
+    )
+    assert values["box_at_step"] == [4]
+    assert values["density_at_step"] == [STEPS]
+
+
+def test_fields_are_those_of_their_state(values: dict[str, Any], contacts: list[Contact]) -> None:
+    for label, step in zip(values["field_at"], values["field_at_step"], strict=True):
+        index = values["field_at"].index(label)
+        if step < 0:
+            assert np.isnan(values["gap"][index]).all()
+            continue
+        if label.startswith("contact_area"):  # between two steps, see test_levels.py
+            assert values["field_at_indentation"][index] < contacts[step - 1].indentation
+            continue
+        assert_array_equal(values["gap"][index], contacts[step - 1].gap())
+        assert_array_equal(values["pressure"][index], contacts[step - 1].pressure())
+        assert not np.any(values["gap"][index] * values["pressure"][index])
+
+
+def test_density_is_one_in_all_and_its_mean_is_the_free_volume(
+    values: dict[str, Any], contacts: list[Contact], case: Case
+) -> None:
+    surface, last = surface_of(case), contacts[-1]
+    density, edges = values["volume_density"][0], values["volume_density_edges"][0]
+    assert_allclose(np.sum(density * np.diff(edges)), 1.0, rtol=1e-12)
+    # Σ v over the elements not in contact, from the bins, to half a bin; the rest has none
+    open_share = 1.0 - last.contact_area_fraction
+    mean_volume = np.sum(density * np.diff(edges) * 0.5 * (edges[1:] + edges[:-1])) * open_share
+    exact = last.free_volume * surface.Sq * surface.spacing**2
+    assert abs(mean_volume - exact) <= 0.5 * (edges[1] - edges[0]) * open_share
+
+
+def test_box_counts_run_from_the_contact_to_the_whole(values: dict[str, Any], contacts: list[Contact]) -> None:
+    counts, state = values["box_count"][0], contacts[3]
+    assert_array_equal(values["r"], [1, 2, 4, 8, 16])
+    assert counts[0, 0] == np.count_nonzero(state.contact()[:-1, :-1])
+    assert_array_equal(counts[-1], 4.0 ** np.arange(4, -1, -1))
+    assert_allclose(values["local_dimension"][0, -1], 2.0, rtol=1e-14)
+    assert np.all(np.diff(counts, axis=0) >= 0)
+
+
+@pytest.mark.parametrize(
+    ("level", "state", "expected"),
+    [
+        (Level("contact_area", 0.25), {"contact_area_fraction": 0.25 - 1e-12}, True),
+        (Level("contact_area", 0.25), {"contact_area_fraction": 0.2499}, False),
+        (Level("separation", -0.5), {"separation": -0.5 + 1e-12}, True),
+        (Level("separation", -0.5), {"separation": -0.4999}, False),
+        (Level("indentation", 300.0), {"indentation": 300.0 - 1e-8}, True),
+        (Level("pressure", 2.0), {"mean_pressure": 1.999}, False),
+        (Level("step", 5), {}, True),
+        (Level("step", 6), {}, False),
+        (Level("last"), {}, False),
+    ],
+)
+def test_rounding_does_not_decide_a_level(case: Case, level: Level, state: dict[str, float], expected: bool) -> None:
+    assert reduction.reached(level, 5, SimpleNamespace(**state), case) is expected
+
+
+def test_the_end_of_a_sweep_reaches_what_it_was_asked_to_end_at() -> None:
+    case = loads("surface: {D: 2.4, m: 4, seeds: 1}\nsweep: {steps: 5, to: {contact_area: 0.1}}").cases()[0]
+    short = SimpleNamespace(
+        contact_area_fraction=0.1 - 1 / 17**2
+    )  # one element that a finite residual leaves undecided
+    assert reduction.reached(Level("contact_area", 0.1), 5, short, case)
+    assert not reduction.reached(Level("contact_area", 0.1), 4, short, case)
+    assert not reduction.reached(Level("contact_area", 0.2), 5, short, case)
+
+
+def test_nothing_that_was_not_asked_for_is_kept(contacts: list[Contact]) -> None:
+    case = loads("surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}\nsweep: {steps: 8}").cases()[0]
+    surface = surface_of(case)
+    kept = set(reduction.of_sweep(case, surface, HalfSpace(surface.shape), contacts))
+    assert kept == {*reduction.PER_STEP, "step", "central_pressure_ratio"}
+    assert set(reduction.of_surface(case, surface)) == {"Sq", "Sdq", "z_max", "hurst_measured", "nodes_x", "nodes_y"}

@@ -1,0 +1,286 @@
+"""Transport in studies: what is asked for, at its steps, of its region; and sweeps that end where the void closes."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from roughvol.campaign import running
+from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import Contact, solve, sweep
+from roughvol.contact.search import first_indentation, indentation_for
+from roughvol.errors import ContactError, StudyError
+from roughvol.observables import reduction, transport, void
+from roughvol.store.dataset import VARIABLES, Dataset
+from roughvol.study import Case, Level, Transport, loads
+
+SURFACE = "surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}\n"
+ALL = """
+sweep: {steps: 8, to: percolation}
+record:
+  transport:
+    percolation: every-step
+    constriction: every-step
+    transmissivity: {step: [2, 5], contact_area: [0.1]}
+    diffusivity: last
+    estimates: {step: 3}
+    flux_at: {step: 5}
+"""
+
+
+def _case(text: str) -> Case:
+    return loads(SURFACE + text).cases()[0]
+
+
+def _states(case: Case, result: Dataset) -> list[Contact]:
+    surface = surface_of(case)
+    return list(sweep(surface, HalfSpace(surface.shape), result.indentation.values.ravel()))
+
+
+@pytest.fixture(scope="module")
+def case() -> Case:
+    return _case(ALL)
+
+
+@pytest.fixture(scope="module")
+def result(case: Case) -> Dataset:
+    return run_case(case).squeeze(("D", "m", "seed"))
+
+
+@pytest.fixture(scope="module")
+def states(case: Case, result: Dataset) -> list[Contact]:
+    return _states(case, result)
+
+
+def test_every_step_holds_what_its_gap_says(result: Dataset, states: list[Contact]) -> None:
+    for step, state in enumerate(states):
+        found = transport.connectivity(state.gap(), state.contact())
+        stored = result.isel(step=step)
+        assert (stored.percolates_x, stored.percolates_y) == (found.percolates_x, found.percolates_y)
+        assert float(stored.connected_volume_fraction + stored.trapped_volume_fraction) == pytest.approx(1, abs=1e-14)
+        assert stored.contact_clusters == found.contact_clusters.size
+        assert stored.trapped_pockets_by_size.sum() == stored.trapped_pockets
+        for name, axis in void.AXES:
+            narrowest = transport.constriction(state.gap(), axis)
+            assert_allclose(stored[f"critical_gap_{name}"], narrowest.gap, rtol=1e-9)
+            if narrowest.element:
+                assert_allclose(stored[f"critical_position_{name}"] * 16, narrowest.element, rtol=1e-15)
+
+
+def test_sizes_are_counted_by_powers_of_two(result: Dataset, states: list[Contact]) -> None:
+    sizes = transport.connectivity(states[5].gap(), states[5].contact()).contact_clusters
+    counted = result.contact_clusters_by_size.isel(step=5)
+    assert_array_equal(counted["size"], [1, 2, 4, 8, 16, 32, 64, 128, 256])
+    for size, count in zip(counted["size"].values, counted.values, strict=True):
+        assert count == np.count_nonzero((sizes >= size) & (sizes < 2 * size))
+
+
+def test_a_quantity_is_computed_at_its_states_and_nowhere_else(result: Dataset, states: list[Contact]) -> None:
+    first = next(n for n, state in enumerate(states) if state.contact_area_fraction >= 0.1)
+    asked = {
+        "transmissivity_x": {1, 4, first},
+        "diffusivity_y": {7},
+        "estimate_medium_transmissivity": {2},
+        "percolates_x": set(range(8)),
+    }
+    for name, steps in asked.items():
+        assert set(np.flatnonzero(result[name].notnull())) == steps
+    assert_allclose(result.transmissivity_x[4], transport.conduction(states[4].gap(), 0).coefficient, rtol=1e-9)
+    assert float(result.transmissivity_conservation_error.max()) < 1e-10
+    assert_allclose(
+        result.flux_x.squeeze("flux_at"), np.hypot(*transport.conduction(states[4].gap(), 0).flux), rtol=1e-8
+    )
+
+
+def test_nothing_is_computed_that_was_not_asked_for() -> None:
+    values = reduction.of_sweep(
+        case := _case("sweep: {steps: 2}"), surface_of(case), HalfSpace((17, 17)), _touching(case)
+    )
+    assert set(values) == {*reduction.PER_STEP, "step", "central_pressure_ratio"}
+    case = _case("sweep: {steps: 2}\nrecord: {transport: {constriction: last}}")
+    added = set(reduction.of_sweep(case, surface_of(case), HalfSpace((17, 17)), _touching(case))) - set(values)
+    assert added == {"axis", "transport_time", "observable", "observable_time"} | {
+        f"critical_{what}_{axis}" for what in ("gap", "position") for axis in "xy"
+    }
+
+
+def _touching(case: Case) -> list[Contact]:
+    surface = surface_of(case)
+    return list(sweep(surface, HalfSpace(surface.shape), [0.5, 1.0]))
+
+
+def test_every_stored_name_is_described(result: Dataset) -> None:
+    assert set(map(str, result.variables)) <= set(VARIABLES)
+
+
+# Sweeps to the end of percolation
+
+
+def test_the_search_agrees_with_that_for_a_contact_area() -> None:
+    surface = surface_of(_case(""))
+    half_space = HalfSpace(surface.shape)
+    found = first_indentation(surface, half_space, lambda state: state.contact_area_fraction >= 0.2, accuracy=1e-6)
+    assert found == pytest.approx(indentation_for(surface, half_space, "contact_area", 0.2), rel=1e-5)
+
+
+@pytest.mark.parametrize("axes", ["x", "y", "both"])
+def test_a_sweep_to_percolation_ends_where_the_void_closes(axes: str) -> None:
+    case = _case(f"sweep: {{steps: 4, to: {{percolation: {axes}}}}}")
+    surface = surface_of(case)
+    half_space = HalfSpace(surface.shape)
+    end = first_indentation(surface, half_space, reduction.end_of(case) or (lambda _: False))
+
+    def open_along(indentation: float) -> set[str]:
+        clear = solve(surface, half_space, indentation).gap() > 0.0
+        return {name for name, axis in void.AXES if transport.percolates(clear, axis)}
+
+    closing = set(axes) if axes != "both" else {"x", "y"}
+    assert not open_along(end) & closing
+    assert open_along(end * (1 - 2e-4)) & closing
+    assert float(run_case(case).indentation.max()) == end
+
+
+def test_percolation_along_both_ends_with_the_later_of_the_two() -> None:
+    ends = {axes: _end(axes) for axes in ("x", "y", "both")}
+    assert ends["both"] == pytest.approx(max(ends["x"], ends["y"]), rel=2e-4)
+
+
+def _end(axes: str) -> float:
+    return float(run_case(_case(f"sweep: {{steps: 1, to: {{percolation: {axes}}}}}")).indentation.max())
+
+
+def test_the_word_percolation_means_both(case: Case) -> None:
+    assert case.sweep.target == Level("percolation-both")
+    assert case.id == _case(ALL.replace("to: percolation", "to: {percolation: both}")).id
+
+
+def test_a_search_for_what_never_happens_ends_at_full_contact() -> None:
+    surface = surface_of(_case(""))
+    with pytest.raises(ContactError, match="full contact"):
+        first_indentation(surface, HalfSpace(surface.shape), lambda _: False)
+
+
+def test_gaps_close_on_the_way(result: Dataset) -> None:
+    for axis in "xy":
+        gaps = result[f"critical_gap_{axis}"].values
+        assert all(later <= earlier for earlier, later in pairwise(gaps))
+        assert gaps[-1] == 0.0
+
+
+# Regions
+
+INTERIOR = "record: {region: interior, fields_at: last, box_counting: {at: last}, transport: {percolation: last}}"
+
+
+def test_observables_are_those_of_the_region() -> None:
+    case = _case("sweep: {steps: 3, to: {indentation: 3}}\n" + INTERIOR)
+    found = run_case(case).squeeze(("D", "m", "seed"))
+    state = _states(case, found)[-1]
+    inside = (slice(4, 13), slice(4, 13))
+    last = found.isel(step=-1)
+    assert float(last.contact_area_fraction) == state.contact()[inside].mean()
+    assert_allclose(last.mean_pressure, state.pressure()[inside].mean(), rtol=1e-9)
+    assert_allclose(last.free_volume, state.gap()[inside].mean(), rtol=1e-9)
+    assert found.gap.shape == (1, 17, 17)
+    assert_allclose(found.gap[0], state.gap(), rtol=1e-9, atol=1e-12)
+    assert int(found.box_count.sel(threshold=1.0, r=1)[0]) == 64
+    connected = transport.connectivity(state.gap()[inside], state.contact()[inside]).connected
+    assert_allclose(last.connected_volume_fraction, connected, rtol=1e-12)
+    assert "0.25 to 0.75" in found.attrs["region"]
+
+
+def test_the_whole_as_a_region_is_the_whole() -> None:
+    text = "sweep: {steps: 3, to: {indentation: 3}}\n"
+    whole, all_of_it = (run_case(_case(text + extra)) for extra in ("", "record: {region: {x: [0, 1]}}"))
+    for name in ("contact_area_fraction", "mean_pressure", "free_volume"):
+        assert_allclose(whole[name], all_of_it[name], rtol=1e-9)
+
+
+def test_a_sweep_to_a_contact_area_means_that_of_the_region() -> None:
+    case = _case("sweep: {steps: 2, to: {contact_area: 0.2}}\nrecord: {region: {x: [0.5, 1], y: [0, 0.5]}}")
+    found = run_case(case).contact_area_fraction.values.ravel()
+    assert 0.2 <= found[-1] < 0.2 + 3 / 81
+    assert found[0] < 0.2
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_region_of_a_rectangle_is_measured_on_its_own_sides(axis: str) -> None:
+    case = _case(f"record: {{region: {{{axis}: [0.5, 1]}}}}")
+    rows, columns = reduction.window(case, (9, 5))
+    expected = {"x": (slice(4, 9), slice(0, 5)), "y": (slice(0, 9), slice(2, 5))}
+    assert (rows, columns) == expected[axis]
+
+
+def test_fluxes_outside_the_region_are_missing() -> None:
+    found = run_case(_case("sweep: {steps: 1}\nrecord: {region: interior, transport: {flux_at: last}}"))
+    known = found.flux_y.squeeze().notnull().values
+    assert known[4:13, 4:13].all()
+    assert known.sum() == 81
+
+
+def test_a_region_without_elements_is_refused() -> None:
+    with pytest.raises(ContactError, match="fewer than 2 × 2"):
+        reduction.window(_case("record: {region: {x: [0.51, 0.55]}}"), (17, 17))
+
+
+@pytest.mark.parametrize(
+    ("surface", "recorded", "key"),
+    [
+        ("{D: 2.2, m: [2, 5]}", "{region: {x: [0.51, 0.6]}}", "record.region"),  # of the coarse ones alone
+        ("{D: 2.2, m: 4}", "{region_widths: {shares: [1, 0.05]}}", "record.region_widths.shares"),
+        ("{file: z.npy, L: 4}", "{region: {y: [0.4, 0.6]}}", "record.region"),
+    ],
+)
+def test_a_study_of_a_region_without_elements_is_refused_before_it_runs(
+    surface: str, recorded: str, key: str, tmp_path: Path
+) -> None:
+    np.save(tmp_path / "z.npy", np.random.default_rng(0).random((9, 4)))
+    study = loads(f"surface: {surface}\nrecord: {recorded}", tmp_path / "s.yaml")
+    with pytest.raises(StudyError, match="fewer than 2 × 2") as refused:
+        running.run(study, out=tmp_path / "run", jobs=1)
+    assert {problem.key for problem in refused.value.problems} == {key}
+    assert not (tmp_path / "run").exists()
+
+
+# The study file
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("record: {transport: {}}", "record.transport: names no quantity"),
+        ("record: {transport: {percolaton: last}}", "did you mean 'percolation'"),
+        ("record: {transport: {percolation: always}}", "'every-step', 'last'"),
+        ("record: {transport: {diffusivity: {step: 70}}}", "70 is not reached"),
+        ("record: {region: centre}", "must be the word 'interior'"),
+        ("record: {region: {x: [0.7, 0.2]}}", "must rise"),
+        ("record: {region: {x: [0.2, 1.5]}}", "must be <= 1"),
+        ("record: {region: {y: 0.5}}", "two numbers"),
+        ("sweep: {to: {percolation: z}}", "must be 'x', 'y' or 'both'"),
+        ("sweep: {steps: 0}\nrecord: {transport: {percolation: last}}", "sweep.steps is 0"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(text: str, words: str) -> None:
+    with pytest.raises(StudyError, match=words):
+        loads(SURFACE + text)
+
+
+def test_keys_that_are_not_used_do_not_change_an_answer() -> None:
+    plain: dict[str, Any] = _case("").key["record"]
+    assert not {"transport", "region"} & set(plain)
+    ids = {_case(text).id for text in ("", "record: {region: interior}", "record: {transport: {percolation: last}}")}
+    assert len(ids) == 3
+
+
+def test_levels_are_by_quantity() -> None:
+    asked = Transport.model_validate({"percolation": "every-step", "constriction": {"step": [1, 2]}})
+    assert void.levels(asked) == {
+        "percolation": None,
+        "constriction": {"step=1": Level("step", 1), "step=2": Level("step", 2)},
+    }

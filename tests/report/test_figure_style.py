@@ -1,0 +1,142 @@
+"""Lines can be seen and told apart, in colour, in grey and by the colour-blind; text stays text in every file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+from matplotlib import font_manager
+
+from roughvol.cli import main
+from roughvol.report.figures import style, work_precision
+from roughvol.report.figures.paper import FIGURES
+from roughvol.report.figures.style import ACCENT, CONTACT, GREY, SECOND, STYLE, contrast, lightness, looks, unit_text
+from roughvol.store.dataset import write
+
+LEAST_CONTRAST = 3.0  # WCAG 2.2, 1.4.11
+# Machado, Oliveira and Fernandes (2009), severity 1, on linear RGB
+BLIND = {
+    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+    "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+}
+
+
+def _lab(colour: object, seen: object = np.eye(3)) -> np.ndarray:
+    rgb = np.array(mpl.colors.to_rgb(colour))  # type: ignore[arg-type]
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    to_xyz = [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+    xyz = np.array(to_xyz) @ np.clip(np.array(seen) @ linear, 0.0, 1.0) / [0.95047, 1.0, 1.08883]
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16.0 / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+def test_contrast_is_that_of_the_standard() -> None:
+    assert contrast("k") == pytest.approx(21.0)
+    assert contrast("w") == pytest.approx(1.0)
+    assert contrast("#777777") == pytest.approx(4.48, abs=0.01)  # the example that every checker has
+    assert lightness("#777777") == pytest.approx(50.0, abs=0.1)
+    assert lightness("k") == 0.0
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 6, 10])
+def test_every_line_colour_is_seen_on_white(count: int) -> None:
+    assert min(contrast(look["color"]) for look in looks(count)) >= LEAST_CONTRAST
+
+
+@pytest.mark.parametrize("colour", [ACCENT, SECOND, GREY, CONTACT, "k"])
+def test_colours_of_laws_are_seen_on_white(colour: str) -> None:
+    assert contrast(colour) >= LEAST_CONTRAST
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 6, 10])
+def test_colours_are_in_equal_steps_of_grey(count: int) -> None:
+    grey = np.array([lightness(look["color"]) for look in looks(count)])
+    assert np.all(np.diff(grey) > 0.0)
+    assert np.diff(grey).min() > 0.9 * (grey[-1] - grey[0]) / (count - 1)
+    assert grey[-1] - grey[0] > 45.0
+
+
+@pytest.mark.parametrize("seen", BLIND)
+def test_neighbours_are_told_apart_by_the_colour_blind(seen: str) -> None:
+    colours = [_lab(look["color"], BLIND[seen]) for look in looks(6)]
+    differences = [np.linalg.norm(one - other) for k, one in enumerate(colours) for other in colours[:k]]
+    assert min(differences) > 9.0  # 2.3 is just noticeable
+
+
+def test_work_precision_has_colours_of_the_same_kind() -> None:
+    assert min(contrast(look["color"]) for look in work_precision.LOOKS.values()) >= LEAST_CONTRAST
+
+
+@pytest.mark.parametrize(
+    ("unit", "printed"),
+    [
+        ("um^3", "µm³"),
+        ("mm^3/s", "mm³/s"),
+        ("mPa*s", "mPa s"),
+        ("length^-3", "length$^{-3}$"),
+        ("nm*um^2", "nm µm²"),
+        ("um", "µm"),
+        ("unit", "unit"),
+        ("MPa", "MPa"),
+    ],
+)
+def test_units_are_printed_as_they_are_read(unit: str, printed: str) -> None:
+    assert unit_text(unit) == printed
+
+
+@pytest.fixture(scope="module")
+def curve() -> xr.Dataset:
+    step = np.arange(1, 6)
+    dims = ("D", "m", "seed", "step")
+    variables = {name: (dims, (step * 0.1 * factor)[None, None, None]) for name, factor in (("mean_pressure", 3),)}
+    variables["contact_area_fraction"] = (dims, (step * 0.01)[None, None, None])
+    return xr.Dataset(variables, {"D": [2.3], "m": [5], "seed": [0], "step": step, "L": 1.0}).set_coords("L")
+
+
+@pytest.mark.parametrize("inside", ["library", "command"])
+def test_text_stays_text_in_every_format(curve: xr.Dataset, tmp_path: Path, inside: str) -> None:
+    if inside == "command":
+        (tmp_path / "run").mkdir()
+        write(curve.assign_attrs(format="roughvol 1"), tmp_path / "run" / "study.nc")
+    for suffix in ("pdf", "svg"):
+        path = tmp_path / f"fig04a.{suffix}"
+        if inside == "command":
+            call = ["plot", str(tmp_path / "run"), "fig04a", "--format", suffix, "--out", str(tmp_path)]
+            done = CliRunner().invoke(main, call)
+            assert done.exit_code == 0, done.output
+        else:
+            FIGURES["fig04a"](curve).savefig(path)
+    pdf, svg = (tmp_path / "fig04a.pdf").read_bytes(), (tmp_path / "fig04a.svg").read_text(encoding="utf-8")
+    kinds = set(re.findall(rb"/Subtype */(Type3|CIDFontType2|TrueType|Type0)", pdf))
+    assert kinds
+    assert b"Type3" not in kinds
+    letters = "".join(re.findall(r">([^<>]+)</(?:text|tspan)>", svg)).replace("\xa0", "")
+    assert "dimensionlesspressure" in letters  # a label with a formula has an element for each letter
+    assert "realcontactareafraction" in letters
+    assert '<path id="STIX' not in svg
+    assert "'STIXGeneral'" in svg.replace("&quot;", "'")
+
+
+def test_postscript_has_no_outlines_of_letters(curve: xr.Dataset, tmp_path: Path) -> None:
+    FIGURES["fig04a"](curve).savefig(tmp_path / "fig.eps")
+    assert "/FontType 3" not in (tmp_path / "fig.eps").read_text(encoding="latin-1")
+    assert "/FontType 42" in (tmp_path / "fig.eps").read_text(encoding="latin-1")
+
+
+def test_saving_leaves_no_trace_in_matplotlib(curve: xr.Dataset, tmp_path: Path) -> None:
+    before = dict(mpl.rcParams)
+    style.axes()[0].savefig(tmp_path / "empty.svg")
+    assert dict(mpl.rcParams) == before
+
+
+def test_the_font_has_every_letter_of_a_unit() -> None:
+    font = font_manager.get_font(font_manager.findfont(STYLE["font.family"][0]))
+    for unit in ("um^3", "mm^2", "length^-3", "m^4", "mPa*s", "1/um"):
+        plain = re.sub(r"\$.*?\$", "", unit_text(unit))
+        assert {ord(letter) for letter in plain} <= font.get_charmap().keys()

@@ -1,0 +1,398 @@
+"""Figures of the flow draw what the dataset holds, and say what they miss."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.testing import assert_allclose
+
+from roughvol.campaign.one_case import run_case
+from roughvol.errors import DatasetError
+from roughvol.report.figures import paper
+from roughvol.report.figures.seal import FIGURES, NEEDS, missing
+from roughvol.report.figures.seal_ways import (
+    BAND,
+    FEW,
+    Way,
+    band_words,
+    centre_and_band,
+    flow,
+    grid,
+    is_open,
+    sample,
+    way,
+)
+from roughvol.store import dataset, dimensional
+from roughvol.store.dataset import Dataset
+from roughvol.study import loads
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+TEXT = """
+name: tiny_seal
+surface: {D: [2.2, 2.5], m: 4, seeds: 3, L: 100 um, Sq: 0.5 um}
+material: {E_star: 10 MPa}
+sweep: {steps: 8, to: percolation}
+record:
+  fields_at: {step: [2, 5]}
+  transport:
+    percolation: every-step
+    constriction: every-step
+    estimates: every-step
+    transmissivity: {step: [1, 2, 4, 5, 6, 8]}
+    diffusivity: {step: [2, 4, 6, 8]}
+    flux_at: {step: [2, 5]}
+  region_widths: {shares: [0.5, 0.75, 1], transmissivity: {step: [1, 2, 4]}}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}
+"""
+
+
+@pytest.fixture(scope="module")
+def ds() -> Dataset:
+    study = loads(TEXT)
+    together = dataset.combine([run_case(case) for case in study.cases()], {"format": dataset.FORMAT})
+    return dimensional.in_units(together, study, "um")
+
+
+def _render(fig: Figure) -> int:
+    stream = io.BytesIO()
+    fig.savefig(stream, dpi=40)
+    return len(stream.getvalue())
+
+
+def test_names_do_not_clash_and_every_figure_is_explained() -> None:
+    assert not set(FIGURES) & set(paper.FIGURES)
+    assert set(FIGURES) == set(NEEDS)
+    assert all(name.startswith("seal_") and FIGURES[name].__doc__ for name in FIGURES)
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_every_figure_is_drawn(name: str, ds: Dataset) -> None:
+    assert missing(name, ds) is None
+    assert _render(FIGURES[name](ds)) > 1000
+
+
+@pytest.mark.parametrize("name", ["seal_transmissivity", "seal_percolation"])
+def test_one_surface_is_enough(name: str, ds: Dataset) -> None:
+    assert _render(FIGURES[name](ds.isel(D=[0], seed=[0]))) > 1000
+
+
+@pytest.mark.parametrize("name", ["seal_transmissivity", "seal_estimates"])
+def test_a_single_state_is_no_curve_and_no_error(name: str, ds: Dataset) -> None:
+    once = ds.step == 2
+    few = ds.assign({f"transmissivity_{axis}": ds[f"transmissivity_{axis}"].where(once) for axis in "xy"})
+    assert _render(FIGURES[name](few)) > 1000
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_figure_says_what_it_lacks(name: str, ds: Dataset) -> None:
+    lacking = NEEDS[name][-1]
+    with pytest.raises(DatasetError, match=f"{name} needs {lacking}, which the study did not record"):
+        FIGURES[name](ds.drop_vars(lacking))
+    assert "no case" in str(missing(name, ds.assign({lacking: ds[lacking].astype(float) * np.nan})))
+
+
+def _lines(fig: Figure, panel: int, words: str) -> list[Line2D]:
+    return [line for line in fig.axes[panel].lines if words in str(line.get_label())]
+
+
+def _known(one: Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return A* and a flow at its computed states, also 0 where percolation shows that nothing flows."""
+    area, values = one.contact_area_fraction.values, one[name].values
+    values = np.where(np.isnan(values) & (one[f"percolates_{name[-1]}"].values == 0.0), 0.0, values)
+    return area[np.isfinite(values)], values[np.isfinite(values)]
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_transmissivity_is_the_median_of_the_surfaces_by_direction(ds: Dataset, axis: str) -> None:
+    (line,) = _lines(FIGURES["seal_transmissivity"](ds), {"x": 1, "y": 4}[axis], "2.2")
+    assert line.get_marker() == "None"
+    area, median = (np.asarray(values, dtype=float) for values in line.get_data())
+    flows = []
+    for seed in range(3):
+        x, known = _known(ds.sel(D=2.2, m=4).isel(seed=seed), f"transmissivity_{axis}")
+        last = int(np.flatnonzero(known > 0.0)[-1])
+        inside = np.exp(np.interp(area, x[: last + 1], np.log(known[: last + 1])))
+        falling = np.interp(area, x[last : last + 2], known[last : last + 2])
+        flows.append(np.where(area <= x[last], inside, falling))
+    assert_allclose(median, np.median(flows, axis=0), rtol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["leak_rate", "transmissivity", "diffusivity"])
+def test_one_surface_is_drawn_at_its_states_by_direction(ds: Dataset, name: str) -> None:
+    one = ds.isel(D=[0], seed=[0])
+    fig = FIGURES[f"seal_{name}"](one)
+    drawn = {}
+    for axis in "xy":
+        (line,) = _lines(fig, 1, f"along ${axis}$")
+        area, values = _known(one.squeeze(), f"{name}_{axis}")
+        open_ = values > 0.0
+        assert np.array_equal(line.get_xydata(), np.array([area[open_], values[open_]]).T)
+        assert line.get_marker() != "None"
+        drawn[axis] = (line.get_linestyle(), line.get_color())
+    assert drawn["x"] != drawn["y"]
+    assert not fig.axes[1].collections  # no band
+    words = str(fig.legends[0].get_title().get_text())
+    assert not any(word in words for word in ("median", "mean", "band", "%"))
+
+
+def test_a_sealed_direction_is_drawn_where_it_closes(ds: Dataset) -> None:
+    one = ds.isel(D=[0], seed=[0])
+    fig = FIGURES["seal_transmissivity"](one)
+    for axis in "xy":
+        area, values = _known(one.squeeze(), f"transmissivity_{axis}")
+        marks = [line for line in fig.axes[1].lines if line.get_marker() == {"x": "x", "y": "+"}[axis]]
+        assert [line.get_xdata()[0] for line in marks] == [area[values == 0.0][0]]
+        assert marks[0].get_ydata()[0] == fig.axes[1].get_ylim()[0]
+    labels = {text.get_text() for text in fig.legends[0].get_texts()}
+    assert {"first state closed along $x$", "first state closed along $y$"} <= labels
+
+
+@pytest.mark.parametrize("name", ["seal_transmissivity", "seal_diffusivity", "seal_leak_rate", "seal_estimates"])
+def test_a_direction_closed_from_the_start_does_not_vanish(ds: Dataset, name: str) -> None:
+    one = ds.isel(D=[0], seed=[0])
+    shut = [each for each in one.data_vars if str(each).endswith("_y") and each in NAMES_OF_FLOWS]
+    one = one.assign({each: 0.0 * one[each] for each in shut})
+    fig = FIGURES[name](one)
+    assert any(line.get_marker() == "+" for ax in fig.axes for line in ax.lines)
+    assert _render(fig) > 1000
+
+
+NAMES_OF_FLOWS = ("transmissivity_y", "diffusivity_y", "leak_rate_y", "percolates_y", "critical_gap_y")
+
+
+def test_the_leak_rate_is_that_stored_in_its_unit(ds: Dataset) -> None:
+    fig = FIGURES["seal_leak_rate"](ds.isel(D=[0], seed=[0]))
+    assert fig.axes[0].get_ylabel() == "leak rate [mm³/s]"
+    assert "pressure drop 1 bar, viscosity 1 mPa s" in fig.legends[0].get_title().get_text()
+
+
+def test_pressure_stands_in_its_unit_above_p_star_where_one_factor_holds(ds: Dataset) -> None:
+    fig = FIGURES["seal_transmissivity"](ds)
+    assert _render(fig) > 1000  # limits follow each other when they are drawn
+    ax = fig.axes[0]
+    (top,) = ax.child_axes
+    assert top.get_xlabel() == "nominal pressure [MPa]"
+    assert_allclose(top.get_xlim(), np.array(ax.get_xlim()) * 0.5 / 100 * 10, rtol=1e-9)
+    several = ds.assign(nominal_pressure=ds.nominal_pressure * (1 + ds.seed))
+    assert not FIGURES["seal_transmissivity"](several).axes[0].child_axes
+    assert not FIGURES["seal_transmissivity"](ds.drop_vars("nominal_pressure")).axes[0].child_axes
+
+
+def test_regions_are_drawn_over_the_whole(ds: Dataset) -> None:
+    axes = FIGURES["seal_region"](ds).axes
+    family = ds.sel(D=2.2, m=4)
+    for ax, name in zip(axes, ("contact_area_fraction", "mean_pressure", "free_volume"), strict=False):
+        line = next(line for line in ax.lines if len(np.asarray(line.get_xdata())) == 3)
+        assert_allclose(np.asarray(line.get_ydata(), dtype=float)[-1], 1.0, rtol=1e-12)
+        expected = (family[f"{name}_within"] / family[name]).sel(step=1).mean("seed")
+        assert_allclose(np.asarray(line.get_ydata(), dtype=float), expected, rtol=1e-12)
+
+
+def test_regions_of_one_surface_have_no_band(ds: Dataset) -> None:
+    fig = FIGURES["seal_region"](ds.isel(D=[0], seed=[0]))
+    assert not any(ax.collections for ax in fig.axes)
+    assert fig.legends[0].get_title().get_text() == "$D = 2.2$"
+    state = ds.isel(D=0, seed=0).sel(m=4, step=1)
+    drawn = [line.get_ydata() for line in fig.axes[3].lines]
+    for axis in "xy":
+        assert any(np.array_equal(values, state[f"transmissivity_within_{axis}"]) for values in drawn)
+
+
+@pytest.mark.parametrize("panel", range(3))
+def test_percolation_falls_from_one_to_zero(ds: Dataset, panel: int) -> None:
+    fig = FIGURES["seal_percolation"](ds)
+    for axis, row in (("x", 0), ("y", 3)):
+        for line in _lines(fig, row + panel, f"along ${axis}$"):
+            share = np.asarray(line.get_ydata(), dtype=float)
+            assert np.all(np.diff(share) <= 0.0)
+            assert {share[0], share[-1]} == {0.0, 1.0}
+
+
+def _study(load: np.ndarray, shut: dict[str, int]) -> Dataset:
+    """Make the record of one surface whose ways close at the places given of the loads given."""
+    dims, step = ("case", "step"), np.arange(load.size)
+    values = {
+        "mean_pressure": load,
+        "contact_area_fraction": 0.04 * load,
+        "free_volume": 2.0 / (1.0 + load),
+        "nominal_pressure": 0.02 * load,
+    }
+    for axis, place in shut.items():
+        values[f"percolates_{axis}"] = (step < place).astype(float)
+        values[f"transmissivity_{axis}"] = np.where(step < place, np.exp(-load), 0.0)
+    coordinates = {"case": ["scan.npy"], "step": step + 1, "L": 500.0}
+    made = xr.Dataset({name: (dims, each[None]) for name, each in values.items()}, coordinates).set_coords("L")
+    made["nominal_pressure"].attrs["units"] = "MPa"
+    return made
+
+
+def _falls(line: Line2D) -> float:
+    """Return where a step line, whose value holds up to the next point, leaves 1."""
+    x, y = (np.asarray(values, dtype=float) for values in line.get_data())
+    assert line.get_drawstyle() == "steps-post"
+    return float(x[np.argmax(y < 1.0)])
+
+
+def test_a_way_closes_at_the_first_state_computed_closed() -> None:
+    load = np.array([0.05, 0.3, 0.8, 1.7, 2.7, 3.8, 5.0, 6.2, 7.5, 8.7, 10.0, 11.3])
+    ds = _study(load, {"x": 11, "y": 8})
+    fig = FIGURES["seal_percolation"](ds)
+    for panel, name in enumerate(("mean_pressure", "contact_area_fraction", "free_volume")):
+        for axis, place in (("x", 11), ("y", 8)):
+            (line,) = _lines(fig, panel, f"along ${axis}$")
+            stored = ds[name].values[0]
+            assert _falls(line) == stored[place]
+            at = np.abs(np.asarray(line.get_xdata()) - stored[place - 1]).argmin()
+            assert line.get_ydata()[at] == 1.0  # the last state known open
+
+
+def test_ways_of_the_example_of_the_readme_close_where_they_are_computed_closed(tmp_path: Path) -> None:
+    z = random_midpoint_displacement(D=2.2, m=5, seed=11).heights
+    np.save(tmp_path / "scan.npy", 0.8 * z / z.std())
+    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    study = next(part for part in text.split("```yaml\n") if part.startswith("name: leak")).split("```")[0]
+    study = study.replace("file: scan.npy", f"file: {tmp_path / 'scan.npy'}")
+    study = study.replace("  transport: {", "  transport: {percolation: every-step, ")
+    loaded = loads(study)
+    ds = dataset.combine([run_case(case) for case in loaded.cases()], {"format": dataset.FORMAT})
+    ds = dimensional.in_units(ds, loaded, "um")
+    fig = FIGURES["seal_percolation"](ds)
+    for axis in "xy":
+        open_ = ds[f"percolates_{axis}"].values[0]
+        (line,) = _lines(fig, 0, f"along ${axis}$")
+        assert _falls(line) == ds["mean_pressure"].values[0][np.argmax(open_ == 0.0)]
+        (states,) = [each for each in fig.axes[0].lines if each.get_marker() == {"x": "o", "y": "s"}[axis]]
+        assert np.array_equal(states.get_ydata(), open_)
+
+
+def test_an_open_end_is_not_closed() -> None:
+    load = np.linspace(0.1, 5.0, 8)
+    ds = _study(load, {"x": 99, "y": 5})
+    fig = FIGURES["seal_percolation"](ds)
+    (line,) = _lines(fig, 0, "along $x$")
+    assert set(line.get_ydata()) == {1.0}
+    assert line.get_xdata()[-1] == load[-1]
+    flows = FIGURES["seal_transmissivity"](ds)
+    assert not any(line.get_marker() == "x" for line in flows.axes[0].lines)
+    assert any(line.get_marker() == "+" for line in flows.axes[0].lines)
+
+
+def test_volumes_connected_and_trapped_are_those_stored(ds: Dataset) -> None:
+    one = ds.isel(D=[0], seed=[0])
+    axes = FIGURES["seal_volume"](one).axes
+    area = one.contact_area_fraction.values.ravel()
+    for ax, fraction in ((axes[1], one.connected_volume_fraction), (axes[4], one.trapped_volume_fraction)):
+        x, y = (np.asarray(values, dtype=float) for values in ax.lines[0].get_data())
+        expected = np.interp(x, area, (one.free_volume * fraction).values.ravel())
+        assert_allclose(y, expected, rtol=1e-12, atol=1e-15)
+
+
+def test_the_map_shows_contact_and_flux_and_the_place_of_the_constriction(ds: Dataset) -> None:
+    fig = FIGURES["seal_map"](ds)
+    case = ds.sel(D=2.2, m=4).isel(seed=0)
+    panel = fig.axes[0]
+    flux, contact = (np.ma.filled(image.get_array().astype(float), np.nan) for image in panel.images)
+    stored = case.flux_x.sel(flux_at="step=2").values
+    assert_allclose(flux.T, np.maximum(stored / stored.mean(), 1e-2), rtol=1e-12)
+    assert np.array_equal(np.nan_to_num(contact.T) == 1.0, case.gap.sel(field_at="step=2").values == 0.0)
+    marked = np.ravel([line.get_data() for line in panel.lines[:1]])
+    assert_allclose(marked, case.critical_position_x.sel(step=2))
+
+
+def test_sampling_keeps_to_what_is_known() -> None:
+    points = np.linspace(0.0, 5.0, 11)
+    closing = way(np.array([1.0, 2.0, 4.0]), np.array([1e-2, 1e-4, 0.0]))
+    assert closing.closed == 4.0
+    row = sample([closing], points)[0]
+    assert np.isnan(row[points < 1.0]).all()
+    assert_allclose(row[[2, 3, 4]], [1e-2, 1e-3, 1e-4], rtol=1e-12)
+    assert_allclose(row[[5, 6, 7]], [0.75e-4, 0.5e-4, 0.25e-4], rtol=1e-12)  # open until computed closed
+    assert np.array_equal(row[points >= 4.0], np.zeros(3))
+    assert sample([closing], np.array([3.9]), hold=True)[0][0] == 1e-4
+    assert np.isinf(sample([closing], np.array([4.0]), beyond=np.inf)[0][0])
+
+
+def test_an_open_way_is_unknown_beyond_its_last_state() -> None:
+    falling = way(np.array([4.0, 1.0]), np.array([1.0, 0.1]))  # V* falls along the loading
+    assert np.isnan(falling.closed)
+    row = sample([falling], np.array([5.0, 4.0, 1.0, 0.5]))[0]
+    assert np.array_equal(np.isnan(row), [True, False, False, True])
+    assert np.array_equal(np.isnan(is_open([falling], np.array([5.0, 1.0, 0.5]))[0]), [False, False, True])
+
+
+def test_a_way_that_opens_again_closes_after_its_last_open_state() -> None:
+    one = way(np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, 0.0, 0.5, 0.0]))
+    assert one.closed == 4.0
+    assert np.array_equal(one.load, [1.0, 3.0])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_points_hold_the_closing_loads(sign: float) -> None:
+    loads = [sign * np.array([1.0, 2.0, 3.0]) + 5.0, sign * np.array([1.5, 2.5, 4.0]) + 5.0]
+    members = [way(load, np.array([1.0, 0.5, 0.0])) for load in loads]
+    at = grid(members)
+    assert {one.closed for one in members} <= set(at.tolist())
+    assert at[0] == loads[1][0]
+    assert np.all(np.diff(sign * at) > 0.0)
+    assert not np.isnan(sample(members, at)).any()
+    still = [*members, way(loads[0], np.array([1.0, 0.9, 0.8]))]
+    assert grid(still)[-1] == loads[0][-1]
+
+
+@pytest.mark.parametrize("count", [2, 3, FEW - 1, FEW, 10])
+def test_a_band_of_few_holds_all_of_them(count: int) -> None:
+    rows = np.random.default_rng(count).random((count, 4))
+    centre, low, high = centre_and_band(rows)
+    inside = ((rows >= low) & (rows <= high)).all(axis=0)
+    assert inside.all() == (count < FEW)
+    assert_allclose(centre, np.median(rows, axis=0))
+    assert band_words([count]) == f"median of {count} surfaces, band " + (
+        "all of them" if count < FEW else f"{BAND[0]:.0f} to {BAND[1]:.0f} %"
+    )
+
+
+def test_one_surface_has_no_words_of_statistics() -> None:
+    assert band_words([1, 1]) == ""
+    assert band_words([1, 3]) == "median of 3 surfaces, band all of them"
+
+
+def test_what_shows_that_a_way_is_closed_counts_for_its_flow() -> None:
+    ds = _study(np.arange(1.0, 6.0), {"x": 3, "y": 9})
+    ds["transmissivity_x"] = ds["transmissivity_x"].where(ds["step"] < 4)  # not computed where it is closed
+    values = flow(ds, "transmissivity", "x").values[0]
+    assert np.array_equal(values[3:], [0.0, 0.0])
+    assert isinstance(way(ds["mean_pressure"].values[0], values), Way)
+    assert way(ds["mean_pressure"].values[0], values).closed == 4.0
+
+
+def test_volumes_of_several_surfaces_hold_both_in_the_band(ds: Dataset) -> None:
+    two = ds.isel(D=[0], seed=[0, 1])
+    ax = FIGURES["seal_volume"](two).axes[1]
+    (line,) = [each for each in ax.lines if each.get_label() == "$D = 2.2$"]
+    assert line.get_marker() == "None"
+    at = float(line.get_xdata()[100])
+    values = []
+    for seed in range(2):
+        one = two.isel(D=0, seed=seed).sel(m=4)
+        connected = (one.free_volume * one.connected_volume_fraction).values
+        values.append(np.interp(at, one.contact_area_fraction.values, connected))
+    vertices = ax.collections[0].get_paths()[0].vertices
+    ends = vertices[np.isclose(vertices[:, 0], at, rtol=1e-12), 1]
+    assert ends.min() <= min(values) <= max(values) <= ends.max()
+
+
+def test_the_command_line_draws_them(ds: Dataset, tmp_path: Path) -> None:
+    from click.testing import CliRunner
+
+    from roughvol.cli import main
+
+    dataset.write(ds, tmp_path / "study.nc")
+    result = CliRunner().invoke(main, ["plot", str(tmp_path), "seal_map"])
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"seal_map.png"}

@@ -1,0 +1,76 @@
+"""The picture of a surface shows its heights, in a unit that can be read, with its highest point marked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from roughvol.errors import DatasetError
+from roughvol.report.figures import surface_picture
+from roughvol.surfaces.surface import Surface
+
+HEIGHTS = np.random.default_rng(0).normal(size=(20, 30))
+HEIGHTS[3, 25] = 30.0
+
+
+def _axes(surface: Surface, unit: str | None = "um") -> list[Axes]:
+    figure = surface_picture.look(surface, unit, "a map")
+    figure.canvas.draw()
+    return figure.axes
+
+
+def test_the_profiles_run_through_the_highest_point() -> None:
+    *_, along_x, along_y = _axes(Surface(HEIGHTS, 2.0))
+    z = HEIGHTS - HEIGHTS.mean()
+    x, profile = along_x.lines[1].get_data()
+    assert np.allclose(x, 2.0 * np.arange(20))
+    assert np.allclose(profile, z[:, 25])
+    assert np.allclose(along_y.lines[1].get_data(), (2.0 * np.arange(30), z[3]))
+    assert (along_x.get_xlabel(), along_y.get_xlabel()) == ("$x$ [µm]", "$y$ [µm]")
+    assert "50$ µm" in along_x.get_title()
+
+
+def test_the_map_has_x_across_and_its_colours_ignore_one_spike() -> None:
+    plan, *_ = _axes(Surface(HEIGHTS, 2.0))
+    (image,) = plan.images
+    assert np.allclose(image.get_array(), (HEIGHTS - HEIGHTS.mean()).T)
+    assert image.get_extent() == [-1.0, 39.0, -1.0, 59.0]
+    assert image.get_clim()[1] < 15.0
+
+
+def test_the_histogram_counts_every_node() -> None:
+    _, _, histogram, *_ = _axes(Surface(HEIGHTS, 2.0))
+    assert sum(bar.get_height() for bar in histogram.patches) == HEIGHTS.size
+
+
+@pytest.mark.parametrize(
+    ("unit", "size", "labels"),
+    [
+        ("m", 1e-6, ("$x$ [µm]", "$z$ [µm]")),
+        ("mm", 1.0, ("$x$ [mm]", "$z$ [mm]")),
+        ("m", 1e-9, ("$x$ [nm]", "$z$ [nm]")),
+        (None, 1e-9, ("$x$ [length]", "$z$ [length]")),
+    ],
+)
+def test_lengths_are_drawn_in_a_unit_that_can_be_read(unit: str | None, size: float, labels: tuple[str, str]) -> None:
+    *_, along_x, _ = _axes(Surface(HEIGHTS * size, 2.0 * size), unit)
+    assert (along_x.get_xlabel(), along_x.get_ylabel()) == labels
+
+
+@pytest.mark.parametrize("shape", [(60, 8), (8, 60)])
+def test_long_maps_and_names_that_look_like_mathematics_are_drawn(shape: tuple[int, int], tmp_path: Path) -> None:
+    surface = Surface(np.random.default_rng(0).normal(size=shape), 1.0)
+    path = surface_picture.write(surface, None, "a $b_$ scan_$2.npy", tmp_path / "x.png")
+    assert path.stat().st_size > 1000
+
+
+def test_a_flat_surface_can_be_looked_at() -> None:
+    assert len(_axes(Surface(np.zeros((4, 5)), 1.0))) == 5
+
+
+def test_what_is_too_large_to_be_made_is_not_drawn(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=r"m = 13: too large a surface to be drawn"):
+        surface_picture.write(None, "um", "m = 13", tmp_path / "x.png")

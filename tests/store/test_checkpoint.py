@@ -1,0 +1,164 @@
+"""Checkpoints: a sweep that broke off goes on to the last bit, and what is damaged or foreign is as good as none."""
+
+from __future__ import annotations
+
+import io
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from roughvol.campaign import batch, one_case
+from roughvol.campaign.one_case import Stopped, run_case
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import sweep
+from roughvol.store import checkpoint, dataset, lock, run_folder, stamped_file
+from roughvol.store.checkpoint import Checkpoint, packed, unpacked
+from roughvol.store.dataset import Dataset
+from roughvol.study import Case, loads
+
+TEXT = """
+name: long
+surface: {D: 2.4, m: 5, seeds: 2}
+sweep: {steps: 9, to: {contact_area: 0.3}}
+record:
+  fields_at: {step: [2, 7]}
+  box_counting: {at: {contact_area: [0.02, 0.2]}}
+  volume_density: {bins: 9, at: {contact_area: [0.02, 0.2], separation: -9}}
+  transport: {percolation: every-step, constriction: {step: [3, 6]}, flux_at: {step: [2, 6]}}
+"""
+
+
+@pytest.fixture
+def case(monkeypatch: pytest.MonkeyPatch) -> Case:
+    monkeypatch.setattr(checkpoint, "NODES", 0)
+    monkeypatch.setattr(checkpoint, "EVERY", 0.0)
+    return loads(TEXT).cases()[0]
+
+
+def _values(results: Dataset) -> Dataset:
+    return dataset.answers(results)
+
+
+def _stop_at(step: int) -> Any:
+    def stop(now: int) -> None:
+        if now == step:
+            raise KeyboardInterrupt
+
+    return stop
+
+
+@pytest.mark.parametrize("step", [1, 2, 3, 5, 8, 9])
+def test_a_case_killed_after_any_step_goes_on_bit_for_bit(case: Case, tmp_path: Path, step: int) -> None:
+    undisturbed, path, solved = run_case(case), tmp_path / ".checkpoint", []
+    with pytest.raises(KeyboardInterrupt):
+        run_case(case, on_step=_stop_at(step), checkpoint=path)
+    result = run_case(case, on_step=solved.append, checkpoint=path)
+    assert solved == list(range(step, 10))  # the step at which it was killed was not yet kept
+    xr.testing.assert_identical(_values(result), _values(undisturbed))
+
+
+def test_a_case_that_is_asked_to_stop_keeps_its_steps(case: Case, tmp_path: Path) -> None:
+    solved: list[int] = []
+    for _ in range(8):
+        with pytest.raises(Stopped):
+            run_case(case, on_step=solved.append, checkpoint=tmp_path / "c", stopping=lambda: True)
+    assert solved == list(range(1, 9))
+    result = run_case(case, checkpoint=tmp_path / "c")
+    xr.testing.assert_identical(_values(result), _values(run_case(case)))
+
+
+@pytest.mark.parametrize("kernel", ["love", "punch"])
+@pytest.mark.parametrize("kept", [1, 2])
+def test_states_carry_a_sweep_on(case: Case, kernel: str, kept: int) -> None:
+    surface, at = one_case.surface_of(case), np.linspace(0.1, 2.0, 8)
+    whole = list(sweep(surface, HalfSpace(surface.shape, kernel=kernel), at))
+    states = [contact.state() for contact in whole[:kept]]
+    rest = list(sweep(surface, HalfSpace(surface.shape, kernel=kernel), at[kept:], resume=states))
+    for one, other in zip(whole[kept:], rest, strict=True):
+        assert (one.mean_pressure, one.iterations, one.convolutions) == (
+            other.mean_pressure,
+            other.iterations,
+            other.convolutions,
+        )
+        np.testing.assert_array_equal(one.gap(), other.gap())
+
+
+def test_damaged_and_foreign_checkpoints_are_as_good_as_none(case: Case, tmp_path: Path) -> None:
+    path = tmp_path / "c"
+    mine = Checkpoint(path, case, "1")
+    mine.save({"a": [1.5, np.arange(3)]})
+    content = path.read_bytes()
+    assert mine.load() is not None
+    assert Checkpoint(path, loads(TEXT).cases()[1], "1").load() is None
+    assert Checkpoint(path, case, "2").load() is None
+    for spoilt in (b"", content[:-1], content[:99], content[:50] + b"\x00" + content[51:], b"x" * 500):
+        path.write_bytes(spoilt)
+        assert mine.load() is None
+    path.unlink()
+    assert mine.load() is None
+
+
+def test_nothing_is_unpickled(case: Case, tmp_path: Path) -> None:
+    stream = io.BytesIO()
+    np.savez(stream, text=np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    mine = Checkpoint(tmp_path / "c", case, "1")
+    mine.save({})
+    _, labels = stamped_file.verified(tmp_path / "c")
+    (tmp_path / "c").write_bytes(stamped_file.stamped(stream.getvalue(), labels))
+    assert mine.load() is None
+
+
+def test_a_checkpoint_that_cannot_be_written_stops_nothing(case: Case, tmp_path: Path) -> None:
+    xr.testing.assert_identical(_values(run_case(case, checkpoint=tmp_path / "no" / "c")), _values(run_case(case)))
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_a_worker_elsewhere_writes_checkpoints_only_into_the_folder_of_its_run(
+    case: Case, tmp_path: Path, shared: bool
+) -> None:
+    with lock.opened(tmp_path):
+        mark = lock.mark(tmp_path)
+        path = run_folder.checkpoint_file(tmp_path, case.id)
+        batch._work((case, "", 1, path, mark if shared else mark.replace("2", "3"), None), lambda message: None)
+        batch._work((case, "", 1, path.with_name("other"), "", None), lambda message: None)
+    assert path.exists() is shared
+    assert not path.with_name("other").exists()
+
+
+def test_other_libraries_or_vector_units_do_not_carry_a_sweep_on(case: Case, tmp_path: Path) -> None:
+    Checkpoint(tmp_path / "c", case, checkpoint.numerics()).save({"a": 1})
+    assert Checkpoint(tmp_path / "c", case, checkpoint.numerics()).load() == {"a": 1}
+    assert Checkpoint(tmp_path / "c", case, checkpoint.numerics().replace("numpy", "numpy 1.0 and")).load() is None
+
+
+def test_what_is_packed_comes_back() -> None:
+    state = {"a": [0.1, 1e-300, True, None, "é", [np.float64(0.1) / 3]], "b": {"c": np.array([np.nan, -0.0])}}
+    back = unpacked(packed(state))
+    assert back["a"][:5] == state["a"][:5]
+    assert float(back["a"][5][0]) == 0.1 / 3
+    np.testing.assert_array_equal(back["b"]["c"], state["b"]["c"])
+    assert zipfile.is_zipfile(io.BytesIO(packed(state)))
+
+
+@pytest.mark.slow
+def test_a_large_case_killed_in_its_sweep_goes_on_from_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "surface: {D: 2.3, m: 10, seeds: 1}\nsweep: {steps: 8, to: {indentation: 1.0}}\nsolver: {accuracy: draft}\n"
+    code = (
+        "import os, sys\nfrom pathlib import Path\nfrom roughvol.store import checkpoint\n"
+        "from roughvol.campaign.one_case import run_case\nfrom roughvol.study import loads\ncheckpoint.EVERY = 0.0\n"
+        "kill = lambda step: os.kill(os.getpid(), 9) if step == 5 else None\n"
+        "run_case(loads(sys.argv[1]).cases()[0], checkpoint=Path(sys.argv[2]), on_step=kill)\n"
+    )
+    case, path, solved = loads(text).cases()[0], tmp_path / "c", []
+    done = subprocess.run([sys.executable, "-c", code, text, str(path)], timeout=300, env=os.environ)
+    assert done.returncode == -9
+    result = run_case(case, checkpoint=path, on_step=solved.append)
+    assert solved == [5, 6, 7, 8]
+    xr.testing.assert_identical(_values(result), _values(run_case(case)))

@@ -1,0 +1,258 @@
+"""Stored files: what is written comes back, is described, is whole or not there; cases align by label."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+from numpy.testing import assert_array_equal
+
+from roughvol.errors import DatasetError, FolderError
+from roughvol.store import dataset, run_folder, stamped_file
+from roughvol.store.dataset import VARIABLES, Dataset
+from roughvol.study import Case, loads
+
+FFT = {"library": "FFTW", "planner": "FFTW_ESTIMATE", "threads": "1"}
+STEPS = 3
+
+
+def _case(D: float = 2.3, m: int = 3, seed: int = 0, L: float = 100.0) -> Case:
+    return loads(f"surface: {{D: {D}, m: {m}, seeds: [{seed}], L: {L}}}\nsweep: {{steps: {STEPS}}}").cases()[0]
+
+
+def _values(m: int, seed: int = 0) -> dict[str, Any]:
+    random = np.random.default_rng(seed)
+    nodes, states = 2**m + 1, ["step=2", "contact_area=0.9"]
+    per_step = {name: random.random(STEPS) for name, row in VARIABLES.items() if row.dims == "... step"}
+    counts = {
+        name: random.integers(1, 9, STEPS)
+        for name, row in VARIABLES.items()
+        if row.kind == "count" and name in per_step
+    }
+    return {
+        **per_step,
+        **counts,
+        "converged": [True, True, False],
+        "step": np.arange(1, STEPS + 1),
+        "Sq": random.random(),
+        "wall_time": 0.5,
+        "x": np.arange(nodes) / (nodes - 1),
+        "y": np.arange(nodes) / (nodes - 1),
+        "heights": random.random((nodes, nodes)),
+        "field_at": states,
+        "field_at_step": [2, -1],
+        "gap": np.stack([random.random((nodes, nodes)), np.full((nodes, nodes), np.nan)]),
+        "box_at": ["last"],
+        "box_at_step": [STEPS],
+        "threshold": [0.0, 1.0],
+        "r": 2 ** np.arange(m + 1),
+        "box_count": random.integers(1, 99, (1, 2, m + 1)),
+    }
+
+
+def _build(D: float = 2.3, m: int = 3, seed: int = 0, L: float = 100.0) -> Dataset:
+    case = _case(D, m, seed, L)
+    return dataset.build(case, _values(m, seed), dataset.provenance("name: x\n", fft=FFT, case=case))
+
+
+def test_table_is_complete_and_names_differ_by_more_than_case() -> None:
+    assert all(row.units and row.long_name and row.symbol for row in VARIABLES.values())
+    assert len({name.lower() for name in VARIABLES}) == len(VARIABLES)
+    assert {row.kind for row in VARIABLES.values()} == {"real", "count", "index", "flag", "text"}
+    dims = {dim for row in VARIABLES.values() for dim in row.dims.split()} - {"..."}
+    assert all(VARIABLES[dim].dims == dim for dim in dims)
+
+
+def test_round_trip(tmp_path: Path) -> None:
+    built = _build()
+    dataset.write(built, tmp_path / "a.nc")
+    stored = dataset.read(tmp_path / "a.nc")
+    xr.testing.assert_identical(stored, built)
+    assert {name: stored[name].dtype for name in stored.data_vars} == {
+        name: built[name].dtype for name in built.data_vars
+    }
+    assert stored["field_at"].values.tolist() == ["step=2", "contact_area=0.9"]
+
+
+def test_whatever_is_stored_is_described_for_plain_xarray(tmp_path: Path) -> None:
+    dataset.write(dataset.combine([_build(), _build(m=2)], dataset.provenance("", fft=FFT)), tmp_path / "a.nc")
+    with xr.open_dataset(tmp_path / "a.nc") as opened:
+        for name, variable in opened.variables.items():
+            row = VARIABLES[str(name)]
+            assert (variable.attrs["units"], variable.attrs["symbol"]) == (row.units, row.symbol)
+            assert variable.attrs["long_name"]
+        assert set(opened.coords) >= {"D", "m", "seed", "step", "L", "x", "y", "field_at"}
+
+
+def test_counts_are_integers_on_disk_and_missing_ones_are_not_a_number(tmp_path: Path) -> None:
+    whole = dataset.combine([_build(m=3, seed=0), _build(m=2, seed=1)], {"format": dataset.FORMAT})
+    dataset.write(whole, tmp_path / "a.nc")
+    with netCDF4.Dataset(tmp_path / "a.nc") as raw:
+        assert {raw[name].dtype for name in ("iterations", "box_count")} == {np.dtype("int32")}
+    stored = dataset.read(tmp_path / "a.nc")
+    assert stored.iterations.sel(m=3, seed=0).notnull().all()
+    assert stored.iterations.sel(m=3, seed=1).isnull().all()
+
+
+def test_combine_aligns_by_label_and_says_what_is_missing() -> None:
+    coarse, fine = _build(D=2.7, m=2, seed=4), _build(D=2.1, m=3, seed=0)
+    both = dataset.combine([coarse, fine], {})
+    assert dict(both.sizes) == {
+        **{"D": 2, "m": 2, "seed": 2, "step": STEPS, "x": 9, "y": 9},
+        **{"field_at": 2, "box_at": 1, "threshold": 2, "r": 4},
+    }
+    for part in (coarse, fine):
+        for name, stored in part.data_vars.items():
+            labels = {str(dim): part[dim] for dim in stored.dims}
+            assert_array_equal(both[name].sel(labels), stored)
+    nowhere = both.sel(D=2.7, m=3, seed=0)
+    assert nowhere.free_volume.isnull().all()
+    assert not nowhere.converged.any()
+    assert (nowhere.field_at_step == -1).all()
+    assert both.converged.dtype == bool
+    # a coarse lattice lies on every other node of the fine one
+    on_coarse = (np.indices((9, 9)) % 2 == 0).all(axis=0)
+    assert_array_equal(both.heights.sel(D=2.7, m=2, seed=4).notnull(), on_coarse)
+
+
+def test_combining_does_not_depend_on_the_order_of_the_cases() -> None:
+    parts = [_build(D=D, seed=seed) for D in (2.1, 2.5) for seed in (0, 3)]
+    xr.testing.assert_identical(dataset.combine(parts, {}), dataset.combine(parts[::-1], {}))
+
+
+def test_cases_of_two_sizes_are_not_one_study() -> None:
+    with pytest.raises(DatasetError, match="share L, got 1, 100"):
+        dataset.combine([_build(), _build(seed=1, L=1.0)], {})
+    with pytest.raises(DatasetError, match="no case"):
+        dataset.combine([], {})
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"free_volme": [1.0]}, "'free_volme' is not a stored variable"),
+        ({"Sq": [1.0]}, r"Sq has dimensions \(D, m, seed\)"),
+    ],
+)
+def test_only_what_the_table_knows_is_built(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(DatasetError, match=message):
+        dataset.build(_case(), values, {})
+
+
+def test_provenance_names_study_case_code_machine_and_reference() -> None:
+    case = _case()
+    attributes = dataset.provenance("name: x\n", fft=FFT, case=case)
+    assert json.loads(attributes["case"]) == json.loads(json.dumps(case.key))
+    assert set(json.loads(attributes["libraries"])) >= {"python", "numpy", "scipy", "pyfftw", "xarray", "netCDF4"}
+    assert json.loads(attributes["fft"]) == FFT
+    assert "10.1016/j.wear.2015.04.021" in attributes["references"]
+    assert all(attributes[name] for name in ("roughvol_version", "study", "host", "cpu_count", "date", "conventions"))
+    assert attributes["date"].endswith("+00:00")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.7, 0.999])
+def test_truncated_file_is_an_error(tmp_path: Path, share: float) -> None:
+    path = tmp_path / "a.nc"
+    dataset.write(_build(), path)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(DatasetError, match=r"a\.nc (is damaged|has been altered|does not end)"):
+        dataset.read(path)
+
+
+def test_foreign_and_missing_files_are_errors(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="no dataset at"):
+        dataset.read(tmp_path / "nothing.nc")
+    with pytest.raises(DatasetError, match="no dataset at"):
+        dataset.read(tmp_path)
+    (tmp_path / "text.nc").write_text("this is no netCDF file")
+    xr.Dataset({"a": 1.0}).to_netcdf(tmp_path / "foreign.nc")
+    for name in ("text.nc", "foreign.nc"):
+        with pytest.raises(DatasetError, match=f"{name} does not end with a checksum"):
+            dataset.read(tmp_path / name)
+    content = stamped_file.stamped((tmp_path / "foreign.nc").read_bytes(), {})
+    (tmp_path / "foreign.nc").write_bytes(content)
+    with pytest.raises(DatasetError, match="format is None"):
+        dataset.read(tmp_path / "foreign.nc")
+
+
+def test_what_is_no_netcdf_behind_a_sound_stamp_is_an_error(tmp_path: Path) -> None:
+    labels = run_folder.labels_for(_case())
+    for content, more in ((b"nothing", {}), (b"nothing", {"columns": "7"}), (b"", {"columns": "x"})):
+        (tmp_path / "a.nc").write_bytes(stamped_file.stamped(content, labels | more))
+        with pytest.raises(DatasetError, match=r"a\.nc is damaged or no"):
+            dataset.read_arrays(tmp_path / "a.nc")
+    with pytest.raises(DatasetError, match=r"a\.nc is damaged or no"):
+        dataset.read(tmp_path / "a.nc")
+
+
+def test_every_flipped_bit_is_found_before_the_file_is_parsed(tmp_path: Path) -> None:
+    path = tmp_path / "a.nc"
+    dataset.write(_build(), path)
+    content = path.read_bytes()
+    for place in np.random.default_rng(3).integers(0, 8 * len(content), 200).tolist():
+        spoilt = bytearray(content)
+        spoilt[place // 8] ^= 1 << place % 8
+        path.write_bytes(spoilt)
+        with pytest.raises(DatasetError, match=r"a\.nc (has been altered|ends with|does not end with)"):
+            dataset.read_arrays(path)
+
+
+def test_plain_arrays_are_those_of_the_dataset(tmp_path: Path) -> None:
+    dataset.write(_build(), tmp_path / "a.nc")
+    (arrays, _), stored = dataset.read_arrays(tmp_path / "a.nc"), dataset.read(tmp_path / "a.nc")
+    xr.testing.assert_identical(dataset.combine([arrays], stored.attrs), dataset.combine([stored], stored.attrs))
+    xr.testing.assert_identical(dataset.combine([arrays], stored.attrs), stored)
+
+
+def test_a_stamped_file_is_netcdf_for_every_other_tool(tmp_path: Path) -> None:
+    dataset.write(_build(), tmp_path / "a.nc")
+    with netCDF4.Dataset(tmp_path / "a.nc") as stored:
+        assert stored.format == dataset.FORMAT
+    xr.testing.assert_identical(xr.load_dataset(tmp_path / "a.nc"), dataset.read(tmp_path / "a.nc"))
+
+
+def test_the_stamp_names_the_case_in_full(tmp_path: Path) -> None:
+    dataset.write(_build(), tmp_path / "case.nc")
+    found = stamped_file.labels(tmp_path / "case.nc")
+    assert found == run_folder.labels_for(_case()) | {"columns": found["columns"]}
+    assert found["key"] != run_folder.labels_for(_case(seed=1))["key"]
+    dataset.write(dataset.combine([_build()], dataset.provenance("", fft=FFT)), tmp_path / "study.nc")
+    assert stamped_file.labels(tmp_path / "study.nc")["case"] == ""
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left"), KeyboardInterrupt()], ids=["disk", "ctrl-c"])
+def test_interrupted_write_leaves_what_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    dataset.write(_build(), tmp_path / "a.nc")
+    before = (tmp_path / "a.nc").read_bytes()
+
+    def half(handle: int) -> None:
+        raise error
+
+    monkeypatch.setattr(os, "fsync", half)
+    with pytest.raises((FolderError, KeyboardInterrupt), match=r"^$|the disk is full"):
+        dataset.write(_build(seed=1), tmp_path / "a.nc")
+    assert (tmp_path / "a.nc").read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["a.nc"]
+
+
+def test_leftovers_of_dead_processes_are_removed_and_nothing_else(tmp_path: Path) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    alive = stamped_file.aside_of(tmp_path / "a.nc").name
+    names = {alive, alive.replace(str(os.getpid()), str(dead.pid)), f".a.nc.elsewhere.{os.getpid()}.part"}
+    others = {".mine.part", "a.nc", ".a.nc.x.y.part"}
+    for name in names | others:
+        (tmp_path / name).touch()
+    stamped_file.remove_leftovers(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {alive} | others

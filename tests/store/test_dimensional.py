@@ -1,0 +1,214 @@
+"""Numbers in units: closed forms, laws of scaling, and nothing solved for them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from roughvol.campaign import running
+from roughvol.campaign.one_case import run_case
+from roughvol.errors import DatasetError, StudyError
+from roughvol.store import dataset, dimensional
+from roughvol.store.dataset import Dataset
+from roughvol.store.run_folder import case_file
+from roughvol.store.variables import HEIGHT_POWERS, VARIABLES
+from roughvol.study import Study, loads
+
+LEAK = "leak_rate: {pressure_drop: 2 bar, viscosity: 3 mPa*s, unit: mm^3/s}"
+WANTED = f"""
+  dimensional:
+    pressure: MPa
+    free_volume: mm^3/m^2
+    mean_gap: um
+    separation: um
+    critical_gap: nm
+    {LEAK}
+"""
+TEXT = """
+name: units
+surface: {D: 2.3, m: 4, seeds: 2, L: 100 um}
+material: {E_star: 2 GPa}
+sweep: {steps: 4, to: {indentation: 2}}
+record:
+  heights: true
+  fields_at: {step: [1, 2]}
+  volume_density: {}
+  box_counting: {}
+  transport: {transmissivity: every-step, constriction: every-step}
+"""
+MADE = {"nominal_pressure", "free_volume_per_area", "mean_gap", "mean_plane_separation"}
+MADE |= {f"{name}_{axis}" for name in ("critical_opening", "leak_rate") for axis in "xy"}
+
+
+def _made(text: str) -> Dataset:
+    """All cases of a study computed and collected, without files."""
+    study = loads(text)
+    return _collected([run_case(case) for case in study.cases()], study)
+
+
+def _collected(parts: list[Dataset], study: Study) -> Dataset:
+    return dimensional.in_units(dataset.combine(parts, {}), study, study.cases()[0].length_unit)
+
+
+@pytest.fixture(scope="module")
+def plain() -> list[Dataset]:
+    return [run_case(case) for case in loads(TEXT).cases()]
+
+
+@pytest.fixture(scope="module")
+def results(plain: list[Dataset]) -> Dataset:
+    return _collected(plain, loads(TEXT + WANTED))
+
+
+def test_two_parallel_plates_leak_by_the_closed_form(results: Dataset) -> None:
+    # 5 um apart, 100 um long; W_y/W_x = 2. Q = h³ ΔP w/(12 μ l) by hand, in SI.
+    plates = results.drop_vars(MADE).isel(seed=[0]).copy(deep=True)
+    plates = plates.assign(Sq=plates.Sq * 0 + 2.5, free_volume=plates.free_volume * 0 + 2.0)
+    plates = plates.assign({f"transmissivity_{axis}": plates.free_volume * 0 + 1.0 for axis in "xy"})
+    plates["region_aspect"] = plates.region_aspect * 0 + 2.0
+    found = dimensional.in_units(plates, loads(TEXT + WANTED), "um")
+    along = (5e-6) ** 3 * 2e5 * 200e-6 / (12 * 3e-3 * 100e-6) * 1e9
+    across = (5e-6) ** 3 * 2e5 * 100e-6 / (12 * 3e-3 * 200e-6) * 1e9
+    assert_allclose(found.leak_rate_x, along, rtol=1e-12)
+    assert_allclose(found.leak_rate_y, across, rtol=1e-12)
+    assert_allclose(found.mean_gap, 5.0, rtol=1e-12)
+    assert_allclose(found.free_volume_per_area, 5e-6 * 1e9, rtol=1e-12)  # m³/m² in mm³/m²
+
+
+def test_a_leak_rate_is_the_flow_through_the_stored_gap(results: Dataset) -> None:
+    # Reynolds on the elements, in SI and with a dense matrix: pressures at the centres, harmonic means of g³/(12 μ).
+    one = results.isel(D=0, m=0, seed=0)
+    gap = one.gap.isel(field_at=0).transpose("x", "y").values * float(one.Sq) * 1e-6
+    k = gap**3 / (12 * 3e-3)
+    rows, columns = k.shape
+    number = np.arange(k.size).reshape(k.shape)
+    matrix, load, inlet = np.zeros((k.size, k.size)), np.zeros(k.size), np.zeros(k.size)
+    pairs = [(number[i, j], number[i + 1, j]) for i in range(rows - 1) for j in range(columns)]
+    pairs += [(number[i, j], number[i, j + 1]) for i in range(rows) for j in range(columns - 1)]
+    flat = k.ravel()
+    for a, b in pairs:
+        w = 2 * flat[a] * flat[b] / (flat[a] + flat[b]) if flat[a] * flat[b] > 0 else 0.0
+        matrix[[a, b], [a, b]] += w
+        matrix[[a, b], [b, a]] -= w
+    inlet[number[0]] = 2 * flat[number[0]]
+    matrix[number[0], number[0]] += 2 * flat[number[0]]
+    matrix[number[-1], number[-1]] += 2 * flat[number[-1]]
+    load = inlet * 2e5
+    open_ = np.diag(matrix) > 0
+    pressure = np.zeros(k.size)
+    pressure[open_] = np.linalg.solve(matrix[np.ix_(open_, open_)], load[open_])
+    flow = float(np.sum(inlet * (2e5 - pressure))) * 1e9
+    assert_allclose(one.leak_rate_x.isel(step=0), flow, rtol=1e-6)
+
+
+def test_pressure_volume_and_gaps_are_the_starred_ones_times_their_scales(results: Dataset) -> None:
+    sigma = results.Sq  # um
+    assert_allclose(results.nominal_pressure, results.mean_pressure * sigma / 100 * 2000, rtol=1e-12)
+    assert_allclose(results.mean_plane_separation, results.separation * sigma, rtol=1e-12)
+    assert_allclose(results.critical_opening_x, results.critical_gap_x * sigma * 1000, rtol=1e-12)
+    assert_allclose(results.free_volume_per_area, results.mean_gap * 1e3, rtol=1e-12)
+
+
+def test_what_is_asked_for_at_a_state_that_no_case_reaches_is_missing_and_told() -> None:
+    never = TEXT.replace("every-step", "{contact_area: 0.99}")
+    made = _made(never + WANTED)
+    for name in ("leak_rate_x", "leak_rate_y", "critical_opening_x", "critical_opening_y"):
+        assert made[name].isnull().all()
+        assert made[name].sizes == made.free_volume.sizes
+    assert made.mean_gap.notnull().all()
+    assert dataset.unreached(made) == {"transmissivity": 2, "constriction": 2}
+
+
+def test_what_is_reached_is_not_told_as_missing(results: Dataset) -> None:
+    assert dataset.unreached(results) == {}
+
+
+def test_what_is_added_is_described_with_the_units_asked_for(results: Dataset) -> None:
+    units = {"nominal_pressure": "MPa", "free_volume_per_area": "mm^3/m^2", "mean_gap": "um", "leak_rate_x": "mm^3/s"}
+    units |= {"critical_opening_y": "nm", "mean_plane_separation": "um"}
+    assert {name: results[name].attrs["units"] for name in units} == units
+    assert {name: results[name].attrs["symbol"] for name in MADE} == {name: VARIABLES[name].symbol for name in MADE}
+    assert results.leak_rate_y.attrs["pressure_drop"] == "2 bar"
+    assert results.leak_rate_y.attrs["viscosity"] == "3 mPa*s"
+    assert results.leak_rate_x.dims == ("D", "m", "seed", "step")
+
+
+@pytest.mark.parametrize(
+    ("length", "modulus"), [("0.1 mm", "2 GPa"), ("100 um", "2000 MPa"), ("1e-4 m", "2e9 Pa"), ("1.0e+5 nm", "20 kbar")]
+)
+def test_the_same_study_in_other_units_gives_the_same_numbers(length: str, modulus: str) -> None:
+    small = (TEXT + WANTED).replace("m: 4, seeds: 2, ", "m: 3, seeds: 1, Sq: 1.5 um, ")
+    first, other = _made(small), _made(small.replace("100 um", length).replace("2 GPa", modulus))
+    for name in MADE:
+        assert_allclose(other[name], first[name], rtol=1e-9)
+
+
+def test_without_Sq_the_heights_are_those_of_the_generator_in_the_unit_of_L(results: Dataset) -> None:
+    other = _made((TEXT + WANTED).replace("100 um", "100 mm"))
+    assert_allclose(other.mean_gap, results.mean_gap * 1e3, rtol=1e-9)
+    assert_allclose(other.leak_rate_x, results.leak_rate_x * 1e9, rtol=1e-9)
+    assert_allclose(other.nominal_pressure, results.nominal_pressure, rtol=1e-9)
+
+
+# Heights scaled to an Sq
+
+
+def test_scaled_heights_are_those_of_a_surface_that_is_rougher(
+    plain: list[Dataset], results: Dataset, tmp_path: Path
+) -> None:
+    scaled = _collected(plain[:1], loads((TEXT + WANTED).replace("L: ", "Sq: 0.7 um, L: ")))
+    heights = scaled.heights.isel(D=0, m=0, seed=0).transpose("x", "y").values
+    np.save(tmp_path / "z.npy", heights)
+    text = (TEXT + WANTED).replace("D: 2.3, m: 4, seeds: 2,", "file: z.npy,")
+    study = loads(text, tmp_path / "study.yaml")
+    pressed = _collected([run_case(case) for case in study.cases()], study)
+    assert_allclose(heights.std(), 0.7, rtol=1e-12)
+    one, other = scaled.isel(D=0, m=0, seed=0), pressed.isel(case=0)
+    names = set(map(str, pressed.data_vars)) - {"iterations", "convolutions", "convolutions_fp32", "residual"}
+    names -= {name for name in names if VARIABLES[name].kind == "text" or VARIABLES[name].units == "s"}
+    for name in names - {"mean_pressure_bound", "transmissivity_conservation_error"}:
+        assert_allclose(one[name].astype(float), other[name].astype(float), rtol=2e-5, atol=1e-6, err_msg=name)
+    starred = ("mean_pressure", "free_volume", "contact_area_fraction", "transmissivity_x", "box_count")
+    for name in starred:
+        assert_array_equal(scaled[name], results[name].isel(seed=[0]))
+
+
+def test_every_stored_number_with_a_length_has_its_power_of_the_heights() -> None:
+    lengths = {name for name, row in VARIABLES.items() if "length" in row.units} - MADE - {"L"}
+    assert lengths == set(HEIGHT_POWERS) - {"Sdq"}
+
+
+# What it costs
+
+
+def test_units_and_Sq_make_no_case_anew(tmp_path: Path) -> None:
+    small = TEXT.replace("m: 4, seeds: 2", "m: 3, seeds: 1")
+    running.run(loads(small.replace(" um", "").replace(" GPa", "")), out=tmp_path, jobs=1)
+    file = case_file(tmp_path, loads(small).cases()[0].id)
+    before = file.stat().st_mtime_ns
+    wanted = loads(small.replace("L: ", "Sq: 1 um, L: ") + WANTED)
+    stored = running.run(wanted, out=tmp_path, jobs=1)
+    assert file.stat().st_mtime_ns == before
+    assert set(stored.data_vars) >= MADE
+    assert stored.Sq.item() == pytest.approx(1.0, rel=1e-14)
+    assert (stored.mean_gap.attrs["units"], stored.Sq.attrs["units"]) == ("um", "um")
+    assert_allclose(running.collect(wanted, out=tmp_path).leak_rate_x, stored.leak_rate_x, rtol=1e-15)
+
+
+# What is refused
+
+
+def test_lengths_of_a_file_that_tells_no_unit_cannot_be_given_one(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.random.default_rng(0).random((5, 5)))
+    text = "surface: {file: z.npy, L: 4}\nrecord: {dimensional: {mean_gap: um}}"
+    with pytest.raises(StudyError, match=r"dimensional\.mean_gap: needs the unit of length"):
+        running.run(loads(text, tmp_path / "s.yaml"), out=tmp_path / "run", jobs=1)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_leak_rate_of_cases_without_the_extent_of_their_region_is_refused(plain: list[Dataset]) -> None:
+    with pytest.raises(DatasetError, match="extent of the region"):
+        _collected([part.drop_vars("region_aspect") for part in plain], loads(TEXT + WANTED))

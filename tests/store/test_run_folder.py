@@ -1,0 +1,678 @@
+"""The folder of a run: one run at a time, sound files only, clear words when the disk lets it down."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from roughvol.campaign import batch, checks, cost, resources, running, workers
+from roughvol.cli import main
+from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError, StudyError
+from roughvol.report.claims.stored_run import Run
+from roughvol.store import dataset, lock, run_status, stamped_file
+from roughvol.store.dataset import Dataset
+from roughvol.study import Study, cases, loads
+
+TEXT = "name: small\nsurface: {D: 2.4, m: 3, seeds: 4}\nsweep: {steps: 4}\n"
+FIELDS = (
+    "name: big\nsurface: {D: 2.4, m: 6, seeds: 8}\nsweep: {steps: 4}\n"
+    "record: {heights: true, fields_at: {step: [1, 2, 3, 4]}}\n"
+)
+
+
+def _values(results: Dataset) -> Dataset:
+    return dataset.answers(results)
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return loads(TEXT)
+
+
+def _here(work: Any, tasks: Any, *, on_begin: Any, on_message: Any, on_end: Any, **_: Any) -> bool:
+    """Do the tasks in this process: to start one takes seconds."""
+    for task in tasks:
+        on_begin(task)
+        on_end(task, work(task, on_message), None)
+    return True
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compute in this process."""
+    monkeypatch.setattr(workers, "each", _here)
+
+
+@pytest.fixture(scope="module")
+def finished(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("finished")
+    running.run(study, out=place, jobs=1)
+    return place
+
+
+@pytest.fixture
+def place(finished: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(finished, tmp_path / "run"))
+
+
+# One run at a time
+
+
+def test_a_second_run_is_refused_and_told_who_has_the_folder(study: Study, tmp_path: Path) -> None:
+    with lock.opened(tmp_path):
+        assert lock.holder(tmp_path) is not None
+        with pytest.raises(FolderError, match=rf"in use by process {os.getpid()} on .*, since .*another --out"):
+            running.run(study, out=tmp_path)
+    assert lock.holder(tmp_path) is None
+    assert not (tmp_path / "lock").exists()
+
+
+def test_the_lock_of_a_killed_process_is_stale(study: Study, tmp_path: Path) -> None:
+    code = (
+        "import sys, time\nfrom pathlib import Path\nfrom roughvol.store import lock\n"
+        "with lock.opened(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    with process.stdout:
+        assert process.stdout.readline() == "held\n"
+        found = lock.holder(tmp_path)
+        assert found is not None
+        assert found.pid == process.pid
+        process.kill()
+        process.wait(timeout=30)
+    assert (tmp_path / "lock").exists()
+    assert lock.holder(tmp_path) is None
+    assert running.run(study, out=tmp_path, jobs=1).sizes["seed"] == 4
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"{", b"[1]", b'{"host": 3}', b"\xff\xfe", json.dumps({"host": platform.node(), "pid": "1", "started": "x"})],
+)
+def test_a_lock_that_says_nothing_is_stale(tmp_path: Path, content: bytes | str) -> None:
+    (tmp_path / "lock").write_bytes(content if isinstance(content, bytes) else content.encode())
+    with lock.opened(tmp_path):
+        assert lock.holder(tmp_path) is not None
+
+
+def test_the_lock_of_another_machine_is_respected(study: Study, tmp_path: Path) -> None:
+    (tmp_path / "lock").write_text(json.dumps({"host": "elsewhere", "pid": 1, "started": "today", "birth": ""}))
+    with pytest.raises(FolderError, match=r"process 1 on elsewhere.*if that process is no more, remove .*lock"):
+        running.run(study, out=tmp_path)
+
+
+@pytest.mark.parametrize("birth", ["", "1"])
+def test_without_locks_of_the_system_the_process_decides(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, birth: str
+) -> None:
+    monkeypatch.setattr(lock, "fcntl", None)
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    for pid, stale in ((dead.pid, True), (os.getpid(), birth == "1")):  # a later process may have the same number
+        holder = {"host": platform.node(), "pid": pid, "started": "today", "birth": birth}
+        (tmp_path / "lock").write_text(json.dumps(holder))
+        assert (lock.holder(tmp_path) is None) is stale
+        if stale:
+            with lock.opened(tmp_path):
+                pass
+        else:
+            with pytest.raises(FolderError, match="in use"), lock.opened(tmp_path):
+                pass
+
+
+# Sound files only
+@pytest.mark.usefixtures("here")
+def test_a_flipped_bit_is_found_named_set_aside_and_computed_again(study: Study, place: Path, finished: Path) -> None:
+    path = next((place / "cases").glob("*.nc"))
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 4
+    path.write_bytes(content)
+    notices: list[str] = []
+    again = running.run(study, out=place, jobs=1, on_event=lambda now: notices.append(now.notice))
+    told = [notice for notice in notices if notice]
+    assert len(told) == 1
+    assert "has been altered" in told[0]
+    assert path.name in told[0]
+    assert (place / "cases" / "set_aside" / path.name).read_bytes() == content
+    xr.testing.assert_identical(_values(again), _values(running.collect(study, finished)))
+
+
+def _relabelled(path: Path, **changed: str) -> None:
+    content, labels = stamped_file.verified(path)
+    stamped_file.store(path, stamped_file.stamped(content, labels | changed))
+
+
+def _times(place: Path) -> dict[str, int]:
+    return {path.name: path.stat().st_mtime_ns for path in (place / "cases").glob("*.nc")}
+
+
+def _notices(study: Study, place: Path, **how: Any) -> list[str]:
+    told: list[str] = []
+    running.run(study, out=place, jobs=1, on_event=lambda now: told.append(now.notice), **how)
+    return [notice for notice in told if notice]
+
+
+def _refuse_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: Any) -> None:
+        pytest.fail("nothing is left to compute")
+
+    monkeypatch.setattr(running, "Batch", never)
+
+
+def test_a_new_version_keeps_everything_and_computes_nothing(
+    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = _times(place)
+    for module in (stamped_file, running, dataset):
+        monkeypatch.setattr(module, "__version__", "99.1.2")
+    _refuse_work(monkeypatch)
+    found = run_status.status(study, place)
+    assert (len(found.done), found.damaged, found.outdated, found.collected) == (4, {}, {}, True)
+    assert _notices(study, place) == []
+    assert _times(place) == before
+    assert not (place / "cases" / "set_aside").exists()
+
+
+def test_mixed_versions_are_noted_by_run_and_status_and_stored(
+    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _relabelled(next((place / "cases").glob("*.nc")), version="0.0.1")
+    (place / "study.nc").unlink()
+    _refuse_work(monkeypatch)
+    ours = dataset.__version__
+    line = f"cases are of several versions of roughvol, with answers of one format: 0.0.1 (1), {ours} (3)"
+    for _ in range(2):  # before the run by the files, after it by the ledger
+        shown = CliRunner().invoke(main, ["status", str(_written(place.parent, TEXT)), "--out", str(place)])
+        assert (shown.exit_code, shown.output.count(line)) == (0, 1)
+        assert _notices(study, place) == [line]
+    assert json.loads(dataset.read(place / "study.nc").attrs["case_versions"]) == {"0.0.1": 1, ours: 3}
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("named", [True, False])  # whether the old files name their answer format
+def test_answers_of_an_older_format_are_set_aside_with_that_word_and_computed_anew(
+    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch, named: bool
+) -> None:
+    before = _times(place)
+    for path in [] if named else list((place / "cases").glob("*.nc")):
+        content, labels = stamped_file.verified(path)
+        stamped_file.store(
+            path, stamped_file.stamped(content, {k: v for k, v in labels.items() if k != "format_of_answers"})
+        )
+    now = cases.ANSWER_FORMAT
+    monkeypatch.setattr(cases, "ANSWER_FORMAT", now + 1)
+    if not named and now != 1:
+        pytest.skip("only files of the first format do not name it")
+    later = loads(TEXT)
+    found = run_status.status(later, place)
+    assert (len(found.done), len(found.missing), found.damaged, len(found.outdated)) == (0, 4, {}, 4)
+    told = _notices(later, place)
+    assert len(told) == 4
+    assert all(f"was stored by an older answer format ({now}, now {now + 1})" in notice for notice in told)
+    assert not [notice for notice in told if "damaged" in notice or "altered" in notice]
+    assert {path.name for path in (place / "cases" / "set_aside").glob("*.nc")} == set(before)
+    assert (len(run_status.status(later, place).done), run_status.status(later, place).outdated) == (4, {})
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("changed", [{"version": "99.0"}, {"format_of_answers": "99"}], ids=["version", "answers"])
+def test_a_worker_of_another_version_is_noted_and_one_of_another_answer_format_refused(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: dict[str, str]
+) -> None:
+    def other(work: Any, tasks: Any, *, on_end: Any, **how: Any) -> bool:
+        def relabelled(task: Any, result: bytes, error: None) -> None:
+            content, labels = stamped_file.unstamped(result, tmp_path)
+            on_end(task, stamped_file.stamped(content, labels | changed), error)
+
+        return _here(work, tasks, on_end=relabelled, **how)
+
+    monkeypatch.setattr(workers, "each", other)
+    if "version" in changed:
+        told = _notices(study, tmp_path)
+        assert told == [f"a worker has roughvol 99.0, here is {dataset.__version__}: answers of one format"]
+        assert run_status.status(study, tmp_path).versions == {"99.0": 4}
+    else:
+        with pytest.raises(CampaignError, match=r"(?s)4 of 4 cases failed.*by a newer answer format \(99, now \d+\)"):
+            running.run(study, out=tmp_path)
+        assert run_status.status(study, tmp_path).done == ()
+
+
+def test_files_of_another_file_format_are_outdated_not_damaged(study: Study, place: Path) -> None:
+    path = next((place / "cases").glob("*.nc"))
+    _relabelled(path, format="roughvol 0")
+    found = run_status.status(study, place)
+    assert (len(found.done), len(found.missing), found.damaged) == (3, 1, {})
+    assert list(found.outdated.values()) == [f"{path} was stored by an older file format (roughvol 0, now roughvol 1)"]
+    running.run(study, out=place, jobs=1)
+    assert len(run_status.status(study, place).done) == 4
+    assert "older file format" in (place / "cases" / "set_aside" / f"{path.name}.reason.txt").read_text()
+
+
+def test_variables_of_a_later_version_are_left_out(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = _values(running.collect(study, place))
+    known = dict(dataset.VARIABLES)
+    del known["Sdq"]  # as an older version would not know it
+    monkeypatch.setattr(dataset, "VARIABLES", known)
+    xr.testing.assert_identical(_values(running.collect(study, place)), before.drop_vars("Sdq"))
+
+
+# The same study
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("axis", ["D", "seeds"])
+def test_a_subset_of_a_stored_study_is_collected_by_run_and_status_agrees(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, axis: str
+) -> None:
+    text = "name: s\nsurface: {D: [2.3, 2.6], m: 2, seeds: 2}\nsweep: {steps: 2}\n"
+    whole, part = (
+        loads(text),
+        loads(text.replace(*{"D": ("[2.3, 2.6]", "2.6"), "seeds": ("seeds: 2", "seeds: 1")}[axis])),
+    )
+    first = running.run(whole, out=tmp_path, jobs=1)
+    before = _times(tmp_path)
+    _refuse_work(monkeypatch)
+    found = run_status.status(part, tmp_path)
+    assert (len(found.done), found.missing, found.strange, found.collected) == (2, (), 2, False)
+    results = running.run(part, out=tmp_path, jobs=1)
+    assert results.sizes["D"] * results.sizes["seed"] == 2
+    assert _times(tmp_path) == before  # what is left out stays where it is
+    assert run_status.status(part, tmp_path).collected
+    xr.testing.assert_identical(_values(running.run(whole, out=tmp_path, jobs=1)), _values(first))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("steps: 4", "steps: 5"), ("D: 2.4", "D: 2.5"), ("m: 3", "m: 2"), ("seeds: 4", "seeds: [7]")]
+)
+def test_run_and_status_refuse_another_study_in_the_same_words(place: Path, old: str, new: str) -> None:
+    path = _written(place.parent, TEXT.replace(old, new))
+    refused = [CliRunner().invoke(main, [command, str(path), "--out", str(place)]) for command in ("run", "status")]
+    assert [done.exit_code for done in refused] == [2, 2]
+    assert refused[0].stderr == refused[1].stderr
+    assert "holds the results of another study:" in refused[0].stderr
+    assert refused[1].stdout == ""
+
+
+def test_a_run_that_finds_nothing_to_do_leaves_results_newer_than_the_study(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = _written(place.parent, TEXT)
+    old = (place / "study.nc").read_bytes()
+    for name in ("study.nc", "study.yaml"):
+        os.utime(place / name, (1, 1))
+    os.utime(path, (2, 2))
+    _refuse_work(monkeypatch)
+    running.run(path, out=place)
+    assert (place / "study.nc").read_bytes() == old
+    for name in ("study.nc", "study.yaml"):
+        assert (place / name).stat().st_mtime > path.stat().st_mtime
+
+
+# Height files
+
+
+def _clone(place: Path, out: Path) -> Dataset:
+    (place / "data").mkdir(parents=True)
+    np.save(place / "data" / "scan.npy", np.random.default_rng(1).normal(size=(5, 6)))
+    (place / "map.yaml").write_text("surface: {file: data/scan.npy, L: 4.0}\nsweep: {steps: 2}\n")
+    return running.run(place / "map.yaml", out=out, jobs=1)
+
+
+@pytest.mark.usefixtures("here")
+def test_stored_files_hold_no_path_of_this_machine(tmp_path: Path) -> None:
+    one, two = (_clone(tmp_path / name, tmp_path / f"{name}_out") for name in ("one", "two"))
+    for attrs in (one.attrs, two.attrs):
+        del attrs["date"]
+    assert one.attrs == two.attrs
+    (file,) = json.loads(one.attrs["height_files"])
+    content = (tmp_path / "one" / "data" / "scan.npy").read_bytes()
+    assert file == {"file": "scan.npy", "sha256": hashlib.sha256(content).hexdigest()}
+    assert "file: data/scan.npy" in one.attrs["study"]
+    written = [path for path in (tmp_path / "one_out").rglob("*") if path.is_file()]
+    assert {path.name for path in written} >= {"study.nc", "study.yaml"}
+    for private in {str(tmp_path), str(Path.home()) + "/", str(Path.cwd()), "/tmp/"}:
+        assert not [path for path in written if private.encode() in path.read_bytes()]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_stored_study_is_read_without_its_height_file(tmp_path: Path) -> None:
+    results = _clone(tmp_path / "one", tmp_path / "out")
+    shutil.rmtree(tmp_path / "one")
+    study = Run.of("out", results).study
+    assert study is not None
+    assert study.sweep.steps == 2
+    with pytest.raises(StudyError):
+        study.cases()
+
+
+@pytest.mark.usefixtures("here")
+def test_a_height_file_that_was_moved_or_named_by_its_absolute_path_is_the_same_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _clone(tmp_path / "one", tmp_path / "out")
+    before = _times(tmp_path / "out")
+    path = tmp_path / "one" / "map.yaml"
+    text = path.read_text()
+    (tmp_path / "one" / "data" / "scan.npy").rename(tmp_path / "one" / "scan.npy")
+    _refuse_work(monkeypatch)
+    for name in ("scan.npy", str(tmp_path / "one" / "scan.npy")):
+        path.write_text(text.replace("data/scan.npy", name))
+        assert len(run_status.status(path, tmp_path / "out").done) == 1
+        assert "file: scan.npy" in running.run(path, out=tmp_path / "out").attrs["study"]
+        assert _times(tmp_path / "out") == before
+
+
+@pytest.mark.parametrize("stamped", [True, False])
+def test_a_study_nc_that_is_not_as_written_is_never_parsed_but_made_again(
+    study: Study, place: Path, finished: Path, stamped: bool
+) -> None:
+    content = bytearray((place / "study.nc").read_bytes())
+    content[60 : len(content) // 2] = np.random.default_rng(4).bytes(len(content) // 2 - 60)
+    content = content if stamped else content[: content.rindex(b'{"case"')]
+    (place / "study.nc").write_bytes(content)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(netCDF4, "Dataset", None)  # nothing can be parsed
+        with pytest.raises(DatasetError, match=r"study\.nc (has been altered|does not end with a checksum)"):
+            dataset.read(place / "study.nc")
+    notices: list[str] = []
+    again = running.run(study, out=place, jobs=1, on_event=lambda now: notices.append(now.notice))
+    assert [("study.nc" in told, "made again from the cases" in told) for told in notices if told] == [(True, True)]
+    assert (place / "set_aside" / "study.nc").read_bytes() == content
+    xr.testing.assert_identical(_values(again), _values(dataset.read(finished / "study.nc")))
+
+
+@pytest.mark.usefixtures("here")
+def test_many_files_set_aside_are_told_of_in_few_lines(tmp_path: Path) -> None:
+    many = loads("name: small\nsurface: {D: 2.4, m: 1, seeds: 15}\nsweep: {steps: 1}\n")
+    running.run(many, out=tmp_path, jobs=1)
+    for path in (tmp_path / "cases").glob("*.nc"):
+        content, labels = stamped_file.verified(path)
+        stamped_file.store(path, stamped_file.stamped(content, labels | {"key": "0"}))
+    notices: list[str] = []
+    running.run(many, out=tmp_path, jobs=1, on_event=lambda now: notices.append(now.notice))
+    told = [notice for notice in notices if notice]
+    assert len(told) == running.NAMED + 1
+    assert "is of another study: '0'" in told[0]
+    assert "it is computed again" in told[0]
+    assert told[-1].startswith("set aside: 5 more, each with its reason beside it in ")
+    assert len(list((tmp_path / "cases" / "set_aside").glob("*.nc"))) == 15  # nothing is lost
+
+
+def test_a_damaged_study_file_is_no_licence_to_go_on(study: Study, place: Path) -> None:
+    (place / "study.yaml").write_text("surface: [")
+    with pytest.raises(FolderError, match=r"another study:\n  its study\.yaml cannot be read"):
+        running.run(study, out=place)
+
+
+def test_a_name_cannot_lead_out_of_the_folder(tmp_path: Path) -> None:
+    for name in ("../up", "/tmp/x", "a/b", "..", ".hidden", "a\x00b"):
+        found = CliRunner().invoke(main, ["run", str(_written(tmp_path, f"name: {json.dumps(name)}\n" + TEXT[12:]))])
+        assert found.exit_code == 2, found.output
+    assert [path.name for path in tmp_path.iterdir()] == ["study.yaml"]
+
+
+def _written(place: Path, text: str) -> Path:
+    (place / "study.yaml").write_text(text)
+    return place / "study.yaml"
+
+
+# Failures and status
+
+
+def test_a_failure_is_recorded_listed_and_tried_again(tmp_path: Path) -> None:
+    text = "name: s\nsurface: {D: 2.5, m: 3, seeds: 3}\nsweep: {steps: 2, to: {separation: 40}}\n"
+    study = loads(text)
+    call = ["run", str(_written(tmp_path, text)), "--out", str(tmp_path / "out"), "--jobs", "1"]
+    for _ in range(2):
+        done = CliRunner().invoke(main, call)
+        assert done.exit_code == 1
+        assert "3 of 3 cases failed" in done.output
+    found = run_status.status(study, tmp_path / "out")
+    assert (len(found.failed), found.missing, found.running) == (3, (), ())
+    assert all("would end at" in error for error in found.failed.values())
+    shown = CliRunner().invoke(main, ["status", str(tmp_path / "study.yaml"), "--out", str(tmp_path / "out")])
+    assert shown.output.count("failed: a sweep to") == 3
+
+
+def test_status_works_while_a_run_is_going_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("roughvol.campaign.batch.TOLD_EVERY", 0.0)
+    study = loads("name: s\nsurface: {D: 2.5, m: 5, seeds: 4}\nsweep: {steps: 100}")
+    seen = []
+    running.run(study, out=tmp_path, jobs=1, on_event=lambda now: seen.append(run_status.status(study, tmp_path)))
+    assert any(found.running for found in seen)
+    assert all(found.holder is not None and found.holder.pid == os.getpid() for found in seen)
+    assert all(len(found.done) + len(found.running) + len(found.missing) == 4 for found in seen)
+    assert [found for found in seen if found.running][-1].left is not None
+    after = run_status.status(study, tmp_path)
+    assert (len(after.done), after.running, after.holder) == (4, (), None)
+
+
+# Memory
+
+
+def test_processes_are_limited_by_memory_with_a_sentence() -> None:
+    assert resources.limited(4, [1e9] * 10, None) == (4, "")
+    assert resources.limited(4, [1e9] * 10, 8e9) == (4, "")
+    fitting, sentence = resources.limited(4, [1e9, 3e9, 3e9, 1e9], 8e9)
+    assert (fitting, sentence) == (3, "3 instead of 4 processes at once: a case needs about 3 GB, 8 GB are available")
+    assert resources.limited(1, [3e9], 2e9)[0] == 1
+    assert "may fail" in resources.limited(1, [3e9], 2e9)[1]
+
+
+def test_a_run_tells_when_memory_limits_it(study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resources, "available_memory", lambda: 2e8)
+    notices: list[str] = []
+    running.run(study, out=tmp_path, jobs=3, on_event=lambda now: notices.append(now.notice))
+    assert next(notice for notice in notices if notice).startswith("1 instead of 3 processes at once")
+
+
+def test_memory_grows_with_what_is_asked_as_was_measured() -> None:
+    text = "surface: {D: 2.4, m: 9, seeds: 1}\nsweep: {steps: STEPS, to: mean-plane}\nrecord: {WHAT}\n"
+
+    def extra(what: str = "", steps: int = 3) -> float:
+        (case,) = loads(text.replace("WHAT", what).replace("STEPS", str(steps))).cases()
+        return (resources.memory_of(case, 513**2) - resources.PROCESS_BYTES) / 513**2
+
+    assert extra("heights: true", 0) < extra() < extra("heights: true") < extra("transport: {transmissivity: last}")
+    assert extra() >= 263  # bytes a node, measured
+    assert extra("transport: {transmissivity: last}") >= 1551
+
+
+@pytest.mark.parametrize("lacking", ["memory", "disk"])
+def test_what_does_not_fit_is_refused_by_check_and_run_before_anything_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacking: str
+) -> None:
+    monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
+    monkeypatch.setattr(resources, "free_disk", lambda place: 79e9)
+    monkeypatch.setattr("roughvol.campaign.cost._convolution", lambda shape, kernel: 10.0)
+    text = "name: big\nsurface: {D: 2.4, m: 13, seeds: SEEDS}\nsweep: {steps: 60}\nrecord: {WHAT}\n"
+    whats = {"memory": ("2", "transport: {transmissivity: last}"), "disk": ("200", "heights: true")}
+    seeds, what = whats[lacking]
+    path = _written(tmp_path, text.replace("SEEDS", seeds).replace("WHAT", what))
+    out = [f"--out={tmp_path / 'out'}"]  # of `run`
+    for command in ("check", "run"):
+        refused = CliRunner().invoke(main, [command, str(path), *out[command == "check" :]])
+        assert refused.exit_code == 2
+        (line,) = [line for line in refused.stderr.splitlines() if line.startswith("error: ")]
+        wanted = {
+            "memory": "m = 13, seed 0 needs about 106 GB of memory, 23 GB are available",
+            "disk": "the results need up to 215 GB of disk, 79 GB are free",
+        }
+        assert wanted[lacking] in line
+        assert "2 processes at once\n" not in refused.stdout
+        assert [found.name for found in tmp_path.iterdir()] == ["study.yaml"]
+
+
+def test_processes_are_never_promised_more_memory_than_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
+    monkeypatch.setattr("roughvol.campaign.cost._convolution", lambda shape, kernel: 10.0)
+    estimated = cost.estimate(loads("surface: {D: 2.4, m: 13, seeds: 2}\nsweep: {steps: 6}"), jobs=2)
+    assert estimated.jobs == 1
+    assert estimated.jobs * estimated.memory <= 23e9
+    assert estimated.notice.startswith("1 instead of 2 processes at once")
+
+
+def test_a_run_of_years_is_warned_of_and_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
+    monkeypatch.setattr("roughvol.campaign.cost._convolution", lambda shape, kernel: 10.0)
+    study = loads("surface: {D: 2.4, m: 11, seeds: 200}\nsweep: {steps: 10000}")
+    estimated = cost.estimate(study, jobs=2)
+    told = cost.warning(estimated.seconds, estimated.jobs)
+    years = estimated.seconds / (365.25 * 86400)
+    assert years > 0.5
+    assert told == f"this takes about {years:.2g} years ({estimated.seconds / 86400:.0f} days) in 2 processes"
+    assert checks.slow(study.cases(), None, 2) == [f"warning: {told}"]
+    assert checks.slow(study.cases()[:1], None, 2) == []
+
+
+def test_the_memory_of_this_machine_is_known() -> None:
+    available = resources.available_memory()
+    assert available is None or 1e6 < available < 1e15
+
+
+# A disk that lets it down
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=900k", "tmpfs", str(disk)], capture_output=True)
+    if mounted.returncode:
+        pytest.skip(f"no file system can be mounted here: {mounted.stderr.decode().strip()}")
+    try:
+        yield disk
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_a_full_disk_is_told_and_what_is_finished_stays(small_disk: Path, tmp_path: Path) -> None:
+    study = loads(FIELDS)
+    with pytest.raises(FolderError, match=r"cannot write .*: the disk is full"):
+        running.run(study, out=small_disk / "run", jobs=1)
+    found = run_status.status(study, small_disk / "run")
+    assert 1 <= len(found.done) < 8
+    assert not found.damaged
+    assert not list((small_disk / "run").rglob("*.part"))
+    before = {path.name: path.stat().st_mtime_ns for path in (small_disk / "run" / "cases").glob("*.nc")}
+    subprocess.run(["mount", "-o", "remount,size=20m", str(small_disk)], check=True)
+    results = running.run(study, out=small_disk / "run", jobs=1)
+    after = {path.name: path.stat().st_mtime_ns for path in (small_disk / "run" / "cases").glob("*.nc")}
+    assert {name: after[name] for name in before} == before
+    xr.testing.assert_identical(_values(results), _values(running.run(study, out=tmp_path / "other", jobs=1)))
+
+
+def test_a_disk_that_becomes_read_only_is_told(small_disk: Path, study: Study) -> None:
+    running.run(study, out=small_disk / "run", jobs=1)
+    subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
+    more = loads(TEXT.replace("seeds: 4", "seeds: 5"))
+    with pytest.raises(FolderError, match="read-only"):
+        running.run(more, out=small_disk / "run", jobs=1)
+    assert len(run_status.status(study, small_disk / "run").done) == 4
+    assert running.collect(study, small_disk / "run").sizes["seed"] == 4
+
+
+def test_a_run_whose_folder_was_moved_leaves_the_lock_of_the_next_one_alone(tmp_path: Path) -> None:
+    with lock.opened(tmp_path / "run"):
+        (tmp_path / "run").rename(tmp_path / "moved")
+        with lock.opened(tmp_path / "run"):
+            pass
+        (tmp_path / "run" / "lock").touch()
+    assert (tmp_path / "run" / "lock").exists()
+
+
+def test_a_folder_that_vanishes_while_a_long_case_runs_ends_the_run_at_once(tmp_path: Path) -> None:
+    study = loads("name: s\nsurface: {D: 2.5, m: 8, seeds: 1}\nsweep: {steps: 10000}\n")  # minutes
+
+    def vanish(now: batch.Progress) -> None:
+        if now.steps_done:
+            shutil.rmtree(tmp_path / "run", ignore_errors=True)
+
+    with pytest.raises(FolderError, match="the folder has vanished"):
+        running.run(study, out=tmp_path / "run", jobs=1, on_event=vanish)
+
+
+def test_a_note_of_a_killed_run_is_stale_and_removed_also_where_nothing_is_left_to_do(
+    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (place / "progress.json").write_text(json.dumps({"running": [study.cases()[0].id], "left": 5.0}))
+    found = run_status.status(study, place)
+    assert (len(found.done), found.running, found.left) == (4, (), None)
+    _refuse_work(monkeypatch)
+    running.run(study, out=place)
+    assert not (place / "progress.json").exists()
+
+
+def test_a_note_of_a_run_that_makes_no_sense_is_none(study: Study, place: Path) -> None:
+    with lock.opened(place):
+        for noted in ({"running": 5, "left": "x"}, {"running": [3, "y"]}, [1], None):
+            (place / "progress.json").write_text(json.dumps(noted))
+            found = run_status.status(study, place)
+            assert (len(found.done), found.running, found.left) == (4, (), None)
+
+
+def test_a_folder_that_vanishes_is_told_and_not_made_again(study: Study, tmp_path: Path) -> None:
+    def vanish(now: batch.Progress) -> None:
+        if now.done == 1 and (tmp_path / "run").exists():
+            shutil.rmtree(tmp_path / "run")
+
+    with pytest.raises(FolderError, match="the folder has vanished"):
+        running.run(study, out=tmp_path / "run", jobs=1, on_event=vanish)
+    assert not (tmp_path / "run").exists()
+    with pytest.raises(CampaignError, match="jobs is 0"):
+        running.run(study, out=tmp_path / "run", jobs=0)
+
+
+@pytest.mark.parametrize("crash", [True, False])
+def test_a_broken_netcdf_file_of_heights_is_an_error_even_if_the_library_crashes(tmp_path: Path, crash: bool) -> None:
+    xr.Dataset({"z": (("x", "y"), np.random.default_rng(1).normal(size=(9, 9)))}).to_netcdf(tmp_path / "z.nc")
+    content = bytearray((tmp_path / "z.nc").read_bytes())
+    if not crash:
+        content[60 : len(content) - 700] = np.random.default_rng(3).bytes(len(content) - 760)
+    (tmp_path / "z.nc").write_bytes(content)
+    study = loads("surface: {file: z.nc, L: 4.0}", file=tmp_path / "study.yaml")
+    if crash:  # whatever this library does with this file: one that ends its process
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("roughvol.campaign.checks._read", die)
+            patch.setenv("PYTHONPATH", str(Path(__file__).parent))
+            with pytest.raises(DatasetError, match=r"z\.nc: .*crashes on it"):
+                checks.check_surfaces(study)
+    else:
+        with pytest.raises(RoughvolError, match=r"z\.nc"):
+            checks.check_surfaces(study)
+
+
+def die(study: Any, tell: Any) -> None:
+    os._exit(139)
+
+
+def test_a_file_that_keeps_its_library_for_ever_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    xr.Dataset({"z": (("x", "y"), np.random.default_rng(1).normal(size=(9, 9)))}).to_netcdf(tmp_path / "z.nc")
+    study = loads("surface: {file: z.nc, L: 4.0}", file=tmp_path / "study.yaml")
+    monkeypatch.setattr(checks, "_read", hang)
+    monkeypatch.setattr(checks, "READ_SECONDS", 0.3)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    with pytest.raises(
+        DatasetError, match=r"z\.nc: cannot be read: the library for this format is still reading after"
+    ):
+        checks.check_surfaces(study)
+
+
+def hang(study: Any, tell: Any) -> None:
+    time.sleep(600)

@@ -1,0 +1,171 @@
+"""What a file gives and what the study gives: both agree, or the study is refused with both values."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from roughvol.campaign import one_case, understood
+from roughvol.errors import StudyError
+from roughvol.study import Case, loads
+from roughvol.study.agreement import resolve
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+HEIGHTS = random_midpoint_displacement(2.3, 2, seed=1).heights  # 5 x 5
+X, Y = (axis.ravel() for axis in np.indices(HEIGHTS.shape))
+WIDE = "# Width: 125 µm\n# Height: 125 µm\n# Value units: nm\n"
+
+
+def _rows(numbers: np.ndarray) -> str:
+    return "\n".join(" ".join(repr(float(number)) for number in row) for row in numbers) + "\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    np.save(tmp_path / "bare.npy", HEIGHTS)
+    (tmp_path / "full.txt").write_text(WIDE + _rows(HEIGHTS.T), encoding="utf-8")
+    (tmp_path / "named.txt").write_text("# heights in nm\n" + _rows(HEIGHTS), encoding="utf-8")
+    points = np.column_stack([25.0 * X, 25.0 * Y, HEIGHTS.ravel()])
+    (tmp_path / "points.xyz").write_text(_rows(points), encoding="utf-8")
+    (tmp_path / "lateral.csv").write_text("x [um] y [um] z\n" + _rows(points), encoding="utf-8")
+    (tmp_path / "counted.xyz").write_text(_rows(np.column_stack([X, Y, HEIGHTS.ravel()])), encoding="utf-8")
+    return tmp_path
+
+
+def _case(folder: Path, surface: str) -> Case:
+    (case,) = loads(f"surface: {{{surface}}}", folder / "study.yaml").cases()
+    return case
+
+
+@pytest.mark.parametrize(
+    ("surface", "key", "said"),
+    [
+        ("file: full.txt, L: 100 nm", "surface.L", r"is 100 nm, but .*full\.txt gives 100 um \(line 1 \(# Width: 125"),
+        ("file: full.txt, L: 0.1", "surface.L", r"is 0\.1 um, but .* gives 100 um"),
+        ("file: full.txt, L: 125 um", "surface.L", r"gives 100 um .*between the outer of its 5 nodes, 4 pixels"),
+        ("file: full.txt, heights_unit: um", "surface.heights_unit", r"is um, but .*full\.txt has heights in nm"),
+        ("file: named.txt, L: 1 um, heights_unit: um", "surface.heights_unit", "is um, but .* has heights in nm"),
+        ("file: named.txt, L: 1", "surface.L", r"has no unit, and the heights of named\.txt are in nm"),
+        ("file: points.xyz, L: 10", "surface.L", r"is 10, but .*points\.xyz gives 100 \(its coordinates\)"),
+        ("file: points.xyz, L: 100, heights_unit: nm", "surface.L", "has no unit, and the heights of"),
+        ("file: points.xyz, heights_unit: nm", "surface.unit", "names no unit of its coordinates"),
+        ("file: lateral.csv", "surface.heights_unit", "missing: .* names um for its coordinates, and no unit of its h"),
+        ("file: bare.npy, L: 10, heights_unit: nm", "surface.L", "has no unit, and the heights of bare"),
+        ("file: bare.npy, L: 1, against: {file: bare.npy, heights_unit: nm}", "surface.unit", "does not give its unit"),
+        ("file: full.txt, header: ignore", "surface.L", "missing: .*full.txt does not give the length"),
+        ("file: full.txt, against: {file: full.txt, heights_unit: m}", "surface.against.heights_unit", "heights in nm"),
+    ],
+)
+def test_a_file_and_a_study_that_do_not_agree_are_refused(folder: Path, surface: str, key: str, said: str) -> None:
+    with pytest.raises(StudyError, match=said) as caught:
+        _case(folder, surface)
+    assert [problem.key for problem in caught.value.problems] == [key]
+
+
+@pytest.mark.parametrize(
+    ("surface", "L", "unit", "scale"),
+    [
+        ("file: full.txt", 100.0, "um", 1e-3),
+        ("file: full.txt, L: 0.1 mm, heights_unit: nm", 0.1, "mm", 1e-6),
+        ("file: full.txt, L: 100.05 um", 100.05, "um", 1e-3),
+        ("file: full.txt, L: 7 nm, header: ignore", 7.0, "nm", 1.0),
+        ("file: full.txt, L: 7 nm, header: ignore, heights_unit: pm", 7.0, "nm", 1e-3),
+        ("file: named.txt, L: 7 um", 7.0, "um", 1e-3),
+        ("file: points.xyz", 100.0, None, 1.0),
+        ("file: points.xyz, unit: um", 100.0, "um", 1.0),
+        ("file: points.xyz, unit: um, heights_unit: nm", 100.0, "um", 1e-3),
+        ("file: points.xyz, L: 100 um, heights_unit: nm", 100.0, "um", 1e-3),
+        ("file: lateral.csv, heights_unit: nm", 100.0, "um", 1e-3),
+        ("file: counted.xyz", 4.0, None, 1.0),
+        ("file: counted.xyz, L: 7 um", 7.0, "um", 1.0),
+        ("file: bare.npy, L: 7 um", 7.0, "um", 1.0),
+        ("file: bare.npy, L: 7 um, heights_unit: nm", 7.0, "um", 1e-3),
+    ],
+)
+def test_lengths_and_heights_come_in_one_unit(
+    folder: Path, surface: str, L: float, unit: str | None, scale: float
+) -> None:
+    case = _case(folder, surface)
+    assert (case.L, case.length_unit) == (pytest.approx(L, rel=1e-12), unit)
+    np.testing.assert_allclose(one_case.surface_of(case).heights, scale * HEIGHTS, rtol=1e-12)
+
+
+def test_the_second_body_takes_the_unit_of_the_first_unless_it_has_its_own(folder: Path) -> None:
+    for keys, scale in (("", 1e-3), (", heights_unit: um", 1.0)):
+        case = _case(folder, f"file: bare.npy, L: 7 um, heights_unit: nm, against: {{file: bare.npy{keys}}}")
+        np.testing.assert_allclose(one_case.surface_of(case).heights, (1e-3 + scale) * HEIGHTS, rtol=1e-12)
+
+
+def test_what_changes_the_heights_changes_the_id(folder: Path) -> None:
+    keys = ["", ", heights_unit: nm", ", heights_unit: pm", ", header: ignore", ", columns: heights"]
+    keys += [", against: {file: bare.npy}", ", against: {file: bare.npy, heights_unit: nm}"]
+    cases = [_case(folder, f"file: bare.npy, L: 7 um{extra}") for extra in keys]
+    assert len({case.id for case in cases}) == len(keys)
+
+
+def test_what_is_ignored_is_stored_in_words(folder: Path) -> None:
+    text = _case(folder, "file: full.txt, L: 7 nm, header: ignore").surface_text
+    assert text == "sizes and units in full.txt ignored"
+
+
+def test_the_study_is_written_out_as_it_was_read(folder: Path) -> None:
+    text = "surface: {file: bare.npy, L: 7 um, heights_unit: nm, columns: heights, header: ignore"
+    study = loads(text + ", against: {file: points.xyz, columns: heights}}", folder / "study.yaml")
+    assert loads(study.to_yaml()) == study
+    plain = loads("surface: {file: bare.npy, L: 7, against: {file: bare.npy}}", folder / "study.yaml").to_yaml()
+    assert not [word for word in ("heights_unit", "columns", "header") if word in plain]
+
+
+def test_a_number_names_a_channel(folder: Path) -> None:
+    np.savez(folder / "two.npz", a=HEIGHTS, b=2.0 * HEIGHTS)
+    cases = [_case(folder, f"file: two.npz, L: 1, variable: {name}") for name in ("1", "'1'", "b")]
+    assert [case.variable for case in cases] == ["1", "1", "b"]
+    assert all(np.array_equal(one_case.surface_of(case).heights, 2.0 * HEIGHTS) for case in cases)
+
+
+def test_sides_of_both_axes_are_there_for_the_treatment(folder: Path) -> None:
+    measured: Any = loads("surface: {file: full.txt, unit: mm}", folder / "study.yaml").surface
+    assert resolve(measured).sides == pytest.approx((0.1, 0.1))
+
+
+# What the user should look at
+
+
+@pytest.mark.parametrize(
+    ("surface", "said"),
+    [
+        ("file: points.xyz, unit: m", r"L = 100 m is longer than 0\.1 m"),
+        ("file: points.xyz, L: 100 um, heights_unit: pm", r"of the shorter side: is heights_unit right\?"),
+        (
+            "file: points.xyz, L: 100 nm, heights_unit: um",
+            r"more than the shorter side, 100 nm: is heights_unit right\?",
+        ),
+        ("file: counted.xyz, L: 7 pm", r"the spacing is 1\.75 pm, less than an atom"),
+        ("file: counted.xyz, L: 7 um", "the coordinates in the file count nodes"),
+    ],
+)
+def test_an_absurd_size_is_noted(folder: Path, surface: str, said: str) -> None:
+    case = _case(folder, surface)
+    notes = understood.notes(case, one_case.surface_of(case))
+    assert [note for note in notes if re.search(said, note)]
+
+
+def test_a_sound_scan_draws_no_note(folder: Path) -> None:
+    for surface in ("file: full.txt", "file: points.xyz, unit: um", "file: bare.npy, L: 7"):
+        case = _case(folder, surface)
+        assert understood.notes(case, one_case.surface_of(case)) == ()
+
+
+def test_what_a_file_contradicts_is_placed_in_the_study(tmp_path: Path) -> None:
+    text = "# Width: 10 µm\n# Height: 10 µm\n# Value units: m\n" + "\n".join(["1e-8\t2e-8\t1e-8\t0"] * 4)
+    (tmp_path / "scan.txt").write_text(text, encoding="utf-8")
+    study = "name: x\nsurface:\n  file: scan.txt\n  L: 100 nm\n"
+    with pytest.raises(StudyError) as caught:
+        loads(study, tmp_path / "study.yaml").cases()
+    (problem,) = caught.value.problems
+    assert (problem.file, problem.line, problem.key) == (str(tmp_path / "study.yaml"), 4, "surface.L")
+    assert loads(study, tmp_path / "study.yaml") == loads("\n" + study, tmp_path / "study.yaml")

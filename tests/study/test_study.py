@@ -1,0 +1,938 @@
+"""Studies: what is read, what is refused and how it is said, which cases come out and what names them."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import pickle
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from roughvol.errors import Problem, StudyError
+from roughvol.study import (
+    ACCURACY,
+    HEIGHT_FORMATS,
+    GeneratedSurface,
+    HeightFile,
+    Level,
+    Study,
+    YoungPoisson,
+    json_schema,
+    load,
+    loads,
+)
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+SURFACE = "surface: {D: 2.3, m: 4}\n"
+FULL = """\
+name: full
+surface:
+  D: [2.1, 2.125, 2.9]
+  m: [3, 4]
+  L: 50
+  seeds: [7, 1]
+  midpoint_law: variance
+material: {E: 210.0e+9, nu: 0.3, hardness: 2e9}
+sweep: {steps: 40, to: {separation: -1}}
+solver: {accuracy: draft, rtol: 1e-8, kernel: punch, method: paper}
+record:
+  heights: true
+  fields_at: {step: [1, 40], contact_area: 0.05}
+  box_counting: {at: {separation: [2, 0.5]}, thresholds: [0, 1]}
+  volume_density: {bins: 20, at: last, include_contact: true}
+"""
+
+
+def problems_of(text: str) -> tuple[Problem, ...]:
+    with pytest.raises(StudyError) as caught:
+        loads(text, "a.yaml")
+    return caught.value.problems
+
+
+# What is read
+
+
+def test_the_shortest_study_has_the_documented_defaults() -> None:
+    study = loads(SURFACE)
+    surface = study.surface
+    assert isinstance(surface, GeneratedSurface)
+    assert (surface.D, surface.m, surface.L, surface.midpoint_law) == ((2.3,), (4,), 100.0, "std")
+    assert surface.seeds == tuple(range(10))
+    assert study.material.contact_modulus == 1.0
+    assert (study.sweep.steps, study.sweep.target) == (60, Level("mean-plane"))
+    assert (study.solver.kernel, study.solver.method, study.solver.tolerance) == ("love", "fast", ACCURACY["standard"])
+    assert study.record.model_dump() == dict.fromkeys(
+        ("fields_at", "box_counting", "volume_density", "transport", "region")
+    ) | {"heights": False}
+
+
+def test_every_key_is_read() -> None:
+    study = loads(FULL)
+    surface, record = study.surface, study.record
+    assert isinstance(surface, GeneratedSurface)
+    assert isinstance(study.material, YoungPoisson)
+    assert (surface.seeds, surface.L, surface.midpoint_law) == ((7, 1), 50.0, "variance")
+    assert study.material.contact_modulus == pytest.approx(210e9 / 0.91, rel=1e-15)
+    assert study.material.hardness == 2e9
+    assert study.sweep.target == Level("separation", -1.0)
+    assert (study.solver.tolerance, study.solver.kernel, study.solver.method) == (1e-8, "punch", "paper")
+    assert record.fields_at is not None
+    assert [level.label for level in record.fields_at.levels] == ["step=1", "step=40", "contact_area=0.05"]
+    assert record.box_counting is not None
+    assert [level.label for level in record.box_counting.at.levels] == ["separation=2", "separation=0.5"]
+    assert record.box_counting.thresholds == (0.0, 1.0)
+    assert record.volume_density is not None
+    assert record.volume_density.at.levels == (Level("last"),)
+    assert (record.volume_density.bins, record.volume_density.include_contact) == (20, True)
+
+
+def test_empty_mappings_record_with_defaults() -> None:
+    record = loads(SURFACE + "record: {box_counting: {}, volume_density: {}}").record
+    assert record.box_counting is not None
+    assert record.volume_density is not None
+    assert record.box_counting.thresholds == (0.0, 0.1, 0.25, 0.5, 1.0)
+    assert record.volume_density.bins == 50
+    assert record.box_counting.at.levels == record.volume_density.at.levels == (Level("last"),)
+    assert record.fields_at is None
+
+
+@pytest.mark.parametrize("text", ["1e-8", "1.0e-8", "1E-8", "+.1e-7", "0.00000001", "10e-9"])
+def test_a_number_is_a_number_however_it_is_written(text: str) -> None:
+    assert loads(SURFACE + f"solver: {{rtol: {text}}}").solver.tolerance == 1e-8
+
+
+@pytest.mark.parametrize("accuracy", list(ACCURACY))
+def test_accuracy_stands_for_a_tolerance_unless_one_is_given(accuracy: str) -> None:
+    assert loads(SURFACE + f"solver: {{accuracy: {accuracy}}}").solver.tolerance == ACCURACY[accuracy]
+    assert loads(SURFACE + f"solver: {{accuracy: {accuracy}, rtol: 0.01}}").solver.tolerance == 0.01
+
+
+def test_paper_is_short_for_the_method() -> None:
+    assert loads(SURFACE + "solver: paper") == loads(SURFACE + "solver: {method: paper}")
+
+
+def test_level_labels_differ_where_values_differ() -> None:
+    values = [0.1, 0.1 + 1e-15, 1e-9, 60, 2.0, 1234567.5]
+    labels = [Level("pressure", value).label for value in values]
+    assert labels[:1] + labels[2:5] == ["pressure=0.1", "pressure=1e-09", "pressure=60", "pressure=2"]
+    assert [float(label.partition("=")[2]) for label in labels] == values
+
+
+def test_the_name_is_that_of_the_file_unless_given(tmp_path: Path) -> None:
+    for stem, name in {"seal": "seal", "a b.c": "a_b_c", "--": "study", "ü": "_"}.items():
+        path = tmp_path / f"{stem}.yaml"
+        path.write_text(SURFACE, encoding="utf-8")
+        assert load(path).name == name
+    path.write_text(SURFACE + "name: given-1_a", encoding="utf-8")
+    assert load(path).name == "given-1_a"
+
+
+def test_a_byte_order_mark_is_no_part_of_the_study(tmp_path: Path) -> None:
+    path = tmp_path / "study.yaml"
+    path.write_bytes(b"\xef\xbb\xbf" + SURFACE.encode())
+    assert load(path) == loads(SURFACE)
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_studies_we_ship_load_and_say_what_they_feed(path: Path) -> None:
+    study = load(path)
+    assert study.name == path.stem
+    assert study.cases()
+    assert path.read_text(encoding="utf-8").startswith("# ")
+
+
+def test_the_smoke_study_is_small_and_records_everything() -> None:
+    study = load(CONFIGS / "smoke.yaml")
+    assert len(study.cases()) * study.sweep.steps * max(4 ** (case.m or 0) for case in study.cases()) < 200_000
+    assert all(value for name, value in study.record.model_dump().items() if name != "region")
+
+
+def test_a_number_may_have_a_unit() -> None:
+    study = loads(
+        "surface: {D: 2.3, m: 4, L: 0.1mm, Sq: 500 nm}\nmaterial: {E: 210 GPa, nu: 0.3, hardness: 2000 MPa}\n"
+        "record:\n  transport: {transmissivity: last}\n"
+        "  dimensional: {pressure: psi, leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}"
+    )
+    surface, material = study.surface, study.material
+    assert isinstance(surface, GeneratedSurface)
+    assert (float(surface.L), surface.length_unit) == (0.1, "mm")
+    assert surface.height == pytest.approx(5e-4, rel=1e-14)
+    assert (material.unit, material.contact_modulus) == ("GPa", pytest.approx(210 / 0.91, rel=1e-14))
+    assert material.indentation_hardness == pytest.approx(2.0, rel=1e-14)
+    assert study.record.dimensional is not None
+    assert study.record.dimensional.leak_rate is not None
+    assert study.record.dimensional.leak_rate.drive == pytest.approx(1e5 / 1e-3 * 1e9, rel=1e-12)
+    assert {case.length_unit for case in study.cases()} == {"mm"}
+    assert "L: 0.1 mm" in study.to_yaml()
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"), [("2 um", "um"), ("2µm", "um"), ("2.0e0  micron", "um"), ("2 nm", "nm"), ("2.5e-1 m", "m")]
+)
+def test_a_length_has_one_name_for_its_unit(text: str, unit: str) -> None:
+    study = loads(f"surface: {{D: 2.3, m: 4, L: {text}}}")
+    assert study.surface.length_unit == unit
+    assert loads(study.to_yaml()).surface.length_unit == unit
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.text(alphabet="aAbcdegGhkKlmMnNPsuµ*/^ ·²³0123456789.-{}%", max_size=12),
+    st.sampled_from(["surface: {D: 2.3, m: 4, L: '1 @'}", SURFACE + "material: {E_star: '1 @'}"]),
+)
+def test_whatever_stands_for_a_unit_is_read_or_refused(unit: str, where: str) -> None:
+    text, study = where.replace("@", unit), None
+    with contextlib.suppress(StudyError):
+        study = loads(text)
+    if study is None:
+        assert len(problems_of(text)) == 1
+    else:
+        assert loads(study.to_yaml()) == study
+        assert (study.surface.length_unit is None) != (study.material.unit is None)
+
+
+def test_plain_numbers_have_an_arbitrary_unit() -> None:
+    study = loads(SURFACE + "material: {E_star: 3, hardness: 0.5}")
+    assert (study.surface.length_unit, study.material.unit, study.material.indentation_hardness) == (None, None, 0.5)
+
+
+# Writing it out again
+
+
+UNITS = """\
+surface: {D: 2.3, m: 4, L: 100 um, Sq: 0.5 um}
+material: {E_star: 10 MPa, hardness: 1 bar}
+record:
+  transport: {transmissivity: last, constriction: last}
+  region_widths: {shares: [1, 0.5], at: last, transmissivity: {step: 4}}
+  dimensional: {pressure: MPa, critical_gap: nm, leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit: ml/min}}
+"""
+
+
+@pytest.mark.parametrize("text", [SURFACE, FULL, UNITS, SURFACE + "name: '1e5'\nsweep: {to: {contact_area: 0.1}}"])
+def test_the_resolved_study_reads_back_equal(text: str) -> None:
+    study = loads(text)
+    written = study.to_yaml()
+    assert loads(written) == study
+    assert loads(written).to_yaml() == written
+    assert loads(written).cases() == study.cases()
+
+
+def test_the_resolved_study_names_every_key() -> None:
+    written = yaml.safe_load(loads(SURFACE).to_yaml())
+    assert {section: set(written[section]) for section in ("surface", "sweep", "solver", "record")} == {
+        "surface": {"D", "m", "L", "seeds", "midpoint_law"},
+        "sweep": {"steps", "to"},
+        "solver": {"accuracy", "rtol", "kernel", "method"},
+        "record": {"heights", "fields_at", "box_counting", "volume_density", "transport", "region"},
+    }
+
+
+def test_a_height_file_is_found_beside_the_study_and_written_absolute(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "deep"
+    folder.mkdir()
+    np.save(folder / "z.npy", np.zeros((3, 3)))
+    (folder / "study.yaml").write_text("surface: {file: z.npy, L: 2}", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    study = load("deep/study.yaml")
+    assert loads(study.to_yaml()) == study
+    assert yaml.safe_load(study.to_yaml())["surface"]["file"] == str(folder / "z.npy")
+    (case,) = study.cases()
+    assert (case.file, case.L, case.D, case.seed) == (folder / "z.npy", 2.0, None, None)
+
+
+# Cases
+
+
+def test_cases_run_over_seeds_then_m_then_D() -> None:
+    cases = loads(FULL).cases()
+    assert [(case.D, case.m, case.seed) for case in cases] == [
+        (D, m, seed) for D in (2.1, 2.125, 2.9) for m in (3, 4) for seed in (7, 1)
+    ]
+    assert cases[0].label == "D = 2.10, m = 3, seed 7"
+
+
+def test_ids_are_readable_and_never_shared() -> None:
+    text = "surface: {D: [2.1, 2.10, 2.125, 2.1000000000000005], m: [3, 12], seeds: [0, 3, 12345]}"
+    cases = loads(text.replace("2.10,", "2.15,")).cases()
+    ids = [case.id for case in cases]
+    prefixes = [case_id.rpartition("-")[0] for case_id in ids]
+    assert prefixes[:4] == ["D2.10_m3_s000", "D2.10_m3_s003", "D2.10_m3_s12345", "D2.10_m12_s000"]
+    assert "D2.125_m3_s000" in prefixes
+    assert "D2.1000000000000005_m3_s000" in prefixes
+    assert len(set(prefixes)) == len(cases) == 24
+    assert all(len(case_id.rpartition("-")[2]) == 8 for case_id in ids)
+
+
+def test_one_id_is_pinned() -> None:
+    # A change here makes every stored case of every user look like another one.
+    assert loads("surface: {D: 2.3, m: 8, seeds: [3]}").cases()[0].id == "D2.30_m8_s003-36016d69"
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        "name: other",
+        "material: {E_star: 7.0}",
+        "material: {E: 2, nu: 0.3}",
+        "solver: {rtol: 1.0e-6}",
+        "sweep: {steps: 60}",
+        "record: {heights: false}",
+        "material: {E_star: 1 Pa}\nrecord: {dimensional: {pressure: MPa}}",
+    ],
+)
+def test_what_does_not_change_the_answer_does_not_change_the_id(extra: str) -> None:
+    assert [case.id for case in loads(SURFACE + extra).cases()] == [case.id for case in loads(SURFACE).cases()]
+
+
+@pytest.mark.parametrize("length", ["L: 100 um", "L: 100 m", "Sq: 0.5", "L: 100 um, Sq: 1 nm", "L: 100, unit: mm"])
+def test_neither_units_nor_the_height_of_generated_surfaces_change_the_id(length: str) -> None:
+    study = loads(f"surface: {{D: 2.3, m: 4, {length}}}")
+    assert [case.id for case in study.cases()] == [case.id for case in loads(SURFACE).cases()]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "surface: {D: 2.3, m: 4, L: 99}",
+        "surface: {D: 2.3, m: 4, midpoint_law: variance}",
+        SURFACE + "sweep: {steps: 30}",
+        SURFACE + "sweep: {steps: 0}",
+        SURFACE + "sweep: {to: summit-plane}",
+        SURFACE + "sweep: {to: {pressure: 1}}",
+        SURFACE + "solver: {accuracy: reference}",
+        SURFACE + "solver: {kernel: punch}",
+        SURFACE + "solver: paper",
+        SURFACE + "record: {heights: true}",
+        SURFACE + "record: {fields_at: last}",
+        SURFACE + "record: {volume_density: {bins: 10}}",
+        SURFACE + "record: {region_widths: {}}",
+        SURFACE + "material: {E_star: 100 GPa, hardness: 2 GPa}",  # what lies above it is stored
+    ],
+)
+def test_what_changes_the_answer_changes_the_id(text: str) -> None:
+    assert not {case.id for case in loads(text).cases()} & {case.id for case in loads(SURFACE).cases()}
+
+
+def test_without_contact_the_solver_is_no_part_of_the_id() -> None:
+    text = SURFACE + "sweep: {steps: 0}\n"
+    assert loads(text).cases()[0].id == loads(text + "solver: {accuracy: draft}").cases()[0].id
+    assert loads(text).cases()[0].id == loads(text + "material: {hardness: 0.1}").cases()[0].id
+
+
+def test_the_id_of_a_height_file_follows_its_content(tmp_path: Path) -> None:
+    path, text = tmp_path / "my heights.npy", "surface: {file: my heights.npy, L: 2}"
+    np.save(path, np.zeros((3, 3)))
+    study = loads(text, tmp_path / "study.yaml")
+    (before,), (again,) = study.cases(), study.cases()
+    np.save(path, np.ones((3, 3)))
+    (after,) = study.cases()
+    assert before.id == again.id != after.id
+    assert before.id.rpartition("-")[0] == "my_heights"
+    assert replace(after, sha256=before.sha256).id == before.id
+    path.unlink()
+    with pytest.raises(StudyError, match=r"surface\.file: cannot read"):
+        study.cases()
+
+
+def test_cases_travel_between_processes() -> None:
+    case = loads(FULL).cases()[3]
+    copy = pickle.loads(pickle.dumps(case))
+    assert copy == case
+    assert (copy.id, copy.sweep.target, hash(copy)) == (case.id, case.sweep.target, hash(case))
+
+
+def test_keys_are_plain_data() -> None:
+    key = loads(FULL).cases()[0].key
+    assert json.loads(json.dumps(key, allow_nan=False)) == key
+
+
+def test_keys_that_came_later_do_not_change_ids_where_they_are_not_used(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.arange(12.0).reshape(3, 4))
+    one = "surface: {file: z.npy, L: 2}"
+    defaults = "surface: {file: z.npy, L: 2, unit: um, level: none, missing: refuse, low_pass: null, against: null}"
+    ids = [loads(text, tmp_path / "study.yaml").cases()[0].id for text in (one, defaults)]
+    assert ids == ["z-66a326e8"] * 2  # pinned: a change here makes every stored case look like another one
+    assert loads("surface: {D: 2.3, m: 8, seeds: [3], unit: um}").cases()[0].id == "D2.30_m8_s003-36016d69"
+    assert "unit" not in loads(one, tmp_path / "study.yaml").to_yaml()
+
+
+def test_the_treatment_of_heights_is_part_of_the_id(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.zeros((3, 3)))
+    np.save(tmp_path / "b.npy", np.ones((3, 3)))
+    start = "surface: {file: z.npy, L: 2"
+    extras = ["", ", level: mean", ", level: tilt", ", missing: nearest", ", low_pass: 1", ", low_pass: 1.5"]
+    extras += [", against: {file: b.npy}", ", against: {file: b.npy, mirror: x}", ", against: {file: z.npy}"]
+    cases = [loads(start + extra + "}", tmp_path / "study.yaml").cases()[0] for extra in extras]
+    assert len({case.id for case in cases}) == len(extras)
+    assert [case.surface_text == "" for case in cases] == [True] + [False] * (len(extras) - 1)
+
+
+def test_the_id_of_two_bodies_follows_the_content_of_both(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        np.save(tmp_path / f"{name}.npy", np.zeros((3, 3)))
+    study = loads("surface: {file: a.npy, L: 2, against: {file: b.npy}}", tmp_path / "study.yaml")
+    assert loads(study.to_yaml()) == study
+    (before,) = study.cases()
+    assert before.label == "a.npy against b.npy"
+    np.save(tmp_path / "b.npy", np.ones((3, 3)))
+    (after,) = study.cases()
+    assert before.id != after.id
+    assert pickle.loads(pickle.dumps(after)) == after
+    (tmp_path / "b.npy").unlink()
+    with pytest.raises(StudyError, match=r"surface\.against\.file: cannot read"):
+        study.cases()
+
+
+def test_lengths_of_a_measured_surface_come_in_one_unit(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.zeros((3, 3)))
+    text = "surface: {file: z.npy, L: 100 um, low_pass: 0.06 mm}"
+    (case,) = loads(text, tmp_path / "study.yaml").cases()
+    assert (case.L, case.length_unit) == (100.0, "um")
+    assert case.treatment.low_pass == pytest.approx(60.0, rel=1e-15)
+    (named,) = loads("surface: {file: z.npy, L: 100, unit: µm}", tmp_path / "study.yaml").cases()
+    assert (named.length_unit, named.id) == (
+        "um",
+        loads(text.split(", low")[0] + "}", tmp_path / "s.yaml").cases()[0].id,
+    )
+
+
+def test_without_the_extra_files_of_instruments_are_refused_with_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    (tmp_path / "scan.al3d").touch()
+    with pytest.raises(StudyError) as caught:
+        loads("surface: {file: scan.al3d}", tmp_path / "study.yaml")
+    (problem,) = caught.value.problems
+    assert (problem.key, problem.line) == ("surface.file", 1)
+    assert "must end in one of .npy .npz .nc .txt .csv .xyz .dat .asc .tif .tiff" in problem.message
+    assert "pip install 'roughvol[measured]'" in problem.message
+
+
+def test_two_elastic_bodies_are_as_soft_as_both_together() -> None:
+    alone, other = loads(SURFACE + "material: {E: 2, nu: 0.3}"), loads(SURFACE + "material: {E: 3, nu: 0.4}")
+    both = loads(SURFACE + "material: {E: 2, nu: 0.3, against: {E: 3, nu: 0.4}}")
+    compliances = [1 / study.material.contact_modulus for study in (alone, other, both)]
+    assert compliances[2] == pytest.approx(compliances[0] + compliances[1], rel=1e-15)
+    assert loads(both.to_yaml()) == both
+    assert "against" not in alone.to_yaml()
+    equal = loads(SURFACE + "material: {E: 210 GPa, nu: 0.3, against: {E: 210000 MPa, nu: 0.3}}").material
+    assert equal.contact_modulus == pytest.approx(210 / 0.91 / 2, rel=1e-14)
+    assert equal.unit == "GPa"
+
+
+# What is refused: text, line, key path, and what the message must say
+
+BAD: dict[str, tuple[str, int, str, str]] = {
+    "unknown section": (SURFACE + "materal: {}", 2, "materal", "did you mean 'material'?"),
+    "unknown key": ("surface: {D: 2.3, m: 4,\n  seed: 2}", 2, "surface.seed", "did you mean 'seeds'?"),
+    "other case": ("surface:\n  d: 2.3\n  m: 4", 2, "surface.d", "did you mean 'D'?"),
+    "misspelt file": ("surface: {fil: a.npy, L: 1}", 1, "surface.fil", "did you mean 'file'?"),
+    "misplaced key": (SURFACE + "steps: 3", 2, "steps", "it belongs under 'sweep'"),
+    "unrelated key": (SURFACE + "qqq: 3", 2, "qqq", "known here: name, surface, material, sweep, solver, record"),
+    "deep key": (
+        SURFACE + "record:\n  box_counting:\n    at:\n      presure: 1",
+        5,
+        "record.box_counting.at.presure",
+        "did you mean 'pressure'?",
+    ),
+    "key that is no word": (SURFACE + "? [a]\n: 1", 2, "?", "a key must be a word"),
+    "missing section": ("name: a", 1, "surface", "missing"),
+    "missing key": ("name: a\nsurface:\n  m: 3", 2, "surface.D", "missing (fractal dimension"),
+    "missing nu": (SURFACE + "material:\n  E: 3", 2, "material.nu", "missing (Poisson's ratio, -1 < nu <= 0.5)"),
+    "missing L": ("surface: {file: a.npy}", 1, "surface.L", "missing"),
+    "twice": (SURFACE + "name: a\nname: b", 3, "name", "given twice, first in line 2"),
+    "twice deep": ("surface:\n  D: 2.3\n  m: 4\n  D: 2.4", 4, "surface.D", "given twice, first in line 2"),
+    "D": ("surface: {D: 3, m: 4}", 1, "surface.D", "must be < 3, given 3 (fractal dimension"),
+    "D in a list": ("surface:\n  D:\n  - 2.1\n  - 1.9\n  m: 4", 4, "surface.D[1]", "must be > 2, given 1.9"),
+    "no D": ("surface: {D: [], m: 4}", 1, "surface.D", "at least one item, given an empty list"),
+    "D twice": ("surface:\n  D: [2.1, 2.2,\n   2.10]\n  m: 4", 3, "surface.D[2]", "2.1 stands in the list twice"),
+    "text for a number": ("surface: {D: x, m: 4}", 1, "surface.D", "must be a number, given 'x'"),
+    "quoted number": ("surface: {D: '2.3', m: 4}", 1, "surface.D", "must be a number, given '2.3'"),
+    "mapping for a number": ("surface: {D: {a: 1}, m: 4}", 1, "surface.D", "must be a number, given a mapping"),
+    "boolean for a number": ("surface: {D: [2.3, true], m: 4}", 1, "surface.D[1]", "must be a number, given true"),
+    "boolean for m": ("surface: {D: 2.3, m: true}", 1, "surface.m", "must be a whole number, given true"),
+    "boolean for seeds": ("surface: {D: 2.3, m: 4, seeds: true}", 1, "surface.seeds", "whole number, given true"),
+    "fraction": ("surface: {D: 2.3, m: 4.5}", 1, "surface.m", "must be a whole number, given 4.5"),
+    "m": ("surface: {D: 2.3, m: 14}", 1, "surface.m", "must be <= 13, given 14"),
+    "nan": (SURFACE + "material: {E_star: .nan}", 2, "material.E_star", "must be a finite number, given .nan"),
+    "inf": ("surface: {D: 2.3, m: 4, L: .inf}", 1, "surface.L", "must be a finite number, given .inf"),
+    "overflow": ("surface: {D: 2.3, m: 4, L: 1e999}", 1, "surface.L", "must be a finite number, given 1e999"),
+    "long number": (f"surface: {{D: 2.3, m: 4, L: {'9' * 5000}}}", 1, "surface.L", "must be a finite number, given 99"),
+    "seeds": ("surface: {D: 2.3, m: 4, seeds: 0}", 1, "surface.seeds", "must be 1 to 10000"),
+    "negative seed": ("surface: {D: 2.3, m: 4, seeds: [0, -1]}", 1, "surface.seeds[1]", "must be >= 0, given -1"),
+    "too many cases": ("surface: {D: [2.1, 2.2], m: [3, 4, 5, 6, 7, 8], seeds: 9999}", 1, "surface", "119988 cases"),
+    "name": (SURFACE + "name: a/b", 2, "name", "must be made of letters, digits, _ and -"),
+    "name too long": (SURFACE + "name: " + "a" * 101, 2, "name", "must have at most 100 characters"),
+    "name a number": (SURFACE + "name: 12", 2, "name", "must be text (in quotes if it looks like a number), given 12"),
+    "surrogate": (SURFACE + 'name: "\\ud800"', 2, "name", "must be text in UTF-8"),
+    "word": (SURFACE + "solver: {kernel: lov}", 2, "solver.kernel", "given 'lov'; did you mean 'love'?"),
+    "accuracy": (SURFACE + "solver: {accuracy: best}", 2, "solver.accuracy", "'draft', 'standard' or 'reference'"),
+    "rtol": (SURFACE + "solver: {rtol: 1e-13}", 2, "solver.rtol", "must be >= 1e-12, given 1e-13"),
+    "solver word": (SURFACE + "solver: quick", 2, "solver", "must be the word 'paper' or a mapping"),
+    "section empty": (SURFACE + "record:", 2, "record", "must be a mapping (key: value), given nothing"),
+    "section a list": (SURFACE + "record: [1]", 2, "record", "must be a mapping (key: value), given a list"),
+    "yes": (SURFACE + "record: {heights: yes}", 2, "record.heights", "must be true or false, given 'yes'"),
+    "to a word": (SURFACE + "sweep: {to: mean_plane}", 2, "sweep.to", "did you mean 'mean-plane'?"),
+    "to a number": (
+        SURFACE + "sweep: {to: 5}",
+        2,
+        "sweep.to",
+        "given 5 (where the sweep ends: mean-plane, summit-plane",
+    ),
+    "to two": (SURFACE + "sweep: {to: {pressure: 1, indentation: 1}}", 2, "sweep.to", "must name exactly one of"),
+    "to none": (SURFACE + "sweep: {to: {}}", 2, "sweep.to", "must name exactly one of"),
+    "to too far": (SURFACE + "sweep: {to: {contact_area: 1.5}}", 2, "sweep.to.contact_area", "must be <= 1, given 1.5"),
+    "at a word": (
+        SURFACE + "record: {fields_at: first}",
+        2,
+        "record.fields_at",
+        "must be the word 'last' or a mapping",
+    ),
+    "at none": (SURFACE + "record: {fields_at: {}}", 2, "record.fields_at", "given an empty mapping"),
+    "step 0": (SURFACE + "record: {fields_at: {step: 0}}", 2, "record.fields_at.step", "must be >= 1, given 0"),
+    "threshold": (
+        SURFACE + "record: {box_counting: {thresholds: [0, 2]}}",
+        2,
+        "record.box_counting.thresholds[1]",
+        "must be <= 1, given 2",
+    ),
+    "level twice": (
+        SURFACE + "record: {fields_at: {pressure: [1, 1.0]}}",
+        2,
+        "record.fields_at.pressure[1]",
+        "1 stands in the list twice",
+    ),
+    "file beside D": ("surface: {file: a.npy, L: 1,\n  D: 2.3}", 2, "surface.D", "cannot stand beside 'file'"),
+    "variable beside D": ("surface: {D: 2.3, m: 4, variable: z}", 1, "surface.variable", "beside 'D' and 'm'"),
+    "E beside E_star": (SURFACE + "material: {E: 1, nu: 0, E_star: 1}", 2, "material.E_star", "beside 'E' and 'nu'"),
+    "L of another dimension": (
+        "surface: {D: 2.3, m: 4,\n L: 100 GPa}",
+        2,
+        "surface.L",
+        "'GPa' is a unit of pressure, not of length; allowed: pm, angstrom, nm, um, mm, cm, m, km, given '100 GPa'",
+    ),
+    "unknown unit": ("surface: {D: 2.3, m: 4, L: 1 um2x}", 1, "surface.L", "'um2x' is no known unit; allowed for a"),
+    "L without its unit": ("surface: {D: 2.3, m: 4, L: '100'}", 1, "surface.L", "as in 100 um, given '100'"),
+    "negative with a unit": ("surface: {D: 2.3, m: 4, L: -1 um}", 1, "surface.L", "must be > 0, given -1"),
+    "overflow with a unit": ("surface: {D: 2.3, m: 4, L: 1e999 um}", 1, "surface.L", "must be a finite number"),
+    "two units of L": (
+        "surface: {D: 2.3, m: 4, L: 1 um, unit: mm}",
+        1,
+        "surface.unit",
+        "L has its unit already (1 um)",
+    ),
+    "Sq with a unit alone": ("surface: {D: 2.3, m: 4, Sq: 1 um}", 1, "surface.Sq", "L has none: give both"),
+    "Sq of a file": ("surface: {file: a.npy, L: 1, Sq: 1}", 1, "surface.Sq", "cannot stand beside 'file'"),
+    "modulus of another dimension": (
+        SURFACE + "material: {E_star: 1 mm}",
+        2,
+        "material.E_star",
+        "'mm' is a unit of length",
+    ),
+    "hardness with a unit alone": (
+        SURFACE + "material: {hardness: 2 GPa}",
+        2,
+        "material.hardness",
+        "the modulus has none",
+    ),
+    "arithmetic as a unit": (SURFACE + "material: {E_star: 1 9**9**9}", 2, "material.E_star", "'9**9**9' is no known"),
+    "braces as a unit": (SURFACE + "material: {E_star: '1 {x}'}", 2, "material.E_star", "'{x}' is no known unit"),
+    "code as a unit": (SURFACE + "material: {E_star: 1 f()}", 2, "material.E_star", "'f()' is no known unit"),
+    "pressure without a modulus": (
+        SURFACE + "record: {dimensional: {pressure: MPa}}",
+        2,
+        "record.dimensional.pressure",
+        "needs the modulus with its unit, as material: {E_star: 100 GPa}",
+    ),
+    "gap without a length": (
+        SURFACE + "record: {dimensional: {mean_gap: um}}",
+        2,
+        "record.dimensional.mean_gap",
+        "needs the unit of length, as surface: {L: 100 um}",
+    ),
+    "leak without transmissivity": (
+        "surface: {D: 2.3, m: 4, L: 1 um}\n"
+        "record: {dimensional: {leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}}",
+        2,
+        "record.dimensional.leak_rate",
+        "record.transport.transmissivity, which is not asked for",
+    ),
+    "drop without a unit": (
+        "surface: {D: 2.3, m: 4, L: 1 um}\n"
+        "record: {transport: {transmissivity: last}, dimensional: {leak_rate: {pressure_drop: 1, viscosity: 1 mPa*s}}}",
+        2,
+        "record.dimensional.leak_rate.pressure_drop",
+        "must be a number with a unit of pressure",
+    ),
+    "nothing in units": (SURFACE + "record: {dimensional: {}}", 2, "record.dimensional", "names no quantity: pressure"),
+    "width twice": (
+        SURFACE + "record: {region_widths: {shares: [1, 0.5, 1]}}",
+        2,
+        "record.region_widths.shares[2]",
+        "1 stands in the list twice",
+    ),
+    "no file": ("surface: {file: nowhere.npy, L: 1}", 1, "surface.file", "there is no such file"),
+    "file not there": ("surface: {file: a.asc, L: 1}", 1, "surface.file", "there is no such file"),
+    "no L, no size": ("surface: {file: a.npy}", 1, "surface.L", "missing, and the file does not give it"),
+    "level": ("surface: {file: a.asc, L: 1, level: plane}", 1, "surface.level", "must be 'none', 'mean', 'tilt' or"),
+    "low pass": ("surface: {file: a.asc, L: 1, low_pass: 0}", 1, "surface.low_pass", "must be > 0"),
+    "low pass um": ("surface: {file: a.npy, L: 1, low_pass: 3 um}", 1, "surface.low_pass", "L has none: give both"),
+    "missing": ("surface: {file: a.asc, L: 1, missing: zero}", 1, "surface.missing", "must be 'refuse', 'nearest' or"),
+    "unit": ("surface: {file: a.asc, L: 1, unit: kg}", 1, "surface.unit", "allowed: pm, angstrom, nm, um"),
+    "against": ("surface: {file: a.asc, L: 1, against: b.asc}", 1, "surface.against", "must be a mapping"),
+    "mirror": (
+        "surface: {file: a.asc, L: 1, against: {file: b.asc, mirror: z}}",
+        1,
+        "surface.against.mirror",
+        "must be 'none', 'x' or 'y', given 'z'",
+    ),
+    "variable against": (
+        "surface: {file: a.asc, L: 1, against: {file: b.asc, variable: z}}",
+        1,
+        "surface.against.variable",
+        "a .asc file holds one array",
+    ),
+    "level of a generated one": (
+        SURFACE[:-2] + ", level: tilt}",
+        1,
+        "surface.level",
+        "cannot stand beside 'D' and 'm'",
+    ),
+    "other modulus in GPa": (
+        SURFACE + "material: {E: 1, nu: 0, against: {E: 3 GPa, nu: 0}}",
+        2,
+        "material.against.E",
+        "that of the first body has none",
+    ),
+    "file with a null": ('surface: {file: "\\0.npy", L: 1}', 1, "surface.file", "there is no such file"),
+    "heights unit": (
+        "surface: {file: a.npy, L: 1, heights_unit: kg}",
+        1,
+        "surface.heights_unit",
+        "a unit of something",
+    ),
+    "columns": ("surface: {file: a.npy, L: 1, columns: xyz}", 1, "surface.columns", "must be 'heights'"),
+    "header": ("surface: {file: a.npy, L: 1, header: no}", 1, "surface.header", "must be 'ignore'"),
+    "variable of npy": ("surface: {file: a.npy, L: 1, variable: z}", 1, "surface.variable", "leave 'variable' out"),
+    "paper beyond m = 6": (
+        "surface: {D: 2.3, m: [6,\n 7]}\nsolver: paper",
+        2,
+        "surface.m[1]",
+        "takes m <= 6, given 7",
+    ),
+    "step beyond the end": (
+        SURFACE + "sweep: {steps: 9}\nrecord: {fields_at: {step: [9, 10]}}",
+        3,
+        "record.fields_at.step[1]",
+        "10 is not reached: the sweep ends at step 9",
+    ),
+    "step beyond the default": (
+        SURFACE + "record: {fields_at: {step: 61}}",
+        2,
+        "record.fields_at.step",
+        "ends at step 60",
+    ),
+    "level beyond the end": (
+        SURFACE + "sweep: {to: {contact_area: 0.1}}\nrecord: {volume_density: {at: {contact_area: 0.2}}}",
+        3,
+        "record.volume_density.at.contact_area",
+        "0.2 is not reached",
+    ),
+    "separation beyond the end": (
+        SURFACE + "sweep: {to: {separation: 1}}\nrecord: {fields_at: {separation: [3, 0]}}",
+        3,
+        "record.fields_at.separation[1]",
+        "0 is not reached",
+    ),
+    "nothing to record": (
+        SURFACE + "sweep: {steps: 0}\nrecord: {volume_density: {}}",
+        3,
+        "record.volume_density",
+        "no contact to record",
+    ),
+    "tag": (
+        "surface: !!python/object:os.system {}",
+        1,
+        "surface",
+        "the tag 'tag:yaml.org,2002:python/object:os.system'",
+    ),
+    "alias": ("a: &a 1\nb: *a", 1, "", "anchors (&) and aliases (*) are not read"),
+    "depth": ("a:\n " + "[" * 5000, 2, "", "nested more than 20 levels deep"),
+    "no YAML": ("a: [1\nb: 2", 2, "", "this is not YAML"),
+    "control character": ("a: 1\nb: \x07", 2, "", "this is not YAML"),
+    "bad escape": (f"{SURFACE}name: '' \n" + 'x: "\\UFFFFFFFF"', 0, "", "this is not YAML"),
+    "two documents": ("a: 1\n---\nb: 2", 2, "", "expected a single document"),
+    "list": ("\n- 1\n", 2, "", "a study is a mapping (key: value) with at least the key 'surface', given a list"),
+    "text": ("hello", 1, "", "given 'hello'"),
+    "nothing": ("", 0, "", "given nothing"),
+    "comment": ("# soon\n", 0, "", "given nothing"),
+    "too large": (SURFACE + "#" * (1 << 20), 0, "", "larger than 1024 KiB"),
+}
+
+
+@pytest.mark.parametrize(("text", "line", "key", "said"), BAD.values(), ids=BAD.keys())
+def test_a_bad_study_is_refused_with_place_and_advice(text: str, line: int, key: str, said: str) -> None:
+    problems = problems_of(text)
+    found = [problem for problem in problems if problem.key == key]
+    assert len(found) == 1, problems
+    assert said in found[0].message
+    assert found[0].line == (line or None)
+    assert found[0].file == "a.yaml"
+    jargon = ("Input should", "pydantic", "Value error", "validation", "<", "Literal", "float_type")
+    assert not [word for word in jargon if word in found[0].message.replace("<=", "").replace(" < ", "")]
+
+
+def test_one_mistake_is_one_problem() -> None:
+    # Neither the branches of an alternative nor a rule that follows from another add to the list.
+    several = {
+        "missing key",
+        "missing L",
+        "file beside D",
+        "variable of npy",
+        "nothing to record",
+        "key that is no word",
+    }
+    several |= {"unknown key", "Sq of a file"}
+    several |= {"no L, no size", "level", "low pass", "low pass um", "missing", "unit", "against", "mirror"}
+    several |= {"variable against", "heights unit", "columns", "header"}  # and their files are not there
+    for name, (text, *_) in BAD.items():
+        assert len(problems_of(text)) == 1 or name in several, name
+
+
+def test_all_problems_come_together_in_the_order_of_the_file() -> None:
+    text = """\
+name: a b
+surface:
+  m: [7, 8.5, 20]
+  D: [2.3, 3.2, 2.3, .nan]
+  seed: 3
+solver: {rtol: 1, method: paper, kernel: lov}
+sweep:
+  steps: 10
+  steps: 11
+  to: {contact_area: 0.1}
+record:
+  fields_at: {step: [10, 12, 0], contact_area: [0.5]}
+  heights: 1
+"""
+    places = [(problem.line, problem.key) for problem in problems_of(text)]
+    assert places == [
+        (1, "name"),
+        (3, "surface.m[0]"),
+        (3, "surface.m[1]"),
+        (3, "surface.m[2]"),
+        (4, "surface.D[1]"),
+        (4, "surface.D[2]"),
+        (4, "surface.D[3]"),
+        (5, "surface.seed"),
+        (6, "solver.rtol"),
+        (6, "solver.kernel"),
+        (9, "sweep.steps"),
+        (12, "record.fields_at.step[1]"),
+        (12, "record.fields_at.step[2]"),
+        (12, "record.fields_at.contact_area[0]"),
+        (13, "record.heights"),
+    ]
+
+
+def test_levels_at_the_very_end_are_reached() -> None:
+    study = loads(SURFACE + "sweep: {to: {contact_area: 0.1}}\nrecord: {fields_at: {contact_area: 0.1, step: 60}}")
+    assert study.record.fields_at is not None
+    assert len(study.record.fields_at.levels) == 2
+
+
+def test_messages_print_whatever_the_file_holds() -> None:
+    for problem in problems_of('"\\e[31m": 1\nsurface: {D: "\\e[31m\\ud800", m: 4}'):
+        assert str(problem).isprintable()
+
+
+def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "latin.yaml").write_bytes(b"# one\nname: m\xfcller\n")
+    (tmp_path / "huge.yaml").write_bytes("é".encode() * (1 << 20))
+    (tmp_path / "null.yaml").write_bytes(bytes(10))
+    said = {
+        "latin.yaml": (2, "not text in UTF-8"),
+        "huge.yaml": (None, "larger than 1024 KiB"),
+        "null.yaml": (1, "not YAML"),
+        "absent.yaml": (None, "cannot read the study: No such file"),
+        "absent/study.yaml": (None, "cannot read the study: No such file"),
+        ".": (None, "cannot read the study: Is a directory"),
+        "a\0b.yaml": (None, "cannot read the study: embedded null"),
+        "a" * 300: (None, "cannot read the study: File name too long"),
+    }
+    for name, (line, words) in said.items():
+        with pytest.raises(StudyError) as caught:
+            load(f"{tmp_path}/{name}")
+        (problem,) = caught.value.problems
+        assert problem.line == line, name
+        assert words in problem.message
+        assert problem.file.startswith(str(tmp_path))
+        assert str(problem).isprintable()
+
+
+# Nothing but a study or a StudyError
+
+
+def _study_or_error(text: str) -> None:
+    problems: tuple[Problem, ...] = ()
+    try:
+        study = loads(text, "a.yaml")
+    except StudyError as error:
+        problems = error.problems
+    if not problems:
+        assert loads(study.to_yaml()) == study
+    assert all(problem.message and str(problem).isprintable() for problem in problems)
+    lines = [problem.line or 0 for problem in problems]
+    assert lines == sorted(lines)
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(st.text(st.characters() | st.sampled_from(list(":{}[]-#&*!|>'\"%@`,?\n ")), max_size=60))
+def test_any_text_is_a_study_or_a_study_error(text: str) -> None:
+    _study_or_error(text)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(st.data())
+def test_a_damaged_study_is_a_study_or_a_study_error(data: st.DataObject) -> None:
+    text = FULL
+    for _ in range(data.draw(st.integers(1, 3))):
+        start = data.draw(st.integers(0, len(text)))
+        stop = data.draw(st.integers(start, min(start + 12, len(text))))
+        text = text[:start] + data.draw(st.text(max_size=4) | st.sampled_from(FULL.split())) + text[stop:]
+    _study_or_error(text)
+
+
+VALUES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5)
+TREES = st.recursive(
+    VALUES,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=8,
+)
+PLACES = st.sampled_from(
+    [
+        *[(section,) for section in ("name", "surface", "material", "sweep", "solver", "record")],
+        *[("surface", key) for key in ("D", "m", "L", "seeds", "midpoint_law", "file", "variable")],
+        *[("sweep", "steps"), ("sweep", "to"), ("sweep", "to", "separation"), ("solver", "rtol"), ("material", "E")],
+        *[("record", "fields_at"), ("record", "fields_at", "step"), ("record", "box_counting", "at")],
+    ]
+)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(st.lists(st.tuples(PLACES, TREES), min_size=1, max_size=3))
+def test_any_value_anywhere_is_a_study_or_a_study_error(changes: list[tuple[tuple[str, ...], Any]]) -> None:
+    study = yaml.safe_load(FULL)
+    for place, value in changes:
+        here = study
+        for part in place[:-1]:
+            here = here[part] if isinstance(here.get(part), dict) else here.setdefault(f"{part}_", {})
+        here[place[-1]] = value
+    _study_or_error(yaml.safe_dump(study))
+
+
+# The schema for editors
+
+
+def _objects(schema: Any) -> list[dict[str, Any]]:
+    if isinstance(schema, list):
+        return [found for item in schema for found in _objects(item)]
+    if not isinstance(schema, dict):
+        return []
+    inside = [found for value in schema.values() for found in _objects(value)]
+    return [schema, *inside] if "properties" in schema and "type" in schema else inside
+
+
+def test_the_schema_is_strict_and_explains_every_key() -> None:
+    objects = _objects(json_schema())
+    assert len(objects) >= 10
+    for found in objects:
+        assert found["additionalProperties"] is False
+        assert all("description" in value for value in found["properties"].values())
+
+
+def test_the_schema_holds_ranges_choices_and_defaults() -> None:
+    schema = json_schema()
+    surface = schema["$defs"]["GeneratedSurface"]
+    dimension = surface["properties"]["D"]["anyOf"]
+    assert {"type": "number", "exclusiveMinimum": 2, "exclusiveMaximum": 3} in dimension
+    assert [one["type"] for one in dimension] == ["number", "array"]
+    assert surface["required"] == ["D", "m"]
+    assert surface["properties"]["seeds"]["default"] == 10
+    assert surface["properties"]["midpoint_law"]["enum"] == ["std", "variance"]
+    assert schema["required"] == ["surface"]
+    assert schema["properties"]["solver"]["anyOf"][0] == {"const": "paper"}
+
+
+def test_the_schema_names_the_formats_of_height_files() -> None:
+    description = json_schema()["$defs"]["HeightFile"]["properties"]["file"]["description"]
+    assert all(f"*{ending}" in description for ending in HEIGHT_FORMATS)
+
+
+def test_a_study_made_in_python_obeys_the_same_rules() -> None:
+    surface = GeneratedSurface(D=(2.3,), m=(7,))
+    assert Study(surface=surface).surface == surface
+    with pytest.raises(ValueError, match="takes m <= 6"):
+        Study(surface=surface, solver={"method": "paper"})  # type: ignore[arg-type]
+
+
+def test_whole_numbers_may_be_written_with_a_point() -> None:
+    text = "surface: {D: 2.3, m: [8.0, 7], seeds: 3.0}\nsweep: {steps: 6e1}\nrecord: {volume_density: {bins: 9.0}}\n"
+    study = loads(text)
+    same = loads(text.replace("8.0", "8").replace("3.0", "3").replace("6e1", "60").replace("9.0", "9"))
+    assert study == same
+    assert [case.id for case in study.cases()] == [case.id for case in same.cases()]
+    assert study.to_yaml() == same.to_yaml()
+    assert type(study.sweep.steps) is int
+    assert loads("surface: {D: 2.3, m: 3, seeds: [1.0, 4]}").surface.seeds == (1, 4)
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("surface.m", "surface: {D: 2.3, m: 8.5}"),
+        ("surface.seeds", "surface: {D: 2.3, m: 3, seeds: 2.5}"),
+        ("surface.seeds[0]", "surface: {D: 2.3, m: 3, seeds: [1.5, 2]}"),
+        ("sweep.steps", "surface: {D: 2.3, m: 3}\nsweep: {steps: 10.25}"),
+        ("surface.m", "surface: {D: 2.3, m: true}"),
+    ],
+)
+def test_numbers_that_are_not_whole_are_refused_where_they_must_be(key: str, text: str) -> None:
+    found = [problem for problem in problems_of(text) if problem.key.startswith(key.split("[")[0])]
+    assert found
+    assert all("must be a whole number" in problem.message for problem in found)
+
+
+@pytest.mark.parametrize("name", ["v1.2_run", "1.0", "_a.b-c", "a."])
+def test_a_name_may_hold_dots(name: str) -> None:
+    assert loads(SURFACE + f'\nname: "{name}"\n').name == name
+
+
+@pytest.mark.parametrize("name", [".", "..", ".hidden", "-x", "a/b", ""])
+def test_a_name_that_means_a_folder_or_hides_is_refused(name: str) -> None:
+    assert [problem.key for problem in problems_of(SURFACE + f'\nname: "{name}"\n')] == ["name"]
+
+
+def test_a_stored_study_goes_without_its_files_and_names_no_folder(tmp_path: Path) -> None:
+    for name in ("a.npy", "b.npy"):
+        np.save(tmp_path / name, np.zeros((3, 3)))
+    text = f"surface: {{file: ./a.npy, L: 2, against: {{file: {tmp_path / 'b.npy'}}}}}"
+    study = loads(text, tmp_path / "study.yaml")
+    assert pickle.loads(pickle.dumps(study)).stored() == study.stored()
+    assert str(tmp_path) not in study.stored()
+    again = loads(study.stored(), stored=True)
+    assert isinstance(again.surface, HeightFile)
+    assert again.surface.against is not None
+    assert (again.surface.file, again.surface.against.file) == ("./a.npy", "b.npy")
+    assert again.stored() == study.stored()

@@ -1,0 +1,296 @@
+"""What a study has done to measured maps: a crop, outliers, block means, square pixels, in this order, on each body."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from roughvol.campaign import one_case
+from roughvol.errors import StudyError, SurfaceError
+from roughvol.store import dataset
+from roughvol.study import Case, loads
+from roughvol.study.treatment import Crop, Lattice, after, nodes_kept, resampled_nodes
+from roughvol.surfaces import lattice, levelling, outliers
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.surfaces.surface import Surface
+
+X, Y = np.meshgrid(np.arange(41.0), np.arange(37.0), indexing="ij")
+MAP = levelling.low_pass(np.random.default_rng(0).normal(size=(41, 37)), 1.0, 5.0)
+SPIKES = np.zeros(MAP.shape, dtype=bool)
+SPIKES[[3, 20, 40], [7, 30, 0]] = True
+SPIKED = MAP + 40.0 * MAP.std() * SPIKES
+OTHER = levelling.low_pass(np.random.default_rng(1).normal(size=(41, 37)), 1.0, 5.0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    np.save(tmp_path / "map.npy", MAP)
+    np.save(tmp_path / "spiked.npy", SPIKED)
+    np.save(tmp_path / "other.npy", OTHER)
+    np.save(tmp_path / "small.npy", OTHER[:-1])
+    return tmp_path
+
+
+def _case(folder: Path, keys: str, rest: str = "", L: str = "40 um") -> Case:
+    (case,) = loads(f"surface: {{{keys}, L: {L}}}\n{rest}", folder / "study.yaml").cases()
+    return case
+
+
+def _surface(folder: Path, keys: str, L: str = "40 um") -> Surface:
+    return one_case.surface_of(_case(folder, keys, L=L))
+
+
+def _refused(folder: Path, keys: str, L: str = "40 um") -> tuple[str | None, str]:
+    with pytest.raises(StudyError) as caught:
+        _case(folder, keys, L=L)
+    (problem,) = caught.value.problems
+    return problem.key, problem.message
+
+
+# Crop
+
+
+@pytest.mark.parametrize(
+    "crop",
+    [
+        "{x: [0.25, 0.75], y: [0.5, 1]}",
+        "{x: [10 um, 30 um], y: [18 um, 1]}",
+        "{x: [0.01 mm, 30 um], y: [18 um, 36 um]}",
+    ],
+)
+def test_a_crop_by_shares_or_by_lengths_keeps_the_nodes_inside(folder: Path, crop: str) -> None:
+    case = _case(folder, f"file: map.npy, crop: {crop}")
+    surface = one_case.surface_of(case)
+    assert np.array_equal(surface.heights, MAP[10:31, 18:])
+    assert (case.L, surface.side, surface.spacing) == (20.0, 20.0, 1.0)
+    assert case.treatment.crop == ((10, 30), (18, 36))
+    assert case.surface_text == "cropped to nodes 10 to 30 along x and 18 to 36 along y"
+    assert case.id == _case(folder, "file: map.npy, crop: {x: [10 um, 30 um], y: [18 um, 36 um]}").id
+
+
+@pytest.mark.parametrize("L", ["40 um", "0.3 mm", "1.7"])
+def test_a_crop_of_everything_is_no_crop(folder: Path, L: str) -> None:
+    assert _case(folder, "file: map.npy, crop: {x: [0, 1]}", L=L).id == _case(folder, "file: map.npy", L=L).id
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(5, 400), st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4, unique=True))
+def test_a_crop_of_a_crop_lies_in_it(nodes: int, shares: list[float]) -> None:
+    a, b, c, d = sorted(shares)
+    whole = Lattice((nodes, nodes), (1.0, 1.0))
+    try:
+        outer = nodes_kept(Crop(x=(a, d)), 1, whole, None) or ((0, nodes - 1), (0, nodes - 1))
+        inner = nodes_kept(Crop(x=(b, c)), 1, whole, None) or ((0, nodes - 1), (0, nodes - 1))
+    except StudyError:  # fewer than 3 nodes
+        return
+    assert outer[0][0] <= inner[0][0] <= inner[0][1] <= outer[0][1]
+    left = after(whole, outer, 1, "none")
+    # the same nodes, cropped once or twice
+    first, last = (node - outer[0][0] for node in inner[0])
+    ends = (first / (left.shape[0] - 1), last / (left.shape[0] - 1))
+    again = nodes_kept(Crop(x=ends), 1, left, None) or ((0, left.shape[0] - 1), (0, 0))
+    assert again[0] == (first, last)
+
+
+def test_what_lies_outside_the_crop_changes_nothing(folder: Path) -> None:
+    keys = "crop: {x: [0.25, 0.75], y: [0.25, 0.75]}, outliers: {}, level: tilt, low_pass: 4 um"
+    changed = MAP.copy()
+    changed[:5] += 100.0
+    np.save(folder / "changed.npy", changed)
+    one, other = (_surface(folder, f"file: {name}.npy, {keys}") for name in ("map", "changed"))
+    assert np.array_equal(one.heights, other.heights)
+
+
+@pytest.mark.parametrize(
+    ("keys", "key", "said"),
+    [
+        ("crop: {x: [10 um, 50 um]}", "surface.crop.x", r"reaches to 50 um; allowed: up to 40 um"),
+        ("crop: {y: [0, 40 um]}", "surface.crop.y", r"reaches to 40 um; allowed: up to 36 um"),
+        ("crop: {x: [20 um, 0.5]}", "surface.crop.x", r"0\.5 has no unit and the other place has one"),
+        ("crop: {x: [30 um, 20 um]}", "surface.crop.x", r"must rise"),
+        ("crop: {x: [0.2, 30]}", "surface.crop.x", r"30 is no share of the side, 0 to 1; a length has a unit"),
+        ("crop: {x: 0.5}", "surface.crop.x", r"must be two places, \[from, to\]"),
+        ("crop: {x: [0.5, 0.53]}", "surface.crop.x", r"leaves 2 nodes along x of 41 nodes; allowed: at least 3"),
+        ("crop: {z: [0, 0.5]}", "surface.crop.z", r"unknown key; known here: x, y"),
+        ("crop: {x: [0, 2 kg]}", "surface.crop.x[1]", r"unit of length|no known unit|not of length"),
+        ("downsample: 13", "surface.downsample", r"leaves 2 means of 13 x 13 nodes along y of 37 nodes"),
+        ("downsample: 0", "surface.downsample", r"must be >= 1"),
+        ("outliers: {sigma: 1}", "surface.outliers.sigma", r"must be >= 3, given 1"),
+        ("outliers: {window: 4}", "surface.outliers.window", r"must be odd"),
+        ("resample: oblong", "surface.resample", r"must be 'none' or 'square'"),
+        ("resample: square", "surface.resample", r"map\.npy does not give the sides of its pixels"),
+        ("downsample: 2, against: {file: small.npy}", "surface.against.file", r"\(40, 37\) nodes; allowed: \(41, 37\)"),
+    ],
+)
+def test_what_is_not_allowed_is_refused_by_key(folder: Path, keys: str, key: str, said: str) -> None:
+    found, message = _refused(folder, f"file: map.npy, {keys}")
+    assert found == key
+    assert re.search(said, message), message
+
+
+def test_a_length_without_a_unit_of_the_study_is_refused(folder: Path) -> None:
+    key, message = _refused(folder, "file: map.npy, crop: {x: [0, 20 um]}", L="40")
+    assert key == "surface.crop.x"
+    assert "L has none: give both with theirs" in message
+
+
+# Block means
+
+
+def test_block_means_and_what_fills_no_block(folder: Path) -> None:
+    case = _case(folder, "file: map.npy, downsample: 4")
+    surface = one_case.surface_of(case)
+    assert np.array_equal(surface.heights, lattice.block_means(MAP, 4))
+    assert (surface.shape, surface.spacing, case.L) == ((10, 9), 4.0, 36.0)
+    assert case.surface_text == "cropped to nodes 0 to 39 along x and 0 to 35 along y; means of 4 x 4 nodes taken"
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.integers(3, 300), st.integers(3, 300), st.integers(1, 7), st.floats(0.5, 2.0))
+def test_the_lattice_is_the_one_that_comes_out(rows: int, columns: int, side: int, ratio: float) -> None:
+    whole = Lattice((rows, columns), (0.3, 0.3 * ratio))
+    try:
+        nodes = nodes_kept(None, side, whole, None)
+    except StudyError:
+        assert min(rows, columns) // side < 3
+        return
+    left = after(whole, nodes, side, "square")
+    expected = list(np.array([rows, columns]) // side)
+    if whole.ratio > 1.0:
+        expected[1] = resampled_nodes(expected[1], whole.ratio)
+    else:
+        expected[0] = resampled_nodes(expected[0], 1.0 / whole.ratio)
+    assert list(left.shape) == expected
+    assert left.pixel[0] == left.pixel[1] == pytest.approx(side * 0.3 * min(1.0, ratio), rel=1e-12)
+    if rows * columns < 4000:
+        assert lattice.squared(np.zeros((rows // side, columns // side)), whole.ratio).shape == left.shape
+
+
+# Outliers
+
+
+def test_outliers_are_filled_even_where_missing_heights_are_refused(folder: Path) -> None:
+    surface = _surface(folder, "file: spiked.npy, outliers: {sigma: 6}")
+    expected = levelling.fill(np.where(SPIKES, np.nan, MAP), "interpolate")
+    assert np.array_equal(surface.heights, expected)
+    assert (surface.outliers, surface.filled) == (3, 3)
+    assert surface.peak_before == pytest.approx(Surface(SPIKED, 1.0).peak, rel=1e-14)
+    assert surface.peak_before > 10.0
+    assert surface.peak < 6.0
+
+
+def test_a_file_with_holes_is_refused_all_the_same(folder: Path) -> None:
+    np.save(folder / "holed.npy", np.where(SPIKES, np.nan, MAP))
+    with pytest.raises(SurfaceError, match=r"3 heights are missing"):
+        _surface(folder, "file: holed.npy, outliers: {sigma: 6}")
+
+
+def test_outliers_do_not_bend_the_plane_that_is_levelled(folder: Path) -> None:
+    np.save(folder / "spiked.npy", SPIKED + 0.3 * X - 0.1 * Y)
+    levelled = _surface(folder, "file: spiked.npy, outliers: {}, level: tilt, missing: nearest").heights
+    expected = levelling.level(np.where(SPIKES, np.nan, MAP), "tilt")
+    assert np.abs(levelled - expected)[~SPIKES].max() < 1e-12
+    biased = _surface(folder, "file: spiked.npy, level: tilt").heights
+    assert np.abs(biased - expected)[~SPIKES].max() > 1e-2
+
+
+def test_outliers_are_looked_for_before_block_means_would_hide_them(folder: Path) -> None:
+    surface = _surface(folder, "file: spiked.npy, outliers: {}, downsample: 2")
+    expected = lattice.block_means(np.where(SPIKES, np.nan, MAP)[:40, :36], 2)
+    assert np.abs(surface.heights - expected).max() < 1e-15
+    assert (surface.outliers, surface.filled) == (2, 0)  # the third lies in the row that fills no block
+    assert surface.peak_before > surface.peak + 5.0
+
+
+def test_the_order_of_all_treatments(folder: Path) -> None:
+    keys = "crop: {x: [0, 0.9]}, outliers: {sigma: 5, window: 7}, downsample: 2, level: tilt, missing: nearest"
+    surface = _surface(folder, f"file: spiked.npy, {keys}, low_pass: 8 um")
+    heights = SPIKED[:36, :36]
+    heights = np.where(outliers.outliers(heights, 5.0, 7), np.nan, heights)
+    heights = levelling.fill(levelling.level(lattice.block_means(heights, 2), "tilt"), "nearest")
+    assert np.array_equal(surface.heights, levelling.low_pass(heights, 2.0, 8.0))
+    text = _case(folder, f"file: spiked.npy, {keys}, low_pass: 8 um").surface_text
+    steps = ["cropped to", "taken out", "means of 2 x 2", "least-squares tilt", "missing heights", "waves shorter"]
+    assert [text.index(step) for step in steps] == sorted(text.index(step) for step in steps)
+
+
+def test_each_treatment_is_part_of_the_id_and_survives_the_resolved_study(folder: Path) -> None:
+    extras = ["", ", crop: {x: [0, 0.5]}", ", crop: {x: [0, 0.5], y: [0, 0.5]}", ", downsample: 2", ", downsample: 3"]
+    extras += [", outliers: {}", ", outliers: {sigma: 7}", ", outliers: {window: 7}"]
+    ids = set()
+    for extra in extras:
+        study = loads(f"surface: {{file: map.npy, L: 40 um{extra}}}", folder / "study.yaml")
+        assert loads(study.to_yaml()) == study
+        (case,) = study.cases()
+        (again,) = loads(study.to_yaml()).cases()
+        assert case == again
+        assert (case.surface_text == "") == (extra == "")
+        ids.add(case.id)
+    assert len(ids) == len(extras)
+    assert not {"crop", "outliers", "downsample", "resample"} & _case(folder, "file: map.npy").key["surface"].keys()
+
+
+# Two bodies
+
+
+@pytest.mark.parametrize("mirror", ["none", "x", "y"])
+@pytest.mark.parametrize("keys", ["crop: {x: [0.1, 0.6], y: [0, 0.5]}", "downsample: 4", "downsample: 3, level: tilt"])
+def test_two_bodies_are_treated_as_their_sum_would_be(folder: Path, mirror: str, keys: str) -> None:
+    turned = {"none": OTHER, "x": OTHER[::-1], "y": OTHER[:, ::-1]}[mirror]
+    np.save(folder / "sum.npy", MAP + turned)
+    both = _surface(folder, f"file: map.npy, {keys}, against: {{file: other.npy, mirror: {mirror}}}")
+    assert np.abs(both.heights - _surface(folder, f"file: sum.npy, {keys}").heights).max() < 1e-13
+
+
+def test_outliers_of_both_bodies_are_taken_out_and_counted(folder: Path) -> None:
+    both = _surface(folder, "file: spiked.npy, outliers: {}, against: {file: spiked.npy, mirror: y}")
+    assert (both.outliers, both.filled) == (6, 6)
+    assert both.peak_before == pytest.approx(Surface(SPIKED + SPIKED[:, ::-1], 1.0).peak, rel=1e-14)
+    assert both.peak < 6.0
+
+
+# Pressed
+
+SMOOTH = levelling.low_pass(random_midpoint_displacement(2.2, 6, seed=4).heights, 1.0, 6.0)
+
+
+def _pressure(folder: Path, heights: np.ndarray, keys: str = "") -> float:
+    np.save(folder / "pressed.npy", heights)
+    case = _case(folder, f"file: pressed.npy, unit: um{keys}", "sweep: {steps: 1, to: {contact_area: 0.01}}", L="64")
+    stored = one_case.run_case(case)
+    assert stored.contact_area_fraction.values.item() >= 0.01
+    return (stored.mean_pressure * stored.Sq).values.item()  # over E*, times L
+
+
+def test_a_spike_changes_the_pressure_and_without_it_all_is_as_before(folder: Path) -> None:
+    spiked = SMOOTH.copy()
+    spiked[17, 40] += 40.0 * SMOOTH.std()
+    clean = _pressure(folder, SMOOTH)
+    assert _pressure(folder, spiked) > 10.0 * clean
+    assert _pressure(folder, spiked, ", outliers: {sigma: 6}") == pytest.approx(clean, rel=1e-2)
+    assert _pressure(folder, SMOOTH, ", outliers: {sigma: 6}") == clean
+
+
+def test_what_was_taken_out_is_stored(folder: Path) -> None:
+    stored = one_case.run_case(_case(folder, "file: spiked.npy, outliers: {}", "sweep: {steps: 0}"))
+    assert stored.outliers_removed.item() == 3
+    assert stored.filled_fraction.item() == 3 / MAP.size
+    assert stored.peak_height_before.item() > 6.0 > stored.peak_height.item()
+    assert "taken out and filled" in stored.attrs["surface"]
+    path = folder / "study.nc"
+    dataset.write(dataset.combine([stored], stored.attrs), path)
+    assert dataset.read(path).outliers_removed.item() == 3
+    plain = one_case.run_case(_case(folder, "file: spiked.npy", "sweep: {steps: 0}"))
+    assert not {"outliers_removed", "peak_height", "filled_fraction"} & set(plain)
+
+
+def test_a_flat_map_has_no_peak() -> None:
+    flat = Surface(np.zeros((4, 4)), 1.0)
+    assert math.isnan(flat.peak)
+    assert math.isnan(flat.pit)

@@ -1,0 +1,257 @@
+"""Files of instruments: heights, holes, size and unit come through, and what is no square map is refused by name."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from roughvol.campaign import one_case
+from roughvol.errors import DatasetError, RoughvolError, StudyError, SurfaceError
+from roughvol.study import loads
+from roughvol.surfaces import lattice
+from roughvol.surfaces.files import reading
+
+topography = pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")
+
+HEIGHTS = np.random.default_rng(6).normal(size=(7, 5))
+HOLES = np.arange(35).reshape(7, 5) % 11 == 8
+PIXEL = 0.25  # of all maps, in um
+
+
+def _write(
+    path: Path, heights: np.ndarray = HEIGHTS, unit: str = "µm", pixel: tuple[float, float] = (PIXEL, PIXEL)
+) -> Path:
+    """Write heights as .x3p or .gwy."""
+    sizes = heights.shape[0] * pixel[0], heights.shape[1] * pixel[1]
+    getattr(topography.Topography(heights, sizes, unit=unit), f"to_{path.suffix[1:]}")(str(path))
+    return path
+
+
+def _write_sdf(path: Path, scale: str = "1.0e-6", cells: Any = None) -> Path:
+    """Write heights as the text of ISO 25178-71: rows of constant y, lengths in metres, BAD where there is none."""
+    cells = [["BAD" if np.isnan(z) else repr(float(z)) for z in row] for row in HEIGHTS.T] if cells is None else cells
+    header = {
+        "ManufacID": "roughvol",
+        "CreateDate": "010120260000",
+        "ModDate": "010120260000",
+        "NumPoints": HEIGHTS.shape[0],
+        "NumProfiles": HEIGHTS.shape[1],
+        "Xscale": PIXEL * 1e-6,
+        "Yscale": PIXEL * 1e-6,
+        "Zscale": scale,
+        "Zresolution": -1,
+        "Compression": 0,
+        "DataType": 7,
+        "CheckType": 0,
+    }
+    lines = ["aISO-1.0", *(f"{name} = {value}" for name, value in header.items()), "*"]
+    path.write_text("\n".join([*lines, *(" ".join(row) for row in cells), "*", "end", "*"]) + "\n", encoding="ascii")
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".x3p", ".gwy"])
+@pytest.mark.parametrize("holed", [False, True], ids=["whole", "holed"])
+def test_heights_size_and_unit_come_back(tmp_path: Path, suffix: str, holed: bool) -> None:
+    path = _write(tmp_path / f"scan{suffix}", np.ma.masked_array(HEIGHTS, HOLES) if holed else HEIGHTS)
+    told = reading.describe(path)
+    assert (told.unit, told.heights_unit) == ("m", "m")  # that of both formats
+    assert told.shape == (7, 5)
+    assert told.sides == pytest.approx((6 * PIXEL * 1e-6, 4 * PIXEL * 1e-6), rel=1e-12)
+    expected = np.where(HOLES, np.nan, HEIGHTS) if holed else HEIGHTS
+    heights = reading.read(path, holes=True) * 1e6
+    assert np.array_equal(np.isnan(heights), np.isnan(expected))
+    assert np.nanmax(np.abs(heights - expected)) < 1e-14
+    assert np.array_equal(heights, reading.read(path, told.channel, holes=True) * 1e6, equal_nan=True)
+
+
+def test_a_text_of_iso_25178_is_read(tmp_path: Path) -> None:
+    path = _write_sdf(tmp_path / "scan.sdf")
+    told = reading.describe(path)
+    assert (told.shape, told.unit) == ((7, 5), "um")
+    assert told.sides == pytest.approx((6 * PIXEL, 4 * PIXEL), rel=1e-12)
+    assert np.abs(reading.read(path) - HEIGHTS).max() < 1e-14
+
+
+def test_missing_heights_are_refused_unless_somebody_fills_them(tmp_path: Path) -> None:
+    path = _write(tmp_path / "scan.x3p", np.ma.masked_array(HEIGHTS, HOLES))
+    with pytest.raises(SurfaceError, match=r"scan\.x3p: 3 heights are missing .* first in row 1, column 3"):
+        reading.read(path)
+
+
+def test_a_channel_that_is_not_there_is_named_beside_those_that_are(tmp_path: Path) -> None:
+    path = _write(tmp_path / "scan.gwy")
+    with pytest.raises(
+        DatasetError, match=r"scan\.gwy: has no channel 'z'; channels in the file: 0: Topography \(height\)"
+    ):
+        reading.describe(path, "z")
+
+
+@pytest.mark.parametrize("off", [1.0006, 0.9994, 2.0, 0.5])
+def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_path: Path, off: float) -> None:
+    path = _write(tmp_path / "oblong.x3p", pixel=(PIXEL, off * PIXEL))
+    assert reading.describe(path).sides == pytest.approx((6 * PIXEL * 1e-6, 4 * off * PIXEL * 1e-6), rel=1e-12)
+    text = "surface: {file: oblong.x3p, unit: um%s}"
+    with pytest.raises(
+        StudyError, match=r"surface\.resample: missing: .*oblong\.x3p has pixels of 0\.25 by .* um"
+    ) as said:
+        loads(text % "", tmp_path / "study.yaml").cases()
+    assert "give resample: square" in str(said.value)
+    (case,) = loads(text % ", resample: square", tmp_path / "study.yaml").cases()
+    surface = one_case.surface_of(case)
+    assert surface.spacing == pytest.approx(PIXEL * min(1.0, off), rel=1e-12)
+    assert surface.side == pytest.approx(case.L, rel=1e-15)
+    assert np.abs(surface.heights - lattice.squared(HEIGHTS, off)).max() < 1e-8
+    assert case.surface_text.startswith("heights interpolated onto square pixels of the finer spacing")
+    with pytest.raises(StudyError, match=r"surface\.L: is 3 um, but .* gives 1\.5e-06 m"):
+        loads(text % ", resample: square, L: 3 um", tmp_path / "study.yaml").cases()
+
+
+def test_pixels_square_to_a_tenth_of_one_over_a_thousand_are_square(tmp_path: Path) -> None:
+    _write(tmp_path / "nearly.x3p", pixel=(PIXEL, 1.00005 * PIXEL))
+    (case,) = loads("surface: {file: nearly.x3p}", tmp_path / "study.yaml").cases()
+    assert one_case.surface_of(case).shape == (7, 5)
+
+
+def test_pixels_too_oblong_are_refused_whatever_is_asked(tmp_path: Path) -> None:
+    _write(tmp_path / "oblong.x3p", pixel=(PIXEL, 3 * PIXEL))
+    for keys in ("", ", resample: square"):
+        with pytest.raises(StudyError, match=r"surface\.resample: .*allowed: one side up to 2 times the other"):
+            loads(f"surface: {{file: oblong.x3p{keys}}}", tmp_path / "study.yaml").cases()
+
+
+def test_the_same_surface_on_oblong_pixels_is_pressed_the_same(tmp_path: Path) -> None:
+    def heights(pixel: tuple[float, float]) -> np.ndarray:
+        x, y = np.meshgrid(pixel[0] * np.arange(33), pixel[1] * np.arange(33), indexing="ij")
+        return np.cos(x) + np.sin(0.8 * y + 0.3 * x)
+
+    pressures = []
+    for name, pixel, keys in (("square", (0.25, 0.25), ""), ("oblong", (0.25, 0.2503), ", resample: square")):
+        _write(tmp_path / f"{name}.x3p", heights(pixel), pixel=pixel)
+        text = f"surface: {{file: {name}.x3p, unit: um{keys}}}\nsweep: {{steps: 1, to: {{indentation: 1}}}}"
+        (case,) = loads(text, tmp_path / "study.yaml").cases()
+        pressures.append(one_case.run_case(case).mean_pressure.item())
+    assert pressures[1] == pytest.approx(pressures[0], rel=1e-3)
+
+
+def test_two_bodies_on_oblong_pixels_are_resampled_each(tmp_path: Path) -> None:
+    for name, heights in (("one", HEIGHTS), ("other", 2.0 * HEIGHTS), ("both", HEIGHTS + 2.0 * HEIGHTS[::-1])):
+        _write(tmp_path / f"{name}.x3p", heights, pixel=(1.5 * PIXEL, PIXEL))
+    added, both = (
+        one_case.surface_of(loads(f"surface: {{{keys}, unit: um, resample: square}}", tmp_path / "s.yaml").cases()[0])
+        for keys in ("file: one.x3p, against: {file: other.x3p, mirror: x}", "file: both.x3p")
+    )
+    assert added.shape == both.shape == (10, 5)
+    assert np.abs(added.heights - both.heights).max() < 1e-13
+
+
+def test_a_crop_in_lengths_counts_oblong_pixels(tmp_path: Path) -> None:
+    _write(tmp_path / "oblong.x3p", np.random.default_rng(0).normal(size=(21, 21)), pixel=(PIXEL, 2 * PIXEL))
+    crop = "crop: {x: [1 um, 3 um], y: [1 um, 3 um]}"
+    (case,) = loads(f"surface: {{file: oblong.x3p, {crop}, resample: square}}", tmp_path / "s.yaml").cases()
+    assert case.treatment.crop == ((4, 12), (2, 6))
+    surface = one_case.surface_of(case)
+    assert surface.shape == (9, 9)
+    assert surface.side == pytest.approx(2e-6, rel=1e-12)
+
+
+def test_a_line_is_no_map(tmp_path: Path) -> None:
+    path = tmp_path / "line.dat"
+    path.write_text("\n".join(f"{x} {x * x}" for x in range(9)), encoding="ascii")
+    with pytest.raises(SurfaceError, match=r"line\.dat: .*shape \(9, 2\); allowed: two dimensions of at least 3"):
+        reading.describe(path)
+
+
+@pytest.mark.parametrize("suffix", [".al3d", ".sur", ".x3p", ".png", ".hgt", ".nms", ""])
+@pytest.mark.parametrize("size", [0, 1, 2, 512, 18, 20_000])
+def test_what_no_instrument_wrote_is_refused_by_name(tmp_path: Path, suffix: str, size: int) -> None:
+    path = tmp_path / f"noise{suffix}"
+    path.write_bytes(np.random.default_rng(size).bytes(size))
+    if suffix == ".hgt" and size in (18, 512, 20_000):  # a square of 16-bit numbers is all that this format is
+        assert reading.describe(path).shape == (round((size / 2) ** 0.5),) * 2
+        return
+    for call in (reading.describe, reading.read):
+        with pytest.raises(RoughvolError) as caught:
+            call(path)
+        assert str(path) in str(caught.value)
+        assert len(str(caught.value)) < len(str(path)) + 250
+
+
+@pytest.mark.parametrize("suffix", [".x3p", ".gwy", ".sdf"])
+def test_a_damaged_file_is_read_or_refused(tmp_path: Path, suffix: str) -> None:
+    path = _write_sdf(tmp_path / "scan.sdf") if suffix == ".sdf" else _write(tmp_path / f"scan{suffix}")
+    whole = path.read_bytes()
+    chance = random.Random(7)
+    read = 0
+    for _ in range(60):
+        damaged = bytearray(whole)
+        if chance.random() < 0.3:
+            del damaged[chance.randrange(len(damaged)) :]
+        else:
+            for _ in range(chance.randrange(1, 20)):
+                damaged[chance.randrange(len(damaged))] = chance.randrange(256)
+        path.write_bytes(damaged)
+        with contextlib.suppress(RoughvolError):  # anything else would be a bare error of the library
+            heights = reading.read(path, holes=True)
+            assert (heights.dtype, heights.ndim) == (np.float64, 2)
+            read += 1
+    assert read < 60
+
+
+def test_an_absent_file_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=r"none\.x3p: cannot be read as \.x3p: No such file"):
+        reading.read(tmp_path / "none.x3p")
+
+
+# In a study
+
+
+def _study(tmp_path: Path, text: str) -> Any:
+    return loads(text, tmp_path / "study.yaml")
+
+
+def test_a_study_takes_length_and_unit_from_the_file(tmp_path: Path) -> None:
+    _write_sdf(tmp_path / "scan.sdf")
+    study = _study(tmp_path, "surface: {file: scan.sdf}")
+    (case,) = study.cases()
+    assert (case.L, case.length_unit, case.file_unit) == (pytest.approx(6 * PIXEL, rel=1e-12), "um", "um")
+    assert loads(study.to_yaml()).cases() == (case,)
+
+
+def test_the_unit_of_the_study_converts_that_of_the_file(tmp_path: Path) -> None:
+    _write_sdf(tmp_path / "scan.sdf")
+    texts = ["", ", unit: um", ", unit: nm", ", L: 0.0015 mm", ", L: 1.5, unit: um", ", L: 1.5"]
+    cases = [_study(tmp_path, f"surface: {{file: scan.sdf{text}}}").cases()[0] for text in texts]
+    assert cases[0].id == cases[1].id
+    assert cases[4].id == cases[5].id
+    assert [case.length_unit for case in cases] == ["um", "um", "nm", "mm", "um", "um"]
+    assert [case.L for case in cases[2:]] == [pytest.approx(6000 * PIXEL, rel=1e-12), 0.0015, 1.5, 1.5]
+
+
+def test_two_bodies_must_fit(tmp_path: Path) -> None:
+    _write_sdf(tmp_path / "scan.sdf")
+    _write(tmp_path / "same.x3p")
+    _write(tmp_path / "coarse.x3p", pixel=(2 * PIXEL, 2 * PIXEL))
+    np.save(tmp_path / "silent.npy", HEIGHTS)
+    (case,) = _study(tmp_path, "surface: {file: scan.sdf, against: {file: same.x3p}}").cases()
+    assert [body.unit for body in case.bodies] == ["um", "m"]
+    with pytest.raises(StudyError, match=r"surface\.against\.file: the files differ in size, 1\.5 x 1 and 3 x 2 um"):
+        _study(tmp_path, "surface: {file: scan.sdf, against: {file: coarse.x3p}}").cases()
+    (case,) = _study(
+        tmp_path, "surface: {file: scan.sdf, against: {file: coarse.x3p, header: ignore, heights_unit: m}}"
+    ).cases()
+    assert (case.L, case.against.numbers_in) == (pytest.approx(1.5), "m")
+    with pytest.raises(StudyError, match=r"surface\.unit: missing: .*silent\.npy does not give its unit, .* is in um"):
+        _study(tmp_path, "surface: {file: scan.sdf, against: {file: silent.npy}}").cases()
+    (case,) = _study(tmp_path, "surface: {file: silent.npy, unit: nm, against: {file: scan.sdf}}").cases()
+    assert (case.length_unit, case.L) == ("nm", pytest.approx(6000 * PIXEL, rel=1e-12))
+
+
+def test_a_broken_file_is_a_problem_of_the_study(tmp_path: Path) -> None:
+    (tmp_path / "scan.sur").write_bytes(b"DIGITAL SURF" + bytes(10))
+    with pytest.raises(StudyError, match=r"surface\.file: .*scan\.sur: is damaged, or in none of the formats"):
+        _study(tmp_path, "surface: {file: scan.sur, L: 1}").cases()

@@ -1,0 +1,182 @@
+"""Measured bodies: read, treated and added as a study says, and pressed as the surface that comes out."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from numpy.typing import NDArray
+
+from roughvol.campaign import one_case, running
+from roughvol.errors import SurfaceError
+from roughvol.store import dataset
+from roughvol.study import Case, loads
+from roughvol.surfaces import levelling
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+FIRST = random_midpoint_displacement(2.3, 3, seed=1).heights
+SECOND = random_midpoint_displacement(2.5, 3, seed=2).heights
+TILT = 4.0 + 0.5 * np.arange(9)[:, np.newaxis] - 0.25 * np.arange(9)
+HOLES = np.zeros((9, 9), dtype=bool)
+HOLES[2, 3] = HOLES[0, 0] = HOLES[5:7, 5] = True
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    np.save(tmp_path / "a.npy", FIRST)
+    np.save(tmp_path / "b.npy", SECOND)
+    np.save(tmp_path / "tilted.npy", FIRST + TILT)
+    np.save(tmp_path / "holed.npy", np.where(HOLES, np.nan, FIRST + TILT))
+    np.save(tmp_path / "wide.npy", SECOND[:, :-1])
+    return tmp_path
+
+
+def _case(folder: Path, surface: str, rest: str = "") -> Case:
+    (case,) = loads(f"surface: {{{surface}, L: 2}}\n{rest}", folder / "study.yaml").cases()
+    return case
+
+
+def _heights(folder: Path, surface: str) -> NDArray[np.float64]:
+    return one_case.surface_of(_case(folder, surface)).heights
+
+
+def test_an_untreated_file_is_pressed_bit_for_bit(folder: Path) -> None:
+    surface = one_case.surface_of(_case(folder, "file: a.npy"))
+    assert np.array_equal(surface.heights, FIRST)
+    assert (surface.spacing, surface.filled) == (0.25, 0)
+
+
+def test_the_treatment_is_levelling_then_filling_then_filtering(folder: Path) -> None:
+    surface = one_case.surface_of(_case(folder, "file: holed.npy, level: tilt, missing: interpolate, low_pass: 1"))
+    levelled = levelling.level(np.where(HOLES, np.nan, FIRST + TILT), "tilt")
+    expected = levelling.low_pass(levelling.fill(levelled, "interpolate"), 0.25, 1.0)
+    assert np.array_equal(surface.heights, expected)
+    assert surface.filled == 4
+
+
+@pytest.mark.parametrize(
+    ("mirror", "turned"), [("none", SECOND), ("x", SECOND[::-1]), ("y", SECOND[:, ::-1])], ids=["none", "x", "y"]
+)
+def test_two_bodies_are_the_sum_of_their_heights(folder: Path, mirror: str, turned: NDArray[np.float64]) -> None:
+    heights = _heights(folder, f"file: a.npy, against: {{file: b.npy, mirror: {mirror}}}")
+    assert np.array_equal(heights, FIRST + turned)
+
+
+@pytest.mark.parametrize("extra", ["", ", level: quadratic", ", level: tilt, low_pass: 0.75"])
+def test_two_bodies_may_change_places(folder: Path, extra: str) -> None:
+    one = _heights(folder, f"file: a.npy, against: {{file: tilted.npy}}{extra}")
+    other = _heights(folder, f"file: tilted.npy, against: {{file: a.npy}}{extra}")
+    assert np.array_equal(one, other)
+
+
+def test_each_body_is_treated_as_their_sum_would_be(folder: Path) -> None:
+    treated = "level: tilt, low_pass: 0.75"
+    np.save(folder / "sum.npy", FIRST + TILT + SECOND)
+    both = _heights(folder, f"file: tilted.npy, against: {{file: b.npy}}, {treated}")
+    assert np.abs(both - _heights(folder, f"file: sum.npy, {treated}")).max() < 1e-14
+
+
+def test_holes_of_both_bodies_are_counted_once(folder: Path) -> None:
+    text = "file: holed.npy, missing: nearest, against: {file: holed.npy, mirror: x}"
+    assert one_case.surface_of(_case(folder, text)).filled == (HOLES | HOLES[::-1]).sum()
+
+
+def test_what_was_filled_travels_between_processes(folder: Path) -> None:
+    surface = one_case.surface_of(_case(folder, "file: holed.npy, missing: nearest"))
+    copy = pickle.loads(pickle.dumps(surface))
+    assert (copy.filled, copy.spacing) == (4, surface.spacing)
+    assert np.array_equal(copy.heights, surface.heights)
+
+
+def test_a_body_pressed_on_its_own_negative_is_flat(folder: Path) -> None:
+    np.save(folder / "cast.npy", -FIRST[::-1])
+    assert not _heights(folder, "file: a.npy, against: {file: cast.npy, mirror: x}").any()
+
+
+@pytest.mark.parametrize(
+    ("surface", "said"),
+    [
+        ("file: holed.npy", r"holed\.npy: 4 heights are missing"),
+        ("file: a.npy, against: {file: holed.npy}", r"holed\.npy: 4 heights are missing"),
+        (
+            "file: a.npy, against: {file: wide.npy}",
+            r"wide\.npy: has \(9, 8\) nodes; allowed: \(9, 9\), as .*a\.npy has",
+        ),
+        ("file: a.npy, low_pass: 0.4", r"a\.npy: low_pass is 0\.4; allowed: 0\.5 .* to 2 "),
+    ],
+)
+def test_what_cannot_be_pressed_is_refused_by_name(folder: Path, surface: str, said: str) -> None:
+    with pytest.raises(SurfaceError, match=said):
+        one_case.surface_of(_case(folder, surface))
+
+
+def test_a_file_that_changes_after_the_study_was_loaded_is_refused(folder: Path) -> None:
+    case = _case(folder, "file: a.npy, against: {file: b.npy}")
+    np.save(folder / "b.npy", 2.0 * SECOND)
+    with pytest.raises(SurfaceError, match=r"b\.npy has changed since the study was loaded"):
+        one_case.surface_of(case)
+
+
+# Pressed
+
+
+def test_units_and_treatment_are_in_the_file_of_the_case(folder: Path) -> None:
+    text = "file: holed.npy, unit: um, level: tilt, missing: nearest"
+    case = _case(folder, text, "sweep: {steps: 2}\nrecord: {volume_density: {bins: 4}, heights: true}")
+    stored = one_case.run_case(case)
+    assert {name: stored[name].units for name in ("L", "Sq", "z_max", "heights", "volume_density")} == {
+        "L": "um",
+        "Sq": "um",
+        "z_max": "um",
+        "heights": "um",
+        "volume_density": "um^-3",
+    }
+    assert stored["volume_density_edges"].units == "um^3"
+    assert stored["free_volume"].units == "1"
+    assert stored.attrs["length_unit"] == "um"
+    assert stored.attrs["surface"] == (
+        "least-squares tilt of the known heights taken off; missing heights filled with the nearest known one"
+    )
+    assert stored["filled_fraction"].item() == 4 / 81
+    together = dataset.combine([stored], stored.attrs)
+    assert together["Sq"].units == "um"
+
+
+@pytest.mark.parametrize(("keys", "cut_off"), [("unit: mm, low_pass: 800 um", "0.8 mm"), ("low_pass: 0.8", "0.8")])
+def test_the_cut_off_is_told_in_the_unit_of_the_study(folder: Path, keys: str, cut_off: str) -> None:
+    told = _case(folder, f"file: a.npy, {keys}").surface_text
+    assert told.startswith(f"waves shorter than {cut_off} taken off")
+
+
+def test_without_a_unit_lengths_are_arbitrary(folder: Path) -> None:
+    stored = one_case.run_case(_case(folder, "file: a.npy", "sweep: {steps: 1}"))
+    assert stored["Sq"].units == "length"
+    assert not {"length_unit", "surface"} & stored.attrs.keys()
+    assert "filled_fraction" not in stored
+
+
+def test_the_unit_changes_no_number(folder: Path) -> None:
+    plain, named = (
+        one_case.run_case(_case(folder, f"file: a.npy{unit}", "sweep: {steps: 2}")) for unit in ("", ", unit: nm")
+    )
+    xr.testing.assert_equal(dataset.answers(plain), dataset.answers(named))
+
+
+def test_a_tilted_map_levelled_is_pressed_as_the_level_one(folder: Path) -> None:
+    rest = "sweep: {steps: 3}"
+    one = one_case.run_case(_case(folder, "file: tilted.npy, level: tilt", rest))
+    other = one_case.run_case(_case(folder, "file: a.npy, level: tilt", rest))
+    for name in ("contact_area_fraction", "mean_pressure", "free_volume"):
+        assert np.abs(one[name].values - other[name].values).max() < 1e-6  # the residual asked for
+
+
+def test_a_run_notices_that_a_file_has_changed(folder: Path) -> None:
+    path = folder / "study.yaml"
+    path.write_text("surface: {file: a.npy, L: 2, against: {file: b.npy}}\nsweep: {steps: 1}", encoding="utf-8")
+    running.run(path, out=folder / "out", jobs=1)
+    np.save(folder / "b.npy", 2.0 * SECOND)
+    with pytest.raises(OSError, match=r"surface\.file: the content of .*a\.npy and .*b\.npy is not that of a-"):
+        running.run(path, out=folder / "out", jobs=1)
