@@ -41,7 +41,7 @@ from roughvol.study import Case, Study
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array, Mask
 
-REFERENCE_RTOL = 1e-12  # near the best that double precision can reach, see `physics.contact`
+REFERENCE_RTOL = 1e-12  # near the best that double precision can reach, see `contact.loading`
 RTOLS = tuple(10.0**-k for k in range(1, 11))
 LEVELS = 4  # of the nested family: three changes, enough to see whether they shrink in proportion
 PAPER_M = 5  # the dense matrices of the paper's algorithm: minutes a sweep beyond

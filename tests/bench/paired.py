@@ -24,14 +24,18 @@ SWEEP = """
 import json, sys, time
 import numpy as np
 from threadpoolctl import threadpool_limits
-from roughvol.physics.contact import sweep
-from roughvol.physics.halfspace import HalfSpace
-from roughvol.physics.surface import random_midpoint_displacement
+try:
+    from roughvol.contact import HalfSpace, sweep
+    from roughvol.surfaces import random_midpoint_displacement
+except ImportError:  # up to 0.8.0
+    from roughvol.physics.contact import sweep
+    from roughvol.physics.halfspace import HalfSpace
+    from roughvol.physics.surface import random_midpoint_displacement
 
 m, D, seed, steps, repeats, rtol, constants = json.loads(sys.argv[1])
 options = {}
 if constants:
-    from roughvol.physics.tuning import Tuning
+    from roughvol.contact import Tuning
     options["tuning"] = Tuning(**constants)
 surface = random_midpoint_displacement(D, m, side=100.0, seed=seed)
 half_space = HalfSpace(surface.shape, **options)

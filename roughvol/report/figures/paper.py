@@ -354,7 +354,7 @@ def fig11b(ds: Dataset) -> Drawing:
 
 @_figure("volume_density", "volume_density_edges", by="D")
 def fig12a(ds: Dataset) -> Drawing:
-    """Fig. 12a: density of the free volumes by D at m = 7, on bins that hold enough elements (`figure_data.merged`).
+    """Fig. 12a: density of the free volumes by D at m = 7, on bins that hold enough elements (`families.merged`).
 
     Dotted, for the paper's surfaces alone: v = 1, where the paper sees a fulcrum. In other units v = 1 means nothing.
     """
