@@ -13,7 +13,7 @@ from roughvol.surfaces import levelling
 from roughvol.typing import Array, Mask
 
 NORMAL = 1.482602218505602  # 1/Φ⁻¹(3/4): the median absolute deviation of normal heights is their deviation over this
-ROUNDS = 10  # in which the plane forgets the outliers
+ROUNDS = 10  # fits of the plane: two sets of outliers may follow each other for ever
 LARGEST_SHARE = 0.05  # of heights taken out: beyond, they are a part of the surface
 AT_ONCE = 1 << 22  # heights of all windows that are sorted together
 
@@ -37,9 +37,9 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
     sigma = 6 that is fewer than one height in 10⁷. A patch of dust that fills more than half of the window is its
     own median and stays. Corners of a wall are cut if it rises by more than sigma s from node to node.
 
-    The plane is fitted again without heights farther than sigma s from it, until these are always the same. Otherwise
-    the outliers would tilt it, and a tilt would raise s. Where less than half of a window is known, the reference is
-    the plane: heights alone in a hole are often wrong and have no neighbours to show it.
+    The plane is fitted again without heights farther than sigma s from it, until these are the same twice, or `ROUNDS`
+    times. Otherwise the outliers would tilt it, and a tilt would raise s. Where less than half of a window is known,
+    the reference is the plane: heights alone in a hole are often wrong and have no neighbours to show it.
 
     Parameters
     ----------

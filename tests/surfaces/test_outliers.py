@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces import levelling
 from roughvol.surfaces.midpoint import random_midpoint_displacement
-from roughvol.surfaces.outliers import outliers
+from roughvol.surfaces.outliers import ROUNDS, outliers
 
 Heights = NDArray[np.float64]
 
@@ -25,11 +25,10 @@ DEVIATION = float(CORRELATED.std())
 
 
 def _slow(heights: Heights, sigma: float, window: int) -> NDArray[np.bool_]:
-    """Slow and obvious: node by node, the plane fitted again until what lies near it is always the same."""
+    """Slow and obvious: node by node, the plane fitted ten times, each time to the heights near the one before."""
     known = ~np.isnan(heights)
-    near, before = known, None
-    while before is None or not np.array_equal(near, before):
-        before = near
+    near = known
+    for _ in range(ROUNDS):  # two sets may follow each other for ever
         rest = levelling.level(heights, "tilt", near)
         middle = np.median(rest[known])
         limit = sigma * 1.482602218505602 * np.median(np.abs(rest[known] - middle))
@@ -117,6 +116,7 @@ def test_a_quadratic_is_no_roughness_where_one_is_levelled() -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([3, 5, 7]), st.sampled_from([0.0, 0.3, 0.6]))
+@example(238, 5, 0.6)  # two sets of outliers that follow each other
 def test_fast_and_slow_agree(seed: int, window: int, holes: float) -> None:
     rng = np.random.default_rng(seed)
     heights = rng.normal(size=(rng.integers(15, 22), rng.integers(15, 22)))
