@@ -1,24 +1,28 @@
-"""Labelled, self-describing datasets: one table of every stored variable; build, write, read and combine them.
+"""Labelled datasets of the variables in the table: build, write, read and combine them.
 
 Conventions of the stored numbers
 ---------------------------------
-Starred quantities are dimensionless (lengths over Sq, pressure times L/(E* Sq)); where the table says ``length``, the
-file says the unit of the study, and ``length`` if that has none. Positions x and y are over L, so that a coarse lattice
-lies on the nodes of a fine one.
+Starred quantities are dimensionless: lengths over Sq, pressure times L/(E* Sq). The unit ``length`` of the table is
+replaced by that of the study, if it has one. Positions x and y are over L: a coarse lattice lies on the nodes of a fine
+one.
 
-A surface has the dimensions ``(D, m, seed)``, or ``(case,)`` when its heights come from a file; ``...`` in the table
-stands for either. One case is stored with these dimensions of length 1. A study is the union of its cases by label;
-what a case does not have (a state that was not reached, a node that a coarse lattice lacks) is
+A surface has the dimensions ``(D, m, seed)``, or ``(case,)`` if its heights come from a file. The table writes ``...``
+for either. A case has these dimensions with length 1. A study is the union of its cases by label. Missing values
+(states not reached, nodes absent from a coarse lattice) are
 
-* NaN in real numbers and in counts (which the file holds as integers with a fill value),
+* NaN in real numbers and in counts (integers with a fill value in the file),
 * -1 in the step numbers ``*_step``,
 * False in ``converged``, which is true only where a state was solved *and* met its residual.
+
+The file of a case of up to `SMALL` bytes is netCDF-3, ten times quicker to read than netCDF-4. Larger files are
+netCDF-4, with compressed fields.
 """
 
 from __future__ import annotations
 
 import datetime
 import importlib.metadata
+import io
 import json
 import os
 import platform
@@ -30,21 +34,23 @@ import netCDF4
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
+from scipy.io import netcdf_file
 from xarray import Dataset
 from xarray.backends import NetCDF4DataStore
 
 from roughvol._version import __version__
 from roughvol.errors import DatasetError
-from roughvol.store import columns, stamped_file
-from roughvol.store.columns import Arrays
+from roughvol.store import stamped_file
 from roughvol.store.stamped_file import FORMAT
 from roughvol.store.variables import DTYPES, FIELDS, MISSING, TIMES, VARIABLES, Variable
 from roughvol.study import Case, Region
 from roughvol.surfaces.body import Body
 
-__all__ = ["VARIABLES", "Dataset", "Variable", "build", "combine", "provenance", "read", "write"]
+__all__ = ["VARIABLES", "Arrays", "Dataset", "Variable", "build", "combine", "provenance", "read", "write"]
 
-SMALL = 1 << 20  # bytes of a case up to which its values stand in its file a second time, as columns
+Arrays = dict[str, tuple[tuple[str, ...], NDArray[Any]]]  # dimensions and values of variables by name
+
+SMALL = 1 << 20  # bytes of values up to which the file of a case is netCDF-3
 REFERENCE = (
     "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, "
     "Wear 336-337 (2015) 86-95, https://doi.org/10.1016/j.wear.2015.04.021"
@@ -145,17 +151,20 @@ def arrays_of(dataset: Dataset) -> Arrays:
 
 
 def to_bytes(dataset: Dataset) -> bytes:
-    """Return a dataset as a stamped netCDF file, made in memory; behind a small case stand its columns."""
-    store = netCDF4.Dataset("memory.nc", "w", format="NETCDF4", memory=4096)
+    """Return a dataset as a stamped netCDF file, made in memory."""
+    small = "case_id" in dataset.attrs and dataset.nbytes <= SMALL and _fits_int32(dataset)
+    store = netCDF4.Dataset("memory.nc", "w", format="NETCDF3_64BIT_OFFSET" if small else "NETCDF4", memory=4096)
     try:
         dataset.dump_to_store(NetCDF4DataStore(store), encoding=_encoding(dataset))
     finally:
         content = bytes(store.close())
-    labels = stamped_file.labels_of(dataset.attrs)
-    if labels["case"] and dataset.nbytes <= SMALL:
-        block = columns.packed(arrays_of(dataset))
-        content, labels = content + block, labels | {"columns": str(len(block))}
-    return stamped_file.stamped(content, labels)
+    return stamped_file.stamped(content, stamped_file.labels_of(dataset.attrs))
+
+
+def _fits_int32(dataset: Dataset) -> bool:
+    """Return whether netCDF-3 can hold the integers; seeds may be larger."""
+    limit = np.iinfo("int32").max
+    return all(np.all(np.abs(v.values) <= limit) for v in dataset.variables.values() if v.dtype.kind == "i")
 
 
 def write(dataset: Dataset, path: Path) -> None:
@@ -189,6 +198,8 @@ def read(path: Path) -> Dataset:
         stored = netCDF4.Dataset("memory.nc", memory=content)
         try:
             dataset = xr.load_dataset(NetCDF4DataStore(stored))
+            short = {str(name): v.astype("int64") for name, v in dataset.variables.items() if v.dtype == "int32"}
+            dataset = dataset.assign(short)  # netCDF-3 has no longer integers
         finally:
             if stored.isopen():
                 stored.close()
@@ -200,9 +211,9 @@ def read(path: Path) -> Dataset:
 
 
 def read_arrays(path: Path) -> tuple[Arrays, stamped_file.Labels]:
-    """Return the variables of a file as plain arrays, and its labels: for many files, where `read` takes too long.
+    """Return the variables of a file as plain arrays, and its labels; quicker than `read`.
 
-    Variables that the table does not hold are left out: a later version stored them beside the same answers.
+    Variables outside the table are left out: a later version may have stored them beside the same answers.
 
     Raises
     ------
@@ -211,32 +222,32 @@ def read_arrays(path: Path) -> tuple[Arrays, stamped_file.Labels]:
     """
     content, labels = stamped_file.verified(path)
     _check_format(labels, path)
-    arrays: Arrays = {}
     try:
-        if "columns" in labels:
-            found = columns.unpacked(content[len(content) - int(labels["columns"]) :])
-            for name, (dims, values) in found.items():
-                if name not in VARIABLES:
-                    continue
-                arrays[name] = (dims, np.asarray(values, dtype=DTYPES[VARIABLES[name].kind]))
-            return arrays, labels
+        if content.startswith(b"CDF"):
+            return _decoded(netcdf_file(io.BytesIO(content), mmap=False).variables), labels
         with netCDF4.Dataset("memory.nc", memory=content) as stored:
             stored.set_auto_maskandscale(False)
-            for name, variable in stored.variables.items():
-                if name not in VARIABLES:
-                    continue
-                arrays[name] = (variable.dimensions, _decoded(name, variable[...]))
-    except (OSError, ValueError, RuntimeError, KeyError) as error:
+            return _decoded(stored.variables), labels
+    except (OSError, ValueError, RuntimeError, LookupError, TypeError) as error:
         message = f"{path} is damaged or no dataset of roughvol ({error})"
         raise DatasetError(message) from error
-    return arrays, labels
 
 
-def _decoded(name: str, values: NDArray[Any]) -> NDArray[Any]:
-    array: NDArray[Any] = np.asarray(values, dtype=DTYPES[VARIABLES[name].kind])
-    if VARIABLES[name].kind == "count":
-        array[array == -1.0] = np.nan
-    return array
+def _decoded(variables: Mapping[str, Any]) -> Arrays:
+    """Return stored variables as those of a dataset."""
+    arrays: Arrays = {}
+    for name, variable in variables.items():
+        if name not in VARIABLES:
+            continue
+        dims, values = variable.dimensions, np.asarray(variable[...])
+        if values.dtype.kind == "S":  # netCDF-3 holds texts as characters along one more dimension
+            dims, texts = dims[:-1], np.strings.decode(values.view(f"S{values.shape[-1]}")[..., 0], "utf-8")
+            values = texts.astype(object)
+        array: NDArray[Any] = np.asarray(values, dtype=DTYPES[VARIABLES[name].kind])
+        if VARIABLES[name].kind == "count":
+            array[array == -1.0] = np.nan
+        arrays[name] = (dims, array)
+    return arrays
 
 
 def _check_format(attributes: Mapping[str, str], path: Path) -> None:
