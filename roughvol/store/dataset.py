@@ -72,14 +72,14 @@ def build(case: Case, values: Mapping[str, ArrayLike], attributes: Mapping[str, 
     case : Case
         Gives the leading coordinates (D, m, seed, or the file) and L.
     values : mapping of name to array
-        Coordinates and variables of the table, without the leading dimensions of the case.
+        Coordinates and variables of the table, without the dimensions of the case.
     attributes : mapping
         Provenance, see `provenance`.
 
     Raises
     ------
     DatasetError
-        If a name is not in the table, or an array does not have the dimensions the table gives it.
+        If a name is not in the table, or an array has other dimensions than the table.
     """
     leading: dict[str, Any] = {"case": case.label} if case.file else {"D": case.D, "m": case.m, "seed": case.seed}
     labels: dict[str, Any] = {name: [label] for name, label in leading.items()} | {"L": case.L}
@@ -101,12 +101,12 @@ def build(case: Case, values: Mapping[str, ArrayLike], attributes: Mapping[str, 
 
 
 def combine(cases: Sequence[Dataset | Arrays], attributes: Mapping[str, str]) -> Dataset:
-    """Return one dataset of many cases, aligned by label; what a case lacks is missing as the module's docstring says.
+    """Return one dataset of many cases, aligned by label, with the missing values of the module's docstring.
 
     Raises
     ------
     DatasetError
-        If there is no case, or the cases differ in L (they would not be one study).
+        If there is no case, or the cases differ in L.
     """
     if not cases:
         message = "no case to combine"
@@ -119,23 +119,23 @@ def combine(cases: Sequence[Dataset | Arrays], attributes: Mapping[str, str]) ->
     held = set().union(*parts)
     names = [name for name in VARIABLES if name in held]
     dims = {dim: _union([part[dim][1] for part in parts if dim in part]) for dim in names if _is_dim(dim)}
-    places = {dim: {label: index for index, label in enumerate(dims[dim].tolist())} for dim in dims}
+    positions = {dim: {label: index for index, label in enumerate(dims[dim].tolist())} for dim in dims}
     study = Dataset(coords={"L": sides[0]} | {dim: (dim, labels) for dim, labels in dims.items()})
     study.attrs = dict(attributes)
     wholes: dict[str, NDArray[Any]] = {}
     shaped: dict[str, tuple[str, ...]] = {}
     for part in parts:
-        index = {dim: [places[dim][label] for label in part[dim][1].tolist()] for dim in part if dim in dims}
-        spots: dict[tuple[str, ...], Any] = {}
+        index = {dim: [positions[dim][label] for label in part[dim][1].tolist()] for dim in part if dim in dims}
+        slots: dict[tuple[str, ...], Any] = {}
         for name, (along, values) in part.items():
             if name in study.coords:
                 continue
-            if name not in wholes:  # all that hold it agree in its dimensions: the table gives them
+            if name not in wholes:  # equal dimensions in all cases, by the table
                 kind, shape = VARIABLES[name].kind, tuple(len(dims[dim]) for dim in along)
                 wholes[name], shaped[name] = np.full(shape, MISSING[kind], dtype=DTYPES[kind]), along
-            if along not in spots:
-                spots[along] = np.ix_(*(index[dim] for dim in along))
-            wholes[name][spots[along]] = values
+            if along not in slots:
+                slots[along] = np.ix_(*(index[dim] for dim in along))
+            wholes[name][slots[along]] = values
     for name in names:
         if name in wholes:
             study[name] = (shaped[name], wholes[name])
@@ -168,7 +168,7 @@ def _fits_int32(dataset: Dataset) -> bool:
 
 
 def write(dataset: Dataset, path: Path) -> None:
-    """Write a dataset, stamped, so that the file is either whole or not there.
+    """Write a dataset to a stamped file that is either whole or absent.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def write(dataset: Dataset, path: Path) -> None:
 
 
 def read(path: Path) -> Dataset:
-    """Return a stored dataset, loaded; its checksum is verified first: a library might crash on a damaged file.
+    """Return a stored dataset, loaded. Its checksum is verified first: a damaged file may crash a library.
 
     Raises
     ------
@@ -251,9 +251,9 @@ def _decoded(variables: Mapping[str, Any]) -> Arrays:
 
 
 def _check_format(attributes: Mapping[str, str], path: Path) -> None:
-    found = attributes.get("format")
-    if found != FORMAT:
-        message = f"{path} is no dataset of roughvol: its format is {found!r}, not {FORMAT!r}"
+    theirs = attributes.get("format")
+    if theirs != FORMAT:
+        message = f"{path} is no dataset of roughvol: its format is {theirs!r}, not {FORMAT!r}"
         raise DatasetError(message)
 
 
@@ -268,26 +268,26 @@ def provenance(
     bodies: Iterable[Body] = (),
     versions: Mapping[str, int] | None = None,
 ) -> dict[str, str]:
-    """Return the global attributes: what was asked, by which code, on which machine, when, and what to cite.
+    """Return the global attributes: study, code, machine, date, and the paper to cite.
 
     Parameters
     ----------
     study : str
         The resolved study as YAML text, every default written out.
     fft : mapping
-        What the half space says of its transforms: library version, planner, threads.
+        Library version, planner and threads of the transforms.
     case : Case, optional
         The one case in the file.
     ids : iterable of str
         The cases in the file of a whole study.
     region : Region, optional
-        Of which part its observables are; that of the case, or the whole, if not given.
+        Part of the surface for the observables. Default: that of the case, or the whole.
     length_unit : str, optional
-        Unit of all lengths in the file; that of the case if not given, arbitrary if that has none.
+        Unit of all lengths in the file. Default: that of the case, or none.
     bodies : iterable of Body, optional
-        The files of heights; those of the case if not given. Their names are stored, and the sha256 of their content.
+        The files of heights, stored by name and sha256. Default: those of the case.
     versions : mapping, optional
-        Of a whole study: the versions of roughvol that computed its cases, each with the number of its cases.
+        Number of cases of a study by version of roughvol.
     """
     libraries = {name: importlib.metadata.version(name) for name in ("numpy", "scipy", "pyfftw", "xarray", "netCDF4")}
     libraries |= {"python": platform.python_version(), "netcdf-c": netCDF4.__netcdf4libversion__}
@@ -326,28 +326,28 @@ def provenance(
 
 
 def ids_text(ids: Iterable[str]) -> str:
-    """Return the ids of the cases of a study as its file holds them."""
+    """Return the ids of the cases of a study as stored in its file."""
     return json.dumps(list(ids))
 
 
 def answers(dataset: Dataset) -> Dataset:
-    """Return a dataset without attributes and without the times it holds: nothing else of two equal runs differs."""
+    """Return a dataset without attributes and times, the only differences between equal runs."""
     return dataset.drop_vars(TIMES, errors="ignore").drop_attrs(deep=False)
 
 
-def at_state(case: Dataset, dim: str, place: int) -> Dataset:
-    """Return one case at a state it records along a dimension, with the numbers of that state instead of its step's.
+def at_state(case: Dataset, dim: str, index: int) -> Dataset:
+    """Return one case at a recorded state, with the numbers of that state in place of those of its step.
 
     Parameters
     ----------
     case : Dataset
-        Of one surface, without dimensions of the case.
+        One surface, without the dimensions of the case.
     dim : str
         ``field_at``, ``density_at``, ``box_at`` or ``flux_at``.
-    place : int
-        Of a state that was reached.
+    index : int
+        Index of a state that was reached.
     """
-    state = case.isel({dim: place})
+    state = case.isel({dim: index})
     state = state.sel(step=int(state[f"{dim}_step"]))
     own = {str(name): str(name).removeprefix(f"{dim}_") for name in state.data_vars if str(name).startswith(f"{dim}_")}
     return state.assign({name: state[stored] for stored, name in own.items() if name in state.data_vars})
@@ -358,7 +358,7 @@ def _is_dim(name: str) -> bool:
 
 
 def _union(labels: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Labels of all cases: numbers sorted, texts in the order in which they come."""
+    """Return the labels of all cases: numbers sorted, texts in the order of the cases."""
     together = np.concatenate(labels)
     if together.dtype.kind in "iuf":
         return np.unique(together)
@@ -374,7 +374,7 @@ def _described(dataset: Dataset) -> Dataset:
 
 
 def _encoding(dataset: Dataset) -> dict[str, dict[str, Any]]:
-    """Return how to store it: counts as integers with a fill value, labels without one, fields compressed."""
+    """Return the encoding: counts as integers with a fill value, labels without one, fields compressed."""
     encoding: dict[str, dict[str, Any]] = {}
     for name in map(str, dataset.variables):
         if name in VARIABLES and VARIABLES[name].kind == "count":
@@ -386,7 +386,7 @@ def _encoding(dataset: Dataset) -> dict[str, dict[str, Any]]:
     return encoding
 
 
-_ALONG = {  # one of the numbers stored of each
+_ALONG = {  # one stored variable of each observable
     "percolation": "percolates_x",
     "constriction": "critical_gap_x",
     "transmissivity": "transmissivity_x",
@@ -398,13 +398,13 @@ _ALONG = {  # one of the numbers stored of each
 
 
 def unreached(results: Dataset) -> dict[str, int]:
-    """Return in how many cases nothing is stored of what is asked for along the steps, since no state was reached."""
+    """Return the number of cases per observable that reached none of its states along the steps."""
     counts = {}
     for name, stored in _ALONG.items():
         if name in results.get("observable", ()):
             asked = results["observable_time"].sel(observable=name).notnull()  # of the cases that are done
             if stored in results:
-                found = results[stored].notnull()
-                asked = asked & ~found.any([dim for dim in found.dims if dim not in asked.dims])
+                reached = results[stored].notnull()
+                asked = asked & ~reached.any([dim for dim in reached.dims if dim not in asked.dims])
             counts[name] = int(asked.sum())
     return {name: count for name, count in counts.items() if count}
