@@ -1,7 +1,7 @@
 """Worker processes of this machine or of a Dask cluster, behind one loop.
 
-Results come back to the caller: only the caller needs the file system of the results. A worker sends messages, ends
-with its parent, and leaves Ctrl-C to it.
+Results come back to the caller, which alone needs the file system of the results. A worker sends messages, ends with
+its parent, and leaves Ctrl-C to it.
 
 Processes are spawned: each starts from a clean interpreter, whatever threads the caller runs. Spawning imports the
 ``__main__`` of the caller again, and a plain script without a ``__name__`` guard would start itself without end. The
@@ -226,10 +226,7 @@ class _Processes:
 
 
 class _Cluster:
-    """Workers of a Dask scheduler, which come and go, with the interface of `_Processes`.
-
-    The task of a dead worker runs again on another.
-    """
+    """Workers of a Dask scheduler, which come and go; the interface is that of `_Processes`."""
 
     fall_together = False
 

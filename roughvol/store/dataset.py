@@ -3,8 +3,7 @@
 Conventions of the stored numbers
 ---------------------------------
 Starred quantities are dimensionless: lengths over Sq, pressure times L/(E* Sq). The unit ``length`` of the table is
-replaced by that of the study, if it has one. Positions x and y are over L: a coarse lattice lies on the nodes of a fine
-one.
+replaced by that of the study, if it has one. Positions x and y are over L.
 
 A surface has the dimensions ``(D, m, seed)``, or ``(case,)`` if its heights come from a file. The table writes ``...``
 for either. A case has these dimensions with length 1. A study is the union of its cases by label. Missing values
@@ -152,19 +151,14 @@ def arrays_of(dataset: Dataset) -> Arrays:
 
 def to_bytes(dataset: Dataset) -> bytes:
     """Return a dataset as a stamped netCDF file, made in memory."""
-    small = "case_id" in dataset.attrs and dataset.nbytes <= SMALL and _fits_int32(dataset)
+    small = "case_id" in dataset.attrs and dataset.nbytes <= SMALL
+    small = small and bool(np.all(dataset.get("seed", 0) < 1 << 31))  # netCDF-3 holds integers of 32 bits
     store = netCDF4.Dataset("memory.nc", "w", format="NETCDF3_64BIT_OFFSET" if small else "NETCDF4", memory=4096)
     try:
         dataset.dump_to_store(NetCDF4DataStore(store), encoding=_encoding(dataset))
     finally:
         content = bytes(store.close())
     return stamped_file.stamped(content, stamped_file.labels_of(dataset.attrs))
-
-
-def _fits_int32(dataset: Dataset) -> bool:
-    """Return whether netCDF-3 can hold the integers; seeds may be larger."""
-    limit = np.iinfo("int32").max
-    return all(np.all(np.abs(v.values) <= limit) for v in dataset.variables.values() if v.dtype.kind == "i")
 
 
 def write(dataset: Dataset, path: Path) -> None:
@@ -190,9 +184,6 @@ def read(path: Path) -> Dataset:
     DatasetError
         If the file is missing, truncated, altered, or was not written by roughvol.
     """
-    if not path.is_file():
-        message = f"no dataset at {path}"
-        raise DatasetError(message)
     content, _ = stamped_file.verified(path)
     try:
         stored = netCDF4.Dataset("memory.nc", memory=content)
@@ -251,8 +242,7 @@ def _decoded(variables: Mapping[str, Any]) -> Arrays:
 
 
 def _check_format(attributes: Mapping[str, str], path: Path) -> None:
-    theirs = attributes.get("format")
-    if theirs != FORMAT:
+    if (theirs := attributes.get("format")) != FORMAT:
         message = f"{path} is no dataset of roughvol: its format is {theirs!r}, not {FORMAT!r}"
         raise DatasetError(message)
 
@@ -366,6 +356,7 @@ def _union(labels: Sequence[NDArray[Any]]) -> NDArray[Any]:
 
 
 def _described(dataset: Dataset) -> Dataset:
+    """Give every variable the units, name and symbol of the table."""
     unit = dataset.attrs.get("length_unit", "length")
     for name, variable in dataset.variables.items():
         row = VARIABLES[str(name)]

@@ -211,6 +211,6 @@ def _parsed(path: Path, text: bytes) -> Labels:
 
 
 def _cannot_read(path: Path, error: OSError) -> DatasetError:
-    if isinstance(error, FileNotFoundError):
+    if isinstance(error, FileNotFoundError | IsADirectoryError):
         return DatasetError(f"no dataset at {path}")
     return DatasetError(f"cannot read {path}: {error.strerror or error}")
