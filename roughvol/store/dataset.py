@@ -13,8 +13,7 @@ for either. A case has these dimensions with length 1. A study is the union of i
 * -1 in the step numbers ``*_step``,
 * False in ``converged``, which is true only where a state was solved *and* met its residual.
 
-The file of a case of up to `SMALL` bytes is netCDF-3, ten times quicker to read than netCDF-4. Larger files are
-netCDF-4, with compressed fields.
+Case files of up to `SMALL` bytes are netCDF-3, quick to read. Larger ones are netCDF-4 with compressed fields.
 """
 
 from __future__ import annotations

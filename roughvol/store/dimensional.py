@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from roughvol.errors import DatasetError, Problem, StudyError
+from roughvol.errors import Problem, StudyError
 from roughvol.store.variables import HEIGHT_POWERS, VARIABLES
 from roughvol.study import Case, GeneratedSurface, Study, convert
 
@@ -52,11 +52,6 @@ def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset
     Returns
     -------
     Dataset
-
-    Raises
-    ------
-    DatasetError
-        If a leak rate is asked for, and cases lack the extent of their region.
     """
     surface = study.surface
     if isinstance(surface, GeneratedSurface) and surface.height is not None:
@@ -110,9 +105,6 @@ def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[t
     leak = wanted.leak_rate
     if leak is None:
         return
-    if "region_aspect" not in results or bool((results["region_aspect"].isnull() & results["Sq"].notnull()).any()):
-        message = "a leak rate needs the extent of the region, which older cases do not hold: compute them with --fresh"
-        raise DatasetError(message)
     gap = results["free_volume"] * sigma * convert(1.0, length_unit, "m")
     plates = gap**3 * (leak.drive / 12.0)
     yield "leak_rate_x", _starred(results, "transmissivity_x") * plates * results["region_aspect"], leak.unit
