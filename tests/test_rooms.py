@@ -30,7 +30,7 @@ FLOORS = (
 )
 ANYWHERE = {"numpy"} | set(sys.stdlib_module_names)
 LIBRARIES = {  # library -> rooms or modules that import it
-    "scipy": ("surfaces", "contact", "observables", "report.claims"),
+    "scipy": ("surfaces", "contact", "observables", "store.dataset", "report.claims"),
     "lazy_loader": ("__init__", *(room for rooms in FLOORS[1:-2] for room in rooms)),
     "pyfftw": ("contact.convolution",),
     "yaml": ("study",),

@@ -1,4 +1,4 @@
-"""The cases of a study that are to be computed: handed to workers, stored as they come back, and told of."""
+"""Cases handed to workers, stored as they come back, with progress reported."""
 
 from __future__ import annotations
 
@@ -12,23 +12,29 @@ from pathlib import Path
 from roughvol._version import __version__
 from roughvol.campaign import limits, resources, workers
 from roughvol.campaign.one_case import HalfSpaces, Stopped, run_case
-from roughvol.campaign.resources import cores
 from roughvol.errors import CampaignError, RoughvolError
-from roughvol.store import dataset, ledger, lock, run_folder, stamped_file
-from roughvol.store.run_folder import case_file, checkpoint_file, failed_file, ledger_file
+from roughvol.store import dataset, lock, run_folder, stamped_file
+from roughvol.store.run_folder import case_file, checkpoint_file, failed_file
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
 
-TOLD_EVERY = 1.0  # seconds between two notes of a run for `status`
+TOLD_EVERY = 1.0  # seconds between two updates of progress.json
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run has come: counts of cases and steps, the share of the work done, and what happened last.
+    """The progress of a run.
 
-    ``work`` runs from 0 to 1 and weighs each step by the expected cost of one at its resolution; ``kept`` are the cases
-    that were found finished. ``event`` is a line about a case that has just ended, or empty; ``notice`` one about what
-    somebody should know: a file set aside, fewer processes than asked for.
+    Attributes
+    ----------
+    cases, kept, done, failed : int
+        Number of cases: all, finished before, finished now, failed now.
+    steps, steps_done : int
+        Number of steps of the cases computed now.
+    work : float
+        Share of the work done, 0 to 1. A step weighs its expected cost.
+    event, notice : str
+        A line on a case that has just ended; a line on the run, as a file set aside. Else empty.
     """
 
     cases: int
@@ -45,13 +51,13 @@ class Progress:
 OnEvent = Callable[[Progress], None]
 
 _Task = tuple[Case, str, int, Path, str | None, Surface | None]
-_held: HalfSpaces = {}  # in a worker process: the half space of its last case
+_held: HalfSpaces = {}  # of a worker process: the half space of its last case
 
 
 def _work(task: _Task, tell: workers.Tell) -> bytes | None:
-    """Return the file of a case; None if it was asked to end early and has kept its steps."""
+    """Return the file of a case, None if it was stopped and has stored its steps."""
     case, text, threads, checkpoint, mark, surface = task
-    # On another machine the path may lead anywhere; what has the same lock is the folder of this run.
+    # On another machine the path may be another folder: the lock is the same only in the folder of this run.
     shared = mark is None or lock.mark(checkpoint.parent.parent) == mark != ""
     try:
         result = run_case(
@@ -70,50 +76,49 @@ def _work(task: _Task, tell: workers.Tell) -> bytes | None:
 
 
 class Batch:
-    """The cases that are computed now: what has become of each, and who is told."""
+    """The cases computed now, and their progress."""
 
     def __init__(
         self,
-        place: Path,
+        folder: Path,
         text: str,
         cases: Sequence[Case],
         kept: int,
         surface: Surface | None,
         on_event: OnEvent | None,
     ) -> None:
-        self._place, self._text, self._kept, self._surface, self._on_event = place, text, kept, surface, on_event
+        self._folder, self._text, self._kept, self._surface, self._on_event = folder, text, kept, surface, on_event
         self._cost = {case.id: _cost(case) for case in cases}
         self._total = sum(self._cost.values())
         self._cases = sorted(cases, key=lambda case: -self._cost[case.id])  # the longest first
         self._steps = {case.id: case.sweep.steps for case in cases}
         self._all_steps = sum(self._steps.values())
-        self._reached: dict[str, int] = {}  # of those that run
-        self._work, self._steps_done = 0.0, 0  # of those that have ended
-        self._done = 0
+        self._reached: dict[str, int] = {}  # steps of the cases at work
+        self._work, self._steps_done, self._done = 0.0, 0, 0  # of the cases that have ended
         self._failures: dict[str, BaseException] = {}
-        self._others: list[str] = []  # versions of workers that are not ours
-        self._started = self._told = time.monotonic()
+        self._versions = {__version__}  # of this process and of the workers
+        self._started = self._noted = time.monotonic()
 
     def through(self, jobs: int | None, scheduler: str | None, stopping: Callable[[], bool]) -> None:
-        """Compute them all.
+        """Compute all cases.
 
         Raises
         ------
         CampaignError
-            If some failed.
+            If cases failed.
         KeyboardInterrupt
             If it was stopped before the end.
         """
-        jobs = jobs or cores()
+        jobs = jobs or resources.cores()
         self._tell()
         self._note(at_once=True)
         processes = min(jobs, len(self._cases))
         if scheduler is None:
             processes = self._limited(processes)
-        threads = 1 if scheduler else max(1, jobs // processes)  # cores left over work inside the convolutions
-        place, mark = self._place.resolve(), lock.mark(self._place) if scheduler else None
+        threads = 1 if scheduler else max(1, jobs // processes)  # other cores work inside the convolutions
+        folder, mark = self._folder.resolve(), lock.mark(self._folder) if scheduler else None
         tasks: list[_Task] = [
-            (case, self._text, threads, checkpoint_file(place, case.id), mark, self._surface) for case in self._cases
+            (case, self._text, threads, checkpoint_file(folder, case.id), mark, self._surface) for case in self._cases
         ]
         try:
             workers.each(
@@ -127,7 +132,7 @@ class Batch:
                 scheduler=scheduler,
             )
         finally:
-            stamped_file.remove_leftovers(self._place / "cases")
+            stamped_file.remove_leftovers(self._folder / "cases")
         if self._done + len(self._failures) < len(tasks):
             raise KeyboardInterrupt
         if self._failures:
@@ -135,7 +140,7 @@ class Batch:
             raise error from BaseExceptionGroup("failed", list(self._failures.values()))
 
     def _limited(self, jobs: int) -> int:
-        """Return how many processes the memory allows, and say so where that is fewer."""
+        """Return the number of processes that memory allows, with a notice if it is smaller."""
         shape = self._surface.shape if self._surface else None
         needs = [resources.memory_of(case, resources.nodes_of(case, shape)) for case in self._cases]
         fitting, sentence = resources.limited(jobs, needs, resources.available_memory())
@@ -159,20 +164,7 @@ class Batch:
             return
         self._reached.pop(case.id, None)
         if result is not None:
-            _, found = stamped_file.unstamped(result, case_file(self._place, case.id))
-            version = found.get("version", "")
-            if why := run_folder.mismatch(case_file(self._place, case.id), found, case):
-                message = f"a worker has roughvol {version}, whose answers are of another format: {why}"
-                error = CampaignError(message)
-            else:
-                if version not in (__version__, *self._others):
-                    self._others.append(version)
-                    self._tell(notice=f"a worker has roughvol {version}, here is {__version__}: answers of one format")
-                stamped_file.store(case_file(self._place, case.id), result)
-                ledger.add(ledger_file(self._place), case.id, case_file(self._place, case.id), version)
-                for path in (failed_file(self._place, case.id), checkpoint_file(self._place, case.id)):
-                    with contextlib.suppress(OSError):
-                        path.unlink(missing_ok=True)
+            error = self._stored(case, result)
         self._work += self._cost[case.id]
         if error is None:
             self._done += 1
@@ -180,15 +172,34 @@ class Batch:
             self._tell(f"{case.label}: done")
         else:
             self._failures[case.id] = error
-            run_folder.record_failure(self._place, case.id, _text(error), type(error).__name__)
+            run_folder.record_failure(self._folder, case.id, _text(error), type(error).__name__)
             self._tell(f"{case.label}: FAILED, {_text(error)}")
         self._note()
 
+    def _stored(self, case: Case, result: bytes) -> CampaignError | None:
+        """Store the file of a case, and return an error if its answers are of another format."""
+        path = case_file(self._folder, case.id)
+        _, labels = stamped_file.unstamped(result, path)
+        version = labels.get("version", "")
+        if fault := run_folder.mismatch(path, labels, run_folder.labels_for(case)):
+            message = f"a worker has roughvol {version}, whose answers are of another format: {fault}"
+            return CampaignError(message)
+        if version not in self._versions:
+            self._versions.add(version)
+            self._tell(notice=f"a worker has roughvol {version}, here is {__version__}: answers of one format")
+        stamped_file.store(path, result)
+        for old in (failed_file(self._folder, case.id), checkpoint_file(self._folder, case.id)):
+            with contextlib.suppress(OSError):
+                old.unlink(missing_ok=True)
+        return None
+
     def _share(self) -> float:
+        """Return the share of the work done, 0 to 1."""
         under_way = sum(self._cost[id] * step / max(self._steps[id], 1) for id, step in self._reached.items())
         return (self._work + under_way) / self._total
 
     def _tell(self, event: str = "", notice: str = "") -> None:
+        """Report the progress to the caller of the run."""
         if self._on_event is None:
             return
         progress = Progress(
@@ -205,22 +216,22 @@ class Batch:
         self._on_event(progress)
 
     def _note(self, *, at_once: bool = False) -> None:
-        """Leave a note for `status` now and then."""
+        """Update progress.json if the last update is old enough."""
         now = time.monotonic()
-        if at_once or now - self._told >= TOLD_EVERY:
-            self._told, share = now, self._share()
+        if at_once or now - self._noted >= TOLD_EVERY:
+            self._noted, share = now, self._share()
             left = (now - self._started) * (1.0 - share) / share if share > 0.0 else None
-            run_folder.note(self._place, {"running": list(self._reached), "left": left})
+            run_folder.note(self._folder, {"running": list(self._reached), "left": left})
 
 
 def _cost(case: Case) -> float:
-    """Relative cost: N² log N a convolution, and about as many convolutions a step at every resolution."""
+    """Return the relative cost: N² log N a convolution, the same number of convolutions per step at every m."""
     nodes = 2.0 ** (case.m or 8) + 1.0
     return nodes**2 * math.log(nodes) * max(case.sweep.steps, 1)
 
 
 def _campaign_error(failures: Mapping[str, BaseException], cases: int) -> CampaignError:
-    """Name every case that failed."""
+    """Return an error that names every failed case."""
     lines = [f"{id}: {_text(error)}" for id, error in failures.items()]
     others = "" if len(failures) == cases else "; the others are kept"
     return CampaignError("\n".join([f"{len(failures)} of {cases} cases failed{others}", *lines]))

@@ -1,4 +1,4 @@
-"""Checks of a study before anything is computed: its files, its size, and where it leaves the model."""
+"""Checks of a study before a run: its files, its size, and the limits of the model."""
 
 from __future__ import annotations
 
@@ -10,27 +10,35 @@ from pathlib import Path
 
 from roughvol.campaign import cost, resources, validity, workers
 from roughvol.campaign.one_case import surface_of
-from roughvol.campaign.resources import cores
 from roughvol.errors import DatasetError
 from roughvol.observables import regions
-from roughvol.store import dimensional, ledger
+from roughvol.store import dimensional, run_folder
 from roughvol.study import Case, GeneratedSurface, Study
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
+LOOKED_AT = 10  # largest m of a surface made for its slope alone
+READ_HERE = (".npy", ".npz", ".txt", ".csv", ".xyz", ".asc")  # their readers do not crash
+READ_SECONDS, READ_RATE = 60.0, 1e6  # time allowed to read a file: seconds, and bytes per further second
+
 
 def check_surfaces(study: Study) -> Surface | None:
-    """Read the height files of a study once, so that a bad one is known before anything is computed or written.
+    """Read the height files of a study once, before anything is computed or written.
 
-    Libraries in C read netCDF and the formats of instruments. A damaged file may crash them or keep them for ever, so
-    they read in a process of their own first, for a limited time.
+    Libraries in C read netCDF and the formats of instruments. A damaged file may crash or hang them. They read in a
+    process of their own, for a limited time.
+
+    Returns
+    -------
+    Surface or None
+        The surface from the height file; None for generated surfaces.
 
     Raises
     ------
     SurfaceError, DatasetError
-        If its heights are not a surface, or cannot be read.
+        If the heights cannot be read, or are not a surface.
     StudyError
-        If the study wants lengths in units that nothing tells, or regions that hold too few elements.
+        If the study asks for units it does not define, or for regions of too few elements.
     """
     given = study.surface
     if isinstance(given, GeneratedSurface):
@@ -52,15 +60,19 @@ def check_surfaces(study: Study) -> Surface | None:
 
 
 def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Finding]:
-    """Return where a study will leave the model, as far as that is known before anything is computed.
+    """Return the limits of the model that a study will exceed, as far as known before a run.
 
     Parameters
     ----------
     study : Study
         The study.
     surface : Surface, optional
-        The surface from its height file, as `check_surfaces` returns it; read if not given. Of generated surfaces the
-        roughest is made, that of the first seed, and at most at m = `LOOKED_AT`: its slope only grows with m.
+        The surface from its height file, as `check_surfaces` returns it. Default: read here.
+
+    Returns
+    -------
+    list of Finding
+        Of generated surfaces, the roughest of the first seed is judged, at m ≤ `LOOKED_AT`: its slope grows with m.
     """
     case, given = study.cases()[0], study.surface
     held = validity.setting(study)
@@ -79,15 +91,9 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
     )
 
 
-LOOKED_AT = 10  # m up to which a surface is made for its slope alone; 1025² takes a tenth of a second
-READ_HERE = (".npy", ".npz", ".txt", ".csv", ".xyz", ".asc")  # by code that does not crash
-READ_SECONDS = 60.0  # a file may take so long to be read, and
-READ_RATE = 1e6  # a second more for so many bytes
-
-
 def _read_apart(study: Study, files: Sequence[Path]) -> Surface:
-    """Return the surface of a study, read in a process of its own within a limited time."""
-    ended: list[tuple[Surface, BaseException | None]] = []
+    """Return the surface of a study, read in a process of its own for a limited time."""
+    results: list[tuple[Surface, BaseException | None]] = []
     names, began = " or ".join(map(str, files)), time.monotonic()
     allowed = READ_SECONDS + sum(file.stat().st_size for file in files) / READ_RATE
 
@@ -102,10 +108,10 @@ def _read_apart(study: Study, files: Sequence[Path]) -> Surface:
         [study],
         jobs=1,
         on_message=lambda message: None,
-        on_end=lambda task, surface, error: ended.append((surface, error)),
+        on_end=lambda task, surface, error: results.append((surface, error)),
         stopping=late,
     )
-    surface, error = ended[0]
+    surface, error = results[0]
     if isinstance(error, workers.Lost):
         message = f"{names}: cannot be read: the library for this format crashes on it, it is damaged"
         raise DatasetError(message) from error
@@ -119,7 +125,7 @@ def _read(study: Study, tell: workers.Tell) -> Surface:
 
 
 def check_fits(
-    place: Path,
+    folder: Path,
     cases: Mapping[str, Case],
     shape: tuple[int, int] | None,
     *,
@@ -127,18 +133,18 @@ def check_fits(
     wanted: Collection[str],
     here: bool,
 ) -> None:
-    """Refuse to begin what this machine cannot hold, by the cases that have no file yet."""
-    there = ledger.files(place / "cases", ".nc")
-    left = [case for id, case in cases.items() if id in wanted and (id in fresh or id not in there)]
+    """Refuse a run whose missing cases exceed memory or disk, see `resources.check_fits`."""
+    stored = run_folder.stored_ids(folder)
+    left = [case for id, case in cases.items() if id in wanted and (id in fresh or id not in stored)]
     if not left:
         return
     nodes = [resources.nodes_of(case, shape) for case in left]
     disk = sum(resources.disk_of(case, n) for case, n in zip(left, nodes, strict=True))
     disk += sum(resources.disk_of(case, resources.nodes_of(case, shape)) for case in cases.values())  # study.nc
-    resources.check_fits(left, nodes, disk, place, here=here)
+    resources.check_fits(left, nodes, disk, folder, here=here)
 
 
 def slow(cases: Sequence[Case], shape: tuple[int, int] | None, jobs: int | None) -> list[str]:
-    """Return a warning if it will take very long."""
-    told = cost.warning_of(cases, [resources.nodes_of(case, shape) for case in cases], jobs or cores())
-    return [f"warning: {told}"] if told else []
+    """Return a warning if the run will take very long."""
+    warning = cost.warning_of(cases, [resources.nodes_of(case, shape) for case in cases], jobs or resources.cores())
+    return [f"warning: {warning}"] if warning else []

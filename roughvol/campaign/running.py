@@ -1,14 +1,14 @@
 """Campaigns: all cases of a study in many processes, resumable, each stored as soon as it is finished.
 
-A study lands in one folder (see `folder`). A case is done if every bit of its file is as it was written and its stamp
-says it is ours; what else lies under its name is set aside, neither trusted nor merged. Values do not depend on where
-or by how many processes they are computed: a case is always solved in a process of its own kind, its sums by one
-thread, and nothing that can change an answer passes from one case to the next.
+The results of a study lie in one folder (see `run_folder`). A case is done if every bit of its file is as written and
+its stamp names this case. Other files under its name are set aside, never trusted or merged. Values depend neither on
+the machine nor on the number of processes: one thread sums, and no state that changes an answer passes between cases.
 """
 
 from __future__ import annotations
 
 import contextlib
+import os
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
@@ -19,12 +19,12 @@ from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
 from roughvol.campaign.one_case import FFT
 from roughvol.errors import CampaignError, DatasetError, FolderError
-from roughvol.store import collection, dataset, dimensional, ledger, lock, run_folder, same_study, stamped_file
+from roughvol.store import dataset, dimensional, lock, run_folder, same_study, stamped_file
 from roughvol.store.dataset import Arrays, Dataset
-from roughvol.store.run_folder import case_file, checkpoint_file, folder_of, ledger_file
+from roughvol.store.run_folder import case_file, checkpoint_file, folder_of
 from roughvol.study import Case, Study, load
 
-NAMED = 10  # files set aside that are told of one by one
+NAMED = 10  # notices of files set aside, before the rest is only counted
 
 
 def run(
@@ -38,49 +38,48 @@ def run(
     stopping: Callable[[], bool] = lambda: False,
     only: Collection[str] | None = None,
 ) -> Dataset:
-    """Run every case of a study that is not done yet, store each when it is finished, and return them all together.
+    """Compute the missing cases of a study, store each when it is finished, and return all of them.
 
     Parameters
     ----------
     study : Study or path of a study file
-        What to compute.
+        The study.
     out : path, optional
-        Folder of the results; ``runs/<name of the study>`` if not given.
+        Folder of the results. Default: ``runs/<name of the study>``.
     jobs : int, optional
-        Number of processes, ≥ 1; all cores if not given, fewer if the memory does not suffice. It changes no value.
+        Number of processes, ≥ 1. Default: all cores, fewer if memory is short. It changes no value.
     fresh : bool
-        Compute every case anew, also those that are done, also in the folder of another study.
+        Compute every case anew, also in the folder of another study.
     on_event : callable, optional
-        Called with a `Progress` when something has moved.
+        Called with a `Progress` at every change.
     scheduler : str, optional
-        Address of a Dask scheduler whose workers compute instead of processes here.
+        Address of a Dask scheduler, whose workers compute instead of processes here.
     stopping : callable, optional
-        Asked now and then; once it is true, the cases begun are finished and the run ends with KeyboardInterrupt.
+        Polled during the run. Once it is true, cases begun are finished, and the run ends with KeyboardInterrupt.
     only : collection of str, optional
-        Ids of the cases to compute; the others are left for another run.
+        Ids of the cases to compute. Default: all.
 
     Returns
     -------
     Dataset
-        All cases that are done, as stored in ``study.nc``.
+        The finished cases, as stored in ``study.nc``.
 
     Raises
     ------
     StudyError, SurfaceError
-        If the study or its height file cannot be used; then nothing has been computed.
+        If the study or its height file cannot be used. Nothing has been computed.
     FolderError
-        If the folder is in use, holds another study, or cannot be written (any more); what is finished stays.
+        If the folder is in use, holds another study, or cannot be written. Finished cases stay.
     ResourceError
-        If a case needs more memory than this machine has, or the files more disk; then nothing has been computed.
+        If a case needs more memory, or the files more disk, than there is. Nothing has been computed.
     CampaignError
-        If cases failed (the others are stored, and the next run computes only what is missing), or ``only`` names what
-        is no case of the study.
+        If cases failed (the others are stored), or ``only`` names no case of the study.
     """
     study = study if isinstance(study, Study) else load(study)
     if scheduler is not None:
         workers.check_address(scheduler)
     surface = check_surfaces(study)
-    place, cases, text = folder_of(study, out), _cases(study), study.stored()
+    folder, cases, text = folder_of(study, out), _cases(study), study.stored()
     if jobs is not None and jobs < 1:
         message = f"jobs is {jobs}; allowed: 1 or more"
         raise CampaignError(message)
@@ -89,15 +88,15 @@ def run(
         raise CampaignError(message)
     wanted = cases.keys() if only is None else cases.keys() & set(only)
     shape = surface.shape if surface is not None else None
-    check_fits(place, cases, shape, fresh=wanted if fresh else (), wanted=wanted, here=scheduler is None)
-    with lock.opened(place):
-        another = same_study.another_study(place, study, cases)
+    check_fits(folder, cases, shape, fresh=wanted if fresh else (), wanted=wanted, here=scheduler is None)
+    with lock.opened(folder):
+        another = same_study.another_study(folder, study, cases)
         if another and not fresh:
             raise FolderError(another)
-        stamped_file.store(place / "study.yaml", text.encode())
-        notices, absent = _sorted_out(place, cases, fresh=wanted if fresh else (), another=another is not None)
-        left = {case.id for case in absent} - wanted
+        stamped_file.store(folder / "study.yaml", text.encode())
+        notices, absent = _sorted_out(folder, cases, fresh=wanted if fresh else (), another=another is not None)
         missing = [case for case in absent if case.id in wanted]
+        left = {case.id for case in absent} - wanted
         cases = {id: case for id, case in cases.items() if id not in left}
         kept = len(cases) - len(missing)
         if scheduler is None and missing:
@@ -106,27 +105,27 @@ def run(
             for notice in notices:
                 on_event(Progress(cases=len(cases), kept=kept, notice=notice))
         if missing:
-            Batch(place, text, missing, kept, surface, on_event).through(jobs, scheduler, stopping)
+            Batch(folder, text, missing, kept, surface, on_event).through(jobs, scheduler, stopping)
         elif on_event is not None:
             on_event(Progress(cases=len(cases), kept=len(cases), work=1.0))
-        return _collected(place, cases, study, stopping)
+        return _collected(folder, cases, study, stopping)
 
 
 def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset:
-    """Return the cases that are done as one dataset, also of a run that is not finished; nothing is written.
+    """Return the finished cases as one dataset, also of an unfinished run; nothing is written.
 
-    A file that is not sound is left out, and told of by `status` or the next run.
+    Damaged files are left out. `status` and the next run report them.
 
     Raises
     ------
     DatasetError
-        If no case is done.
+        If no case is finished.
     """
     study = study if isinstance(study, Study) else load(study)
-    place, cases = folder_of(study, out), _cases(study)
-    parts, _, versions = collection.sound_parts(place, cases)
+    folder, cases = folder_of(study, out), _cases(study)
+    parts, _, versions = _finished(folder, cases)
     if not parts:
-        message = f"no case of {study.name} is finished in {place}"
+        message = f"no case of {study.name} is finished in {folder}"
         raise DatasetError(message)
     return _combined(parts, cases, study, versions)
 
@@ -136,102 +135,138 @@ def _cases(study: Study) -> dict[str, Case]:
 
 
 def _sorted_out(
-    place: Path, cases: Mapping[str, Case], *, fresh: Collection[str], another: bool
+    folder: Path, cases: Mapping[str, Case], *, fresh: Collection[str], another: bool
 ) -> tuple[list[str], list[Case]]:
-    """Set aside what is not sound or not ours; return what to tell of it, and the cases to compute.
+    """Set aside unusable files; return notices, and the cases to compute.
 
-    Sound files of cases that this study leaves out stay where they are, unless the folder held another study.
+    Sound files of cases outside this study stay, unless the folder held another study.
     """
-    stamped_file.remove_leftovers(place / "cases")
-    stamped_file.remove_leftovers(place)
-    strange, old = run_folder.strangers(place, cases), run_folder.outdated(place, cases)
-    bad = {case_file(place, id): f"{why}; its case is computed anew" for id, why in old.items()}
+    stamped_file.remove_leftovers(folder / "cases")
+    stamped_file.remove_leftovers(folder)
+    stored, strange = run_folder.stored_ids(folder), run_folder.strangers(folder, cases)
+    outdated, bad = run_folder.outdated(folder, cases), dict[Path, str]()
     if another:
-        bad |= {case_file(place, id): f"{case_file(place, id)} is no case of this study" for id in strange}
-    there = ledger.files(place / "cases", ".nc")
-    missing, sound = [], {}
+        paths = [case_file(folder, id) for id in strange if id not in outdated]
+        bad = {path: f"{path} is no case of this study" for path in paths}
+    missing, finished = [], set()
     versions: Counter[str] = Counter()
     for id, case in cases.items():
-        if id not in there or id in fresh:
+        if id not in stored or id in fresh:
             missing.append(case)
             continue
-        path = case_file(place, id)
-        found = run_folder.examined(path, case, whole=True)
-        if found.why is None:
-            sound[id] = ledger.Entry(there[id], found.version)
-            versions[found.version] += 1
+        file = run_folder.examined(case_file(folder, id), case)
+        if file.fault is None:
+            finished.add(id)
+            versions[file.version] += 1
             continue
         missing.append(case)
-        bad[path] = f"{found.why}; it is computed {'anew' if found.outdated else 'again'}"
-    together = place / "study.nc"
+        bad[case_file(folder, id)] = f"{file.fault}; it is computed {'anew' if file.outdated else 'again'}"
+    together = folder / "study.nc"
     if together.exists():
         try:
             stamped_file.verified(together)
         except DatasetError as error:
             bad[together] = f"{error}; it is made again from the cases"
-    notices = [f"set aside: {why} (now {run_folder.set_aside(path, why)})" for path, why in bad.items()]
-    if missing:
-        versions[__version__] += len(missing)
+    notices = _of_older_answers(folder, outdated)
+    notices += _few([f"set aside: {why} (now {run_folder.set_aside(path, why)})" for path, why in bad.items()], folder)
     try:
         if missing:
             together.unlink(missing_ok=True)  # it would not belong to the cases beside it
-        for path in (place / "cases").glob(".*.checkpoint"):
-            if path.name.removeprefix(".").removesuffix(".checkpoint") in sound:  # of a worker that did not know
+        for path in (folder / "cases").glob(".*.checkpoint"):
+            if path.name.removeprefix(".").removesuffix(".checkpoint") in finished:
                 path.unlink(missing_ok=True)
-        for case in (case for case in missing if case.id in fresh):
-            for path in (case_file(place, case.id), checkpoint_file(place, case.id)):
+        for id in fresh:
+            for path in (case_file(folder, id), checkpoint_file(folder, id)):
                 path.unlink(missing_ok=True)
     except OSError as error:
-        raise stamped_file.cannot_write(place, error) from error
-    ledger.write(ledger_file(place), sound)
-    told = _few(notices, place)
-    if left := [id for id in strange if case_file(place, id) not in bad]:
-        told.append(f"{place / 'cases'} keeps files of cases that are not of this study: {len(left)}")
+        raise stamped_file.cannot_write(folder, error) from error
+    if left := [id for id in strange if id not in outdated and case_file(folder, id) not in bad]:
+        notices.append(f"{folder / 'cases'} keeps files of cases that are not of this study: {len(left)}")
+    if missing:
+        versions[__version__] += len(missing)
     if several := run_folder.versions_text(versions):
-        told.append(several)
-    return told, missing
+        notices.append(several)
+    return notices, missing
 
 
-def _few(notices: list[str], place: Path) -> list[str]:
+def _of_older_answers(folder: Path, outdated: Mapping[str, str]) -> list[str]:
+    """Set aside the files of another format, and return one notice for each format."""
+    for id, reason in outdated.items():
+        path = case_file(folder, id)
+        run_folder.set_aside(path, f"{path} was {reason}; its case is computed anew")
+    return [
+        f"set aside: {count} case files {reason}; their cases are computed anew (now in {folder}/cases/set_aside)"
+        for reason, count in Counter(outdated.values()).items()
+    ]
+
+
+def _few(notices: list[str], folder: Path) -> list[str]:
+    """Return the first notices and the number of the others."""
     if len(notices) <= NAMED + 1:
         return notices
-    more = f"set aside: {len(notices) - NAMED} more, each with its reason beside it in {place / 'cases' / 'set_aside'}"
+    more = f"set aside: {len(notices) - NAMED} more, each with its reason beside it in {folder / 'cases' / 'set_aside'}"
     return [*notices[:NAMED], more]
 
 
-def _collected(place: Path, cases: Mapping[str, Case], study: Study, stopping: Callable[[], bool]) -> Dataset:
-    path = place / "study.nc"
-    with contextlib.suppress(DatasetError):
+def _collected(folder: Path, cases: Mapping[str, Case], study: Study, stopping: Callable[[], bool]) -> Dataset:
+    """Return ``study.nc``, made from the cases unless it is up to date."""
+    path = folder / "study.nc"
+    with contextlib.suppress(DatasetError, OSError):
         stored = dataset.read(path)
-        same = stored.attrs.get("study") == study.stored() and stored.attrs.get("case_ids") == dataset.ids_text(cases)
-        if same and "warnings" in stored.attrs:  # which files of older versions lack
-            stamped_file.touch(path)  # newer than the study file, for make
+        if stored.attrs.get("study") == study.stored() and stored.attrs.get("case_ids") == dataset.ids_text(cases):
+            os.utime(path)  # newer than the study file, for make
             return stored
-    parts, bad, versions = collection.sound_parts(place, cases, stopping)
-    absent = [f"{case_file(place, id)} has vanished" for id in cases if id not in parts and id not in bad]
-    if absent or bad:
-        message = "\n".join([*bad.values(), *absent])
+    parts, faults, versions = _finished(folder, cases, stopping)
+    absent = [f"{case_file(folder, id)} has vanished" for id in cases if id not in parts and id not in faults]
+    if absent or faults:
+        message = "\n".join([*faults.values(), *absent])
         raise DatasetError(message)
     dataset.write(_combined(parts, cases, study, versions), path)
     return dataset.read(path)
 
 
+def _finished(
+    folder: Path, cases: Mapping[str, Case], stopping: Callable[[], bool] = lambda: False
+) -> tuple[dict[str, Arrays], dict[str, str], dict[str, int]]:
+    """Return the finished cases by id, the faults of unusable files by id, and the number of cases by version."""
+    parts: dict[str, Arrays] = {}
+    faults: dict[str, str] = {}
+    versions: Counter[str] = Counter()
+    for id, case in cases.items():
+        if stopping():
+            raise KeyboardInterrupt
+        path = case_file(folder, id)
+        try:
+            arrays, labels = dataset.read_arrays(path)
+        except DatasetError as error:
+            if path.exists():
+                faults[id] = str(error)
+            continue
+        fault = run_folder.mismatch(path, labels, run_folder.labels_for(case))
+        if fault is None:
+            parts[id] = arrays
+            versions[labels.get("version", "")] += 1
+        else:
+            faults[id] = fault
+    return parts, faults, dict(versions)
+
+
 def _combined(
     parts: Mapping[str, Arrays], cases: Mapping[str, Case], study: Study, versions: Mapping[str, int]
 ) -> Dataset:
-    one = next(iter(cases.values()))
-    unit, region = one.length_unit, one.record.region
+    """Return the dataset of a study with its provenance, dimensional values and warnings."""
+    case = next(iter(cases.values()))
     attributes = dataset.provenance(
         study.stored(),
         fft=FFT,
         ids=parts,
-        region=region,
-        length_unit=unit,
-        bodies=one.bodies,
+        region=case.record.region,
+        length_unit=case.length_unit,
+        bodies=case.bodies,
         versions=versions,
     )
-    if one.surface_text:
-        attributes["surface"] = one.surface_text
-    results = dimensional.in_units(dataset.combine(list(parts.values()), attributes), study, unit)
-    found = validity.after(validity.setting(study), results)
-    return results.assign_attrs(warnings="\n".join(validity.sentences(found, one.notes)))
+    if case.surface_text:
+        attributes["surface"] = case.surface_text
+    results = dimensional.in_units(dataset.combine(list(parts.values()), attributes), study, case.length_unit)
+    findings = validity.after(validity.setting(study), results)
+    return results.assign_attrs(warnings="\n".join(validity.sentences(findings, case.notes)))

@@ -70,9 +70,9 @@ def text(surface: Surface, case: Case, cases: int = 1) -> str:
         said.append(f"{count} taken out; z_max/Sq was {surface.peak_before:.3g} and is {surface.peak:.3g}")
     steps = treatment.steps(case.treatment, case.length_unit)
     said += [f"step {number}: {step}" for number, step in enumerate(steps, 1)]
-    if case.against is not None:
-        turned = f", its axis {case.against.mirror} reversed" * (case.against.mirror != "none")
-        said.append(f"heights of {case.against.file.name} added{turned}")
+    for body in case.bodies[1:]:
+        turned = f", its axis {body.mirror} reversed" * (body.mirror != "none")
+        said.append(f"heights of {body.file.name} added{turned}")
     first, *others = said
     return "\n".join([f"# {first}", *(f"#         {line}" for line in others)])
 

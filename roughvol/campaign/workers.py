@@ -1,11 +1,11 @@
-"""Workers for long computations, processes of this machine or of a Dask cluster, behind one loop.
+"""Worker processes of this machine or of a Dask cluster, behind one loop.
 
-A worker reports, leaves with its parent, and leaves Ctrl-C to it. What a task returns comes back to the caller, so that
-nothing but the caller needs the file system of the results.
+Results come back to the caller, which alone needs the file system of the results. A worker sends messages, ends with
+its parent, and leaves Ctrl-C to it.
 
-The processes are spawned, so that each starts from a clean interpreter whatever threads the caller runs. Spawning would
-import the caller's ``__main__`` again, which makes a plain script without a ``__name__`` guard start itself over and
-over; the functions run here come from importable modules, so ``__main__`` is kept out of it.
+Processes are spawned: each starts from a clean interpreter, whatever threads the caller runs. Spawning imports the
+``__main__`` of the caller again, and a plain script without a ``__name__`` guard would start itself without end. The
+functions run here come from importable modules, so ``__main__`` is hidden while a process starts.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool as Lost
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from roughvol.errors import CampaignError
 
@@ -36,67 +36,34 @@ Task = TypeVar("Task")
 Tell = Callable[[Any], None]
 
 POLL = 0.1  # seconds between two looks at the messages
-REPORT_EVERY = 0.2  # seconds between two messages of one process: five a second are more than an eye needs
+REPORT_EVERY = 0.2  # seconds between two messages of one task
 LIVES = 2  # processes that may die of a task before it is given up
 CONNECT = 30  # seconds to reach a scheduler
-GONE = 300.0  # seconds that a scheduler may be without any worker, once it has had one
+GONE = 300.0  # seconds without any worker before a scheduler is given up, once it has had one
+COUNT_EVERY = 1.0  # seconds between two questions to a scheduler
 _ADDRESS = re.compile(r"(?:[a-z]+://)?(?:\[[0-9A-Fa-f:.%a-z]+\]|[^\s/:\[\]]+):(?P<port>[0-9]{1,5})/?")
-COUNT_EVERY = 1.0  # seconds between two questions to a scheduler: how many workers, whether to stop
 
-_messages: Any = None  # the way to the parent, set once when a worker starts
-_stop: Any = None  # set by the parent when the tasks begun are to end early, if they can
-_one_at_a_time = threading.Lock()  # a Dask worker may run threads; neither netCDF nor a half space can be shared
+# Set once in a worker: the way to the parent, and an event that asks the task to end early.
+_messages: Any = None
+_stop: Any = None
+_one_at_a_time = threading.Lock()  # threads of a Dask worker cannot share netCDF or a half space
 
 
 def check_address(scheduler: str) -> None:
-    """Refuse an address that no Dask scheduler can have, before anything is opened.
+    """Refuse an impossible address of a Dask scheduler before a connection is tried.
 
     Raises
     ------
     CampaignError
         Unless it is ``host:port`` or ``protocol://host:port``.
     """
-    found = _ADDRESS.fullmatch(scheduler)
-    if found is None or not 0 < int(found["port"]) < 1 << 16:
+    match = _ADDRESS.fullmatch(scheduler)
+    if match is None or not 0 < int(match["port"]) < 1 << 16:
         message = (
             f"the scheduler's address is {scheduler!r}; "
             "allowed: host:port or protocol://host:port, as in tcp://127.0.0.1:8786"
         )
         raise CampaignError(message)
-
-
-class Pool(Protocol):
-    """Where tasks run; ``fall_together`` if all that are running end with a worker that dies."""
-
-    fall_together: bool
-
-    def width(self) -> int:
-        """Return how many tasks to hand over at once."""
-        ...
-
-    def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
-        """Start a task."""
-        ...
-
-    def messages(self) -> Iterator[Any]:
-        """Yield what tasks have told since the last call."""
-        ...
-
-    def stop(self) -> None:
-        """Ask the tasks begun to end early, if they can."""
-        ...
-
-    def renew(self) -> None:
-        """Replace what died."""
-        ...
-
-    def check(self) -> None:
-        """Raise `CampaignError` if no worker is left that could go on."""
-        ...
-
-    def close(self, *, at_once: bool) -> None:
-        """End the workers, mid-task if it has to be at once."""
-        ...
 
 
 def each(
@@ -110,32 +77,35 @@ def each(
     stopping: Callable[[], bool] = lambda: False,
     scheduler: str | None = None,
 ) -> bool:
-    """Call ``function(task, tell)`` for every task in workers, first task first; return whether all were begun.
+    """Call ``function(task, tell)`` for every task in workers, in order; return whether all were begun.
 
     Parameters
     ----------
     function : callable of an importable module
-        Does one task; what it passes to ``tell`` arrives at ``on_message``, thinned out to a few a second.
+        Does one task. Its messages ``tell(message)`` arrive at ``on_message``, a few per second.
     tasks : sequence
         Picklable.
     jobs : int
-        Number of processes, ≥ 1; on a cluster its workers count.
+        Number of processes, ≥ 1. On a cluster, the number of its workers counts.
     on_begin, on_message, on_end : callable
-        Called here, in the parent: with a task; with a message; with a task, what it returned, its exception or None.
+        Called in this process: with a task; with a message; with a task, its result, and its exception or None.
     stopping : callable
-        Asked now and then; once it is true no further task begins, and those begun are waited for. On a cluster a task
-        that was handed over and not begun comes to ``on_end`` with None.
+        Polled. Once it is true, no further task begins, and those begun are awaited. On a cluster, a task handed over
+        and not begun ends with the result None.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers are used instead of processes of this machine.
+        Address of a Dask scheduler whose workers are used.
 
-    A process that dies costs only its own task: those that ran with it run again, one at a time, to find which it was;
-    a task that has killed `LIVES` processes comes to ``on_end`` with `Lost` (on a cluster: with what Dask says).
+    Notes
+    -----
+    A process that dies costs only its own task. Tasks that ran with it run again, one at a time, to find the one that
+    killed it. A task that has killed `LIVES` processes ends with `Lost`; on a cluster, with the exception of Dask.
 
     Raises
     ------
-    Whatever interrupts it here (Ctrl-C, an exception of a callback); the workers are ended first, mid-task.
+    BaseException
+        Any exception of a callback, and Ctrl-C. The workers are ended first, mid-task.
     """
-    pool: Pool = _Processes(jobs) if scheduler is None else _Cluster(scheduler)
+    pool: _Processes | _Cluster = _Processes(jobs) if scheduler is None else _Cluster(scheduler)
     waiting, suspects = deque(range(len(tasks))), deque[int]()
     deaths: Counter[int] = Counter()
     running: dict[Future[Any], int] = {}
@@ -144,7 +114,7 @@ def each(
     def begin(number: int) -> bool:
         try:
             running[pool.submit(function, tasks[number])] = number
-        except Lost:  # a process has died unseen; what ran with it will say so
+        except Lost:  # a process has died; the tasks that ran with it end with that error
             if running:
                 return False
             pool.renew()
@@ -191,7 +161,7 @@ def each(
 
 
 def _died(future: Future[Any]) -> bool:
-    """Return whether a task ended with its worker; Dask blames all that the worker had at hand."""
+    """Return whether a task ended with its worker. Dask blames every task that the worker held."""
     error = _error(future)
     return isinstance(error, Lost) or type(error).__name__ == "KilledWorker"
 
@@ -199,7 +169,7 @@ def _died(future: Future[Any]) -> bool:
 def _error(future: Future[Any]) -> BaseException | None:
     try:
         return future.exception()
-    except CancelledError as error:  # nobody here cancels: the scheduler is gone
+    except CancelledError as error:  # never cancelled here: the scheduler is gone
         message = "the scheduler is gone; what is finished is kept, run again to go on"
         raise CampaignError(message) from error
 
@@ -207,7 +177,7 @@ def _error(future: Future[Any]) -> BaseException | None:
 class _Processes:
     """Processes of this machine."""
 
-    fall_together = True
+    fall_together = True  # all running tasks end with a worker that dies
 
     def __init__(self, jobs: int) -> None:
         self._jobs, self._context = jobs, multiprocessing.get_context("spawn")
@@ -216,32 +186,38 @@ class _Processes:
         self._pool = self._new()
 
     def _new(self) -> ProcessPoolExecutor:
-        given = (self._queue, self._flag)
-        return ProcessPoolExecutor(self._jobs, mp_context=self._context, initializer=_begin, initargs=given)
+        shared = (self._queue, self._flag)
+        return ProcessPoolExecutor(self._jobs, mp_context=self._context, initializer=_begin, initargs=shared)
 
     def width(self) -> int:
+        """Return the number of tasks to hand over at once."""
         return self._jobs
 
     def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
+        """Start a task."""
         with _without_main(), _interrupts_blocked():
             return self._pool.submit(_call, function, task)
 
     def messages(self) -> Iterator[Any]:
+        """Yield the messages of tasks since the last call."""
         while not self._queue.empty():
             yield self._queue.get()
 
     def stop(self) -> None:
+        """Ask the tasks begun to end early."""
         self._flag.set()
 
     def renew(self) -> None:
+        """Replace dead workers."""
         self._pool.shutdown(wait=True, cancel_futures=True)
-        self._queue = self._context.SimpleQueue()  # one that died while it wrote has left it locked
+        self._queue = self._context.SimpleQueue()  # a process that died while writing has left it locked
         self._pool = self._new()
 
     def check(self) -> None:
-        pass  # one that dies ends its task
+        """Raise `CampaignError` if no worker is left."""
 
     def close(self, *, at_once: bool) -> None:
+        """End the workers, mid-task if at once."""
         if at_once:
             for process in set(multiprocessing.active_children()) - self._others:
                 process.terminate()
@@ -250,7 +226,7 @@ class _Processes:
 
 
 class _Cluster:
-    """Workers of a Dask scheduler; they come and go, and a task whose worker died runs again on another."""
+    """Workers of a Dask scheduler, which come and go; the interface is that of `_Processes`."""
 
     fall_together = False
 
@@ -267,17 +243,17 @@ class _Cluster:
             message = f"no scheduler answers at {address}: {error}"
             raise CampaignError(message) from error
         self._executor = self._client.get_executor(pure=False)
-        self._run = f"roughvol-{uuid.uuid4().hex}"  # what is told goes by this name, and so does the wish to stop
-        self._told: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._client.subscribe_topic(self._run, lambda event: self._told.put(event[1]))
-        self._stop, self._stopping = Event(self._run, client=self._client), False
+        self._run = f"roughvol-{uuid.uuid4().hex}"  # name of the messages, and of the event that stops
+        self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._client.subscribe_topic(self._run, lambda event: self._inbox.put(event[1]))
+        self._stop = Event(self._run, client=self._client)
         self._width, self._threads, self._counted = 1, 0, -math.inf
-        self._last_seen: float | None = None  # None: the first worker may be long in coming, as from a batch system
+        self._last_seen: float | None = None  # of any worker; the first may come late, as from a batch system
 
     def width(self) -> int:
         if time.monotonic() - self._counted > COUNT_EVERY:
             self._threads = sum(self._client.nthreads().values())
-            self._width = max(2 * self._threads, 1)  # one task at work and one at hand
+            self._width = max(2 * self._threads, 1)  # one task at work and one waiting
             self._counted = time.monotonic()
         return self._width
 
@@ -285,14 +261,12 @@ class _Cluster:
         return self._executor.submit(_call_there, function, task, self._run)
 
     def messages(self) -> Iterator[Any]:
-        while not self._told.empty():
-            message = self._told.get()
+        while not self._inbox.empty():
+            message = self._inbox.get()
             yield tuple(message) if isinstance(message, list) else message  # tuples may arrive as lists
 
     def stop(self) -> None:
-        if not self._stopping:
-            self._stop.set()
-            self._stopping = True
+        self._stop.set()
 
     def renew(self) -> None:
         pass
@@ -312,26 +286,26 @@ class _Cluster:
     def close(self, *, at_once: bool) -> None:
         with contextlib.suppress(Exception):
             if at_once:
-                self._stop.set()  # what is still running there shall not run on for nobody
+                self._stop.set()  # running tasks have no one left to report to
             self._executor.shutdown(wait=not at_once)
             self._client.unsubscribe_topic(self._run)
         self._client.close()
 
 
 class _StopThere:
-    """The wish to stop, as a worker of a cluster learns of it: asked for rarely, and not heard if nobody answers."""
+    """The event that stops a task on a cluster: polled rarely, and unset if the scheduler does not answer."""
 
     def __init__(self, run: str) -> None:
         from distributed import Event, get_client
 
-        self._event, self._asked, self._found = Event(run, client=get_client()), -math.inf, False
+        self._event, self._polled, self._set = Event(run, client=get_client()), -math.inf, False
 
     def is_set(self) -> bool:
-        if not self._found and time.monotonic() - self._asked > COUNT_EVERY:
+        if not self._set and time.monotonic() - self._polled > COUNT_EVERY:
             with contextlib.suppress(Exception):
-                self._found = bool(self._event.is_set())
-            self._asked = time.monotonic()
-        return self._found
+                self._set = bool(self._event.is_set())
+            self._polled = time.monotonic()
+        return self._set
 
 
 def _call_there(function: Callable[[Task, Tell], Any], task: Task, run: str) -> Any:
@@ -345,7 +319,7 @@ def _call_there(function: Callable[[Task, Tell], Any], task: Task, run: str) -> 
 
 
 def stop_asked() -> bool:
-    """Return, in a worker, whether its task is to end early if it can."""
+    """Return, in a worker, whether its task is asked to end early."""
     return _stop is not None and bool(_stop.is_set())
 
 
@@ -354,6 +328,7 @@ def _call(function: Callable[[Task, Tell], Any], task: Task) -> Any:
 
 
 def _thinned(tell: Tell) -> Tell:
+    """Return a function that drops messages sent too soon after another."""
     last = 0.0
 
     def rarely(message: Any) -> None:
@@ -366,13 +341,14 @@ def _thinned(tell: Tell) -> Tell:
 
 
 def _begin(messages: Any, stop: Any) -> None:
-    global _messages, _stop  # they can only be handed over when a process starts
+    """Initialise a worker process."""
+    global _messages, _stop  # queues and events pass to a process only at its start
     _messages, _stop = messages, stop
     threading.Thread(target=_leave_with_parent, daemon=True).start()
 
 
 def _leave_with_parent() -> None:
-    """End this process as soon as its parent is gone: a killed run would leave it waiting for tasks forever."""
+    """End this process with its parent: after a kill it would wait for tasks forever."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -381,6 +357,7 @@ def _leave_with_parent() -> None:
 
 @contextlib.contextmanager
 def _without_main() -> Iterator[None]:
+    """Hide ``__main__`` while a process starts."""
     main = sys.modules["__main__"]
     sys.modules["__main__"] = types.ModuleType("__main__")
     try:
@@ -391,7 +368,7 @@ def _without_main() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _interrupts_blocked() -> Iterator[None]:
-    """Start processes that never see Ctrl-C (they inherit the mask); one that comes meanwhile reaches us afterwards."""
+    """Block Ctrl-C while a process starts: it inherits the mask. Here, Ctrl-C arrives afterwards."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -404,9 +381,9 @@ def _interrupts_blocked() -> Iterator[None]:
 
 @contextlib.contextmanager
 def first_interrupt(tell: Callable[[], None]) -> Iterator[Callable[[], bool]]:
-    """Give a question whether Ctrl-C has been pressed once, of which ``tell`` is told; the second ends all at once."""
+    """Yield a function that returns whether Ctrl-C was pressed. The first calls ``tell``, the second interrupts."""
     asked = threading.Event()
-    if threading.current_thread() is not threading.main_thread():  # only there can signals be caught
+    if threading.current_thread() is not threading.main_thread():  # signals arrive only there
         yield asked.is_set
         return
 

@@ -1,4 +1,4 @@
-"""What lies on disk: labelled datasets, the files of cases, and the folder of a run.
+"""Files on disk: labelled datasets, the files of cases, and the folder of a run.
 
 Room of the store. It computes nothing.
 
@@ -7,15 +7,12 @@ Room of the store. It computes nothing.
 `tradeoff_variables`   the table of a stored trade-off
 `dataset`              build, write, read and combine datasets
 `dimensional`          starred numbers in the units of the study
-`run_folder`           the files of a run, and what each has come to
+`run_folder`           the files of a run: names, labels, failures
 `lock`                 one process at a time in a folder
 `same_study`           whether a folder holds the results of a study
 `run_status`           finished, missing, failed and damaged cases
-`collection`           the finished cases, read and verified
 `checkpoint`           the finished steps of a long sweep
-`ledger`               sizes and times of the finished files
 `stamped_file`         files that are whole or absent, with a checksum
-`columns`              small arrays as bytes, quick to read
 =====================  =============================================================
 """
 

@@ -1,8 +1,7 @@
-"""The finished steps of a long sweep on disk, so that a case that is killed goes on from there, bit for bit.
+"""The finished steps of a long sweep on disk: a killed case goes on from there, bit for bit.
 
-What is kept is plain data and arrays: nested mappings and lists are JSON in which ``{"array": k}`` stands for
-the k-th array; the arrays follow in one npz. Nothing is ever pickled. A checkpoint that is damaged, or of another case,
-is as good as none.
+A checkpoint is one npz of arrays and a JSON text. In the text, ``{"array": k}`` refers to the k-th array. Nothing is
+pickled. A checkpoint that is damaged or of another case is ignored.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ from roughvol.errors import DatasetError
 from roughvol.store import stamped_file
 from roughvol.study import Case
 
-EVERY = 30.0  # seconds between two checkpoints of a case: writing one must cost little beside them
-NODES = 1025**2  # from which on a case is worth it
+EVERY = 30.0  # seconds between two checkpoints of a case
+NODES = 1025**2  # smallest surface with checkpoints
 
 State = dict[str, Any]
 
-# What numpy, zipfile and json raise on bytes that nobody here has packed.
+# Errors of numpy, zipfile and json on foreign bytes.
 _UNREADABLE = (
     *(DatasetError, ValueError, LookupError, TypeError, AttributeError, EOFError, MemoryError, RecursionError),
     *(NotImplementedError, OverflowError, RuntimeError, zipfile.BadZipFile, zlib.error),
@@ -39,14 +38,24 @@ _UNREADABLE = (
 
 
 class Checkpoint:
-    """Where the steps of one case are kept; ``numerics`` tells with what they are computed, see the function."""
+    """The checkpoint of one case.
+
+    Parameters
+    ----------
+    path : Path
+        File of the checkpoint.
+    case : Case
+        The case.
+    numerics : str
+        Versions and vector units, see `numerics`.
+    """
 
     def __init__(self, path: Path, case: Case, numerics: str) -> None:
         self._path, self._labels = path, {"case": case.id, "key": case.key_text, "numerics": numerics}
         self._last = time.monotonic()
 
     def load(self) -> State | None:
-        """Return what was kept, None if there is nothing that can be used."""
+        """Return the stored state, None without a usable one."""
         try:
             content, labels = stamped_file.verified(self._path)
             return unpacked(content) if labels == self._labels else None
@@ -54,20 +63,20 @@ class Checkpoint:
             return None
 
     def due(self) -> bool:
-        """Return whether the last one is old enough."""
+        """Return whether the last checkpoint is older than `EVERY`."""
         return time.monotonic() - self._last >= EVERY
 
     def save(self, state: State) -> None:
-        """Keep a state; that it cannot be kept is no reason to stop."""
+        """Store a state. An error of the disk is ignored."""
         with contextlib.suppress(DatasetError):
             stamped_file.store(self._path, stamped_file.stamped(packed(state), self._labels))
         self._last = time.monotonic()
 
 
 def numerics() -> str:
-    """Return what decides on the last bit: versions and vector units; a sweep is not carried on by other ones.
+    """Return the versions and vector units that decide on the last bit of a sweep.
 
-    That of roughvol counts here, unlike in a finished case: the bits of one sweep come from one program.
+    Only equal ones continue a sweep. The version of roughvol counts, unlike in a finished case.
     """
     names = ("numpy", "scipy", "pyfftw")
     versions = [f"{name} {importlib.metadata.version(name)}" for name in names]
@@ -75,7 +84,7 @@ def numerics() -> str:
 
 
 def _vector_units() -> list[str]:
-    """Return the vector units of this processor, as far as the system tells."""
+    """Return the vector units of this processor, or its name where the system lists none."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -107,7 +116,7 @@ def packed(state: State) -> bytes:
 
 
 def unpacked(content: bytes) -> State:
-    """Return what `packed` was given; tuples have become lists."""
+    """Return the argument of `packed`, with lists in place of tuples."""
     with np.load(io.BytesIO(content), allow_pickle=False) as held:
         arrays = {name: held[name] for name in held.files}
 

@@ -1,24 +1,26 @@
-"""Labelled, self-describing datasets: one table of every stored variable; build, write, read and combine them.
+"""Labelled datasets of the variables in the table: build, write, read and combine them.
 
 Conventions of the stored numbers
 ---------------------------------
-Starred quantities are dimensionless (lengths over Sq, pressure times L/(E* Sq)); where the table says ``length``, the
-file says the unit of the study, and ``length`` if that has none. Positions x and y are over L, so that a coarse lattice
-lies on the nodes of a fine one.
+Starred quantities are dimensionless: lengths over Sq, pressure times L/(E* Sq). The unit ``length`` of the table is
+replaced by that of the study, if it has one. Positions x and y are over L.
 
-A surface has the dimensions ``(D, m, seed)``, or ``(case,)`` when its heights come from a file; ``...`` in the table
-stands for either. One case is stored with these dimensions of length 1. A study is the union of its cases by label;
-what a case does not have (a state that was not reached, a node that a coarse lattice lacks) is
+A surface has the dimensions ``(D, m, seed)``, or ``(case,)`` if its heights come from a file. The table writes ``...``
+for either. A case has these dimensions with length 1. A study is the union of its cases by label. Missing values
+(states not reached, nodes absent from a coarse lattice) are
 
-* NaN in real numbers and in counts (which the file holds as integers with a fill value),
+* NaN in real numbers and in counts (integers with a fill value in the file),
 * -1 in the step numbers ``*_step``,
 * False in ``converged``, which is true only where a state was solved *and* met its residual.
+
+Case files of up to `SMALL` bytes are netCDF-3, quick to read. Larger ones are netCDF-4 with compressed fields.
 """
 
 from __future__ import annotations
 
 import datetime
 import importlib.metadata
+import io
 import json
 import os
 import platform
@@ -30,21 +32,23 @@ import netCDF4
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
+from scipy.io import netcdf_file
 from xarray import Dataset
 from xarray.backends import NetCDF4DataStore
 
 from roughvol._version import __version__
 from roughvol.errors import DatasetError
-from roughvol.store import columns, stamped_file
-from roughvol.store.columns import Arrays
+from roughvol.store import stamped_file
 from roughvol.store.stamped_file import FORMAT
 from roughvol.store.variables import DTYPES, FIELDS, MISSING, TIMES, VARIABLES, Variable
 from roughvol.study import Case, Region
 from roughvol.surfaces.body import Body
 
-__all__ = ["VARIABLES", "Dataset", "Variable", "build", "combine", "provenance", "read", "write"]
+__all__ = ["VARIABLES", "Arrays", "Dataset", "Variable", "build", "combine", "provenance", "read", "write"]
 
-SMALL = 1 << 20  # bytes of a case up to which its values stand in its file a second time, as columns
+Arrays = dict[str, tuple[tuple[str, ...], NDArray[Any]]]  # dimensions and values of variables by name
+
+SMALL = 1 << 20  # bytes of values up to which the file of a case is netCDF-3
 REFERENCE = (
     "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, "
     "Wear 336-337 (2015) 86-95, https://doi.org/10.1016/j.wear.2015.04.021"
@@ -66,14 +70,14 @@ def build(case: Case, values: Mapping[str, ArrayLike], attributes: Mapping[str, 
     case : Case
         Gives the leading coordinates (D, m, seed, or the file) and L.
     values : mapping of name to array
-        Coordinates and variables of the table, without the leading dimensions of the case.
+        Coordinates and variables of the table, without the dimensions of the case.
     attributes : mapping
         Provenance, see `provenance`.
 
     Raises
     ------
     DatasetError
-        If a name is not in the table, or an array does not have the dimensions the table gives it.
+        If a name is not in the table, or an array has other dimensions than the table.
     """
     leading: dict[str, Any] = {"case": case.label} if case.file else {"D": case.D, "m": case.m, "seed": case.seed}
     labels: dict[str, Any] = {name: [label] for name, label in leading.items()} | {"L": case.L}
@@ -95,12 +99,12 @@ def build(case: Case, values: Mapping[str, ArrayLike], attributes: Mapping[str, 
 
 
 def combine(cases: Sequence[Dataset | Arrays], attributes: Mapping[str, str]) -> Dataset:
-    """Return one dataset of many cases, aligned by label; what a case lacks is missing as the module's docstring says.
+    """Return one dataset of many cases, aligned by label, with the missing values of the module's docstring.
 
     Raises
     ------
     DatasetError
-        If there is no case, or the cases differ in L (they would not be one study).
+        If there is no case, or the cases differ in L.
     """
     if not cases:
         message = "no case to combine"
@@ -113,23 +117,23 @@ def combine(cases: Sequence[Dataset | Arrays], attributes: Mapping[str, str]) ->
     held = set().union(*parts)
     names = [name for name in VARIABLES if name in held]
     dims = {dim: _union([part[dim][1] for part in parts if dim in part]) for dim in names if _is_dim(dim)}
-    places = {dim: {label: index for index, label in enumerate(dims[dim].tolist())} for dim in dims}
+    positions = {dim: {label: index for index, label in enumerate(dims[dim].tolist())} for dim in dims}
     study = Dataset(coords={"L": sides[0]} | {dim: (dim, labels) for dim, labels in dims.items()})
     study.attrs = dict(attributes)
     wholes: dict[str, NDArray[Any]] = {}
     shaped: dict[str, tuple[str, ...]] = {}
     for part in parts:
-        index = {dim: [places[dim][label] for label in part[dim][1].tolist()] for dim in part if dim in dims}
-        spots: dict[tuple[str, ...], Any] = {}
+        index = {dim: [positions[dim][label] for label in part[dim][1].tolist()] for dim in part if dim in dims}
+        slots: dict[tuple[str, ...], Any] = {}
         for name, (along, values) in part.items():
             if name in study.coords:
                 continue
-            if name not in wholes:  # all that hold it agree in its dimensions: the table gives them
+            if name not in wholes:  # equal dimensions in all cases, by the table
                 kind, shape = VARIABLES[name].kind, tuple(len(dims[dim]) for dim in along)
                 wholes[name], shaped[name] = np.full(shape, MISSING[kind], dtype=DTYPES[kind]), along
-            if along not in spots:
-                spots[along] = np.ix_(*(index[dim] for dim in along))
-            wholes[name][spots[along]] = values
+            if along not in slots:
+                slots[along] = np.ix_(*(index[dim] for dim in along))
+            wholes[name][slots[along]] = values
     for name in names:
         if name in wholes:
             study[name] = (shaped[name], wholes[name])
@@ -145,21 +149,19 @@ def arrays_of(dataset: Dataset) -> Arrays:
 
 
 def to_bytes(dataset: Dataset) -> bytes:
-    """Return a dataset as a stamped netCDF file, made in memory; behind a small case stand its columns."""
-    store = netCDF4.Dataset("memory.nc", "w", format="NETCDF4", memory=4096)
+    """Return a dataset as a stamped netCDF file, made in memory."""
+    small = "case_id" in dataset.attrs and dataset.nbytes <= SMALL
+    small = small and bool(np.all(dataset.get("seed", 0) < 1 << 31))  # netCDF-3 holds integers of 32 bits
+    store = netCDF4.Dataset("memory.nc", "w", format="NETCDF3_64BIT_OFFSET" if small else "NETCDF4", memory=4096)
     try:
         dataset.dump_to_store(NetCDF4DataStore(store), encoding=_encoding(dataset))
     finally:
         content = bytes(store.close())
-    labels = stamped_file.labels_of(dataset.attrs)
-    if labels["case"] and dataset.nbytes <= SMALL:
-        block = columns.packed(arrays_of(dataset))
-        content, labels = content + block, labels | {"columns": str(len(block))}
-    return stamped_file.stamped(content, labels)
+    return stamped_file.stamped(content, stamped_file.labels_of(dataset.attrs))
 
 
 def write(dataset: Dataset, path: Path) -> None:
-    """Write a dataset, stamped, so that the file is either whole or not there.
+    """Write a dataset to a stamped file that is either whole or absent.
 
     Raises
     ------
@@ -174,21 +176,20 @@ def write(dataset: Dataset, path: Path) -> None:
 
 
 def read(path: Path) -> Dataset:
-    """Return a stored dataset, loaded; its checksum is verified first: a library might crash on a damaged file.
+    """Return a stored dataset, loaded. Its checksum is verified first: a damaged file may crash a library.
 
     Raises
     ------
     DatasetError
         If the file is missing, truncated, altered, or was not written by roughvol.
     """
-    if not path.is_file():
-        message = f"no dataset at {path}"
-        raise DatasetError(message)
     content, _ = stamped_file.verified(path)
     try:
         stored = netCDF4.Dataset("memory.nc", memory=content)
         try:
             dataset = xr.load_dataset(NetCDF4DataStore(stored))
+            short = {str(name): v.astype("int64") for name, v in dataset.variables.items() if v.dtype == "int32"}
+            dataset = dataset.assign(short)  # netCDF-3 has no longer integers
         finally:
             if stored.isopen():
                 stored.close()
@@ -200,9 +201,9 @@ def read(path: Path) -> Dataset:
 
 
 def read_arrays(path: Path) -> tuple[Arrays, stamped_file.Labels]:
-    """Return the variables of a file as plain arrays, and its labels: for many files, where `read` takes too long.
+    """Return the variables of a file as plain arrays, and its labels; quicker than `read`.
 
-    Variables that the table does not hold are left out: a later version stored them beside the same answers.
+    Variables outside the table are left out: a later version may have stored them beside the same answers.
 
     Raises
     ------
@@ -211,38 +212,37 @@ def read_arrays(path: Path) -> tuple[Arrays, stamped_file.Labels]:
     """
     content, labels = stamped_file.verified(path)
     _check_format(labels, path)
-    arrays: Arrays = {}
     try:
-        if "columns" in labels:
-            found = columns.unpacked(content[len(content) - int(labels["columns"]) :])
-            for name, (dims, values) in found.items():
-                if name not in VARIABLES:
-                    continue
-                arrays[name] = (dims, np.asarray(values, dtype=DTYPES[VARIABLES[name].kind]))
-            return arrays, labels
+        if content.startswith(b"CDF"):
+            return _decoded(netcdf_file(io.BytesIO(content), mmap=False).variables), labels
         with netCDF4.Dataset("memory.nc", memory=content) as stored:
             stored.set_auto_maskandscale(False)
-            for name, variable in stored.variables.items():
-                if name not in VARIABLES:
-                    continue
-                arrays[name] = (variable.dimensions, _decoded(name, variable[...]))
-    except (OSError, ValueError, RuntimeError, KeyError) as error:
+            return _decoded(stored.variables), labels
+    except (OSError, ValueError, RuntimeError, LookupError, TypeError) as error:
         message = f"{path} is damaged or no dataset of roughvol ({error})"
         raise DatasetError(message) from error
-    return arrays, labels
 
 
-def _decoded(name: str, values: NDArray[Any]) -> NDArray[Any]:
-    array: NDArray[Any] = np.asarray(values, dtype=DTYPES[VARIABLES[name].kind])
-    if VARIABLES[name].kind == "count":
-        array[array == -1.0] = np.nan
-    return array
+def _decoded(variables: Mapping[str, Any]) -> Arrays:
+    """Return stored variables as those of a dataset."""
+    arrays: Arrays = {}
+    for name, variable in variables.items():
+        if name not in VARIABLES:
+            continue
+        dims, values = variable.dimensions, np.asarray(variable[...])
+        if values.dtype.kind == "S":  # netCDF-3 holds texts as characters along one more dimension
+            dims, texts = dims[:-1], np.strings.decode(values.view(f"S{values.shape[-1]}")[..., 0], "utf-8")
+            values = texts.astype(object)
+        array: NDArray[Any] = np.asarray(values, dtype=DTYPES[VARIABLES[name].kind])
+        if VARIABLES[name].kind == "count":
+            array[array == -1.0] = np.nan
+        arrays[name] = (dims, array)
+    return arrays
 
 
 def _check_format(attributes: Mapping[str, str], path: Path) -> None:
-    found = attributes.get("format")
-    if found != FORMAT:
-        message = f"{path} is no dataset of roughvol: its format is {found!r}, not {FORMAT!r}"
+    if (theirs := attributes.get("format")) != FORMAT:
+        message = f"{path} is no dataset of roughvol: its format is {theirs!r}, not {FORMAT!r}"
         raise DatasetError(message)
 
 
@@ -257,26 +257,26 @@ def provenance(
     bodies: Iterable[Body] = (),
     versions: Mapping[str, int] | None = None,
 ) -> dict[str, str]:
-    """Return the global attributes: what was asked, by which code, on which machine, when, and what to cite.
+    """Return the global attributes: study, code, machine, date, and the paper to cite.
 
     Parameters
     ----------
     study : str
         The resolved study as YAML text, every default written out.
     fft : mapping
-        What the half space says of its transforms: library version, planner, threads.
+        Library version, planner and threads of the transforms.
     case : Case, optional
         The one case in the file.
     ids : iterable of str
         The cases in the file of a whole study.
     region : Region, optional
-        Of which part its observables are; that of the case, or the whole, if not given.
+        Part of the surface for the observables. Default: that of the case, or the whole.
     length_unit : str, optional
-        Unit of all lengths in the file; that of the case if not given, arbitrary if that has none.
+        Unit of all lengths in the file. Default: that of the case, or none.
     bodies : iterable of Body, optional
-        The files of heights; those of the case if not given. Their names are stored, and the sha256 of their content.
+        The files of heights, stored by name and sha256. Default: those of the case.
     versions : mapping, optional
-        Of a whole study: the versions of roughvol that computed its cases, each with the number of its cases.
+        Number of cases of a study by version of roughvol.
     """
     libraries = {name: importlib.metadata.version(name) for name in ("numpy", "scipy", "pyfftw", "xarray", "netCDF4")}
     libraries |= {"python": platform.python_version(), "netcdf-c": netCDF4.__netcdf4libversion__}
@@ -315,28 +315,28 @@ def provenance(
 
 
 def ids_text(ids: Iterable[str]) -> str:
-    """Return the ids of the cases of a study as its file holds them."""
+    """Return the ids of the cases of a study as stored in its file."""
     return json.dumps(list(ids))
 
 
 def answers(dataset: Dataset) -> Dataset:
-    """Return a dataset without attributes and without the times it holds: nothing else of two equal runs differs."""
+    """Return a dataset without attributes and times, the only differences between equal runs."""
     return dataset.drop_vars(TIMES, errors="ignore").drop_attrs(deep=False)
 
 
-def at_state(case: Dataset, dim: str, place: int) -> Dataset:
-    """Return one case at a state it records along a dimension, with the numbers of that state instead of its step's.
+def at_state(case: Dataset, dim: str, index: int) -> Dataset:
+    """Return one case at a recorded state, with the numbers of that state in place of those of its step.
 
     Parameters
     ----------
     case : Dataset
-        Of one surface, without dimensions of the case.
+        One surface, without the dimensions of the case.
     dim : str
         ``field_at``, ``density_at``, ``box_at`` or ``flux_at``.
-    place : int
-        Of a state that was reached.
+    index : int
+        Index of a state that was reached.
     """
-    state = case.isel({dim: place})
+    state = case.isel({dim: index})
     state = state.sel(step=int(state[f"{dim}_step"]))
     own = {str(name): str(name).removeprefix(f"{dim}_") for name in state.data_vars if str(name).startswith(f"{dim}_")}
     return state.assign({name: state[stored] for stored, name in own.items() if name in state.data_vars})
@@ -347,7 +347,7 @@ def _is_dim(name: str) -> bool:
 
 
 def _union(labels: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Labels of all cases: numbers sorted, texts in the order in which they come."""
+    """Return the labels of all cases: numbers sorted, texts in the order of the cases."""
     together = np.concatenate(labels)
     if together.dtype.kind in "iuf":
         return np.unique(together)
@@ -355,6 +355,7 @@ def _union(labels: Sequence[NDArray[Any]]) -> NDArray[Any]:
 
 
 def _described(dataset: Dataset) -> Dataset:
+    """Give every variable the units, name and symbol of the table."""
     unit = dataset.attrs.get("length_unit", "length")
     for name, variable in dataset.variables.items():
         row = VARIABLES[str(name)]
@@ -363,7 +364,7 @@ def _described(dataset: Dataset) -> Dataset:
 
 
 def _encoding(dataset: Dataset) -> dict[str, dict[str, Any]]:
-    """Return how to store it: counts as integers with a fill value, labels without one, fields compressed."""
+    """Return the encoding: counts as integers with a fill value, labels without one, fields compressed."""
     encoding: dict[str, dict[str, Any]] = {}
     for name in map(str, dataset.variables):
         if name in VARIABLES and VARIABLES[name].kind == "count":
@@ -375,7 +376,7 @@ def _encoding(dataset: Dataset) -> dict[str, dict[str, Any]]:
     return encoding
 
 
-_ALONG = {  # one of the numbers stored of each
+_ALONG = {  # one stored variable of each observable
     "percolation": "percolates_x",
     "constriction": "critical_gap_x",
     "transmissivity": "transmissivity_x",
@@ -387,13 +388,13 @@ _ALONG = {  # one of the numbers stored of each
 
 
 def unreached(results: Dataset) -> dict[str, int]:
-    """Return in how many cases nothing is stored of what is asked for along the steps, since no state was reached."""
+    """Return the number of cases per observable that reached none of its states along the steps."""
     counts = {}
     for name, stored in _ALONG.items():
         if name in results.get("observable", ()):
             asked = results["observable_time"].sel(observable=name).notnull()  # of the cases that are done
             if stored in results:
-                found = results[stored].notnull()
-                asked = asked & ~found.any([dim for dim in found.dims if dim not in asked.dims])
+                reached = results[stored].notnull()
+                asked = asked & ~reached.any([dim for dim in reached.dims if dim not in asked.dims])
             counts[name] = int(asked.sum())
     return {name: count for name, count in counts.items() if count}

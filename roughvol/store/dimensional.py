@@ -1,9 +1,9 @@
-"""The numbers of a study in units: made from the starred ones when its cases are collected, never solved for.
+"""Numbers with units, made from the starred ones when the cases of a study are collected.
 
-Conventions: σ = Sq, all lengths in the unit of the study, p* = p L/(E* σ), V* = g_mean/σ. A flow is that of an
-incompressible liquid between plates (Reynolds): with ΔP between the two sides of the region, W_x long along the flow
-and W_y wide, plates at the mean gap let through g_mean³ ΔP W_y/(12 μ W_x), and the gap T_x* times that. The numbers
-are those of the patch; k patches side by side let through k times as much, k in a row one k-th.
+Conventions: σ = Sq, all lengths in the unit of the study, p* = p L/(E* σ), V* = g_mean/σ. The liquid is incompressible,
+its flow that between plates (Reynolds). The pressure drop over the region is ΔP, its length along the flow W_x, its
+width W_y. Plates at the mean gap pass g_mean³ ΔP W_y/(12 μ W_x); the gap passes T_x* times as much. The numbers belong
+to the patch: k patches side by side pass k times as much, k in a row one k-th.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from roughvol.errors import DatasetError, Problem, StudyError
+from roughvol.errors import Problem, StudyError
 from roughvol.store.variables import HEIGHT_POWERS, VARIABLES
 from roughvol.study import Case, GeneratedSurface, Study, convert
 
@@ -21,38 +21,37 @@ if TYPE_CHECKING:
 
 
 def check(case: Case) -> None:
-    """Refuse a study that wants lengths in units and whose own unit of length nothing tells, be it the height file.
+    """Refuse a study of lengths in units whose own unit of length is unknown.
 
     Raises
     ------
     StudyError
-        With what is missing.
+        If neither the study nor the height file gives the unit.
     """
     wanted = case.record.dimensional
     if wanted is None or case.length_unit is not None:
         return
     name = next((name for name in wanted.named if name != "pressure"), None)
     if name is not None:
-        message = f"needs the unit of length, and {case.label} tells none: give surface: {{L: 100 um}}"
+        message = f"needs the unit of length, and {case.label} gives none: add surface: {{L: 100 um}}"
         raise StudyError([Problem(message, f"record.dimensional.{name}")])
 
 
 def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset:
-    """Return the cases of a study with the heights scaled to the Sq it gives, and what it wants in units added.
+    """Return the cases of a study with heights scaled to its Sq, and with its numbers in units.
 
     Parameters
     ----------
     results : Dataset
-        All cases together, as `dataset.combine` makes them.
+        All cases together, from `dataset.combine`.
     study : Study
-        Names Sq, the moduli, and what is wanted in which unit.
+        Gives Sq, the moduli, and ``record.dimensional``.
     length_unit : str or None
-        Unit of the lengths stored.
+        Unit of the stored lengths.
 
-    Raises
-    ------
-    DatasetError
-        If a leak rate is wanted of cases without the extent of their region.
+    Returns
+    -------
+    Dataset
     """
     surface = study.surface
     if isinstance(surface, GeneratedSurface) and surface.height is not None:
@@ -70,9 +69,9 @@ def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset
 
 
 def scaled(results: Dataset, height: float) -> Dataset:
-    """Return generated surfaces as if their heights had been multiplied to have Sq = ``height``.
+    """Return generated surfaces with heights scaled to Sq = ``height``.
 
-    Starred numbers do not change; every other goes with its power of the heights (`variables.HEIGHT_POWERS`).
+    Starred numbers stay. The others scale with a power of the heights (`variables.HEIGHT_POWERS`).
     """
     factor = height / results["Sq"]
     changed = {}
@@ -83,7 +82,7 @@ def scaled(results: Dataset, height: float) -> Dataset:
 
 
 def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[tuple[str, DataArray, str]]:
-    """Yield name, values and unit of all that is wanted."""
+    """Yield name, values and unit of each number of ``record.dimensional``."""
     wanted = study.record.dimensional
     if wanted is None:
         return
@@ -106,9 +105,6 @@ def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[t
     leak = wanted.leak_rate
     if leak is None:
         return
-    if "region_aspect" not in results or bool((results["region_aspect"].isnull() & results["Sq"].notnull()).any()):
-        message = "a leak rate needs the extent of the region, which older cases do not hold: compute them with --fresh"
-        raise DatasetError(message)
     gap = results["free_volume"] * sigma * convert(1.0, length_unit, "m")
     plates = gap**3 * (leak.drive / 12.0)
     yield "leak_rate_x", _starred(results, "transmissivity_x") * plates * results["region_aspect"], leak.unit
@@ -116,5 +112,5 @@ def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[t
 
 
 def _starred(results: Dataset, name: str) -> DataArray:
-    """Return a number of every step; missing at all of them if no case reached a state that it was asked for at."""
+    """Return a number of every step, NaN at all steps if no case reached a recorded state."""
     return results[name] if name in results else results["free_volume"] * math.nan

@@ -1,4 +1,4 @@
-"""The lock of the folder of a run: one process at a time, and its name for the others."""
+"""The lock of the folder of a run: one process at a time, named for the others."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from roughvol.store.run_folder import MAX_BYTES
 
 try:
     import fcntl
-except ImportError:  # no such calls on this system: the lock is then told stale by its process alone
+except ImportError:  # no locks of the system: the process named in the file decides
     fcntl = None  # type: ignore[assignment]
 
-ATTEMPTS, PAUSE = 10, 0.1  # at a lock: a look at it, as `status` takes one, holds it for a moment
+ATTEMPTS, PAUSE = 10, 0.1  # to take a lock: `status` holds it for a moment
 
 
 @dataclass(frozen=True)
@@ -31,26 +31,26 @@ class Holder:
     host: str
     pid: int
     started: str
-    birth: str = ""  # tells it from a later process of the same number
+    birth: str = ""  # differs for a later process of the same number
 
     def __str__(self) -> str:
-        """Return who and since when."""
+        """Return process, host and start in words."""
         return f"process {self.pid} on {self.host}, since {self.started}"
 
 
 @contextlib.contextmanager
 def opened(folder: Path) -> Iterator[None]:
-    """Make the folder if need be and hold it: no other run may use it meanwhile.
+    """Make a folder if it is absent, and lock it against other runs.
 
-    The lock is a file that names its process. The system lets go of it when the process ends, however it ends; where it
-    cannot, a lock is stale if its process, of the same host, is no more.
+    The lock is a file that names its process. The system frees it when the process ends. On file systems without locks,
+    it is stale once its process on the same host has ended.
 
     Raises
     ------
     FolderError
-        If another run holds it, or nothing can be written there.
+        If another run holds it, or the folder cannot be written.
     """
-    path = folder / "lock"
+    path, progress = folder / "lock", folder / "progress.json"
     try:
         stamped_file.make_folder(folder / "cases")
         handle = _acquire(path)
@@ -58,23 +58,20 @@ def opened(folder: Path) -> Iterator[None]:
         raise
     except OSError as error:
         raise stamped_file.cannot_write(folder, error) from error
-    progress = folder / "progress.json"  # one that is there is of a run that was killed
     try:
         with contextlib.suppress(OSError):
-            progress.unlink(missing_ok=True)
+            progress.unlink(missing_ok=True)  # of a run that was killed
         yield
     finally:
         with contextlib.suppress(OSError):
-            if _same_file(handle, path):
-                progress.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):
-            if _same_file(handle, path):  # not if the folder was moved away and another run has begun here
+            if _same_file(handle, path):  # else the folder was moved, and another run may hold this one
                 path.unlink()
+                progress.unlink(missing_ok=True)
         os.close(handle)
 
 
 def mark(folder: Path) -> str:
-    """Return what tells the folder of a run from others of its name on other hosts: its lock; empty without one."""
+    """Return the content of the lock, empty without one: it differs for folders of one name on two hosts."""
     try:
         with (folder / "lock").open("rb") as stream:
             return stream.read(MAX_BYTES).decode(errors="replace")
@@ -83,44 +80,46 @@ def mark(folder: Path) -> str:
 
 
 def holder(folder: Path) -> Holder | None:
-    """Return the process that runs in a folder now, None if there is none."""
-    path = folder / "lock"
+    """Return the process that runs in a folder now, None without one."""
     try:
-        handle = os.open(path, os.O_RDONLY)
+        handle = os.open(folder / "lock", os.O_RDONLY)
     except OSError:
         return None
     try:
-        found = _named(handle)
-        if found is None or found.host != platform.node():
-            return found
-        return found if (_held(handle) if fcntl else _alive(found)) else None
+        named = _named(handle)
+        if named is None or named.host != platform.node():
+            return named
+        return named if _is_held(handle, named) else None
     finally:
         os.close(handle)
 
 
 def _acquire(path: Path) -> int:
+    """Return the handle of the lock file, locked and signed."""
     for attempt in range(ATTEMPTS):
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
-            if _lock(handle) and _same_file(handle, path):
-                _refuse_foreign(handle, path)
+            named = _named(handle)
+            if _lock(handle, named) and _same_file(handle, path):
+                _refuse_foreign(named, path)
                 os.ftruncate(handle, 0)
                 os.pwrite(handle, json.dumps(vars(_this_process())).encode(), 0)
                 os.fsync(handle)
                 return handle
-            found = _named(handle)
         except BaseException:
             os.close(handle)
             raise
         os.close(handle)
         if attempt < ATTEMPTS - 1:
             time.sleep(PAUSE)
-    who = found or "a process that is just starting"
-    message = f"{path.parent} is in use by {who}; wait for it, end it, or give another --out"
+    message = (
+        f"{path.parent} is in use by {named or 'a process that is just starting'}; "
+        "wait for it, end it, or give another --out"
+    )
     raise FolderError(message)
 
 
-def _lock(handle: int) -> bool:
+def _lock(handle: int, named: Holder | None) -> bool:
     """Take the lock unless another process has it."""
     if fcntl:
         try:
@@ -131,44 +130,45 @@ def _lock(handle: int) -> bool:
             pass
         else:
             return True
-    found = _named(handle)
-    return found is None or found.host != platform.node() or not _alive(found)
+    return named is None or named.host != platform.node() or not _lives(named)
 
 
-def _held(handle: int) -> bool:
-    try:
-        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        found = _named(handle)
-        return found is not None and _alive(found)
-    return False
+def _is_held(handle: int, named: Holder) -> bool:
+    if fcntl:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        except OSError:
+            pass
+        else:
+            return False
+    return _lives(named)
 
 
 def _same_file(handle: int, path: Path) -> bool:
-    """Return whether the lock taken is still the file of that name: a run that ends removes it."""
+    """Return whether the lock is still the file of that name: a run removes its file at the end."""
     try:
         return os.path.samestat(os.fstat(handle), path.stat())
     except FileNotFoundError:
         return False
 
 
-def _refuse_foreign(handle: int, path: Path) -> None:
-    found = _named(handle)
-    if found is not None and found.host != platform.node():
-        message = f"{path.parent} is in use by {found}; if that process is no more, remove {path}"
+def _refuse_foreign(named: Holder | None, path: Path) -> None:
+    if named is not None and named.host != platform.node():
+        message = f"{path.parent} is in use by {named}; if that process is no more, remove {path}"
         raise FolderError(message)
 
 
 def _named(handle: int) -> Holder | None:
+    """Return the process named in a lock file, None if the content makes no sense."""
     try:
-        found = Holder(**json.loads(os.pread(handle, MAX_BYTES, 0)))
+        named = Holder(**json.loads(os.pread(handle, MAX_BYTES, 0)))
     except (ValueError, TypeError, OSError, RecursionError):
         return None
-    texts = (found.host, found.started, found.birth)
-    sound = type(found.pid) is int and 0 < found.pid < 1 << 31 and all(type(text) is str for text in texts)
-    return found if sound else None
+    texts = (named.host, named.started, named.birth)
+    valid = type(named.pid) is int and 0 < named.pid < 1 << 31 and all(type(text) is str for text in texts)
+    return named if valid else None
 
 
 def _this_process() -> Holder:
@@ -176,18 +176,12 @@ def _this_process() -> Holder:
     return Holder(platform.node(), os.getpid(), now, _birth(os.getpid()))
 
 
-def _alive(found: Holder) -> bool:
-    try:
-        os.kill(found.pid, 0)  # signal 0 asks whether the process lives
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return not found.birth or _birth(found.pid) == found.birth
+def _lives(named: Holder) -> bool:
+    return stamped_file.alive(named.pid) and (not named.birth or _birth(named.pid) == named.birth)
 
 
 def _birth(pid: int) -> str:
-    """Return when a process started, in the clock ticks of the system; empty where it does not tell."""
+    """Return the start of a process in clock ticks, empty if the system does not give it."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[19]
     except (OSError, IndexError):

@@ -1,12 +1,11 @@
-"""The folder of a run: who may use it, of which study it is, and what each of its cases has come to.
+"""The files of a run: their names, and what each of them holds.
 
 - ``study.yaml``: the study, every default written out
-- ``cases/<id>.nc``: a finished case, stamped (see `storage`)
-- ``cases/<id>.failed.json``: the error of a case that failed, until it succeeds
+- ``cases/<id>.nc``: a finished case, stamped (see `stamped_file`)
+- ``cases/<id>.failed.json``: the error of a failed case, until it succeeds
 - ``cases/.<id>.checkpoint``: the finished steps of a long sweep
-- ``cases/set_aside/``: what lay under the name of a case and cannot be used, each with its reason
-- ``cases/ledger``: sizes and times of the finished files, for `status` (see `ledger`)
-- ``progress.json``: what a run is doing now
+- ``cases/set_aside/``: unusable files found under the name of a case, each with its reason
+- ``progress.json``: the cases at work, while a run goes on
 - ``lock``: the process that runs here
 - ``study.nc``: all cases together
 """
@@ -16,15 +15,17 @@ from __future__ import annotations
 import contextlib
 import datetime
 import json
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from roughvol.errors import DatasetError
-from roughvol.store import ledger, stamped_file
+from roughvol.store import stamped_file
 from roughvol.study import Case, Study
 
-MAX_BYTES = 1 << 20  # of the small files read back here
+MAX_BYTES = 1 << 20  # of the small text files read here
+QUICK_BYTES = 1 << 20  # size up to which `status` verifies a case file as well
 
 
 def folder_of(study: Study, out: str | Path | None = None) -> Path:
@@ -32,28 +33,31 @@ def folder_of(study: Study, out: str | Path | None = None) -> Path:
     return Path("runs") / study.name if out is None else Path(out)
 
 
-def ledger_file(folder: Path) -> Path:
-    """Return where the sizes and times of the finished files are noted."""
-    return folder / "cases" / "ledger"
-
-
 def case_file(folder: Path, id: str) -> Path:
-    """Return where a finished case is."""
+    """Return the path of a finished case."""
     return folder / "cases" / f"{id}.nc"
 
 
 def failed_file(folder: Path, id: str) -> Path:
-    """Return where the error of a case is."""
+    """Return the path of the error of a case."""
     return folder / "cases" / f"{id}.failed.json"
 
 
 def checkpoint_file(folder: Path, id: str) -> Path:
-    """Return where the finished steps of a case are."""
+    """Return the path of the finished steps of a case."""
     return folder / "cases" / f".{id}.checkpoint"
 
 
+def stored_ids(folder: Path, ending: str = ".nc") -> set[str]:
+    """Return the ids of the cases that have a file of this ending."""
+    with contextlib.suppress(OSError):
+        names = (name for name in os.listdir(folder / "cases") if not name.startswith("."))  # noqa: PTH208, quicker
+        return {name.removesuffix(ending) for name in names if name.endswith(ending)}
+    return set()
+
+
 def stored_study(folder: Path) -> str | None:
-    """Return the text of the study that a folder holds, None without one."""
+    """Return the text of the study in a folder, None without one."""
     try:
         with (folder / "study.yaml").open("rb") as stream:
             return stream.read(MAX_BYTES).decode(errors="replace")
@@ -63,83 +67,79 @@ def stored_study(folder: Path) -> str | None:
         return f"cannot read: {error.strerror}"
 
 
-# The lock --------------------------------------------------------------------------------------------------------
-
-
-# The cases -------------------------------------------------------------------------------------------------------
-
-
 def strangers(folder: Path, cases: Mapping[str, Case]) -> list[str]:
-    """Return the ids of the files of cases that are not of this study."""
-    return [id for id in sorted(ledger.files(folder / "cases", ".nc")) if id not in cases]
+    """Return the ids of stored cases that are not of this study."""
+    return sorted(stored_ids(folder) - cases.keys())
 
 
 def outdated(folder: Path, cases: Mapping[str, Case]) -> dict[str, str]:
-    """Return the ids of the files not of this study that another format has stored, each with that reason."""
-    ours, found = labels_for(next(iter(cases.values()))), {}
+    """Return the ids of strangers stored in another format, each with that reason."""
+    expected, reasons = labels_for(next(iter(cases.values()))), {}
     for id in strangers(folder, cases):
         with contextlib.suppress(DatasetError):
-            path = case_file(folder, id)
-            if why := _other_format(path, stamped_file.labels(path), ours):
-                found[id] = why
-    return found
-
-
-def _other_format(path: Path, found: stamped_file.Labels, expected: stamped_file.Labels) -> str | None:
-    """Return in what format a file was stored if that is not ours."""
-    for name, title, first in (
-        ("format_of_answers", "answer format", stamped_file.FIRST_ANSWERS),
-        ("format", "file format", ""),
-    ):
-        theirs, ours = found.get(name, first), expected[name]
-        if theirs != ours and theirs:
-            age = "a newer" if (len(theirs), theirs) > (len(ours), ours) else "an older"
-            return f"{path} was stored by {age} {title} ({theirs}, now {ours})"
-    return None
+            if reason := _other_format(stamped_file.labels(case_file(folder, id)), expected):
+                reasons[id] = reason
+    return reasons
 
 
 def labels_for(case: Case) -> stamped_file.Labels:
-    """Return what the stamp of the file of a case must say."""
+    """Return the labels that the file of a case must have."""
     return stamped_file.labels_of({"case_id": case.id, "case": case.key_text})
 
 
+def _other_format(labels: stamped_file.Labels, expected: stamped_file.Labels) -> str | None:
+    """Return the format of a file in words if it is not the present one."""
+    # A stamp without a format of answers is of version 0.7 or older: format 1.
+    for name, title, default in (("format_of_answers", "answer format", "1"), ("format", "file format", "")):
+        theirs, ours = labels.get(name, default), expected[name]
+        if theirs and theirs != ours:
+            age = "a newer" if (len(theirs), theirs) > (len(ours), ours) else "an older"
+            return f"stored by {age} {title} ({theirs}, now {ours})"
+    return None
+
+
 class Examined(NamedTuple):
-    """The file of a case: its version of roughvol, its fault if it has one, whether that is only its format."""
+    """The file of a case: its version of roughvol, its fault or None, whether the fault is only its format."""
 
     version: str
-    why: str | None = None
+    fault: str | None = None
     outdated: bool = False
 
 
-def examined(path: Path, case: Case, *, whole: bool) -> Examined:
-    """Return what is known of the file of a case.
+def examined(path: Path, case: Case, *, quick: bool = False) -> Examined:
+    """Return version and fault of the file of a case.
 
     Parameters
     ----------
-    whole : bool
-        Check every bit, not only that the end is there and says what it should.
+    path : Path
+        The file.
+    case : Case
+        Its case.
+    quick : bool
+        Verify only the stamp of a file larger than `QUICK_BYTES`, not every bit.
     """
     try:
-        found = stamped_file.verified(path)[1] if whole else stamped_file.labels(path)
-    except DatasetError as error:
+        whole = not quick or path.stat().st_size <= QUICK_BYTES
+        labels = stamped_file.verified(path)[1] if whole else stamped_file.labels(path)
+    except (DatasetError, OSError) as error:
         return Examined("", str(error))
-    old = _other_format(path, found, labels_for(case)) is not None
-    return Examined(found.get("version", ""), mismatch(path, found, case), old)
-
-
-def mismatch(path: Path, found: stamped_file.Labels, case: Case) -> str | None:
-    """Return in what the labels of a file are not those of a case, None if they are; the version is none of it."""
     expected = labels_for(case)
-    if why := _other_format(path, found, expected):
-        return why
+    is_outdated = _other_format(labels, expected) is not None
+    return Examined(labels.get("version", ""), mismatch(path, labels, expected), is_outdated)
+
+
+def mismatch(path: Path, labels: stamped_file.Labels, expected: stamped_file.Labels) -> str | None:
+    """Return the first difference between the labels of a file and those expected; versions may differ."""
+    if reason := _other_format(labels, expected):
+        return f"{path} was {reason}"
     for name, title in (("format", "file format"), ("case", "case"), ("key", "study")):
-        if found.get(name) != expected[name]:
-            return f"{path} is of another {title}: {found.get(name)!r}, not {expected[name]!r}"
+        if labels.get(name) != expected[name]:
+            return f"{path} is of another {title}: {labels.get(name)!r}, not {expected[name]!r}"
     return None
 
 
 def versions_text(versions: Mapping[str, int]) -> str:
-    """Return which versions of roughvol computed the cases, empty if it was one."""
+    """Return a sentence on the versions of roughvol that computed the cases; empty for a single one."""
     if len(versions) < 2:
         return ""
     several = ", ".join(f"{version} ({count})" for version, count in sorted(versions.items()))
@@ -147,7 +147,13 @@ def versions_text(versions: Mapping[str, int]) -> str:
 
 
 def set_aside(path: Path, reason: str) -> Path:
-    """Move a file out of the way into ``set_aside``, with its reason beside it, and return where it is now."""
+    """Move a file into ``set_aside`` with its reason beside it, and return its new path.
+
+    Raises
+    ------
+    FolderError
+        If the folder cannot be written.
+    """
     target = path.parent / "set_aside" / path.name
     try:
         target.parent.mkdir(exist_ok=True)
@@ -163,35 +169,35 @@ def set_aside(path: Path, reason: str) -> Path:
 
 
 def record_failure(folder: Path, id: str, error: str, kind: str) -> None:
-    """Keep the error of a case beside the cases, until it succeeds."""
+    """Store the error of a case."""
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     content = {"case": id, "error": error, "type": kind, "date": now}
     stamped_file.store(failed_file(folder, id), json.dumps(content, indent=1, ensure_ascii=False).encode())
 
 
 def failures(folder: Path, ids: Iterable[str]) -> dict[str, str]:
-    """Return the errors of the cases that failed last."""
-    found = ledger.files(folder / "cases", ".failed.json")
-    return {id: str(small_json(failed_file(folder, id)).get("error", "unknown")) for id in ids if id in found}
+    """Return the stored errors by the ids of their cases."""
+    failed = stored_ids(folder, ".failed.json")
+    return {id: str(small_json(failed_file(folder, id)).get("error", "unknown")) for id in ids if id in failed}
 
 
 def small_json(path: Path) -> dict[str, Any]:
-    """Return what a small file of this folder holds, nothing if it cannot be read."""
+    """Return the content of a small file of this folder, nothing if it cannot be read."""
     try:
         with path.open("rb") as stream:
-            found = json.loads(stream.read(MAX_BYTES))
+            content = json.loads(stream.read(MAX_BYTES))
     except (OSError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return content if isinstance(content, dict) else {}
 
 
 def note(folder: Path, content: Mapping[str, Any]) -> None:
-    """Leave word of what a run is doing; that this cannot be written is no reason to stop.
+    """Write ``progress.json``, without an error if that fails in a folder that exists.
 
     Raises
     ------
     FolderError
-        If the folder has vanished: nothing that is computed could be stored.
+        If the folder has vanished: no result could be stored.
     """
     path = folder / "progress.json"
     aside = stamped_file.aside_of(path)

@@ -1,4 +1,4 @@
-"""Whether the results in a folder are those of a study: `run` and `status` both ask here, and answer alike."""
+"""Whether the results in a folder are those of a study, for `run` and `status` alike."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from roughvol.study import Case, HeightFile, Study, loads
 
 
 def check_same_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> None:
-    """Refuse a folder that holds another study, see `another_study`: `run` and `status` both ask here.
+    """Refuse a folder that holds another study, see `another_study`.
 
     Raises
     ------
@@ -25,30 +25,30 @@ def check_same_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> N
 
 
 def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str | None:
-    """Return why the results in a folder are of another study, None if they are not.
+    """Return a message with the differences if the results in a folder are of another study, else None.
 
-    A study that adds cases, leaves some out, or changes no answer is the same.
+    A study with more cases, fewer cases, or equal answers is the same.
     """
     text = stored_study(folder)
     if text is None:
         return None
-    found = []
+    reasons = []
     if text != study.stored():
         try:
-            found = differences(loads(text, file=folder / "study.yaml", stored=True), study)
+            reasons = differences(loads(text, file=folder / "study.yaml", stored=True), study)
         except StudyError as error:
-            found = [f"its study.yaml cannot be read: {error}"]
+            reasons = [f"its study.yaml cannot be read: {error}"]
     first = next(iter(cases.values()))
-    if not found and first.file is not None:
-        same, old = first.id.rsplit("-")[-1], outdated(folder, cases)
-        # One of our content under another name is no other study.
-        strange = [id for id in strangers(folder, cases) if id not in old and id.rsplit("-")[-1] != same]
+    if not reasons and first.bodies:
+        digest, old = first.id.rsplit("-")[-1], outdated(folder, cases)
+        # Equal content under another name is the same study.
+        strange = [id for id in strangers(folder, cases) if id not in old and id.rsplit("-")[-1] != digest]
         if strange:
             files = " and ".join(str(body.file) for body in first.bodies)
-            found = [f"surface.file: the content of {files} is not that of {strange[0]}"]
-    if not found:
+            reasons = [f"surface.file: the content of {files} is not that of {strange[0]}"]
+    if not reasons:
         return None
-    lines = "\n".join(f"  {line}" for line in found)
+    lines = "\n".join(f"  {line}" for line in reasons)
     return (
         f"{folder} holds the results of another study:\n{lines}\n"
         "give another --out to keep them, or --fresh to compute all anew in this folder"
@@ -56,7 +56,7 @@ def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str 
 
 
 def differences(old: Study, new: Study) -> list[str]:
-    """Return what makes two studies disagree about a case they share, or that they share none; a line each."""
+    """Return the settings that change the answer of a shared case, or of all if none is shared; a line each."""
     before, after = (dict(_flat(study.model_dump(mode="json", context={"stored": True}))) for study in (old, new))
     lines, shared = [], True
     axes = ("surface.D", "surface.m", "surface.seeds")
@@ -66,7 +66,7 @@ def differences(old: Study, new: Study) -> list[str]:
             shared = shared and len(gone) < len(before[name])
             if gone:
                 lines.append(f"{name}: no longer {', '.join(map(str, gone))}")
-    if _answers(_there(old, new)) == _answers(new):
+    if _answers(_with_files_of(old, new)) == _answers(new):
         return [] if shared else lines
     for name in dict.fromkeys([*before, *after]):
         if before.get(name) != after.get(name) and name not in (*axes, "name"):
@@ -74,8 +74,8 @@ def differences(old: Study, new: Study) -> list[str]:
     return lines or ["the surface: its file has changed"]
 
 
-def _there(old: Study, new: Study) -> Study:
-    """Return a stored study with its height files where a new one has them: that decides nothing by itself."""
+def _with_files_of(old: Study, new: Study) -> Study:
+    """Return a stored study with the paths of the height files of a new one."""
     surface, given = old.surface, new.surface
     if not isinstance(surface, HeightFile) or not isinstance(given, HeightFile):
         return old
@@ -86,16 +86,17 @@ def _there(old: Study, new: Study) -> Study:
 
 
 def _answers(study: Study) -> dict[str, Any] | None:
-    """Return what all cases of a study share of what changes their answers."""
+    """Return the part of the key that all cases of a study share, None if its height file is missing."""
     try:
         key = study.cases()[0].key
-    except StudyError:  # the height file of then is no more
+    except StudyError:
         return None
     key["surface"] = {name: value for name, value in key["surface"].items() if name not in ("D", "m", "seed")}
     return dict(json.loads(json.dumps(key)))
 
 
 def _flat(data: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the dotted keys and the values of nested mappings."""
     for name, value in data.items():
         if isinstance(value, Mapping) and value:
             yield from _flat(value, f"{before}{name}.")
@@ -104,4 +105,4 @@ def _flat(data: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]
 
 
 def _shown(values: Mapping[str, Any], name: str) -> str:
-    return "not there" if name not in values else json.dumps(values[name], ensure_ascii=False)
+    return "absent" if name not in values else json.dumps(values[name], ensure_ascii=False)

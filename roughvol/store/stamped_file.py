@@ -1,9 +1,8 @@
-"""Files that are whole or not there, and that tell when a bit of them has changed.
+"""Files that are whole or absent, with a checksum that shows every changed bit.
 
-A file is written aside, brought to the disk, then renamed. A *stamp* at its end holds labels (what the file is) and the
-sha256 of everything before it, so that a file is known to be sound before any library parses it. HDF5 does not look
-beyond its own end of file: a stamped netCDF file is read by every tool. A checksum tells damage, not forgery: it is no
-signature, and whoever may write a folder may also write a stamp.
+A file is written under another name, flushed to the disk, then renamed. A *stamp* at its end holds labels and the
+sha256 of everything before it. The checksum is verified before any library parses the content. Readers of netCDF ignore
+bytes behind the content: every tool opens a stamped netCDF file. The checksum shows damage. It is no signature.
 
     content | labels (JSON) | sha256 of both (64 hexadecimal digits) | length of the labels (8 digits) | ``ROUGHVOL``
 """
@@ -27,7 +26,6 @@ MARK = b"ROUGHVOL"
 TAIL = 64 + 8 + len(MARK)
 MAX_LABELS = 100_000
 Labels = dict[str, str]
-FIRST_ANSWERS = "1"  # format of the answers in files whose stamp does not name it, which are of version 0.7 or older
 
 _REASONS = {
     errno.ENOSPC: "the disk is full",
@@ -41,12 +39,12 @@ _REASONS = {
 
 
 def store(path: Path, content: bytes) -> None:
-    """Write a file so that it is either whole or not there: aside, to the disk, then renamed.
+    """Write a file that is either whole or absent.
 
     Raises
     ------
     FolderError
-        If the folder cannot be written, saying why; what was there under that name still is.
+        If the folder cannot be written. An earlier file of that name stays.
     """
     aside = aside_of(path)
     try:
@@ -64,47 +62,33 @@ def store(path: Path, content: bytes) -> None:
         raise cannot_write(path, error) from error
 
 
-def touch(path: Path) -> None:
-    """Set the time of a file to now, for tools that compare times.
-
-    Raises
-    ------
-    FolderError
-        If that is not allowed.
-    """
-    try:
-        os.utime(path)
-    except OSError as error:
-        raise cannot_write(path, error) from error
-
-
 def aside_of(path: Path) -> Path:
-    """Return the name under which this process writes a file: no other process, on no other host, has the same."""
+    """Return the temporary name of a file, which no other process on any host uses."""
     return path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}.part")
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and those above it, so that after a power cut they are there if what is in them is.
+    """Make a folder and its parents, safe against a power cut.
 
     Raises
     ------
     OSError
         If it cannot be made.
     """
-    absent = [place for place in (folder, *folder.parents) if not place.exists()]
+    absent = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)
-    for place in absent:
-        _sync_folder(place.parent)
+    for parent in absent:
+        _sync_folder(parent.parent)
 
 
 def cannot_write(path: Path, error: OSError) -> FolderError:
-    """Return the error that says why a file cannot be written."""
+    """Return the error for a file that cannot be written, with its reason."""
     reason = _REASONS.get(error.errno or 0) or error.strerror or str(error)
     return FolderError(f"cannot write {path}: {reason}")
 
 
 def _sync_folder(folder: Path) -> None:
-    """Bring a new name to the disk; a system that cannot open folders has no need to."""
+    """Flush the names in a folder to the disk, on systems that can open folders."""
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError:
@@ -127,7 +111,7 @@ def stamped(content: bytes, labels: Labels) -> bytes:
 
 
 def labels_of(attributes: Mapping[str, str]) -> Labels:
-    """Return what the stamp of a dataset says: format of the file and of the answer, version, and the case in full."""
+    """Return the labels of a dataset: formats of file and answer, version, id and hash of the case."""
     text = attributes.get("case", "")
     return {
         "format": FORMAT,
@@ -139,12 +123,12 @@ def labels_of(attributes: Mapping[str, str]) -> Labels:
 
 
 def labels(path: Path) -> Labels:
-    """Return the labels in the stamp of a file, its content unread: quick, but no proof of it.
+    """Return the labels in the stamp of a file without a look at its content.
 
     Raises
     ------
     DatasetError
-        If the file is missing or ends without a stamp (it has been cut short, or was written by something else).
+        If the file is missing or has no stamp at its end.
     """
     try:
         with path.open("rb") as stream:
@@ -153,14 +137,12 @@ def labels(path: Path) -> Labels:
             length = _labels_length(path, stream.read(TAIL))
             stream.seek(max(size - TAIL - length, 0))
             return _parsed(path, stream.read(length))
-    except DatasetError:
-        raise
     except OSError as error:
         raise _cannot_read(path, error) from error
 
 
 def verified(path: Path) -> tuple[bytes, Labels]:
-    """Return the content of a stamped file and its labels, every bit checked.
+    """Return the content and the labels of a stamped file, every bit checked.
 
     Raises
     ------
@@ -175,7 +157,7 @@ def verified(path: Path) -> tuple[bytes, Labels]:
 
 
 def unstamped(content: bytes, path: Path) -> tuple[bytes, Labels]:
-    """Return what was stamped and its labels; ``path`` names it in errors, which are those of `verified`."""
+    """Return the content and the labels of stamped bytes; ``path`` names them in the errors of `verified`."""
     length = _labels_length(path, content[-TAIL:])
     body = memoryview(content)[: max(len(content) - TAIL, 0)]
     if hashlib.sha256(body).hexdigest().encode() != content[-TAIL : -TAIL + 64]:
@@ -185,9 +167,10 @@ def unstamped(content: bytes, path: Path) -> tuple[bytes, Labels]:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove what processes that were killed while writing have left; files still being written here are left alone.
+    """Remove temporary files of killed processes.
 
-    Nobody writes from another host while this one holds the folder, but a worker whose checkpoint is due again soon.
+    A temporary file of another host can only be a checkpoint, since this process holds the folder. The worker there
+    writes it again soon.
     """
     here = f".{platform.node()}."
     for aside in folder.glob(".*.part"):
@@ -195,13 +178,14 @@ def remove_leftovers(folder: Path) -> None:
         if not pid.isdigit():
             continue
         with contextlib.suppress(OSError):
-            if not aside.name.removesuffix(f"{pid}.part").endswith(here) or not _lives(int(pid)):
+            if not aside.name.removesuffix(f"{pid}.part").endswith(here) or not alive(int(pid)):
                 aside.unlink(missing_ok=True)
 
 
-def _lives(pid: int) -> bool:
+def alive(pid: int) -> bool:
+    """Return whether a process of this host exists."""
     try:
-        os.kill(pid, 0)  # signal 0 asks whether the process lives
+        os.kill(pid, 0)  # signal 0 only asks
     except (ProcessLookupError, OverflowError):
         return False
     except OSError:
@@ -219,14 +203,14 @@ def _labels_length(path: Path, tail: bytes) -> int:
 
 def _parsed(path: Path, text: bytes) -> Labels:
     try:
-        found = json.loads(text)
+        labels = json.loads(text)
     except (ValueError, RecursionError) as error:
         message = f"{path} ends with a damaged checksum"
         raise DatasetError(message) from error
-    return {str(name): str(value) for name, value in found.items()} if isinstance(found, dict) else {}
+    return {str(name): str(value) for name, value in labels.items()} if isinstance(labels, dict) else {}
 
 
 def _cannot_read(path: Path, error: OSError) -> DatasetError:
-    if isinstance(error, FileNotFoundError):
+    if isinstance(error, FileNotFoundError | IsADirectoryError):
         return DatasetError(f"no dataset at {path}")
     return DatasetError(f"cannot read {path}: {error.strerror or error}")

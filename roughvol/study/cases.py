@@ -1,4 +1,4 @@
-"""A study as a whole, the cases it makes, and the rules that no section shows alone."""
+"""A study, its cases, and the rules that join its sections."""
 
 from __future__ import annotations
 
@@ -32,16 +32,13 @@ from roughvol.study.sections import (
     refuse,
     tag_surface,
     whole,
-    without_unused,
 )
 from roughvol.study.treatment import steps
 from roughvol.study.units import has_unit, length_unit
 from roughvol.study.yaml_text import KeyPath, key_text, number_text, write
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
 
-ANSWER_FORMAT = 2  # part of every case id: raise it when equal settings no longer give equal stored numbers
-LATER = ("transport", "region", "region_widths")
-DERIVED = ("dimensional",)  # of the section record: made from what is stored, when cases are collected
+ANSWER_FORMAT = 3  # part of every case id: raise it when equal settings no longer give equal stored numbers
 MAX_CASES = 100_000
 SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")
 
@@ -50,8 +47,7 @@ SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")
 class Case:
     """One surface pressed once: everything `campaign.run_case` needs, picklable.
 
-    Set are either ``D``, ``m``, ``seed`` and ``midpoint_law``, or ``file``, ``sha256`` (of its content), ``variable``
-    and what else `bodies` holds, with the second of two rough bodies as ``against``.
+    A generated surface has ``D``, ``m``, ``seed`` and ``midpoint_law``, a measured one ``bodies`` and ``treatment``.
     """
 
     L: float
@@ -63,72 +59,55 @@ class Case:
     m: int | None = None
     seed: int | None = None
     midpoint_law: Literal["std", "variance"] | None = None
-    file: Path | None = None
-    sha256: str | None = None
-    variable: str | None = None
-    file_unit: str | None = None  # of the numbers in the file, where it tells one
-    pixel_ratio: float | None = None  # side of the pixels in the file along y over that along x, if they are resampled
-    against: Body | None = None
+    bodies: tuple[Body, ...] = ()  # whose heights come from files: none, one, or two facing each other
     treatment: Treatment = UNTREATED
-    length_unit: str | None = None  # of L, the heights and all lengths stored; None for an arbitrary one
+    length_unit: str | None = None  # of L, the heights and all stored lengths; None for an arbitrary one
     hardness: float | None = None  # over E*
-    height: float | None = None  # the Sq to which heights are scaled, where there is a hardness to compare with
-    reading: tuple[tuple[str, str], ...] = ()  # of the first body: heights_unit, columns, header, read_as where used
+    height: float | None = None  # Sq of the heights, where there is a hardness to compare with
     notes: tuple[str, ...] = ()  # on size and units of the files, for the user
 
     @property
     def key(self) -> dict[str, Any]:
-        """What changes the stored answer, as plain data; neither names nor E*, which no starred number depends on."""
+        """Everything that changes the stored answer, as plain data.
+
+        Names and E* are absent: no starred number depends on them. So is ``record.dimensional``: its values are made
+        when the cases are collected.
+        """
         surface: dict[str, Any]
-        if self.file is None:
-            surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
+        if self.bodies:
+            # Heights with a unit of their own are converted to that of the study.
+            unit = self.length_unit if any(body.numbers_in for body in self.bodies) else None
+            surface = {"bodies": [body.key for body in self.bodies], "treatment": self.treatment.key, "unit": unit}
         else:
-            surface = {"sha256": self.sha256, "variable": self.variable, **self.treatment.used}
-            if self.against is not None:
-                other = self.against
-                named = {"sha256": other.sha256, "variable": other.variable, "mirror": other.mirror}
-                surface["against"] = named | other.reading
-            surface |= self.bodies[0].reading if self.bodies else {}
-            if self.treatment.resample != "none":
-                surface["pixel_ratio"] = [body.pixel_ratio for body in self.bodies]
-            if any(body.numbers_in for body in self.bodies):  # their numbers are converted to this one
-                surface["unit"] = self.length_unit
-        key = {
+            surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
+        key: dict[str, Any] = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},
-            "record": self._recorded,
+            "record": self.record.model_dump(mode="json", exclude={"dimensional"}),
         }
-        if self.sweep.steps == 0:  # nothing is solved, so neither the end of the sweep nor the solver matters
-            return {**key, "sweep": {"steps": 0}}
-        if self.hardness is not None:
-            key["material"] = {"hardness": float(f"{self.hardness:.12g}"), "Sq": self.height}  # in any unit the same
-        solver: dict[str, Any] = {
-            "rtol": self.solver.tolerance,
-            "kernel": self.solver.kernel,
-            "method": self.solver.method,
+        if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
+            return key | {"sweep": {"steps": 0}}
+        solver, hardness = self.solver, self.hardness
+        return key | {
+            "sweep": self.sweep.model_dump(mode="json"),
+            "solver": {
+                "rtol": solver.tolerance,
+                "pressure_error": solver.pressure_error,
+                "kernel": solver.kernel,
+                "method": solver.method,
+            },
+            # Rounded: the same in any unit.
+            "material": {"hardness": None if hardness is None else float(f"{hardness:.12g}"), "Sq": self.height},
         }
-        if self.solver.pressure_error is not None:
-            solver["pressure_error"] = self.solver.pressure_error
-        return {**key, "sweep": self.sweep.model_dump(mode="json"), "solver": solver}
 
     @property
-    def bodies(self) -> tuple[Body, ...]:
-        """The rough bodies whose heights come from files: none, one, or two facing each other."""
-        if self.file is None or self.sha256 is None:
-            return ()
-        named: dict[str, Any] = dict(self.reading)
-        first = Body(self.file, self.sha256, self.variable, self.file_unit, pixel_ratio=self.pixel_ratio, **named)
-        return (first,) if self.against is None else (first, self.against)
-
-    @property
-    def _recorded(self) -> dict[str, Any]:
-        """The section ``record``; keys that came later count only where they are used, so that other ids stay."""
-        record = self.record.model_dump(mode="json")
-        return {name: value for name, value in without_unused(record, *LATER).items() if name not in DERIVED}
+    def file(self) -> Path | None:
+        """The file of the first body, None for a generated surface."""
+        return self.bodies[0].file if self.bodies else None
 
     @property
     def key_text(self) -> str:
-        """The key as the files of the case hold it."""
+        """The key as JSON, as stored in the file of the case."""
         return json.dumps(self.key, sort_keys=True)
 
     @functools.cached_property
@@ -150,26 +129,26 @@ class Case:
 
     @property
     def label(self) -> str:
-        """The case in words: ``D = 2.30, m = 8, seed 3``, or the name of the file."""
-        if self.file is None:
+        """The case in words: ``D = 2.30, m = 8, seed 3``, or the names of the files."""
+        if not self.bodies:
             return f"D = {self._D_text}, m = {self.m}, seed {self.seed}"
         return " against ".join(body.file.name for body in self.bodies)
 
     @property
     def surface_text(self) -> str:
-        """What is done to heights from files, in words; empty if they are pressed as they stand there."""
-        said = ["; ".join(steps(self.treatment, self.length_unit))]
-        if self.against is not None:
-            turned = f", its axis {self.against.mirror} reversed" if self.against.mirror != "none" else ""
-            said.append(f"heights of {self.against.file.name} added{turned}")
+        """The treatment of heights from files in words, empty for untreated ones."""
+        sentences = ["; ".join(steps(self.treatment, self.length_unit))]
+        for body in self.bodies[1:]:
+            turned = f", its axis {body.mirror} reversed" if body.mirror != "none" else ""
+            sentences.append(f"heights of {body.file.name} added{turned}")
         units = {body.file.name: body.numbers_in for body in self.bodies if body.numbers_in}
-        said += [f"sizes and units in {body.file.name} ignored" for body in self.bodies if body.header]
-        said += [f"numbers of {name} are in {unit}" for name, unit in units.items()]
-        return "; ".join(filter(None, said))
+        sentences += [f"sizes and units in {body.file.name} ignored" for body in self.bodies if body.header]
+        sentences += [f"numbers of {name} are in {unit}" for name, unit in units.items()]
+        return "; ".join(filter(None, sentences))
 
 
 class Places:
-    """Lines of the keys in the text of a study; no part of its identity, so all are equal."""
+    """Lines of the keys in the text of a study. All are equal: they are no part of its identity."""
 
     def __init__(self, file: str = "", lines: dict[str, int] | None = None) -> None:
         self.file, self.lines = file, lines or {}
@@ -181,7 +160,7 @@ class Places:
     __hash__ = None  # type: ignore[assignment]
 
     def of(self, problem: Problem) -> Problem:
-        """Return a problem with file and line, where it has none; a missing key is placed where its mapping begins."""
+        """Return a problem with file and line. A missing key gets the line of its mapping."""
         if problem.file or not self.file:
             return problem
         key = problem.key
@@ -196,7 +175,7 @@ class Study(Strict):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", max_length=100)] = Field(
         default="study",
         description="letters, digits, _, - and dots, at most 100, a letter, digit or _ first; "
-        "if left out, that of the study file",
+        "default: that of the study file",
     )
     surface: Annotated[
         Annotated[GeneratedSurface, Tag("<generated>")] | Annotated[HeightFile, Tag("<file>")],
@@ -220,9 +199,9 @@ class Study(Strict):
 
     @model_validator(mode="after")
     def _possible(self) -> Study:
-        found = [f"{key_text(path)}: {message}" for path, message in conflicts(self.model_dump(mode="json"))]
-        if found:
-            refuse("{found}", found="\n".join(found))
+        problems = [f"{key_text(path)}: {message}" for path, message in conflicts(self.model_dump(mode="json"))]
+        if problems:
+            refuse("{problems}", problems="\n".join(problems))
         return self
 
     @contextlib.contextmanager
@@ -234,12 +213,12 @@ class Study(Strict):
             raise StudyError([self._places.of(problem) for problem in error.problems]) from error
 
     def cases(self) -> tuple[Case, ...]:
-        """Return the product over D, m and seeds, seeds running fastest; a height file is one case.
+        """Return the product over D, m and seeds, seeds fastest; a height file is one case.
 
         Raises
         ------
         StudyError
-            If a height file cannot be read, or does not tell what the study leaves to it.
+            If a height file cannot be read, or lacks a size or unit that the study does not give.
         """
         surface = self.surface
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solver, self.record
@@ -249,39 +228,32 @@ class Study(Strict):
             law, L, unit = surface.midpoint_law, float(surface.L), surface.length_unit
             height = None if hardness is None else surface.height
             product = itertools.product(surface.D, surface.m, surface.seeds)
-            one = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
-            return tuple(replace(one, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
+            case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
+            return tuple(replace(case, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
         with self.placing():
             measured = resolve(surface)
-        first, *others = measured.bodies
         case = Case(
             measured.L,
             E_star,
             sweep,
             solver,
             record,
-            file=first.file,
-            sha256=first.sha256,
-            variable=first.variable,
-            file_unit=first.unit,
-            pixel_ratio=first.pixel_ratio,
-            against=others[0] if others else None,
+            bodies=measured.bodies,
             treatment=measured.treatment,
             length_unit=measured.unit,
             hardness=hardness,
-            reading=tuple(first.reading.items()),
             notes=measured.notes,
         )
         return (case,)
 
     def to_yaml(self) -> str:
-        """Return the study with every default written out; `loads` of it gives an equal study."""
+        """Return the study as YAML with every default; `loads` of it gives an equal study."""
         return write(self.model_dump(mode="json"))
 
     def stored(self) -> str:
-        """Return the study as files of results hold it: height files by the text that names them, no absolute path.
+        """Return the study as YAML for files of results, with height files by name and not by absolute path.
 
-        ``loads(text, stored=True)`` reads it without those files.
+        ``loads(text, stored=True)`` reads it without the height files.
         """
         return write(self.model_dump(mode="json", context={"stored": True}))
 
@@ -292,7 +264,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
-    """Yield what no key shows alone: key path and message. Works on plain data, whatever else is wrong with it."""
+    """Yield key path and message of each conflict between keys, from plain data that may have other faults."""
 
     def mapping(*path: str) -> dict[str, Any]:
         here: Any = data
@@ -339,7 +311,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         seen: set[float] = set()
         for path, number in _numbers(mapping(*place[:-1]).get(place[-1]), *place):
             if number in seen:
-                yield path, f"{number_text(number)} stands in the list twice"
+                yield path, f"duplicate value {number_text(number)}"
             seen.add(number)
     seeds = whole(surface.get("seeds", 10))
     counts = [len(list(_numbers(surface.get(name)))) for name in ("D", "m", "seeds")]
@@ -349,7 +321,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
 
 
 def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
-    """Yield what files of heights need that their endings show."""
+    """Yield conflicts between the keys of height files and the formats of these files."""
     bodies: list[tuple[KeyPath, dict[str, Any]]] = [(("surface",), surface), (("surface", "against"), against)]
     suffixes = {path: Path(str(body["file"])).suffix.lower() for path, body in bodies if "file" in body}
     for path, body in bodies:
@@ -375,7 +347,7 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
 def _unit_conflicts(
     surface: dict[str, Any], material: dict[str, Any], record: dict[str, Any]
 ) -> Iterator[tuple[KeyPath, str]]:
-    """Yield where a unit is missing, or given twice."""
+    """Yield units that are missing or given twice."""
     own, unit = length_unit(surface.get("L")), surface.get("unit")
     has_length = own is not None or unit is not None
     if own is not None and unit not in (None, own):

@@ -1,6 +1,6 @@
-"""The section ``surface`` of a study of measured heights: one file, or two for two rough bodies, and their treatment.
+"""The section ``surface`` of a study of measured heights: one file or two, and their treatment.
 
-What a file gives beside its heights (size, units) is read when the cases are made, not before: see `agreement`.
+Sizes and units in the files are read when the cases are made, see `agreement`.
 """
 
 from __future__ import annotations
@@ -16,14 +16,13 @@ from pydantic import (
     ValidationInfo,
     field_serializer,
     field_validator,
-    model_serializer,
 )
 
-from roughvol.study.sections import UNIT, LengthUnit, Strict, refuse, without_unused
+from roughvol.study.sections import UNIT, LengthUnit, Strict, refuse
 from roughvol.study.treatment import Crop, Outliers
 from roughvol.study.units import Length, unit_of
 from roughvol.study.yaml_text import printable
-from roughvol.surfaces.body import UNTREATED, Columns, Header, Levelling, Mirror, Missing, Resampling
+from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, Resampling
 
 BARE_FORMATS = (".npy", ".npz")  # give neither size nor unit
 HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".tif", ".tiff")
@@ -37,12 +36,12 @@ _VARIABLE = (
     "name of the array inside an .npz or .nc file, or of the channel in a file of an instrument; or its number from 0"
 )
 _HEIGHTS_UNIT = "unit of the heights in a file that names none"
-_COLUMNS = "'heights': all columns of a text are heights, also if there are three as of points x y z"
-_HEADER = "'ignore': sizes and units in the file do not count; L and heights_unit of the study do"
+_COLUMNS = "'heights': all columns of a text are heights, even three columns like points x y z"
+_HEADER = "'ignore': L and heights_unit of the study replace sizes and units in the file"
 
 
 class Located(str):
-    """The absolute path of a height file, which keeps the text that the study names it by."""
+    """The absolute path of a height file, with the text of the study that names it."""
 
     written: str
 
@@ -62,8 +61,8 @@ class Located(str):
         return Path(self.written).name if Path(self.written).is_absolute() else self.written
 
 
-def _found(value: str, info: ValidationInfo) -> str:
-    """Return the absolute path of a height file that is there; of a stored study, the text."""
+def _located(value: str, info: ValidationInfo) -> str:
+    """Return the absolute path of an existing height file, or the text in a stored study."""
     context = info.context or {}
     if context.get("stored"):
         return Located(value, value)
@@ -75,22 +74,22 @@ def _found(value: str, info: ValidationInfo) -> str:
             extra=EXTRA,
         )
     try:
-        found = path.is_file()
-    except (OSError, ValueError):  # a name too long, a folder that may not be entered
-        found = False
-    if not found:
+        exists = path.is_file()
+    except (OSError, ValueError):  # a name too long, a folder without access
+        exists = False
+    if not exists:
         refuse("there is no such file ({path})", path=printable(str(path)))
     return Located(str(path), getattr(value, "written", value))
 
 
 def _path_text(value: str, info: SerializationInfo) -> str:
-    """Return the absolute path; in what is stored, no folder of this machine."""
+    """Return the absolute path, or the text in a stored study."""
     stored = bool((info.context or {}).get("stored"))
     return value.portable if stored and isinstance(value, Located) else str(value)
 
 
 def _number(value: Any) -> Any:
-    """Return the number of a channel as text; other values stay, to be checked."""
+    """Return the number of a channel as text, other values unchanged."""
     return str(value) if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else value
 
 
@@ -102,7 +101,7 @@ class CounterBody(Strict):
 
     file: str = Field(description=_FILE + "; heights positive out of its own body")
     variable: Variable | None = Field(default=None, description=_VARIABLE)
-    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; that of the first if left out")
+    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of the first")
     columns: Columns | None = Field(default=None, description=_COLUMNS)
     header: Header | None = Field(default=None, description=_HEADER)
     mirror: Mirror = Field(
@@ -111,13 +110,8 @@ class CounterBody(Strict):
         "reversed, as for two scans that each look onto their own surface, one body then turned over",
     )
 
-    _file = field_validator("file")(_found)
+    _file = field_validator("file")(_located)
     _text = field_serializer("file")(_path_text)
-
-    @model_serializer(mode="wrap")
-    def _plain(self, handler: Any) -> dict[str, Any]:
-        """Leave out what came later where it is not used."""
-        return without_unused(handler(self), "heights_unit", "columns", "header")
 
 
 class HeightFile(Strict):
@@ -126,8 +120,8 @@ class HeightFile(Strict):
     file: str = Field(description=_FILE)
     L: Length | None = Field(
         default=None,
-        description="length of the first axis, L > 0, with its unit or in that of the heights; may be left out if the "
-        "file gives its size, and must agree with it",
+        description="length of the first axis, L > 0, with its unit or in that of the heights; default: the size given "
+        "in the file, which it must equal",
     )
     variable: Variable | None = Field(default=None, description=_VARIABLE)
     unit: LengthUnit | None = Field(
@@ -138,7 +132,7 @@ class HeightFile(Strict):
     header: Header | None = Field(default=None, description=_HEADER)
     crop: Crop | None = Field(
         default=None,
-        description="{x: [from, to], y: [from, to]}: the part of the map that is pressed, by shares of its sides or by "
+        description="{x: [from, to], y: [from, to]}: the pressed part of the map, by shares of its sides or by "
         "lengths with a unit; L is that of the whole map",
     )
     outliers: Outliers | None = Field(
@@ -154,17 +148,17 @@ class HeightFile(Strict):
     )
     level: Levelling = Field(
         default="none",
-        description="least-squares surface of the known heights that is taken off: 'none', their 'mean', a plane "
+        description="least-squares surface subtracted from the known heights: 'none', their 'mean', a plane "
         "('tilt') or a 'quadratic'",
     )
     missing: Missing = Field(
         default="refuse",
-        description="what becomes of missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate'"
+        description="treatment of missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate'"
         " (each the mean of its neighbours)",
     )
     low_pass: Length | None = Field(
         default=None,
-        description="cut-off wavelength of a Gaussian filter (ISO 16610-61) that takes off shorter ones, in the unit "
+        description="cut-off wavelength of a Gaussian filter (ISO 16610-61) that removes shorter waves, in the unit "
         "of L, from twice the spacing to the shorter side",
     )
     against: CounterBody | None = Field(
@@ -172,21 +166,15 @@ class HeightFile(Strict):
         description="{file, variable, mirror}: the other of two rough bodies; the heights are added",
     )
 
-    _file = field_validator("file")(_found)
+    _file = field_validator("file")(_located)
     _text = field_serializer("file")(_path_text)
 
     @property
     def length_unit(self) -> str | None:
-        """Unit of L, of the heights and of all lengths stored, if the study names one."""
+        """Unit of L, of the heights and of all stored lengths, None without one."""
         return unit_of(self.L) or self.unit
 
     @property
     def bodies(self) -> tuple[HeightFile | CounterBody, ...]:
         """The one body or the two."""
         return (self,) if self.against is None else (self, self.against)
-
-    @model_serializer(mode="wrap")
-    def _plain(self, handler: Any) -> dict[str, Any]:
-        """Leave out what came later where it is not used."""
-        data = without_unused(handler(self), "L", "unit", "against", "heights_unit", "columns", "header")
-        return {name: value for name, value in data.items() if value != getattr(UNTREATED, name, object)}

@@ -1,4 +1,4 @@
-"""The section ``record`` of a study: what is stored of the states of a sweep, and of which part of the surface."""
+"""The section ``record`` of a study: quantities stored along a sweep, and their region of the surface."""
 
 from __future__ import annotations
 
@@ -18,17 +18,16 @@ from roughvol.study.sections import (
     Whole,
     Word,
     refuse,
-    without_unused,
 )
 from roughvol.study.units import In, UnitOf, convert, in_unit
 from roughvol.study.yaml_text import number_text
 
 
 class Select(Choice):
-    """The states to record: the last one, steps, or those at levels.
+    """The states to record: the last one, steps, or levels.
 
-    Fields, densities and box counts are of the state at the level itself, which is solved for them. Quantities along
-    the steps are of the first step at the level or beyond it.
+    Fields, densities and box counts belong to the level itself, solved for them. Quantities along the steps belong to
+    the first step at the level or beyond.
     """
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
@@ -45,7 +44,7 @@ class Select(Choice):
 
     @property
     def levels(self) -> tuple[Level, ...]:
-        """The levels one by one, kind by kind; ``Level("last")`` alone if none is named."""
+        """The levels in the order of their kinds, ``Level("last")`` without any."""
         levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
         return tuple(levels) or (Level("last"),)
 
@@ -85,7 +84,7 @@ _WHEN = f"'{EVERY_STEP}', {_STATES}"
 
 
 class Transport(Choice):
-    """What is computed of the void between the surfaces, quantity by quantity, and at which states."""
+    """Quantities of the void between the surfaces, each with its states."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
@@ -140,7 +139,7 @@ class Region(Strict):
 
 
 class RegionWidths(Strict):
-    """What A*, p*, V* and the transmissivity are inside central squares of several widths, from one solution."""
+    """A*, p*, V* and the transmissivity inside central squares of several widths, from one solution."""
 
     shares: Many[AreaFraction] = Field(
         default=(1.0, 0.75, 0.5, 0.25), description="widths of the central regions over that of the surface, 0 to 1"
@@ -150,7 +149,7 @@ class RegionWidths(Strict):
 
 
 class LeakRate(Strict):
-    """The flow of an incompressible liquid through the gap: what drives it, what holds it back."""
+    """The flow of an incompressible liquid through the gap: pressure drop and viscosity."""
 
     pressure_drop: Annotated[Positive, In("pressure", needed=True)] = Field(
         description="pressure between the two sides of the region, > 0, with its unit as 1 bar"
@@ -162,7 +161,7 @@ class LeakRate(Strict):
 
     @property
     def drive(self) -> float:
-        """ΔP/μ such that, times a volume in m³, it is a flow in the unit of the leak rate."""
+        """ΔP/μ; its product with a volume in m³ is a flow in the unit of the leak rate."""
         drop, viscosity = in_unit(self.pressure_drop, "Pa"), in_unit(self.viscosity, "Pa*s")
         assert drop is not None
         assert viscosity is not None
@@ -170,7 +169,7 @@ class LeakRate(Strict):
 
 
 class Dimensional(Choice):
-    """What is stored with a unit beside the starred value, and in which; nothing is solved for it."""
+    """Quantities stored with a unit beside the starred ones, computed from these alone."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
@@ -204,7 +203,7 @@ INTERIOR = (("x", (0.25, 0.75)), ("y", (0.25, 0.75)))  # the central half of eac
 
 
 class Record(Strict):
-    """What is stored beyond the numbers every step gives."""
+    """Quantities stored beyond those of every step."""
 
     heights: bool = Field(default=False, description="store the heights: true or false")
     fields_at: Selector | None = Field(default=None, description=f"store gap and pressure at these states: {_STATES}")
@@ -214,22 +213,17 @@ class Record(Strict):
     )
     transport: Transport | None = Field(
         default=None,
-        description="what is computed of the void, quantity by quantity, each with its states",
+        description="quantities of the void, each with its states",
     )
     region: Annotated[Region, Word("interior", INTERIOR)] | None = Field(
         default=None,
-        description="of which part all observables but heights and fields are taken: 'interior' (the central half of "
-        "each side) or {x: [from, to], y: [from, to]}; the whole if left out",
+        description="part of the surface for all observables but heights and fields: 'interior' (the central half of "
+        "each side) or {x: [from, to], y: [from, to]}; default: the whole",
     )
     region_widths: RegionWidths | None = Field(
         default=None,
         description="A*, p*, V* and transmissivity of central squares of several widths; {} takes the defaults",
     )
     dimensional: Dimensional | None = Field(
-        default=None, description="what is stored with units as well: pressure, free_volume, mean_gap, leak_rate …"
+        default=None, description="quantities stored with units as well: pressure, free_volume, mean_gap, leak_rate …"
     )
-
-    @model_serializer(mode="wrap")
-    def _plain(self, handler: Any) -> dict[str, Any]:
-        """Leave out what came later where it is not used."""
-        return without_unused(handler(self), "region_widths", "dimensional")

@@ -1,10 +1,9 @@
 """The sections of a study as strict, frozen records.
 
-The description of each field goes into the JSON schema and into the error messages, so it says what is allowed.
-Lengths (``L``, ``Sq``) come in any unit, the same as the heights; moduli and hardness in any unit, the same for both;
-each may name its own (``100 um``, ``210 GPa``). Whatever
-a sweep or a selector names is dimensionless: ``indentation`` Δ/σ, ``separation`` d/σ, ``contact_area`` A* (fraction of
-the elements in contact), ``pressure`` p* = mean(p) L/(E* σ).
+The description of each field goes into the JSON schema and the error messages, with the values allowed. Lengths (``L``,
+``Sq``) have any unit, that of the heights. Moduli and hardness have any unit, the same for both. Each may name its own
+(``100 um``, ``210 GPa``). The levels of a sweep or a selector are dimensionless: ``indentation`` Δ/σ, ``separation``
+d/σ, ``contact_area`` A* (fraction of the elements in contact), ``pressure`` p* = mean(p) L/(E* σ).
 """
 
 from __future__ import annotations
@@ -33,16 +32,16 @@ from roughvol.study.yaml_text import number_text
 from roughvol.surfaces.length_units import factor
 
 ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
-"""Bound on the residual η/σ of each solve that an accuracy stands for."""
+"""Bound on the residual η/σ of each solve, by accuracy."""
 
 EXPECTED = {"draft": (4e-4, 8e-4, 9e-5), "standard": (2e-5, 2e-6, 3e-8), "reference": (0.0, 2e-9, 2e-10)}
-"""Largest errors of A*, of p* (relative) and of V* that `roughvol tradeoff configs/tradeoff.yaml` finds at each,
-rounded up; that of A* at standard to one element of m = 8.
+"""Largest errors of A*, of p* (relative) and of V* at each accuracy, rounded up.
 
-Other surfaces and sweeps differ by a factor of a few; what is certain are the bounds, of V* the η/σ itself.
+Command: `roughvol tradeoff configs/tradeoff.yaml`. That of A* at standard is one element of m = 8. Other surfaces and
+sweeps differ by a factor of a few. Only the bounds are certain, for V* η/σ itself.
 """
 
-LOOSEST = 1e-2  # residual η/σ beyond which a sweep costs more, not less: it starts every step from a poor state
+LOOSEST = 1e-2  # largest useful bound of η/σ: beyond it, steps start from a poor state and cost more
 PAPER_MAX_M = 6  # the paper's algorithm holds a dense matrix of 4^m rows
 MAX_SEEDS = 10_000
 
@@ -50,30 +49,25 @@ T = TypeVar("T")
 
 
 def refuse(message: str, **context: str) -> NoReturn:
-    """Refuse a value from within a validator, in our own words."""
+    """Refuse a value inside a validator, with a message of our own."""
     kind = "refused"
     raise PydanticCustomError(kind, message, context)
 
 
 def names(*models: type[BaseModel]) -> list[str]:
-    """Return the keys that a mapping of one of these models may have."""
+    """Return the keys of these models."""
     return list(dict.fromkeys(name for model in models for name in model.model_fields))
 
 
 def nearest(word: str, known: list[str]) -> str | None:
-    """Return the known word that ``word`` probably means, whatever its case."""
+    """Return the known word closest to ``word``, upper and lower case alike."""
     lower = {name.lower(): name for name in known}
     close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.65)
     return lower[close[0]] if close else None
 
 
-def without_unused(data: dict[str, Any], *later: str) -> dict[str, Any]:
-    """Leave out of a section the keys that came later where they are not used, so that stored studies stay equal."""
-    return {name: value for name, value in data.items() if value is not None or name not in later}
-
-
 class _OneOrMany:
-    """Accept one value where a list is meant, and say so in the JSON schema."""
+    """Accept one value in place of a list, also in the JSON schema."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_before_validator_function(self._listed, handler(source))
@@ -93,7 +87,7 @@ class _OneOrMany:
 
 @dataclass(frozen=True)
 class Word:
-    """Accept one word as short for a mapping, and say so in the JSON schema."""
+    """Accept one word as short for a mapping, also in the JSON schema."""
 
     word: str
     meaning: tuple[tuple[str, Any], ...] = ()
@@ -113,7 +107,7 @@ class Word:
 
 
 def whole(value: Any) -> Any:
-    """Return the integer that a number like 8.0 is, anything else as it is."""
+    """Return a whole number like 8.0 as an integer, other values unchanged."""
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
@@ -127,11 +121,11 @@ AreaFraction = Annotated[float, Field(gt=0, le=1)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 StepNumber = Annotated[Whole, Field(ge=1)]
 LengthUnit = Annotated[str, UnitOf("length")]
-UNIT = "unit of L and of the heights, for the units of what is stored; they stay without one if left out"
+UNIT = "unit of L, of the heights and of the stored lengths; default: none"
 
 
 class Strict(BaseModel):
-    """A frozen record that takes nothing it does not know."""
+    """A frozen record that refuses unknown keys."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -141,7 +135,7 @@ def _count_in_schema(schema: dict[str, Any]) -> None:
 
 
 class GeneratedSurface(Strict):
-    """Surfaces made by random midpoint displacement: every combination of D, m and seed is a case."""
+    """Surfaces made by random midpoint displacement, one case per combination of D, m and seed."""
 
     D: Many[Dimension] = Field(description="fractal dimension of the generated surface, 2 < D < 3; a number or a list")
     m: Many[Refinement] = Field(description="2^m + 1 nodes per side, whole, 1 <= m <= 13; a number or a list")
@@ -153,7 +147,8 @@ class GeneratedSurface(Strict):
         description=f"how many seeds, 1 to {MAX_SEEDS} (10 means seeds 0 to 9), or a list of seeds >= 0",
     )
     midpoint_law: Literal["std", "variance"] = Field(
-        default="std", description="what each half step divides by 2^((3-D)/2): 'std' or 'variance' of the displacement"
+        default="std",
+        description="quantity divided by 2^((3-D)/2) at each half step: 'std' or 'variance' of the displacement",
     )
     unit: LengthUnit | None = Field(default=None, description=UNIT)
     Sq: Length | None = Field(
@@ -163,21 +158,16 @@ class GeneratedSurface(Strict):
 
     @property
     def length_unit(self) -> str | None:
-        """Unit of L, of the heights and of all lengths stored; None for an arbitrary one."""
+        """Unit of L, of the heights and of all stored lengths; None for an arbitrary one."""
         return unit_of(self.L) or self.unit
 
     @property
     def height(self) -> float | None:
-        """The Sq of the heights in the unit of L, None if it is as random midpoint displacement makes it."""
+        """The Sq of the heights in the unit of L, None if they are not scaled."""
         given = unit_of(self.Sq)
         if self.Sq is None or given is None or self.length_unit is None:
             return self.Sq
         return float(self.Sq) * factor(given, self.length_unit)
-
-    @model_serializer(mode="wrap")
-    def _plain(self, handler: Any) -> dict[str, Any]:
-        """Leave out what came later where it is not used."""
-        return without_unused(handler(self), "unit", "Sq")
 
     @field_validator("seeds", mode="before")
     @classmethod
@@ -192,7 +182,7 @@ class GeneratedSurface(Strict):
 
 @dataclass(frozen=True)
 class Level:
-    """A state of a sweep: ``last``, a plane (value None), a step, or where a number reaches a value."""
+    """A state of a sweep: ``last``, a plane (value None), a step, or a level of a quantity."""
 
     kind: str
     value: float | None = None
@@ -204,11 +194,11 @@ class Level:
 
 
 class Choice(Strict):
-    """A mapping of which only the keys given count."""
+    """A mapping whose absent keys have no default."""
 
     @property
     def named(self) -> dict[str, Any]:
-        """The keys given and their values."""
+        """The given keys and their values."""
         return {name: value for name, value in self.__dict__.items() if value not in (None, ())}
 
     @model_serializer
@@ -217,12 +207,12 @@ class Choice(Strict):
 
 
 class Target(Choice):
-    """The state at which a sweep ends, by one of its starred values."""
+    """The last state of a sweep, by one of its starred values."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     percolation: Literal["x", "y", "both"] | None = Field(
-        default=None, description="end where void leads no more from side to side: along 'x', along 'y', along 'both'"
+        default=None, description="end where no void connects the sides any more: along 'x', along 'y', along 'both'"
     )
     indentation: Positive | None = Field(default=None, description="end at this Δ/σ > 0")
     contact_area: AreaFraction | None = Field(default=None, description="end at this A*, 0 < A* <= 1")
@@ -234,11 +224,11 @@ def _tag_to(value: Any) -> str:
     return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
 
 
-# Which form of a mapping is meant, so that only that form's problems are reported.
+# A tag selects one form of a mapping: only the problems of that form are reported.
 
 
 def tag_surface(value: Any) -> str:
-    """Return the tag of `measured.HeightFile` if the keys speak of a file, else that of `GeneratedSurface`."""
+    """Return the tag of `HeightFile` if the keys name a file, else that of `GeneratedSurface`."""
     if not isinstance(value, dict):
         return "<generated>" if isinstance(value, GeneratedSurface) else "<file>"
     hints = not {"D", "m"} & value.keys() and any(nearest(key, ["file", "variable"]) for key in value)
@@ -246,7 +236,7 @@ def tag_surface(value: Any) -> str:
 
 
 class Sweep(Strict):
-    """How far the half space is pressed down, in how many equal steps of indentation."""
+    """The indentation of the half space: its end, and the number of equal steps."""
 
     steps: Annotated[Whole, Field(ge=0, le=10_000)] = Field(
         default=60, description="number of equal steps of indentation, 0 to 10000; 0 means no contact at all"
@@ -263,7 +253,7 @@ class Sweep(Strict):
 
     @property
     def target(self) -> Level:
-        """Where the sweep ends: a plane or the end of percolation (value None), or a starred value."""
+        """The end of the sweep: a plane or the end of percolation (value None), or a starred value."""
         if isinstance(self.to, str):
             return Level(self.to)
         kind, value = next(iter(self.to.named.items()))
@@ -271,7 +261,7 @@ class Sweep(Strict):
 
 
 class MaxError(Choice):
-    """Errors that no state may exceed; the solver goes as far as it must to certify them, and no further."""
+    """Largest errors allowed at any state, certified by the solver."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
@@ -290,7 +280,7 @@ class MaxError(Choice):
 
 
 class Solver(Strict):
-    """How, and how accurately, the contact is solved."""
+    """Method and accuracy of the solution of the contact."""
 
     accuracy: Literal["draft", "standard", "reference"] = Field(
         default="standard",
@@ -312,9 +302,9 @@ class Solver(Strict):
 
     @property
     def tolerance(self) -> float:
-        """The bound on η/σ in force: ``rtol``, else what ``max_error`` asks of V*, else that of ``accuracy``.
+        """The bound on η/σ: ``rtol``, else ``max_error.free_volume``, else that of ``accuracy``.
 
-        η/σ bounds the error of V* itself, so the largest residual allowed is the error allowed.
+        η/σ bounds the error of V*: the largest residual allowed is the largest error allowed.
         """
         if self.rtol is not None:
             return self.rtol
@@ -324,7 +314,7 @@ class Solver(Strict):
 
     @property
     def pressure_error(self) -> float | None:
-        """The bound on the relative error of p*, if one is asked for."""
+        """The bound on the relative error of p*, None without one."""
         return self.max_error.mean_pressure if self.max_error else None
 
     @model_validator(mode="after")
@@ -336,8 +326,3 @@ class Solver(Strict):
         if self.max_error is not None and self.method == "paper" and self.max_error.mean_pressure is not None:
             refuse("max_error.mean_pressure is certified by method fast only")
         return self
-
-    @model_serializer(mode="wrap")
-    def _plain(self, handler: Any) -> dict[str, Any]:
-        """Leave out what came later where it is not used."""
-        return without_unused(handler(self), "max_error")

@@ -17,11 +17,10 @@ Nodes = tuple[tuple[int, int], tuple[int, int]]
 
 @dataclass(frozen=True)
 class Body:
-    """One rough body: its file, the sha256 of its content, and how its numbers are to be read.
+    """One rough body: its file, the sha256 of its content, and the reading of its numbers.
 
-    ``unit`` is that of the heights as the file names it, ``heights_unit`` as the study does where the file does not;
-    ``mirror`` the axis that is reversed; ``read_as`` the layout of the file, where other versions read it otherwise;
-    ``pixel_ratio`` the side of its pixels along y over that along x, where they are resampled.
+    The file gives ``unit`` of the heights, or else the study gives ``heights_unit``. ``mirror`` is the reversed axis,
+    ``read_as`` the layout of a text, ``pixel_ratio`` the side of resampled pixels along y over that along x.
     """
 
     file: Path
@@ -37,19 +36,18 @@ class Body:
 
     @property
     def numbers_in(self) -> str | None:
-        """The unit of the heights in the file, whoever names it; None for that of the study."""
+        """The unit of the heights in the file; None for that of the study."""
         return self.unit or self.heights_unit
 
     @property
-    def reading(self) -> dict[str, Any]:
-        """What changes the heights beside the content of the file, where it is used."""
-        named = {"heights_unit": self.heights_unit, "columns": self.columns, "header": self.header}
-        return {key: value for key, value in {**named, "read_as": self.read_as}.items() if value is not None}
+    def key(self) -> dict[str, Any]:
+        """Everything that changes the heights, as plain data; the content of the file gives ``unit``."""
+        return {name: value for name, value in vars(self).items() if name not in ("file", "unit")}
 
 
 @dataclass(frozen=True)
 class Treatment:
-    """What is done to each body alike.
+    """The treatment of the heights, equal for each body.
 
     The order is: ``crop`` to the nodes from the first to the last, along x and y; ``outliers`` (sigma, nodes of the
     window) taken out; ``downsample`` by means of so many nodes a side; ``resample``; ``level``; ``missing`` heights
@@ -65,18 +63,15 @@ class Treatment:
     resample: Resampling = "none"
 
     @property
-    def used(self) -> dict[str, Any]:
-        """What is not left as it is, as plain data."""
-        data = dict(vars(self))
-        if self.crop is not None:
-            data["crop"] = [list(pair) for pair in self.crop]
-        if self.outliers is not None:
-            data["outliers"] = {"sigma": self.outliers[0], "window": self.outliers[1]}
-        return {name: value for name, value in data.items() if value != getattr(UNTREATED, name)}
+    def key(self) -> dict[str, Any]:
+        """The treatment as plain data."""
+        crop = None if self.crop is None else [list(pair) for pair in self.crop]
+        outliers = None if self.outliers is None else list(self.outliers)
+        return vars(self) | {"crop": crop, "outliers": outliers}
 
     @property
     def filling(self) -> Literal["nearest", "interpolate"] | None:
-        """How heights are filled that are not known, None if all are: removed outliers are filled in any case."""
+        """The filling of unknown heights, None if all are known. Removed outliers are always filled."""
         if self.missing != "refuse":
             return self.missing
         return None if self.outliers is None else "interpolate"

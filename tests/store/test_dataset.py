@@ -186,8 +186,8 @@ def test_foreign_and_missing_files_are_errors(tmp_path: Path) -> None:
 
 def test_what_is_no_netcdf_behind_a_sound_stamp_is_an_error(tmp_path: Path) -> None:
     labels = run_folder.labels_for(_case())
-    for content, more in ((b"nothing", {}), (b"nothing", {"columns": "7"}), (b"", {"columns": "x"})):
-        (tmp_path / "a.nc").write_bytes(stamped_file.stamped(content, labels | more))
+    for content in (b"", b"nothing", b"CDF", b"CDF\x02", b"CDF\x02" + 90 * b"\x00\xff\x0b", b"\x89HDF\r\n\x1a\n"):
+        (tmp_path / "a.nc").write_bytes(stamped_file.stamped(content, labels))
         with pytest.raises(DatasetError, match=r"a\.nc is damaged or no"):
             dataset.read_arrays(tmp_path / "a.nc")
     with pytest.raises(DatasetError, match=r"a\.nc is damaged or no"):
@@ -206,11 +206,27 @@ def test_every_flipped_bit_is_found_before_the_file_is_parsed(tmp_path: Path) ->
             dataset.read_arrays(path)
 
 
-def test_plain_arrays_are_those_of_the_dataset(tmp_path: Path) -> None:
+@pytest.mark.parametrize("large", [False, True])
+def test_plain_arrays_are_those_of_the_dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, large: bool) -> None:
+    if large:
+        monkeypatch.setattr(dataset, "SMALL", 0)
     dataset.write(_build(), tmp_path / "a.nc")
+    assert (tmp_path / "a.nc").read_bytes().startswith(b"\x89HDF" if large else b"CDF")
     (arrays, _), stored = dataset.read_arrays(tmp_path / "a.nc"), dataset.read(tmp_path / "a.nc")
     xr.testing.assert_identical(dataset.combine([arrays], stored.attrs), dataset.combine([stored], stored.attrs))
     xr.testing.assert_identical(dataset.combine([arrays], stored.attrs), stored)
+
+
+def test_texts_and_seeds_of_any_size_are_stored(tmp_path: Path) -> None:
+    case = _case(seed=2**62 + 1)
+    values = _values(3) | {"field_at": ["höhe = 1 µm", "a"]}
+    for built in (dataset.build(case, values, {"case_id": "a"}), dataset.build(_case(), values, {"case_id": "a"})):
+        built.attrs["format"] = dataset.FORMAT
+        dataset.write(built, tmp_path / "a.nc")
+        arrays, _ = dataset.read_arrays(tmp_path / "a.nc")
+        assert arrays["seed"][1].tolist() == built.seed.values.tolist()
+        assert arrays["field_at"][1].tolist() == ["höhe = 1 µm", "a"]
+        xr.testing.assert_identical(dataset.read(tmp_path / "a.nc"), built)
 
 
 def test_a_stamped_file_is_netcdf_for_every_other_tool(tmp_path: Path) -> None:
@@ -223,7 +239,7 @@ def test_a_stamped_file_is_netcdf_for_every_other_tool(tmp_path: Path) -> None:
 def test_the_stamp_names_the_case_in_full(tmp_path: Path) -> None:
     dataset.write(_build(), tmp_path / "case.nc")
     found = stamped_file.labels(tmp_path / "case.nc")
-    assert found == run_folder.labels_for(_case()) | {"columns": found["columns"]}
+    assert found == run_folder.labels_for(_case())
     assert found["key"] != run_folder.labels_for(_case(seed=1))["key"]
     dataset.write(dataset.combine([_build()], dataset.provenance("", fft=FFT)), tmp_path / "study.nc")
     assert stamped_file.labels(tmp_path / "study.nc")["case"] == ""

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from roughvol.campaign import running
 from roughvol.campaign.one_case import run_case
-from roughvol.errors import DatasetError, StudyError
+from roughvol.errors import StudyError
 from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
 from roughvol.store.run_folder import case_file
@@ -207,8 +207,3 @@ def test_lengths_of_a_file_that_tells_no_unit_cannot_be_given_one(tmp_path: Path
     with pytest.raises(StudyError, match=r"dimensional\.mean_gap: needs the unit of length"):
         running.run(loads(text, tmp_path / "s.yaml"), out=tmp_path / "run", jobs=1)
     assert not (tmp_path / "run").exists()
-
-
-def test_a_leak_rate_of_cases_without_the_extent_of_their_region_is_refused(plain: list[Dataset]) -> None:
-    with pytest.raises(DatasetError, match="extent of the region"):
-        _collected([part.drop_vars("region_aspect") for part in plain], loads(TEXT + WANTED))

@@ -24,7 +24,7 @@ from roughvol.campaign import batch, checks, cost, resources, running, workers
 from roughvol.cli import main
 from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError, StudyError
 from roughvol.report.claims.stored_run import Run
-from roughvol.store import dataset, lock, run_status, stamped_file
+from roughvol.store import dataset, lock, run_folder, run_status, stamped_file
 from roughvol.store.dataset import Dataset
 from roughvol.study import Study, cases, loads
 
@@ -137,6 +137,32 @@ def test_without_locks_of_the_system_the_process_decides(
 
 
 # Sound files only
+
+
+@pytest.mark.usefixtures("here")
+def test_status_finds_a_flipped_bit_in_a_file_of_the_same_size_and_time(study: Study, place: Path) -> None:
+    id = study.cases()[1].id
+    path = run_folder.case_file(place, id)
+    before = path.stat()
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))  # as a disk alters a bit
+    (place / "study.nc").unlink()
+    found = run_status.status(study, place)
+    assert list(found.damaged) == [id]
+    assert "has been altered" in found.damaged[id]
+    assert running.collect(study, place).converged.sum() == 12
+    assert sum("has been altered" in notice for notice in _notices(study, place)) == 1
+    assert running.collect(study, place).converged.sum() == 16
+
+
+def test_status_reads_only_the_stamp_of_large_files(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run_folder, "QUICK_BYTES", 0)
+    monkeypatch.setattr(stamped_file, "verified", lambda path: pytest.fail("every bit is read"))
+    assert len(run_status.status(study, place).done) == 4
+
+
 @pytest.mark.usefixtures("here")
 def test_a_flipped_bit_is_found_named_set_aside_and_computed_again(study: Study, place: Path, finished: Path) -> None:
     path = next((place / "cases").glob("*.nc"))
@@ -197,7 +223,7 @@ def test_mixed_versions_are_noted_by_run_and_status_and_stored(
     _refuse_work(monkeypatch)
     ours = dataset.__version__
     line = f"cases are of several versions of roughvol, with answers of one format: 0.0.1 (1), {ours} (3)"
-    for _ in range(2):  # before the run by the files, after it by the ledger
+    for _ in range(2):
         shown = CliRunner().invoke(main, ["status", str(_written(place.parent, TEXT)), "--out", str(place)])
         assert (shown.exit_code, shown.output.count(line)) == (0, 1)
         assert _notices(study, place) == [line]
@@ -222,10 +248,9 @@ def test_answers_of_an_older_format_are_set_aside_with_that_word_and_computed_an
     later = loads(TEXT)
     found = run_status.status(later, place)
     assert (len(found.done), len(found.missing), found.damaged, len(found.outdated)) == (0, 4, {}, 4)
-    told = _notices(later, place)
-    assert len(told) == 4
-    assert all(f"was stored by an older answer format ({now}, now {now + 1})" in notice for notice in told)
-    assert not [notice for notice in told if "damaged" in notice or "altered" in notice]
+    (told,) = _notices(later, place)
+    assert told.startswith(f"set aside: 4 case files stored by an older answer format ({now}, now {now + 1}); ")
+    assert "their cases are computed anew" in told
     assert {path.name for path in (place / "cases" / "set_aside").glob("*.nc")} == set(before)
     assert (len(run_status.status(later, place).done), run_status.status(later, place).outdated) == (4, {})
 

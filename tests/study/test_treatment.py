@@ -112,10 +112,10 @@ def test_what_lies_outside_the_crop_changes_nothing(folder: Path) -> None:
     [
         ("crop: {x: [10 um, 50 um]}", "surface.crop.x", r"reaches to 50 um; allowed: up to 40 um"),
         ("crop: {y: [0, 40 um]}", "surface.crop.y", r"reaches to 40 um; allowed: up to 36 um"),
-        ("crop: {x: [20 um, 0.5]}", "surface.crop.x", r"0\.5 has no unit and the other place has one"),
+        ("crop: {x: [20 um, 0.5]}", "surface.crop.x", r"0\.5 has no unit and the other position has one"),
         ("crop: {x: [30 um, 20 um]}", "surface.crop.x", r"must rise"),
         ("crop: {x: [0.2, 30]}", "surface.crop.x", r"30 is no share of the side, 0 to 1; a length has a unit"),
-        ("crop: {x: 0.5}", "surface.crop.x", r"must be two places, \[from, to\]"),
+        ("crop: {x: 0.5}", "surface.crop.x", r"must be two positions, \[from, to\]"),
         ("crop: {x: [0.5, 0.53]}", "surface.crop.x", r"leaves 2 nodes along x of 41 nodes; allowed: at least 3"),
         ("crop: {z: [0, 0.5]}", "surface.crop.z", r"unknown key; known here: x, y"),
         ("crop: {x: [0, 2 kg]}", "surface.crop.x[1]", r"unit of length|no known unit|not of length"),

@@ -218,7 +218,7 @@ def test_a_study_takes_length_and_unit_from_the_file(tmp_path: Path) -> None:
     _write_sdf(tmp_path / "scan.sdf")
     study = _study(tmp_path, "surface: {file: scan.sdf}")
     (case,) = study.cases()
-    assert (case.L, case.length_unit, case.file_unit) == (pytest.approx(6 * PIXEL, rel=1e-12), "um", "um")
+    assert (case.L, case.length_unit, case.bodies[0].unit) == (pytest.approx(6 * PIXEL, rel=1e-12), "um", "um")
     assert loads(study.to_yaml()).cases() == (case,)
 
 
@@ -244,7 +244,7 @@ def test_two_bodies_must_fit(tmp_path: Path) -> None:
     (case,) = _study(
         tmp_path, "surface: {file: scan.sdf, against: {file: coarse.x3p, header: ignore, heights_unit: m}}"
     ).cases()
-    assert (case.L, case.against.numbers_in) == (pytest.approx(1.5), "m")
+    assert (case.L, case.bodies[1].numbers_in) == (pytest.approx(1.5), "m")
     with pytest.raises(StudyError, match=r"surface\.unit: missing: .*silent\.npy does not give its unit, .* is in um"):
         _study(tmp_path, "surface: {file: scan.sdf, against: {file: silent.npy}}").cases()
     (case,) = _study(tmp_path, "surface: {file: silent.npy, unit: nm, against: {file: scan.sdf}}").cases()

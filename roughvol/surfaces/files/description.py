@@ -32,7 +32,7 @@ class Description:
     channel, reader : str
         Name of the channel or array, and the reader that understood the file.
     read_as : str or None
-        Layout of the file, where an earlier version took the same bytes for other heights; part of a case's identity.
+        Layout of a text, part of the identity of a case.
     source : str
         Place in the file that gives the size, for messages.
     counted : bool

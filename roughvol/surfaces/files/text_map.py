@@ -86,7 +86,7 @@ def _map(heights: Array, header: Header, description: Description) -> HeightMap:
 
 def _matrix(path: Path, numbers: Array, header: Header) -> HeightMap:
     if not header.along_lines:
-        return _map(numbers, header, Description(numbers.shape, reader="text, rows", read_as=_as_before(path)))
+        return _map(numbers, header, Description(numbers.shape, reader="text, rows", read_as="rows"))
     heights = numbers.T
     for axis, name in enumerate("wh"):
         if header.counts.get(name, heights.shape[axis]) != heights.shape[axis]:
@@ -103,11 +103,6 @@ def _matrix(path: Path, numbers: Array, header: Header) -> HeightMap:
     if pixels[0] is not None and pixels[1] is not None:
         sides = pixels[0] * (heights.shape[0] - 1), pixels[1] * (heights.shape[1] - 1)
     return _map(heights, header, Description(heights.shape, sides, reader="text with a header", read_as="header"))
-
-
-def _as_before(path: Path) -> str | None:
-    """Return None for the endings that an earlier version read in the same way."""
-    return None if path.suffix.lower() in (".txt", ".csv", ".asc") else "rows"
 
 
 def _points(path: Path, numbers: Array, header: Header) -> HeightMap:
