@@ -17,17 +17,7 @@ from roughvol.report.model import Report, assemble
 from roughvol.report.page import to_html
 from roughvol.report.text import summary, to_json, to_markdown
 
-__all__ = [
-    "Report",
-    "assemble",
-    "departures",
-    "expectation",
-    "summary",
-    "to_html",
-    "to_json",
-    "to_markdown",
-    "write",
-]
+__all__ = ["Report", "assemble", "departures", "expectation", "summary", "to_html", "to_json", "to_markdown", "write"]
 
 
 def write(report: Report, folder: Path) -> Path:

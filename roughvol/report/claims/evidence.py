@@ -180,13 +180,7 @@ CLAIMS: dict[int, Question] = {}
 
 
 def claim(
-    id: int,
-    title: str,
-    place: str,
-    sentence: str,
-    *,
-    needs: Needs | Mapping[str, Needs],
-    figures: tuple[str, ...] = (),
+    id: int, title: str, place: str, sentence: str, *, needs: Needs | Mapping[str, Needs], figures: tuple[str, ...] = ()
 ) -> Callable[[Answer], Answer]:
     """Register the function that answers a claim, with the configuration it needs."""
 
