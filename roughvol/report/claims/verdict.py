@@ -42,6 +42,10 @@ class Number:
     n: int = 1
     method: str = ""
 
+    def reaches(self, value: float, slack: float = 0.0) -> bool:
+        """Return whether the interval contains a value to within its rounding."""
+        return self.low <= value + slack and self.high >= value - slack
+
     def __str__(self) -> str:
         """Return value and interval with the digits that the interval leaves."""
         if not math.isfinite(self.value):
@@ -68,6 +72,16 @@ class Check:
     def has_value(self) -> bool:
         """Whether there was anything to test: a number that is one, or a criterion that needs none."""
         return self.number is None or math.isfinite(self.number.value)
+
+    @classmethod
+    def above(cls, criterion: str, number: Number, limit: float, *, essential: bool = True) -> Check:
+        """Return the criterion that a number lies above a limit, undecided if its interval contains the limit."""
+        return cls(criterion, above(number, limit), number, essential)
+
+    @classmethod
+    def below(cls, criterion: str, number: Number, limit: float, *, essential: bool = True) -> Check:
+        """Return the criterion that a number lies below a limit, undecided if its interval contains the limit."""
+        return cls(criterion, below(number, limit), number, essential)
 
     def tested(self) -> Check:
         """Return the check, undecided where its number has no value: nothing was tested then."""
