@@ -13,12 +13,18 @@ from pathlib import Path
 from typing import Any
 
 from roughvol.errors import DatasetError
-from roughvol.report.claims import ABSENT, CLAIMS, VERDICTS, Claim, Evidence, Lacking, Reading, Run, assess
+from roughvol.report.claims import ABSENT, CLAIMS, VERDICTS, Check, Claim, Evidence, Lacking, Reading, Run, assess
 from roughvol.report.claims.ambiguities import SERVES, readings
 from roughvol.report.claims.leak_estimates import Ratio, ratios
 from roughvol.report.claims.many_seeds import ENOUGH, Flip, Spread, many_seeds
 from roughvol.report.claims.needs import ALONE
 from roughvol.store import dataset
+
+CITE = (
+    "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, Wear 336-337 (2015) 86-95, "
+    "doi:10.1016/j.wear.2015.04.021"
+)
+MARKS = {True: "met", None: "undecided", False: "not met"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,3 +134,23 @@ def facts_of(run: Run) -> dict[str, Any]:
 def uses_of(figure: str) -> list[Any]:
     """Return what the claims that show a figure need of a run."""
     return [needs for question in CLAIMS.values() if figure in question.figures for needs in question.needs.values()]
+
+
+def heading(report: Report) -> str:
+    """Return the title of a report: the question if any claim is answered, else the runs."""
+    return "Does the paper hold?" if report.computed else ", ".join(run.name for run in report.runs)
+
+
+def criterion(check: Check) -> str:
+    """Return a criterion in words, and whether the claim stands on it."""
+    return check.criterion if check.essential else f"{check.criterion} (not essential)"
+
+
+def agreement(agrees: bool | None) -> str:
+    """Return whether a reading gives the paper's number, in words."""
+    return {True: "agrees", False: "does not", None: ""}[agrees]
+
+
+def span(pair: tuple[float, float]) -> str:
+    """Return a range in three digits."""
+    return f"{pair[0]:.3g} to {pair[1]:.3g}"

@@ -16,6 +16,7 @@ ESTIMATES = {
     "single critical junction": "estimate_junction_transmissivity_{}",
 }
 EDGES = (0.0, 0.05, 0.1, 0.2, 0.3, 1.0)  # of the classes of A*
+HEAD = ("run", "estimate", "A*", "median", "90 % of states", "off by more than 2", "open or closed wrongly", "n")
 FEWEST = 5  # states in a class, below which nothing is said
 
 
@@ -35,6 +36,14 @@ class Ratio:
     doubled: float
     closed: int
     states: int
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The row of a table under `HEAD`."""
+        low, high = (f"{value:.3g}" for value in self.area)
+        inner = f"{self.span[0]:.3g} to {self.span[1]:.3g}"
+        counts = (f"{self.doubled:.0%}", str(self.closed), str(self.states))
+        return self.run, self.estimate, f"{low} to {high}", f"{self.median:.2f}", inner, *counts
 
 
 def ratios(evidence: Evidence) -> list[Ratio]:
