@@ -87,10 +87,10 @@ def to_markdown(report: Report) -> str:
     if report.seeds:
         run, spreads, flips = report.seeds
         lines += ["", f"## How far ten surfaces can mislead ({run.seeds} surfaces, {run.name})", ""]
-        cells = [(s.name, str(s.many), span(s.one), span(s.ten)) for s in spreads]
-        lines += _table(("quantity", "all", "95 % of single surfaces", "95 % of means of ten"), cells)
-        cells = [(flip.name, f"{flip.one:.1%}", f"{flip.ten:.1%}") for flip in flips]
-        lines += ["", *_table(("comparison", "wrong with one surface each", "with ten"), cells)]
+        quantities = [(s.name, str(s.many), span(s.one), span(s.ten)) for s in spreads]
+        lines += _table(("quantity", "all", "95 % of single surfaces", "95 % of means of ten"), quantities)
+        flipped = [(flip.name, f"{flip.one:.1%}", f"{flip.ten:.1%}") for flip in flips]
+        lines += ["", *_table(("comparison", "wrong with one surface each", "with ten"), flipped)]
     if report.estimates:
         lines += ["", "## How wrong the quick estimates of leakage are", ""]
         lines += _table(HEAD, [ratio.cells for ratio in report.estimates])

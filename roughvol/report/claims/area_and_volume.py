@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from roughvol.report.claims.evidence import D_SIGMA, A, Given, Lacking, Outcome, P, V, area_slopes, at, claim, common
+from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, area_slopes, at, claim, common, require
 from roughvol.report.claims.needs import BY_D, BY_M, MANY, PAPER_D
 from roughvol.report.claims.statistics import bootstrap, exact, mean, ratio, single, slope
 from roughvol.report.claims.stored_run import Run
@@ -194,9 +194,7 @@ def _over_scatter(curves: Array, seeds: NDArray[np.intp]) -> float:
 
 def _bands(curves: Array, axis: str, seeds: int) -> tuple[Number, Number]:
     """Return the band between the mean curves, and the band over the scatter of surfaces, with their intervals."""
-    if seeds < 2:
-        message = "several surfaces of each D"
-        raise Lacking(message)
+    require(seeds >= 2, "several surfaces of each D")
     wide = bootstrap("band", f"width of the band in V*({axis})", functools.partial(width, curves), seeds)
     name = "band between D over scatter of surfaces"
     return wide, bootstrap("band_over_scatter", name, functools.partial(_over_scatter, curves), seeds)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
-from roughvol.report.claims.evidence import Given, Lacking, Outcome, V, claim, nearest
+from roughvol.report.claims.evidence import Given, Outcome, V, claim, nearest, require
 from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, MANY, PAPER_D, PAPER_M
 from roughvol.report.claims.statistics import bootstrap, exact, mean, ratio, slope, straightness
 from roughvol.report.claims.stored_run import Run
@@ -251,9 +251,7 @@ def volume_decays(given: Given) -> Outcome:
     without that factor, as a mean over the elements; and over the four finest m alone, where the factor has gone.
     """
     run = given.run()
-    if len(run.m) < 3:
-        message = "three m at least"
-        raise Lacking(message)
+    require(len(run.m) >= 3, "three m at least")
     pure = np.array([run.last(V, D=PAPER_D, m=m) for m in run.m])
     literal = pure * np.array([[(1.0 + 2.0**-m) ** 2] for m in run.m])
     fits = {

@@ -11,8 +11,8 @@ import numpy as np
 from roughvol.report.claims import statistics
 from roughvol.report.claims.area_and_volume import exponents
 from roughvol.report.claims.density import mean_volume_exponents
-from roughvol.report.claims.evidence import PAPER_D, A, Evidence, Lacking, P, V, area_slopes, nearest
-from roughvol.report.claims.needs import MANY
+from roughvol.report.claims.evidence import A, Evidence, P, V, area_slopes, nearest, require
+from roughvol.report.claims.needs import MANY, PAPER_D
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Number
 from roughvol.typing import Array
@@ -59,9 +59,7 @@ def many_seeds(evidence: Evidence) -> tuple[Run, list[Spread], list[Flip]]:
     """
     evidence.best(ENOUGH)
     runs = [run for run in evidence.fit(ENOUGH) if run.seeds >= 3 * FEW]
-    if not runs:
-        message = f"a run of {3 * FEW} surfaces or more"
-        raise Lacking(message)
+    require(runs, f"a run of {3 * FEW} surfaces or more")
     run = max(runs, key=lambda each: (each.seeds, len(each.D)))
     random = np.random.Generator(np.random.PCG64(statistics.BOOTSTRAP_SEED))
     sets = np.array([random.choice(run.seeds, FEW, replace=False) for _ in range(DRAWS)])

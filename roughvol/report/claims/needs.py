@@ -7,7 +7,7 @@ is smaller, coarser or ends elsewhere answers another question; it is refused, b
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -165,21 +165,6 @@ class Needs:
         words += [f"residual up to {self.rtol:g}"] * (self.rtol < float("inf"))
         words += [f"L = {self.L:g}"] * bool(self.L) + [f"{self.bins} bins"] * bool(self.bins)
         return "; ".join(words + [f"records at {label}" for _, label in self.states])
-
-
-def fit(needs: Needs, runs: Sequence[Run]) -> list[Run]:
-    """Return the runs that have what is needed, the best first; of equals, the one given first."""
-    return sorted((run for run in runs if not needs.unfit(run)), key=needs.rank, reverse=True)
-
-
-def refusals(needs: Sequence[Needs], runs: Sequence[Run]) -> dict[str, str]:
-    """Return why each run that serves none of several needs is refused: by its name, the need it misses by least."""
-    found = {}
-    for run in runs:
-        reasons = [need.unfit(run) for need in needs]
-        if all(reasons):
-            found[run.name] = "; ".join(sorted(reasons, key=len)[0])
-    return found
 
 
 def symbol(name: str) -> str:

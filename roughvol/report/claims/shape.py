@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from roughvol.observables.free_volume import domain, element_volumes, free_volume
-from roughvol.report.claims.evidence import D_SIGMA, A, Given, Lacking, Outcome, P, V, claim, nearest
+from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, nearest, require
 from roughvol.report.claims.needs import BOXES, BY_D, FIELD, ONE_D, PAPER_D, PAPER_M
 from roughvol.report.claims.statistics import exact, mean, single, slope, straightness
 from roughvol.report.claims.stored_run import Run
@@ -41,9 +41,7 @@ def field(run: Run) -> Field:
     case = run.dataset.sel(D=D, m=m).isel(seed=0)
     steps = case["field_at_step"].values
     places = [k for k in range(len(steps)) if steps[k] > 0]
-    if not places:
-        message = "no recorded field"
-        raise Lacking(message)
+    require(places, "no recorded field")
     states = {k: at_state(case, "field_at", k) for k in places}
     place = min(places, key=lambda k: abs(float(states[k][A]) - PAPER_A))
     gap = case["gap"].isel(field_at=place).dropna("x", how="all").dropna("y", how="all").transpose("x", "y").values
@@ -177,9 +175,7 @@ def state_of_boxes(run: Run) -> tuple[float, int, str]:
         reached = [float(at_state(case.isel(seed=k), "box_at", place)[A]) for k in np.flatnonzero(steps > 0)]
         if len(reached) == run.seeds:
             off[label] = abs(float(np.mean(reached)) - PAPER_A)
-    if not off:
-        message = "a box-counted state that every surface reaches"
-        raise Lacking(message)
+    require(off, "a box-counted state that every surface reaches")
     return D, m, min(off, key=lambda label: off[label])
 
 
@@ -250,9 +246,7 @@ def bounds_of_dimension(given: Given) -> Outcome:
     D, m, label = state_of_boxes(run)
     r, counts = boxes(run, D, m, label)
     thresholds = run.dataset["threshold"].values.tolist()
-    if thresholds[0] != 0.0 or thresholds[-1] != 1.0:
-        message = "thresholds from 0 to 1"
-        raise Lacking(message)
+    require(thresholds[0] == 0.0 and thresholds[-1] == 1.0, "thresholds from 0 to 1")
     fitted, local = fitted_dimension(r, counts), _local_dimension(counts)
     bend = mean("range", "range of the local dimension of the contact", np.ptp(local[:, 0], axis=-1))
     contact = mean("contact", "dimension of the contact", fitted[:, 0])
@@ -308,9 +302,7 @@ def contact_dimension(given: Given) -> Outcome:
         dimension[D, label] = fitted_dimension(r, counts[:, zero])
     pressures = [label for label in labels if label.startswith("pressure=")]
     areas = [label for label in labels if label.startswith("contact_area=")]
-    if len(pressures) < 2:
-        message = "box counting at two pressures"
-        raise Lacking(message)
+    require(len(pressures) >= 2, "box counting at two pressures")
     pressures.sort(key=_level)
     checks, numbers = [], []
     for D in run.D:
