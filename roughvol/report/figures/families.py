@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import operator
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -114,6 +115,20 @@ def curves(family: Family, x: str, y: str) -> list[Curve]:
     pairs = [np.array([one[x].values, one[y].values]) for one in surfaces]
     known = [pair[:, np.isfinite(pair).all(axis=0)] for pair in pairs]
     return [(pair[0][order], pair[1][order]) for pair in known for order in [np.argsort(pair[0], kind="stable")]]
+
+
+def mean_and_band(members: Sequence[Curve], points: int) -> tuple[Array, Array, Array]:
+    """Return even points over the range that all curves reach, their mean there and their standard deviation."""
+    low, high = max(x[0] for x, _ in members), min(x[-1] for x, _ in members)
+    abscissa = np.linspace(low, high, points if high > low else 0)
+    rows = np.array([np.interp(abscissa, x, y) for x, y in members])
+    return abscissa, rows.mean(axis=0), rows.std(axis=0, ddof=1)
+
+
+def several(counts: Iterable[int]) -> str:
+    """Return the smallest and the largest number of surfaces beyond one, as 5-10, empty if there is none."""
+    numbers = sorted(count for count in counts if count > 1)
+    return "-".join(map(str, dict.fromkeys((numbers[0], numbers[-1])))) if numbers else ""
 
 
 def densities(family: Family) -> tuple[Array, Array, float]:

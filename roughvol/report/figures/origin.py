@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 
 from roughvol.errors import DatasetError, StudyError
-from roughvol.report.figures.families import file_text
+from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import STYLE, Drawing, unit_of
 from roughvol.study import GeneratedSurface, Study, loads
 
@@ -147,8 +147,28 @@ def _numbers(values: Sequence[float]) -> str:
     return ", ".join(f"{value:g}" for value in values)
 
 
-def guarded(draw: Draw, missing: Callable[[str, Dataset], str | None]) -> Draw:
-    """Return the figure in our style with its note, refusing with the reason where the dataset lacks what it needs."""
+def lacking(name: str, ds: Dataset, variables: Sequence[str]) -> str | None:
+    """Return which variables of a figure a dataset does not have in any case, in words, or None."""
+    absent = [variable for variable in variables if variable not in ds]
+    if absent:
+        return f"{name} needs {', '.join(absent)}, which the study did not record"
+    if not bool(held(ds, *variables).any()):
+        return f"{name} needs {', '.join(variables)}, and no case of the dataset has a value of each"
+    return None
+
+
+def register(draw: Draw, figures: dict[str, Draw], missing: Callable[[str, Dataset], str | None]) -> Draw:
+    """Add a figure to a table by its name, in our style and with its note; return it.
+
+    Parameters
+    ----------
+    draw : callable
+        Draws a dataset.
+    figures : dict
+        Table of figures by name.
+    missing : callable
+        Reason why a dataset cannot be drawn, raised as a `DatasetError`, or None.
+    """
 
     @functools.wraps(draw)
     def checked(ds: Dataset) -> Drawing:
@@ -161,4 +181,5 @@ def guarded(draw: Draw, missing: Callable[[str, Dataset], str | None]) -> Draw:
                 figure.note(origin(draw.__name__, ds, figure.shown))
             return figure
 
+    figures[draw.__name__] = checked
     return checked

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from roughvol.observables.free_volume import domain
 from roughvol.report.figures.curves import plot, shown
@@ -29,14 +28,13 @@ from roughvol.report.figures.families import (
     curves,
     densities,
     families,
-    held,
     merged,
     own,
     single,
     state,
     volumes,
 )
-from roughvol.report.figures.origin import guarded, is_paper_surface
+from roughvol.report.figures.origin import Draw, is_paper_surface, lacking, register
 from roughvol.report.figures.relief import reliefs
 from roughvol.report.figures.style import (
     ACCENT,
@@ -55,6 +53,7 @@ from roughvol.report.figures.style import (
     density_label,
     legend,
     looks,
+    plain_ticks,
     unit_of,
     volume_label,
 )
@@ -64,8 +63,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from xarray import Dataset
 
-Draw = Callable[["Dataset"], Drawing]
-
 FIGURES: dict[str, Draw] = {}
 NEEDS: dict[str, tuple[tuple[str, ...], str]] = {}  # variables one case must hold, what must have several values
 THRESHOLDS = (0.0, 0.1, 0.25, 0.5, 1.0)  # v_th/v_max in Fig. 10, where no box counting names others
@@ -74,11 +71,8 @@ THRESHOLDS = (0.0, 0.1, 0.25, 0.5, 1.0)  # v_th/v_max in Fig. 10, where no box c
 def missing(name: str, ds: Dataset) -> str | None:
     """Return why figure `name` cannot be drawn from a dataset, or None if it can (an unknown name is a KeyError)."""
     variables, by = NEEDS[name]
-    absent = [variable for variable in variables if variable not in ds]
-    if absent:
-        return f"{name} needs {', '.join(absent)}, which the study did not record"
-    if not bool(held(ds, *variables).any()):
-        return f"{name} needs {', '.join(variables)}, and no case of the dataset has a value of each"
+    if reason := lacking(name, ds, variables):
+        return reason
     if by in ("recursion", "m") and "case" in ds.dims:
         return f"{name} needs surfaces made from D and m, and those of the dataset were read from files"
     # One D alone is still worth drawing, unless the dataset compares m: then that figure has the same axes.
@@ -89,14 +83,11 @@ def missing(name: str, ds: Dataset) -> str | None:
 
 
 def _figure(*variables: str, by: str = "") -> Callable[[Draw], Draw]:
-    """Register a figure and what it needs; called without that, it raises the reason as a `DatasetError`."""
+    def add(draw: Draw) -> Draw:
+        NEEDS[draw.__name__] = variables, by
+        return register(draw, FIGURES, missing)
 
-    def register(draw: Draw) -> Draw:
-        checked = guarded(draw, missing)
-        NEEDS[draw.__name__], FIGURES[draw.__name__] = (variables, by), checked
-        return checked
-
-    return register
+    return add
 
 
 def _of_state(fig: Drawing, found: Dataset) -> Drawing:
@@ -241,9 +232,7 @@ def fig04b(ds: Dataset) -> Drawing:
     right.set(xlabel=r"spacing $\delta/L$", ylabel=label)
     right.set_xscale("log", base=2)
     right.set_yscale("log")
-    right.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 4, 6, 8)))
-    right.yaxis.set_major_formatter("{x:g}")
-    right.yaxis.set_minor_formatter(NullFormatter())
+    plain_ticks(right.yaxis, (1, 1.5, 2, 3, 4, 6, 8))
     law_words = r"$n$ of $A^{\ast}/p^{\ast} \sim \delta^n$"
     legend(right, f"{law_words}; fit to $m = {fitted[0]:g}$ to ${fitted[-1]:g}$")
     fig.shown = shown(some)

@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from roughvol.observables.transport import constriction
 from roughvol.report.figures import seal_ways
 from roughvol.report.figures.curves import shown
-from roughvol.report.figures.families import PAPER, Family, families, held, own, single
-from roughvol.report.figures.origin import guarded
+from roughvol.report.figures.families import PAPER, Family, families, own, several, single
+from roughvol.report.figures.origin import Draw, lacking, register
 from roughvol.report.figures.seal_drawing import (
     CLOSED,
     FAINT,
@@ -39,14 +38,25 @@ from roughvol.report.figures.seal_drawing import (
     states_of,
 )
 from roughvol.report.figures.seal_ways import DIRECTIONS, ways
-from roughvol.report.figures.style import CONTACT, GREY, LABELS, PAGE, A, Drawing, P, V, canvas, looks, unit_of
+from roughvol.report.figures.style import (
+    CONTACT,
+    GREY,
+    LABELS,
+    PAGE,
+    A,
+    Drawing,
+    P,
+    V,
+    canvas,
+    looks,
+    plain_ticks,
+    unit_of,
+)
 from roughvol.store.dataset import at_state
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from xarray import Dataset
-
-Draw = Callable[["Dataset"], Drawing]
 
 FIGURES: dict[str, Draw] = {}
 NEEDS: dict[str, tuple[str, ...]] = {}
@@ -59,23 +69,15 @@ MAP_RANGE = (1e-2, 1e2)  # of the flux over its mean
 
 def missing(name: str, ds: Dataset) -> str | None:
     """Return why figure `name` cannot be drawn from a dataset, or None if it can (an unknown name is a KeyError)."""
-    absent = [variable for variable in NEEDS[name] if variable not in ds]
-    if absent:
-        return f"{name} needs {', '.join(absent)}, which the study did not record"
-    if not bool(held(ds, *NEEDS[name]).any()):
-        return f"{name} needs {', '.join(NEEDS[name])}, and no case of the dataset has a value of each"
-    return None
+    return lacking(name, ds, NEEDS[name])
 
 
 def _figure(*variables: str) -> Callable[[Draw], Draw]:
-    """Register a figure and what it needs; called without that, it raises the reason as a `DatasetError`."""
+    def add(draw: Draw) -> Draw:
+        NEEDS[draw.__name__] = variables
+        return register(draw, FIGURES, missing)
 
-    def register(draw: Draw) -> Draw:
-        checked = guarded(draw, missing)
-        NEEDS[draw.__name__], FIGURES[draw.__name__] = variables, checked
-        return checked
-
-    return register
+    return add
 
 
 def _in_units(ax: Axes, ds: Dataset) -> None:
@@ -102,9 +104,7 @@ def _panels(ds: Dataset, rows: int, *names: str) -> tuple[Drawing, Any, list[Fam
         ax.set_xlabel(LABELS[x])
     axes[0, 2].set_xscale("log")  # most of the closing happens below V* = 0.3
     for ax in axes[:, 2]:
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_major_formatter("{x:g}")
-        ax.xaxis.set_minor_formatter(NullFormatter())
+        plain_ticks(ax.xaxis, (1.0, 2.0, 5.0))
     _in_units(axes[0, 0], ds)
     fig.shown = shown(some)
     return fig, axes, some, title
@@ -134,9 +134,8 @@ def seal_volume(ds: Dataset) -> Drawing:
             for family in some:
                 draw_states(ax, family, x, name)
     axes[0, 0].set_yscale("log")
-    several = sorted({family.surfaces for family in some if family.surfaces > 1})
-    number = "-".join(map(str, dict.fromkeys((several[0], several[-1])))) if several else ""
-    words = [title, f"mean of {number} surfaces, band ± 1 std. dev." if several else ""]
+    number = several(family.surfaces for family in some)
+    words = [title, f"mean of {number} surfaces, band ± 1 std. dev." if number else ""]
     handles = axes[0, 0].get_legend_handles_labels()[0]
     fig.legend(handles=handles, title="; ".join(filter(None, words)) or None, loc="outside upper center", ncols=6)
     return fig
@@ -150,8 +149,8 @@ def seal_percolation(ds: Dataset) -> Drawing:
     band is the binomial standard error.
     """
     fig, axes, some, title = _panels(ds, 0, P, "percolates_x", "percolates_y")
-    several = any(family.surfaces > 1 for family in some)
-    for row, direction in _rows(axes, some, "share of open surfaces" if several else "open (1) or closed (0)"):
+    many = any(family.surfaces > 1 for family in some)
+    for row, direction in _rows(axes, some, "share of open surfaces" if many else "open (1) or closed (0)"):
         for ax, x in zip(row, (P, A, V), strict=True):
             for family in some:
                 members = ways(family, x, "percolates", direction)
@@ -167,7 +166,7 @@ def seal_percolation(ds: Dataset) -> Drawing:
                 error = np.sqrt(share * (1.0 - share) / len(members))
                 band: dict[str, Any] = {"step": "post", "color": look["color"], "alpha": FAINT, "lw": 0, "zorder": 2}
                 ax.fill_between(at, share - error, share + error, **band)
-    words = "a step falls at the first state computed closed" + ("; band ± 1 std. error" if several else "")
+    words = "a step falls at the first state computed closed" + ("; band ± 1 std. error" if many else "")
     direction_legend(fig, some, [title, words])
     return fig
 

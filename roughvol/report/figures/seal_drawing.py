@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from roughvol.report.figures import seal_ways
-from roughvol.report.figures.families import Family, curves
+from roughvol.report.figures.families import Family, curves, mean_and_band
 from roughvol.report.figures.seal_ways import DIRECTIONS, Way
 from roughvol.report.figures.style import GREY, Drawing, looks
 from roughvol.typing import Array
@@ -175,10 +175,7 @@ def draw_states(ax: Axes, family: Family, x: str, name: str) -> None:
     if len(members) == 1:
         ax.plot(*members[0], label=family.label, zorder=3, **family.look)
         return
-    low, high = max(one[0][0] for one in members), min(one[0][-1] for one in members)
-    at = np.linspace(low, high, seal_ways.GRID if high > low else 0)
-    rows = np.array([np.interp(at, *one) for one in members])
-    mean, spread = rows.mean(axis=0), rows.std(axis=0, ddof=1)
+    at, mean, spread = mean_and_band(members, seal_ways.GRID)
     ax.fill_between(at, mean - spread, mean + spread, color=family.look["color"], alpha=0.18, lw=0, zorder=2)
     ax.plot(at, mean, label=family.label, color=family.look["color"], zorder=3)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from roughvol.report.figures.families import Family
+from roughvol.report.figures.families import Family, several
 from roughvol.typing import Array
 
 if TYPE_CHECKING:
@@ -172,10 +172,9 @@ def centre_and_band(rows: Array) -> tuple[Array, Array, Array]:
 
 def band_words(counts: Sequence[int]) -> str:
     """Return what a curve and a band are, in words; nothing if every family has one surface alone."""
-    several = sorted({count for count in counts if count > 1})
-    if not several:
+    if not (number := several(counts)):
         return ""
-    number = "-".join(map(str, dict.fromkeys((several[0], several[-1]))))
-    band = "all of them" if several[-1] < FEW else f"{BAND[0]:.0f} to {BAND[1]:.0f} %"
-    band += ", all if fewer than 6" if several[0] < FEW <= several[-1] else ""
+    numbers = sorted(count for count in counts if count > 1)
+    band = "all of them" if numbers[-1] < FEW else f"{BAND[0]:.0f} to {BAND[1]:.0f} %"
+    band += ", all if fewer than 6" if numbers[0] < FEW <= numbers[-1] else ""
     return f"median of {number} surfaces, band {band}"

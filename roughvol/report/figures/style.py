@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -148,6 +149,13 @@ def density_label(ds: Dataset) -> str:
     unit = volume_unit(ds)
     inverse = unit.replace("³", "$^{-3}$") if " " not in unit else f"({unit})$^{{-1}}$"
     return f"probability density $f(v)$ [{inverse}]"
+
+
+def plain_ticks(axis: Any, steps: Sequence[float]) -> None:
+    """Label a logarithmic axis with plain numbers: these multiples of each power of ten."""
+    axis.set_major_locator(LogLocator(subs=steps))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def marked(states: int, order: int = 0) -> Any:
