@@ -173,10 +173,10 @@ def _surfaces(run: Run) -> Iterator[Table]:
 
 
 def _range(values: Array) -> str:
-    known = values[np.isfinite(values)]
-    if known.size == 0:
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
         return "–"
-    low, mean, high = (number(float(value)) for value in (known.min(), known.mean(), known.max()))
+    low, mean, high = (number(float(value)) for value in (finite.min(), finite.mean(), finite.max()))
     return mean if low == high else f"{mean} ({low} to {high})"
 
 
@@ -276,13 +276,13 @@ def _head(variable: DataArray) -> str:
 
 
 def _cell(name: str, values: Array) -> str:
-    known = values[np.isfinite(values)]
-    if known.size == 0:
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
         return ""
     if name.startswith("open_"):
-        open_ = int(known.sum())
-        return ("open" if open_ else "closed") if known.size == 1 and len(values) == 1 else f"{open_} of {known.size}"
-    return number(float(known.mean()))
+        open_ = int(finite.sum())
+        return ("open" if open_ else "closed") if finite.size == 1 and len(values) == 1 else f"{open_} of {finite.size}"
+    return number(float(finite.mean()))
 
 
 # closing
@@ -302,12 +302,12 @@ def _closing(groups: list[tuple[str, Dataset]]) -> Iterator[Table]:
             if f"open_{axis}" not in group:
                 continue
             spans = [_span(group.isel(seed=k), f"open_{axis}", load) for k in range(group.sizes["seed"])]
-            known = [span for span in spans if span is not None]
-            closed = [span for span in known if math.isfinite(span[1])]
-            if not known:
+            reached = [span for span in spans if span is not None]
+            closed = [span for span in reached if math.isfinite(span[1])]
+            if not reached:
                 continue
-            low, high = (_range(np.array([span[k] for span in closed or known])) for k in (0, 1))
-            rows.append((name, axis, low, high, f"{len(closed)} of {len(known)}"))
+            low, high = (_range(np.array([span[k] for span in closed or reached])) for k in (0, 1))
+            rows.append((name, axis, low, high, f"{len(closed)} of {len(reached)}"))
     if rows:
         yield Table(
             CLOSING,
@@ -317,13 +317,13 @@ def _closing(groups: list[tuple[str, Dataset]]) -> Iterator[Table]:
         )
 
 
-def _span(one: Dataset, name: str, load: str) -> tuple[float, float] | None:
+def _span(surface: Dataset, name: str, load: str) -> tuple[float, float] | None:
     """Return the largest load at which a way is open and the smallest beyond at which it is closed, NaN for none."""
-    open_, loads = one[name].values, one[load].values
-    known = np.isfinite(open_) & np.isfinite(loads)
-    if not known.any():
+    open_, loads = surface[name].values, surface[load].values
+    mask = np.isfinite(open_) & np.isfinite(loads)
+    if not mask.any():
         return None
-    open_, loads = open_[known] > 0.0, loads[known]
+    open_, loads = open_[mask] > 0.0, loads[mask]
     last = int(np.flatnonzero(open_)[-1]) if open_.any() else -1
     below = float(loads[last]) if last >= 0 else 0.0
     return below, float(loads[last + 1]) if last + 1 < len(loads) else math.nan

@@ -81,10 +81,10 @@ def area_exponent(given: Given) -> Outcome:
     essential, because it judges another theory). n over the two finest m is given beside it, to show the fit range.
     """
     run = given.run()
-    each, limit, used = exponents(run, PAPER_D, 4)
+    powers, limit, used = exponents(run, PAPER_D, 4)
     name = f"n at m = {used[0]} to {used[-1]}, p* ≤ {limit:.2f}"
-    number = mean("exponent", name, each)
-    one = single("exponent_single", f"{name}, where one more surface falls", each)
+    number = mean("exponent", name, powers)
+    one = single("exponent_single", f"{name}, where one more surface falls", powers)
     persson = exact("persson", "n - (D - 2)", number.value - (PAPER_D - 2.0), number.n)
     fair = abs(persson.value) <= FAIR
     checks = [
@@ -94,7 +94,7 @@ def area_exponent(given: Given) -> Outcome:
     ]
     finest, limit_2, used_2 = exponents(run, PAPER_D, 2)
     name = f"n at m = {used_2[0]} and {used_2[-1]} alone, p* ≤ {limit_2:.2f}"
-    numbers = [mean("exponent_finest", name, finest), exact("exponent_seed0", "n of seed 0", each[0])]
+    numbers = [mean("exponent_finest", name, finest), exact("exponent_seed0", "n of seed 0", powers[0])]
     alone = f"one surface may give {one.low:.2f} to {one.high:.2f}" if number.n > 1 else "from one surface"
     why = f"n = {number} over {number.n} surfaces at m = {used[0]} to {used[-1]} ({alone}), "
     why += f"{finest.mean():.2f} at the two finest."
@@ -262,7 +262,7 @@ def volume_at_area(given: Given) -> Outcome:
         numbers.append(exact(f"band_at_{key}", f"band at A* = {grid[k]:.4f}", value, run.seeds))
     checks, sources = [Check.below("narrower than the band in V*(p*)", narrowing, 1.0)], [run]
     checks.append(Check.below("not wider than the scatter of surfaces of one D", relative, 1.0))
-    for other in [each for each in given.runs("many") if each.seeds > run.seeds and len(each.D) > 2][:1]:
+    for other in [many for many in given.runs("many") if many.seeds > run.seeds and len(many.D) > 2][:1]:
         curves, _ = band(other, A, other.D, max(other.m))
         name = f"the same of {other.seeds} surfaces, D = {', '.join(f'{D:g}' for D in other.D)}, m = {max(other.m)}"
         many = bootstrap("band_over_scatter_many", name, functools.partial(_over_scatter, curves), other.seeds)

@@ -215,7 +215,7 @@ def shift_per_m(given: Given) -> Outcome:
         Check("the shift rounds to 0.6", round(shift.value, 1) == 0.6, shift, essential=False),
     ]
     sources, other = [run], ""
-    for wide in [each for each in given.runs("wide") if len(each.m) > 2][:1]:
+    for wide in [wide for wide in given.runs("wide") if len(wide.m) > 2][:1]:
         low, high = wide.D[0], wide.D[-1]
         powers = mean_volume_exponents(wide, high) - mean_volume_exponents(wide, low)
         number = mean("difference", f"q(D = {high:g}) - q(D = {low:g})", powers)

@@ -128,12 +128,12 @@ class Question:
         names = ("id", "title", "place", "sentence", "method", "figures")
         claim = Claim(**{name: getattr(self, name) for name in names}, refused=refused)
         try:
-            found = self.answer(self.given(evidence))
+            outcome = self.answer(self.given(evidence))
         except Lacking as lacking:
             return replace(claim, lacking=str(lacking), why=f"Not computed: {lacking}.")
-        checks = tuple(check.tested() for check in found.checks)
-        source = tuple(dict.fromkeys(run.name for run in found.source))
-        claim = replace(claim, checks=checks, numbers=tuple(found.numbers), source=source, why=found.why)
+        checks = tuple(check.tested() for check in outcome.checks)
+        source = tuple(dict.fromkeys(run.name for run in outcome.source))
+        claim = replace(claim, checks=checks, numbers=tuple(outcome.numbers), source=source, why=outcome.why)
         if lacking_ := claim.untested:
             return replace(claim, lacking=lacking_, why=f"Not computed: {lacking_}.")
         return claim
@@ -167,9 +167,9 @@ def at(x: Array, y: Array, points: Array) -> Array:
     """
     rows = []
     for abscissa, ordinate in zip(x, y, strict=True):
-        known = np.isfinite(abscissa) & np.isfinite(ordinate)
-        order = np.argsort(abscissa[known], kind="stable")
-        rows.append(np.interp(points, abscissa[known][order], ordinate[known][order], left=np.nan, right=np.nan))
+        mask = np.isfinite(abscissa) & np.isfinite(ordinate)
+        order = np.argsort(abscissa[mask], kind="stable")
+        rows.append(np.interp(points, abscissa[mask][order], ordinate[mask][order], left=np.nan, right=np.nan))
     return np.array(rows)
 
 

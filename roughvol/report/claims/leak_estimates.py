@@ -58,9 +58,9 @@ def _of(run: Run, name: str) -> Iterator[Ratio]:
         return
     area = np.concatenate([ds[A].values.ravel()] * 2)
     guess, flow = (np.concatenate([ds[pair[k]].values.ravel() for pair in pairs]) for k in (0, 1))
-    known = np.isfinite(guess) & np.isfinite(flow) & np.isfinite(area)
+    mask = np.isfinite(guess) & np.isfinite(flow) & np.isfinite(area)
     for low, high in pairwise(EDGES):
-        inside = known & (area > low) & (area <= high)
+        inside = mask & (area > low) & (area <= high)
         open_ = inside & (guess > 0.0) & (flow > 0.0)
         if open_.sum() < FEWEST:
             continue

@@ -90,7 +90,7 @@ class Needs:
     def _small(self, run: Run) -> Iterable[str]:
         """Yield what is too little of the run as it was asked for."""
         D, m = run.D, run.m
-        if any(min(abs(one - each) for each in D) > SAME for one in self.D):
+        if any(min(abs(wanted - value) for value in D) > SAME for wanted in self.D):
             yield f"D = {_listed(D)}, needs {_listed(self.D)}"
         if not {*self.m} <= {*m}:
             yield f"m = {_listed(m)}, needs {_listed(self.m)}"
@@ -128,12 +128,12 @@ class Needs:
 
     def _incomplete(self, run: Run) -> Iterable[str]:
         """Yield what was asked for and is not stored, as where only some cases of a study were computed."""
-        D = [min(run.D, key=lambda each: abs(each - one)) for one in self.D] or run.D
+        D = [min(run.D, key=lambda value: abs(value - wanted)) for wanted in self.D] or run.D
         m = [*self.m, *([max(run.m)] if self.finest else [])] or run.m
-        stored = [(run.computed(D=one, m=k), one, k) for one in D for k in dict.fromkeys(m)]
-        count, one, k = min(stored)
+        stored = [(run.computed(D=wanted, m=k), wanted, k) for wanted in D for k in dict.fromkeys(m)]
+        count, wanted, k = min(stored)
         if count < self.seeds:
-            yield f"{_count(count, 'surface')} of D = {one:g}, m = {k} computed, needs {self.seeds}"
+            yield f"{_count(count, 'surface')} of D = {wanted:g}, m = {k} computed, needs {self.seeds}"
         elif self.separation < float("inf") and run.shallowest > self.separation:
             yield f"d/σ down to {run.shallowest:g}, needs {self.separation:g}"
 
@@ -176,8 +176,8 @@ def _listed(values: Iterable[float]) -> str:
     return ", ".join(f"{value:g}" for value in values)
 
 
-def _count(number: int, one: str) -> str:
-    return f"{number} {one if number == 1 else one + 's'}"
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun if number == 1 else noun + 's'}"
 
 
 # The paper's configurations -----------------------------------------------------------------------------------------

@@ -149,7 +149,7 @@ def limits(given: Given) -> Outcome:
     for D in full.D:
         closed = (full.values(A, D=D, m=m) == 1.0).argmax(axis=1)[:, np.newaxis]
         for key, name, variable in (("full_pressure", "p*", P), ("full_separation", "d/σ", D_SIGMA)):
-            each = np.take_along_axis(full.values(variable, D=D, m=m), closed, axis=1)
-            numbers.append(mean(f"{key}_D{D:g}", f"{name} of the first step at A* = 1, D = {D:g}, m = {m}", each))
+            values = np.take_along_axis(full.values(variable, D=D, m=m), closed, axis=1)
+            numbers.append(mean(f"{key}_D{D:g}", f"{name} of the first step at A* = 1, D = {D:g}, m = {m}", values))
     why = f"{steps - wrong} of {steps} steps are monotonous, and V* is {volume:.1g} at A* = {area:g}."
     return Outcome(checks, why, [*runs, full], numbers)

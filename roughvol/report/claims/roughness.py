@@ -102,13 +102,13 @@ def roughness_grows(given: Given) -> Outcome:
     m = int(nearest(run.m, 7))
     checks = []
     for low, high in pairwise(run.D):
-        each = run.values("Sdq", D=high, m=m) / run.values("Sdq", D=low, m=m)
-        number = ratio(f"Sdq_{low:g}_{high:g}", f"Sdq(D = {high:g}) / Sdq(D = {low:g}) at m = {m}", each)
+        ratios = run.values("Sdq", D=high, m=m) / run.values("Sdq", D=low, m=m)
+        number = ratio(f"Sdq_{low:g}_{high:g}", f"Sdq(D = {high:g}) / Sdq(D = {low:g}) at m = {m}", ratios)
         checks.append(Check.above(f"rms slope grows from D = {low:g} to {high:g}", number, 1.0))
     for coarse, fine in pairwise(run.m):
-        each = run.values("Sdq", D=run.D[0], m=int(fine)) / run.values("Sdq", D=run.D[0], m=int(coarse))
+        ratios = run.values("Sdq", D=run.D[0], m=int(fine)) / run.values("Sdq", D=run.D[0], m=int(coarse))
         name = f"Sdq(m = {fine}) / Sdq(m = {coarse}) at D = {run.D[0]:g}"
-        number = ratio(f"Sdq_m{coarse}_m{fine}", name, each)
+        number = ratio(f"Sdq_m{coarse}_m{fine}", name, ratios)
         checks.append(Check.above(f"rms slope grows from m = {coarse} to {fine}", number, 1.0, essential=False))
     slopes = [mean(f"Sdq_D{D:g}", f"Sdq at D = {D:g}, m = {m}", run.values("Sdq", D=D, m=m)) for D in run.D]
     why = f"At m = {m} the rms slope grows from {slopes[0].value:.2f} at D = {run.D[0]:g} to {slopes[-1].value:.2f} at "
@@ -132,9 +132,9 @@ def in_plane_scaling(given: Given) -> Outcome:
     ψ and ρ_c are computed where a study names a hardness, with ρ the radius of the mean curvature of the summits.
     """
     able = given.runs()
-    found = [(a, b, shared) for a in able for b in able if a.L > b.L and (shared := _shared(a, b))]
-    require(found, "two runs of the same D, m and seeds at two L")
-    large, small, (D, ms, seeds) = found[0]
+    pairs = [(a, b, shared) for a in able for b in able if a.L > b.L and (shared := _shared(a, b))]
+    require(pairs, "two runs of the same D, m and seeds at two L")
+    large, small, (D, ms, seeds) = pairs[0]
     label = {"D": D, "m": ms, "seed": seeds}
     off = {v: abs(large.dataset[v].sel(label) - small.dataset[v].sel(label)) for v in (A, P, V)}
     elements = max(float(off[A].sel(m=m).max()) * (2**m + 1) ** 2 for m in ms)
@@ -156,7 +156,7 @@ def in_plane_scaling(given: Given) -> Outcome:
     ]
     numbers, plastic = [], "no study names a hardness"
     for place, run in enumerate((large, small)):
-        material = next((each.study.material for each in (small, large) if each.study), None)
+        material = next((other.study.material for other in (small, large) if other.study), None)
         if material is None or material.indentation_hardness is None:
             continue
         hardness, E_star = material.indentation_hardness, material.contact_modulus

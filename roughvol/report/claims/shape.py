@@ -161,8 +161,8 @@ def boxes(run: Run, D: float, m: int, label: str) -> tuple[NDArray[np.int64], Ar
     """Return box sides and counts N(r) at a state, shape (surfaces, thresholds, r); NaN where it was not reached."""
     case = run.dataset.sel(D=D, m=m, box_at=label)
     counts = case["box_count"].transpose("seed", "threshold", "r").values
-    known = case["r"].values <= 2**m
-    return case["r"].values[known], counts[:, :, known]
+    mask = case["r"].values <= 2**m
+    return case["r"].values[mask], counts[:, :, mask]
 
 
 def state_of_boxes(run: Run) -> tuple[float, int, str]:

@@ -103,8 +103,8 @@ class Run:
 
     def values(self, name: str, *, D: float, m: int) -> Array:
         """Return a stored variable of one D and m, the surfaces along the first axis."""
-        one = self.dataset[name].sel(D=D, m=m)
-        return np.asarray(one.transpose("seed", ...).values, dtype=np.float64)
+        case = self.dataset[name].sel(D=D, m=m)
+        return np.asarray(case.transpose("seed", ...).values, dtype=np.float64)
 
     def last(self, name: str, *, D: float, m: int) -> Array:
         """Return a variable at the last step, shape (seeds,)."""

@@ -53,5 +53,7 @@ def plot(
 
 def shown(some: Sequence[Family]) -> dict[str, list[float]]:
     """Return the D, m and numbers of surfaces that families show, for the note."""
-    made = {key: [float(one.data[key]) for one in some if key in one.data] for key in ("D", "m")}
-    return {key: sorted(set(values)) for key, values in made.items()} | {"surfaces": [one.surfaces for one in some]}
+    made = {key: [float(family.data[key]) for family in some if key in family.data] for key in ("D", "m")}
+    return {key: sorted(set(values)) for key, values in made.items()} | {
+        "surfaces": [family.surfaces for family in some]
+    }

@@ -69,8 +69,8 @@ def study_of(ds: Dataset) -> Study | None:
 
 def run_name(ds: Dataset) -> str:
     """Return the name of the study of a dataset, empty if it has none."""
-    found = re.search(r"^name: *(.+?) *$", str(ds.attrs.get("study", "")), re.MULTILINE)
-    return found.group(1).strip("'\"") if found else ""
+    match = re.search(r"^name: *(.+?) *$", str(ds.attrs.get("study", "")), re.MULTILINE)
+    return match.group(1).strip("'\"") if match else ""
 
 
 def is_paper_surface(ds: Dataset) -> bool:
@@ -90,7 +90,7 @@ def surfaces(ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         return f"height {'file' if len(names) == 1 else 'files'} {', '.join(names[:SHOWN])}{more}, {side}"
     values = {dim: drawn.get(dim) or ds[dim].values.tolist() for dim in ("D", "m") if dim in ds.dims}
-    parts = [f"{dim} = {_numbers(each)}" for dim, each in values.items()]
+    parts = [f"{dim} = {_numbers(numbers)}" for dim, numbers in values.items()]
     counts = sorted({int(count) for count in drawn.get("surfaces", (1,))})
     number = "one surface" if counts == [1] else f"{_numbers(counts)} surfaces"
     several = " of each" if max(map(len, values.values()), default=1) > 1 else ""
@@ -124,23 +124,23 @@ def origin(name: str, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
 
 def departures(paper: Conditions, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> list[str]:
     """Return in words how what is drawn differs from the paper's conditions."""
-    found = []
+    differences = []
     for key, wanted in (("D", paper.D), ("m", paper.m)):
         values = [round(float(value), 9) for value in drawn.get(key, ())]
         if wanted is not None and values and values != [float(value) for value in wanted]:
-            found.append(f"{key} = {_numbers(values)}, not {_numbers(wanted)}")
+            differences.append(f"{key} = {_numbers(values)}, not {_numbers(wanted)}")
     counts = sorted({int(count) for count in drawn.get("surfaces", ())})
     if paper.surfaces is not None and counts and counts != [paper.surfaces]:
-        found.append(f"{_numbers(counts)} of each, not {paper.surfaces}")
+        differences.append(f"{_numbers(counts)} of each, not {paper.surfaces}")
     areas = drawn.get("area", ())
     if paper.area is not None and any(abs(area / paper.area - 1.0) > NEAR for area in areas):
-        found.append(f"A* = {', '.join(f'{area:.3g}' for area in areas)}, not {paper.area:g}")
+        differences.append(f"A* = {', '.join(f'{area:.3g}' for area in areas)}, not {paper.area:g}")
     study = study_of(ds)
     if paper.end and study is not None and study.sweep.steps:
         label = study.sweep.target.label
         if label.split("=")[0] not in paper.end:
-            found.append(f"a sweep to {label}")
-    return found
+            differences.append(f"a sweep to {label}")
+    return differences
 
 
 def _numbers(values: Sequence[float]) -> str:

@@ -160,8 +160,8 @@ def seal_percolation(ds: Dataset) -> Drawing:
                 share = seal_ways.is_open(members, at).mean(axis=0)
                 ax.plot(at, share, drawstyle="steps-post", label=name_of(family, direction), **line)
                 if len(members) == 1:
-                    load, known = states_of(family, x, f"percolates_{direction}")
-                    ax.plot(load, known, label="_states", **(look | {"ls": "", "zorder": line["zorder"]}))
+                    load, values = states_of(family, x, f"percolates_{direction}")
+                    ax.plot(load, values, label="_states", **(look | {"ls": "", "zorder": line["zorder"]}))
                     continue
                 error = np.sqrt(share * (1.0 - share) / len(members))
                 band: dict[str, Any] = {"step": "post", "color": look["color"], "alpha": FAINT, "lw": 0, "zorder": 2}
@@ -229,10 +229,10 @@ def seal_region(ds: Dataset) -> Drawing:
     names = {"contact_area_fraction_within": r"$A^{\ast}$", "mean_pressure_within": r"$p^{\ast}$"}
     names |= {"free_volume_within": r"$V^{\ast}$"}
     flows = {axis: name for axis in DIRECTIONS if (name := f"transmissivity_within_{axis}") in ds}
-    one_of = next(iter(flows.values()), "free_volume_within")
-    known = family.data[one_of].notnull().any(["seed", "region_width"])
+    recorded = next(iter(flows.values()), "free_volume_within")
+    stored = family.data[recorded].notnull().any(["seed", "region_width"])
     pressed = (family.data[A] > 0.0).all("seed")  # else there is nothing to take shares of
-    steps = family.data["step"].values[(known & pressed).values]
+    steps = family.data["step"].values[(stored & pressed).values]
     steps = steps[np.unique(np.linspace(0, len(steps) - 1, min(len(steps), STATES)).round().astype(int))]
     fig = canvas(PAGE, 2.9)
     fig.shown = shown([family])
@@ -241,7 +241,7 @@ def seal_region(ds: Dataset) -> Drawing:
         ax.set_xlabel("width over $L$")
     states = [family.data.sel(step=step) for step in steps]
     if flows:
-        values = np.concatenate([one[name].values.ravel() for one in states for name in flows.values()])
+        values = np.concatenate([state[name].values.ravel() for state in states for name in flows.values()])
         values = values[values > 0.0]
         axes[-1].set(ylabel=r"$T^{\ast}$ inside", yscale="log", ylim=(0.4 * values.min(initial=1.0), 2.5))
     handles, closed = [], []

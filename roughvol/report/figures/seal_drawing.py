@@ -81,16 +81,16 @@ def draw_flow(ax: Axes, family: Family, members: list[Way], direction: str, *, a
     """Draw a flow along one direction; return whether it is seen to close."""
     look, name, floor = look_of(family, direction, alone=alone), name_of(family, direction), ax.get_ylim()[0]
     if len(members) == 1:
-        (one,) = members
-        ax.plot(one.load, one.value, label=name, zorder=3, **look)
-        last = (one.load[-1], one.value[-1]) if one.load.size else None
-        if np.isfinite(one.closed):
-            closing(ax, direction, look["color"], last, one.closed)
-        return bool(np.isfinite(one.closed))
+        (member,) = members
+        ax.plot(member.load, member.value, label=name, zorder=3, **look)
+        last = (member.load[-1], member.value[-1]) if member.load.size else None
+        if np.isfinite(member.closed):
+            closing(ax, direction, look["color"], last, member.closed)
+        return bool(np.isfinite(member.closed))
     at = seal_ways.grid(members)
     if at.size < 2:  # no load at which all are known: the states themselves
-        for one in members:
-            ax.plot(one.load, one.value, label=name, **(look | {"ls": ""}))
+        for member in members:
+            ax.plot(member.load, member.value, label=name, **(look | {"ls": ""}))
         return False
     centre, low, high = seal_ways.centre_and_band(seal_ways.sample(members, at))
     open_ = centre > 0.0
@@ -145,18 +145,18 @@ def draw_ratio(ax: Axes, family: Family, members: list[Way], direction: str, *, 
     look, name = look_of(family, direction, alone=alone), name_of(family, direction)
     floor, top = ax.get_ylim()
     if len(members) == 1:
-        (one,) = members
-        ax.plot(one.load, one.value, label=name, zorder=3, **look)
-        if np.isfinite(one.closed):
-            closing(ax, direction, look["color"], None, one.closed)
-        return bool(np.isfinite(one.closed))
+        (member,) = members
+        ax.plot(member.load, member.value, label=name, zorder=3, **look)
+        if np.isfinite(member.closed):
+            closing(ax, direction, look["color"], None, member.closed)
+        return bool(np.isfinite(member.closed))
     at = seal_ways.grid(members) if members else np.empty(0)
     if at.size < 2:
-        for one in members:
-            ax.plot(one.load, one.value, label=name, **(look | {"ls": ""}))
+        for member in members:
+            ax.plot(member.load, member.value, label=name, **(look | {"ls": ""}))
         return False
     rows = seal_ways.sample(members, at, hold=True, beyond=beyond)
-    closings = sorted(one.closed if np.isfinite(one.closed) else np.inf for one in members)
+    closings = sorted(member.closed if np.isfinite(member.closed) else np.inf for member in members)
     end = closings[len(members) // 2]  # from here on the median is closed
     kept = (~np.isnan(rows)).any(axis=0) & (at < end)
     low, high = (0.0, 100.0) if len(members) < seal_ways.FEW else seal_ways.BAND

@@ -166,11 +166,11 @@ def theory_dimension(evidence: Evidence) -> Drawing:
         points = []
         for place, label in enumerate(labels):
             r, counts = shape.boxes(run, D, m, label)
-            each = shape.fitted_dimension(r, counts[:, 0])
+            dimensions = shape.fitted_dimension(r, counts[:, 0])
             steps = run.dataset["box_at_step"].sel(D=D, m=m, box_at=label).values
             for k in np.flatnonzero(steps > 0):
                 state = at_state(run.dataset.sel(D=D, m=m).isel(seed=k), "box_at", place)
-                points.append((float(state[P]), float(state[A]), each[k]))
+                points.append((float(state[P]), float(state[A]), dimensions[k]))
         p, a, dimension = np.array(points).T
         for ax, x in zip(panels, (p, a), strict=True):
             ax.plot(x, dimension, ls="", alpha=0.6, label=f"$D = {D:g}$", **look)
@@ -212,12 +212,14 @@ def theory_start(evidence: Evidence) -> Drawing:
     indentation, pressure = (run.values(name, D=D, m=m)[0] for name in ("indentation", P))
     elements = np.round(run.values(A, D=D, m=m)[0] * surface.heights.size)
     nodes, scale = surface.heights.size, surface.side / surface.Sq
-    one = [closed_forms.single_element_pressure(d * surface.Sq, surface.spacing) / nodes * scale for d in indentation]
+    element = [
+        closed_forms.single_element_pressure(d * surface.Sq, surface.spacing) / nodes * scale for d in indentation
+    ]
     i, j = np.unravel_index(int(surface.heights.argmax()), surface.shape)
     tip = surface.heights[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
     fig, ax = axes()
     ax.plot(indentation, pressure, "ko", ms=2.5, label="computed")
-    ax.plot(indentation, one, color=ACCENT, label="one element")
+    ax.plot(indentation, element, color=ACCENT, label="one element")
     if tip.shape == (3, 3):
         radius = texture.summit_radius(tip, surface.spacing)
         area = nodes * surface.spacing**2
@@ -245,8 +247,8 @@ def readings_exponent(evidence: Evidence) -> Drawing:
             slopes, limit = area_slopes(run, [PAPER_D], run.m)
             spacing = np.array([2.0**-m for m in run.m])
             values = np.array([slopes[PAPER_D, m] for m in run.m])
-            each, _, used = exponents(run, PAPER_D, 4)
-            label = rf"{law} divided: $n = {each.mean():.2f}$ ($m = {used[0]}$ to ${used[-1]}$)"
+            powers, _, used = exponents(run, PAPER_D, 4)
+            label = rf"{law} divided: $n = {powers.mean():.2f}$ ($m = {used[0]}$ to ${used[-1]}$)"
             ax.plot(spacing, values, color=look["color"], lw=0.3, alpha=0.6)
             ax.plot(spacing, np.exp(np.log(values).mean(axis=1)), label=label, **look)
             centre = np.exp(np.log(values[-4:]).mean())
@@ -377,7 +379,9 @@ def seeds(evidence: Evidence) -> Drawing:
     return _noted(fig, run)
 
 
-def _histogram(ax: Any, each: Array, sets: NDArray[Any], look: dict[str, Any], one: str, ten: str) -> None:
-    ax.hist(each, bins=max(10, round(math.sqrt(each.size))), density=True, color=look["color"], alpha=0.3, label=one)
-    heights, edges = np.histogram(each[sets].mean(axis=1), bins=25, density=True)
+def _histogram(ax: Any, values: Array, sets: NDArray[Any], look: dict[str, Any], one: str, ten: str) -> None:
+    ax.hist(
+        values, bins=max(10, round(math.sqrt(values.size))), density=True, color=look["color"], alpha=0.3, label=one
+    )
+    heights, edges = np.histogram(values[sets].mean(axis=1), bins=25, density=True)
     ax.stairs(heights, edges, color=look["color"], lw=1.1, label=ten)
