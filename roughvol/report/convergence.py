@@ -10,7 +10,7 @@ import numpy as np
 from roughvol.store.dataset import Dataset
 from roughvol.store.tradeoff_variables import QUANTITIES, RUNG, TABLE
 
-CONVERGED = 0.02  # share of a quantity by which it may still change with m and count as converged
+CONVERGED = 0.02  # largest change still to come, relative, of a quantity that is converged in m
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def time_saved(ds: Dataset) -> float:
 
 
 def summary(ds: Dataset) -> str:
-    """Return the ladder of tolerances, what a digit costs, and what is converged in m, as lines of text."""
+    """Return the ladder of tolerances, the cost of a digit, and the convergence in m, as lines of text."""
     ladder = ds.isel({RUNG: np.flatnonzero((ds["ladder"].values == "tolerance") & (ds["precision"].values == "mixed"))})
     lines = ["η/σ asked   error of A*   of p*     of V*     bound of p*   units a step   seconds"]
     for k in range(ladder.sizes[RUNG]):

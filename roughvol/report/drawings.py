@@ -1,4 +1,4 @@
-"""Which figures a report shows, and of which run each is drawn."""
+"""Figures that a report shows, each drawn from one run or from several."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pieces of HTML: elements whose text is escaped, tables, pairs of facts, figures, and the style sheet's users."""
+"""Pieces of HTML: elements whose text is escaped, tables, lists, pairs of facts, figures."""
 
 from __future__ import annotations
 

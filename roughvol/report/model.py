@@ -1,7 +1,7 @@
-"""What a report holds: every claim answered once from the runs given, and which runs get a page of their own.
+"""Contents of a report: every claim answered once from the runs given, the runs with a section of their own, words.
 
 A run serves the paper if a claim uses it, or if a second reading, the Monte Carlo section or one of the paper's own
-figures asks for its configuration. Every other run is somebody's own study, and is reported as that.
+figures asks for its configuration. Every other run is a study of its own, and is reported as that.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MARKS = {True: "met", None: "undecided", False: "not met"}
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Everything the page says, computed: claims, second readings, few seeds, estimates of leakage, and the runs.
+    """Results that the page shows: claims, second readings, few seeds, estimates of leakage, and the runs.
 
     ``own`` are the runs that do not serve the paper; each is reported for itself.
     """
@@ -95,7 +95,7 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
-    """Return the names of the folders; where two are equal, with as many folders above as tell them apart."""
+    """Return the names of the folders; where two are equal, with the folders above by which they differ."""
     whole = [path.resolve().parent for path in paths]
     names = []
     for path in whole:
@@ -142,7 +142,7 @@ def heading(report: Report) -> str:
 
 
 def criterion(check: Check) -> str:
-    """Return a criterion in words, and whether the claim stands on it."""
+    """Return a criterion in words, and whether it is essential."""
     return check.criterion if check.essential else f"{check.criterion} (not essential)"
 
 

@@ -1,4 +1,4 @@
-"""What a stored run says of its own surfaces: the map, how it was pressed, its states, where it closes, its warnings.
+"""One stored run in words and tables: surface, loading, states, closing of the ways through the gap, warnings.
 
 Nothing is judged here. Numbers come from the dataset; in units, where the study names them: the mean gap is V* Sq, the
 nominal pressure p* E* Sq/L.
@@ -57,7 +57,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Facts:
-    """A run in words and tables; ``surface`` and ``loading`` are pairs of what and its value."""
+    """A run in words and tables; ``surface`` and ``loading`` are pairs of a quantity and its value."""
 
     name: str
     title: str
@@ -74,7 +74,7 @@ class Facts:
 
 
 def facts(run: Run) -> Facts:
-    """Return what a run says of itself."""
+    """Return a run in words and tables."""
     ds = run.dataset
     warnings = tuple(line.strip() for line in str(ds.attrs.get("warnings", "")).splitlines() if line.strip())
     tables = [*_surfaces(run)]
@@ -117,7 +117,7 @@ def _nodes(run: Run) -> tuple[int, int] | None:
 
 
 def _map(run: Run) -> Iterator[tuple[str, str]]:
-    """Yield what was pressed."""
+    """Yield the surface."""
     ds, unit = run.dataset, _unit(run.dataset)
     if "case" not in ds.dims:
         yield "Surfaces", f"random midpoint displacement, law {run.law or 'unknown'}, {run.seeds} of each D and m"
@@ -184,7 +184,7 @@ def _range(values: Array) -> str:
 
 
 def _loading(run: Run) -> Iterator[tuple[str, str]]:
-    """Yield material, sweep, solver, and what was reached."""
+    """Yield material, sweep, solver, states and their certified errors."""
     ds, study = run.dataset, run.study
     if study is not None:
         material, unit = study.material, f" {study.material.unit}" if study.material.unit else ""
@@ -215,7 +215,7 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
 
 
 def _derived(run: Run) -> Dataset:
-    """Return the dataset with the mean gap, the nominal pressure where the study has its unit, and what is open."""
+    """Return the dataset with the mean gap, the nominal pressure where the study has its unit, and the open ways."""
     ds, study = run.dataset, run.study
     if "mean_gap" not in ds and "Sq" in ds:
         gap = ds[V] * ds["Sq"]
@@ -224,7 +224,7 @@ def _derived(run: Run) -> Dataset:
         pressure = ds[P] * ds["Sq"] * (study.material.contact_modulus / float(ds["L"]))
         ds = ds.assign(nominal_pressure=pressure.assign_attrs(units=study.material.unit, symbol="p"))
     for axis in "xy":
-        # each tells whether a way is open; the first that is stored at most states
+        # any of them is 0 where the way is closed; the first one stored is taken
         for name in (f"percolates_{axis}", f"critical_gap_{axis}", f"transmissivity_{axis}"):
             if name in ds and bool(ds[name].notnull().any()):
                 is_open = (ds[name] > 0.0).astype(float).where(ds[name].notnull())

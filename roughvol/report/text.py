@@ -37,7 +37,7 @@ def _titled(claim: Claim) -> str:
 
 
 def _lines(facts: Facts) -> Iterator[str]:
-    """Yield what a run of its own says of itself."""
+    """Yield the lines of a run of its own."""
     yield f"{facts.name}: {facts.title}"
     width = max(len(name) for name, _ in (*facts.surface, *facts.loading))
     yield from (f"  {name:<{width}}  {value}" for name, value in (*facts.surface, *facts.loading))

@@ -1,4 +1,4 @@
-"""What a claim is answered from: the runs given, chosen by what they are and never by their names.
+"""Registration of a claim, and the runs that answer it: chosen by their configuration, never by their names.
 
 A claim declares the configuration it needs (`needs`). Of the runs that have it, the one with the most values compared
 is taken, then the one of the finest lattice, then the one of the most surfaces; all others are refused with a reason.
@@ -23,7 +23,7 @@ GRID = 20  # points of a common axis on which curves are compared
 
 
 class Lacking(RoughvolError):
-    """What a claim needs and no run has."""
+    """A configuration that a claim needs and no run has."""
 
 
 def require(condition: object, message: str) -> None:
@@ -34,13 +34,13 @@ def require(condition: object, message: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """All runs of a report; with ``any_size`` small ones count as well, for trials and not for verdicts."""
+    """All runs of a report; with ``any_size`` small ones count too, for trials and not for verdicts."""
 
     runs: tuple[Run, ...]
     any_size: bool = False
 
     def fit(self, needs: Needs) -> list[Run]:
-        """Return the runs that are what is needed, the best first (see the module's docstring)."""
+        """Return the runs of a configuration, the best first (see the docstring of the module)."""
         needs = self._asked(needs)
         return sorted((run for run in self.runs if not needs.unfit(run)), key=needs.rank, reverse=True)
 
@@ -90,7 +90,7 @@ class Given:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a claim's function found: its checks, further numbers, the sentence for the verdict, and the runs used."""
+    """Answer to a claim: its checks, further numbers, the sentence for the verdict, and the runs used."""
 
     checks: Sequence[Check]
     why: str

@@ -17,7 +17,7 @@ ESTIMATES = {
 }
 EDGES = (0.0, 0.05, 0.1, 0.2, 0.3, 1.0)  # of the classes of A*
 HEAD = ("run", "estimate", "A*", "median", "90 % of states", "off by more than 2", "open or closed wrongly", "n")
-FEWEST = 5  # states in a class, below which nothing is said
+FEWEST = 5  # states that a class needs
 
 
 @dataclass(frozen=True)

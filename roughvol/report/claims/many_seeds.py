@@ -1,4 +1,4 @@
-"""Monte Carlo honestly: what ten surfaces, or one, may say where a hundred are known."""
+"""Monte Carlo: results that ten surfaces, or one, may give where a hundred are known."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ class Flip:
 
 
 def many_seeds(evidence: Evidence) -> tuple[Run, list[Spread], list[Flip]]:
-    """Return what the run with the most surfaces says about fewer of them.
+    """Return the scatter of few surfaces, drawn from the run with the most.
 
     Sets of ten are drawn without repetition from all, 5000 times, with a fixed seed.
 
     Raises
     ------
     Lacking
-        If no run has what is needed, at least three times ten surfaces.
+        If no run has the configuration and at least three times ten surfaces.
     """
     evidence.best(ENOUGH)
     runs = [run for run in evidence.fit(ENOUGH) if run.seeds >= 3 * FEW]

@@ -1,4 +1,4 @@
-"""Claims about the surfaces (Section 2, Figs. 2 and 3) and the invariance of what is computed with them (Section 2)."""
+"""Claims about the surfaces (Section 2, Figs. 2 and 3) and invariance under scaling in the plane (Section 2)."""
 
 from __future__ import annotations
 

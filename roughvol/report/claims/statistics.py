@@ -1,4 +1,4 @@
-"""Intervals over surfaces: Student's t for a mean, a seeded bootstrap for what is not one.
+"""Intervals over surfaces: Student's t for a mean, a seeded bootstrap for other statistics.
 
 Every interval has 95 % coverage. The surfaces of a study are independent (one seed each); numbers of one seed at
 several D or m are matched, and their differences are taken before the mean.
@@ -23,18 +23,12 @@ BOOTSTRAP_SEED = 336  # any number, fixed: the report must not change from one r
 
 def mean(key: str, name: str, values: ArrayLike) -> Number:
     """Return the mean over surfaces with its t interval, x̄ ± t(0.975; n-1) s/√n; NaN are left out."""
-    finite = _known(values)
-    half = student_quantile(finite.size) * _spread(finite) / math.sqrt(finite.size) if finite.size > 1 else 0.0
-    return _around(key, name, finite, half, "t" if finite.size > 1 else "")
+    return _with_interval(key, name, values, "t", lambda n: math.sqrt(1.0 / n))
 
 
 def single(key: str, name: str, values: ArrayLike) -> Number:
     """Return the interval in which one more surface falls, x̄ ± t(0.975; n-1) s √(1 + 1/n), for a paper with one."""
-    finite = _known(values)
-    half = (
-        student_quantile(finite.size) * _spread(finite) * math.sqrt(1.0 + 1.0 / finite.size) if finite.size > 1 else 0.0
-    )
-    return _around(key, name, finite, half, "t, one surface" if finite.size > 1 else "")
+    return _with_interval(key, name, values, "t, one surface", lambda n: math.sqrt(1.0 + 1.0 / n))
 
 
 def ratio(key: str, name: str, values: ArrayLike) -> Number:
@@ -95,15 +89,16 @@ def _known(values: ArrayLike) -> Array:
     return numbers[np.isfinite(numbers)]
 
 
-def _spread(values: Array) -> float:
-    return float(values.std(ddof=1))
-
-
 def student_quantile(n: int) -> float:
     """Return t(0.975; n - 1)."""
     return float(student.ppf(0.5 * (1.0 + COVERAGE), n - 1))
 
 
-def _around(key: str, name: str, values: Array, half: float, method: str) -> Number:
-    value = float(values.mean()) if values.size else math.nan
-    return Number(key, name, value, value - half, value + half, int(values.size), method)
+def _with_interval(key: str, name: str, values: ArrayLike, method: str, factor: Callable[[int], float]) -> Number:
+    finite = _known(values)
+    n = int(finite.size)
+    value = float(finite.mean()) if n else math.nan
+    if n < 2:
+        return Number(key, name, value, value, value, n)
+    half = student_quantile(n) * float(finite.std(ddof=1)) * factor(n)
+    return Number(key, name, value, value - half, value + half, n, method)

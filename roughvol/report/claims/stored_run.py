@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
+from xarray import Dataset
 
 from roughvol.errors import StudyError
 from roughvol.study import GeneratedSurface, Study, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from roughvol.report.figures.families import Curve, Family, mean_and_band, several
 from roughvol.report.figures.style import DASHES, legend, marked
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 def plot(
@@ -24,7 +21,7 @@ def plot(
     common: bool = False,
     log: bool = False,
 ) -> None:
-    """Draw the curves of every family, label the axes, and say above them what is shown.
+    """Draw the curves of every family, label the axes, and put the title above them.
 
     With `common`, the curves of a family have the same abscissae; else their mean is taken on a grid. With `log`,
     single surfaces are left out where they are zero.
@@ -54,6 +51,5 @@ def plot(
 def shown(some: Sequence[Family]) -> dict[str, list[float]]:
     """Return the D, m and numbers of surfaces that families show, for the note."""
     made = {key: [float(family.data[key]) for family in some if key in family.data] for key in ("D", "m")}
-    return {key: sorted(set(values)) for key, values in made.items()} | {
-        "surfaces": [family.surfaces for family in some]
-    }
+    surfaces: list[float] = [family.surfaces for family in some]
+    return {key: sorted(set(values)) for key, values in made.items()} | {"surfaces": surfaces}

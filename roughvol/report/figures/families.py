@@ -10,17 +10,15 @@ from __future__ import annotations
 import functools
 import operator
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from xarray import DataArray, Dataset
 
 from roughvol.observables.free_volume import element_volumes
 from roughvol.report.figures.style import A, P, looks
 from roughvol.store.dataset import at_state
 from roughvol.typing import Array, Mask
-
-if TYPE_CHECKING:
-    from xarray import DataArray, Dataset
 
 Curve = tuple[Array, Array]
 

@@ -1,7 +1,7 @@
 """Where a drawing comes from, in one line below it: the paper's figure at the paper's conditions, or whose run it is.
 
 The same file name, ``fig05.png``, may hold the paper's Fig. 5, the same curves for other D, or those of a measured map.
-`origin` compares what is drawn with what the paper drew, and names the run and the differences where there are any.
+`origin` compares the conditions of a drawing with the paper's, and names the run and the differences.
 """
 
 from __future__ import annotations
@@ -10,17 +10,14 @@ import functools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import matplotlib as mpl
+from xarray import Dataset
 
 from roughvol.errors import DatasetError, StudyError
 from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import STYLE, Drawing, unit_of
 from roughvol.study import GeneratedSurface, Study, loads
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 Draw = Callable[["Dataset"], Drawing]
 
@@ -31,7 +28,7 @@ SHOWN = 3  # files that are named
 
 @dataclass(frozen=True)
 class Conditions:
-    """What the paper drew: its D and m (None: it does not say, or several), surfaces of each, plane it went to, A*."""
+    """Conditions of a figure of the paper: D and m (None: not given, or several), surfaces of each, last plane, A*."""
 
     D: tuple[float, ...] | None = None
     m: tuple[int, ...] | None = None
@@ -123,7 +120,7 @@ def origin(name: str, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
 
 
 def departures(paper: Conditions, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> list[str]:
-    """Return in words how what is drawn differs from the paper's conditions."""
+    """Return in words the differences from the paper's conditions."""
     differences = []
     for key, wanted in (("D", paper.D), ("m", paper.m)):
         values = [round(float(value), 9) for value in drawn.get(key, ())]

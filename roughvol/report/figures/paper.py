@@ -1,8 +1,8 @@
 """The paper's figures, each a function of a dataset: ``FIGURES["fig04a"](ds)`` is a matplotlib ``Figure``.
 
-Nothing is solved here. What a figure adds to the stored numbers is presentation: the mean over seeds on a common axis,
-a straight line through points, a height from a gap. Where that involves a choice (which D, m, state or fit range) the
-figure prints the choice. A note below it names the figure of the paper or, where the conditions are others, the run.
+Nothing is solved here. A figure adds presentation to the stored numbers: the mean over seeds on a common axis, a
+straight line through points, a height from a gap. It prints each choice (D, m, state, fit range). A note below it names
+the figure of the paper or, where the conditions are others, the run.
 ``missing(name, ds)`` says why a figure cannot be drawn from a dataset, or returns None.
 
 Conventions: starred quantities are dimensionless, other labels carry the units of the dataset. Which D, m and state are
@@ -14,10 +14,12 @@ band of ± one standard deviation.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from xarray import Dataset
 
 from roughvol.observables.free_volume import domain
 from roughvol.report.figures.curves import plot, shown
@@ -58,10 +60,6 @@ from roughvol.report.figures.style import (
     volume_label,
 )
 from roughvol.surfaces.midpoint import midpoint_levels
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from xarray import Dataset
 
 FIGURES: dict[str, Draw] = {}
 NEEDS: dict[str, tuple[tuple[str, ...], str]] = {}  # variables one case must hold, what must have several values

@@ -12,16 +12,18 @@ state, and the closing load lies between the two.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.lines import Line2D
+from xarray import Dataset
 
 from roughvol.observables.transport import constriction
 from roughvol.report.figures import seal_ways
 from roughvol.report.figures.curves import shown
-from roughvol.report.figures.families import PAPER, Family, families, own, several, single
+from roughvol.report.figures.families import PAPER, Family, curves, families, own, several, single
 from roughvol.report.figures.origin import Draw, lacking, register
 from roughvol.report.figures.seal_drawing import (
     CLOSED,
@@ -35,7 +37,6 @@ from roughvol.report.figures.seal_drawing import (
     draw_states,
     look_of,
     name_of,
-    states_of,
 )
 from roughvol.report.figures.seal_ways import DIRECTIONS, ways
 from roughvol.report.figures.style import (
@@ -53,10 +54,6 @@ from roughvol.report.figures.style import (
     unit_of,
 )
 from roughvol.store.dataset import at_state
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from xarray import Dataset
 
 FIGURES: dict[str, Draw] = {}
 NEEDS: dict[str, tuple[str, ...]] = {}
@@ -160,8 +157,8 @@ def seal_percolation(ds: Dataset) -> Drawing:
                 share = seal_ways.is_open(members, at).mean(axis=0)
                 ax.plot(at, share, drawstyle="steps-post", label=name_of(family, direction), **line)
                 if len(members) == 1:
-                    load, values = states_of(family, x, f"percolates_{direction}")
-                    ax.plot(load, values, label="_states", **(look | {"ls": "", "zorder": line["zorder"]}))
+                    states = curves(family, x, f"percolates_{direction}")[0]
+                    ax.plot(*states, label="_states", **(look | {"ls": "", "zorder": line["zorder"]}))
                     continue
                 error = np.sqrt(share * (1.0 - share) / len(members))
                 band: dict[str, Any] = {"step": "post", "color": look["color"], "alpha": FAINT, "lw": 0, "zorder": 2}
@@ -353,7 +350,7 @@ def seal_map(ds: Dataset) -> Drawing:
         image = ax.imshow(np.maximum(shares, MAP_RANGE[0]).T, norm=norm, cmap="OrRd", **options)
         gap = state["gap"].sel(field_at=label, x=flux["x"], y=flux["y"]).transpose("x", "y").values
         ax.imshow(np.where(gap == 0.0, 1.0, np.nan).T, cmap=ListedColormap([CONTACT]), **options)
-        place = constriction(gap, 0).element  # of this state: what is stored along the steps is that of the step after
+        place = constriction(gap, 0).element  # of this state; the stored one is of the next step
         if place is not None:
             spot: dict[str, Any] = {"marker": "o", "ms": 11, "mfc": "none", "clip_on": False}
             for width, colour in ((2.6, "w"), (1.2, "k")):

@@ -9,20 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from xarray import DataArray, Dataset
 
 from roughvol.report.figures.families import Family, several
 from roughvol.typing import Array
 
-if TYPE_CHECKING:
-    from xarray import DataArray, Dataset
-
-
 DIRECTIONS = ("x", "y")
 GRID = 240  # points of a curve over several surfaces
-FEW = 6  # surfaces below which a band holds all of them: percentiles of so few lie between the surfaces
+FEW = 6  # fewer surfaces than this: the band holds all of them
 BAND = (16.0, 84.0)  # percentiles of more: what holds two thirds of them
 EVIDENCE = ("transmissivity", "percolates", "critical_gap", "diffusivity")  # each is 0 where a way is closed
 
@@ -103,7 +100,7 @@ def grid(members: Sequence[Way], *, before: bool = False) -> Array:
 
 
 def ratios(family: Family, x: str, over: DataArray, direction: str) -> list[Way]:
-    """Return what is ``over`` a flow along a direction against x, with the loads at which the flow closes."""
+    """Return ratios ``over`` to a flow along a direction against x, with the loads at which the flow closes."""
     loads = family.data[x].transpose("seed", "step").values
     flows = flow(family.data, "transmissivity", direction).transpose("seed", "step").values
     members = []

@@ -14,15 +14,12 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 from roughvol.errors import DatasetError
 from roughvol.report.figures import paper, seal
 from roughvol.report.figures.paper import NEEDS, PAPER, Draw
+from roughvol.store.dataset import Dataset
 from roughvol.study import Case
-
-if TYPE_CHECKING:
-    from roughvol.store.dataset import Dataset
 
 Rule = Callable[[Sequence[Case]], list[Case]]
 

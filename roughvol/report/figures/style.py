@@ -10,20 +10,18 @@ import re
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from xarray import Dataset
+from xarray import Dataset
 
 COLUMN, PAGE, DPI = 3.5, 7.0, 300  # widths [inch] of a column and of a page, resolution for print
 CONTACT = "#08306b"  # contact is this one flat dark blue wherever it shows in colour
-ACCENT, SECOND = "#00707a", "#1f6fb4"  # laws and published numbers beside what is computed
+ACCENT, SECOND = "#00707a", "#1f6fb4"  # laws and published numbers beside computed ones
 GREY = "0.4"
 STYLE: dict[Any, Any] = {"font.family": ["STIXGeneral", "serif"], "mathtext.fontset": "stix", "font.size": 8.5}
 STYLE |= {"font.serif": ["STIXGeneral", "STIX Two Text", "Times New Roman", "Times", "DejaVu Serif"]}

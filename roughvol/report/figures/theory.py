@@ -1,7 +1,7 @@
 """Figures of the report that the paper does not have: theory beside computation, second readings, many seeds.
 
-Each is a function of the runs of a report (`Evidence`), since most compare several; it chooses them as the claims do,
-by what they hold, and raises `Lacking` where there is none. ``THEORY[name]`` draws one.
+Each is a function of the runs of a report (`Evidence`), since most compare several. It chooses them as the claims do,
+by their variables, and raises `Lacking` where there is none. ``THEORY[name]`` draws one.
 """
 
 from __future__ import annotations
@@ -212,9 +212,8 @@ def theory_start(evidence: Evidence) -> Drawing:
     indentation, pressure = (run.values(name, D=D, m=m)[0] for name in ("indentation", P))
     elements = np.round(run.values(A, D=D, m=m)[0] * surface.heights.size)
     nodes, scale = surface.heights.size, surface.side / surface.Sq
-    element = [
-        closed_forms.single_element_pressure(d * surface.Sq, surface.spacing) / nodes * scale for d in indentation
-    ]
+    forces = [closed_forms.single_element_pressure(d * surface.Sq, surface.spacing) for d in indentation]
+    element = [force / nodes * scale for force in forces]
     i, j = np.unravel_index(int(surface.heights.argmax()), surface.shape)
     tip = surface.heights[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
     fig, ax = axes()
@@ -380,8 +379,7 @@ def seeds(evidence: Evidence) -> Drawing:
 
 
 def _histogram(ax: Any, values: Array, sets: NDArray[Any], look: dict[str, Any], one: str, ten: str) -> None:
-    ax.hist(
-        values, bins=max(10, round(math.sqrt(values.size))), density=True, color=look["color"], alpha=0.3, label=one
-    )
+    bins = max(10, round(math.sqrt(values.size)))
+    ax.hist(values, bins=bins, density=True, color=look["color"], alpha=0.3, label=one)
     heights, edges = np.histogram(values[sets].mean(axis=1), bins=25, density=True)
     ax.stairs(heights, edges, color=look["color"], lw=1.1, label=ten)

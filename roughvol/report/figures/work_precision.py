@@ -6,17 +6,14 @@ Markers are the means over the surfaces (errors: the largest of any), colours na
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
+from xarray import Dataset
 
 from roughvol.report.figures.origin import Draw, register
 from roughvol.report.figures.style import PAGE, Drawing, axes, looks, plain_ticks
 from roughvol.store.tradeoff_variables import QUANTITIES, RUNG
 from roughvol.typing import Array
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 FIGURES: dict[str, Draw] = {}
 LADDERS: dict[str, str] = {}  # that a figure needs
