@@ -7,13 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from roughvol.report.claims import paper_formulas
 from roughvol.report.claims.evidence import A, Given, Outcome, P, V, claim, nearest, require
 from roughvol.report.claims.needs import BY_D, BY_M, PAPER_M, Needs
+from roughvol.report.claims.paper_formulas import critical_radius, plasticity_index
 from roughvol.report.claims.statistics import exact, mean, ratio
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number
 from roughvol.surfaces import texture
+from roughvol.surfaces.surface import Surface
 
 SHARED = 10  # surfaces that two runs of claim 24 must have in common
 _ALL_D = Needs(by="D", D=BY_D.D, seeds=10)  # surfaces alone: no sweep is asked for
@@ -50,12 +51,9 @@ def nested_power_law(given: Given) -> Outcome:
         worst += sum(int(np.count_nonzero(s.heights[[0, 0, -1, -1], [0, -1, 0, -1]])) for s in surfaces)
     nodes = exact("nested", "nodes that differ between m and m - 1, or corners not zero", worst, count)
     numbers, off = _hurst(run, "std")
-    checks = [
-        Check("0 nodes differ between m and m - 1", worst == 0, nodes),
-        Check(
-            f"measured H within {HURST_TOLERANCE:g} of 3 - D for every D (std law)", off.value <= HURST_TOLERANCE, off
-        ),
-    ]
+    checks = [Check("0 nodes differ between m and m - 1", worst == 0, nodes)]
+    text = f"measured H within {HURST_TOLERANCE:g} of 3 - D for every D (std law)"
+    checks.append(Check(text, off.value <= HURST_TOLERANCE, off))
     sources, literal = [run], "the literal law was not run"
     if runs := given.runs("literal"):
         more, off_literal = _hurst(runs[0], "variance")
@@ -65,11 +63,8 @@ def nested_power_law(given: Given) -> Outcome:
         numbers += more
         sources.append(runs[0])
         literal = f"dividing the variance, as printed, misses 3 - D by up to {off_literal.value:.2f}"
-    why = (
-        f"Nesting is exact; with the factor on the standard deviation H is within {off.value:.2f} of 3 - D, "
-        f"and {literal}."
-    )
-    return Outcome(checks, why, sources, numbers)
+    why = f"Nesting is exact; with the factor on the standard deviation H is within {off.value:.2f} of 3 - D, and "
+    return Outcome(checks, f"{why}{literal}.", sources, numbers)
 
 
 def _hurst(run: Run, law: str) -> tuple[list[Number], Number]:
@@ -141,13 +136,10 @@ def in_plane_scaling(given: Given) -> Outcome:
     worst_V = exact("difference_V", "largest difference of V*", float(off[V].max()), len(seeds))
     worst_P = exact("difference_p", "largest difference of p*", float(off[P].max()), len(seeds))
     worst_A = exact("difference_A", "largest difference of A* [elements]", elements, len(seeds))
-    m, scale = max(ms), small.L / large.L
-    radii = [
-        [texture.summit_radius(s.heights, s.spacing) for run in (large, small) for s in [run.surface(D[0], m, seed)]]
-        for seed in seeds
-    ]
-    powers = [math.log(b / a) / math.log(scale) for a, b in radii]
-    power = mean("radius_power", "n in ρ ~ λ^n", powers)
+    m = max(ms)
+    radii = {run.L: [_radius(run.surface(D[0], m, seed)) for seed in seeds] for run in (large, small)}
+    ratios = [b / a for a, b in zip(radii[large.L], radii[small.L], strict=True)]
+    power = mean("radius_power", "n in ρ ~ λ^n", [math.log(r) / math.log(small.L / large.L) for r in ratios])
     checks = [
         Check("V* differs by less than 1e-4", worst_V.value < 1e-4, worst_V),
         Check("p* differs by less than 1e-4", worst_P.value < 1e-4, worst_P),
@@ -155,25 +147,25 @@ def in_plane_scaling(given: Given) -> Outcome:
         Check("ρ ~ λ^n with n = 1, as printed", abs(power.value - 1.0) < 0.01, power, essential=False),
     ]
     numbers, plastic = [], "no study names a hardness"
-    for place, run in enumerate((large, small)):
-        material = next((other.study.material for other in (small, large) if other.study), None)
-        if material is None or material.indentation_hardness is None:
-            continue
-        hardness, E_star = material.indentation_hardness, material.contact_modulus
-        sq = run.values("Sq", D=D[0], m=m)[[run.seed_numbers().index(seed) for seed in seeds]]
-        psi = [paper_formulas.plasticity_index(s, r[place], E_star, hardness) for s, r in zip(sq, radii, strict=True)]
-        over = [r[place] / paper_formulas.critical_radius(s, E_star, hardness) for s, r in zip(sq, radii, strict=True)]
+    material = next((run.study.material for run in (small, large) if run.study), None)
+    hardness = material.indentation_hardness if material else None
+    for run in (large, small):
+        if material is None or hardness is None:
+            break
+        E_star = material.contact_modulus
+        Sq = run.values("Sq", D=D[0], m=m)[[run.seed_numbers().index(seed) for seed in seeds]]
+        psi = [plasticity_index(s, r, E_star, hardness) for s, r in zip(Sq, radii[run.L], strict=True)]
+        over = [r / critical_radius(s, E_star, hardness) for s, r in zip(Sq, radii[run.L], strict=True)]
         numbers.append(mean(f"psi_L{run.L:g}", f"plasticity index ψ at L = {run.L:g}, m = {m}", psi))
         numbers.append(mean(f"rho_L{run.L:g}", f"ρ/ρ_c at L = {run.L:g}, m = {m}", over))
-        below = sum(value <= 1.0 for value in over)
-        plastic = (
-            f"WARNING: with E*/H = {E_star / hardness:g}, ρ ≤ ρ_c on {below} of {len(over)} surfaces at L = {run.L:g}"
-        )
-    why = (
-        f"V* at L = {large.L:g} and {small.L:g} differs by at most {worst_V.value:.1g}; "
-        f"but radii scale as λ^{power.value:.2g}, not λ; {plastic}."
-    )
-    return Outcome(checks, why, [large, small], numbers)
+        share = f"{sum(value <= 1.0 for value in over)} of {len(over)} surfaces at L = {run.L:g}"
+        plastic = f"WARNING: with E*/H = {E_star / hardness:g}, ρ ≤ ρ_c on {share}"
+    why = f"V* at L = {large.L:g} and {small.L:g} differs by at most {worst_V.value:.1g}; but radii scale as "
+    return Outcome(checks, f"{why}λ^{power.value:.2g}, not λ; {plastic}.", [large, small], numbers)
+
+
+def _radius(surface: Surface) -> float:
+    return texture.summit_radius(surface.heights, surface.spacing)
 
 
 def _shared(a: Run, b: Run) -> tuple[list[float], list[int], list[int]] | None:

@@ -23,12 +23,12 @@ BOOTSTRAP_SEED = 336  # any number, fixed: the report must not change from one r
 
 def mean(key: str, name: str, values: ArrayLike) -> Number:
     """Return the mean over surfaces with its t interval, x̄ ± t(0.975; n-1) s/√n; NaN are left out."""
-    return _with_interval(key, name, values, "t", lambda n: math.sqrt(1.0 / n))
+    return _with_interval(key, name, values, "t", lambda half, n: half / math.sqrt(n))
 
 
 def single(key: str, name: str, values: ArrayLike) -> Number:
     """Return the interval in which one more surface falls, x̄ ± t(0.975; n-1) s √(1 + 1/n), for a paper with one."""
-    return _with_interval(key, name, values, "t, one surface", lambda n: math.sqrt(1.0 + 1.0 / n))
+    return _with_interval(key, name, values, "t, one surface", lambda half, n: half * math.sqrt(1.0 + 1.0 / n))
 
 
 def ratio(key: str, name: str, values: ArrayLike) -> Number:
@@ -94,11 +94,13 @@ def student_quantile(n: int) -> float:
     return float(student.ppf(0.5 * (1.0 + COVERAGE), n - 1))
 
 
-def _with_interval(key: str, name: str, values: ArrayLike, method: str, factor: Callable[[int], float]) -> Number:
+def _with_interval(
+    key: str, name: str, values: ArrayLike, method: str, scaled: Callable[[float, int], float]
+) -> Number:
     finite = _known(values)
     n = int(finite.size)
     value = float(finite.mean()) if n else math.nan
     if n < 2:
         return Number(key, name, value, value, value, n)
-    half = student_quantile(n) * float(finite.std(ddof=1)) * factor(n)
+    half = scaled(student_quantile(n) * float(finite.std(ddof=1)), n)
     return Number(key, name, value, value - half, value + half, n, method)

@@ -262,19 +262,12 @@ def seal_region(ds: Dataset) -> Drawing:
         ax.axhline(1.0, color=GREY, lw=0.7, ls="--")
     if flows:
         handles += [Line2D([], [], color=GREY, ls=LINES[axis], label=rf"$T^{{\ast}}$ along ${axis}$") for axis in flows]
-    handles += [
-        Line2D([], [], color=GREY, ls="", marker=CLOSED[axis], label=f"closed along ${axis}$")
-        for axis in sorted(set(closed))
-    ]
+    for axis in sorted(set(closed)):
+        handles.append(Line2D([], [], color=GREY, ls="", marker=CLOSED[axis], label=f"closed along ${axis}$"))
     words = f": mean of {family.surfaces} surfaces, band ± 1 std. error" if family.surfaces > 1 else ""
     words += rf"; $T^{{\ast}}$: {seal_ways.band_words([family.surfaces])}" if words and flows else ""
-    fig.legend(
-        handles=handles,
-        title=f"{family.label}{words}",
-        loc="outside upper center",
-        ncols=-(-len(handles) // 2),
-        **LEGEND,
-    )
+    options: dict[str, Any] = LEGEND | {"loc": "outside upper center", "ncols": -(-len(handles) // 2)}
+    fig.legend(handles=handles, title=f"{family.label}{words}", **options)
     return fig
 
 

@@ -64,12 +64,8 @@ def _mean(run: Run, x: str, y: str, D: float, m: int) -> tuple[Array, Array]:
     return grid, at(axis, run.values(y, D=D, m=m), grid).mean(axis=0)
 
 
-def _count(run: Run) -> str:
-    return "one surface" if run.seeds == 1 else f"{run.seeds} surfaces"
-
-
-def _mean_of(run: Run) -> str:
-    return "one surface" if run.seeds == 1 else f"mean of {run.seeds} surfaces"
+def _count(run: Run, words: str = "") -> str:
+    return "one surface" if run.seeds == 1 else f"{words}{run.seeds} surfaces"
 
 
 def _noted(fig: Drawing, *runs: Run) -> Drawing:
@@ -101,7 +97,7 @@ def theory_separation(evidence: Evidence) -> Drawing:
         label = r"$d/\sigma + 0.9464\,p^{\ast}$" + f", $D = {D:g}$"
         ax.plot(separation, compliant, color=colour, ls="-.", lw=0.9, label=label)
     ax.set(xlabel=LABELS[D_SIGMA], ylabel=LABELS[V])
-    legend(ax, f"$m = {m}$, {_mean_of(run)}")
+    legend(ax, f"$m = {m}$, {_count(run, 'mean of ')}")
     return _noted(fig, run)
 
 
@@ -127,7 +123,7 @@ def theory_bearing(evidence: Evidence) -> Drawing:
     for label, values, colour, style in curves:
         ax.plot(grid, at(area, values, grid).mean(axis=0), color=colour, ls=style, label=label)
     ax.set(xlabel=LABELS[A], ylabel=LABELS[V], ylim=(0.0, None))
-    legend(ax, f"$D = {PAPER_D:g}$, $m = {m}$, {_mean_of(run)}")
+    legend(ax, f"$D = {PAPER_D:g}$, $m = {m}$, {_count(run, 'mean of ')}")
     return _noted(fig, run)
 
 
