@@ -1,23 +1,21 @@
-"""What is drawn and judged: figures, claims, and the page that shows them.
+"""What is drawn and judged: figures, claims, and the report that shows them.
 
 Room of the report. It reads datasets and computes no contact.
 
-==============  ====================================================================
-`figures`       each figure a function of a dataset
-`claims`        each claim of the paper a function of datasets
-`write`         the report written, and held against an expectation
-`model`         what a report holds
-`page`          as one HTML page
-`text`          as JSON, Markdown and lines for a terminal
-`run_page`      the part of the page about one run
-`run_facts`     the numbers of one run
-`drawings`      which figures a report shows
+==============  ======================================================================
+`figures`       every figure, a function of a dataset
+`claims`        every claim of the paper, a function of datasets
+`model`         contents of a report, and the words that all its forms share
+`run_facts`     one run in words and tables: surface, loading, states, closing
+`drawings`      figures that a report shows, and the run of each
 `captions`      their captions
-`words`         words that all forms share
-`html`          pieces of HTML
-`style`         the style sheet
-`convergence`   what a trade-off has measured, in words
-==============  ====================================================================
+`page`          the report as one HTML page
+`html`          elements, tables and figures in HTML, with escaped text
+`style`         style sheet of the page
+`text`          the report as JSON, as Markdown and as lines for a terminal
+`write`         its files, and the comparison with an expectation
+`convergence`   results of a trade-off in words
+==============  ======================================================================
 """
 
 import lazy_loader

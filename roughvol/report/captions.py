@@ -1,4 +1,4 @@
-"""The captions of all figures by name, for the report: what is shown, its units, and what lines and bands are.
+"""The captions of all figures by name, for the report: contents, units, lines and bands.
 
 Starred quantities have no unit. Where a figure names its own surfaces, centre or band in its title, the caption leaves
 that to the title.

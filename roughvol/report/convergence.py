@@ -10,7 +10,7 @@ import numpy as np
 from roughvol.store.dataset import Dataset
 from roughvol.store.tradeoff_variables import QUANTITIES, RUNG, TABLE
 
-CONVERGED = 0.02  # share of a quantity by which it may still change with m and count as converged
+CONVERGED = 0.02  # largest change still to come, relative, of a quantity that is converged in m
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def convergence(ds: Dataset) -> list[Convergence]:
     family = ds.isel({RUNG: np.flatnonzero(ds["ladder"].values == "resolution")})
     if family.sizes[RUNG] < 3:
         return []
-    found = []
+    rows = []
     for D, quantity in itertools.product(np.unique(ds["D"].values), QUANTITIES):
         values = family[quantity].values[:, ds["D"].values == D]  # (level, surface)
         last = values[-1]
@@ -55,8 +55,8 @@ def convergence(ds: Dataset) -> list[Convergence]:
         ratio = float(changes[-1] / changes[-2]) if changes[-2] > 0.0 else 0.0
         remaining = float(changes[-1] * ratio / (1.0 - ratio)) if ratio < 1.0 else float("inf")
         scatter = float(last.std(ddof=1) / last.mean()) if last.size > 1 else float("nan")
-        found.append(Convergence(float(D), quantity, float(changes[-1]), ratio, remaining, scatter))
-    return found
+        rows.append(Convergence(float(D), quantity, float(changes[-1]), ratio, remaining, scatter))
+    return rows
 
 
 def time_saved(ds: Dataset) -> float:
@@ -73,7 +73,7 @@ def time_saved(ds: Dataset) -> float:
 
 
 def summary(ds: Dataset) -> str:
-    """Return the ladder of tolerances, what a digit costs, and what is converged in m, as lines of text."""
+    """Return the ladder of tolerances, the cost of a digit, and the convergence in m, as lines of text."""
     ladder = ds.isel({RUNG: np.flatnonzero((ds["ladder"].values == "tolerance") & (ds["precision"].values == "mixed"))})
     lines = ["η/σ asked   error of A*   of p*     of V*     bound of p*   units a step   seconds"]
     for k in range(ladder.sizes[RUNG]):
@@ -86,12 +86,12 @@ def summary(ds: Dataset) -> str:
             f"{float(row['seconds'].mean()):.2f}"
         )
     lines.append(f"ten times less accuracy costs {100 * time_saved(ds):.0f} per cent less time")
-    for found in convergence(ds):
-        verdict = "converged" if found.converged else "NOT converged"
-        to_come = f"{100 * found.remaining:.1f} %" if np.isfinite(found.remaining) else "no limit in sight"
-        seeds = f", scatter of seeds {100 * found.scatter:.1f} %" if np.isfinite(found.scatter) else ""
+    for part in convergence(ds):
+        verdict = "converged" if part.converged else "NOT converged"
+        to_come = f"{100 * part.remaining:.1f} %" if np.isfinite(part.remaining) else "no limit in sight"
+        seeds = f", scatter of seeds {100 * part.scatter:.1f} %" if np.isfinite(part.scatter) else ""
         lines.append(
-            f"D = {found.D:g}: {QUANTITIES[found.quantity]} {verdict} in m (last change {100 * found.change:.1f} %, "
-            f"ratio {found.ratio:.2f}, still to come {to_come}{seeds})"
+            f"D = {part.D:g}: {QUANTITIES[part.quantity]} {verdict} in m (last change {100 * part.change:.1f} %, "
+            f"ratio {part.ratio:.2f}, still to come {to_come}{seeds})"
         )
     return "\n".join(lines)

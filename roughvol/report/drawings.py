@@ -1,4 +1,4 @@
-"""Which figures a report shows, and of which run each is drawn."""
+"""Figures that a report shows, each drawn from one run or from several."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def drawings_of(run: Run) -> Iterator[Drawing]:
 def _evidence(report: Report, name: str) -> Evidence:
     """Return the runs that the claim of a figure needs, or all of the paper where no claim shows it or none fits."""
     evidence, needs = report.evidence, uses_of(name)
-    fit = [run for run in evidence.runs if any(run in evidence.fit(each) for each in needs)]
+    fit = [run for run in evidence.runs if any(run in evidence.fit(need) for need in needs)]
     # second readings compare runs that the claim itself refuses
     return evidence if not fit or name.startswith("readings_") or name == "seeds" else Evidence(tuple(fit))
 

@@ -1,7 +1,7 @@
-"""What a report holds: every claim answered once from the runs given, and which runs get a page of their own.
+"""Contents of a report: every claim answered once from the runs given, the runs with a section of their own, words.
 
 A run serves the paper if a claim uses it, or if a second reading, the Monte Carlo section or one of the paper's own
-figures asks for its configuration. Every other run is somebody's own study, and is reported as that.
+figures asks for its configuration. Every other run is a study of its own, and is reported as that.
 """
 
 from __future__ import annotations
@@ -13,17 +13,23 @@ from pathlib import Path
 from typing import Any
 
 from roughvol.errors import DatasetError
-from roughvol.report.claims import ABSENT, CLAIMS, VERDICTS, Claim, Evidence, Lacking, Reading, Run, assess
+from roughvol.report.claims import ABSENT, CLAIMS, VERDICTS, Check, Claim, Evidence, Lacking, Reading, Run, assess
 from roughvol.report.claims.ambiguities import SERVES, readings
 from roughvol.report.claims.leak_estimates import Ratio, ratios
 from roughvol.report.claims.many_seeds import ENOUGH, Flip, Spread, many_seeds
 from roughvol.report.claims.needs import ALONE
 from roughvol.store import dataset
 
+CITE = (
+    "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, Wear 336-337 (2015) 86-95, "
+    "doi:10.1016/j.wear.2015.04.021"
+)
+MARKS = {True: "met", None: "undecided", False: "not met"}
+
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Everything the page says, computed: claims, second readings, few seeds, estimates of leakage, and the runs.
+    """Results that the page shows: claims, second readings, few seeds, estimates of leakage, and the runs.
 
     ``own`` are the runs that do not serve the paper; each is reported for itself.
     """
@@ -89,7 +95,7 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
-    """Return the names of the folders; where two are equal, with as many folders above as tell them apart."""
+    """Return the names of the folders; where two are equal, with the folders above by which they differ."""
     whole = [path.resolve().parent for path in paths]
     names = []
     for path in whole:
@@ -128,3 +134,23 @@ def facts_of(run: Run) -> dict[str, Any]:
 def uses_of(figure: str) -> list[Any]:
     """Return what the claims that show a figure need of a run."""
     return [needs for question in CLAIMS.values() if figure in question.figures for needs in question.needs.values()]
+
+
+def heading(report: Report) -> str:
+    """Return the title of a report: the question if any claim is answered, else the runs."""
+    return "Does the paper hold?" if report.computed else ", ".join(run.name for run in report.runs)
+
+
+def criterion(check: Check) -> str:
+    """Return a criterion in words, and whether it is essential."""
+    return check.criterion if check.essential else f"{check.criterion} (not essential)"
+
+
+def agreement(agrees: bool | None) -> str:
+    """Return whether a reading gives the paper's number, in words."""
+    return {True: "agrees", False: "does not", None: ""}[agrees]
+
+
+def span(pair: tuple[float, float]) -> str:
+    """Return a range in three digits."""
+    return f"{pair[0]:.3g} to {pair[1]:.3g}"

@@ -1,26 +1,25 @@
 """The report as one HTML page: claims, then runs of their own; no network, no script, light, dark and on paper.
 
-The page is made of plain strings; every text that comes from a dataset, a study or a claim is escaped. A figure opens
-in full size as the target of a link to itself.
+Every text that comes from a dataset, a study or a claim is escaped. A figure opens in full size as the target of a link
+to itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from html import escape
 from typing import Any
 
 import numpy as np
 
 from roughvol._version import __version__
-from roughvol.report import run_facts, run_page
-from roughvol.report.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Claim
+from roughvol.report import run_facts
+from roughvol.report.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Claim, Number
+from roughvol.report.claims.leak_estimates import HEAD
 from roughvol.report.claims.many_seeds import FEW
-from roughvol.report.drawings import drawings, drawings_of
-from roughvol.report.html import box, figure_html, table
-from roughvol.report.model import Report, facts_of
+from roughvol.report.drawings import Drawing, drawings, drawings_of
+from roughvol.report.html import Html, box, figure_html, fold, items, join, pairs, table, tag
+from roughvol.report.model import CITE, MARKS, Report, agreement, criterion, facts_of, heading, span
 from roughvol.report.style import CSS
-from roughvol.report.words import CITE, ESTIMATE_HEAD, MARKS, agreement, criterion, estimate_row, heading, span
 
 DECISIONS = (
     "Heights and gaps: rigid overlap ū = Δ - (z_max - z), so that the highest point touches first; the paper's Δ - ξ "
@@ -42,261 +41,245 @@ DECISIONS = (
     "look were chosen anew, which is why the last check of claim 15 is made at all of them.",
 )
 SLUGS = {HOLDS: "holds", QUALIFIED: "qualified", FAILS: "fails", ABSENT: "absent"}
-
-
 SHOWN = 2  # runs refused that a row names at once; more unfold
+OPEN = 3  # tables of a run that are shown at once; further ones unfold
 
 
 def to_html(report: Report) -> str:
-    """Return the page, everything in it."""
+    """Return the page, everything in it.
+
+    Parameters
+    ----------
+    report : Report
+        As `model.assemble` returns it.
+    """
     figures = {drawing.name: figure_html(drawing.name, drawing) for drawing in drawings(report)}
     parts = [_head(report), _verdicts(report), _readings(report), _seeds(report, figures)]
     if report.computed:
-        parts += ["<h2 id='claims'>The claims one by one</h2>", *(_claim(claim, figures) for claim in report.computed)]
+        parts += [tag("h2", "The claims one by one", id="claims")]
+        parts += [_claim(claim, figures) for claim in report.computed]
     if figures:
-        shown = "".join(figures.values())
-        parts += [f"<h2 id='figures'>Further figures</h2><div class='figures'>{shown}</div>"]
-    for place, run in enumerate(report.own, start=1):
-        parts.append(run_page.section(run_facts.facts(run), list(drawings_of(run)), f"run-{place}"))
-    parts += [_estimates(report), _decisions(report), _runs(report), _citation(report)]
+        parts += [tag("h2", "Further figures", id="figures"), tag("div", *figures.values(), kind="figures")]
+    for number, run in enumerate(report.own, start=1):
+        parts.append(run_section(run_facts.facts(run), list(drawings_of(run)), f"run-{number}"))
+    parts += [_estimates(report), _decisions(report), _runs(report), _citation()]
     body = "\n".join(parts)
     return (
         "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
         "<meta name='color-scheme' content='light dark'>\n"
-        f"<title>{escape(heading(report))}</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n"
+        f"{tag('title', heading(report))}\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n"
         "</body>\n</html>\n"
     )
 
 
-def _head(report: Report) -> str:
+def _head(report: Report) -> Html:
     links = [("verdicts", "Verdicts")] * bool(report.computed) + [("readings", "Ambiguities")] * bool(report.readings)
     links += [("seeds", "Monte Carlo")] * bool(report.seeds) + [("claims", "Claims")] * bool(report.computed)
-    links += [(f"run-{place}", run.name) for place, run in enumerate(report.own, start=1)]
+    links += [(f"run-{number}", run.name) for number, run in enumerate(report.own, start=1)]
     links += [("estimates", "Quick estimates")] * bool(report.estimates)
     links += [("decisions", "Decisions")] * bool(report.computed) + [("runs", "Runs"), ("cite", "How to cite")]
-    nav = " · ".join(f"<a href='#{anchor}'>{escape(words)}</a>" for anchor, words in links)
-    lead, chips = "The free volume between rough surfaces in elastic contact.", ""
+    nav = Html(" · ".join(tag("a", words, href=f"#{anchor}") for anchor, words in links))
+    lead, chips = "The free volume between rough surfaces in elastic contact.", Html()
     if report.computed:
-        lead = (
-            "The free volume between rough surfaces in elastic contact: the claims of Paggi &amp; He (2015) beside "
-            "what was computed."
-        )
-        counts = "".join(
-            f"<li class='{SLUGS[verdict]}'><b>{count}</b> {verdict}</li>"
-            for verdict, count in report.counts().items()
-            if count
-        )
-        chips = f"<ul class='chips'>{counts}</ul>"
-    return f"<header><h1>{escape(heading(report))}</h1><p class='lead'>{lead}</p>{chips}<nav>{nav}</nav></header>"
+        lead = lead[:-1] + ": the claims of Paggi & He (2015) beside what was computed."
+        counts = [(verdict, count) for verdict, count in report.counts().items() if count]
+        lines = [tag("li", tag("b", str(count)), f" {verdict}", kind=SLUGS[verdict]) for verdict, count in counts]
+        chips = tag("ul", *lines, kind="chips")
+    return tag("header", tag("h1", heading(report)), tag("p", lead, kind="lead"), chips, tag("nav", nav))
 
 
-def _verdicts(report: Report) -> str:
+def _verdicts(report: Report) -> Html:
     if not report.computed:
-        return ""
-    rows = "".join(
-        f"<tr><td class='n'>{c.id}</td><td><a href='#claim-{c.id}'>{escape(c.title)}</a>"
-        f"<small>{escape(c.place)}</small></td><td>{_badge(c)}</td>"
-        f"<td data-head='Why'>{escape(c.why)}</td><td data-head='Run'>{_source(c)}</td></tr>"
-        for c in report.computed
-    )
-    return (
-        "<h2 id='verdicts'>Verdicts</h2><p>A verdict follows from criteria in the code; those revised after a first "
+        return Html()
+    rule = Html(
+        "<p>A verdict follows from criteria in the code; those revised after a first "
         "look are named under Decisions. <b>Holds</b>: every criterion is met. <b>With a qualification</b>: no "
         "essential criterion fails, but another does, or one is undecided (its 95 % interval contains the limit). "
         "<b>Does not hold</b>: an essential criterion fails. A run that lacks the configuration a claim needs is "
         "refused for it.</p>"
-        "<table class='verdicts'><thead><tr><th></th><th>Claim</th><th>Verdict</th><th>Why</th><th>Run</th></tr>"
-        f"</thead><tbody>{rows}</tbody></table>{_absent(report.absent)}"
     )
+    rows = [
+        (
+            tag("td", str(claim.id), kind="n"),
+            tag("td", tag("a", claim.title, href=f"#claim-{claim.id}"), tag("small", claim.place)),
+            tag("td", _badge(claim)),
+            tag("td", claim.why, data_head="Why"),
+            # a long name of a run may break after each underscore
+            tag("td", Html(join(", ".join(claim.source)).replace("_", "_<wbr>")), _refused(claim), data_head="Run"),
+        )
+        for claim in report.computed
+    ]
+    shown = table(("", "Claim", "Verdict", "Why", "Run"), rows, kind="verdicts")
+    return join(tag("h2", "Verdicts", id="verdicts"), rule, shown, _absent(report.absent))
 
 
-def _source(claim: Claim) -> str:
-    """Return the runs used, and those refused with their reasons."""
-    names = escape(", ".join(claim.source)).replace("_", "_<wbr>")
-    return f"{names}{_refused(claim)}"
-
-
-def _refused(claim: Claim) -> str:
+def _refused(claim: Claim) -> Html:
+    """Return the runs refused with their reasons, folded away where they are many."""
     if not claim.refused:
-        return ""
-    items = "".join(f"<li>{escape(name)}: {escape(reason)}</li>" for name, reason in claim.refused)
+        return Html()
     count = len(claim.refused)
-    unfolded = " open" if count <= SHOWN else ""
-    return (
-        f"<details class='refused'{unfolded}><summary>{count} run{'s' * (count > 1)} refused</summary>"
-        f"<ul>{items}</ul></details>"
-    )
+    reasons = items(f"{name}: {reason}" for name, reason in claim.refused)
+    return fold(f"{count} run{'s' * (count > 1)} refused", reasons, kind="refused", unfolded=count <= SHOWN)
 
 
-def _absent(claims: Iterable[Claim]) -> str:
+def _absent(claims: Iterable[Claim]) -> Html:
     """Return the claims that no run can answer, each with what is lacking, folded away."""
     rows = [
-        f"<tr><td class='n'>{c.id}</td><td id='claim-{c.id}'>{escape(c.title)}<small>{escape(c.place)}</small></td>"
-        f"<td data-head='Lacking'>{escape(c.lacking or c.untested)}{_refused(c)}</td></tr>"
-        for c in claims
+        (
+            tag("td", str(claim.id), kind="n"),
+            tag("td", claim.title, tag("small", claim.place), id=f"claim-{claim.id}"),
+            tag("td", claim.lacking or claim.untested, _refused(claim), data_head="Lacking"),
+        )
+        for claim in claims
     ]
     if not rows:
-        return ""
-    return (
-        f"<details class='absent-claims'><summary>{len(rows)} claim{'s' * (len(rows) > 1)} not computed, with what is "
-        "lacking</summary><table class='verdicts'><thead><tr><th></th><th>Claim</th><th>Lacking</th></tr></thead>"
-        f"<tbody>{''.join(rows)}</tbody></table></details>"
-    )
+        return Html()
+    words = f"{len(rows)} claim{'s' * (len(rows) > 1)} not computed, with what is lacking"
+    return fold(words, table(("", "Claim", "Lacking"), rows, kind="verdicts"), kind="absent-claims")
 
 
-def _badge(claim: Claim) -> str:
-    return f"<span class='badge {SLUGS[claim.verdict]}'>{claim.verdict}</span>"
+def _badge(claim: Claim) -> Html:
+    return tag("span", claim.verdict, kind=f"badge {SLUGS[claim.verdict]}")
 
 
-def _readings(report: Report) -> str:
+def _readings(report: Report) -> Html:
     if not report.readings:
-        return ""
+        return Html()
     parts = [
-        "<h2 id='readings'>Where the text is ambiguous</h2><p>Both readings are computed; <i>agrees</i> says which "
-        "gives the paper's number. Where the paper shows one surface, the interval is that in which one falls.</p>"
+        Html(
+            "<h2 id='readings'>Where the text is ambiguous</h2><p>Both readings are computed; <i>agrees</i> says which "
+            "gives the paper's number. Where the paper shows one surface, the interval is that in which one falls.</p>"
+        )
     ]
     for reading in report.readings:
-        rows = "".join(
-            f"<tr><td>{escape(row.reading)}</td><td class='v'>{escape(str(row.number))}</td>"
-            f"<td "
-            f"class='{'yes' if row.agrees else 'no' if row.agrees is False else ''}'>{agreement(row.agrees)}</td></tr>"
-            for row in reading.rows
-        )
-        parts.append(
-            f"<section class='reading'><h3>{escape(reading.topic)}</h3><p>{escape(reading.passage)}. "
-            f"<b>Paper:</b> {escape(reading.paper)}. <b>Decided:</b> {escape(reading.decided)}</p>"
-            + box(
-                f"<table><thead><tr><th>Reading</th><th>{escape(reading.quantity)}</th><th></th></tr></thead>"
-                f"<tbody>{rows}</tbody></table>"
-            )
-            + "</section>"
-        )
-    return "\n".join(parts)
+        kinds = {True: "yes", False: "no", None: ""}
+        marks = [tag("td", agreement(row.agrees), kind=kinds[row.agrees]) for row in reading.rows]
+        rows = [(row.reading, str(row.number), mark) for row, mark in zip(reading.rows, marks, strict=True)]
+        paper = (f"{reading.passage}. ", tag("b", "Paper:"), f" {reading.paper}. ")
+        words = tag("p", *paper, tag("b", "Decided:"), f" {reading.decided}")
+        shown = box(table(("Reading", reading.quantity, ""), rows))
+        parts.append(tag("section", tag("h3", reading.topic), words, shown, kind="reading"))
+    return Html("\n".join(parts))
 
 
-def _seeds(report: Report, figures: dict[str, str]) -> str:
+def _seeds(report: Report, figures: dict[str, Html]) -> Html:
     if not report.seeds:
-        return ""
+        return Html()
     run, spreads, flips = report.seeds
-    rows = "".join(
-        f"<tr><td>{escape(s.name)}</td><td class='v'>{escape(str(s.many))}</td><td class='v'>{span(s.one)}</td>"
-        f"<td class='v'>{span(s.ten)}</td><td class='v'>{s.missed:.1%}</td></tr>"
-        for s in spreads
-    )
-    wrong = "".join(
-        f"<tr><td>{escape(f.name)}</td><td class='v'>{f.one:.1%}</td><td class='v'>{f.ten:.1%}</td></tr>" for f in flips
-    )
-    return (
-        f"<h2 id='seeds'>Monte Carlo: how far ten surfaces can mislead</h2><p>The paper takes ten surfaces for "
-        f"each set of "
-        f"parameters, and one for the effect of m. Here {run.seeds} are known (run {escape(run.name)}), and {FEW} "
-        f"or one are "
-        "drawn from them.</p><div class='box'><table><thead><tr><th>Quantity</th><th>mean of all</th>"
-        "<th>95 % of single surfaces</th>"
-        "<th>95 % of means of ten</th><th>t interval of ten misses the mean</th></tr></thead>"
-        f"<tbody>{rows}</tbody></table></div><div class='box'><table><thead><tr>"
-        f"<th>Comparison of independent surfaces</th>"
-        f"<th>wrong order with one each</th><th>with ten each</th></tr></thead><tbody>{wrong}</tbody></table></div>"
-        f"{figures.pop('seeds', '')}"
-    )
+    title = tag("h2", "Monte Carlo: how far ten surfaces can mislead", id="seeds")
+    words = "The paper takes ten surfaces for each set of parameters, and one for the effect of m. "
+    words += f"Here {run.seeds} are known (run {run.name}), and {FEW} or one are drawn from them."
+    head = ["Quantity", "mean of all", "95 % of single surfaces", "95 % of means of ten"]
+    head += ["t interval of ten misses the mean"]
+    spread_rows = [(s.name, str(s.many), span(s.one), span(s.ten), f"{s.missed:.1%}") for s in spreads]
+    flip_head = ("Comparison of independent surfaces", "wrong order with one each", "with ten each")
+    flip_rows = [(flip.name, f"{flip.one:.1%}", f"{flip.ten:.1%}") for flip in flips]
+    tables = (box(table(head, spread_rows)), box(table(flip_head, flip_rows)))
+    return join(title, tag("p", words), *tables, figures.pop("seeds", Html()))
 
 
-def _estimates(report: Report) -> str:
+def _estimates(report: Report) -> Html:
     if not report.estimates:
-        return ""
-    return (
-        "<h2 id='estimates'>How wrong the quick estimates of leakage are</h2><p>Transmissivity by effective medium "
-        "(Bruggeman) and by a single critical junction over that of the lubrication equation on the same gap, all "
-        "surfaces and both directions of a run together.</p>"
-        + box(table(ESTIMATE_HEAD, map(estimate_row, report.estimates)))
+        return Html()
+    words = "Transmissivity by effective medium (Bruggeman) and by a single critical junction over that of the "
+    words += "lubrication equation on the same gap, all surfaces and both directions of a run together."
+    title = tag("h2", "How wrong the quick estimates of leakage are", id="estimates")
+    return join(title, tag("p", words), box(table(HEAD, (ratio.cells for ratio in report.estimates))))
+
+
+def _claim(claim: Claim, figures: dict[str, Html]) -> Html:
+    rows = []
+    for check in claim.checks:
+        mark = tag("td", MARKS[check.met], kind=MARKS[check.met].replace(" ", "-"))
+        row = (mark, tag("td", criterion(check)), *_number_cells(check.number))
+        rows.append(tag("tr", *row, kind="" if check.essential else "minor"))
+    rows += [tag("tr", tag("td"), tag("td"), *_number_cells(number)) for number in claim.numbers]
+    checks = box(table(("", "Criterion", "Number", "95 % interval", "n"), rows, kind="checks"))
+    method = [tag("p", " ".join(part.split())) for part in claim.method.split("\n\n")]
+    source = [tag("p", f"From: {', '.join(claim.source)}", kind="source")] * bool(claim.source)
+    return tag(
+        "section",
+        tag("h3", f"{claim.id}. {claim.title} ", _badge(claim)),
+        tag("p", claim.place, kind="place"),
+        tag("blockquote", claim.sentence),
+        tag("p", claim.why),
+        fold("Criteria and numbers", checks) if claim.checks else Html(),
+        fold("How it is judged, and why so", *method, *source, _refused(claim)),
+        tag("div", *(figures.pop(name) for name in claim.figures if name in figures), kind="figures"),
+        tag("p", tag("a", "↑ verdicts", href="#verdicts"), kind="up"),
+        kind="claim",
+        id=f"claim-{claim.id}",
     )
 
 
-def _claim(claim: Claim, figures: dict[str, str]) -> str:
-    checks = "".join(
-        f"<tr{'' if check.essential else ' class=minor'}><td "
-        f"class='{MARKS[check.met].replace(' ', '-')}'>{MARKS[check.met]}</td>"
-        f"<td>{escape(criterion(check))}</td>{_number_cells(check.number)}</tr>"
-        for check in claim.checks
-    )
-    numbers = "".join(f"<tr><td></td><td></td>{_number_cells(number)}</tr>" for number in claim.numbers)
-    checked = (
-        "<details><summary>Criteria and numbers</summary><div class='box'><table class='checks'><thead><tr><th></th>"
-        f"<th>Criterion</th><th>Number</th><th>95 % "
-        f"interval</th><th>n</th></tr></thead><tbody>{checks}{numbers}</tbody></table></div></details>"
-        if checks
-        else ""
-    )
-    method = "".join(f"<p>{escape(' '.join(part.split()))}</p>" for part in claim.method.split("\n\n"))
-    shown = "".join(figures.pop(name) for name in claim.figures if name in figures)
-    source = f"<p class='source'>From: {escape(', '.join(claim.source))}</p>" if claim.source else ""
-    return (
-        f"<section class='claim' id='claim-{claim.id}'><h3>{claim.id}. {escape(claim.title)} {_badge(claim)}</h3>"
-        f"<p "
-        f"class='place'>{escape(claim.place)}</p><blockquote>{escape(claim.sentence)}</blockquote><p>{escape(claim.why)}</p>"
-        f"{checked}<details><summary>How it is judged, and why so</summary>{method}{source}{_refused(claim)}</details>"
-        f"<div class='figures'>{shown}</div><p class='up'><a href='#verdicts'>↑ verdicts</a></p></section>"
-    )
-
-
-def _number_cells(number: Any) -> str:
+def _number_cells(number: Number | None) -> Sequence[Html]:
     if number is None:
-        return "<td></td><td></td><td></td>"
-    method = f" <small>{escape(number.method)}</small>" if number.method else ""
-    return (
-        f"<td>{escape(number.name)}</td><td class='v'>{escape(str(number))}{method}</td><td class='v'>{number.n}</td>"
-    )
+        return [tag("td")] * 3
+    method = join(" ", tag("small", number.method)) if number.method else Html()
+    return tag("td", number.name), tag("td", str(number), method, kind="v"), tag("td", str(number.n), kind="v")
 
 
-def _decisions(report: Report) -> str:
+def run_section(facts: run_facts.Facts, figures: Sequence[Drawing], anchor: str) -> Html:
+    """Return the section of one run: its surface, how it was pressed, its states, its figures.
+
+    Parameters
+    ----------
+    facts : Facts
+        The run in words and tables.
+    figures : sequence of Drawing
+        All that it can feed.
+    anchor : str
+        Its id on the page; those of its figures begin with it.
+    """
+    parts = [tag("h2", facts.name), tag("p", facts.title, kind="place")]
+    if facts.warnings:
+        parts.append(tag("div", tag("h3", "Warnings"), items(facts.warnings), kind="warnings"))
+    both = [tag("div", tag("h3", t), pairs(p)) for t, p in (("Surface", facts.surface), ("Loading", facts.loading))]
+    parts.append(tag("div", *both, kind="pair"))
+    for number, rows in enumerate(facts.tables):
+        inner = join(box(table(rows.head, rows.rows)), *[tag("p", rows.note, kind="note")] * bool(rows.note))
+        parts.append(join(tag("h3", rows.title), inner) if number < OPEN else fold(rows.title, inner))
+    if figures:
+        shown = [figure_html(f"{anchor}-{drawing.name}", drawing) for drawing in figures]
+        parts += [tag("h3", "Figures"), tag("div", *shown, kind="figures")]
+    return tag("section", *parts, kind="run", id=anchor)
+
+
+def _decisions(report: Report) -> Html:
     if not report.computed:
-        return ""
-    items = [*(f"{reading.topic}: {reading.decided}" for reading in report.readings), *DECISIONS]
-    return "<h2 id='decisions'>Decisions</h2><ul>" + "".join(f"<li>{escape(item)}</li>" for item in items) + "</ul>"
+        return Html()
+    decided = [f"{reading.topic}: {reading.decided}" for reading in report.readings]
+    return join(tag("h2", "Decisions", id="decisions"), items([*decided, *DECISIONS]))
 
 
-def _runs(report: Report) -> str:
+def _runs(report: Report) -> Html:
     facts = [facts_of(run) for run in report.runs]
-    rows = "".join(
-        f"<tr><td>{escape(f['name'])}</td><td class='v'>{f['cases']}</td><td class='v'>{_shown(f['wall_time'])}</td>"
-        f"<td class='v'>{f['converged']} of {f['states']}</td><td class='v'>{_shown(f['convolutions'])}</td>"
-        f"<td class='v'>{'' if f['residual'] is None else format(f['residual'], '.1e')}</td></tr>"
-        for f in facts
-    )
-    total = sum(f["wall_time"] or 0.0 for f in facts)
-    states, converged = sum(f["states"] for f in facts), sum(f["converged"] for f in facts)
-    rows += (
-        f"<tr class='total'><td>all</td><td class='v'>{sum(f['cases'] for f in facts)}</td><td "
-        f"class='v'>{total:.0f}</td>"
-    )
-    rows += f"<td class='v'>{converged} of {states}</td><td></td><td></td></tr>"
-    studies = "".join(
-        f"<details><summary>{escape(f['name'])}.yaml, every default written "
-        f"out</summary><pre>{escape(f['study'])}</pre></details>"
-        for f in facts
-    )
-    machines = "".join(
-        f"<li>{escape(words)}: {escape(', '.join(names))}</li>" for words, names in _machines(facts).items()
-    )
-    return (
-        "<h2 id='runs'>Runs, convergence, versions</h2><div class='box'><table><thead><tr><th>Run</th><th>surfaces</th>"
-        "<th>time [s], all cases</th><th>states converged</th>"
-        "<th>convolutions per state</th><th>largest residual η/σ</th></tr></thead>"
-        f"<tbody>{rows}</tbody></table></div><ul class='versions'>{machines}</ul><h3>Study files</h3>{studies}"
-    )
+    head = ("Run", "surfaces", "time [s], all cases", "states converged", "convolutions per state")
+    rows: list[Any] = []
+    for f in facts:
+        solved = (f"{f['converged']} of {f['states']}", _shown(f["convolutions"]))
+        residual = "" if f["residual"] is None else f"{f['residual']:.1e}"
+        rows.append((f["name"], str(f["cases"]), _shown(f["wall_time"]), *solved, residual))
+    cases, states, converged = (sum(f[name] for f in facts) for name in ("cases", "states", "converged"))
+    total = (str(cases), f"{sum(f['wall_time'] or 0.0 for f in facts):.0f}", f"{converged} of {states}")
+    cells = [tag("td", cell, kind="v") for cell in total]
+    rows.append(tag("tr", tag("td", "all"), *cells, *[tag("td")] * 2, kind="total"))
+    machines = [tag("li", f"{words}: {', '.join(names)}") for words, names in _machines(facts).items()]
+    studies = [fold(f"{f['name']}.yaml, every default written out", tag("pre", f["study"])) for f in facts]
+    versions = (tag("ul", *machines, kind="versions"), tag("h3", "Study files"))
+    shown = box(table((*head, "largest residual η/σ"), rows))
+    return join(tag("h2", "Runs, convergence, versions", id="runs"), shown, *versions, *studies)
 
 
 def _machines(facts: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
     """Return versions, machine and day in words, each with the runs it is true of."""
     groups: dict[str, list[str]] = {}
     for f in facts:
-        fft = f["libraries"].get("fft", {})
-        libraries = ", ".join(f"{k} {v}" for k, v in f["libraries"].items() if k != "fft")
-        planner = ", ".join(f"{k} {v}" for k, v in fft.items())
-        words = (
-            f"roughvol {f['roughvol_version']}; {libraries}; transforms: {planner}; {f['platform']}; {f['date'][:10]}"
-        )
+        libraries = dict(f["libraries"])
+        planner = ", ".join(f"{k} {v}" for k, v in libraries.pop("fft", {}).items())
+        words = f"roughvol {f['roughvol_version']}; {', '.join(f'{k} {v}' for k, v in libraries.items())}; "
+        words += f"transforms: {planner}; {f['platform']}; {f['date'][:10]}"
         groups.setdefault(words, []).append(f["name"])
     return groups
 
@@ -305,10 +288,9 @@ def _shown(value: Any) -> str:
     return "" if value is None or (isinstance(value, float) and not np.isfinite(value)) else str(value)
 
 
-def _citation(report: Report) -> str:
-    return (
-        f"<h2 id='cite'>How to cite</h2><p>The paper: {escape(CITE)}.</p><p>The computation: roughvol "
-        f"{escape(__version__)}, "
-        "with the study files above (CITATION.cff in the repository).</p>"
+def _citation() -> Html:
+    version = f"The computation: roughvol {__version__}, with the study files above (CITATION.cff in the repository)."
+    beside = Html(
         "<p>Beside this page: <code>claims.json</code> for machines, <code>report.md</code> for a terminal.</p>"
     )
+    return join(tag("h2", "How to cite", id="cite"), tag("p", f"The paper: {CITE}."), tag("p", version), beside)

@@ -1,4 +1,4 @@
-"""What a stored run says of its own surfaces: the map, how it was pressed, its states, where it closes, its warnings.
+"""One stored run in words and tables: surface, loading, states, closing of the ways through the gap, warnings.
 
 Nothing is judged here. Numbers come from the dataset; in units, where the study names them: the mean gap is V* Sq, the
 nominal pressure p* E* Sq/L.
@@ -57,7 +57,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Facts:
-    """A run in words and tables; ``surface`` and ``loading`` are pairs of what and its value."""
+    """A run in words and tables; ``surface`` and ``loading`` are pairs of a quantity and its value."""
 
     name: str
     title: str
@@ -74,7 +74,7 @@ class Facts:
 
 
 def facts(run: Run) -> Facts:
-    """Return what a run says of itself."""
+    """Return a run in words and tables."""
     ds = run.dataset
     warnings = tuple(line.strip() for line in str(ds.attrs.get("warnings", "")).splitlines() if line.strip())
     tables = [*_surfaces(run)]
@@ -117,7 +117,7 @@ def _nodes(run: Run) -> tuple[int, int] | None:
 
 
 def _map(run: Run) -> Iterator[tuple[str, str]]:
-    """Yield what was pressed."""
+    """Yield the surface."""
     ds, unit = run.dataset, _unit(run.dataset)
     if "case" not in ds.dims:
         yield "Surfaces", f"random midpoint displacement, law {run.law or 'unknown'}, {run.seeds} of each D and m"
@@ -173,10 +173,10 @@ def _surfaces(run: Run) -> Iterator[Table]:
 
 
 def _range(values: Array) -> str:
-    known = values[np.isfinite(values)]
-    if known.size == 0:
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
         return "–"
-    low, mean, high = (number(float(value)) for value in (known.min(), known.mean(), known.max()))
+    low, mean, high = (number(float(value)) for value in (finite.min(), finite.mean(), finite.max()))
     return mean if low == high else f"{mean} ({low} to {high})"
 
 
@@ -184,7 +184,7 @@ def _range(values: Array) -> str:
 
 
 def _loading(run: Run) -> Iterator[tuple[str, str]]:
-    """Yield material, sweep, solver, and what was reached."""
+    """Yield material, sweep, solver, states and their certified errors."""
     ds, study = run.dataset, run.study
     if study is not None:
         material, unit = study.material, f" {study.material.unit}" if study.material.unit else ""
@@ -215,7 +215,7 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
 
 
 def _derived(run: Run) -> Dataset:
-    """Return the dataset with the mean gap, the nominal pressure where the study has its unit, and what is open."""
+    """Return the dataset with the mean gap, the nominal pressure where the study has its unit, and the open ways."""
     ds, study = run.dataset, run.study
     if "mean_gap" not in ds and "Sq" in ds:
         gap = ds[V] * ds["Sq"]
@@ -224,7 +224,7 @@ def _derived(run: Run) -> Dataset:
         pressure = ds[P] * ds["Sq"] * (study.material.contact_modulus / float(ds["L"]))
         ds = ds.assign(nominal_pressure=pressure.assign_attrs(units=study.material.unit, symbol="p"))
     for axis in "xy":
-        # each tells whether a way is open; the first that is stored at most states
+        # any of them is 0 where the way is closed; the first one stored is taken
         for name in (f"percolates_{axis}", f"critical_gap_{axis}", f"transmissivity_{axis}"):
             if name in ds and bool(ds[name].notnull().any()):
                 is_open = (ds[name] > 0.0).astype(float).where(ds[name].notnull())
@@ -276,13 +276,13 @@ def _head(variable: DataArray) -> str:
 
 
 def _cell(name: str, values: Array) -> str:
-    known = values[np.isfinite(values)]
-    if known.size == 0:
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
         return ""
     if name.startswith("open_"):
-        open_ = int(known.sum())
-        return ("open" if open_ else "closed") if known.size == 1 and len(values) == 1 else f"{open_} of {known.size}"
-    return number(float(known.mean()))
+        open_ = int(finite.sum())
+        return ("open" if open_ else "closed") if finite.size == 1 and len(values) == 1 else f"{open_} of {finite.size}"
+    return number(float(finite.mean()))
 
 
 # closing
@@ -302,12 +302,12 @@ def _closing(groups: list[tuple[str, Dataset]]) -> Iterator[Table]:
             if f"open_{axis}" not in group:
                 continue
             spans = [_span(group.isel(seed=k), f"open_{axis}", load) for k in range(group.sizes["seed"])]
-            known = [span for span in spans if span is not None]
-            closed = [span for span in known if math.isfinite(span[1])]
-            if not known:
+            reached = [span for span in spans if span is not None]
+            closed = [span for span in reached if math.isfinite(span[1])]
+            if not reached:
                 continue
-            low, high = (_range(np.array([span[k] for span in closed or known])) for k in (0, 1))
-            rows.append((name, axis, low, high, f"{len(closed)} of {len(known)}"))
+            low, high = (_range(np.array([span[k] for span in closed or reached])) for k in (0, 1))
+            rows.append((name, axis, low, high, f"{len(closed)} of {len(reached)}"))
     if rows:
         yield Table(
             CLOSING,
@@ -317,13 +317,13 @@ def _closing(groups: list[tuple[str, Dataset]]) -> Iterator[Table]:
         )
 
 
-def _span(one: Dataset, name: str, load: str) -> tuple[float, float] | None:
+def _span(surface: Dataset, name: str, load: str) -> tuple[float, float] | None:
     """Return the largest load at which a way is open and the smallest beyond at which it is closed, NaN for none."""
-    open_, loads = one[name].values, one[load].values
-    known = np.isfinite(open_) & np.isfinite(loads)
-    if not known.any():
+    open_, loads = surface[name].values, surface[load].values
+    mask = np.isfinite(open_) & np.isfinite(loads)
+    if not mask.any():
         return None
-    open_, loads = open_[known] > 0.0, loads[known]
+    open_, loads = open_[mask] > 0.0, loads[mask]
     last = int(np.flatnonzero(open_)[-1]) if open_.any() else -1
     below = float(loads[last]) if last >= 0 else 0.0
     return below, float(loads[last + 1]) if last + 1 < len(loads) else math.nan

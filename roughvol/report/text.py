@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from roughvol._version import __version__
 from roughvol.report import run_facts
 from roughvol.report.claims import VERDICTS, Claim, plain
-from roughvol.report.model import Report, facts_of
+from roughvol.report.claims.leak_estimates import HEAD
+from roughvol.report.model import CITE, MARKS, Report, agreement, criterion, facts_of, heading, span
 from roughvol.report.run_facts import Facts
-from roughvol.report.words import CITE, ESTIMATE_HEAD, MARKS, agreement, criterion, estimate_row, heading, span
 
 FORMAT = "roughvol claims 1"
 
@@ -24,8 +24,12 @@ def summary(report: Report) -> str:
         return "\n".join(lines)
     width = max(len(verdict) for verdict in VERDICTS)
     lines += [f"{claim.id:3d}  {claim.verdict:<{width}}  {_titled(claim)}" for claim in report.claims]
+    return "\n".join([*lines, _counts(report)])
+
+
+def _counts(report: Report) -> str:
     counts = ", ".join(f"{count} {verdict}" for verdict, count in report.counts().items() if count)
-    return "\n".join([*lines, f"{len(report.claims)} claims: {counts}"])
+    return f"{len(report.claims)} claims: {counts}"
 
 
 def _titled(claim: Claim) -> str:
@@ -33,7 +37,7 @@ def _titled(claim: Claim) -> str:
 
 
 def _lines(facts: Facts) -> Iterator[str]:
-    """Yield what a run of its own says of itself."""
+    """Yield the lines of a run of its own."""
     yield f"{facts.name}: {facts.title}"
     width = max(len(name) for name, _ in (*facts.surface, *facts.loading))
     yield from (f"  {name:<{width}}  {value}" for name, value in (*facts.surface, *facts.loading))
@@ -56,13 +60,9 @@ def to_json(report: Report) -> str:
     data["readings"] = plain(report.readings)
     if report.seeds:
         run, spreads, flips = report.seeds
-        data["seeds"] = {
-            "run": run.name,
-            "quantities": [
-                {**plain(s.many), "one": list(s.one), "ten": list(s.ten), "missed": s.missed} for s in spreads
-            ],
-            "wrong_order": [{"comparison": f.name, "one": f.one, "ten": f.ten} for f in flips],
-        }
+        quantities = [plain(s.many) | {"one": list(s.one), "ten": list(s.ten), "missed": s.missed} for s in spreads]
+        wrong = [{"comparison": flip.name, "one": flip.one, "ten": flip.ten} for flip in flips]
+        data["seeds"] = {"run": run.name, "quantities": quantities, "wrong_order": wrong}
     data["surfaces"] = [run_facts.facts(run).plain() for run in report.own]
     data["estimates"] = [asdict(ratio) for ratio in report.estimates]
     data["runs"] = [facts_of(run) for run in report.runs]
@@ -72,67 +72,67 @@ def to_json(report: Report) -> str:
 def to_markdown(report: Report) -> str:
     """Return the report for reading in a terminal."""
     lines = [f"# {heading(report)}", "", CITE]
+    counts = _counts(report)
     if report.computed:
-        lines += ["", "| | verdict | claim | why | run | refused |", "|---|---|---|---|---|---|"]
-        lines += [_row(claim) for claim in report.claims]
-        counts = ", ".join(f"{n} {v}" for v, n in report.counts().items() if n)
-        lines += ["", f"{len(report.claims)} claims: {counts}."]
+        rows = [_row(claim) for claim in report.claims]
+        lines += ["", *_table(("", "verdict", "claim", "why", "run", "refused"), rows), "", f"{counts}."]
     for run in report.own:
         lines += _section(run_facts.facts(run))
     if report.readings:
         lines += ["", "## Where the text is ambiguous"]
     for reading in report.readings:
         lines += ["", f"### {reading.topic}", "", f"{reading.passage}. Paper: {reading.paper}. {reading.decided}", ""]
-        lines += [f"| reading | {_cell(reading.quantity)} | agrees |", "|---|---|---|"]
-        lines += [f"| {_cell(row.reading)} | {row.number} | {agreement(row.agrees)} |" for row in reading.rows]
+        cells = [(row.reading, str(row.number), agreement(row.agrees)) for row in reading.rows]
+        lines += _table(("reading", reading.quantity, "agrees"), cells)
     if report.seeds:
         run, spreads, flips = report.seeds
         lines += ["", f"## How far ten surfaces can mislead ({run.seeds} surfaces, {run.name})", ""]
-        lines += ["| quantity | all | 95 % of single surfaces | 95 % of means of ten |", "|---|---|---|---|"]
-        lines += [f"| {_cell(s.name)} | {s.many} | {span(s.one)} | {span(s.ten)} |" for s in spreads]
-        lines += ["", "| comparison | wrong with one surface each | with ten |", "|---|---|---|"]
-        lines += [f"| {_cell(f.name)} | {f.one:.1%} | {f.ten:.1%} |" for f in flips]
+        quantities = [(s.name, str(s.many), span(s.one), span(s.ten)) for s in spreads]
+        lines += _table(("quantity", "all", "95 % of single surfaces", "95 % of means of ten"), quantities)
+        flipped = [(flip.name, f"{flip.one:.1%}", f"{flip.ten:.1%}") for flip in flips]
+        lines += ["", *_table(("comparison", "wrong with one surface each", "with ten"), flipped)]
     if report.estimates:
-        lines += ["", "## How wrong the quick estimates of leakage are", "", f"| {' | '.join(ESTIMATE_HEAD)} |"]
-        lines += ["|" + "---|" * len(ESTIMATE_HEAD)]
-        lines += [f"| {' | '.join(map(_cell, estimate_row(ratio)))} |" for ratio in report.estimates]
-    lines += ["", "## Claims in full"] * bool(report.computed)
-    for claim in report.claims if report.computed else ():
-        lines += [
-            "",
-            f"### {claim.id}. {claim.title}: {claim.verdict}",
-            "",
-            f"{claim.place}: {claim.sentence}",
-            "",
-            claim.why,
-        ]
-        if claim.checks:
-            lines += ["", "| criterion | | number |", "|---|---|---|"]
-            lines += [f"| {_cell(criterion(k))} | {MARKS[k.met]} | {k.number or ''} |" for k in claim.checks]
-        lines += [f"- {number.name}: {number}" for number in claim.numbers]
-        if claim.source:
-            lines += ["", f"Run: {', '.join(claim.source)}."]
-        lines += ["", "Refused:", ""] * bool(claim.refused) + [f"- {name}: {why}" for name, why in claim.refused]
-    lines += ["", "## Runs", "", "| run | cases | wall time [s] | states | largest residual |", "|---|---|---|---|---|"]
+        lines += ["", "## How wrong the quick estimates of leakage are", ""]
+        lines += _table(HEAD, [ratio.cells for ratio in report.estimates])
+    if report.computed:
+        lines += ["", "## Claims in full"]
+        for claim in report.claims:
+            lines += _in_full(claim)
+    states: list[Sequence[str]] = []
     for facts in map(facts_of, report.runs):
-        row = [facts[k] for k in ("name", "cases", "wall_time", "states")]
-        lines.append("| " + " | ".join(map(str, row)) + f" | {facts['residual'] or 0:.1e} |")
+        row = [str(facts[name]) for name in ("name", "cases", "wall_time", "states")]
+        states.append((*row, f"{facts['residual'] or 0:.1e}"))
+    lines += ["", "## Runs", "", *_table(("run", "cases", "wall time [s]", "states", "largest residual"), states)]
     return "\n".join(lines) + "\n"
 
 
-def _row(claim: Claim) -> str:
-    # what lacks the records altogether is named in full further down
-    short = [(name, why.split("; ")[0]) for name, why in claim.refused if not why.endswith("recorded")]
-    refused = "; ".join(f"{name}: {why}" for name, why in short)
-    cells = (
-        str(claim.id),
-        claim.verdict,
-        f"{claim.title} ({claim.place})",
-        claim.why,
-        ", ".join(claim.source),
-        refused,
-    )
-    return f"| {' | '.join(map(_cell, cells))} |"
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Return the lines of a table."""
+    lines = [f"| {' | '.join(map(_cell, row))} |" for row in (head, *rows)]
+    return [lines[0].replace("|  |", "| |"), "|" + "---|" * len(head), *lines[1:]]
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def _row(claim: Claim) -> tuple[str, ...]:
+    """Return a claim as a row; a run without the records is named in full further down."""
+    refused = [f"{name}: {why.split('; ')[0]}" for name, why in claim.refused if not why.endswith("recorded")]
+    title = f"{claim.title} ({claim.place})"
+    return str(claim.id), claim.verdict, title, claim.why, ", ".join(claim.source), "; ".join(refused)
+
+
+def _in_full(claim: Claim) -> list[str]:
+    """Return a claim with its sentence, its checks and numbers, and the runs refused."""
+    lines = ["", f"### {claim.id}. {claim.title}: {claim.verdict}", "", f"{claim.place}: {claim.sentence}"]
+    lines += ["", claim.why]
+    if claim.checks:
+        rows = [(criterion(check), MARKS[check.met], str(check.number or "")) for check in claim.checks]
+        lines += ["", *_table(("criterion", "", "number"), rows)]
+    lines += [f"- {number.name}: {number}" for number in claim.numbers]
+    lines += ["", f"Run: {', '.join(claim.source)}."] * bool(claim.source)
+    return lines + ["", "Refused:", ""] * bool(claim.refused) + [f"- {name}: {why}" for name, why in claim.refused]
 
 
 def _section(facts: Facts) -> list[str]:
@@ -141,11 +141,5 @@ def _section(facts: Facts) -> list[str]:
     lines += [f"- Warning: {line}" for line in facts.warnings] + [""] * bool(facts.warnings)
     lines += [f"- {name}: {value}" for name, value in (*facts.surface, *facts.loading)]
     for table in facts.tables:
-        lines += ["", f"### {table.title}", ""] + [table.note, ""] * bool(table.note)
-        lines += [f"| {' | '.join(map(_cell, table.head))} |", "|" + "---|" * len(table.head)]
-        lines += [f"| {' | '.join(map(_cell, row))} |" for row in table.rows]
+        lines += ["", f"### {table.title}", "", *[table.note, ""] * bool(table.note), *_table(table.head, table.rows)]
     return lines
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")

@@ -17,17 +17,7 @@ from roughvol.report.model import Report, assemble
 from roughvol.report.page import to_html
 from roughvol.report.text import summary, to_json, to_markdown
 
-__all__ = [
-    "Report",
-    "assemble",
-    "departures",
-    "expectation",
-    "summary",
-    "to_html",
-    "to_json",
-    "to_markdown",
-    "write",
-]
+__all__ = ["Report", "assemble", "departures", "expectation", "summary", "to_html", "to_json", "to_markdown", "write"]
 
 
 def write(report: Report, folder: Path) -> Path:
@@ -78,20 +68,20 @@ def departures(report: Report, expected: str) -> list[str]:
         )
         raise DatasetError(message)
     claims = {claim.id: claim for claim in report.claims}
-    found = []
+    differences = []
     for id, verdict in verdicts.items():
         given = claims[id].verdict if id in claims else "no such claim"
         if given != verdict:
-            found.append(f"claim {id}: {given}, expected {verdict}")
+            differences.append(f"claim {id}: {given}, expected {verdict}")
     for name, (low, high) in bands.items():
         id_text, _, key = name.partition(".")
         claim = claims.get(int(id_text)) if id_text.isdecimal() else None
         number = claim.all_numbers.get(key) if claim else None
         if number is None:
-            found.append(f"{name}: not computed, expected {low:g} to {high:g}")
+            differences.append(f"{name}: not computed, expected {low:g} to {high:g}")
         elif not low <= number.value <= high:
-            found.append(f"{name}: {number.value:.6g}, expected {low:g} to {high:g} ({number.name})")
-    return found
+            differences.append(f"{name}: {number.value:.6g}, expected {low:g} to {high:g} ({number.name})")
+    return differences
 
 
 def expectation(report: Report, *, relative: float, absolute: float = 1e-9, about: str = "") -> str:

@@ -190,14 +190,6 @@ def test_bearing_area_factor_of_the_paper_makes_it_linear_in_the_area():
     np.testing.assert_allclose(with_factor, (1.0 - area) * paper_formulas.bearing_area_volume(0.5), rtol=1e-15)
 
 
-def test_volume_from_density_is_the_mean_of_the_volumes():
-    volumes = np.random.Generator(np.random.PCG64(7)).random(5000) ** 2
-    for bins in (4, 40, 400):
-        density, edges = np.histogram(volumes, bins, density=True)
-        total = paper_formulas.volume_from_density(edges, density, elements=5000, Sq=0.2, area=10.0)
-        assert total == pytest.approx(volumes.sum() / 2.0, abs=2500 * np.diff(edges)[0] / 2.0)
-
-
 def thresholds_and_dimensions(bins, length, spacing):
     """Thresholds of a known distribution, v uniform on (0, 1), and the dimensions that Eq. 6 then gives."""
     thresholds = np.linspace(0.0, 1.0, bins + 1)

@@ -34,6 +34,7 @@ from roughvol.report.claims.density import pooled
 from roughvol.report.claims.evidence import CLAIMS as REGISTERED
 from roughvol.report.claims.evidence import Lacking, area_slopes, at
 from roughvol.report.claims.many_seeds import many_seeds
+from roughvol.report.claims.needs import Needs
 from roughvol.report.claims.shape import fitted_dimension
 from roughvol.report.claims.verdict import above, below
 from roughvol.store import dataset
@@ -156,10 +157,10 @@ def test_slope_and_straightness_of_a_line() -> None:
 def test_a_run_with_what_is_asked_for_is_found_by_what_it_holds(small: Run) -> None:
     coarse = dataclasses.replace(small, name="coarse", dataset=small.dataset.isel(m=[0]))
     few = dataclasses.replace(small, name="few", dataset=small.dataset.isel(seed=[0]))
-    assert Evidence((coarse, few, small)).pick("free_volume", by="D").name == "small"
-    assert Evidence((coarse,)).find("free_volume", by="m") == []
+    assert Evidence((coarse, few, small)).best(Needs(("free_volume",), by="D")).name == "small"
+    assert Evidence((coarse,)).fit(Needs(("free_volume",), by="m")) == []
     with pytest.raises(Lacking, match="midpoint law variance"):
-        Evidence((small,)).pick("free_volume", law="variance")
+        Evidence((small,)).best(Needs(("free_volume",), law="variance"))
 
 
 def test_a_run_remakes_its_surfaces(small: Run) -> None:

@@ -1,9 +1,24 @@
 """The paper's claims as functions of datasets: numbers with intervals, criteria fixed in the code, a verdict by rule.
 
-``assess(runs)`` answers the 24 claims from the runs that fit them, `readings` what the ambiguous passages mean.
-`model` says how a verdict follows from checks, `needs` which configuration a claim asks for, `evidence` how runs are
-chosen, `statistics` what an interval is. The claims are in `surfaces`, `contact`, `resolution`, `morphology`, `theory`
-and `density`, each with its criterion argued in its docstring, and the second readings in `readings`.
+Each claim argues its criterion in its docstring, which the report shows. ``assess(runs)`` answers all 24.
+
+=================  ===================================================================
+`roughness`        claims 1, 2, 24: the surfaces, and scaling in the plane
+`area_and_volume`  claims 3 to 7: area, pressure and volume by D
+`refinement`       claims 8 to 10: volume by m, and the two ends of the loading
+`shape`            claims 11 to 16: maps, domains, box counting
+`formulas`         claims 17 and 18: bearing area and box dimension
+`density`          claims 19 to 23: density of the volumes, volume at d = 0
+`ambiguities`      second readings of ambiguous passages
+`many_seeds`       results of ten surfaces where a hundred are known
+`leak_estimates`   quick estimates of leakage over the flow
+`verdict`          numbers, checks, and the verdict that follows
+`evidence`         registration of a claim, choice of its runs, curves on common axes
+`needs`            configuration that a claim needs, and reasons to refuse a run
+`stored_run`       one stored run
+`statistics`       means and intervals over surfaces
+`paper_formulas`   formulas of the paper and of the literature
+=================  ===================================================================
 """
 
 from __future__ import annotations

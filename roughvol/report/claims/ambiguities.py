@@ -6,19 +6,22 @@ paper shows one surface), or if the criterion of the claim concerned is met unde
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 
-from roughvol.report.claims import statistics
 from roughvol.report.claims.area_and_volume import EXPONENT, EXPONENT_ROUNDING, exponents
 from roughvol.report.claims.density import EDGES, FULCRUM, F, densities, fulcrum, moments
-from roughvol.report.claims.evidence import D_SIGMA, PAPER_D, PAPER_M, A, Evidence, Lacking, P, V, at, nearest
-from roughvol.report.claims.formulas import BINS, CLOSE, KINDS, estimates
-from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, FIELD, ONE_D
+from roughvol.report.claims.evidence import D_SIGMA, A, Evidence, Lacking, P, V, at, nearest
+from roughvol.report.claims.formulas import BINS, KINDS, close, estimates
+from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, FIELD, ONE_D, PAPER_D, PAPER_M
 from roughvol.report.claims.shape import PAPER_A, REACHED, field
+from roughvol.report.claims.statistics import bootstrap, exact, mean, single, slope
 from roughvol.report.claims.stored_run import Run
-from roughvol.report.claims.verdict import Number, Reading, Row, above, below
+from roughvol.report.claims.verdict import Reading, Row, above, below
 
 SMALL_AMPLITUDE = (0.09**-0.25) / (0.09**-0.5)  # initial variance 1/√0.09, over the default standard deviation 1/√0.09
+SMALL = f"initial standard deviation {SMALL_AMPLITUDE / 0.3:.3f}"
 
 _DENSITY_BY_D = BY_D.of(F, EDGES, finest=PAPER_M, m=(PAPER_M,), **DENSITY)
 _DENSITY_BY_M = BY_M.of(F, EDGES, m=(5, 6, 7), **DENSITY)
@@ -38,34 +41,27 @@ SERVES = (  # every configuration that a reading asks for
 
 def readings(evidence: Evidence) -> list[Reading]:
     """Return every ambiguity for which at least one reading was computed."""
-    found = []
+    answers = []
     for ask in (_law, _amplitude, _fulcrum, _plane, _counting, _modulus, _separation, _sums):
-        try:
-            found.append(ask(evidence))
-        except Lacking:
-            continue
-    return [reading for reading in found if reading.rows]
+        with contextlib.suppress(Lacking):
+            answers.append(ask(evidence))
+    return [reading for reading in answers if reading.rows]
 
 
 def _law(evidence: Evidence) -> Reading:
     rows = []
     for law, words in (("std", "standard deviation divided (default)"), ("variance", "variance divided, as printed")):
         for run in evidence.fit(BY_M.of(A, P, law=law))[:1]:
+            numbers = []
             for finest in (4, 2):
-                each, _, used = exponents(run, PAPER_D, finest)
-                name = f"n, {law} law, m = {used[0]} to {used[-1]}"
-                number = statistics.single(f"n_{law}_{finest}", name, each)
-                rows.append(
-                    Row(f"{words}; m = {used[0]} to {used[-1]}", number, _holds(number, EXPONENT, EXPONENT_ROUNDING))
-                )
-            elements = [np.log((1.0 + 2.0**-m) ** 2) for m in run.m[-4:]]
-            shift = statistics.slope(-np.array(run.m[-4:]) * np.log(2.0), elements)
-            number = statistics.single(
-                f"n_{law}_L2", f"n, {law} law, area over L²", exponents(run, PAPER_D, 4)[0] + shift
-            )
-            rows.append(
-                Row(f"{words}; area over L² instead of elements", number, _holds(number, EXPONENT, EXPONENT_ROUNDING))
-            )
+                powers, _, used = exponents(run, PAPER_D, finest)
+                span = f"m = {used[0]} to {used[-1]}"
+                numbers.append((span, single(f"n_{law}_{finest}", f"n, {law} law, {span}", powers)))
+            shift = slope(-np.array(run.m[-4:]) * np.log(2.0), [np.log((1.0 + 2.0**-m) ** 2) for m in run.m[-4:]])
+            powers = exponents(run, PAPER_D, 4)[0] + shift
+            name = "area over L² instead of elements"
+            numbers.append((name, single(f"n_{law}_L2", f"n, {law} law, area over L²", powers)))
+            rows += [Row(f"{words}; {text}", n, n.reaches(EXPONENT, EXPONENT_ROUNDING)) for text, n in numbers]
     return Reading(
         "Midpoint law",
         "Sec. 2: “variance σ₁² = σ₀²/2^((3-D)/2)”",
@@ -78,22 +74,20 @@ def _law(evidence: Evidence) -> Reading:
 
 def _amplitude(evidence: Evidence) -> Reading:
     rows = []
-    small = f"initial standard deviation {SMALL_AMPLITUDE / 0.3:.3f}"
     sources = (
         ("std", "mean-plane", "std law, initial standard deviation 3.333 (default)", 1.0),
-        ("std", "mean-plane", f"std law, {small}", SMALL_AMPLITUDE),
+        ("std", "mean-plane", f"std law, {SMALL}", SMALL_AMPLITUDE),
         ("variance", "mean-plane", "variance law, initial variance 3.333", 1.0),
         ("std", "summit-plane", "std law, to the plane of the summits", 1.0),
-        ("std", "summit-plane", f"std law, to the plane of the summits, {small}", SMALL_AMPLITUDE),
+        ("std", "summit-plane", f"std law, to the plane of the summits, {SMALL}", SMALL_AMPLITUDE),
     )
     for law, end, words, scale in sources:
         for run in evidence.fit(_DENSITY_BY_M.of(F, EDGES, law=law, ends=(end,)))[:1]:
-            found = moments(run, PAPER_D)
+            volumes = moments(run, PAPER_D)
             for m, paper in ((5, 8.0), (6, 8.0), (7, 2.0)):
-                if m in found:
-                    number = statistics.single(f"v_{law}_{end}_{scale:.2f}_{m}", f"v̄ at m = {m}", scale * found[m][0])
-                    agrees = _holds(number, paper, 0.5) if m > 5 else None
-                    rows.append(Row(f"{words}; m = {m}", number, agrees))
+                if m in volumes:
+                    number = single(f"v_{law}_{end}_{scale:.2f}_{m}", f"v̄ at m = {m}", scale * volumes[m][0])
+                    rows.append(Row(f"{words}; m = {m}", number, number.reaches(paper, 0.5) if m > 5 else None))
     return Reading(
         "Initial amplitude (and final plane)",
         "Sec. 2: “σ₀² is a free parameter set equal to 1/√0.09”; Sec. 4: “log(8) - log(2) = 0.6 by passing from m "
@@ -114,20 +108,14 @@ def _fulcrum(evidence: Evidence) -> Reading:
         if contact:
             # contact in: f falls by the share of open elements outside the first bin (v = 1 is not in it)
             data = {D: (f * (1.0 - run.last(A, D=D, m=m))[:, np.newaxis], edges) for D, (f, edges) in data.items()}
-        number = statistics.bootstrap(key, "spread of f(1) over D", lambda s: fulcrum(data, 1.0, s, scale), run.seeds)
+        number = bootstrap(key, "spread of f(1) over D", lambda s: fulcrum(data, 1.0, s, scale), run.seeds)
         rows.append(Row(words, number, number.value < FULCRUM))
 
     for run in evidence.fit(_DENSITY_BY_D)[:1]:
         row(run, "std law, initial standard deviation 3.333, open elements (default)", "default")
         row(run, "the same, contact elements counted", "contact", contact=True)
-        row(run, f"initial standard deviation {SMALL_AMPLITUDE / 0.3:.3f}", "amplitude", scale=SMALL_AMPLITUDE)
-        row(
-            run,
-            f"initial standard deviation {SMALL_AMPLITUDE / 0.3:.3f}, D ≤ 2.5",
-            "amplitude_25",
-            scale=SMALL_AMPLITUDE,
-            dims=2.51,
-        )
+        row(run, SMALL, "amplitude", scale=SMALL_AMPLITUDE)
+        row(run, f"{SMALL}, D ≤ 2.5", "amplitude_25", scale=SMALL_AMPLITUDE, dims=2.51)
         row(run, "D ≤ 2.5 only", "D25", dims=2.51)
     for run in evidence.fit(_DENSITY_BY_D.of(F, EDGES, law="variance"))[:1]:
         row(run, "variance law, initial variance 3.333", "variance")
@@ -135,12 +123,7 @@ def _fulcrum(evidence: Evidence) -> Reading:
     for run in evidence.fit(_DENSITY_BY_D.of(F, EDGES, ends=("summit-plane",)))[:1]:
         row(run, "to the plane of the summits", "summits")
         row(run, "to the plane of the summits, D ≤ 2.5", "summits_25", dims=2.51)
-        row(
-            run,
-            f"to the plane of the summits, initial standard deviation {SMALL_AMPLITUDE / 0.3:.3f}",
-            "summits_amplitude",
-            scale=SMALL_AMPLITUDE,
-        )
+        row(run, f"to the plane of the summits, {SMALL}", "summits_amplitude", scale=SMALL_AMPLITUDE)
     return Reading(
         "f(1) as a fulcrum",
         "Sec. 4: “the point f(v = 1) is almost independent of D and acts as a fulcrum” (v in units of length³)",
@@ -153,23 +136,17 @@ def _fulcrum(evidence: Evidence) -> Reading:
 
 def _plane(evidence: Evidence) -> Reading:
     rows = []
-    for end, words in (
-        ("mean-plane", "to the mean plane (default)"),
-        ("summit-plane", "to the mean plane of the summits"),
-    ):
+    planes = {"mean-plane": "to the mean plane (default)", "summit-plane": "to the mean plane of the summits"}
+    for end, words in planes.items():
         for run in evidence.fit(ONE_D.of(A, finest=PAPER_M, m=(PAPER_M,), ends=(end,)))[:1]:
             m = int(nearest(run.m, PAPER_M))
-            area = run.last(A, D=PAPER_D, m=m)
-            for key, factor, counted in (
-                ("elements", 1.0, "share of elements"),
-                ("L2", (1.0 + 2.0**-m) ** 2, "area over L²"),
-            ):
-                number = statistics.single(f"{end}_{key}", f"A* at the end, m = {m}", factor * area)
+            area, name = run.last(A, D=PAPER_D, m=m), f"A* at the end, m = {m}"
+            counts = (("elements", 1.0, "share of elements"), ("L2", (1.0 + 2.0**-m) ** 2, "area over L²"))
+            for key, factor, counted in counts:
+                number = single(f"{end}_{key}", name, factor * area)
                 rows.append(Row(f"{words}; {counted}", number, number.high >= PAPER_A - REACHED))
-            depth = statistics.single(
-                f"{end}_d", f"d/σ at the end, m = {m}", np.round(run.last(D_SIGMA, D=PAPER_D, m=m), 9) + 0.0
-            )
-            rows.append(Row(f"{words}; d/σ there", depth))
+            separation = np.round(run.last(D_SIGMA, D=PAPER_D, m=m), 9) + 0.0
+            rows.append(Row(f"{words}; d/σ there", single(f"{end}_d", f"d/σ at the end, m = {m}", separation)))
     return Reading(
         "Final plane",
         "Sec. 3: “the mean plane of the asperity heights”; Sec. 4: “the average plane of the originally "
@@ -186,18 +163,15 @@ def _counting(evidence: Evidence) -> Reading:
     for run in evidence.fit(BY_M.of(V))[:1]:
         values = np.array([run.last(V, D=PAPER_D, m=m) for m in run.m])
         factor = np.array([[(1.0 + 2.0**-m) ** 2] for m in run.m])
-        for words, key, each in (
-            ("mean over the elements (default)", "mean", values),
-            ("V/(L²σ), the literal sum", "sum", values * factor),
-        ):
-            number = statistics.mean(
-                f"slope_{key}", "change of V* at d = 0 per m", [statistics.slope(run.m, row) for row in each.T]
-            )
+        sums = [("mean over the elements (default)", "mean", values)]
+        sums += [("V/(L²σ), the literal sum", "sum", values * factor)]
+        for words, key, volumes in sums:
+            slopes = [slope(run.m, row) for row in volumes.T]
+            number = mean(f"slope_{key}", "change of V* at d = 0 per m", slopes)
             rows.append(Row(f"{words}; m = {run.m[0]} to {run.m[-1]}", number, below(number, 0.0)))
-            for m, row in list(zip(run.m, each, strict=True))[:: len(run.m) - 1]:
-                rows.append(
-                    Row(f"{words}; V* at d = 0, m = {m}", statistics.mean(f"{key}_m{m}", f"V* at d = 0, m = {m}", row))
-                )
+            for m, volume in list(zip(run.m, volumes, strict=True))[:: len(run.m) - 1]:
+                number = mean(f"{key}_m{m}", f"V* at d = 0, m = {m}", volume)
+                rows.append(Row(f"{words}; V* at d = 0, m = {m}", number))
     return Reading(
         "Counting of elements",
         "Sec. 2: A* = A/L², V* = V/(L²σ), with (2^m + 1)² elements of side L/2^m",
@@ -212,9 +186,9 @@ def _modulus(evidence: Evidence) -> Reading:
     run = evidence.best(ONE_D.of(P))
     m = max(run.m)
     pressure = run.last(P, D=PAPER_D, m=m)
-    rows = [Row("E* = E/(1-ν²) (default)", statistics.mean("E_star", f"p* at d = 0, m = {m}", pressure))]
+    rows = [Row("E* = E/(1-ν²) (default)", mean("E_star", f"p* at d = 0, m = {m}", pressure))]
     for nu in (0.3, 0.5):
-        number = statistics.mean(f"E_{nu}", f"p* at d = 0, m = {m}", pressure / (1.0 - nu**2))
+        number = mean(f"E_{nu}", f"p* at d = 0, m = {m}", pressure / (1.0 - nu**2))
         rows.append(Row(f"E, with ν = {nu:g}", number))
     return Reading(
         "E or E*",
@@ -230,8 +204,8 @@ def _separation(evidence: Evidence) -> Reading:
     run = evidence.best(ONE_D.of(V, D_SIGMA))
     m = max(run.m)
     d, v = run.values(D_SIGMA, D=PAPER_D, m=m), run.values(V, D=PAPER_D, m=m)
-    rigid = statistics.mean("rigid", "V*σ/d - 1 at d/σ = 1", at(d, v - d, np.array([1.0])))
-    deformed = statistics.exact("deformed", "V*σ/d - 1 at d/σ = 1", 0.0, run.seeds)
+    rigid = mean("rigid", "V*σ/d - 1 at d/σ = 1", at(d, v - d, np.array([1.0])))
+    deformed = exact("deformed", "V*σ/d - 1 at d/σ = 1", 0.0, run.seeds)
     rows = (
         Row("rigid far-field separation (default)", rigid, above(rigid, 0.05)),
         Row("separation of the deformed mean planes (V* = d/σ is then an identity)", deformed, False),
@@ -255,12 +229,11 @@ def _sums(evidence: Evidence) -> Reading:
     }
     rows = []
     for kind, weight in KINDS:
-        ratios = [value / state.numbers[V] for value in estimates(state, kind, weight)]
+        sums = estimates(state, kind, weight)
         for k in (1, 3):
-            number = statistics.exact(
-                f"{kind}_{weight}_{BINS[k]}", f"V* over the computed one, K = {BINS[k]}", ratios[k]
-            )
-            rows.append(Row(f"{words[kind, weight]}; K = {BINS[k]}", number, abs(ratios[k] - 1.0) <= CLOSE))
+            name = f"V* over the computed one, K = {BINS[k]}"
+            number = exact(f"{kind}_{weight}_{BINS[k]}", name, sums[k] / state.numbers[V])
+            rows.append(Row(f"{words[kind, weight]}; K = {BINS[k]}", number, close(number)))
     return Reading(
         "Eqs. 9 and 10",
         "Sec. 4: ΔV_k = n_k Δv_th",
@@ -269,7 +242,3 @@ def _sums(evidence: Evidence) -> Reading:
         tuple(rows),
         "Both forms are computed; the printed one falls as 1/K.",
     )
-
-
-def _holds(number: Number, value: float, slack: float) -> bool:
-    return number.low <= value + slack and number.high >= value - slack

@@ -10,24 +10,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from roughvol.report.claims import statistics
-from roughvol.report.claims.evidence import (
-    D_SIGMA,
-    PAPER_D,
-    A,
-    Given,
-    Lacking,
-    Outcome,
-    P,
-    V,
-    area_slopes,
-    at,
-    claim,
-    common,
-)
-from roughvol.report.claims.needs import BY_D, BY_M, MANY
+from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, area_slopes, at, claim, common, require
+from roughvol.report.claims.needs import BY_D, BY_M, MANY, PAPER_D
+from roughvol.report.claims.statistics import bootstrap, exact, mean, ratio, single, slope
 from roughvol.report.claims.stored_run import Run
-from roughvol.report.claims.verdict import Check, above, below
+from roughvol.report.claims.verdict import Check, Number
 from roughvol.typing import Array
 
 EXPONENT, EXPONENT_ROUNDING = 0.37, 0.005  # Section 3.1, printed with two digits
@@ -54,20 +41,18 @@ def area_falls_with_D(given: Given) -> Outcome:
     run = given.run()
     m = max(run.m)
     slopes, limit = area_slopes(run, run.D, [m])
-    checks, numbers = [], []
+    checks = []
     for low, high in pairwise(run.D):
         name = f"A*/p* at D = {high:g} over that at {low:g} (p* ≤ {limit:.2f})"
-        number = statistics.ratio(f"slope_{low:g}_{high:g}", name, slopes[high, m] / slopes[low, m])
-        checks.append(Check(f"A*/p* falls from D = {low:g} to {high:g}", below(number, 1.0), number))
+        number = ratio(f"slope_{low:g}_{high:g}", name, slopes[high, m] / slopes[low, m])
+        checks.append(Check.below(f"A*/p* falls from D = {low:g} to {high:g}", number, 1.0))
         for share in (0.5, 1.0):
             first, second = (_at_pressure(run, D, m, share * limit) for D in (low, high))
             name = f"A*(D = {high:g}) - A*(D = {low:g}) at p* = {share * limit:.2f}"
-            number = statistics.mean(f"area_{low:g}_{high:g}_{share:g}", name, second - first)
-            checks.append(
-                Check(f"A* falls at p* = {share * limit:.2f} as well", below(number, 0.0), number, share == 1.0)
-            )
-    for D in run.D:
-        numbers.append(statistics.mean(f"slope_D{D:g}", f"A*/p* at D = {D:g}, m = {m}", slopes[D, m]))
+            number = mean(f"area_{low:g}_{high:g}_{share:g}", name, second - first)
+            text = f"A* falls at p* = {share * limit:.2f} as well"
+            checks.append(Check.below(text, number, 0.0, essential=share == 1.0))
+    numbers = [mean(f"slope_D{D:g}", f"A*/p* at D = {D:g}, m = {m}", slopes[D, m]) for D in run.D]
     whole = float(np.exp(np.mean(np.log(slopes[run.D[-1], m] / slopes[run.D[0], m]))))
     why = f"At equal pressure A* at D = {run.D[-1]:g} is {whole:.2f} of that at D = {run.D[0]:g} (p* ≤ {limit:.2f})."
     return Outcome(checks, why, [run], numbers)
@@ -96,29 +81,23 @@ def area_exponent(given: Given) -> Outcome:
     essential, because it judges another theory). n over the two finest m is given beside it, to show the fit range.
     """
     run = given.run()
-    each, limit, used = exponents(run, PAPER_D, 4)
+    powers, limit, used = exponents(run, PAPER_D, 4)
     name = f"n at m = {used[0]} to {used[-1]}, p* ≤ {limit:.2f}"
-    number = statistics.mean("exponent", name, each)
-    one = statistics.single("exponent_single", f"{name}, where one more surface falls", each)
-    persson = number.value - (PAPER_D - 2.0)
-    off = statistics.exact("persson", "n - (D - 2)", persson, number.n)
-    meets = one.low <= EXPONENT + EXPONENT_ROUNDING and one.high >= EXPONENT - EXPONENT_ROUNDING
+    number = mean("exponent", name, powers)
+    one = single("exponent_single", f"{name}, where one more surface falls", powers)
+    persson = exact("persson", "n - (D - 2)", number.value - (PAPER_D - 2.0), number.n)
+    fair = abs(persson.value) <= FAIR
     checks = [
-        Check("A*/p* falls with refinement: n > 0", above(number, 0.0), number),
-        Check(f"one surface may give {EXPONENT}", meets, one),
-        Check(f"n within {FAIR:g} of Persson's D - 2 = {PAPER_D - 2:.1f}", abs(persson) <= FAIR, off, essential=False),
+        Check.above("A*/p* falls with refinement: n > 0", number, 0.0),
+        Check(f"one surface may give {EXPONENT}", one.reaches(EXPONENT, EXPONENT_ROUNDING), one),
+        Check(f"n within {FAIR:g} of Persson's D - 2 = {PAPER_D - 2:.1f}", fair, persson, essential=False),
     ]
     finest, limit_2, used_2 = exponents(run, PAPER_D, 2)
     name = f"n at m = {used_2[0]} and {used_2[-1]} alone, p* ≤ {limit_2:.2f}"
-    numbers = [
-        statistics.mean("exponent_finest", name, finest),
-        statistics.exact("exponent_seed0", "n of seed 0", each[0]),
-    ]
-    scatter_ = f"one surface may give {one.low:.2f} to {one.high:.2f}" if number.n > 1 else "from one surface"
-    why = (
-        f"n = {number} over {number.n} surfaces at m = {used[0]} to {used[-1]} ({scatter_}), {finest.mean():.2f} "
-        f"at the two finest."
-    )
+    numbers = [mean("exponent_finest", name, finest), exact("exponent_seed0", "n of seed 0", powers[0])]
+    alone = f"one surface may give {one.low:.2f} to {one.high:.2f}" if number.n > 1 else "from one surface"
+    why = f"n = {number} over {number.n} surfaces at m = {used[0]} to {used[-1]} ({alone}), "
+    why += f"{finest.mean():.2f} at the two finest."
     return Outcome(checks, why, [run], numbers)
 
 
@@ -127,7 +106,7 @@ def exponents(run: Run, D: float, finest: int) -> tuple[Array, float, list[int]]
     used = run.m[-finest:]
     slopes, limit = area_slopes(run, [D], run.m)
     logs = np.log([slopes[D, m] for m in used])
-    return np.array([statistics.slope(-np.array(used) * math.log(2.0), row) for row in logs.T]), limit, used
+    return np.array([slope(-np.array(used) * math.log(2.0), row) for row in logs.T]), limit, used
 
 
 @claim(
@@ -152,31 +131,25 @@ def separation_is_not_volume(given: Given) -> Outcome:
     checks, numbers = [], []
     for D in ends:
         far, near = departure[D][:, 4] / 3.0, departure[D][:, 2]
-        number = statistics.mean(f"departure_3_D{D:g}", f"V*σ/d - 1 at d/σ = 3, D = {D:g}", far)
+        number = mean(f"departure_3_D{D:g}", f"V*σ/d - 1 at d/σ = 3, D = {D:g}", far)
         if number.n:
             checks.append(Check(f"V* = d/σ within {SMALL:.0%} at d/σ = 3, D = {D:g}", number.value < SMALL, number))
-        number = statistics.mean(f"departure_1_D{D:g}", f"V*σ/d - 1 at d/σ = 1, D = {D:g}", near)
-        checks.append(
-            Check(f"V* and d/σ differ by more than {CLEAR:.0%} at d/σ = 1, D = {D:g}", above(number, CLEAR), number)
-        )
-        numbers.append(statistics.mean(f"V_at_0_D{D:g}", f"V* at d/σ = 0, D = {D:g}", departure[D][:, 0]))
-        fits = [statistics.slope(run.values(P, D=D, m=m)[k], row) for k, row in enumerate(_all_departures(run, D, m))]
-        numbers.append(statistics.mean(f"compliance_D{D:g}", f"slope of V* - d/σ over p*, D = {D:g}", fits))
-        numbers.append(
-            statistics.mean(f"onset_D{D:g}", f"d/σ where V* departs by {SMALL:.0%}, D = {D:g}", _onset(run, D, m))
-        )
+        number = mean(f"departure_1_D{D:g}", f"V*σ/d - 1 at d/σ = 1, D = {D:g}", near)
+        checks.append(Check.above(f"V* and d/σ differ by more than {CLEAR:.0%} at d/σ = 1, D = {D:g}", number, CLEAR))
+        numbers.append(mean(f"V_at_0_D{D:g}", f"V* at d/σ = 0, D = {D:g}", departure[D][:, 0]))
+        fits = [slope(x, y) for x, y in zip(run.values(P, D=D, m=m), _all_departures(run, D, m), strict=True)]
+        numbers.append(mean(f"compliance_D{D:g}", f"slope of V* - d/σ over p*, D = {D:g}", fits))
+        name = f"d/σ where V* departs by {SMALL:.0%}, D = {D:g}"
+        numbers.append(mean(f"onset_D{D:g}", name, _onset(run, D, m)))
     for place, where in ((2, 1.0), (0, 0.0)):
         difference = departure[ends[1]][:, place] - departure[ends[0]][:, place]
-        number = statistics.mean(
-            f"V_difference_{where:g}", f"V*(D = {ends[1]:g}) - V*(D = {ends[0]:g}) at d/σ = {where:g}", difference
-        )
-        checks.append(Check(f"V* depends on D at d/σ = {where:g}", above(number, 0.0), number))
+        name = f"V*(D = {ends[1]:g}) - V*(D = {ends[0]:g}) at d/σ = {where:g}"
+        number = mean(f"V_difference_{where:g}", name, difference)
+        checks.append(Check.above(f"V* depends on D at d/σ = {where:g}", number, 0.0))
     onset = ", ".join(f"{n.value:.1f} (D = {D:g})" for D, n in zip(ends, numbers[2::3], strict=True))
     compliance = np.mean([n.value for n in numbers[1::3]])
-    why = (
-        f"V* leaves d/σ by {SMALL:.0%} at d/σ = {onset}; below, V* - d/σ grows as {compliance:.2f} p* (0.946 p* "
-        f"for a uniformly loaded specimen)."
-    )
+    why = f"V* leaves d/σ by {SMALL:.0%} at d/σ = {onset}; below, V* - d/σ grows as {compliance:.2f} p* "
+    why += "(0.946 p* for a uniformly loaded specimen)."
     return Outcome(checks, why, [run], numbers)
 
 
@@ -193,9 +166,9 @@ def _departures(run: Run, D: float, m: int, points: Array) -> Array:
 def _onset(run: Run, D: float, m: int) -> Array:
     """Return d/σ of each surface at which V* - d/σ grows beyond `SMALL` of d/σ."""
     separation, excess = run.values(D_SIGMA, D=D, m=m), _all_departures(run, D, m)
-    beyond = excess > SMALL * separation
+    masks = excess > SMALL * separation
     return np.array(
-        [row[mask.argmax()] if mask.any() else math.nan for row, mask in zip(separation, beyond, strict=True)]
+        [row[mask.argmax()] if mask.any() else math.nan for row, mask in zip(separation, masks, strict=True)]
     )
 
 
@@ -206,21 +179,25 @@ def band(run: Run, x: str, D: Sequence[float], m: int) -> tuple[Array, Array]:
     return np.array([at(axis, run.values(V, D=d, m=m), grid) for axis, d in zip(axes, D, strict=True)]), grid
 
 
-def _over_scatter(curves: Array, seeds: NDArray[np.intp]) -> float:
-    spread = scatter(curves, seeds)  # 0 for a resample of one surface only
-    return width(curves, seeds) / spread if spread > 0.0 else math.nan
-
-
 def width(curves: Array, seeds: NDArray[np.intp]) -> float:
     """Return the width of the band that the means over surfaces fill, over their middle, averaged along the axis."""
     means = curves[:, seeds].mean(axis=1)
     return float(np.mean((means.max(axis=0) - means.min(axis=0)) / means.mean(axis=0)))
 
 
-def scatter(curves: Array, seeds: NDArray[np.intp]) -> float:
-    """Return the scatter of surfaces of one kind, ± one standard deviation over the middle, averaged along the axis."""
+def _over_scatter(curves: Array, seeds: NDArray[np.intp]) -> float:
+    """Return that width over the scatter of surfaces of one kind: ± one standard deviation, averaged along the axis."""
     chosen = curves[:, seeds]
-    return float(np.mean(2.0 * chosen.std(axis=1, ddof=1).mean(axis=0) / chosen.mean(axis=(0, 1))))
+    scatter = float(np.mean(2.0 * chosen.std(axis=1, ddof=1).mean(axis=0) / chosen.mean(axis=(0, 1))))
+    return width(curves, seeds) / scatter if scatter > 0.0 else math.nan  # 0 for a resample of one surface only
+
+
+def _bands(curves: Array, axis: str, seeds: int) -> tuple[Number, Number]:
+    """Return the band between the mean curves, and the band over the scatter of surfaces, with their intervals."""
+    require(seeds >= 2, "several surfaces of each D")
+    wide = bootstrap("band", f"width of the band in V*({axis})", functools.partial(width, curves), seeds)
+    name = "band between D over scatter of surfaces"
+    return wide, bootstrap("band_over_scatter", name, functools.partial(_over_scatter, curves), seeds)
 
 
 @claim(
@@ -242,26 +219,15 @@ def volume_at_pressure(given: Given) -> Outcome:
     run = given.run()
     m = max(run.m)
     curves, grid = band(run, P, run.D, m)
-    if run.seeds < 2:
-        message = "several surfaces of each D"
-        raise Lacking(message)
-    ratio = statistics.bootstrap(
-        "band_over_scatter",
-        "band between D over scatter of surfaces",
-        functools.partial(_over_scatter, curves),
-        run.seeds,
-    )
-    wide = statistics.bootstrap("band", "width of the band in V*(p*)", lambda s: width(curves, s), run.seeds)
-    checks = [Check("the band is wider than the scatter of surfaces", above(ratio, 1.0), ratio)]
+    wide, relative = _bands(curves, "p*", run.seeds)
+    checks = [Check.above("the band is wider than the scatter of surfaces", relative, 1.0)]
     for k, (low, high) in enumerate(pairwise(run.D)):
         for place in (len(grid) // 2, len(grid) - 1):
             name = f"V*(D = {high:g}) - V*(D = {low:g}) at p* = {grid[place]:.2f}"
-            number = statistics.mean(
-                f"rise_{low:g}_{high:g}_{place}", name, curves[k + 1, :, place] - curves[k, :, place]
-            )
+            number = mean(f"rise_{low:g}_{high:g}_{place}", name, curves[k + 1, :, place] - curves[k, :, place])
             text = f"V* rises from D = {low:g} to {high:g} at p* = {grid[place]:.2f}"
-            checks.append(Check(text, above(number, 0.0), number, essential=place == len(grid) - 1))
-    why = f"The mean curves span {wide.value:.0%} of V*, {ratio.value:.1f} times the scatter between surfaces."
+            checks.append(Check.above(text, number, 0.0, essential=place == len(grid) - 1))
+    why = f"The mean curves span {wide.value:.0%} of V*, {relative.value:.1f} times the scatter between surfaces."
     return Outcome(checks, why, [run], [wide])
 
 
@@ -282,49 +248,25 @@ def volume_at_area(given: Given) -> Outcome:
     A run of more surfaces, where there is one, is asked the same at its finest m (other: it is not the paper's m = 8).
     """
     run = given.run()
-    if run.seeds < 2:
-        message = "several surfaces of each D"
-        raise Lacking(message)
-    m = max(run.m)
-    along_area, grid = band(run, A, run.D, m)
-    along_pressure, _ = band(run, P, run.D, m)
-    wide = statistics.bootstrap("band", "width of the band in V*(A*)", lambda s: width(along_area, s), run.seeds)
-    ratio = statistics.bootstrap(
-        "band_area_over_pressure",
-        "band in V*(A*) over band in V*(p*)",
-        lambda s: width(along_area, s) / width(along_pressure, s),
-        run.seeds,
-    )
-    spread = statistics.bootstrap(
-        "band_over_scatter",
-        "band between D over scatter of surfaces",
-        functools.partial(_over_scatter, along_area),
-        run.seeds,
+    along_area, grid = band(run, A, run.D, max(run.m))
+    along_pressure, _ = band(run, P, run.D, max(run.m))
+    wide, relative = _bands(along_area, "A*", run.seeds)
+    name = "band in V*(A*) over band in V*(p*)"
+    narrowing = bootstrap(
+        "band_area_over_pressure", name, lambda s: width(along_area, s) / width(along_pressure, s), run.seeds
     )
     means = along_area.mean(axis=1)
-    ends = [(means[:, k].max() - means[:, k].min()) / means[:, k].mean() for k in (0, -1)]
     numbers = [wide]
-    numbers += [
-        statistics.exact(f"band_at_{key}", f"band at A* = {grid[k]:.4f}", value, run.seeds)
-        for key, k, value in (("first", 0, ends[0]), ("last", -1, ends[1]))
-    ]
-    more, sources = [], [run]
-    for other in [each for each in given.runs("many") if each.seeds > run.seeds and len(each.D) > 2][:1]:
+    for key, k in (("first", 0), ("last", -1)):
+        value = (means[:, k].max() - means[:, k].min()) / means[:, k].mean()
+        numbers.append(exact(f"band_at_{key}", f"band at A* = {grid[k]:.4f}", value, run.seeds))
+    checks, sources = [Check.below("narrower than the band in V*(p*)", narrowing, 1.0)], [run]
+    checks.append(Check.below("not wider than the scatter of surfaces of one D", relative, 1.0))
+    for other in [many for many in given.runs("many") if many.seeds > run.seeds and len(many.D) > 2][:1]:
         curves, _ = band(other, A, other.D, max(other.m))
-        many = statistics.bootstrap(
-            "band_over_scatter_many",
-            f"the same of {other.seeds} surfaces, D = {', '.join(f'{D:g}' for D in other.D)}, m = {max(other.m)}",
-            functools.partial(_over_scatter, curves),
-            other.seeds,
-        )
-        more.append(Check(f"the same with {other.seeds} surfaces of each D", below(many, 1.0), many, essential=False))
+        name = f"the same of {other.seeds} surfaces, D = {', '.join(f'{D:g}' for D in other.D)}, m = {max(other.m)}"
+        many = bootstrap("band_over_scatter_many", name, functools.partial(_over_scatter, curves), other.seeds)
+        checks.append(Check.below(f"the same with {other.seeds} surfaces of each D", many, 1.0, essential=False))
         sources.append(other)
-    checks = [
-        Check("narrower than the band in V*(p*)", below(ratio, 1.0), ratio),
-        Check("not wider than the scatter of surfaces of one D", below(spread, 1.0), spread),
-    ]
-    why = (
-        f"The band is {wide.value:.0%} of V* wide, {ratio.value:.2f} of that in V*(p*) and {spread.value:.2f} of the "
-        "scatter between surfaces."
-    )
-    return Outcome([*checks, *more], why, sources, numbers)
+    why = f"The band is {wide.value:.0%} of V* wide, {narrowing.value:.2f} of that in V*(p*) and "
+    return Outcome(checks, f"{why}{relative.value:.2f} of the scatter between surfaces.", sources, numbers)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
-from roughvol.report.claims import statistics
-from roughvol.report.claims.evidence import PAPER_D, PAPER_M, Given, Lacking, Outcome, V, claim, nearest
-from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, MANY
+from roughvol.report.claims.evidence import Given, Outcome, V, claim, nearest, require
+from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, MANY, PAPER_D, PAPER_M
+from roughvol.report.claims.statistics import bootstrap, exact, mean, ratio, slope, straightness
 from roughvol.report.claims.stored_run import Run
-from roughvol.report.claims.verdict import Check, above, below
+from roughvol.report.claims.verdict import Check
 from roughvol.typing import Array
 
 F, EDGES = "volume_density", "volume_density_edges"
@@ -28,10 +28,13 @@ def densities(run: Run, D: float, m: int) -> tuple[Array, Array]:
     return case[F].transpose("seed", "bin").values, case[EDGES].transpose("seed", "edge").values
 
 
+def _centres(edges: Array) -> Array:
+    return 0.5 * (edges[:, 1:] + edges[:, :-1])
+
+
 def value_at(f: Array, edges: Array, v: float) -> Array:
     """Return f(v) of each surface, linear between the centres of bins, 0 beyond the largest volume."""
-    centres = 0.5 * (edges[:, 1:] + edges[:, :-1])
-    return np.array([np.interp(v, x, y, right=0.0) for x, y in zip(centres, f, strict=True)])
+    return np.array([np.interp(v, x, y, right=0.0) for x, y in zip(_centres(edges), f, strict=True)])
 
 
 def pooled(f: Array, edges: Array, bins: int) -> tuple[Array, Array]:
@@ -66,63 +69,43 @@ def density_by_D(given: Given) -> Outcome:
     data = {D: densities(run, D, m) for D in run.D}
     for D, (f, edges) in data.items():
         v, together = pooled(f, edges, COARSE_BINS)
-        rank = statistics.exact(
-            f"rank_D{D:g}", f"rank correlation of f with v, D = {D:g}", float(spearmanr(v, together).statistic), len(f)
-        )
-        peak = statistics.exact(
-            f"peak_D{D:g}", f"v of the largest f over v_max, D = {D:g}", v[together.argmax()] / edges.max(), len(f)
-        )
-        line = statistics.exact(
-            f"line_D{D:g}", f"R² of a line, D = {D:g}", statistics.straightness(v, together), len(f)
-        )
-        checks.append(Check(f"f falls with v at D = {D:g} (rank correlation below -0.9)", rank.value < -0.9, rank))
-        checks.append(
-            Check(f"f is largest at v = 0 for D = {D:g}", bool(together.argmax() == 0), peak, essential=False)
-        )
+        rank = float(spearmanr(v, together).statistic)
+        number = exact(f"rank_D{D:g}", f"rank correlation of f with v, D = {D:g}", rank, len(f))
+        checks.append(Check(f"f falls with v at D = {D:g} (rank correlation below -0.9)", rank < -0.9, number))
+        peak, text = int(together.argmax()), f"v of the largest f over v_max, D = {D:g}"
+        number = exact(f"peak_D{D:g}", text, v[peak] / edges.max(), len(f))
+        checks.append(Check(f"f is largest at v = 0 for D = {D:g}", peak == 0, number, essential=False))
+        line = exact(f"line_D{D:g}", f"R² of a line, D = {D:g}", straightness(v, together), len(f))
         checks.append(Check(f"a line fits f at D = {D:g} (R² above 0.9)", line.value > 0.9, line, essential=False))
-        numbers.append(statistics.mean(f"f1_D{D:g}", f"f(1) at D = {D:g}", value_at(f, edges, 1.0)))
+        numbers.append(mean(f"f1_D{D:g}", f"f(1) at D = {D:g}", value_at(f, edges, 1.0)))
     for low, high in pairwise(run.D):
-        largest = statistics.ratio(
-            f"vmax_{low:g}_{high:g}",
-            f"v_max at D = {high:g} over that at {low:g}",
-            data[high][1][:, -1] / data[low][1][:, -1],
-        )
-        slopes = statistics.ratio(
-            f"slope_{low:g}_{high:g}",
-            f"slope of f at D = {high:g} over that at {low:g}",
-            _slopes(*data[high]) / _slopes(*data[low]),
-        )
-        checks.append(Check(f"v_max grows from D = {low:g} to {high:g}", above(largest, 1.0), largest))
-        checks.append(Check(f"f is flatter at D = {high:g} than at {low:g}", below(slopes, 1.0), slopes))
-    spread = statistics.bootstrap("fulcrum", "spread of f(1) over D", lambda s: fulcrum(data, 1.0, s), run.seeds)
+        text, ratios = f"v_max at D = {high:g} over that at {low:g}", data[high][1][:, -1] / data[low][1][:, -1]
+        number = ratio(f"vmax_{low:g}_{high:g}", text, ratios)
+        checks.append(Check.above(f"v_max grows from D = {low:g} to {high:g}", number, 1.0))
+        text, ratios = f"slope of f at D = {high:g} over that at {low:g}", _slopes(*data[high]) / _slopes(*data[low])
+        number = ratio(f"slope_{low:g}_{high:g}", text, ratios)
+        checks.append(Check.below(f"f is flatter at D = {high:g} than at {low:g}", number, 1.0))
+    spread = bootstrap("fulcrum", "spread of f(1) over D", lambda s: fulcrum(data, 1.0, s), run.seeds)
     checks.append(Check(f"f(1) spreads by less than {FULCRUM:.0%} over D", spread.value < FULCRUM, spread))
     best = best_fulcrum(data)
-    numbers.append(statistics.exact("best_v", "v at which f depends least on D", best[0], run.seeds))
-    numbers.append(statistics.exact("best_spread", "spread of f there", best[1], run.seeds))
+    numbers.append(exact("best_v", "v at which f depends least on D", best[0], run.seeds))
+    numbers.append(exact("best_spread", "spread of f there", best[1], run.seeds))
     few = {D: pair for D, pair in data.items() if D <= LOW_D}
     among = ""
     if 1 < len(few) < len(data):
-        best_low = best_fulcrum(few)
-        numbers.append(
-            statistics.exact("best_v_low", f"v at which f depends least on D ≤ {LOW_D:g}", best_low[0], run.seeds)
-        )
-        numbers.append(statistics.exact("best_spread_low", "spread of f there", best_low[1], run.seeds))
-        among = f"; for D ≤ {LOW_D:g} alone there is one, {best_low[1]:.0%} at v = {best_low[0]:.2g}" * (
-            best_low[1] < FULCRUM
-        )
-    peaks = [D for D, check in zip(run.D, checks[1 : 3 * len(run.D) : 3], strict=True) if not check.met]
-    least = (
-        f"f has a maximum inside for D = {', '.join(f'{D:g}' for D in peaks)}"
-        if peaks
-        else "f is largest at 0 for every D"
-    )
+        v_low, least_low = best_fulcrum(few)
+        numbers.append(exact("best_v_low", f"v at which f depends least on D ≤ {LOW_D:g}", v_low, run.seeds))
+        numbers.append(exact("best_spread_low", "spread of f there", least_low, run.seeds))
+        if least_low < FULCRUM:
+            among = f"; for D ≤ {LOW_D:g} alone there is one, {least_low:.0%} at v = {v_low:.2g}"
+    peaks = [f"{D:g}" for D, check in zip(run.D, checks[1 : 3 * len(run.D) : 3], strict=True) if not check.met]
+    least = f"f has a maximum inside for D = {', '.join(peaks)}" if peaks else "f is largest at 0 for every D"
     why = f"f(1) spreads by {spread.value:.0%} over D (least, {best[1]:.0%}, at v = {best[0]:.2g}){among}; {least}."
     return Outcome(checks, why, [run], numbers)
 
 
 def _slopes(f: Array, edges: Array) -> Array:
-    centres = 0.5 * (edges[:, 1:] + edges[:, :-1])
-    return np.array([-statistics.slope(x, y) for x, y in zip(centres, f, strict=True)])
+    return np.array([-slope(x, y) for x, y in zip(_centres(edges), f, strict=True)])
 
 
 def fulcrum(data: dict[float, tuple[Array, Array]], v: float, seeds: NDArray[np.intp], scale: float = 1.0) -> float:
@@ -154,28 +137,21 @@ def volume_shrinks(given: Given) -> Outcome:
     m = max(run.m)
     checks = []
     for low, high in pairwise(run.D):
-        each = run.last(V, D=high, m=m) - run.last(V, D=low, m=m)
-        number = statistics.mean(
-            f"rise_{low:g}_{high:g}", f"V*(D = {high:g}) - V*(D = {low:g}) at d = 0, m = {m}", each
-        )
-        checks.append(Check(f"V* grows from D = {low:g} to {high:g}", above(number, 0.0), number))
-    numbers = [statistics.mean(f"V_D{D:g}", f"V* at d = 0, D = {D:g}, m = {m}", run.last(V, D=D, m=m)) for D in run.D]
-    why = (
-        f"V* at d = 0 grows from {numbers[0].value:.2f} at D = {run.D[0]:g} to {numbers[-1].value:.2f} at D = "
-        f"{run.D[-1]:g}."
-    )
-    return Outcome(checks, why, [run], numbers)
+        name = f"V*(D = {high:g}) - V*(D = {low:g}) at d = 0, m = {m}"
+        number = mean(f"rise_{low:g}_{high:g}", name, run.last(V, D=high, m=m) - run.last(V, D=low, m=m))
+        checks.append(Check.above(f"V* grows from D = {low:g} to {high:g}", number, 0.0))
+    numbers = [mean(f"V_D{D:g}", f"V* at d = 0, D = {D:g}, m = {m}", run.last(V, D=D, m=m)) for D in run.D]
+    why = f"V* at d = 0 grows from {numbers[0].value:.2f} at D = {run.D[0]:g} to {numbers[-1].value:.2f} at D = "
+    return Outcome(checks, f"{why}{run.D[-1]:g}.", [run], numbers)
 
 
 def moments(run: Run, D: float) -> dict[int, tuple[Array, Array, Array]]:
     """Return for each m the mean volume, the mean of f over its bins and the largest volume of every surface."""
-    found = {}
-    for m in run.m:
-        f, edges = densities(run, D, m)
-        centres = 0.5 * (edges[:, 1:] + edges[:, :-1])
-        mean_volume = np.sum(f * centres * np.diff(edges), axis=1)
-        found[m] = mean_volume, f.mean(axis=1), edges[:, -1]
-    return found
+    data = {m: densities(run, D, m) for m in run.m}
+    return {
+        m: (np.sum(f * _centres(edges) * np.diff(edges), axis=1), f.mean(axis=1), edges[:, -1])
+        for m, (f, edges) in data.items()
+    }
 
 
 @claim(
@@ -194,25 +170,18 @@ def density_by_m(given: Given) -> Outcome:
     and the largest m rounds to 4 (3.5 to 4.5 decades; other, "up to").
     """
     run = given.run()
-    found = moments(run, PAPER_D)
-    v, f, largest = (np.log10([found[m][k] for m in run.m]) for k in range(3))
-    slope = statistics.mean(
-        "slope", "slope of the line of means", [statistics.slope(x, y) for x, y in zip(v.T, f.T, strict=True)]
-    )
-    shift_v = statistics.mean(
-        "decades_v", f"decades between v_max at m = {run.m[0]} and {run.m[-1]}", largest[0] - largest[-1]
-    )
-    shift_f = statistics.mean("decades_f", f"decades between mean f at m = {run.m[-1]} and {run.m[0]}", f[-1] - f[0])
+    by_m, (first, last) = moments(run, PAPER_D), (run.m[0], run.m[-1])
+    v, f, largest = (np.log10([by_m[m][k] for m in run.m]) for k in range(3))
+    line = mean("slope", "slope of the line of means", [slope(x, y) for x, y in zip(v.T, f.T, strict=True)])
+    shift_v = mean("decades_v", f"decades between v_max at m = {first} and {last}", largest[0] - largest[-1])
+    shift_f = mean("decades_f", f"decades between mean f at m = {last} and {first}", f[-1] - f[0])
     decades = max(shift_v, shift_f, key=lambda number: number.value)
     checks = [
-        Check("slope of the line of means is -1 within 0.05", abs(slope.value + 1.0) <= 0.05, slope),
+        Check("slope of the line of means is -1 within 0.05", abs(line.value + 1.0) <= 0.05, line),
         Check("the shift rounds to 4 decades", 3.5 <= decades.value < 4.5, decades, essential=False),
     ]
-    whole = (run.m[-1] - run.m[0]) * math.log10(4.0)
-    why = (
-        f"The line of means has slope {slope.value:.3f}; the shift is {decades.value:.1f} decades, of which the "
-        f"area of an element makes {whole:.1f}."
-    )
+    why = f"The line of means has slope {line.value:.3f}; the shift is {decades.value:.1f} decades, of which the "
+    why += f"area of an element makes {(last - first) * math.log10(4.0):.1f}."
     return Outcome(checks, why, [run], [shift_v if decades is shift_f else shift_f])
 
 
@@ -236,39 +205,34 @@ def shift_per_m(given: Given) -> Outcome:
     (essential if there is such a run).
     """
     run = given.run()
-    found = moments(run, PAPER_D)
-    logs = np.log10([found[m][0] for m in run.m])
-    shifts = -np.array([statistics.slope(run.m, row) for row in logs.T])
-    q = statistics.mean("exponent", f"q in v̄ ~ (L/2^m)^q, D = {PAPER_D:g}", shifts / math.log10(2.0))
-    shift = statistics.mean("shift", "shift of log₁₀ v̄ per m", shifts)
+    volumes = {m: volume for m, (volume, _, _) in moments(run, PAPER_D).items()}
+    logs = np.log10([volumes[m] for m in run.m])
+    shifts = -np.array([slope(run.m, row) for row in logs.T])
+    q = mean("exponent", f"q in v̄ ~ (L/2^m)^q, D = {PAPER_D:g}", shifts / math.log10(2.0))
+    shift = mean("shift", "shift of log₁₀ v̄ per m", shifts)
     checks = [
-        Check(f"q = D = {PAPER_D:g}", q.low <= PAPER_D <= q.high, q),
+        Check(f"q = D = {PAPER_D:g}", q.reaches(PAPER_D), q),
         Check("the shift rounds to 0.6", round(shift.value, 1) == 0.6, shift, essential=False),
     ]
     sources, other = [run], ""
-    for wide in [each for each in given.runs("wide") if len(each.m) > 2][:1]:
-        powers = [mean_volume_exponents(wide, D) for D in (wide.D[0], wide.D[-1])]
-        number = statistics.mean("difference", f"q(D = {wide.D[-1]:g}) - q(D = {wide.D[0]:g})", powers[1] - powers[0])
-        expected = wide.D[-1] - wide.D[0]
-        checks.append(
-            Check(f"q differs by the difference of D, {expected:.1f}", number.low <= expected <= number.high, number)
-        )
+    for wide in [wide for wide in given.runs("wide") if len(wide.m) > 2][:1]:
+        low, high = wide.D[0], wide.D[-1]
+        powers = mean_volume_exponents(wide, high) - mean_volume_exponents(wide, low)
+        number = mean("difference", f"q(D = {high:g}) - q(D = {low:g})", powers)
+        text = f"q differs by the difference of D, {high - low:.1f}"
+        checks.append(Check(text, number.reaches(high - low), number))
         sources.append(wide)
-        other = f"; between D = {wide.D[0]:g} and {wide.D[-1]:g} q changes by {number.value:.2f}, not {expected:.1f}"
-    numbers = [
-        statistics.mean(f"mean_volume_m{m}", f"mean volume of the open elements at m = {m} [length³]", found[m][0])
-        for m in run.m
-    ]
-    why = (
-        f"q = {q}: the shift is {shift.value:.3f} per m, of which the area of an element makes log₁₀ 4 = 0.602{other}."
-    )
-    return Outcome(checks, why, sources, numbers)
+        other = f"; between D = {low:g} and {high:g} q changes by {number.value:.2f}, not {high - low:.1f}"
+    words = "mean volume of the open elements at m ="
+    numbers = [mean(f"mean_volume_m{m}", f"{words} {m} [length³]", volume) for m, volume in volumes.items()]
+    why = f"q = {q}: the shift is {shift.value:.3f} per m, of which the area of an element makes log₁₀ 4 = 0.602"
+    return Outcome(checks, f"{why}{other}.", sources, numbers)
 
 
 def mean_volume_exponents(run: Run, D: float) -> Array:
     """Return q of every surface from the mean volume over all elements, v̄ = V* σ δ²."""
     logs = [np.log2(run.last(V, D=D, m=m) * run.values("Sq", D=D, m=m) * (run.L / 2**m) ** 2) for m in run.m]
-    return -np.array([statistics.slope(run.m, row) for row in np.array(logs).T])
+    return -np.array([slope(run.m, row) for row in np.array(logs).T])
 
 
 @claim(
@@ -287,9 +251,7 @@ def volume_decays(given: Given) -> Outcome:
     without that factor, as a mean over the elements; and over the four finest m alone, where the factor has gone.
     """
     run = given.run()
-    if len(run.m) < 3:
-        message = "three m at least"
-        raise Lacking(message)
+    require(len(run.m) >= 3, "three m at least")
     pure = np.array([run.last(V, D=PAPER_D, m=m) for m in run.m])
     literal = pure * np.array([[(1.0 + 2.0**-m) ** 2] for m in run.m])
     fits = {
@@ -299,14 +261,9 @@ def volume_decays(given: Given) -> Outcome:
     }
     checks = []
     for key, (values, ms, words) in fits.items():
-        number = statistics.mean(
-            f"slope_{key}", f"change per m of {words}", [statistics.slope(ms, row) for row in values.T]
-        )
-        checks.append(Check(f"{words} decays", below(number, 0.0), number, essential=key == "literal"))
-    numbers = [statistics.mean(f"V_m{m}", f"V* at d = 0, m = {m}", row) for m, row in zip(run.m, pure, strict=True)]
-    first, last = run.m[0], run.m[-1]
-    why = (
-        f"From m = {first} to {last} the literal sum goes from {literal[0].mean():.3f} to {literal[-1].mean():.3f}, "
-        f"the mean over elements from {pure[0].mean():.3f} to {pure[-1].mean():.3f}."
-    )
+        number = mean(f"slope_{key}", f"change per m of {words}", [slope(ms, row) for row in values.T])
+        checks.append(Check.below(f"{words} decays", number, 0.0, essential=key == "literal"))
+    numbers = [mean(f"V_m{m}", f"V* at d = 0, m = {m}", row) for m, row in zip(run.m, pure, strict=True)]
+    why = f"From m = {run.m[0]} to {run.m[-1]} the literal sum goes from {literal[0].mean():.3f} to "
+    why += f"{literal[-1].mean():.3f}, the mean over elements from {pure[0].mean():.3f} to {pure[-1].mean():.3f}."
     return Outcome(checks, why, [run], numbers)

@@ -1,4 +1,4 @@
-"""What a claim is answered from: the runs given, chosen by what they are and never by their names.
+"""Registration of a claim, and the runs that answer it: chosen by their configuration, never by their names.
 
 A claim declares the configuration it needs (`needs`). Of the runs that have it, the one with the most values compared
 is taken, then the one of the finest lattice, then the one of the most surfaces; all others are refused with a reason.
@@ -9,44 +9,45 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from roughvol.errors import RoughvolError
-from roughvol.report.claims.needs import PAPER_D as PAPER_D
-from roughvol.report.claims.needs import PAPER_M as PAPER_M
-from roughvol.report.claims.needs import Needs, fit, refusals
+from roughvol.report.claims.needs import Needs
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Claim, Number
 from roughvol.typing import Array
-
-if TYPE_CHECKING:
-    pass
-
 
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
 GRID = 20  # points of a common axis on which curves are compared
 
 
 class Lacking(RoughvolError):
-    """What a claim needs and no run has."""
+    """A configuration that a claim needs and no run has."""
+
+
+def require(condition: object, message: str) -> None:
+    """Raise `Lacking` with a message unless a condition is true."""
+    if not condition:
+        raise Lacking(message)
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """All runs of a report; with ``any_size`` small ones count as well, for trials and not for verdicts."""
+    """All runs of a report; with ``any_size`` small ones count too, for trials and not for verdicts."""
 
     runs: tuple[Run, ...]
     any_size: bool = False
 
     def fit(self, needs: Needs) -> list[Run]:
-        """Return the runs that are what is needed, the best first (see the module's docstring)."""
-        return fit(self._asked(needs), self.runs)
+        """Return the runs of a configuration, the best first (see the docstring of the module)."""
+        needs = self._asked(needs)
+        return sorted((run for run in self.runs if not needs.unfit(run)), key=needs.rank, reverse=True)
 
     def refusals(self, *needs: Needs) -> dict[str, str]:
-        """Return why each run that fits none of several needs is refused, by its name."""
-        return refusals([self._asked(each) for each in needs], self.runs)
+        """Return why each run that fits none of several needs is refused, by its name: the need it misses by least."""
+        reasons = {run.name: [self._asked(need).unfit(run) for need in needs] for run in self.runs}
+        return {name: "; ".join(sorted(unfit, key=len)[0]) for name, unfit in reasons.items() if all(unfit)}
 
     def _asked(self, needs: Needs) -> Needs:
         return needs.relaxed() if self.any_size else needs
@@ -59,45 +60,9 @@ class Evidence:
         Lacking
             If there is none.
         """
-        found = self.fit(needs)
-        if found:
-            return found[0]
-        message = f"no run with {needs}"
-        raise Lacking(message)
-
-    def find(
-        self, *needs: str, by: str = "", law: str = "std", end: str | None = "mean-plane", D: float | None = None
-    ) -> list[Run]:
-        """Return the runs of any size that hold what is asked for, the best first.
-
-        Parameters
-        ----------
-        needs : str
-            Variables the run must hold.
-        by : {"", "D", "m"}
-            What must have two values at least.
-        law, end : str
-            Midpoint law, and the label of the state the sweep ends at; None for any.
-        D : float, optional
-            A dimension that must be among those of the run.
-        """
-        return self.fit(_any_size(needs, by, law, end, D))
-
-    def pick(
-        self, *needs: str, by: str = "", law: str = "std", end: str | None = "mean-plane", D: float | None = None
-    ) -> Run:
-        """Return the best of `find`.
-
-        Raises
-        ------
-        Lacking
-            If there is none.
-        """
-        return self.best(_any_size(needs, by, law, end, D))
-
-
-def _any_size(holds: tuple[str, ...], by: str, law: str, end: str | None, D: float | None) -> Needs:
-    return Needs(holds, by=by, law=law, ends=() if end is None else (end,), D=() if D is None else (D,))
+        runs = self.fit(needs)
+        require(runs, f"no run with {needs}")
+        return runs[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,10 +80,8 @@ class Given:
         Lacking
             If there is none.
         """
-        if self.fit[use]:
-            return self.fit[use][0]
-        message = f"no run with {self.needs[use]}"
-        raise Lacking(message)
+        require(self.fit[use], f"no run with {self.needs[use]}")
+        return self.fit[use][0]
 
     def runs(self, use: str = "") -> list[Run]:
         """Return all runs for a use, the best first."""
@@ -127,7 +90,7 @@ class Given:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a claim's function found: its checks, further numbers, the sentence for the verdict, and the runs used."""
+    """Answer to a claim: its checks, further numbers, the sentence for the verdict, and the runs used."""
 
     checks: Sequence[Check]
     why: str
@@ -165,12 +128,12 @@ class Question:
         names = ("id", "title", "place", "sentence", "method", "figures")
         claim = Claim(**{name: getattr(self, name) for name in names}, refused=refused)
         try:
-            found = self.answer(self.given(evidence))
+            outcome = self.answer(self.given(evidence))
         except Lacking as lacking:
             return replace(claim, lacking=str(lacking), why=f"Not computed: {lacking}.")
-        checks = tuple(check.tested() for check in found.checks)
-        source = tuple(dict.fromkeys(run.name for run in found.source))
-        claim = replace(claim, checks=checks, numbers=tuple(found.numbers), source=source, why=found.why)
+        checks = tuple(check.tested() for check in outcome.checks)
+        source = tuple(dict.fromkeys(run.name for run in outcome.source))
+        claim = replace(claim, checks=checks, numbers=tuple(outcome.numbers), source=source, why=outcome.why)
         if lacking_ := claim.untested:
             return replace(claim, lacking=lacking_, why=f"Not computed: {lacking_}.")
         return claim
@@ -180,13 +143,7 @@ CLAIMS: dict[int, Question] = {}
 
 
 def claim(
-    id: int,
-    title: str,
-    place: str,
-    sentence: str,
-    *,
-    needs: Needs | Mapping[str, Needs],
-    figures: tuple[str, ...] = (),
+    id: int, title: str, place: str, sentence: str, *, needs: Needs | Mapping[str, Needs], figures: tuple[str, ...] = ()
 ) -> Callable[[Answer], Answer]:
     """Register the function that answers a claim, with the configuration it needs."""
 
@@ -210,9 +167,9 @@ def at(x: Array, y: Array, points: Array) -> Array:
     """
     rows = []
     for abscissa, ordinate in zip(x, y, strict=True):
-        known = np.isfinite(abscissa) & np.isfinite(ordinate)
-        order = np.argsort(abscissa[known], kind="stable")
-        rows.append(np.interp(points, abscissa[known][order], ordinate[known][order], left=np.nan, right=np.nan))
+        mask = np.isfinite(abscissa) & np.isfinite(ordinate)
+        order = np.argsort(abscissa[mask], kind="stable")
+        rows.append(np.interp(points, abscissa[mask][order], ordinate[mask][order], left=np.nan, right=np.nan))
     return np.array(rows)
 
 
@@ -226,9 +183,7 @@ def common(curves: Sequence[Array]) -> Array:
     """
     low = max(float(np.nanmax(np.nanmin(x, axis=1))) for x in curves)
     high = min(float(np.nanmin(np.nanmax(x, axis=1))) for x in curves)
-    if not low < high:
-        message = "a range of the axis that all surfaces reach"
-        raise Lacking(message)
+    require(low < high, "a range of the axis that all surfaces reach")
     return np.linspace(low, high, GRID)
 
 

@@ -6,11 +6,12 @@ import numpy as np
 
 from roughvol.observables import box_counting
 from roughvol.observables.free_volume import domain
-from roughvol.report.claims import paper_formulas, statistics
-from roughvol.report.claims.evidence import D_SIGMA, PAPER_D, A, Given, Outcome, V, claim
-from roughvol.report.claims.needs import FIELD, ONE_D
+from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, V, claim
+from roughvol.report.claims.needs import FIELD, ONE_D, PAPER_D
+from roughvol.report.claims.paper_formulas import bearing_area_volume, volume_from_dimension
 from roughvol.report.claims.shape import Field, field
-from roughvol.report.claims.verdict import Check
+from roughvol.report.claims.statistics import exact, mean, slope
+from roughvol.report.claims.verdict import Check, Number
 from roughvol.typing import Array, Mask
 
 BINS = (25, 50, 100, 200, 400)  # K of Eq. 9 to 11
@@ -38,47 +39,37 @@ def bearing_area(given: Given) -> Outcome:
     run = given.run()
     D, m = PAPER_D, max(run.m)
     separation, area, volume = (run.values(name, D=D, m=m) for name in (D_SIGMA, A, V))
-    printed = paper_formulas.bearing_area_volume(separation, "gaussian", area)
+    printed = bearing_area_volume(separation, "gaussian", area)
     decays = int((np.diff(printed, axis=1) > 0.0).sum())
-    bend_theory = statistics.mean(
-        "bend_eq4", "largest departure of Eq. 4 from a line in A*", [*map(_bend, area, printed)]
-    )
-    bend_computed = statistics.mean("bend_computed", "the same of the computed V*(A*)", [*map(_bend, area, volume)])
-    last = {
-        "gauss_printed": printed[:, -1],
-        "gauss_without": paper_formulas.bearing_area_volume(separation, "gaussian")[:, -1],
-        "own_printed": np.empty(run.seeds),
-        "own_without": np.empty(run.seeds),
-    }
-    for k, seed in enumerate(run.seed_numbers()):
-        heights = run.surface(D, m, seed).heights
-        own = paper_formulas.bearing_area_volume(separation[k, -1], heights)
-        last["own_without"][k], last["own_printed"][k] = own, own * (1.0 - area[k, -1])
-    words = {"gauss": "Gaussian heights", "own": "own heights", "printed": "as printed", "without": "without 1 - A*"}
-    numbers = []
-    for key, each in last.items():
-        heights_, form = key.split("_")
-        numbers.append(statistics.mean(key, f"V* of Eq. 4 at the last step, {words[heights_]}, {words[form]}", each))
-    computed = statistics.mean("computed", "computed V* at the last step", volume[:, -1])
-    off = statistics.mean(
-        "off", "Eq. 4 as printed (own heights) over the computed V*, less 1", last["own_printed"] / volume[:, -1] - 1.0
-    )
+    bend_theory = mean("bend_eq4", "largest departure of Eq. 4 from a line in A*", [*map(_bend, area, printed)])
+    bend_computed = mean("bend_computed", "the same of the computed V*(A*)", [*map(_bend, area, volume)])
+    heights = [run.surface(D, m, seed).heights for seed in run.seed_numbers()]
+    own = np.array([bearing_area_volume(d, z) for d, z in zip(separation[:, -1], heights, strict=True)])
+    own_printed = own * (1.0 - area[:, -1])
+    numbers = [
+        mean(key, f"V* of Eq. 4 at the last step, {words}", values)
+        for key, words, values in (
+            ("gauss_printed", "Gaussian heights, as printed", printed[:, -1]),
+            ("gauss_without", "Gaussian heights, without 1 - A*", bearing_area_volume(separation)[:, -1]),
+            ("own_printed", "own heights, as printed", own_printed),
+            ("own_without", "own heights, without 1 - A*", own),
+        )
+    ]
+    computed = mean("computed", "computed V* at the last step", volume[:, -1])
+    off = mean("off", "Eq. 4 as printed (own heights) over the computed V*, less 1", own_printed / volume[:, -1] - 1.0)
     checks = [
-        Check("Eq. 4 decays with A*", decays == 0, statistics.exact("rises", "steps at which it rises", decays)),
+        Check("Eq. 4 decays with A*", decays == 0, exact("rises", "steps at which it rises", decays)),
         Check(f"it is linear in A* within {LINEAR:.0%}", bend_theory.value < LINEAR, bend_theory),
         Check(f"the computed V*(A*) is not ({LINEAR:.0%})", bend_computed.value > LINEAR, bend_computed),
         Check(f"within {CLOSE:.0%} of the computed V* at the last step", abs(off.value) <= CLOSE, off, essential=False),
     ]
-    why = (
-        f"Eq. 4 bends by {bend_theory.value:.0%} of its range (the integral moves with d as well), and at d = 0 it "
-        f"gives "
-        f"{numbers[2].value:.2f} where {computed.value:.2f} is computed: it knows no elastic displacement."
-    )
+    why = f"Eq. 4 bends by {bend_theory.value:.0%} of its range (the integral moves with d as well), and at d = 0 it "
+    why += f"gives {numbers[2].value:.2f} where {computed.value:.2f} is computed: it knows no elastic displacement."
     return Outcome(checks, why, [run], [*numbers, computed])
 
 
 def _bend(x: Array, y: Array) -> float:
-    rest = y - y.mean() - statistics.slope(x, y) * (x - x.mean())
+    rest = y - y.mean() - slope(x, y) * (x - x.mean())
     return float(np.abs(rest).max() / np.ptp(y))
 
 
@@ -102,42 +93,33 @@ def volume_of_dimension(given: Given) -> Outcome:
     """
     run = given.run()
     state = field(run)
-    exact, printed, fitted = (estimates(state, kind, weight) for kind, weight in KINDS)
-    over = [value / state.numbers[V] for value in (exact[1], printed[1], fitted[1])]
+    (counted, printed, fitted), volume = (estimates(state, *kind) for kind in KINDS), state.numbers[V]
     change = abs(printed[3] / printed[2] - 1.0)
-    sum_ = statistics.exact("sum", "Σ n_k v_k over the computed V*, K = 50", over[0])
-    as_printed = statistics.exact("printed", "the printed sum over the computed V*, K = 50", over[1])
-    one = statistics.exact("fitted", "Σ n_k v_k with one fitted dimension over V*, K = 50", over[2])
-    double = statistics.exact("doubling", "change of the printed sum from K = 100 to 200", change)
+    sum_ = exact("sum", "Σ n_k v_k over the computed V*, K = 50", counted[1] / volume)
+    as_printed = exact("printed", "the printed sum over the computed V*, K = 50", printed[1] / volume)
+    one = exact("fitted", "Σ n_k v_k with one fitted dimension over V*, K = 50", fitted[1] / volume)
+    double = exact("doubling", "change of the printed sum from K = 100 to 200", change)
+    limit = "the printed sum has a limit (changes by less than 5 % when K doubles)"
     checks = [
-        Check(f"Σ n_k v_k within {CLOSE:.0%} of V*", abs(over[0] - 1.0) <= CLOSE, sum_),
-        Check(f"the printed sum within {CLOSE:.0%} of V*", abs(over[1] - 1.0) <= CLOSE, as_printed, essential=False),
-        Check(
-            "the printed sum has a limit (changes by less than 5 % when K doubles)",
-            change < 0.05,
-            double,
-            essential=False,
-        ),
-        Check(
-            f"one fitted dimension per domain does as well ({CLOSE:.0%})",
-            abs(over[2] - 1.0) <= CLOSE,
-            one,
-            essential=False,
-        ),
+        Check(f"Σ n_k v_k within {CLOSE:.0%} of V*", close(sum_), sum_),
+        Check(f"the printed sum within {CLOSE:.0%} of V*", close(as_printed), as_printed, essential=False),
+        Check(limit, change < 0.05, double, essential=False),
+        Check(f"one fitted dimension per domain does as well ({CLOSE:.0%})", close(one), one, essential=False),
     ]
     numbers = [
-        statistics.exact(f"printed_{K}", f"V* of the printed sum, K = {K}", value)
-        for K, value in zip(BINS, printed, strict=True)
+        exact(f"printed_{K}", f"V* of the printed sum, K = {K}", value) for K, value in zip(BINS, printed, strict=True)
     ]
-    why = (
-        f"Counting each element at the volume of its bin gives {over[0]:.3f} of V*; the printed sum counts it at "
-        f"the width "
-        f"of the bin, gives {over[1]:.3f} at K = 50 and falls as 1/K."
-    )
+    why = f"Counting each element at the volume of its bin gives {sum_.value:.3f} of V*; the printed sum counts it at "
+    why += f"the width of the bin, gives {as_printed.value:.3f} at K = 50 and falls as 1/K."
     return Outcome(checks, why, [run], numbers)
 
 
 KINDS = (("mean", "volume"), ("mean", "width"), ("fit", "volume"))
+
+
+def close(number: Number) -> bool:
+    """Return whether an estimate over the computed V* is near 1."""
+    return abs(number.value - 1.0) <= CLOSE
 
 
 def estimates(state: Field, kind: str, weight: str) -> list[float]:
@@ -148,26 +130,17 @@ def estimates(state: Field, kind: str, weight: str) -> list[float]:
     side = 1 << (min(state.volumes.shape).bit_length() - 1)
     spacing = state.numbers["spacing"]
     volumes, contact = state.volumes[:side, :side], state.contact[:side, :side]
-    found = []
+    size = {"length": side * spacing, "spacing": spacing, "Sq": state.numbers["Sq"], "area": (side * spacing) ** 2}
+    sums = []
     for K in BINS:
         edges = np.linspace(0.0, float(volumes.max()), K + 1)
         dimensions = np.array([_dimension(domain(volumes, edge, contact), kind) for edge in edges])
-        found.append(
-            paper_formulas.volume_from_dimension(
-                edges,
-                dimensions,
-                length=side * spacing,
-                spacing=spacing,
-                Sq=state.numbers["Sq"],
-                area=(side * spacing) ** 2,
-                weight=weight,
-            )
-        )
-    return found
+        sums.append(volume_from_dimension(edges, dimensions, weight=weight, **size))
+    return sums
 
 
 def _dimension(mask: Mask, kind: str) -> float:
     counts = box_counting.box_counts(mask)
     if kind == "mean":
         return float(np.log(counts.counts[0]) / np.log(counts.r[-1]))
-    return -statistics.slope(np.log(counts.r), np.log(counts.counts))
+    return -slope(np.log(counts.r), np.log(counts.counts))

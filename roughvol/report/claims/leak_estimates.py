@@ -16,7 +16,8 @@ ESTIMATES = {
     "single critical junction": "estimate_junction_transmissivity_{}",
 }
 EDGES = (0.0, 0.05, 0.1, 0.2, 0.3, 1.0)  # of the classes of A*
-FEWEST = 5  # states in a class, below which nothing is said
+HEAD = ("run", "estimate", "A*", "median", "90 % of states", "off by more than 2", "open or closed wrongly", "n")
+FEWEST = 5  # states that a class needs
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,14 @@ class Ratio:
     closed: int
     states: int
 
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The row of a table under `HEAD`."""
+        low, high = (f"{value:.3g}" for value in self.area)
+        inner = f"{self.span[0]:.3g} to {self.span[1]:.3g}"
+        counts = (f"{self.doubled:.0%}", str(self.closed), str(self.states))
+        return self.run, self.estimate, f"{low} to {high}", f"{self.median:.2f}", inner, *counts
+
 
 def ratios(evidence: Evidence) -> list[Ratio]:
     """Return how far the estimates are off, for every run that holds both them and the flow."""
@@ -49,9 +58,9 @@ def _of(run: Run, name: str) -> Iterator[Ratio]:
         return
     area = np.concatenate([ds[A].values.ravel()] * 2)
     guess, flow = (np.concatenate([ds[pair[k]].values.ravel() for pair in pairs]) for k in (0, 1))
-    known = np.isfinite(guess) & np.isfinite(flow) & np.isfinite(area)
+    mask = np.isfinite(guess) & np.isfinite(flow) & np.isfinite(area)
     for low, high in pairwise(EDGES):
-        inside = known & (area > low) & (area <= high)
+        inside = mask & (area > low) & (area <= high)
         open_ = inside & (guess > 0.0) & (flow > 0.0)
         if open_.sum() < FEWEST:
             continue

@@ -1,4 +1,4 @@
-"""Monte Carlo honestly: what ten surfaces, or one, may say where a hundred are known."""
+"""Monte Carlo: results that ten surfaces, or one, may give where a hundred are known."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 from roughvol.report.claims import statistics
 from roughvol.report.claims.area_and_volume import exponents
 from roughvol.report.claims.density import mean_volume_exponents
-from roughvol.report.claims.evidence import PAPER_D, A, Evidence, Lacking, P, V, area_slopes, nearest
-from roughvol.report.claims.needs import MANY
+from roughvol.report.claims.evidence import A, Evidence, P, V, area_slopes, nearest, require
+from roughvol.report.claims.needs import MANY, PAPER_D
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Number
 from roughvol.typing import Array
@@ -48,26 +48,24 @@ class Flip:
 
 
 def many_seeds(evidence: Evidence) -> tuple[Run, list[Spread], list[Flip]]:
-    """Return what the run with the most surfaces says about fewer of them.
+    """Return the scatter of few surfaces, drawn from the run with the most.
 
     Sets of ten are drawn without repetition from all, 5000 times, with a fixed seed.
 
     Raises
     ------
     Lacking
-        If no run has what is needed, at least three times ten surfaces.
+        If no run has the configuration and at least three times ten surfaces.
     """
     evidence.best(ENOUGH)
     runs = [run for run in evidence.fit(ENOUGH) if run.seeds >= 3 * FEW]
-    if not runs:
-        message = f"a run of {3 * FEW} surfaces or more"
-        raise Lacking(message)
-    run = max(runs, key=lambda each: (each.seeds, len(each.D)))
+    require(runs, f"a run of {3 * FEW} surfaces or more")
+    run = max(runs, key=lambda candidate: (candidate.seeds, len(candidate.D)))
     random = np.random.Generator(np.random.PCG64(statistics.BOOTSTRAP_SEED))
     sets = np.array([random.choice(run.seeds, FEW, replace=False) for _ in range(DRAWS)])
     others = np.array([random.choice(run.seeds, FEW, replace=False) for _ in range(DRAWS)])
     values = dict(_quantities(run))
-    spreads = [_spread(key, name, each, sets) for key, (name, each) in values.items()]
+    spreads = [_spread(key, name, numbers, sets) for key, (name, numbers) in values.items()]
     m, flips = max(run.m), []
     for low, high in zip(run.D[:-1], run.D[1:], strict=True):
         for symbol, sign in (("V* at d = 0", 1.0), ("A*/p*", -1.0)):
@@ -93,13 +91,13 @@ def _quantities(run: Run) -> Iterator[tuple[str, tuple[str, Array]]]:
         yield "q", (f"q of v̄ ~ δ^q, {words}", mean_volume_exponents(run, D))
 
 
-def _spread(key: str, name: str, each: Array, sets: np.ndarray) -> Spread:
-    many = statistics.mean(key, name, each)
-    drawn = each[sets]
+def _spread(key: str, name: str, values: Array, sets: np.ndarray) -> Spread:
+    many = statistics.mean(key, name, values)
+    drawn = values[sets]
     means = drawn.mean(axis=1)
     half = statistics.student_quantile(FEW) * drawn.std(axis=1, ddof=1) / math.sqrt(FEW)
     tails = [0.025, 0.975]
-    one, ten = (tuple(float(q) for q in np.quantile(values, tails)) for values in (each, means))
+    one, ten = (tuple(float(q) for q in np.quantile(sample, tails)) for sample in (values, means))
     return Spread(
         key, name, many, (one[0], one[1]), (ten[0], ten[1]), float((np.abs(means - many.value) > half).mean())
     )

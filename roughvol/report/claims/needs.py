@@ -7,7 +7,7 @@ is smaller, coarser or ends elsewhere answers another question; it is refused, b
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +16,13 @@ from roughvol.store.variables import VARIABLES
 if TYPE_CHECKING:
     from roughvol.report.claims.stored_run import Run
 
-SAME = 1e-9  # by which two D, two L or two tolerances may differ and count as equal
+SAME = 1e-9  # largest difference of two equal D, L or tolerances
 PAPER_D, PAPER_M = 2.3, 7  # the paper's single surface, Figs. 4b and 7 to 12b
 
 
 @dataclass(frozen=True)
 class Needs:
-    """What a run must be to be asked; what is left at its default is not asked for.
+    """Configuration that a run must have; a default asks for nothing.
 
     Parameters
     ----------
@@ -88,9 +88,9 @@ class Needs:
         return (*self._small(run), *self._unlike(run)) or tuple(self._incomplete(run))
 
     def _small(self, run: Run) -> Iterable[str]:
-        """Yield what is too little of the run as it was asked for."""
+        """Yield reasons of size: too few values, surfaces, steps or bins."""
         D, m = run.D, run.m
-        if any(min(abs(one - each) for each in D) > SAME for one in self.D):
+        if any(min(abs(wanted - value) for value in D) > SAME for wanted in self.D):
             yield f"D = {_listed(D)}, needs {_listed(self.D)}"
         if not {*self.m} <= {*m}:
             yield f"m = {_listed(m)}, needs {_listed(self.m)}"
@@ -106,7 +106,7 @@ class Needs:
             yield f"density in {_count(run.dataset.sizes['bin'], 'bin')}, needs {self.bins}"
 
     def _unlike(self, run: Run) -> Iterable[str]:
-        """Yield what is another question: law, end of the sweep, solver, records."""
+        """Yield reasons of kind: law, end of the sweep, solver, records."""
         if self.law and run.law != self.law:
             yield f"midpoint law {run.law}, needs {self.law}"
         if self.ends and not any(run.end == end or run.end.startswith(f"{end}=") for end in self.ends):
@@ -127,13 +127,13 @@ class Needs:
                 yield f"nothing recorded at {label}"
 
     def _incomplete(self, run: Run) -> Iterable[str]:
-        """Yield what was asked for and is not stored, as where only some cases of a study were computed."""
-        D = [min(run.D, key=lambda each: abs(each - one)) for one in self.D] or run.D
+        """Yield reasons of missing cases, where only some of a study were computed."""
+        D = [min(run.D, key=lambda value: abs(value - wanted)) for wanted in self.D] or run.D
         m = [*self.m, *([max(run.m)] if self.finest else [])] or run.m
-        stored = [(run.computed(D=one, m=k), one, k) for one in D for k in dict.fromkeys(m)]
-        count, one, k = min(stored)
+        stored = [(run.computed(D=wanted, m=k), wanted, k) for wanted in D for k in dict.fromkeys(m)]
+        count, wanted, k = min(stored)
         if count < self.seeds:
-            yield f"{_count(count, 'surface')} of D = {one:g}, m = {k} computed, needs {self.seeds}"
+            yield f"{_count(count, 'surface')} of D = {wanted:g}, m = {k} computed, needs {self.seeds}"
         elif self.separation < float("inf") and run.shallowest > self.separation:
             yield f"d/σ down to {run.shallowest:g}, needs {self.separation:g}"
 
@@ -142,13 +142,13 @@ class Needs:
         return dataclasses.replace(self, holds=holds, **changes)
 
     def relaxed(self) -> Needs:
-        """Return what is left if size does not count: variables, comparison, law, and the plane of the end."""
+        """Return the configuration without its size: variables, comparison, law, and the plane of the end."""
         kept = {name: getattr(self, name) for name in ("holds", "by", "law", "separation", "optional")}
         planes = tuple(end for end in self.ends if end.endswith("-plane"))
         return Needs(**kept, ends=planes, D=self.D if len(self.D) == 1 else ())
 
     def rank(self, run: Run) -> tuple[int, ...]:
-        """Return what decides among runs that fit: values compared, finest m, surfaces, D and m in all, steps."""
+        """Return the order of runs that fit: values compared, finest m, surfaces, D and m in all, steps."""
         compared = {"": 0, "D": len(run.D), "m": len(run.m)}[self.by]
         return compared, max(run.m), run.seeds, len(run.D), len(run.m), run.steps
 
@@ -167,21 +167,6 @@ class Needs:
         return "; ".join(words + [f"records at {label}" for _, label in self.states])
 
 
-def fit(needs: Needs, runs: Sequence[Run]) -> list[Run]:
-    """Return the runs that have what is needed, the best first; of equals, the one given first."""
-    return sorted((run for run in runs if not needs.unfit(run)), key=needs.rank, reverse=True)
-
-
-def refusals(needs: Sequence[Needs], runs: Sequence[Run]) -> dict[str, str]:
-    """Return why each run that serves none of several needs is refused: by its name, the need it misses by least."""
-    found = {}
-    for run in runs:
-        reasons = [need.unfit(run) for need in needs]
-        if all(reasons):
-            found[run.name] = "; ".join(sorted(reasons, key=len)[0])
-    return found
-
-
 def symbol(name: str) -> str:
     """Return the symbol of a stored variable, as A*."""
     return VARIABLES[name].symbol if name in VARIABLES else name
@@ -191,8 +176,8 @@ def _listed(values: Iterable[float]) -> str:
     return ", ".join(f"{value:g}" for value in values)
 
 
-def _count(number: int, one: str) -> str:
-    return f"{number} {one if number == 1 else one + 's'}"
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun if number == 1 else noun + 's'}"
 
 
 # The paper's configurations -----------------------------------------------------------------------------------------

@@ -123,25 +123,6 @@ def volume_from_dimension(
     return float(np.diff(boxes_of_dimension(dimensions, length, spacing)) @ weights[weight]) / (Sq * area)
 
 
-def volume_from_density(edges: Array, density: Array, *, elements: int, Sq: float, area: float) -> float:
-    """Return V* from the density of element volumes, V* = Σ n_k v_k / (σ A_n), n_k = n f_k Δv_k.
-
-    What Eq. 7 means: v_k is the centre of bin k, so that the error is at most half a bin per element, whatever K.
-
-    Parameters
-    ----------
-    edges, density : ndarray, shapes (K + 1,) and (K,)
-        Edges [length³] and density f [1/length³] of the element volumes.
-    elements : int
-        Number n of elements that the density is over (the open ones, if contact was left out).
-    Sq, area : float
-        σ [length] and A_n [length²], positive; A_n = δ² times all elements gives mean(g)/σ, L² the paper's V*.
-    """
-    check_positive(Sq=Sq, area=area)
-    numbers = elements * density * np.diff(edges)
-    return float(numbers @ (0.5 * (edges[1:] + edges[:-1]))) / (Sq * area)
-
-
 def persson_area(mean_pressure: ArrayLike, Sdq: float, *, Sq: float, side: float) -> Array:
     """Return the area fraction of Persson's theory, A* = erf(√2 p / (E* h')), p / E* = p* σ / L (Persson 2001).
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from roughvol.report.claims import statistics
 from roughvol.report.claims.area_and_volume import SMALL
-from roughvol.report.claims.evidence import D_SIGMA, PAPER_D, A, Given, Lacking, Outcome, P, V, at, claim, common
-from roughvol.report.claims.needs import BY_M, Needs
+from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, at, claim, common, require
+from roughvol.report.claims.needs import BY_M, PAPER_D, Needs
+from roughvol.report.claims.statistics import exact, mean, slope
 from roughvol.report.claims.stored_run import Run
-from roughvol.report.claims.verdict import Check, Number, above, below
+from roughvol.report.claims.verdict import Check, Number
 from roughvol.typing import Array
 
 _PRESSED = Needs((V, A, P), finest=5, seeds=10, steps=60, rtol=1e-6)  # to any end
@@ -33,38 +34,36 @@ def volume_converges(given: Given) -> Outcome:
     """
     run = given.run()
     changes, rates = steps_in_m(run, P)
-    rate = statistics.mean("rate", "slope of log₂ of the change over m", rates)
+    rate = mean("rate", "slope of log₂ of the change over m", rates)
+    require(len(changes) >= 2, "three m at least")
     final = changes[-1]
-    numbers = changes[:-1]
     checks = [
-        Check("the changes fall with m", below(rate, 0.0), rate),
-        Check(f"the last change is below {SMALL:.0%}", below(final, SMALL), final, essential=False),
+        Check.below("the changes fall with m", rate, 0.0),
+        Check.below(f"the last change is below {SMALL:.0%}", final, SMALL, essential=False),
     ]
-    if len(changes) < 2:
-        message = "three m at least"
-        raise Lacking(message)
-    why = (
-        f"V* at equal p* changes by {final.value:.1%} from m = {run.m[-2]} to {run.m[-1]}, and each change is "
-        f"{2**rate.value:.2f} of the one before."
-    )
-    return Outcome(checks, why, [run], numbers)
+    why = f"V* at equal p* changes by {final.value:.1%} from m = {run.m[-2]} to {run.m[-1]}, and each change is "
+    return Outcome(checks, f"{why}{2**rate.value:.2f} of the one before.", [run], changes[:-1])
 
 
-def steps_in_m(run: Run, x: str, *, signed: bool = False) -> tuple[list[Number], Array]:
+def steps_in_m(run: Run, x: str) -> tuple[list[Number], Array]:
     """Return the relative change of V* at equal x for each step in m, and the rate of each surface (log₂ per m)."""
-    axes = [run.values(x, D=PAPER_D, m=m) for m in run.m]
-    grid = common(axes)
-    curves = [at(axis, run.values(V, D=PAPER_D, m=m), grid) for axis, m in zip(axes, run.m, strict=True)]
-    signs = [np.mean((fine - coarse) / fine, axis=1) for coarse, fine in pairwise(curves)]
-    sizes = [np.mean(np.abs(fine - coarse) / fine, axis=1) for coarse, fine in pairwise(curves)]
-    numbers = []
-    for (coarse, fine), each in zip(pairwise(run.m), signs if signed else sizes, strict=True):
-        axis = "p*" if x == P else "A*"
-        numbers.append(
-            statistics.mean(f"change_{int(fine)}", f"change of V* at equal {axis}, m = {coarse} to {fine}", each)
-        )
+    sizes = [np.mean(np.abs(change), axis=1) for change in _changes(run, x, run.m)]
+    numbers = [_number(coarse, fine, x, size) for (coarse, fine), size in zip(pairwise(run.m), sizes, strict=True)]
     middle = np.array(run.m[1:], dtype=float)
-    return numbers, np.array([statistics.slope(middle, np.log2(row)) for row in np.array(sizes).T])
+    return numbers, np.array([slope(middle, np.log2(row)) for row in np.array(sizes).T])
+
+
+def _changes(run: Run, x: str, levels: Sequence[int]) -> list[Array]:
+    """Return the relative change of V* at equal x, shape (surfaces, points), from each m to the next."""
+    axes = [run.values(x, D=PAPER_D, m=m) for m in levels]
+    grid = common(axes)
+    curves = [at(axis, run.values(V, D=PAPER_D, m=m), grid) for axis, m in zip(axes, levels, strict=True)]
+    return [(fine - coarse) / fine for coarse, fine in pairwise(curves)]
+
+
+def _number(coarse: int, fine: int, x: str, changes: Array) -> Number:
+    axis = "p*" if x == P else "A*"
+    return mean(f"change_{fine}", f"change of V* at equal {axis}, m = {coarse} to {fine}", changes)
 
 
 @claim(
@@ -84,38 +83,22 @@ def volume_at_area_depends_on_m(given: Given) -> Outcome:
     the matched ratio above 0.5), is the adverb "strongly".
     """
     run = given.run()
-    axes = [run.values(A, D=PAPER_D, m=m) for m in run.m[-4:]]
-    grid = common(axes)
-    curves = [at(axis, run.values(V, D=PAPER_D, m=m), grid) for axis, m in zip(axes, run.m[-4:], strict=True)]
-    if len(curves) < 4:
-        message = "four m at least"
-        raise Lacking(message)
-    signed = [np.mean((fine - coarse) / fine, axis=1) for coarse, fine in pairwise(curves)]
+    require(len(run.m) >= 4, "four m at least")
+    signed = [np.mean(change, axis=1) for change in _changes(run, A, run.m[-4:])]
     numbers = [
-        statistics.mean(f"change_{fine}", f"change of V* at equal A*, m = {coarse} to {fine}", each)
-        for (coarse, fine), each in zip(pairwise(run.m[-4:]), signed, strict=True)
+        _number(coarse, fine, A, size) for (coarse, fine), size in zip(pairwise(run.m[-4:]), signed, strict=True)
     ]
-    pressure_axes = [run.values(P, D=PAPER_D, m=m) for m in run.m[-2:]]
-    points = common(pressure_axes)
-    coarse, fine = (
-        at(x, run.values(V, D=PAPER_D, m=m), points) for x, m in zip(pressure_axes, run.m[-2:], strict=True)
-    )
-    at_pressure = np.mean(np.abs(fine - coarse) / fine, axis=1)
-    more = statistics.mean(
-        "area_minus_pressure", "size of the change at equal A* less that at equal p*", -signed[-1] - at_pressure
-    )
-    keeps = statistics.mean(
-        "persistence", f"change to m = {run.m[-1]} over that to m = {run.m[-3]}", signed[-1] / signed[0]
-    )
+    at_pressure = np.mean(np.abs(_changes(run, P, run.m[-2:])[0]), axis=1)
+    name = "size of the change at equal A* less that at equal p*"
+    more = mean("area_minus_pressure", name, -signed[-1] - at_pressure)
+    keeps = mean("persistence", f"change to m = {run.m[-1]} over that to m = {run.m[-3]}", signed[-1] / signed[0])
     checks = [
-        Check(f"V* at equal A* falls from m = {run.m[-2]} to {run.m[-1]}", below(numbers[-1], 0.0), numbers[-1]),
-        Check("by more than at equal p*", above(more, 0.0), more),
-        Check("the change does not die out with m", above(keeps, 0.5), keeps, essential=False),
+        Check.below(f"V* at equal A* falls from m = {run.m[-2]} to {run.m[-1]}", numbers[-1], 0.0),
+        Check.above("by more than at equal p*", more, 0.0),
+        Check.above("the change does not die out with m", keeps, 0.5, essential=False),
     ]
-    why = (
-        f"V* at equal A* still falls by {-numbers[-1].value:.0%} from m = {run.m[-2]} to {run.m[-1]} "
-        f"({np.mean(at_pressure):.1%} at equal p*)."
-    )
+    why = f"V* at equal A* still falls by {-numbers[-1].value:.0%} from m = {run.m[-2]} to {run.m[-1]} "
+    why += f"({np.mean(at_pressure):.1%} at equal p*)."
     return Outcome(checks, why, [run], numbers[:-1])
 
 
@@ -146,16 +129,12 @@ def limits(given: Given) -> Outcome:
                 v, a, p = (np.diff(run.values(name, D=D, m=m), axis=1) for name in (V, A, P))
                 bad = (v > 1e-5) | (p < -1e-5) | (a < -2.5 / (2**m + 1) ** 2)
                 wrong, steps = wrong + int(bad.sum()), steps + bad.size
-    number = statistics.exact("wrong_steps", f"steps of {steps} that go the wrong way", wrong)
+    number = exact("wrong_steps", f"steps of {steps} that go the wrong way", wrong)
     checks = [Check("V* falls, A* and p* rise at every step", wrong == 0, number)]
     paced = [run for run in runs if run.end == "mean-plane"]  # a coarse sweep to full contact starts with a large step
     starts = [run.values(A, D=D, m=max(run.m))[:, 0] / run.last(A, D=D, m=max(run.m)) for run in paced for D in run.D]
-    if not starts:
-        message = "a sweep to the mean plane"
-        raise Lacking(message)
-    start = statistics.exact(
-        "start", "largest A* of a first step over that of the last", float(np.max(np.concatenate(starts)))
-    )
+    require(starts, "a sweep to the mean plane")
+    start = exact("start", "largest A* of a first step over that of the last", float(np.max(np.concatenate(starts))))
     checks.append(Check("A* starts near 0 and V* is largest there", start.value < 0.1, start))
     # the run that was pressed furthest, whatever its end is called
     given.run("far")
@@ -163,16 +142,14 @@ def limits(given: Given) -> Outcome:
     m = max(full.m)
     area = min(float(full.last(A, D=D, m=m).min()) for D in full.D)
     volume = max(float(full.last(V, D=D, m=m).max()) for D in full.D)
-    last = statistics.exact("full_area", f"smallest A* at the end (m = {m})", area, full.seeds)
-    rest = statistics.exact("full_volume", f"largest V* at the end (m = {m})", volume, full.seeds)
+    last = exact("full_area", f"smallest A* at the end (m = {m})", area, full.seeds)
+    rest = exact("full_volume", f"largest V* at the end (m = {m})", volume, full.seeds)
     checks += [Check("A* = 1 is reached", area == 1.0, last), Check("V* vanishes there", volume < 1e-5, rest)]
     numbers = []
     for D in full.D:
         closed = (full.values(A, D=D, m=m) == 1.0).argmax(axis=1)[:, np.newaxis]
         for key, name, variable in (("full_pressure", "p*", P), ("full_separation", "d/σ", D_SIGMA)):
-            each = np.take_along_axis(full.values(variable, D=D, m=m), closed, axis=1)
-            numbers.append(
-                statistics.mean(f"{key}_D{D:g}", f"{name} of the first step at A* = 1, D = {D:g}, m = {m}", each)
-            )
+            values = np.take_along_axis(full.values(variable, D=D, m=m), closed, axis=1)
+            numbers.append(mean(f"{key}_D{D:g}", f"{name} of the first step at A* = 1, D = {D:g}, m = {m}", values))
     why = f"{steps - wrong} of {steps} steps are monotonous, and V* is {volume:.1g} at A* = {area:g}."
     return Outcome(checks, why, [*runs, full], numbers)

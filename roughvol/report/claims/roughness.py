@@ -1,4 +1,4 @@
-"""Claims about the surfaces (Section 2, Figs. 2 and 3) and the invariance of what is computed with them (Section 2)."""
+"""Claims about the surfaces (Section 2, Figs. 2 and 3) and invariance under scaling in the plane (Section 2)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from roughvol.report.claims import paper_formulas, statistics
-from roughvol.report.claims.evidence import A, Given, Lacking, Outcome, P, V, claim, nearest
+from roughvol.report.claims.evidence import A, Given, Outcome, P, V, claim, nearest, require
 from roughvol.report.claims.needs import BY_D, BY_M, PAPER_M, Needs
+from roughvol.report.claims.paper_formulas import critical_radius, plasticity_index
+from roughvol.report.claims.statistics import exact, mean, ratio
 from roughvol.report.claims.stored_run import Run
-from roughvol.report.claims.verdict import Check, Number, above
+from roughvol.report.claims.verdict import Check, Number
 from roughvol.surfaces import texture
+from roughvol.surfaces.surface import Surface
 
 SHARED = 10  # surfaces that two runs of claim 24 must have in common
 _ALL_D = Needs(by="D", D=BY_D.D, seeds=10)  # surfaces alone: no sweep is asked for
@@ -47,14 +49,11 @@ def nested_power_law(given: Given) -> Outcome:
         count += len(surfaces)
         worst += sum(int((f.heights[::2, ::2] != c.heights).sum()) for c, f in pairwise(surfaces))
         worst += sum(int(np.count_nonzero(s.heights[[0, 0, -1, -1], [0, -1, 0, -1]])) for s in surfaces)
-    nodes = statistics.exact("nested", "nodes that differ between m and m - 1, or corners not zero", worst, count)
+    nodes = exact("nested", "nodes that differ between m and m - 1, or corners not zero", worst, count)
     numbers, off = _hurst(run, "std")
-    checks = [
-        Check("0 nodes differ between m and m - 1", worst == 0, nodes),
-        Check(
-            f"measured H within {HURST_TOLERANCE:g} of 3 - D for every D (std law)", off.value <= HURST_TOLERANCE, off
-        ),
-    ]
+    checks = [Check("0 nodes differ between m and m - 1", worst == 0, nodes)]
+    text = f"measured H within {HURST_TOLERANCE:g} of 3 - D for every D (std law)"
+    checks.append(Check(text, off.value <= HURST_TOLERANCE, off))
     sources, literal = [run], "the literal law was not run"
     if runs := given.runs("literal"):
         more, off_literal = _hurst(runs[0], "variance")
@@ -64,27 +63,19 @@ def nested_power_law(given: Given) -> Outcome:
         numbers += more
         sources.append(runs[0])
         literal = f"dividing the variance, as printed, misses 3 - D by up to {off_literal.value:.2f}"
-    why = (
-        f"Nesting is exact; with the factor on the standard deviation H is within {off.value:.2f} of 3 - D, "
-        f"and {literal}."
-    )
-    return Outcome(checks, why, sources, numbers)
+    why = f"Nesting is exact; with the factor on the standard deviation H is within {off.value:.2f} of 3 - D, and "
+    return Outcome(checks, f"{why}{literal}.", sources, numbers)
 
 
 def _hurst(run: Run, law: str) -> tuple[list[Number], Number]:
-    m = max(run.m)
-    means = {D: statistics.mean(f"H_{law}_D{D:g}", f"H at D = {D:g} ({law} law, m = {m})", h) for D, h in _by_D(run, m)}
-    if not all(math.isfinite(number.value) for number in means.values()):
-        message = f"no measured Hurst exponent at m = {m} (it takes 33 nodes per side)"
-        raise Lacking(message)
-    off = max(abs(number.value - (3.0 - D)) for D, number in means.items())
-    return list(means.values()), statistics.exact(
-        f"H_off_{law}", f"largest |H - (3 - D)| over D ({law} law)", off, run.seeds
-    )
-
-
-def _by_D(run: Run, m: int) -> list[tuple[float, np.ndarray]]:
-    return [(D, run.values("hurst_measured", D=D, m=m)) for D in run.D]
+    """Return the measured H of each D at the finest m, and the largest distance from 3 - D."""
+    m, D = max(run.m), np.array(run.D)
+    H = {d: run.values("hurst_measured", D=d, m=m) for d in run.D}
+    numbers = [mean(f"H_{law}_D{d:g}", f"H at D = {d:g} ({law} law, m = {m})", values) for d, values in H.items()]
+    means = np.array([number.value for number in numbers])
+    require(np.isfinite(means).all(), f"no measured Hurst exponent at m = {m} (it takes 33 nodes per side)")
+    off = float(np.abs(means - (3.0 - D)).max())
+    return numbers, exact(f"H_off_{law}", f"largest |H - (3 - D)| over D ({law} law)", off, run.seeds)
 
 
 @claim(
@@ -106,17 +97,15 @@ def roughness_grows(given: Given) -> Outcome:
     m = int(nearest(run.m, 7))
     checks = []
     for low, high in pairwise(run.D):
-        each = run.values("Sdq", D=high, m=m) / run.values("Sdq", D=low, m=m)
-        number = statistics.ratio(f"Sdq_{low:g}_{high:g}", f"Sdq(D = {high:g}) / Sdq(D = {low:g}) at m = {m}", each)
-        checks.append(Check(f"rms slope grows from D = {low:g} to {high:g}", above(number, 1.0), number))
+        ratios = run.values("Sdq", D=high, m=m) / run.values("Sdq", D=low, m=m)
+        number = ratio(f"Sdq_{low:g}_{high:g}", f"Sdq(D = {high:g}) / Sdq(D = {low:g}) at m = {m}", ratios)
+        checks.append(Check.above(f"rms slope grows from D = {low:g} to {high:g}", number, 1.0))
     for coarse, fine in pairwise(run.m):
-        each = run.values("Sdq", D=run.D[0], m=int(fine)) / run.values("Sdq", D=run.D[0], m=int(coarse))
+        ratios = run.values("Sdq", D=run.D[0], m=int(fine)) / run.values("Sdq", D=run.D[0], m=int(coarse))
         name = f"Sdq(m = {fine}) / Sdq(m = {coarse}) at D = {run.D[0]:g}"
-        number = statistics.ratio(f"Sdq_m{coarse}_m{fine}", name, each)
-        checks.append(
-            Check(f"rms slope grows from m = {coarse} to {fine}", above(number, 1.0), number, essential=False)
-        )
-    slopes = [statistics.mean(f"Sdq_D{D:g}", f"Sdq at D = {D:g}, m = {m}", run.values("Sdq", D=D, m=m)) for D in run.D]
+        number = ratio(f"Sdq_m{coarse}_m{fine}", name, ratios)
+        checks.append(Check.above(f"rms slope grows from m = {coarse} to {fine}", number, 1.0, essential=False))
+    slopes = [mean(f"Sdq_D{D:g}", f"Sdq at D = {D:g}, m = {m}", run.values("Sdq", D=D, m=m)) for D in run.D]
     why = f"At m = {m} the rms slope grows from {slopes[0].value:.2f} at D = {run.D[0]:g} to {slopes[-1].value:.2f} at "
     return Outcome(checks, why + f"D = {run.D[-1]:g}.", [run], slopes)
 
@@ -138,24 +127,19 @@ def in_plane_scaling(given: Given) -> Outcome:
     ψ and ρ_c are computed where a study names a hardness, with ρ the radius of the mean curvature of the summits.
     """
     able = given.runs()
-    found = [(a, b, shared) for a in able for b in able if a.L > b.L and (shared := _shared(a, b))]
-    if not found:
-        message = "two runs of the same D, m and seeds at two L"
-        raise Lacking(message)
-    large, small, (D, ms, seeds) = found[0]
+    pairs = [(a, b, shared) for a in able for b in able if a.L > b.L and (shared := _shared(a, b))]
+    require(pairs, "two runs of the same D, m and seeds at two L")
+    large, small, (D, ms, seeds) = pairs[0]
     label = {"D": D, "m": ms, "seed": seeds}
     off = {v: abs(large.dataset[v].sel(label) - small.dataset[v].sel(label)) for v in (A, P, V)}
     elements = max(float(off[A].sel(m=m).max()) * (2**m + 1) ** 2 for m in ms)
-    worst_V = statistics.exact("difference_V", "largest difference of V*", float(off[V].max()), len(seeds))
-    worst_P = statistics.exact("difference_p", "largest difference of p*", float(off[P].max()), len(seeds))
-    worst_A = statistics.exact("difference_A", "largest difference of A* [elements]", elements, len(seeds))
-    m, scale = max(ms), small.L / large.L
-    radii = [
-        [texture.summit_radius(s.heights, s.spacing) for run in (large, small) for s in [run.surface(D[0], m, seed)]]
-        for seed in seeds
-    ]
-    powers = [math.log(b / a) / math.log(scale) for a, b in radii]
-    power = statistics.mean("radius_power", "n in ρ ~ λ^n", powers)
+    worst_V = exact("difference_V", "largest difference of V*", float(off[V].max()), len(seeds))
+    worst_P = exact("difference_p", "largest difference of p*", float(off[P].max()), len(seeds))
+    worst_A = exact("difference_A", "largest difference of A* [elements]", elements, len(seeds))
+    m = max(ms)
+    radii = {run.L: [_radius(run.surface(D[0], m, seed)) for seed in seeds] for run in (large, small)}
+    ratios = [b / a for a, b in zip(radii[large.L], radii[small.L], strict=True)]
+    power = mean("radius_power", "n in ρ ~ λ^n", [math.log(r) / math.log(small.L / large.L) for r in ratios])
     checks = [
         Check("V* differs by less than 1e-4", worst_V.value < 1e-4, worst_V),
         Check("p* differs by less than 1e-4", worst_P.value < 1e-4, worst_P),
@@ -163,25 +147,25 @@ def in_plane_scaling(given: Given) -> Outcome:
         Check("ρ ~ λ^n with n = 1, as printed", abs(power.value - 1.0) < 0.01, power, essential=False),
     ]
     numbers, plastic = [], "no study names a hardness"
-    for place, run in enumerate((large, small)):
-        material = next((each.study.material for each in (small, large) if each.study), None)
-        if material is None or material.indentation_hardness is None:
-            continue
-        hardness, E_star = material.indentation_hardness, material.contact_modulus
-        sq = run.values("Sq", D=D[0], m=m)[[run.seed_numbers().index(seed) for seed in seeds]]
-        psi = [paper_formulas.plasticity_index(s, r[place], E_star, hardness) for s, r in zip(sq, radii, strict=True)]
-        over = [r[place] / paper_formulas.critical_radius(s, E_star, hardness) for s, r in zip(sq, radii, strict=True)]
-        numbers.append(statistics.mean(f"psi_L{run.L:g}", f"plasticity index ψ at L = {run.L:g}, m = {m}", psi))
-        numbers.append(statistics.mean(f"rho_L{run.L:g}", f"ρ/ρ_c at L = {run.L:g}, m = {m}", over))
-        below = sum(value <= 1.0 for value in over)
-        plastic = (
-            f"WARNING: with E*/H = {E_star / hardness:g}, ρ ≤ ρ_c on {below} of {len(over)} surfaces at L = {run.L:g}"
-        )
-    why = (
-        f"V* at L = {large.L:g} and {small.L:g} differs by at most {worst_V.value:.1g}; "
-        f"but radii scale as λ^{power.value:.2g}, not λ; {plastic}."
-    )
-    return Outcome(checks, why, [large, small], numbers)
+    material = next((run.study.material for run in (small, large) if run.study), None)
+    hardness = material.indentation_hardness if material else None
+    for run in (large, small):
+        if material is None or hardness is None:
+            break
+        E_star = material.contact_modulus
+        Sq = run.values("Sq", D=D[0], m=m)[[run.seed_numbers().index(seed) for seed in seeds]]
+        psi = [plasticity_index(s, r, E_star, hardness) for s, r in zip(Sq, radii[run.L], strict=True)]
+        over = [r / critical_radius(s, E_star, hardness) for s, r in zip(Sq, radii[run.L], strict=True)]
+        numbers.append(mean(f"psi_L{run.L:g}", f"plasticity index ψ at L = {run.L:g}, m = {m}", psi))
+        numbers.append(mean(f"rho_L{run.L:g}", f"ρ/ρ_c at L = {run.L:g}, m = {m}", over))
+        share = f"{sum(value <= 1.0 for value in over)} of {len(over)} surfaces at L = {run.L:g}"
+        plastic = f"WARNING: with E*/H = {E_star / hardness:g}, ρ ≤ ρ_c on {share}"
+    why = f"V* at L = {large.L:g} and {small.L:g} differs by at most {worst_V.value:.1g}; but radii scale as "
+    return Outcome(checks, f"{why}λ^{power.value:.2g}, not λ; {plastic}.", [large, small], numbers)
+
+
+def _radius(surface: Surface) -> float:
+    return texture.summit_radius(surface.heights, surface.spacing)
 
 
 def _shared(a: Run, b: Run) -> tuple[list[float], list[int], list[int]] | None:

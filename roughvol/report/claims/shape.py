@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -10,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from roughvol.observables.free_volume import domain, element_volumes, free_volume
-from roughvol.report.claims import statistics
-from roughvol.report.claims.evidence import D_SIGMA, PAPER_D, PAPER_M, A, Given, Lacking, Outcome, P, V, claim, nearest
-from roughvol.report.claims.needs import BOXES, BY_D, FIELD, ONE_D
+from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, nearest, require
+from roughvol.report.claims.needs import BOXES, BY_D, FIELD, ONE_D, PAPER_D, PAPER_M
+from roughvol.report.claims.statistics import exact, mean, single, slope, straightness
 from roughvol.report.claims.stored_run import Run
-from roughvol.report.claims.verdict import Check, Number, above, below
+from roughvol.report.claims.verdict import Check
 from roughvol.store.dataset import at_state
 from roughvol.typing import Array, Mask
 
@@ -40,9 +41,7 @@ def field(run: Run) -> Field:
     case = run.dataset.sel(D=D, m=m).isel(seed=0)
     steps = case["field_at_step"].values
     places = [k for k in range(len(steps)) if steps[k] > 0]
-    if not places:
-        message = "no recorded field"
-        raise Lacking(message)
+    require(places, "no recorded field")
     states = {k: at_state(case, "field_at", k) for k in places}
     place = min(places, key=lambda k: abs(float(states[k][A]) - PAPER_A))
     gap = case["gap"].isel(field_at=place).dropna("x", how="all").dropna("y", how="all").transpose("x", "y").values
@@ -72,32 +71,27 @@ def deformed_surface(given: Given) -> Outcome:
     """
     run = given.run()
     state = field(run)
-    number = statistics.exact("area", "A* of the recorded state", state.numbers[A])
-    lowest = statistics.exact("lowest_gap", "smallest gap over σ", float(state.gap.min()))
-    share = float(state.contact.mean())
+    area, separation, pressure = (state.numbers[name] for name in (A, D_SIGMA, P))
+    number = exact("area", "A* of the recorded state", area)
+    lowest = exact("lowest_gap", "smallest gap over σ", float(state.gap.min()))
+    on_plane = lowest.value == 0.0 and bool(state.contact.any())
     checks = [
-        Check(f"A* within {REACHED:g} of {PAPER_A:g}", abs(state.numbers[A] - PAPER_A) <= REACHED, number),
-        Check("no gap is negative, and the contact has gap 0", lowest.value == 0.0 and share > 0.0, lowest),
+        Check(f"A* within {REACHED:g} of {PAPER_A:g}", abs(area - PAPER_A) <= REACHED, number),
+        Check("no gap is negative, and the contact has gap 0", on_plane, lowest),
     ]
-    numbers = [
-        statistics.exact("separation", "d/σ there", state.numbers[D_SIGMA]),
-        statistics.exact("pressure", "p* there", state.numbers[P]),
-    ]
-    sources, reached = [run], ""
+    numbers = [exact("separation", "d/σ there", separation), exact("pressure", "p* there", pressure)]
+    sources, why = [run], f"A* = {area:.3f} is at d/σ = {separation:.2f}, p* = {pressure:.2f}"
     for sweep in given.runs("sweep")[:1]:
         m = int(nearest(sweep.m, PAPER_M))
-        end = statistics.single(
-            "area_end", f"A* of one surface on the mean plane, D = {PAPER_D:g}, m = {m}", sweep.last(A, D=PAPER_D, m=m)
-        )
-        checks.append(
-            Check("one surface may reach it on the mean plane", end.high >= PAPER_A - REACHED, end, essential=False)
-        )
-        reached = (
+        name = f"A* of one surface on the mean plane, D = {PAPER_D:g}, m = {m}"
+        end = single("area_end", name, sweep.last(A, D=PAPER_D, m=m))
+        met = end.high >= PAPER_A - REACHED
+        checks.append(Check("one surface may reach it on the mean plane", met, end, essential=False))
+        why += (
             f"; on the mean plane surfaces have A* = {end.value:.3f} on average, one in {end.low:.3f} to {end.high:.3f}"
         )
         sources.append(sweep)
-    why = f"A* = {state.numbers[A]:.3f} is at d/σ = {state.numbers[D_SIGMA]:.2f}, p* = {state.numbers[P]:.2f}{reached}."
-    return Outcome(checks, why, sources, numbers)
+    return Outcome(checks, f"{why}.", sources, numbers)
 
 
 @claim(
@@ -122,13 +116,11 @@ def volume_map(given: Given) -> Outcome:
     depth = state.heights.max() - state.heights
     open_ = ~state.contact
     rank = float(spearmanr(state.volumes[open_], depth[open_]).statistic)
-    inside = statistics.exact(
-        "contact_volume", "largest v in contact", float(state.volumes[state.contact].max(initial=0.0))
-    )
-    correlation = statistics.exact("rank_correlation", "rank correlation of v with depth", rank)
+    inside = float(state.volumes[state.contact].max(initial=0.0))
+    correlation = exact("rank_correlation", "rank correlation of v with depth", rank)
     checks = [
-        Check("Σ v is the stored V*", total < 1e-6, statistics.exact("sum", "difference of Σ v and V*", total)),
-        Check("v = 0 in contact", inside.value == 0.0, inside),
+        Check("Σ v is the stored V*", total < 1e-6, exact("sum", "difference of Σ v and V*", total)),
+        Check("v = 0 in contact", inside == 0.0, exact("contact_volume", "largest v in contact", inside)),
         Check("v follows the depth of the valleys (rank correlation above 0.9)", rank > 0.9, correlation),
     ]
     why = f"v correlates with the depth of the undeformed valleys (rank correlation {rank:.3f}; {state.words})."
@@ -151,19 +143,17 @@ def domains(given: Given) -> Outcome:
     black = [domain(state.volumes, share * state.volumes.max(), state.contact) for share in shares]
     nested = all(not (small & ~large).any() for small, large in pairwise(black))
     numbers = [
-        statistics.exact(f"black_{share:g}", f"share of the domain at v_th = {share:g} max v", float(mask.mean()))
+        exact(f"black_{share:g}", f"share of the domain at v_th = {share:g} max v", float(mask.mean()))
         for share, mask in zip(shares, black, strict=True)
     ]
-    off = abs(numbers[0].value - state.numbers[A])
+    first, last = numbers[0], numbers[-1]
     checks = [
-        Check("v_th = 0 is the contact: its share is A*", off < 1e-12, numbers[0]),
+        Check("v_th = 0 is the contact: its share is A*", abs(first.value - state.numbers[A]) < 1e-12, first),
         Check("each domain contains the one before", nested),
-        Check("v_th = max v is everything", numbers[-1].value == 1.0, numbers[-1]),
+        Check("v_th = max v is everything", last.value == 1.0, last),
     ]
-    why = (
-        f"The domains grow from {numbers[0].value:.1%} to {numbers[-1].value:.0%} of the elements; half of max v "
-        f"has {numbers[3].value:.0%}."
-    )
+    why = f"The domains grow from {first.value:.1%} to {last.value:.0%} of the elements; half of max v has "
+    why += f"{numbers[3].value:.0%}."
     return Outcome(checks, why, [run], numbers[1:-1])
 
 
@@ -171,8 +161,8 @@ def boxes(run: Run, D: float, m: int, label: str) -> tuple[NDArray[np.int64], Ar
     """Return box sides and counts N(r) at a state, shape (surfaces, thresholds, r); NaN where it was not reached."""
     case = run.dataset.sel(D=D, m=m, box_at=label)
     counts = case["box_count"].transpose("seed", "threshold", "r").values
-    known = case["r"].values <= 2**m
-    return case["r"].values[known], counts[:, :, known]
+    mask = case["r"].values <= 2**m
+    return case["r"].values[mask], counts[:, :, mask]
 
 
 def state_of_boxes(run: Run) -> tuple[float, int, str]:
@@ -185,9 +175,7 @@ def state_of_boxes(run: Run) -> tuple[float, int, str]:
         reached = [float(at_state(case.isel(seed=k), "box_at", place)[A]) for k in np.flatnonzero(steps > 0)]
         if len(reached) == run.seeds:
             off[label] = abs(float(np.mean(reached)) - PAPER_A)
-    if not off:
-        message = "a box-counted state that every surface reaches"
-        raise Lacking(message)
+    require(off, "a box-counted state that every surface reaches")
     return D, m, min(off, key=lambda label: off[label])
 
 
@@ -198,7 +186,12 @@ def fitted_dimension(r: NDArray[np.int64], counts: Array) -> Array:
     """
     used = r <= max(r[-1] // 4, 2)
     logs = np.log(np.where(counts > 0, counts, np.nan))[..., used]
-    return np.apply_along_axis(lambda row: -statistics.slope(np.log(r[used]), row), -1, logs)
+    return np.apply_along_axis(lambda row: -slope(np.log(r[used]), row), -1, logs)
+
+
+def _local_dimension(counts: Array) -> Array:
+    """Return -d log₂ N / d log₂ r between neighbouring box sides, along the last axis."""
+    return -np.diff(np.log(counts), axis=-1) / np.log(2.0)
 
 
 @claim(
@@ -218,31 +211,18 @@ def straight_box_counts(given: Given) -> Outcome:
     run = given.run()
     D, m, label = state_of_boxes(run)
     r, counts = boxes(run, D, m, label)
-    logs, used = np.log(counts), r <= max(r[-1] // 4, 2)
-    local = -np.diff(logs[..., used], axis=-1) / np.log(2.0)
-    checks = []
+    local = _local_dimension(counts[..., r <= max(r[-1] // 4, 2)])
+    checks, straight, bends = [], [], []
     for k, share in enumerate(run.dataset["threshold"].values.tolist()):
-        fits = [statistics.straightness(np.log(r), row) for row in logs[:, k]]
-        number = statistics.mean(f"R2_{share:g}", f"R² at v_th = {share:g} max v", fits)
-        checks.append(Check(f"R² above {STRAIGHT} at v_th = {share:g} max v", number.value > STRAIGHT, number))
-        number = statistics.mean(
-            f"bend_{share:g}", f"range of the local dimension at v_th = {share:g} max v", np.ptp(local[:, k], axis=-1)
-        )
-        checks.append(
-            Check(
-                f"local dimension constant within 0.1 at v_th = {share:g} max v",
-                below(number, 0.1),
-                number,
-                essential=False,
-            )
-        )
-    bends = [check.number.value for check in checks[1::2] if check.number]
-    straight = [check.number.value for check in checks[::2] if check.number]
-    why = (
-        f"R² is {min(straight):.3f} or more, but the local dimension of one curve varies by up to {max(bends):.2f} "
-        f"({_words(label)}, D = {D:g}, m = {m})."
-    )
-    return Outcome(checks, why, [run])
+        where = f"at v_th = {share:g} max v"
+        number = mean(f"R2_{share:g}", f"R² {where}", [straightness(np.log(r), row) for row in np.log(counts[:, k])])
+        straight.append(number.value)
+        checks.append(Check(f"R² above {STRAIGHT} {where}", number.value > STRAIGHT, number))
+        number = mean(f"bend_{share:g}", f"range of the local dimension {where}", np.ptp(local[:, k], axis=-1))
+        bends.append(number.value)
+        checks.append(Check.below(f"local dimension constant within 0.1 {where}", number, 0.1, essential=False))
+    why = f"R² is {min(straight):.3f} or more, but the local dimension of one curve varies by up to {max(bends):.2f} "
+    return Outcome(checks, f"{why}({_words(label)}, D = {D:g}, m = {m}).", [run])
 
 
 @claim(
@@ -266,46 +246,34 @@ def bounds_of_dimension(given: Given) -> Outcome:
     D, m, label = state_of_boxes(run)
     r, counts = boxes(run, D, m, label)
     thresholds = run.dataset["threshold"].values.tolist()
-    if thresholds[0] != 0.0 or thresholds[-1] != 1.0:
-        message = "thresholds from 0 to 1"
-        raise Lacking(message)
-    fitted = fitted_dimension(r, counts)
-    local = -np.diff(np.log(counts), axis=-1) / np.log(2.0)
-    bend = statistics.mean("range", "range of the local dimension of the contact", np.ptp(local[:, 0], axis=-1))
-    contact = statistics.mean("contact", "dimension of the contact", fitted[:, 0])
-    whole = statistics.exact(
-        "whole", "largest |local dimension - 2| at v_th = max v", float(np.abs(local[:, -1] - 2.0).max()), run.seeds
-    )
+    require(thresholds[0] == 0.0 and thresholds[-1] == 1.0, "thresholds from 0 to 1")
+    fitted, local = fitted_dimension(r, counts), _local_dimension(counts)
+    bend = mean("range", "range of the local dimension of the contact", np.ptp(local[:, 0], axis=-1))
+    contact = mean("contact", "dimension of the contact", fitted[:, 0])
+    off = float(np.abs(local[:, -1] - 2.0).max())
+    whole = exact("whole", "largest |local dimension - 2| at v_th = max v", off, run.seeds)
     checks = [
-        Check("local dimension of the contact ranges over more than 0.1", above(bend, 0.1), bend),
-        Check("dimension of the contact below 2", below(contact, 2.0), contact),
-        Check("dimension 2 for v_th = max v", whole.value < 1e-12, whole),
+        Check.above("local dimension of the contact ranges over more than 0.1", bend, 0.1),
+        Check.below("dimension of the contact below 2", contact, 2.0),
+        Check("dimension 2 for v_th = max v", off < 1e-12, whole),
     ]
     numbers = []
     for k, (low, high) in enumerate(pairwise(thresholds)):
-        number = statistics.mean(
-            f"rise_{high:g}", f"dimension at {high:g} max v less that at {low:g}", fitted[:, k + 1] - fitted[:, k]
-        )
-        checks.append(
-            Check(
-                f"dimension not smaller at {high:g} max v than at {low:g}",
-                True if number.low >= 0.0 else None if number.high >= 0.0 else False,
-                number,
-            )
-        )
-        numbers.append(statistics.mean(f"fit_{high:g}", f"dimension at v_th = {high:g} max v", fitted[:, k + 1]))
+        name = f"dimension at {high:g} max v less that at {low:g}"
+        number = mean(f"rise_{high:g}", name, fitted[:, k + 1] - fitted[:, k])
+        met = True if number.low >= 0.0 else None if number.high >= 0.0 else False
+        checks.append(Check(f"dimension not smaller at {high:g} max v than at {low:g}", met, number))
+        numbers.append(mean(f"fit_{high:g}", f"dimension at v_th = {high:g} max v", fitted[:, k + 1]))
     outside = total = 0
     for state in run.dataset["box_at"].values.tolist():
         _, counts = boxes(run, D, m, state)
-        every = -np.diff(np.log(counts[np.isfinite(counts).all(axis=(1, 2))]), axis=-1) / np.log(2.0)
-        outside += int(((every < every[:, :1] - 1e-12) | (every > 2.0 + 1e-12)).sum())
-        total += every.size
-    number = statistics.exact("outside", f"local dimensions of {total} below that of the contact or above 2", outside)
+        local = _local_dimension(counts[np.isfinite(counts).all(axis=(1, 2))])
+        outside += int(((local < local[:, :1] - 1e-12) | (local > 2.0 + 1e-12)).sum())
+        total += local.size
+    number = exact("outside", f"local dimensions of {total} below that of the contact or above 2", outside)
     checks.append(Check("the same at every r", outside == 0, number, essential=False))
-    why = (
-        f"The contact has dimension {contact}, v_th = max v exactly 2 ({_words(label)}, D = {D:g}, m = {m}); "
-        f"{outside} of {total} local dimensions at all states lie outside."
-    )
+    why = f"The contact has dimension {contact}, v_th = max v exactly 2 ({_words(label)}, D = {D:g}, m = {m}); "
+    why += f"{outside} of {total} local dimensions at all states lie outside."
     return Outcome(checks, why, [run], numbers)
 
 
@@ -327,64 +295,46 @@ def contact_dimension(given: Given) -> Outcome:
     run = given.run()
     m = max(run.m)
     labels = run.dataset["box_at"].values.tolist()
-    dimension = {(D, label): fitted_dimension(*_contact(run, D, m, label)) for D in run.D for label in labels}
+    zero = int(np.flatnonzero(run.dataset["threshold"].values == 0.0)[0])
+    dimension = {}
+    for D, label in itertools.product(run.D, labels):
+        r, counts = boxes(run, D, m, label)
+        dimension[D, label] = fitted_dimension(r, counts[:, zero])
     pressures = [label for label in labels if label.startswith("pressure=")]
     areas = [label for label in labels if label.startswith("contact_area=")]
-    if len(pressures) < 2:
-        message = "box counting at two pressures"
-        raise Lacking(message)
+    require(len(pressures) >= 2, "box counting at two pressures")
     pressures.sort(key=_level)
     checks, numbers = [], []
     for D in run.D:
-        each = dimension[D, pressures[-1]] - dimension[D, pressures[0]]
-        number = statistics.mean(
-            f"rise_D{D:g}", f"rise from p* = {_level(pressures[0]):g} to {_level(pressures[-1]):g}, D = {D:g}", each
-        )
-        checks.append(Check(f"rises with pressure at D = {D:g}", above(number, 0.0), number))
+        name = f"rise from p* = {_level(pressures[0]):g} to {_level(pressures[-1]):g}, D = {D:g}"
+        number = mean(f"rise_D{D:g}", name, dimension[D, pressures[-1]] - dimension[D, pressures[0]])
+        checks.append(Check.above(f"rises with pressure at D = {D:g}", number, 0.0))
     for label in (*pressures, *areas):
-        symbol = "p*" if label in pressures else "A*"
+        state = _words(label)
         for low, high in pairwise(run.D):
-            each = dimension[high, label] - dimension[low, label]
-            if np.isfinite(each).sum() < max(2, run.seeds // 2):
+            differences = dimension[high, label] - dimension[low, label]
+            if np.isfinite(differences).sum() < max(2, run.seeds // 2):
                 continue
-            number = statistics.mean(
-                f"{label}_{low:g}_{high:g}",
-                f"dimension at D = {high:g} less that at {low:g}, {symbol} = {_level(label):g}",
-                each,
-            )
-            text = f"falls from D = {low:g} to {high:g} at {symbol} = {_level(label):g}"
-            checks.append(Check(text, below(number, 0.0), number, essential=label in pressures))
-        numbers += [
-            _mean_dimension(dimension[D, label], D, label, symbol)
-            for D in run.D
-            if np.isfinite(dimension[D, label]).any()
-        ]
+            name = f"dimension at D = {high:g} less that at {low:g}, {state}"
+            number = mean(f"{label}_{low:g}_{high:g}", name, differences)
+            text = f"falls from D = {low:g} to {high:g} at {state}"
+            checks.append(Check.below(text, number, 0.0, essential=label in pressures))
+        for D in run.D:
+            if np.isfinite(dimension[D, label]).any():
+                name = f"dimension of the contact, D = {D:g}, {state}"
+                numbers.append(mean(f"dimension_{label}_D{D:g}", name, dimension[D, label]))
     ends = [numbers[0].value, numbers[len(run.D) * (len(pressures) - 1)].value]
-    equal = [check for check in checks if not check.essential]
-    met = sum(check.met is True for check in equal)
-    why = (
-        f"At D = {run.D[0]:g} it rises from {ends[0]:.2f} to {ends[1]:.2f} with pressure and falls with D; at "
-        f"equal area "
-        f"{met} of {len(equal)} comparisons of neighbouring D still fall."
-    )
+    equal = [check.met is True for check in checks if not check.essential]
+    why = f"At D = {run.D[0]:g} it rises from {ends[0]:.2f} to {ends[1]:.2f} with pressure and falls with D; at equal "
+    why += f"area {sum(equal)} of {len(equal)} comparisons of neighbouring D still fall."
     return Outcome(checks, why, [run], numbers)
 
 
-def _contact(run: Run, D: float, m: int, label: str) -> tuple[NDArray[np.int64], Array]:
-    r, counts = boxes(run, D, m, label)
-    zero = int(np.flatnonzero(run.dataset["threshold"].values == 0.0)[0])
-    return r, counts[:, zero]
-
-
 def _words(label: str) -> str:
-    return label.replace("pressure=", "p* = ").replace("contact_area=", "A* = ").replace("separation=", "d/σ = ")
+    symbols = {"pressure": "p*", "contact_area": "A*", "separation": "d/σ"}
+    name, _, value = label.partition("=")
+    return f"{symbols[name]} = {float(value):g}" if name in symbols else label
 
 
 def _level(label: str) -> float:
     return float(label.split("=")[1])
-
-
-def _mean_dimension(each: Array, D: float, label: str, symbol: str) -> Number:
-    return statistics.mean(
-        f"dimension_{label}_D{D:g}", f"dimension of the contact, D = {D:g}, {symbol} = {_level(label):g}", each
-    )

@@ -1,4 +1,4 @@
-"""Intervals over surfaces: Student's t for a mean, a seeded bootstrap for what is not one.
+"""Intervals over surfaces: Student's t for a mean, a seeded bootstrap for other statistics.
 
 Every interval has 95 % coverage. The surfaces of a study are independent (one seed each); numbers of one seed at
 several D or m are matched, and their differences are taken before the mean.
@@ -23,16 +23,12 @@ BOOTSTRAP_SEED = 336  # any number, fixed: the report must not change from one r
 
 def mean(key: str, name: str, values: ArrayLike) -> Number:
     """Return the mean over surfaces with its t interval, x̄ ± t(0.975; n-1) s/√n; NaN are left out."""
-    each = _known(values)
-    half = student_quantile(each.size) * _spread(each) / math.sqrt(each.size) if each.size > 1 else 0.0
-    return _around(key, name, each, half, "t" if each.size > 1 else "")
+    return _with_interval(key, name, values, "t", lambda half, n: half / math.sqrt(n))
 
 
 def single(key: str, name: str, values: ArrayLike) -> Number:
     """Return the interval in which one more surface falls, x̄ ± t(0.975; n-1) s √(1 + 1/n), for a paper with one."""
-    each = _known(values)
-    half = student_quantile(each.size) * _spread(each) * math.sqrt(1.0 + 1.0 / each.size) if each.size > 1 else 0.0
-    return _around(key, name, each, half, "t, one surface" if each.size > 1 else "")
+    return _with_interval(key, name, values, "t, one surface", lambda half, n: half * math.sqrt(1.0 + 1.0 / n))
 
 
 def ratio(key: str, name: str, values: ArrayLike) -> Number:
@@ -57,9 +53,9 @@ def bootstrap(key: str, name: str, statistic: Callable[[NDArray[np.intp]], float
         return Number(key, name, value, value, value, n)
     draws = np.random.Generator(np.random.PCG64(BOOTSTRAP_SEED)).integers(0, n, (RESAMPLES, n))
     # A draw of one surface n times has no scatter and may have no statistic; it is as good as never drawn.
-    each = _known([statistic(draw) for draw in draws])
+    resampled = _known([statistic(draw) for draw in draws])
     tail = 0.5 * (1.0 - COVERAGE)
-    low, high = np.quantile(each, [tail, 1.0 - tail]) if each.size else (value, value)
+    low, high = np.quantile(resampled, [tail, 1.0 - tail]) if resampled.size else (value, value)
     return Number(key, name, value, float(low), float(high), n, f"bootstrap, {RESAMPLES} resamples")
 
 
@@ -71,8 +67,8 @@ def exact(key: str, name: str, value: float, n: int = 1) -> Number:
 def slope(x: ArrayLike, y: ArrayLike) -> float:
     """Return the slope of the least-squares line through (x, y), pairs with a NaN left out; NaN for fewer than two."""
     abscissa, ordinate = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    known = np.isfinite(abscissa) & np.isfinite(ordinate)
-    abscissa, ordinate = abscissa[known], ordinate[known]
+    mask = np.isfinite(abscissa) & np.isfinite(ordinate)
+    abscissa, ordinate = abscissa[mask], ordinate[mask]
     if abscissa.size < 2 or np.ptp(abscissa) == 0.0:
         return math.nan
     centred = abscissa - abscissa.mean()
@@ -89,12 +85,8 @@ def straightness(x: ArrayLike, y: ArrayLike) -> float:
 
 
 def _known(values: ArrayLike) -> Array:
-    each = np.asarray(values, dtype=np.float64).ravel()
-    return each[np.isfinite(each)]
-
-
-def _spread(each: Array) -> float:
-    return float(each.std(ddof=1))
+    numbers = np.asarray(values, dtype=np.float64).ravel()
+    return numbers[np.isfinite(numbers)]
 
 
 def student_quantile(n: int) -> float:
@@ -102,6 +94,13 @@ def student_quantile(n: int) -> float:
     return float(student.ppf(0.5 * (1.0 + COVERAGE), n - 1))
 
 
-def _around(key: str, name: str, each: Array, half: float, method: str) -> Number:
-    value = float(each.mean()) if each.size else math.nan
-    return Number(key, name, value, value - half, value + half, int(each.size), method)
+def _with_interval(
+    key: str, name: str, values: ArrayLike, method: str, scaled: Callable[[float, int], float]
+) -> Number:
+    finite = _known(values)
+    n = int(finite.size)
+    value = float(finite.mean()) if n else math.nan
+    if n < 2:
+        return Number(key, name, value, value, value, n)
+    half = scaled(student_quantile(n) * float(finite.std(ddof=1)), n)
+    return Number(key, name, value, value - half, value + half, n, method)

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
+from xarray import Dataset
 
 from roughvol.errors import StudyError
 from roughvol.study import GeneratedSurface, Study, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +100,8 @@ class Run:
 
     def values(self, name: str, *, D: float, m: int) -> Array:
         """Return a stored variable of one D and m, the surfaces along the first axis."""
-        one = self.dataset[name].sel(D=D, m=m)
-        return np.asarray(one.transpose("seed", ...).values, dtype=np.float64)
+        case = self.dataset[name].sel(D=D, m=m)
+        return np.asarray(case.transpose("seed", ...).values, dtype=np.float64)
 
     def last(self, name: str, *, D: float, m: int) -> Array:
         """Return a variable at the last step, shape (seeds,)."""

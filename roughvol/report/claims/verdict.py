@@ -1,4 +1,4 @@
-"""What a claim is: numbers with intervals, criteria that they meet or not, and the verdict that follows by rule.
+"""Contents of a claim: numbers with intervals, criteria that they meet or not, and the verdict that follows by rule.
 
 The verdict is never written down, it follows from the checks:
 
@@ -42,6 +42,10 @@ class Number:
     n: int = 1
     method: str = ""
 
+    def reaches(self, value: float, slack: float = 0.0) -> bool:
+        """Return whether the interval contains a value to within its rounding."""
+        return self.low <= value + slack and self.high >= value - slack
+
     def __str__(self) -> str:
         """Return value and interval with the digits that the interval leaves."""
         if not math.isfinite(self.value):
@@ -57,7 +61,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Check:
-    """One criterion in words, whether it is met (None: undecided), its number, and whether the claim stands on it."""
+    """One criterion in words, whether it is met (None: undecided), its number, and whether it is essential."""
 
     criterion: str
     met: bool | None
@@ -69,6 +73,16 @@ class Check:
         """Whether there was anything to test: a number that is one, or a criterion that needs none."""
         return self.number is None or math.isfinite(self.number.value)
 
+    @classmethod
+    def above(cls, criterion: str, number: Number, limit: float, *, essential: bool = True) -> Check:
+        """Return the criterion that a number lies above a limit, undecided if its interval contains the limit."""
+        return cls(criterion, above(number, limit), number, essential)
+
+    @classmethod
+    def below(cls, criterion: str, number: Number, limit: float, *, essential: bool = True) -> Check:
+        """Return the criterion that a number lies below a limit, undecided if its interval contains the limit."""
+        return cls(criterion, below(number, limit), number, essential)
+
     def tested(self) -> Check:
         """Return the check, undecided where its number has no value: nothing was tested then."""
         return self if self.has_value else replace(self, met=None)
@@ -76,7 +90,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of the paper beside what was computed.
+    """A sentence of the paper beside the computed numbers.
 
     ``source`` names the runs that were used, ``refused`` those that were not, each with its reason. ``method`` says how
     the numbers and the criteria were chosen, ``why`` is the one sentence that goes with the verdict, ``lacking`` names
@@ -98,7 +112,7 @@ class Claim:
 
     @property
     def untested(self) -> str:
-        """What keeps the essential checks from deciding anything, empty if nothing does."""
+        """Reason why the essential checks decide nothing, empty if there is none."""
         essential = [check for check in self.checks if check.essential]
         for check in essential:
             if not check.has_value:
@@ -137,7 +151,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Reading:
-    """An ambiguity of the text: the quantity that tells the readings apart, the paper's value, and a row for each."""
+    """An ambiguity of the text: the quantity by which the readings differ, the paper's value, and a row for each."""
 
     topic: str
     passage: str
@@ -158,7 +172,7 @@ def below(number: Number, limit: float) -> bool | None:
 
 
 def plain(thing: Any) -> Any:
-    """Return a number, check, claim or reading as plain data for JSON; what is not finite becomes None."""
+    """Return a number, check, claim or reading as plain data for JSON; a number that is not finite becomes None."""
     if isinstance(thing, Number):
         data = {"key": thing.key, "name": thing.name, "value": thing.value, "low": thing.low, "high": thing.high}
         return {name: plain(value) for name, value in {**data, "n": thing.n, "method": thing.method}.items()}

@@ -1,5 +1,18 @@
 """Figures, each a function of a dataset that returns a matplotlib ``Figure``.
 
-`paper` holds the figures of the paper, `seal` those of the flow, `theory` those of the report, `work_precision` those
-of a trade-off, `surface_picture` that of ``roughvol check --look``. `selection` decides which of them a dataset feeds.
+==================  ==================================================================
+`paper`             Figs. 1 to 12 of the paper
+`seal`              flow through the gap
+`theory`            theories, second readings and many seeds, from several runs
+`work_precision`    speed against accuracy of a trade-off
+`surface_picture`   one surface before it is pressed (``roughvol check --look``)
+`selection`         figures that a dataset can feed, and cases that a figure needs
+`families`          curves, states and densities read from a dataset
+`seal_ways`         flow along one direction, and the load at which it stops
+`curves`            curves of several surfaces on one axes
+`seal_drawing`      directions, closing marks and the legend of the flow
+`relief`            lit surfaces in perspective
+`origin`            the note below a figure, and the table that it is in
+`style`             sizes, colours, labels, units, legends
+==================  ==================================================================
 """

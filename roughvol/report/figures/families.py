@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import functools
 import operator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from xarray import DataArray, Dataset
 
 from roughvol.observables.free_volume import element_volumes
 from roughvol.report.figures.style import A, P, looks
 from roughvol.store.dataset import at_state
 from roughvol.typing import Array, Mask
-
-if TYPE_CHECKING:
-    from xarray import DataArray, Dataset
 
 Curve = tuple[Array, Array]
 
@@ -45,9 +44,9 @@ class Family(NamedTuple):
 
 def held(ds: Dataset, *variables: str) -> DataArray:
     """Return which cases hold a value of every one of the variables."""
-    known = [ds[name].notnull() for name in variables]
+    masks = [ds[name].notnull() for name in variables]
     cases = ("D", "m", "seed", "case")
-    return functools.reduce(operator.and_, [mask.any([dim for dim in mask.dims if dim not in cases]) for mask in known])
+    return functools.reduce(operator.and_, [mask.any([dim for dim in mask.dims if dim not in cases]) for mask in masks])
 
 
 def families(ds: Dataset, by: str, *variables: str, m: float = FINEST) -> tuple[list[Family], str]:
@@ -59,22 +58,22 @@ def families(ds: Dataset, by: str, *variables: str, m: float = FINEST) -> tuple[
         holding = ds[common].values[held(ds, *variables).any([by, "seed"]).values].tolist()
         fixed = min(holding, key=lambda value: (abs(value - wish), -value))
         ds, title = ds.sel({common: fixed}), f"${common} = {fixed:g}$"
-    known = held(ds, *variables).transpose(by, "seed").values
-    places = np.flatnonzero(known.any(axis=1)).tolist()
-    found = []
+    mask = held(ds, *variables).transpose(by, "seed").values
+    places = np.flatnonzero(mask.any(axis=1)).tolist()
+    members = []
     for place, look in zip(places, looks(len(places)), strict=True):
         value = ds[by].values[place]
         name = file_text(value) if by == "case" else f"${by} = {value:g}$"
-        data = ds.isel({by: place, "seed": np.flatnonzero(known[place])})
-        found.append(Family(name, float(place if by == "case" else value), look, data))
-    return found, title
+        data = ds.isel({by: place, "seed": np.flatnonzero(mask[place])})
+        members.append(Family(name, float(place if by == "case" else value), look, data))
+    return members, title
 
 
 def single(ds: Dataset, *variables: str) -> tuple[Dataset, str]:
     """Return the case nearest to the paper's D = 2.3, m = 7 that holds the variables, and its name."""
-    known = held(ds, *variables)
-    places = [dict(zip(known.dims, place, strict=True)) for place in np.argwhere(known.values).tolist()]
-    numbers = [dim for dim in ("D", "m") if dim in known.dims]
+    mask = held(ds, *variables)
+    places = [dict(zip(mask.dims, place, strict=True)) for place in np.argwhere(mask.values).tolist()]
+    numbers = [dim for dim in ("D", "m") if dim in mask.dims]
     case = ds.isel(min(places, key=lambda place: [abs(float(ds[dim][place[dim]]) - PAPER[dim]) for dim in numbers]))
     return case, ", ".join([f"${dim} = {case[dim].item():g}$" for dim in numbers]) or file_text(case["case"].item())
 
@@ -88,8 +87,8 @@ def state(ds: Dataset, at: str, *variables: str) -> tuple[Dataset, str, str]:
     """Return the single case at its recorded state (along `at`) nearest to the paper's A* = 0.1, and both in words."""
     case, name = single(ds, *variables)
     reached = [at_state(case, at, int(k)) for k in np.flatnonzero(case[f"{at}_step"].values > 0)]  # -1: never reached
-    found = min(reached, key=lambda one: abs(float(one[A]) - PAPER[A]))
-    return found, name, rf"$A^{{\ast}} = {float(found[A]):.3f}$, $p^{{\ast}} = {float(found[P]):.2f}$"
+    nearest = min(reached, key=lambda candidate: abs(float(candidate[A]) - PAPER[A]))
+    return nearest, name, rf"$A^{{\ast}} = {float(nearest[A]):.3f}$, $p^{{\ast}} = {float(nearest[P]):.2f}$"
 
 
 def own(field: DataArray) -> DataArray:
@@ -99,21 +98,35 @@ def own(field: DataArray) -> DataArray:
 
 def volumes(ds: Dataset) -> tuple[Dataset, Array, Mask, dict[str, Any], str]:
     """Return the one state, its v [length³] and contact, how their image lies in its axes, and the state in words."""
-    found, name, words = state(ds, "field_at", "gap")
-    gap = own(found["gap"])
+    case, name, words = state(ds, "field_at", "gap")
+    gap = own(case["gap"])
     x, y, contact = gap["x"].values, gap["y"].values, gap.values == 0.0
-    v = element_volumes(gap.values * float(found["Sq"]), float(found["L"]) * x[1], contact)
+    v = element_volumes(gap.values * float(case["Sq"]), float(case["L"]) * x[1], contact)
     half = x[1] / 2  # a node is the centre of its element
     extent = (-half, x[-1] + half, -half, y[-1] + half)
-    return found, v, contact, {"origin": "lower", "extent": extent, "interpolation": "none"}, f"{name}: {words}"
+    return case, v, contact, {"origin": "lower", "extent": extent, "interpolation": "none"}, f"{name}: {words}"
 
 
 def curves(family: Family, x: str, y: str) -> list[Curve]:
     """Return y(x) of each surface at its computed states, in the order of x."""
     surfaces = [family.data.isel(seed=seed) for seed in range(family.surfaces)]
-    pairs = [np.array([one[x].values, one[y].values]) for one in surfaces]
-    known = [pair[:, np.isfinite(pair).all(axis=0)] for pair in pairs]
-    return [(pair[0][order], pair[1][order]) for pair in known for order in [np.argsort(pair[0], kind="stable")]]
+    pairs = [np.array([surface[x].values, surface[y].values]) for surface in surfaces]
+    finite = [pair[:, np.isfinite(pair).all(axis=0)] for pair in pairs]
+    return [(pair[0][order], pair[1][order]) for pair in finite for order in [np.argsort(pair[0], kind="stable")]]
+
+
+def mean_and_band(members: Sequence[Curve], points: int) -> tuple[Array, Array, Array]:
+    """Return even points over the range that all curves reach, their mean there and their standard deviation."""
+    low, high = max(x[0] for x, _ in members), min(x[-1] for x, _ in members)
+    abscissa = np.linspace(low, high, points if high > low else 0)
+    rows = np.array([np.interp(abscissa, x, y) for x, y in members])
+    return abscissa, rows.mean(axis=0), rows.std(axis=0, ddof=1)
+
+
+def several(counts: Iterable[int]) -> str:
+    """Return the smallest and the largest number of surfaces beyond one, as 5-10, empty if there is none."""
+    numbers = sorted(count for count in counts if count > 1)
+    return "-".join(map(str, dict.fromkeys((numbers[0], numbers[-1])))) if numbers else ""
 
 
 def densities(family: Family) -> tuple[Array, Array, float]:

@@ -1,7 +1,7 @@
 """Where a drawing comes from, in one line below it: the paper's figure at the paper's conditions, or whose run it is.
 
 The same file name, ``fig05.png``, may hold the paper's Fig. 5, the same curves for other D, or those of a measured map.
-`origin` compares what is drawn with what the paper drew, and names the run and the differences where there are any.
+`origin` compares the conditions of a drawing with the paper's, and names the run and the differences.
 """
 
 from __future__ import annotations
@@ -10,17 +10,14 @@ import functools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import matplotlib as mpl
+from xarray import Dataset
 
 from roughvol.errors import DatasetError, StudyError
-from roughvol.report.figures.families import file_text
+from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import STYLE, Drawing, unit_of
 from roughvol.study import GeneratedSurface, Study, loads
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 Draw = Callable[["Dataset"], Drawing]
 
@@ -31,7 +28,7 @@ SHOWN = 3  # files that are named
 
 @dataclass(frozen=True)
 class Conditions:
-    """What the paper drew: its D and m (None: it does not say, or several), surfaces of each, plane it went to, A*."""
+    """Conditions of a figure of the paper: D and m (None: not given, or several), surfaces of each, last plane, A*."""
 
     D: tuple[float, ...] | None = None
     m: tuple[int, ...] | None = None
@@ -69,8 +66,8 @@ def study_of(ds: Dataset) -> Study | None:
 
 def run_name(ds: Dataset) -> str:
     """Return the name of the study of a dataset, empty if it has none."""
-    found = re.search(r"^name: *(.+?) *$", str(ds.attrs.get("study", "")), re.MULTILINE)
-    return found.group(1).strip("'\"") if found else ""
+    match = re.search(r"^name: *(.+?) *$", str(ds.attrs.get("study", "")), re.MULTILINE)
+    return match.group(1).strip("'\"") if match else ""
 
 
 def is_paper_surface(ds: Dataset) -> bool:
@@ -90,7 +87,7 @@ def surfaces(ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         return f"height {'file' if len(names) == 1 else 'files'} {', '.join(names[:SHOWN])}{more}, {side}"
     values = {dim: drawn.get(dim) or ds[dim].values.tolist() for dim in ("D", "m") if dim in ds.dims}
-    parts = [f"{dim} = {_numbers(each)}" for dim, each in values.items()]
+    parts = [f"{dim} = {_numbers(numbers)}" for dim, numbers in values.items()]
     counts = sorted({int(count) for count in drawn.get("surfaces", (1,))})
     number = "one surface" if counts == [1] else f"{_numbers(counts)} surfaces"
     several = " of each" if max(map(len, values.values()), default=1) > 1 else ""
@@ -123,32 +120,52 @@ def origin(name: str, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
 
 
 def departures(paper: Conditions, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> list[str]:
-    """Return in words how what is drawn differs from the paper's conditions."""
-    found = []
+    """Return in words the differences from the paper's conditions."""
+    differences = []
     for key, wanted in (("D", paper.D), ("m", paper.m)):
         values = [round(float(value), 9) for value in drawn.get(key, ())]
         if wanted is not None and values and values != [float(value) for value in wanted]:
-            found.append(f"{key} = {_numbers(values)}, not {_numbers(wanted)}")
+            differences.append(f"{key} = {_numbers(values)}, not {_numbers(wanted)}")
     counts = sorted({int(count) for count in drawn.get("surfaces", ())})
     if paper.surfaces is not None and counts and counts != [paper.surfaces]:
-        found.append(f"{_numbers(counts)} of each, not {paper.surfaces}")
+        differences.append(f"{_numbers(counts)} of each, not {paper.surfaces}")
     areas = drawn.get("area", ())
     if paper.area is not None and any(abs(area / paper.area - 1.0) > NEAR for area in areas):
-        found.append(f"A* = {', '.join(f'{area:.3g}' for area in areas)}, not {paper.area:g}")
+        differences.append(f"A* = {', '.join(f'{area:.3g}' for area in areas)}, not {paper.area:g}")
     study = study_of(ds)
     if paper.end and study is not None and study.sweep.steps:
         label = study.sweep.target.label
         if label.split("=")[0] not in paper.end:
-            found.append(f"a sweep to {label}")
-    return found
+            differences.append(f"a sweep to {label}")
+    return differences
 
 
 def _numbers(values: Sequence[float]) -> str:
     return ", ".join(f"{value:g}" for value in values)
 
 
-def guarded(draw: Draw, missing: Callable[[str, Dataset], str | None]) -> Draw:
-    """Return the figure in our style with its note, refusing with the reason where the dataset lacks what it needs."""
+def lacking(name: str, ds: Dataset, variables: Sequence[str]) -> str | None:
+    """Return which variables of a figure a dataset does not have in any case, in words, or None."""
+    absent = [variable for variable in variables if variable not in ds]
+    if absent:
+        return f"{name} needs {', '.join(absent)}, which the study did not record"
+    if not bool(held(ds, *variables).any()):
+        return f"{name} needs {', '.join(variables)}, and no case of the dataset has a value of each"
+    return None
+
+
+def register(draw: Draw, figures: dict[str, Draw], missing: Callable[[str, Dataset], str | None]) -> Draw:
+    """Add a figure to a table by its name, in our style and with its note; return it.
+
+    Parameters
+    ----------
+    draw : callable
+        Draws a dataset.
+    figures : dict
+        Table of figures by name.
+    missing : callable
+        Reason why a dataset cannot be drawn, raised as a `DatasetError`, or None.
+    """
 
     @functools.wraps(draw)
     def checked(ds: Dataset) -> Drawing:
@@ -161,4 +178,5 @@ def guarded(draw: Draw, missing: Callable[[str, Dataset], str | None]) -> Draw:
                 figure.note(origin(draw.__name__, ds, figure.shown))
             return figure
 
+    figures[draw.__name__] = checked
     return checked

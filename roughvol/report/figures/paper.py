@@ -1,8 +1,8 @@
 """The paper's figures, each a function of a dataset: ``FIGURES["fig04a"](ds)`` is a matplotlib ``Figure``.
 
-Nothing is solved here. What a figure adds to the stored numbers is presentation: the mean over seeds on a common axis,
-a straight line through points, a height from a gap. Where that involves a choice (which D, m, state or fit range) the
-figure prints the choice. A note below it names the figure of the paper or, where the conditions are others, the run.
+Nothing is solved here. A figure adds presentation to the stored numbers: the mean over seeds on a common axis, a
+straight line through points, a height from a gap. It prints each choice (D, m, state, fit range). A note below it names
+the figure of the paper or, where the conditions are others, the run.
 ``missing(name, ds)`` says why a figure cannot be drawn from a dataset, or returns None.
 
 Conventions: starred quantities are dimensionless, other labels carry the units of the dataset. Which D, m and state are
@@ -14,11 +14,12 @@ band of ± one standard deviation.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.axes import Axes
+from xarray import Dataset
 
 from roughvol.observables.free_volume import domain
 from roughvol.report.figures.curves import plot, shown
@@ -29,14 +30,13 @@ from roughvol.report.figures.families import (
     curves,
     densities,
     families,
-    held,
     merged,
     own,
     single,
     state,
     volumes,
 )
-from roughvol.report.figures.origin import guarded, is_paper_surface
+from roughvol.report.figures.origin import Draw, is_paper_surface, lacking, register
 from roughvol.report.figures.relief import reliefs
 from roughvol.report.figures.style import (
     ACCENT,
@@ -55,16 +55,11 @@ from roughvol.report.figures.style import (
     density_label,
     legend,
     looks,
+    plain_ticks,
     unit_of,
     volume_label,
 )
 from roughvol.surfaces.midpoint import midpoint_levels
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from xarray import Dataset
-
-Draw = Callable[["Dataset"], Drawing]
 
 FIGURES: dict[str, Draw] = {}
 NEEDS: dict[str, tuple[tuple[str, ...], str]] = {}  # variables one case must hold, what must have several values
@@ -74,11 +69,8 @@ THRESHOLDS = (0.0, 0.1, 0.25, 0.5, 1.0)  # v_th/v_max in Fig. 10, where no box c
 def missing(name: str, ds: Dataset) -> str | None:
     """Return why figure `name` cannot be drawn from a dataset, or None if it can (an unknown name is a KeyError)."""
     variables, by = NEEDS[name]
-    absent = [variable for variable in variables if variable not in ds]
-    if absent:
-        return f"{name} needs {', '.join(absent)}, which the study did not record"
-    if not bool(held(ds, *variables).any()):
-        return f"{name} needs {', '.join(variables)}, and no case of the dataset has a value of each"
+    if reason := lacking(name, ds, variables):
+        return reason
     if by in ("recursion", "m") and "case" in ds.dims:
         return f"{name} needs surfaces made from D and m, and those of the dataset were read from files"
     # One D alone is still worth drawing, unless the dataset compares m: then that figure has the same axes.
@@ -89,19 +81,16 @@ def missing(name: str, ds: Dataset) -> str | None:
 
 
 def _figure(*variables: str, by: str = "") -> Callable[[Draw], Draw]:
-    """Register a figure and what it needs; called without that, it raises the reason as a `DatasetError`."""
+    def add(draw: Draw) -> Draw:
+        NEEDS[draw.__name__] = variables, by
+        return register(draw, FIGURES, missing)
 
-    def register(draw: Draw) -> Draw:
-        checked = guarded(draw, missing)
-        NEEDS[draw.__name__], FIGURES[draw.__name__] = (variables, by), checked
-        return checked
-
-    return register
+    return add
 
 
-def _of_state(fig: Drawing, found: Dataset) -> Drawing:
+def _of_state(fig: Drawing, case: Dataset) -> Drawing:
     """Return a figure of one state that knows which it shows."""
-    fig.shown = {key: [float(found[key])] for key in ("D", "m") if key in found} | {"area": [float(found[A])]}
+    fig.shown = {key: [float(case[key])] for key in ("D", "m") if key in case} | {"area": [float(case[A])]}
     return fig
 
 
@@ -118,34 +107,34 @@ def _gallery(some: Sequence[Family], title: str) -> Drawing:
     """Return the first surface of each family, its label and rms slope above it."""
     surfaces = [family.data.isel(seed=0) for family in some]
     titles = [f"{family.label}, {title}".removesuffix(", ") for family in some]
-    if all("Sdq" in one for one in surfaces):
-        titles = [f"{t}, $S_{{dq}} = {float(one['Sdq']):.3g}$" for t, one in zip(titles, surfaces, strict=True)]
+    if all("Sdq" in surface for surface in surfaces):
+        titles = [f"{t}, $S_{{dq}} = {float(surface['Sdq']):.3g}$" for t, surface in zip(titles, surfaces, strict=True)]
     unit = unit_of(surfaces[0], "heights")
     scale, label = (1.0, f"$z$ [{unit}]") if unit != "length" else (float(surfaces[0]["L"]), "$z/L$")
-    fig = reliefs([own(one["heights"]) / scale for one in surfaces], titles, label)
+    fig = reliefs([own(surface["heights"]) / scale for surface in surfaces], titles, label)
     fig.shown = shown(some)
     return fig
 
 
 def _boxes(ds: Dataset, variable: str, r: str, label: str) -> tuple[Drawing, Axes]:
     """Return a figure with one line over the box side for each threshold."""
-    found, name, words = state(ds, "box_at", variable)
+    case, name, words = state(ds, "box_at", variable)
     fig, ax = axes()
-    for order, look in enumerate(looks(found.sizes["threshold"])):
-        values = found[variable].isel(threshold=order).dropna(r)
+    for order, look in enumerate(looks(case.sizes["threshold"])):
+        values = case[variable].isel(threshold=order).dropna(r)
         ax.plot(values[r], values, label=f"${float(values['threshold']):g}$", **look)
     ax.set_xscale("log", base=2)
     ax.xaxis.set_major_formatter("{x:g}")
     ax.set(xlabel=r"box side $r/\delta$", ylabel=label)
     legend(ax, f"{name}: {words}\nthreshold $v_{{th}}/v_{{max}}$ (0: contact, 1: all)")
-    return _of_state(fig, found), ax
+    return _of_state(fig, case), ax
 
 
 def _densities(ds: Dataset, by: str, m: float = FINEST, *, log: bool = False) -> tuple[Drawing, Any, list[Family]]:
     """Return a figure of f(v) at the last recorded state, its axes, and the families."""
     density = ds["volume_density"]
-    known = density.notnull().any([dim for dim in density.dims if dim != "density_at"]).values
-    ds = ds.isel(density_at=int(np.flatnonzero(known)[-1]))
+    stored = density.notnull().any([dim for dim in density.dims if dim != "density_at"]).values
+    ds = ds.isel(density_at=int(np.flatnonzero(stored)[-1]))
     some, title = families(ds, by, "volume_density", "volume_density_edges", m=m)
     fig, ax = axes(height=3.4 if log else 3.0)
     members = [merged(*densities(family), log=log) for family in some]
@@ -228,9 +217,9 @@ def fig04b(ds: Dataset) -> Drawing:
     spacings, slopes = np.array([2.0**-family.value for family in some]), []
     for spacing, family in zip(spacings, some, strict=True):
         low = family.data.where(family.data[P] <= limit)
-        each = ((low[P] * low[A]).sum("step") / (low[P] ** 2).sum("step")).values
-        right.plot(np.full(len(each), spacing), each, ls="", **family.look)
-        slopes.append(np.log(each).mean())
+        ratios = ((low[P] * low[A]).sum("step") / (low[P] ** 2).sum("step")).values
+        right.plot(np.full(len(ratios), spacing), ratios, ls="", **family.look)
+        slopes.append(np.log(ratios).mean())
     logs, D, fitted = np.log(spacings[-4:]), float(some[0].data["D"]), [family.value for family in some[-4:]]
     n = np.polyfit(logs, slopes[-4:], 1)[0]
     laws = [(n, "fit", "k", "-"), (0.37, "paper", ACCENT, "--"), (D - 2, "Persson", GREY, ":")]
@@ -241,9 +230,7 @@ def fig04b(ds: Dataset) -> Drawing:
     right.set(xlabel=r"spacing $\delta/L$", ylabel=label)
     right.set_xscale("log", base=2)
     right.set_yscale("log")
-    right.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 4, 6, 8)))
-    right.yaxis.set_major_formatter("{x:g}")
-    right.yaxis.set_minor_formatter(NullFormatter())
+    plain_ticks(right.yaxis, (1, 1.5, 2, 3, 4, 6, 8))
     law_words = r"$n$ of $A^{\ast}/p^{\ast} \sim \delta^n$"
     legend(right, f"{law_words}; fit to $m = {fitted[0]:g}$ to ${fitted[-1]:g}$")
     fig.shown = shown(some)
@@ -293,31 +280,31 @@ def fig08(ds: Dataset) -> Drawing:
 
     The deformed height is the plane less the gap, z_max - Δ - g: all of the deformation is drawn on the rough side.
     """
-    found, name, words = state(ds, "field_at", "heights", "gap")
-    before, gap = own(found["heights"]), own(found["gap"])
-    before = (before - before.mean()) / float(found["Sq"])
-    after = float(before.max()) - float(found["indentation"]) - gap
+    case, name, words = state(ds, "field_at", "heights", "gap")
+    before, gap = own(case["heights"]), own(case["gap"])
+    before = (before - before.mean()) / float(case["Sq"])
+    after = float(before.max()) - float(case["indentation"]) - gap
     fig = reliefs([before, after], [f"{name}: undeformed", words], r"$z/\sigma$", gap.values == 0.0)
-    return _of_state(fig, found)
+    return _of_state(fig, case)
 
 
 @_figure("gap")
 def fig09(ds: Dataset) -> Drawing:
     """Fig. 9: the free volume of each element: contact in flat dark blue, the deepest valleys dark red."""
-    found, v, contact, frame, words = volumes(ds)
+    case, v, contact, frame, words = volumes(ds)
     fig, ax = axes(COLUMN, 0.6 + 2.2 * v.shape[1] / v.shape[0])
     colours = mpl.colormaps["YlOrRd"].with_extremes(under=CONTACT)
     image = ax.imshow(np.where(contact, -1.0, v).T, cmap=colours, vmin=0.0, vmax=v.max() or 1.0, **frame)
     ax.set(xlabel="$x/L$", ylabel="$y/L$", title=words)
     bar = fig.colorbar(image, ax=ax, extend="min", shrink=0.8, label=volume_label(ds))
     bar.ax.set_xlabel("contact", labelpad=6, fontsize=8)
-    return _of_state(fig, found)
+    return _of_state(fig, case)
 
 
 @_figure("gap")
 def fig10(ds: Dataset) -> Drawing:
     """Fig. 10: the domains v ≤ v_th in black, from the contact (v_th = 0) to everything (v_th = max v)."""
-    found, v, contact, frame, words = volumes(ds)
+    case, v, contact, frame, words = volumes(ds)
     thresholds = ds["threshold"].values.tolist() if "threshold" in ds else THRESHOLDS
     columns = max(3, -(-len(thresholds) // 2))
     rows = -(-len(thresholds) // columns)
@@ -333,7 +320,7 @@ def fig10(ds: Dataset) -> Drawing:
         ax.tick_params(labelbottom=lowest, labelleft=k % columns == 0)
         ax.set(xlabel="$x/L$" if lowest else "", ylabel="" if k % columns else "$y/L$")
     fig.suptitle(f"{words}; black: $v \\leq v_{{th}}$", fontsize=9)
-    return _of_state(fig, found)
+    return _of_state(fig, case)
 
 
 @_figure("box_count")

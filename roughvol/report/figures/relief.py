@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import LightSource
+from xarray import DataArray
 
 from roughvol.report.figures.style import CONTACT, PAGE, Drawing, canvas
 from roughvol.typing import Mask
-
-if TYPE_CHECKING:
-    from xarray import DataArray
 
 
 def reliefs(surfaces: Sequence[DataArray], titles: Sequence[str], height: str, contact: Mask | None = None) -> Drawing:

@@ -12,18 +12,19 @@ state, and the closing load lies between the two.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
+from xarray import Dataset
 
 from roughvol.observables.transport import constriction
 from roughvol.report.figures import seal_ways
 from roughvol.report.figures.curves import shown
-from roughvol.report.figures.families import PAPER, Family, families, held, own, single
-from roughvol.report.figures.origin import guarded
+from roughvol.report.figures.families import PAPER, Family, curves, families, own, several, single
+from roughvol.report.figures.origin import Draw, lacking, register
 from roughvol.report.figures.seal_drawing import (
     CLOSED,
     FAINT,
@@ -36,17 +37,23 @@ from roughvol.report.figures.seal_drawing import (
     draw_states,
     look_of,
     name_of,
-    states_of,
 )
 from roughvol.report.figures.seal_ways import DIRECTIONS, ways
-from roughvol.report.figures.style import CONTACT, GREY, LABELS, PAGE, A, Drawing, P, V, canvas, looks, unit_of
+from roughvol.report.figures.style import (
+    CONTACT,
+    GREY,
+    LABELS,
+    PAGE,
+    A,
+    Drawing,
+    P,
+    V,
+    canvas,
+    looks,
+    plain_ticks,
+    unit_of,
+)
 from roughvol.store.dataset import at_state
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from xarray import Dataset
-
-Draw = Callable[["Dataset"], Drawing]
 
 FIGURES: dict[str, Draw] = {}
 NEEDS: dict[str, tuple[str, ...]] = {}
@@ -59,23 +66,15 @@ MAP_RANGE = (1e-2, 1e2)  # of the flux over its mean
 
 def missing(name: str, ds: Dataset) -> str | None:
     """Return why figure `name` cannot be drawn from a dataset, or None if it can (an unknown name is a KeyError)."""
-    absent = [variable for variable in NEEDS[name] if variable not in ds]
-    if absent:
-        return f"{name} needs {', '.join(absent)}, which the study did not record"
-    if not bool(held(ds, *NEEDS[name]).any()):
-        return f"{name} needs {', '.join(NEEDS[name])}, and no case of the dataset has a value of each"
-    return None
+    return lacking(name, ds, NEEDS[name])
 
 
 def _figure(*variables: str) -> Callable[[Draw], Draw]:
-    """Register a figure and what it needs; called without that, it raises the reason as a `DatasetError`."""
+    def add(draw: Draw) -> Draw:
+        NEEDS[draw.__name__] = variables
+        return register(draw, FIGURES, missing)
 
-    def register(draw: Draw) -> Draw:
-        checked = guarded(draw, missing)
-        NEEDS[draw.__name__], FIGURES[draw.__name__] = variables, checked
-        return checked
-
-    return register
+    return add
 
 
 def _in_units(ax: Axes, ds: Dataset) -> None:
@@ -102,9 +101,7 @@ def _panels(ds: Dataset, rows: int, *names: str) -> tuple[Drawing, Any, list[Fam
         ax.set_xlabel(LABELS[x])
     axes[0, 2].set_xscale("log")  # most of the closing happens below V* = 0.3
     for ax in axes[:, 2]:
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_major_formatter("{x:g}")
-        ax.xaxis.set_minor_formatter(NullFormatter())
+        plain_ticks(ax.xaxis, (1.0, 2.0, 5.0))
     _in_units(axes[0, 0], ds)
     fig.shown = shown(some)
     return fig, axes, some, title
@@ -134,9 +131,8 @@ def seal_volume(ds: Dataset) -> Drawing:
             for family in some:
                 draw_states(ax, family, x, name)
     axes[0, 0].set_yscale("log")
-    several = sorted({family.surfaces for family in some if family.surfaces > 1})
-    number = "-".join(map(str, dict.fromkeys((several[0], several[-1])))) if several else ""
-    words = [title, f"mean of {number} surfaces, band ± 1 std. dev." if several else ""]
+    number = several(family.surfaces for family in some)
+    words = [title, f"mean of {number} surfaces, band ± 1 std. dev." if number else ""]
     handles = axes[0, 0].get_legend_handles_labels()[0]
     fig.legend(handles=handles, title="; ".join(filter(None, words)) or None, loc="outside upper center", ncols=6)
     return fig
@@ -150,8 +146,8 @@ def seal_percolation(ds: Dataset) -> Drawing:
     band is the binomial standard error.
     """
     fig, axes, some, title = _panels(ds, 0, P, "percolates_x", "percolates_y")
-    several = any(family.surfaces > 1 for family in some)
-    for row, direction in _rows(axes, some, "share of open surfaces" if several else "open (1) or closed (0)"):
+    many = any(family.surfaces > 1 for family in some)
+    for row, direction in _rows(axes, some, "share of open surfaces" if many else "open (1) or closed (0)"):
         for ax, x in zip(row, (P, A, V), strict=True):
             for family in some:
                 members = ways(family, x, "percolates", direction)
@@ -161,13 +157,13 @@ def seal_percolation(ds: Dataset) -> Drawing:
                 share = seal_ways.is_open(members, at).mean(axis=0)
                 ax.plot(at, share, drawstyle="steps-post", label=name_of(family, direction), **line)
                 if len(members) == 1:
-                    load, known = states_of(family, x, f"percolates_{direction}")
-                    ax.plot(load, known, label="_states", **(look | {"ls": "", "zorder": line["zorder"]}))
+                    states = curves(family, x, f"percolates_{direction}")[0]
+                    ax.plot(*states, label="_states", **(look | {"ls": "", "zorder": line["zorder"]}))
                     continue
                 error = np.sqrt(share * (1.0 - share) / len(members))
                 band: dict[str, Any] = {"step": "post", "color": look["color"], "alpha": FAINT, "lw": 0, "zorder": 2}
                 ax.fill_between(at, share - error, share + error, **band)
-    words = "a step falls at the first state computed closed" + ("; band ± 1 std. error" if several else "")
+    words = "a step falls at the first state computed closed" + ("; band ± 1 std. error" if many else "")
     direction_legend(fig, some, [title, words])
     return fig
 
@@ -230,10 +226,10 @@ def seal_region(ds: Dataset) -> Drawing:
     names = {"contact_area_fraction_within": r"$A^{\ast}$", "mean_pressure_within": r"$p^{\ast}$"}
     names |= {"free_volume_within": r"$V^{\ast}$"}
     flows = {axis: name for axis in DIRECTIONS if (name := f"transmissivity_within_{axis}") in ds}
-    one_of = next(iter(flows.values()), "free_volume_within")
-    known = family.data[one_of].notnull().any(["seed", "region_width"])
+    recorded = next(iter(flows.values()), "free_volume_within")
+    stored = family.data[recorded].notnull().any(["seed", "region_width"])
     pressed = (family.data[A] > 0.0).all("seed")  # else there is nothing to take shares of
-    steps = family.data["step"].values[(known & pressed).values]
+    steps = family.data["step"].values[(stored & pressed).values]
     steps = steps[np.unique(np.linspace(0, len(steps) - 1, min(len(steps), STATES)).round().astype(int))]
     fig = canvas(PAGE, 2.9)
     fig.shown = shown([family])
@@ -242,7 +238,7 @@ def seal_region(ds: Dataset) -> Drawing:
         ax.set_xlabel("width over $L$")
     states = [family.data.sel(step=step) for step in steps]
     if flows:
-        values = np.concatenate([one[name].values.ravel() for one in states for name in flows.values()])
+        values = np.concatenate([state[name].values.ravel() for state in states for name in flows.values()])
         values = values[values > 0.0]
         axes[-1].set(ylabel=r"$T^{\ast}$ inside", yscale="log", ylim=(0.4 * values.min(initial=1.0), 2.5))
     handles, closed = [], []
@@ -266,19 +262,12 @@ def seal_region(ds: Dataset) -> Drawing:
         ax.axhline(1.0, color=GREY, lw=0.7, ls="--")
     if flows:
         handles += [Line2D([], [], color=GREY, ls=LINES[axis], label=rf"$T^{{\ast}}$ along ${axis}$") for axis in flows]
-    handles += [
-        Line2D([], [], color=GREY, ls="", marker=CLOSED[axis], label=f"closed along ${axis}$")
-        for axis in sorted(set(closed))
-    ]
+    for axis in sorted(set(closed)):
+        handles.append(Line2D([], [], color=GREY, ls="", marker=CLOSED[axis], label=f"closed along ${axis}$"))
     words = f": mean of {family.surfaces} surfaces, band ± 1 std. error" if family.surfaces > 1 else ""
     words += rf"; $T^{{\ast}}$: {seal_ways.band_words([family.surfaces])}" if words and flows else ""
-    fig.legend(
-        handles=handles,
-        title=f"{family.label}{words}",
-        loc="outside upper center",
-        ncols=-(-len(handles) // 2),
-        **LEGEND,
-    )
+    options: dict[str, Any] = LEGEND | {"loc": "outside upper center", "ncols": -(-len(handles) // 2)}
+    fig.legend(handles=handles, title=f"{family.label}{words}", **options)
     return fig
 
 
@@ -354,7 +343,7 @@ def seal_map(ds: Dataset) -> Drawing:
         image = ax.imshow(np.maximum(shares, MAP_RANGE[0]).T, norm=norm, cmap="OrRd", **options)
         gap = state["gap"].sel(field_at=label, x=flux["x"], y=flux["y"]).transpose("x", "y").values
         ax.imshow(np.where(gap == 0.0, 1.0, np.nan).T, cmap=ListedColormap([CONTACT]), **options)
-        place = constriction(gap, 0).element  # of this state: what is stored along the steps is that of the step after
+        place = constriction(gap, 0).element  # of this state; the stored one is of the next step
         if place is not None:
             spot: dict[str, Any] = {"marker": "o", "ms": 11, "mfc": "none", "clip_on": False}
             for width, colour in ((2.6, "w"), (1.2, "k")):

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from roughvol.report.figures import seal_ways
-from roughvol.report.figures.families import Family, curves
+from roughvol.report.figures.families import Family, curves, mean_and_band
 from roughvol.report.figures.seal_ways import DIRECTIONS, Way
 from roughvol.report.figures.style import GREY, Drawing, looks
 from roughvol.typing import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 LINES: dict[str, Any] = {"x": "-", "y": (0, (4.0, 1.5))}
 CLOSED = {"x": "x", "y": "+"}
@@ -80,18 +77,8 @@ def closing(ax: Axes, direction: str, colour: Any, last: tuple[float, float] | N
 def draw_flow(ax: Axes, family: Family, members: list[Way], direction: str, *, alone: bool) -> bool:
     """Draw a flow along one direction; return whether it is seen to close."""
     look, name, floor = look_of(family, direction, alone=alone), name_of(family, direction), ax.get_ylim()[0]
-    if len(members) == 1:
-        (one,) = members
-        ax.plot(one.load, one.value, label=name, zorder=3, **look)
-        last = (one.load[-1], one.value[-1]) if one.load.size else None
-        if np.isfinite(one.closed):
-            closing(ax, direction, look["color"], last, one.closed)
-        return bool(np.isfinite(one.closed))
-    at = seal_ways.grid(members)
-    if at.size < 2:  # no load at which all are known: the states themselves
-        for one in members:
-            ax.plot(one.load, one.value, label=name, **(look | {"ls": ""}))
-        return False
+    if len(members) < 2 or (at := seal_ways.grid(members)).size < 2:
+        return _draw_each(ax, members, direction, look | {"label": name}, lead=True)
     centre, low, high = seal_ways.centre_and_band(seal_ways.sample(members, at))
     open_ = centre > 0.0
     ax.fill_between(at, np.maximum(low, 0.1 * floor), high, color=look["color"], alpha=FAINT, lw=0, zorder=2)
@@ -101,6 +88,21 @@ def draw_flow(ax: Axes, family: Family, members: list[Way], direction: str, *, a
     end = int(np.argmin(open_))
     closing(ax, direction, look["color"], (at[end - 1], centre[end - 1]) if end else None, at[end])
     return True
+
+
+def _draw_each(ax: Axes, members: list[Way], direction: str, look: dict[str, Any], *, lead: bool) -> bool:
+    """Draw the states of one surface up to its closing, or those of several that share no load, which has no mark."""
+    if len(members) != 1:
+        for member in members:
+            ax.plot(member.load, member.value, **(look | {"ls": ""}))
+        return False
+    (member,) = members
+    ax.plot(member.load, member.value, zorder=3, **look)
+    closes = bool(np.isfinite(member.closed))
+    if closes:
+        last = (member.load[-1], member.value[-1]) if lead and member.load.size else None
+        closing(ax, direction, look["color"], last, member.closed)
+    return closes
 
 
 def draw_by_width(ax: Axes, width: Array, rows: Array, look: dict[str, Any], direction: str) -> list[str]:
@@ -144,19 +146,10 @@ def draw_ratio(ax: Axes, family: Family, members: list[Way], direction: str, *, 
     """
     look, name = look_of(family, direction, alone=alone), name_of(family, direction)
     floor, top = ax.get_ylim()
-    if len(members) == 1:
-        (one,) = members
-        ax.plot(one.load, one.value, label=name, zorder=3, **look)
-        if np.isfinite(one.closed):
-            closing(ax, direction, look["color"], None, one.closed)
-        return bool(np.isfinite(one.closed))
-    at = seal_ways.grid(members) if members else np.empty(0)
-    if at.size < 2:
-        for one in members:
-            ax.plot(one.load, one.value, label=name, **(look | {"ls": ""}))
-        return False
+    if len(members) < 2 or (at := seal_ways.grid(members)).size < 2:
+        return _draw_each(ax, members, direction, look | {"label": name}, lead=False)
     rows = seal_ways.sample(members, at, hold=True, beyond=beyond)
-    closings = sorted(one.closed if np.isfinite(one.closed) else np.inf for one in members)
+    closings = sorted(member.closed if np.isfinite(member.closed) else np.inf for member in members)
     end = closings[len(members) // 2]  # from here on the median is closed
     kept = (~np.isnan(rows)).any(axis=0) & (at < end)
     low, high = (0.0, 100.0) if len(members) < seal_ways.FEW else seal_ways.BAND
@@ -175,16 +168,6 @@ def draw_states(ax: Axes, family: Family, x: str, name: str) -> None:
     if len(members) == 1:
         ax.plot(*members[0], label=family.label, zorder=3, **family.look)
         return
-    low, high = max(one[0][0] for one in members), min(one[0][-1] for one in members)
-    at = np.linspace(low, high, seal_ways.GRID if high > low else 0)
-    rows = np.array([np.interp(at, *one) for one in members])
-    mean, spread = rows.mean(axis=0), rows.std(axis=0, ddof=1)
+    at, mean, spread = mean_and_band(members, seal_ways.GRID)
     ax.fill_between(at, mean - spread, mean + spread, color=family.look["color"], alpha=0.18, lw=0, zorder=2)
     ax.plot(at, mean, label=family.label, color=family.look["color"], zorder=3)
-
-
-def states_of(family: Family, x: str, name: str) -> tuple[Array, Array]:
-    """Return x and a variable of the one surface of a family, where both are known."""
-    pair = np.array([family.data[one].isel(seed=0).values for one in (x, name)])
-    load, values = pair[:, np.isfinite(pair).all(axis=0)]
-    return load, values

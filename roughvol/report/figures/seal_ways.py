@@ -9,20 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from xarray import DataArray, Dataset
 
-from roughvol.report.figures.families import Family
+from roughvol.report.figures.families import Family, several
 from roughvol.typing import Array
-
-if TYPE_CHECKING:
-    from xarray import DataArray, Dataset
-
 
 DIRECTIONS = ("x", "y")
 GRID = 240  # points of a curve over several surfaces
-FEW = 6  # surfaces below which a band holds all of them: percentiles of so few lie between the surfaces
+FEW = 6  # fewer surfaces than this: the band holds all of them
 BAND = (16.0, 84.0)  # percentiles of more: what holds two thirds of them
 EVIDENCE = ("transmissivity", "percolates", "critical_gap", "diffusivity")  # each is 0 where a way is closed
 
@@ -59,8 +56,8 @@ def way(load: Array, value: Array) -> Way:
     value : ndarray, shape of ``load``
         A flow, 0 where it is closed, NaN where it is not known.
     """
-    known = np.isfinite(load) & np.isfinite(value)
-    load, value = load[known], value[known]
+    mask = np.isfinite(load) & np.isfinite(value)
+    load, value = load[mask], value[mask]
     open_ = np.flatnonzero(value > 0.0)
     last = int(open_[-1]) if open_.size else -1
     closed = float(load[last + 1]) if last + 1 < load.size else math.nan
@@ -71,14 +68,14 @@ def ways(family: Family, x: str, name: str, direction: str) -> list[Way]:
     """Return a flow along a direction against x, one way for each surface that has any state."""
     loads = family.data[x].transpose("seed", "step").values
     values = flow(family.data, name, direction).transpose("seed", "step").values
-    found = [way(*pair) for pair in zip(loads, values, strict=True)]
-    return [one for one in found if one.load.size or math.isfinite(one.closed)]
+    members = [way(*pair) for pair in zip(loads, values, strict=True)]
+    return [member for member in members if member.load.size or math.isfinite(member.closed)]
 
 
 def falls(members: Sequence[Way]) -> bool:
     """Return whether x falls along the loading, as V* does."""
-    for one in members:
-        along = np.append(one.load, one.closed if math.isfinite(one.closed) else [])
+    for member in members:
+        along = np.append(member.load, member.closed if math.isfinite(member.closed) else [])
         if along.size > 1:
             return bool(along[-1] < along[0])
     return False
@@ -91,9 +88,9 @@ def grid(members: Sequence[Way], *, before: bool = False) -> Array:
     one at which the first ends open, or 5 % beyond the last closing. The closing loads are among the points.
     """
     sign = -1.0 if falls(members) else 1.0
-    first = [sign * (one.load[0] if one.load.size else one.closed) for one in members]
-    closings = [sign * one.closed for one in members if math.isfinite(one.closed)]
-    ends = [sign * float(one.load[-1]) for one in members if not math.isfinite(one.closed)]
+    first = [sign * (member.load[0] if member.load.size else member.closed) for member in members]
+    closings = [sign * member.closed for member in members if math.isfinite(member.closed)]
+    ends = [sign * float(member.load[-1]) for member in members if not math.isfinite(member.closed)]
     start = min(first) if before else max(first)
     stop = min(ends) if ends else max(closings) + 0.05 * abs(max(closings))
     if stop < start:
@@ -103,14 +100,14 @@ def grid(members: Sequence[Way], *, before: bool = False) -> Array:
 
 
 def ratios(family: Family, x: str, over: DataArray, direction: str) -> list[Way]:
-    """Return what is ``over`` a flow along a direction against x, with the loads at which the flow closes."""
+    """Return ratios ``over`` to a flow along a direction against x, with the loads at which the flow closes."""
     loads = family.data[x].transpose("seed", "step").values
     flows = flow(family.data, "transmissivity", direction).transpose("seed", "step").values
-    found = []
-    for load, value, one in zip(loads, over.transpose("seed", "step").values, flows, strict=True):
-        known = way(load, np.where(one > 0.0, value, np.nan))
-        found.append(Way(known.load, known.value, way(load, one).closed))
-    return [one for one in found if one.load.size or math.isfinite(one.closed)]
+    members = []
+    for load, value, flow_values in zip(loads, over.transpose("seed", "step").values, flows, strict=True):
+        open_part = way(load, np.where(flow_values > 0.0, value, np.nan))
+        members.append(Way(open_part.load, open_part.value, way(load, flow_values).closed))
+    return [member for member in members if member.load.size or math.isfinite(member.closed)]
 
 
 def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: float = 0.0) -> Array:
@@ -135,13 +132,13 @@ def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: flo
     rows = np.full((len(members), at.size), np.nan)
     sign = -1.0 if falls(members) else 1.0
     points = sign * at
-    for row, one in zip(rows, members, strict=True):
-        load, closed = sign * one.load, sign * one.closed
+    for row, member in zip(rows, members, strict=True):
+        load, closed = sign * member.load, sign * member.closed
         if load.size:
             inside = (points >= load[0]) & (points <= load[-1])
-            row[inside] = np.exp(np.interp(points[inside], load, np.log(one.value)))
+            row[inside] = np.exp(np.interp(points[inside], load, np.log(member.value)))
             between = (points > load[-1]) & (points < closed)
-            ends = [one.value[-1], one.value[-1] if hold else 0.0]
+            ends = [member.value[-1], member.value[-1] if hold else 0.0]
             row[between] = np.interp(points[between], [load[-1], closed], ends)
         row[points >= closed] = beyond
     return rows
@@ -154,9 +151,9 @@ def is_open(members: Sequence[Way], at: Array) -> Array:
     """
     sign = -1.0 if falls(members) else 1.0
     rows = np.ones((len(members), at.size))
-    for row, one in zip(rows, members, strict=True):
-        row[sign * at >= sign * one.closed] = 0.0
-        row[sign * at > sign * one.end if math.isfinite(one.end) else np.zeros(at.size, bool)] = np.nan
+    for row, member in zip(rows, members, strict=True):
+        row[sign * at >= sign * member.closed] = 0.0
+        row[sign * at > sign * member.end if math.isfinite(member.end) else np.zeros(at.size, bool)] = np.nan
     return rows
 
 
@@ -172,10 +169,9 @@ def centre_and_band(rows: Array) -> tuple[Array, Array, Array]:
 
 def band_words(counts: Sequence[int]) -> str:
     """Return what a curve and a band are, in words; nothing if every family has one surface alone."""
-    several = sorted({count for count in counts if count > 1})
-    if not several:
+    if not (number := several(counts)):
         return ""
-    number = "-".join(map(str, dict.fromkeys((several[0], several[-1]))))
-    band = "all of them" if several[-1] < FEW else f"{BAND[0]:.0f} to {BAND[1]:.0f} %"
-    band += ", all if fewer than 6" if several[0] < FEW <= several[-1] else ""
+    numbers = sorted(count for count in counts if count > 1)
+    band = "all of them" if numbers[-1] < FEW else f"{BAND[0]:.0f} to {BAND[1]:.0f} %"
+    band += ", all if fewer than 6" if numbers[0] < FEW <= numbers[-1] else ""
     return f"median of {number} surfaces, band {band}"

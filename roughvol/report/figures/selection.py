@@ -14,15 +14,12 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 from roughvol.errors import DatasetError
 from roughvol.report.figures import paper, seal
 from roughvol.report.figures.paper import NEEDS, PAPER, Draw
+from roughvol.store.dataset import Dataset
 from roughvol.study import Case
-
-if TYPE_CHECKING:
-    from roughvol.store.dataset import Dataset
 
 Rule = Callable[[Sequence[Case]], list[Case]]
 
@@ -41,8 +38,8 @@ def drawable(results: Dataset, wanted: Sequence[str]) -> list[str]:
         If there is no such figure, one that is wanted cannot be drawn, or none can.
     """
     _check_known(wanted)
-    known = figures()
-    reasons = {name: known[name][1](name, results) for name in wanted or known}
+    table = figures()
+    reasons = {name: table[name][1](name, results) for name in wanted or table}
     lacking = [reason for reason in reasons.values() if reason]
     if lacking and (wanted or len(lacking) == len(reasons)):
         raise DatasetError("\n".join(lacking))
@@ -64,12 +61,12 @@ def needed(names: Sequence[str], cases: Sequence[Case]) -> tuple[str, ...]:
 
 
 def _check_known(wanted: Sequence[str]) -> None:
-    known = figures()
+    table = figures()
     for name in wanted:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
+        if name not in table:
+            near = difflib.get_close_matches(name, table, n=1)
             hint = f"; did you mean {near[0]}?" if near else ""
-            message = f"no figure {name!r}{hint} (known: {', '.join(known)})"
+            message = f"no figure {name!r}{hint} (known: {', '.join(table)})"
             raise DatasetError(message)
 
 

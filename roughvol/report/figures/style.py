@@ -10,19 +10,18 @@ import re
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from xarray import Dataset
+from matplotlib.ticker import LogLocator, NullFormatter
+from xarray import Dataset
 
 COLUMN, PAGE, DPI = 3.5, 7.0, 300  # widths [inch] of a column and of a page, resolution for print
 CONTACT = "#08306b"  # contact is this one flat dark blue wherever it shows in colour
-ACCENT, SECOND = "#00707a", "#1f6fb4"  # laws and published numbers beside what is computed
+ACCENT, SECOND = "#00707a", "#1f6fb4"  # laws and published numbers beside computed ones
 GREY = "0.4"
 STYLE: dict[Any, Any] = {"font.family": ["STIXGeneral", "serif"], "mathtext.fontset": "stix", "font.size": 8.5}
 STYLE |= {"font.serif": ["STIXGeneral", "STIX Two Text", "Times New Roman", "Times", "DejaVu Serif"]}
@@ -148,6 +147,13 @@ def density_label(ds: Dataset) -> str:
     unit = volume_unit(ds)
     inverse = unit.replace("³", "$^{-3}$") if " " not in unit else f"({unit})$^{{-1}}$"
     return f"probability density $f(v)$ [{inverse}]"
+
+
+def plain_ticks(axis: Any, steps: Sequence[float]) -> None:
+    """Label a logarithmic axis with plain numbers: these multiples of each power of ten."""
+    axis.set_major_locator(LogLocator(subs=steps))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def marked(states: int, order: int = 0) -> Any:

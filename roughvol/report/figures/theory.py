@@ -1,7 +1,7 @@
 """Figures of the report that the paper does not have: theory beside computation, second readings, many seeds.
 
-Each is a function of the runs of a report (`Evidence`), since most compare several; it chooses them as the claims do,
-by what they hold, and raises `Lacking` where there is none. ``THEORY[name]`` draws one; its docstring is its caption.
+Each is a function of the runs of a report (`Evidence`), since most compare several. It chooses them as the claims do,
+by their variables, and raises `Lacking` where there is none. ``THEORY[name]`` draws one.
 """
 
 from __future__ import annotations
@@ -18,20 +18,9 @@ from numpy.typing import NDArray
 from roughvol.contact import closed_forms
 from roughvol.report.claims import Evidence, density, formulas, paper_formulas, shape
 from roughvol.report.claims.area_and_volume import exponents
-from roughvol.report.claims.evidence import (
-    D_SIGMA,
-    PAPER_D,
-    PAPER_M,
-    A,
-    Lacking,
-    P,
-    V,
-    area_slopes,
-    at,
-    common,
-    nearest,
-)
+from roughvol.report.claims.evidence import D_SIGMA, A, P, V, area_slopes, at, common, nearest, require
 from roughvol.report.claims.many_seeds import FEW
+from roughvol.report.claims.needs import PAPER_D, PAPER_M, Needs
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.figures.origin import is_paper_surface
 from roughvol.report.figures.style import (
@@ -55,6 +44,7 @@ from roughvol.typing import Array
 Draw = Callable[[Evidence], Drawing]
 
 THEORY: dict[str, Draw] = {}
+ENDS = ("mean-plane",)
 
 
 def _figure(draw: Draw) -> Draw:
@@ -74,12 +64,8 @@ def _mean(run: Run, x: str, y: str, D: float, m: int) -> tuple[Array, Array]:
     return grid, at(axis, run.values(y, D=D, m=m), grid).mean(axis=0)
 
 
-def _count(run: Run) -> str:
-    return "one surface" if run.seeds == 1 else f"{run.seeds} surfaces"
-
-
-def _mean_of(run: Run) -> str:
-    return "one surface" if run.seeds == 1 else f"mean of {run.seeds} surfaces"
+def _count(run: Run, words: str = "") -> str:
+    return "one surface" if run.seeds == 1 else f"{words}{run.seeds} surfaces"
 
 
 def _noted(fig: Drawing, *runs: Run) -> Drawing:
@@ -89,18 +75,14 @@ def _noted(fig: Drawing, *runs: Run) -> Drawing:
     return fig
 
 
-def _ends(run: Run) -> list[float]:
-    return [run.D[0], run.D[-1]] if len(run.D) > 1 else run.D
-
-
 @_figure
 def theory_separation(evidence: Evidence) -> Drawing:
     """V* against d/σ: the computed mean, V* = d/σ, V* = d/σ + 0.9464 p* (a uniformly loaded specimen), and Eq. 4.
 
     Dotted: the bearing area of Gaussian heights, the volume under a rigid plane. What lies above it is elastic.
     """
-    run = evidence.pick(V, P, D_SIGMA)
-    m, ends = max(run.m), _ends(run)
+    run = evidence.best(Needs((V, P, D_SIGMA), ends=ENDS))
+    m, ends = max(run.m), list(dict.fromkeys((run.D[0], run.D[-1])))
     fig, ax = axes()
     far = max(float(run.values(D_SIGMA, D=D, m=m).max()) for D in ends)
     line = np.linspace(0.0, far, 200)
@@ -112,16 +94,10 @@ def theory_separation(evidence: Evidence) -> Drawing:
         pressure = _mean(run, D_SIGMA, P, D, m)[1]
         ax.plot(separation, volume, color=colour, label=f"computed, $D = {D:g}$")
         compliant = separation + closed_forms.rectangle_mean_displacement((1.0, 1.0)) * pressure
-        ax.plot(
-            separation,
-            compliant,
-            color=colour,
-            ls="-.",
-            lw=0.9,
-            label=r"$d/\sigma + 0.9464\,p^{\ast}$" + f", $D = {D:g}$",
-        )
+        label = r"$d/\sigma + 0.9464\,p^{\ast}$" + f", $D = {D:g}$"
+        ax.plot(separation, compliant, color=colour, ls="-.", lw=0.9, label=label)
     ax.set(xlabel=LABELS[D_SIGMA], ylabel=LABELS[V])
-    legend(ax, f"$m = {m}$, {_mean_of(run)}")
+    legend(ax, f"$m = {m}$, {_count(run, 'mean of ')}")
     return _noted(fig, run)
 
 
@@ -131,29 +107,23 @@ def theory_bearing(evidence: Evidence) -> Drawing:
 
     Eq. 4 is evaluated at the computed d/σ and A*, for Gaussian heights and for the heights of the surfaces.
     """
-    run = evidence.pick(V, A, D_SIGMA, D=PAPER_D)
+    run = evidence.best(Needs((V, A, D_SIGMA), D=(PAPER_D,), ends=ENDS))
     m = max(run.m)
     separation, area, volume = (run.values(name, D=PAPER_D, m=m) for name in (D_SIGMA, A, V))
-    own = np.array(
-        [
-            paper_formulas.bearing_area_volume(row, run.surface(PAPER_D, m, seed).heights)
-            for row, seed in zip(separation, run.seed_numbers(), strict=True)
-        ]
-    )
+    heights = [run.surface(PAPER_D, m, seed).heights for seed in run.seed_numbers()]
+    own = np.array([paper_formulas.bearing_area_volume(*pair) for pair in zip(separation, heights, strict=True)])
     gauss = paper_formulas.bearing_area_volume(separation)
     coarse = common([area])
     grid = np.linspace(coarse[0], coarse[-1], 200)
     fig, ax = axes()
     curves = [("computed", volume, "k", "-"), ("Eq. 4, Gaussian", gauss * (1.0 - area), ACCENT, "-")]
     curves += [(r"Gaussian, without $1 - A^{\ast}$", gauss, ACCENT, "--")]
-    curves += [
-        ("Eq. 4, own heights", own * (1.0 - area), SECOND, "-"),
-        (r"own heights, without $1 - A^{\ast}$", own, SECOND, "--"),
-    ]
+    curves += [("Eq. 4, own heights", own * (1.0 - area), SECOND, "-")]
+    curves += [(r"own heights, without $1 - A^{\ast}$", own, SECOND, "--")]
     for label, values, colour, style in curves:
         ax.plot(grid, at(area, values, grid).mean(axis=0), color=colour, ls=style, label=label)
     ax.set(xlabel=LABELS[A], ylabel=LABELS[V], ylim=(0.0, None))
-    legend(ax, f"$D = {PAPER_D:g}$, $m = {m}$, {_mean_of(run)}")
+    legend(ax, f"$D = {PAPER_D:g}$, $m = {m}$, {_count(run, 'mean of ')}")
     return _noted(fig, run)
 
 
@@ -164,16 +134,12 @@ def theory_bins(evidence: Evidence) -> Drawing:
     As printed (each element counted at the width of its bin) the sum falls as 1/K; counted at the volume of the bin
     it converges to the computed V* (dashed).
     """
-    run = evidence.pick("gap", end=None)
+    run = evidence.best(Needs(("gap",)))
     state = shape.field(run)
     fig, ax = axes()
-    names = {
-        "meanwidth": "as printed",
-        "meanvolume": r"$\sum n_k v_k$",
-        "fitvolume": r"$\sum n_k v_k$, one dimension fitted",
-    }
-    for (kind, weight), look in zip(formulas.KINDS, looks(3), strict=True):
-        ax.plot(formulas.BINS, formulas.estimates(state, kind, weight), label=names[kind + weight], **look)
+    names = (r"$\sum n_k v_k$", "as printed", r"$\sum n_k v_k$, one dimension fitted")
+    for kind, label, look in zip(formulas.KINDS, names, looks(3), strict=True):
+        ax.plot(formulas.BINS, formulas.estimates(state, *kind), label=label, **look)
     ax.axhline(state.numbers[V], color="k", ls="--", lw=0.8, label=r"computed $V^{\ast}$")
     ax.set(xscale="log", yscale="log", xlabel="number of bins $K$", ylabel=LABELS[V])
     ax.set_xticks(formulas.BINS, list(map(str, formulas.BINS)))
@@ -188,7 +154,7 @@ def theory_dimension(evidence: Evidence) -> Drawing:
 
     At equal pressure it rises with p* and falls with D. At equal area the difference between D is smaller, but there.
     """
-    run = evidence.pick("box_count", by="D", end=None)
+    run = evidence.best(Needs(("box_count",), by="D"))
     m = max(run.m)
     labels = run.dataset["box_at"].values.tolist()
     fig, panels = axes(PAGE, 2.9, 2)
@@ -196,11 +162,11 @@ def theory_dimension(evidence: Evidence) -> Drawing:
         points = []
         for place, label in enumerate(labels):
             r, counts = shape.boxes(run, D, m, label)
-            each = shape.fitted_dimension(r, counts[:, 0])
+            dimensions = shape.fitted_dimension(r, counts[:, 0])
             steps = run.dataset["box_at_step"].sel(D=D, m=m, box_at=label).values
             for k in np.flatnonzero(steps > 0):
                 state = at_state(run.dataset.sel(D=D, m=m).isel(seed=k), "box_at", place)
-                points.append((float(state[P]), float(state[A]), each[k]))
+                points.append((float(state[P]), float(state[A]), dimensions[k]))
         p, a, dimension = np.array(points).T
         for ax, x in zip(panels, (p, a), strict=True):
             ax.plot(x, dimension, ls="", alpha=0.6, label=f"$D = {D:g}$", **look)
@@ -213,7 +179,7 @@ def theory_dimension(evidence: Evidence) -> Drawing:
 @_figure
 def theory_persson(evidence: Evidence) -> Drawing:
     """Draw A* against p*: the mean over surfaces, and Persson's erf(√2 p/(E* h')) with the rms slope of each."""
-    run = evidence.pick(A, P, by="D")
+    run = evidence.best(Needs((A, P), by="D", ends=ENDS))
     m = max(run.m)
     fig, ax = axes()
     for D, look in zip(run.D, looks(len(run.D)), strict=True):
@@ -234,30 +200,27 @@ def theory_start(evidence: Evidence) -> Drawing:
     Until a second element touches, the computed points lie on the line of one element: the lattice does not resolve
     the tip, whose radius (mean curvature of the highest node) is below the spacing.
     """
-    found = [run for run in evidence.find(P, "indentation", end=None) if run.end.startswith("indentation")]
-    if not found:
-        message = "a sweep to a small indentation"
-        raise Lacking(message)
-    run = found[0]
+    runs = evidence.fit(Needs((P, "indentation"), ends=("indentation",)))
+    require(runs, "a sweep to a small indentation")
+    run = runs[0]
     D, m, seed = run.D[0], max(run.m), run.seed_numbers()[0]
     surface = run.surface(D, m, seed)
     indentation, pressure = (run.values(name, D=D, m=m)[0] for name in ("indentation", P))
     elements = np.round(run.values(A, D=D, m=m)[0] * surface.heights.size)
     nodes, scale = surface.heights.size, surface.side / surface.Sq
-    one = [closed_forms.single_element_pressure(d * surface.Sq, surface.spacing) / nodes * scale for d in indentation]
+    forces = [closed_forms.single_element_pressure(d * surface.Sq, surface.spacing) for d in indentation]
+    element = [force / nodes * scale for force in forces]
     i, j = np.unravel_index(int(surface.heights.argmax()), surface.shape)
     tip = surface.heights[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
     fig, ax = axes()
     ax.plot(indentation, pressure, "ko", ms=2.5, label="computed")
-    ax.plot(indentation, one, color=ACCENT, label="one element")
+    ax.plot(indentation, element, color=ACCENT, label="one element")
     if tip.shape == (3, 3):
         radius = texture.summit_radius(tip, surface.spacing)
-        hertz = [
-            closed_forms.hertz(d * surface.Sq, radius).force / (nodes * surface.spacing**2) * scale for d in indentation
-        ]
-        ax.plot(
-            indentation, hertz, color=SECOND, ls="--", label=rf"Hertz, $\rho = {radius / surface.spacing:.2f}\,\delta$"
-        )
+        area = nodes * surface.spacing**2
+        forces = [closed_forms.hertz(d * surface.Sq, radius).force for d in indentation]
+        label = rf"Hertz, $\rho = {radius / surface.spacing:.2f}\,\delta$"
+        ax.plot(indentation, [force / area * scale for force in forces], color=SECOND, ls="--", label=label)
     second = np.flatnonzero(elements > 1)
     if second.size:
         ax.axvline(indentation[second[0]], color=GREY, lw=0.7, ls=":", label="second element")
@@ -274,27 +237,22 @@ def readings_exponent(evidence: Evidence) -> Drawing:
     """
     fig, ax = axes()
     used_runs: list[Run] = []
-    for law, words, look in (("std", "std divided", looks(2)[0]), ("variance", "variance divided", looks(2)[1])):
-        for run in evidence.find(A, P, by="m", law=law, D=PAPER_D)[:1]:
+    for law, look in zip(("std", "variance"), looks(2), strict=True):
+        for run in evidence.fit(Needs((A, P), by="m", law=law, D=(PAPER_D,), ends=ENDS))[:1]:
             slopes, limit = area_slopes(run, [PAPER_D], run.m)
             spacing = np.array([2.0**-m for m in run.m])
             values = np.array([slopes[PAPER_D, m] for m in run.m])
-            each, _, used = exponents(run, PAPER_D, 4)
-            label = rf"{words}: $n = {each.mean():.2f}$ ($m = {used[0]}$ to ${used[-1]}$)"
+            powers, _, used = exponents(run, PAPER_D, 4)
+            label = rf"{law} divided: $n = {powers.mean():.2f}$ ($m = {used[0]}$ to ${used[-1]}$)"
             ax.plot(spacing, values, color=look["color"], lw=0.3, alpha=0.6)
             ax.plot(spacing, np.exp(np.log(values).mean(axis=1)), label=label, **look)
             centre = np.exp(np.log(values[-4:]).mean())
             law_037 = centre * (spacing / np.exp(np.log(spacing[-4:]).mean())) ** 0.37
             ax.plot(spacing, law_037, color=ACCENT, ls="--", lw=0.9, label="" if used_runs else "paper: 0.37")
             used_runs.append(run)
-    if not used_runs:
-        message = "runs of several m"
-        raise Lacking(message)
-    ax.set(
-        xlabel=r"spacing $\delta/L$",
-        ylabel=rf"$A^{{\ast}}/p^{{\ast}}$ (line through 0, $p^{{\ast}} \leq {limit:.2f}$)",
-        yscale="log",
-    )
+    require(used_runs, "runs of several m")
+    slope = rf"$A^{{\ast}}/p^{{\ast}}$ (line through 0, $p^{{\ast}} \leq {limit:.2f}$)"
+    ax.set(xlabel=r"spacing $\delta/L$", ylabel=slope, yscale="log")
     ax.set_xscale("log", base=2)
     legend(ax, f"$D = {PAPER_D:g}$")
     return _noted(fig, *used_runs)
@@ -307,32 +265,22 @@ def readings_fulcrum(evidence: Evidence) -> Drawing:
     The paper sees it at v = 1 (dotted).
     """
     fig, ax = axes()
-    sources = (
-        ("std", "mean-plane", "default"),
-        ("variance", "mean-plane", "variance law"),
-        ("std", "summit-plane", "summit plane"),
-    )
+    sources = [("std", "mean-plane", "default"), ("variance", "mean-plane", "variance law")]
+    sources += [("std", "summit-plane", "summit plane")]
     volumes = np.linspace(0.02, 2.5, 80)
     drawn: list[Run] = []
     for (law, end, words), look in zip(sources, looks(3), strict=True):
-        for run in evidence.find(density.F, density.EDGES, by="D", law=law, end=end)[:1]:
-            m = int(nearest(run.m, PAPER_M))
+        for run in evidence.fit(Needs((density.F, density.EDGES), by="D", law=law, ends=(end,)))[:1]:
+            m, seeds = int(nearest(run.m, PAPER_M)), np.arange(run.seeds)
             data = {D: density.densities(run, D, m) for D in run.D}
-            seeds = np.arange(run.seeds)
             few = {D: pair for D, pair in data.items() if D <= 2.51}
-            ax.plot(
-                volumes,
-                [density.fulcrum(data, v, seeds) for v in volumes],
-                color=look["color"],
-                label=f"{words}, all $D$",
-            )
+            spreads = [density.fulcrum(data, v, seeds) for v in volumes]
+            ax.plot(volumes, spreads, color=look["color"], label=f"{words}, all $D$")
             if len(few) > 1:
                 spreads = [density.fulcrum(few, v, seeds) for v in volumes]
                 ax.plot(volumes, spreads, color=look["color"], ls="--", lw=0.9, label=f"{words}, $D \\leq 2.5$")
             drawn.append(run)
-    if not drawn:
-        message = "densities for several D"
-        raise Lacking(message)
+    require(drawn, "densities for several D")
     if all(is_paper_surface(run.dataset) for run in drawn):
         ax.axvline(1.0, color=GREY, lw=0.7, ls=":")
     ax.set(xlabel=volume_label(drawn[0].dataset), ylabel="spread of $f(v)$ over $D$, relative", ylim=(0.0, None))
@@ -343,10 +291,8 @@ def readings_fulcrum(evidence: Evidence) -> Drawing:
 @_figure
 def full_contact(evidence: Evidence) -> Drawing:
     """Draw A* and V* against p* on the way to full contact: A* = 1 and V* = 0 at a finite pressure."""
-    runs = [run for run in evidence.find(V, A, P, end=None) if float(run.dataset[D_SIGMA].min()) < -10.0]
-    if not runs:
-        message = "a run pressed to full contact"
-        raise Lacking(message)
+    runs = [run for run in evidence.fit(Needs((V, A, P))) if float(run.dataset[D_SIGMA].min()) < -10.0]
+    require(runs, "a run pressed to full contact")
     run = runs[0]
     m = max(run.m)
     fig, panels = axes(PAGE, 2.9, 2)
@@ -367,16 +313,14 @@ def volume_by_m(evidence: Evidence) -> Drawing:
 
     The decay of the literal sum is the factor (1 + 2^-m)², the elements that stick out of L².
     """
-    run = evidence.pick(V, by="m", D=PAPER_D)
+    run = evidence.best(Needs((V,), by="m", D=(PAPER_D,), ends=ENDS))
     values = np.array([run.last(V, D=PAPER_D, m=m) for m in run.m])
     factor = np.array([[(1.0 + 2.0**-m) ** 2] for m in run.m])
     fig, ax = axes()
-    for each, words, look in (
-        (values, "mean over elements", looks(2)[0]),
-        (values * factor, r"$V/(L^2\sigma)$", looks(2)[1]),
-    ):
-        ax.plot(run.m, each, color=look["color"], lw=0.3, alpha=0.5)
-        ax.plot(run.m, each.mean(axis=1), label=words, **look)
+    sums = (("mean over elements", values), (r"$V/(L^2\sigma)$", values * factor))
+    for (label, volumes), look in zip(sums, looks(2), strict=True):
+        ax.plot(run.m, volumes, color=look["color"], lw=0.3, alpha=0.5)
+        ax.plot(run.m, volumes.mean(axis=1), label=label, **look)
     ax.set(xlabel="$m$", ylabel=LABELS[V] + " at $d = 0$", xticks=run.m)
     legend(ax, f"$D = {PAPER_D:g}$, {_count(run)}")
     return _noted(fig, run)
@@ -388,23 +332,19 @@ def shift(evidence: Evidence) -> Drawing:
 
     The thin lines are single surfaces; the paper's numbers are 8 at m = 6 and 2 at m = 7 (crosses).
     """
-    run = evidence.pick(density.F, density.EDGES, by="m", D=PAPER_D)
-    found = density.moments(run, PAPER_D)
-    means = np.array([found[m][0] for m in run.m])
+    run = evidence.best(Needs((density.F, density.EDGES), by="m", D=(PAPER_D,), ends=ENDS))
+    means = np.array([volume for volume, _, _ in density.moments(run, PAPER_D).values()])
     fig, ax = axes()
     ax.plot(run.m, means, color=GREY, lw=0.4)
     centre, ms = np.exp(np.log(means).mean(axis=1)), np.array(run.m)
     ax.plot(ms, centre, "ko", label="computed")
-    for power, words, colour, style in (
-        (2.0, r"$\delta^2$: 0.602 per $m$", SECOND, "-"),
-        (PAPER_D, r"$\delta^D$: 0.692 per $m$", ACCENT, "--"),
-    ):
+    laws = [(2.0, r"$\delta^2$: 0.602 per $m$", SECOND, "-"), (PAPER_D, r"$\delta^D$: 0.692 per $m$", ACCENT, "--")]
+    for power, words, colour, style in laws:
         ax.plot(ms, centre[0] * 2.0 ** (-power * (ms - ms[0])), color=colour, ls=style, label=words)
     if {6, 7} <= set(run.m) and is_paper_surface(run.dataset):
         ax.plot([6, 7], [8.0, 2.0], "x", color=ACCENT, ms=6, label="paper: 8 and 2")
-    ax.set(
-        xlabel="$m$", ylabel=rf"mean volume $\overline{{v}}$ [{volume_unit(run.dataset)}]", yscale="log", xticks=run.m
-    )
+    label = rf"mean volume $\overline{{v}}$ [{volume_unit(run.dataset)}]"
+    ax.set(xlabel="$m$", ylabel=label, yscale="log", xticks=run.m)
     legend(ax, f"$D = {PAPER_D:g}$, $d = 0$")
     return _noted(fig, run)
 
@@ -415,11 +355,9 @@ def seeds(evidence: Evidence) -> Drawing:
 
     Left the exponent of A*/p*, right V* at d = 0 of the smallest and the next D, which single surfaces confuse.
     """
-    runs = [run for run in evidence.find(A, P, V, by="m") if run.seeds >= 3 * FEW]
-    if not runs:
-        message = f"a run of {3 * FEW} surfaces and several m"
-        raise Lacking(message)
-    run = max(runs, key=lambda each: each.seeds)
+    runs = [run for run in evidence.fit(Needs((A, P, V), by="m", ends=ENDS)) if run.seeds >= 3 * FEW]
+    require(runs, f"a run of {3 * FEW} surfaces and several m")
+    run = max(runs, key=lambda run: run.seeds)
     random = np.random.Generator(np.random.PCG64(1))
     sets = np.array([random.choice(run.seeds, FEW, replace=False) for _ in range(5000)])
     m, D = max(run.m), nearest(run.D, PAPER_D)
@@ -429,14 +367,15 @@ def seeds(evidence: Evidence) -> Drawing:
     left.axvline(D - 2.0, color=GREY, ls=":", lw=0.9, label=f"Persson: {D - 2:.2f}")
     left.set(xlabel=rf"$n$ of $A^{{\ast}}/p^{{\ast}} \sim \delta^n$, $m = {run.m[0]}$ to ${m}$", ylabel="density")
     legend(left, f"$D = {D:g}$, {_count(run)}")
-    for each, look in zip(run.D[:2], looks(3), strict=False):
-        _histogram(right, run.last(V, D=each, m=m), sets, look, f"one, $D = {each:g}$", f"ten, $D = {each:g}$")
+    for D, look in zip(run.D[:2], looks(3), strict=False):
+        _histogram(right, run.last(V, D=D, m=m), sets, look, f"one, $D = {D:g}$", f"ten, $D = {D:g}$")
     right.set(xlabel=LABELS[V] + " at $d = 0$", ylabel="density")
     legend(right, f"$m = {m}$, {_count(run)} each")
     return _noted(fig, run)
 
 
-def _histogram(ax: Any, each: Array, sets: NDArray[Any], look: dict[str, Any], one: str, ten: str) -> None:
-    ax.hist(each, bins=max(10, round(math.sqrt(each.size))), density=True, color=look["color"], alpha=0.3, label=one)
-    heights, edges = np.histogram(each[sets].mean(axis=1), bins=25, density=True)
+def _histogram(ax: Any, values: Array, sets: NDArray[Any], look: dict[str, Any], one: str, ten: str) -> None:
+    bins = max(10, round(math.sqrt(values.size)))
+    ax.hist(values, bins=bins, density=True, color=look["color"], alpha=0.3, label=one)
+    heights, edges = np.histogram(values[sets].mean(axis=1), bins=25, density=True)
     ax.stairs(heights, edges, color=look["color"], lw=1.1, label=ten)

@@ -6,34 +6,21 @@ Markers are the means over the surfaces (errors: the largest of any), colours na
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.ticker import LogLocator, NullFormatter
+from xarray import Dataset
 
-from roughvol.report.figures.origin import guarded
-from roughvol.report.figures.style import PAGE, Drawing, canvas, looks
+from roughvol.report.figures.origin import Draw, register
+from roughvol.report.figures.style import PAGE, Drawing, axes, looks, plain_ticks
 from roughvol.store.tradeoff_variables import QUANTITIES, RUNG
 from roughvol.typing import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from xarray import Dataset
-
-Draw = Callable[["Dataset"], Drawing]
 
 FIGURES: dict[str, Draw] = {}
 LADDERS: dict[str, str] = {}  # that a figure needs
 
-LOOKS = {
-    name: look | {"label": label}
-    for name, look, label in zip(
-        ("mean_pressure", "free_volume", "contact_area_fraction"),
-        looks(3),
-        (r"$p^{\ast}$ (relative)", r"$V^{\ast}$", r"$A^{\ast}$"),
-        strict=True,
-    )
-}
+LABELS = {"mean_pressure": r"$p^{\ast}$ (relative)", "free_volume": r"$V^{\ast}$"}
+LABELS |= {"contact_area_fraction": r"$A^{\ast}$"}
+LOOKS = {name: look | {"label": LABELS[name]} for name, look in zip(LABELS, looks(3), strict=True)}
 FLOOR = 1e-16  # where an error of exactly zero is drawn
 
 
@@ -47,12 +34,11 @@ def missing(name: str, ds: Dataset) -> str | None:
 
 
 def _figure(ladder: str) -> Callable[[Draw], Draw]:
-    def register(draw: Draw) -> Draw:
-        checked = guarded(draw, missing)
-        FIGURES[draw.__name__], LADDERS[draw.__name__] = checked, ladder
-        return checked
+    def add(draw: Draw) -> Draw:
+        LADDERS[draw.__name__] = ladder
+        return register(draw, FIGURES, missing)
 
-    return register
+    return add
 
 
 def _rungs(ds: Dataset, ladder: str, precision: str | None = None) -> Dataset:
@@ -74,15 +60,13 @@ def tradeoff_precision(ds: Dataset) -> Drawing:
     To see: V* and p* stay under their certified bounds at every residual; A* is off by single elements at 1e-5, exact
     below; a digit costs the same time all the way down, and mixed precision costs no digit.
     """
-    fig = canvas(PAGE, 3.0)
-    left, right = fig.subplots(1, 2)
+    fig, (left, right) = axes(PAGE, 3.0, 2)
     mixed, double = (_rungs(ds, "tolerance", how) for how in ("mixed", "double"))
     for name in QUANTITIES:
         left.loglog(mixed["rtol"], _worst(mixed, f"{name}_error"), **LOOKS[name])
-    for name, bound, label in (
-        ("free_volume", "residual", r"bound of $V^{\ast}$"),
-        ("mean_pressure", "mean_pressure_bound", r"bound of $p^{\ast}$"),
-    ):
+    bounds = [("free_volume", "residual", r"bound of $V^{\ast}$")]
+    bounds += [("mean_pressure", "mean_pressure_bound", r"bound of $p^{\ast}$")]
+    for name, bound, label in bounds:
         left.loglog(mixed["rtol"], _worst(mixed, bound), "--", color=LOOKS[name]["color"], lw=0.8, label=label)
     left.set(xlabel=r"residual asked for $\eta/\sigma$", ylabel="largest error of any state ($10^{-16}$: none)")
     left.invert_xaxis()
@@ -92,13 +76,10 @@ def tradeoff_precision(ds: Dataset) -> Drawing:
             look = LOOKS[name] | {"label": f"{LOOKS[name]['label']}, {words}"}
             right.loglog(rungs["seconds"].mean("surface"), _worst(rungs, f"{name}_error"), ls=style, **look)
     # under a decade or a little more: few labels, as plain numbers
-    right.xaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)))
-    right.xaxis.set_major_formatter("{x:g}")
-    right.xaxis.set_minor_formatter(NullFormatter())
+    plain_ticks(right.xaxis, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0))
     right.set(xlabel="seconds a sweep", ylabel="largest error of any state ($10^{-16}$: none)")
     right.legend()
-    _grid(left, right)
-    return fig
+    return _with_grid(fig)
 
 
 @_figure("resolution")
@@ -107,8 +88,7 @@ def tradeoff_resolution(ds: Dataset) -> Drawing:
 
     To see: the errors of a coarse grid are decades above those of any accuracy of the solver.
     """
-    fig = canvas(PAGE, 3.0)
-    left, right = fig.subplots(1, 2)
+    fig, (left, right) = axes(PAGE, 3.0, 2)
     family = _rungs(ds, "resolution")
     levels = family["m"].values
     final = {name: family[name].values for name in QUANTITIES}
@@ -128,8 +108,7 @@ def tradeoff_resolution(ds: Dataset) -> Drawing:
         right.plot(levels, (final[name] / final[name][-1]).mean(axis=1), **look)
     right.set(xlabel="$m$", ylabel=f"value over that at $m = {levels[-1]}$", xticks=levels)
     right.legend()
-    _grid(left, right)
-    return fig
+    return _with_grid(fig)
 
 
 @_figure("steps")
@@ -139,8 +118,7 @@ def tradeoff_settings(ds: Dataset) -> Drawing:
     To see: the states of a sweep do not depend on its steps; the kernel is a choice of physics, not of accuracy; the
     paper's algorithm finds the same.
     """
-    fig = canvas(PAGE, 3.0)
-    left, right = fig.subplots(1, 2)
+    fig, (left, right) = axes(PAGE, 3.0, 2)
     kept = ds.isel({RUNG: np.flatnonzero(np.isin(ds["ladder"].values, ("steps", "kernel", "method")))})
     names = []
     for k in range(kept.sizes[RUNG]):
@@ -160,10 +138,10 @@ def tradeoff_settings(ds: Dataset) -> Drawing:
     right.set(ylabel="seconds a sweep", xticks=places)
     for ax in (left, right):
         ax.set_xticklabels(names, rotation=40, ha="right")
-    _grid(left, right)
-    return fig
+    return _with_grid(fig)
 
 
-def _grid(*axes: Axes) -> None:
-    for ax in axes:
+def _with_grid(fig: Drawing) -> Drawing:
+    for ax in fig.axes:
         ax.grid(visible=True)
+    return fig
