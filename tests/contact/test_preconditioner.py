@@ -202,7 +202,7 @@ def test_near_field_of_blocks_is_the_factor_of_its_definition():
         near = np.flatnonzero(beside(x, y)[i, : i + 1])
         row = np.linalg.solve(matrix[np.ix_(near, near)], np.eye(near.size)[-1])
         factor[i, near] = row / np.sqrt(row[-1])
-    got = dense(lambda r: far_field._near_field(level, 0.05)(r.astype(np.float32)), x.size)
+    got = dense(lambda r: far_field.near_field_of_blocks(level, 0.05)(r.astype(np.float32)), x.size)
     np.testing.assert_allclose(got, factor.T @ factor, rtol=0, atol=3e-6 * np.abs(got).max())
 
 

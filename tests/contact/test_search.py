@@ -9,10 +9,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from roughvol.contact import search
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials, solve, sweep
-from roughvol.contact.search import first_indentation, indentation_for
+from roughvol.contact.search import SearchTuning, first_indentation, indentation_for
 from roughvol.errors import ContactError
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
@@ -56,13 +55,12 @@ def test_indentation_for_a_pressure_meets_it(pressure):
 
 @pytest.mark.parametrize("D", [2.1, 2.9])
 @pytest.mark.parametrize(("target", "value"), [("contact_area", 0.1), ("contact_area", 0.02), ("pressure", 1.5)])
-def test_where_it_is_does_not_depend_on_how_it_is_looked_for(target, value, D, monkeypatch):
+def test_where_it_is_does_not_depend_on_how_it_is_looked_for(target, value, D):
     surface = fractal(6, D)
     usual = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8)
     for first, later in ((0.5, 0.5), (1e-8, 1e-8)):  # rough states must not decide, good ones need not
-        monkeypatch.setattr(search, "_FIRST", first)
-        monkeypatch.setattr(search, "_NEXT", later)
-        other = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8)
+        steering = SearchTuning(first=first, following=later)
+        other = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8, tuning=steering)
         assert other == pytest.approx(usual, rel=3e-6)
 
 
@@ -128,7 +126,7 @@ def is_met(heights, target, value, rtol, kernel):
     if target == "contact_area":
         assert found >= value
     else:  # by the search and by the residual, which is at most a hundredth of the indentation
-        stiffest = Trials(surface, space)._problem.stiffest
+        stiffest = Trials(surface, space).problem.stiffest
         noise = 4.0 * min(rtol, 0.01 * indentation) + 1e-5 * indentation
         assert abs(found - value) <= stiffest * noise
 
@@ -234,7 +232,7 @@ def test_depth_of_every_element_rises_and_is_concave(m, D):
     contacts = [trials.untouched, *states(surface)]
 
     def depth(contact):
-        c = trials._problem.firmness
+        c = trials.problem.firmness
         lattice = contact.pressure() / (math.pi * (surface.shape[0] - 1))
         return c * lattice - contact.gap()
 

@@ -114,7 +114,9 @@ def test_one_of_several_arrays_is_named(tmp_path: Path, suffix: str) -> None:
     arrays = {"z": HEIGHTS, "gap": HEIGHTS + 1.0, "L": np.float64(2.0)}
     np.savez(path, **arrays) if suffix == ".npz" else _write_netcdf(path, **arrays)
     assert np.array_equal(reading.read(path, "gap"), HEIGHTS + 1.0)
-    with pytest.raises(DatasetError, match=r"several.*not said \(variable\).*z \(5, 4\), gap \(5, 4\), L \(\)"):
+    with pytest.raises(
+        DatasetError, match=r"several.*give the array of heights \(variable\).*z \(5, 4\), gap \(5, 4\), L \(\)"
+    ):
         reading.read(path)
     with pytest.raises(DatasetError, match=r"several.*has no array 'Z'.*z \(5, 4\)"):
         reading.read(path, "Z")
@@ -194,7 +196,7 @@ BAD: dict[str, tuple[type[Exception], str, Callable[[Path], Any]]] = {
     ),
     "count.asc": (
         SurfaceError,
-        "16 heights; its header says 4 x 5",
+        "16 heights; its header gives 4 x 5",
         lambda path: path.write_text(ESRI + _rows(HEIGHTS[1:])),
     ),
     "size.asc": (SurfaceError, "needed: ncols and nrows", lambda path: path.write_text("ncols 4\n" + _rows(HEIGHTS))),

@@ -120,7 +120,7 @@ BAD: dict[str, tuple[str, str]] = {
     ),
     "pixel.txt": ("# lateral unit um\n" + rows(HEIGHTS), r"line 1 is not understood"),
     "title.csv": ("a,b,c,d,e\n" + rows(HEIGHTS, ","), r"line 1 is not understood: 'a,b,c,d,e'"),
-    "footer.txt": (rows(HEIGHTS) + "end of data\n", r"line 7: 'end of data' stands among the numbers"),
+    "footer.txt": (rows(HEIGHTS) + "end of data\n", r"line 7 holds no numbers: 'end of data'; delete it"),
     "blocks.txt": (
         GWYDDION + rows(HEIGHTS.T) + GWYDDION + rows(HEIGHTS.T),
         r"line 9 is a header among the numbers: '# Width: 6 µm'",
@@ -131,7 +131,7 @@ BAD: dict[str, tuple[str, str]] = {
     "volts.txt": (GWYDDION.replace("nm", "V") + rows(HEIGHTS.T), r"line 3 \(# Value units: V\) has the unit 'V'"),
     "units.txt": (GWYDDION.replace("5 µm", "5 mm") + rows(HEIGHTS.T), r"line 2 .* is in mm, another size in um"),
     "counts.txt": ("h=5 w=7\n" + rows(HEIGHTS.T), r"header gives w = 7, the text has 6 columns in 5 lines"),
-    "cut.asc": ("ncols 6\nnrows 5\ncellsize 1\n" + rows(HEIGHTS.T[:2]), r"holds 12 heights; its header says 5 x 6"),
+    "cut.asc": ("ncols 6\nnrows 5\ncellsize 1\n" + rows(HEIGHTS.T[:2]), r"holds 12 heights; its header gives 5 x 6"),
     "empty.xyz": ("", "holds no numbers"),
     "huge.asc": ("ncols 1000000000\nnrows 1000000000\ncellsize 1\n1 2 3\n", "holds 3 heights"),
 }
