@@ -31,9 +31,7 @@ class Indenter(NamedTuple):
 
 
 def hertz(indentation: float, radius: float, E_star: float = 1.0) -> Indenter:
-    """Return the contact of a rigid paraboloid r²/(2R) (Johnson, Sec. 4.2).
-
-    F = 4/3 E* √R Δ^{3/2},  a = √(R Δ)
+    """Return the contact of a rigid paraboloid r²/(2R): F = 4/3 E* √R Δ^{3/2}, a = √(R Δ) (Johnson, Sec. 4.2).
 
     Parameters
     ----------
@@ -52,9 +50,7 @@ def hertz(indentation: float, radius: float, E_star: float = 1.0) -> Indenter:
 
 
 def hertz_pressure(r: ArrayLike, indentation: float, radius: float, E_star: float = 1.0) -> Array:
-    """Return the pressure inside the contact of `hertz`, 0 outside (Johnson, Sec. 3.4).
-
-    p(r) = (2 E* / π R) √(a² - r²)
+    """Return p(r) = (2 E* / π R) √(a² - r²) inside the contact of `hertz`, 0 outside (Johnson, Sec. 3.4).
 
     Parameters
     ----------
@@ -74,9 +70,7 @@ def hertz_pressure(r: ArrayLike, indentation: float, radius: float, E_star: floa
 
 
 def hertz_displacement(r: ArrayLike, indentation: float, radius: float) -> Array:
-    """Return the displacement in and around the contact of `hertz` (Johnson, Sec. 3.4).
-
-    u(r) = [(2a² - r²) asin(a/r) + a √(r² - a²)] / (π R) outside, Δ - r²/(2R) inside
+    """Return u(r) = [(2a² - r²) asin(a/r) + a √(r² - a²)] / (π R) outside, Δ - r²/(2R) inside (Johnson, Sec. 3.4).
 
     Parameters
     ----------
@@ -116,9 +110,7 @@ def circular_punch(indentation: float, radius: float, E_star: float = 1.0) -> In
 
 
 def circular_punch_pressure(r: ArrayLike, indentation: float, radius: float, E_star: float = 1.0) -> Array:
-    """Return the pressure inside `circular_punch`, infinite at its edge, 0 outside (Johnson, Sec. 3.4).
-
-    p(r) = E* Δ / (π √(a² - r²))
+    """Return p(r) = E* Δ / (π √(a² - r²)) inside `circular_punch`, infinite at its edge, 0 outside (Johnson).
 
     Parameters
     ----------
@@ -140,9 +132,7 @@ def circular_punch_pressure(r: ArrayLike, indentation: float, radius: float, E_s
 
 
 def circular_punch_displacement(r: ArrayLike, indentation: float, radius: float) -> Array:
-    """Return the displacement in and around `circular_punch` (Johnson, Sec. 3.4).
-
-    u(r) = (2 Δ / π) asin(a/r) outside, Δ inside
+    """Return u(r) = (2 Δ / π) asin(a/r) outside `circular_punch`, Δ inside (Johnson, Sec. 3.4).
 
     Parameters
     ----------
@@ -180,9 +170,7 @@ def square_punch(indentation: float, side: float, E_star: float = 1.0) -> float:
 
 
 def cone(indentation: float, slope: float, E_star: float = 1.0) -> Indenter:
-    """Return the contact of a rigid cone of height r s (Sneddon 1965).
-
-    F = 2 E* Δ² / (π s),  a = 2 Δ / (π s)
+    """Return the contact of a rigid cone r s: F = 2 E* Δ² / (π s), a = 2 Δ / (π s) (Sneddon 1965).
 
     Parameters
     ----------
@@ -203,9 +191,7 @@ def cone(indentation: float, slope: float, E_star: float = 1.0) -> Indenter:
 
 
 def cone_pressure(r: ArrayLike, indentation: float, slope: float, E_star: float = 1.0) -> Array:
-    """Return the pressure inside `cone`, infinite on the axis, 0 outside (Sneddon 1965).
-
-    p(r) = ½ E* s acosh(a/r)
+    """Return p(r) = ½ E* s acosh(a/r) inside `cone`, infinite on the axis, 0 outside (Sneddon 1965).
 
     Parameters
     ----------
@@ -226,9 +212,7 @@ def cone_pressure(r: ArrayLike, indentation: float, slope: float, E_star: float 
 
 
 def cone_displacement(r: ArrayLike, indentation: float, slope: float) -> Array:
-    """Return the displacement in and around `cone` (Sneddon 1965).
-
-    u(r) = s [a asin(a/r) + √(r² - a²) - r] outside, Δ - s r inside
+    """Return u(r) = s [a asin(a/r) + √(r² - a²) - r] outside `cone`, Δ - s r inside (Sneddon 1965).
 
     Parameters
     ----------

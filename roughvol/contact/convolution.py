@@ -81,10 +81,7 @@ class Convolution:
         self._row_plans = []
         for k, part in enumerate(self._row_parts):
             source, target = (buffers[k % workers][: part.stop - part.start] for buffers in (self._rows, self._results))
-            waves_of_part = self._waves[part]
-            self._row_plans.append(
-                (_plan(source, waves_of_part, "FFTW_FORWARD"), _plan(waves_of_part, target, "FFTW_BACKWARD"))
-            )
+            self._row_plans.append(_plans(source, self._waves[part], target))
         deepest = max(part.stop - part.start for part in self._column_parts)
         self._at_once = max(tuning.columns_together // 4, tuning.cache // column)
         self._blocks = [
@@ -93,7 +90,7 @@ class Convolution:
         ]
         self._block_plans = [
             [
-                (_plan(some, after[: len(some)], "FFTW_FORWARD"), _plan(after[: len(some)], some, "FFTW_BACKWARD"))
+                _plans(some, after[: len(some)], some)
                 for some in (before[first : first + self._at_once] for first in range(0, deepest, self._at_once))
             ]
             for before, after in self._blocks
@@ -206,23 +203,20 @@ class Convolution:
 
     def _share(self, task: Callable[[int, int], None], count: int) -> None:
         """Do all tasks; worker k does the numbers k, k + workers, k + 2 workers, …."""
-        if self._pool is None:
-            for k in range(count):
-                task(0, k)
-            return
         workers = len(self._blocks)
 
         def work(worker: int) -> None:
             for k in range(worker, count, workers):
                 task(worker, k)
 
-        list(self._pool.map(work, range(workers)))
+        list((self._pool.map if self._pool else map)(work, range(workers)))
 
 
-def _plan(source: Any, target: Any, direction: str) -> Callable[[], None]:
-    flags = (PLANNER,) if direction == "FFTW_FORWARD" else (PLANNER, "FFTW_DESTROY_INPUT")
-    execute: Callable[[], None] = pyfftw.FFTW(source, target, axes=(1,), direction=direction, flags=flags).execute
-    return execute
+def _plans(source: Any, waves: Any, target: Any) -> tuple[Callable[[], None], Callable[[], None]]:
+    """Return the forward transform of a source, and the backward one of its waves, which it destroys."""
+    forward = pyfftw.FFTW(source, waves, axes=(1,), direction="FFTW_FORWARD", flags=(PLANNER,))
+    flags = (PLANNER, "FFTW_DESTROY_INPUT")
+    return forward.execute, pyfftw.FFTW(waves, target, axes=(1,), direction="FFTW_BACKWARD", flags=flags).execute
 
 
 def parts(count: int, size: int, cache: int, together: int = 1) -> list[slice]:
@@ -230,14 +224,10 @@ def parts(count: int, size: int, cache: int, together: int = 1) -> list[slice]:
 
     Parameters
     ----------
-    count : int
-        Number of transforms.
-    size : int
-        Bytes of one transform.
-    cache : int
-        Bytes of a part.
-    together : int
-        Divisor of the number of transforms in every part but the last.
+    count, size : int
+        Number of transforms, and bytes of one.
+    cache, together : int
+        Bytes of a part, and the divisor of its number of transforms; the last part takes the remainder.
 
     Returns
     -------

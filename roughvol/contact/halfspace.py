@@ -1,10 +1,8 @@
 """The elastic half space: displacement of a free rectangle of square elements under pressure, by FFT.
 
-Conventions
------------
-Every node (i, j) of the surface is the centre of a square element of side δ under uniform pressure p_ij ≥ 0 in
-compression. Displacements are positive into the half space. *Lattice units* are δ/(π E*) times the unit of p. One half
-space therefore serves every spacing, modulus and height scale::
+Conventions: every node (i, j) of the surface is the centre of a square element of side δ under uniform pressure
+p_ij ≥ 0 in compression. Displacements are positive into the half space. *Lattice units* are δ/(π E*) times the unit of
+p. One half space therefore serves every spacing, modulus and height scale::
 
     u_ij = δ/(π E*) Σ_kl K(i-k, j-l) p_kl,        K(0, 0) = 4 ln(1 + √2) = 3.52549 for the Love kernel
 

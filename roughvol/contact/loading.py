@@ -1,20 +1,16 @@
 """Frictionless contact of a rigid rough surface with an elastic half space, at imposed indentation.
 
-Conventions
------------
-Heights z point out of the rough body. Δ ≥ 0 is the far-field closing displacement from first touch. With the rigid
-overlap ū = Δ - (z_max - z) and the displacement u = H p, the pressures solve the linear complementarity problem
+Conventions: heights z point out of the rough body. Δ ≥ 0 is the far-field closing displacement from first touch. With
+the rigid overlap ū = Δ - (z_max - z) and the displacement u = H p, pressures solve the complementarity problem
 
     p ≥ 0,    g = u - ū ≥ 0,    p g = 0    on every element.
 
 It has exactly one solution, as H is positive definite. `problem` scales all lengths by the root mean square height σ.
 
-The residual
-------------
-η/σ = max( max |w| where p > 0,  max -w where ū > 0 ), w the computed gap over σ, on the whole grid. One convolution in
-double precision gives it after the iteration has ended. A pressure p ≥ 0 with residual η is the *exact* solution for
-heights changed by at most η. Hence F(Δ - η) ≤ F ≤ F(Δ + η) for the load, and |δV*| ≤ η/σ for the free volume. Solves
-end on this number and on nothing else.
+The residual is η/σ = max( max |w| where p > 0,  max -w where ū > 0 ), w the computed gap over σ, on the whole grid.
+One convolution in double precision gives it after the iteration has ended. A pressure p ≥ 0 with residual η is the
+*exact* solution for heights changed by at most η. Hence F(Δ - η) ≤ F ≤ F(Δ + η) for the load, and |δV*| ≤ η/σ for the
+free volume. Solves end on this number and on nothing else.
 
 docs/solver.md has the method and its equations.
 """
@@ -95,10 +91,12 @@ def sweep(
 
     Parameters
     ----------
-    surface, half_space, rtol, method, tuning
+    surface, half_space
         As in `solve`.
     indentations : iterable of float
         Δ/σ, increasing.
+    rtol, method
+        As in `solve`.
     precision : {"mixed", "double"}
         Precision of the convolutions inside the iteration: "mixed" has 32 bits where this loses no digit. The residual
         is in double precision with both.
@@ -107,6 +105,8 @@ def sweep(
     resume : iterable of dict
         `Contact.state` of the last two contacts of an interrupted sweep. The states that follow are the same to the
         last bit.
+    tuning : Tuning
+        Constants.
 
     Yields
     ------

@@ -27,8 +27,8 @@ def solve_paper(
         Scaled problem on at most 65 × 65 elements.
     indentation : float
         Δ/σ.
-    latest : State
-        State at the indentation before.
+    latest, _previous : State
+        States at the indentations before, for the length of the step alone.
     rtol : float
         Bound of the residual η/σ.
 

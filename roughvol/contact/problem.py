@@ -27,7 +27,12 @@ LIGHT_ROUGH = 0.5  # the same for rough states of a search
 
 
 def check_rtol(rtol: float) -> None:
-    """Refuse a tolerance η/σ out of range.
+    """Refuse a tolerance out of range.
+
+    Parameters
+    ----------
+    rtol : float
+        Bound of the residual η/σ.
 
     Raises
     ------

@@ -101,12 +101,14 @@ def indentation_for(
 
     Parameters
     ----------
-    surface, half_space, rtol, method
+    surface, half_space
         As in `roughvol.contact.solve`.
     target : {"contact_area", "pressure"}
         A* or p*.
     value : float
         0 < A* ≤ 1, or p* > 0.
+    rtol, method
+        As in `roughvol.contact.solve`.
     tuning : SearchTuning
         Constants.
 
@@ -204,10 +206,12 @@ def first_indentation(
 
     Parameters
     ----------
-    surface, half_space, rtol, method
+    surface, half_space
         As in `roughvol.contact.solve`.
     reached : callable
         Contact ↦ bool, the condition. Estimates of states are passed as well.
+    rtol, method
+        As in `roughvol.contact.solve`.
     accuracy : float
         Relative accuracy of the indentation.
     tuning : SearchTuning
@@ -261,18 +265,9 @@ def _search(
 ) -> Contact:
     """Return the state at the smallest indentation at which a condition holds.
 
-    Parameters
-    ----------
-    trials, reached, accuracy, tuning
-        As in `first_indentation`.
-    guess : callable
-        States on either side, or the last two below ↦ next indentation; infinite without a guess.
-    start : float
-        First indentation Δ/σ.
-    elements : bool
-        Whether single elements matter. Elements on the brink of contact then do not count.
-    between : sequence of Contact
-        States on either side, in place of the first indentation; states without contact may be among them.
+    The guess maps states on either side, or the last two below, to an indentation. It is infinite where there is none.
+    If single elements matter, elements on the brink of contact do not count. States on either side (`between`) replace
+    the start. States without contact may be among them.
     """
     brink = tuning.sure * trials.rtol if elements else 0.0
 

@@ -101,7 +101,7 @@ def length_unit(path: Path, unit: object, place: str) -> str | None:
     Parameters
     ----------
     path : Path
-        File, for the message.
+        File.
     unit : object
         Unit as the file gives it, as text or bytes.
     place : str
@@ -156,7 +156,7 @@ def position(path: Path, names: list[str], wanted: str, listing: str, kind: str)
     Parameters
     ----------
     path : Path
-        File, for the message.
+        File.
     names : list of str
         Names in the file.
     wanted : str
