@@ -95,14 +95,10 @@ def conjugate_gradients(problem: Problem, indentation: float, face: Face, rtol: 
 
     Parameters
     ----------
-    problem : Problem
-        Scaled problem.
-    indentation : float
-        Δ/σ, for errors.
+    problem, indentation, rtol
+        As in `solve_indentation`; the indentation is for errors alone.
     face : Face
         Candidates and the start.
-    rtol : float
-        Bound of the residual η/σ.
     mode : Mode
         Precision of the round.
 

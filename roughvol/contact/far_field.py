@@ -1,18 +1,11 @@
 """The far field of K⁻¹: corrections of the near field by blocks of elements and blocks of blocks.
 
-The near field leaves collective modes: regions of the contact shift load among each other. Let t be the pressure under
-a uniform further indentation, K t = 1 on the contact. Under its share of t, a block of 8 × 8 elements moves almost
-evenly, because all of the contact does under t. Pressures are split into t-shaped forces on blocks, and a rest without
-force on any block. The rest reaches no further than the neighbouring blocks:
+Equation (15) of docs/solver.md, with its symbols. B is the near field on the elements:
 
     M⁻¹ = P C Pᵀ + (1 - P Xᵀ) B (1 - X Pᵀ),        X = E + N C.
 
-P spreads the force of a block over its elements in proportion to t. Pᵀ takes the mean over a block, weighted by t. E
-gives all elements of a block one value. N is the departure of displacements from their mean over a block, under forces
-on the block and the eight around it. B is the near field on the elements.
-
-C ≈ (Pᵀ K P)⁻¹ is the same problem with a 64th of the elements. Its nearest coefficients are summed exactly, the others
-are those of points. It is solved in the same way, down to some hundred blocks and a factorisation.
+P spreads the force of a block over its elements in proportion to t, the pressure with K t = 1 on the contact. Pᵀ takes
+the mean over a block, weighted by t. C ≈ (Pᵀ K P)⁻¹ is the same problem between blocks, solved in the same way.
 
 M⁻¹ is symmetric, and positive definite for any t ≥ 0, N and positive definite C. Numbers have 32 bits: rounding is far
 smaller than the approximations.

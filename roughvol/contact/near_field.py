@@ -97,12 +97,8 @@ def border(influence: Array, columns: int, elements: Index, left_out: Mask, ente
 
     Parameters
     ----------
-    influence : array (rows, columns)
-        K(i, j) of the non-negative offsets.
-    columns : int
-        Columns of the grid.
-    elements : array (n,)
-        Flat indices, increasing.
+    influence, columns, elements
+        As in `near_field`.
     left_out : array (n,) of bool
         Elements left out of the inverse.
     entered : array (k,)

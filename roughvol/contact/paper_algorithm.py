@@ -23,14 +23,8 @@ def solve_paper(
 
     Parameters
     ----------
-    problem : Problem
-        Scaled problem on at most 65 × 65 elements.
-    indentation : float
-        Δ/σ.
-    latest, _previous : State
-        States at the indentations before, for the length of the step alone.
-    rtol : float
-        Bound of the residual η/σ.
+    problem, indentation, latest, _previous, rtol
+        As in `active_set.solve_indentation`, on at most 65 × 65 elements. The states give the length of the step alone.
 
     Returns
     -------

@@ -35,7 +35,7 @@ def mean_plane(surface):
     return (surface.z_max - surface.mean_height) / surface.Sq
 
 
-# ---- what is found
+# ---- answers
 
 
 @pytest.mark.parametrize("elements", [2, 9, 29, 100, 250, 289])
@@ -74,9 +74,7 @@ def test_a_sweep_to_the_area_reaches_it(value, rtol, kernel):
     *before, last = sweep(surface, space, end * np.arange(1, 31) / 30, rtol=rtol)
     assert last.contact_area_fraction >= value
     assert before[-1].contact_area_fraction < value
-    if (
-        kernel == "love"
-    ):  # nor is it reached much earlier: the last element is on the brink, as far as the residual tells
+    if kernel == "love":  # nor is it reached much earlier: within the residual, the last element is on the brink
         trials = Trials(surface, space, rtol=1e-10)
         exact = trials.at(end, trials.untouched)
         assert trials.line(exact, exact)(end, 10 * rtol + 2e-6 * end).contact_area_fraction < value
@@ -135,7 +133,7 @@ def is_met(heights, target, value, rtol, kernel):
 @pytest.mark.parametrize("rtol", [1e-3, 1e-8])
 @pytest.mark.parametrize("kind", ODD)
 def test_odd_surfaces_are_searched_to_the_end(kind, rtol, kernel):
-    """One pit that closes late, and targets below one element or below what the tolerance can tell."""
+    """One pit that closes late, and targets below one element or below the tolerance."""
     rng = np.random.Generator(np.random.PCG64(3))
     for n, target, value in [(5, "contact_area", 1.0), (9, "contact_area", 1e-9), (17, "pressure", 1e-7)]:
         is_met(odd_heights(kind, n, rng), target, value, rtol, kernel)
@@ -196,7 +194,7 @@ def test_a_condition_that_never_holds_ends_at_full_contact():
         first_indentation(fractal(4), half_space((17, 17)), lambda _: False)
 
 
-# ---- what it costs
+# ---- cost
 
 
 @pytest.mark.parametrize("D", [2.1, 2.5, 2.9])
@@ -216,7 +214,7 @@ def test_few_solves_are_needed(target, value, D, monkeypatch):
     assert sum(state.residual <= 1e-6 for state in solves) <= 7  # the others are as rough as they may be
 
 
-# ---- why: straight lines bracket the truth
+# ---- the reason: straight lines bracket the truth
 
 
 def states(surface, kernel="love"):

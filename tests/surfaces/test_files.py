@@ -1,4 +1,4 @@
-"""Height files: every format gives back the heights that went in, and what is no height field is refused by name."""
+"""Height files: every format gives back its heights, and a file without a height field is refused by name."""
 
 from __future__ import annotations
 
@@ -205,9 +205,9 @@ BAD: dict[str, tuple[type[Exception], str, Callable[[Path], Any]]] = {
 
 @pytest.mark.parametrize("name", list(BAD))
 def test_what_is_no_height_field_is_refused_by_name(tmp_path: Path, name: str) -> None:
-    error, said, write = BAD[name]
+    error, pattern, write = BAD[name]
     write(tmp_path / name)
-    with pytest.raises(error, match=said) as caught:
+    with pytest.raises(error, match=pattern) as caught:
         reading.read(tmp_path / name)
     assert str(tmp_path / name) in str(caught.value)
 
@@ -240,12 +240,12 @@ def test_missing_heights_are_nan_for_a_caller_who_fills_them(
 @pytest.mark.parametrize("name", list(WRITERS))
 def test_a_file_is_described_without_reading_its_heights(tmp_path: Path, name: str) -> None:
     WRITERS[name](tmp_path / name)
-    told = reading.describe(tmp_path / name)
-    assert told.shape == HEIGHTS.shape
+    description = reading.describe(tmp_path / name)
+    assert description.shape == HEIGHTS.shape
     sides = {"grid.asc": (8.0, 6.0), "wrapped.asc": (8.0, 6.0), "points.xyz": (2.0, 1.5)}
-    assert told.sides == sides.get(name)
-    assert (told.unit, told.heights_unit) == (None, "um" if name == "blanks.txt" else None)
-    assert told.reader
+    assert description.sides == sides.get(name)
+    assert (description.unit, description.heights_unit) == (None, "um" if name == "blanks.txt" else None)
+    assert description.reader
 
 
 def test_other_endings_are_left_to_the_library_or_to_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
