@@ -1,7 +1,7 @@
 """Closed forms for comparison: indenters, and rectangles under uniform pressure.
 
-Conventions: E* = E / (1 - ν²) is the contact modulus, Δ ≥ 0 the indentation, r ≥ 0 the distance from the axis, p ≥ 0
-pressure in compression, u the displacement of the half space, positive into it. "Johnson" is Contact Mechanics (1985).
+Conventions: E* = E / (1 - ν²) is the contact modulus, Δ ≥ 0 the indentation, r ≥ 0 the distance from the axis. The
+pressure p ≥ 0 is compressive, and u > 0 is a displacement into the half space. "Johnson" is Contact Mechanics (1985).
 Lengths, moduli and slopes must be finite and positive. Every function raises ContactError otherwise, naming the
 argument.
 """

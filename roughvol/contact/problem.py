@@ -186,8 +186,8 @@ class Problem:
     def verified(self, indentation: float, elements: Index, q: Array, step: float) -> tuple[State, float]:
         """Return the state under given pressures, by one convolution, and its residual η/σ on the whole grid (2).
 
-        One pass over the grid serves the residual, the bound of the stiffness, and the prediction of a next step that
-        is no longer than `step`.
+        One pass over the grid serves the residual, the bound of the stiffness, and the next prediction if its step is
+        no longer than `step`.
         """
         positive = q > 0.0
         elements, q = elements[positive], q[positive]
