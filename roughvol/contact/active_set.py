@@ -1,4 +1,4 @@
-"""One indentation: start from the secant through two states, iterate on the candidates, verify on the whole grid.
+"""One indentation: predict from the secant through two states, iterate on the candidates, verify on the whole grid.
 
 This is the page of the solver. Equation numbers are those of docs/solver.md.
 """
@@ -22,7 +22,7 @@ from roughvol.typing import Array, Index
 
 
 class Mode(Enum):
-    """How careful a round of iterations is. Each round starts from the true gap that the one before left."""
+    """Precision of a round of iterations. Each round starts from the true gap that the last one left."""
 
     SWIFT = "32-bit directions; the last step is not measured by a convolution"
     CAREFUL = "32-bit directions; every step is measured"
@@ -31,7 +31,7 @@ class Mode(Enum):
 
 @dataclass(frozen=True)
 class Face:
-    """The candidates for contact, and q, w and the rates of (q, K q) with indentation there."""
+    """The candidates for contact, with q, w and the rates of (q, K q) with indentation there."""
 
     elements: Index
     q: Array
@@ -40,48 +40,79 @@ class Face:
 
 
 def solve_indentation(
-    problem: Problem, indentation: float, now: State, before: State | None, rtol: float
+    problem: Problem, indentation: float, latest: State, previous: State | None, rtol: float
 ) -> tuple[State, int, float]:
     """Solve one indentation, started from two states, or from the rigid overlap alone.
 
+    Parameters
+    ----------
+    problem : Problem
+        Scaled problem.
+    indentation : float
+        Δ/σ.
+    latest, previous : State
+        States of the secant; ``previous`` has the smaller indentation, or is None.
+    rtol : float
+        Bound of the residual η/σ.
+
     Returns
     -------
-    state, iterations (a factorisation counts as one), residual η/σ ≤ rtol.
+    state : State
+        The verified state.
+    iterations : int
+        Iterations; a factorisation counts as one.
+    residual : float
+        η/σ ≤ `rtol`, equation (2) of docs/solver.md.
 
     Raises
     ------
     ConvergenceError
-        The residual was not reached.
+        If the residual is not reached.
     """
-    if before is None:
-        now, before = _approach(problem, indentation, now, rtol)
-    face = predict(problem, indentation, now, before, problem.single(rtol))  # (3), (4)
+    if previous is None:
+        latest, previous = _approach(problem, indentation, latest, rtol)
+    face = _predict(problem, indentation, latest, previous, problem.single(rtol))  # (3), (4)
     iterations, residual = 0, np.inf
     rounds = problem.tuning.rounds
     for mode in [Mode.SWIFT, Mode.CAREFUL, *[Mode.EXACT] * rounds][:rounds]:
         if face.elements.size <= problem.tuning.dense_up_to:
-            q, steps = dense_face(problem, indentation, face.elements), 1
+            q, steps = _dense_face(problem, indentation, face.elements), 1
         else:
             q, steps = conjugate_gradients(problem, indentation, face, rtol, mode)
         iterations += steps
-        state, residual = problem.verified(indentation, face.elements, q, indentation - now.indentation)  # (2)
+        state, residual = problem.verified(indentation, face.elements, q, indentation - latest.indentation)  # (2)
         if residual <= rtol:
             return state, iterations, residual
-        face = _again(problem, state, now)
+        face = _corrected(problem, state, latest)
     message = f"contact not converged to {rtol:g}"
     raise ConvergenceError(message, indentation=indentation, iterations=iterations, residual=residual)
 
 
 def conjugate_gradients(problem: Problem, indentation: float, face: Face, rtol: float, mode: Mode) -> tuple[Array, int]:
-    """Return q ≥ 0 on the candidates and the iterations, by preconditioned conjugate gradients with bounds.
+    """Minimise the energy over q ≥ 0 on the candidates, by preconditioned conjugate gradients with bounds.
 
-    Residuals and directions of 32 bits lose no digit of the result: their errors shrink with them, and the verification
-    sees the rest.
+    Residuals and directions of 32 bits lose no digit of the result: their errors shrink with the residual.
+
+    Parameters
+    ----------
+    problem, indentation, rtol
+        As in `solve_indentation`; the indentation is for errors alone.
+    face : Face
+        Candidates and the start.
+    mode : Mode
+        Precision of the round.
+
+    Returns
+    -------
+    q : array (n,)
+        Scaled pressures ≥ 0 on the candidates.
+    iterations : int
+        Iterations taken.
 
     Raises
     ------
     ConvergenceError
-        Too many iterations.
+        After `Tuning.iterations` iterations.
     """
     tuning, half_space, elements = problem.tuning, problem.half_space, face.elements
     single = problem.single(rtol) and mode is not Mode.EXACT
@@ -92,14 +123,14 @@ def conjugate_gradients(problem: Problem, indentation: float, face: Face, rtol: 
     r_before, rz, step, residual = direction.copy(), 1.0, 0.0, np.inf
     for iteration in range(tuning.iterations):
         if iteration % tuning.cut_every == 0:
-            cut(problem, elements, q, w, single)  # (5) project on q ≥ 0
+            _cut(problem, elements, q, w, single)  # (5) project on q ≥ 0
         if iteration:
             free = (q != 0.0) | (w < 0.0)  # (6) free set
         r = np.negative(w, out=np.empty_like(direction), casting="same_kind")
         r *= free  # (7) residual
         residual_before, residual = residual, float(np.abs(r).max())
         if residual <= tolerance:
-            if cut(problem, elements, q, w, single):
+            if _cut(problem, elements, q, w, single):
                 continue
             return q, iteration
         z = inverse(r)  # (8) precondition
@@ -120,8 +151,8 @@ def conjugate_gradients(problem: Problem, indentation: float, face: Face, rtol: 
     raise ConvergenceError(message, indentation=indentation, iterations=tuning.iterations, residual=residual)
 
 
-def cut(problem: Problem, elements: Index, q: Array, w: Array, single: bool) -> bool:
-    """Set negative pressures to zero and take their displacement out of the gap; return whether there were any."""
+def _cut(problem: Problem, elements: Index, q: Array, w: Array, single: bool) -> bool:
+    """Set negative pressures to zero, take their displacement out of the gap, and return whether there were any."""
     if not q.min(initial=0.0) < 0.0:
         return False
     negative = np.flatnonzero(q < 0.0)
@@ -133,13 +164,15 @@ def cut(problem: Problem, elements: Index, q: Array, w: Array, single: bool) -> 
     return True
 
 
-def dense_face(problem: Problem, indentation: float, elements: Index) -> Array:
-    """Return q ≥ 0 on few elements by factorisation: tensile ones leave, penetrating ones come back.
+def _dense_face(problem: Problem, indentation: float, elements: Index) -> Array:
+    """Return q ≥ 0 on few elements, by Cholesky factorisations.
+
+    Tensile elements leave the contact set, penetrating ones come back, until neither is left.
 
     Raises
     ------
     ConvergenceError
-        The contact set did not settle.
+        If the contact set does not settle.
     """
     matrix = influence_matrix(problem.half_space.influence, elements)
     b = problem.heights[elements] + indentation
@@ -149,8 +182,8 @@ def dense_face(problem: Problem, indentation: float, elements: Index) -> Array:
         index = np.flatnonzero(active)
         q[:] = 0.0
         if index.size:
-            those = matrix if index.size == b.size else matrix[np.ix_(index, index)]
-            factor = linalg.cho_factor(those, lower=True, check_finite=False)
+            block = matrix if index.size == b.size else matrix[np.ix_(index, index)]
+            factor = linalg.cho_factor(block, lower=True, check_finite=False)
             q[index] = linalg.cho_solve(factor, b[index], check_finite=False)
         tensile = q < -TENSILE * q.max(initial=0.0)
         if tensile.any():
@@ -167,64 +200,65 @@ def dense_face(problem: Problem, indentation: float, elements: Index) -> Array:
     )
 
 
-def predict(problem: Problem, indentation: float, now: State, before: State | None, single: bool) -> Face:
-    """Return the candidates and q, w there, extrapolated along the secant through two states.
+def _predict(problem: Problem, indentation: float, latest: State, previous: State | None, single: bool) -> Face:
+    """Return the candidates with q and w there, extrapolated along the secant through two states.
 
-    Without a second state, the candidates are the rigid overlap, and q = 0.
+    Without a second state the candidates are the rigid overlap, and q = 0.
     """
-    if before is None:
+    if previous is None:
         candidates = np.flatnonzero(problem.heights > -indentation)
         return Face(candidates, np.zeros(candidates.size), -indentation - problem.heights[candidates], None)
-    step = indentation - now.indentation
-    theta = step / (now.indentation - before.indentation)
-    # Beyond both states no gap larger than the step can close, as none falls faster than the surfaces approach.
-    # Between them, as in a search, the contact of the later one holds the contact asked for.
-    candidates, gap = now.within(max(0.0, step))
-    w = gap + theta * (gap - before.gap(candidates))
+    step = indentation - latest.indentation
+    theta = step / (latest.indentation - previous.indentation)
+    # Beyond both states no gap closes that is larger than the step: no gap falls faster than the surfaces approach.
+    # Between them, as in a search, the contact of the latest state holds the contact at this indentation.
+    candidates, gap = latest.within(max(0.0, step))
+    w = gap + theta * (gap - previous.gap(candidates))
     predicted = (w if theta > 0.0 else gap) < 0.0
-    predicted[problem.places(candidates, now.elements)[0]] = True  # (3) candidates
+    predicted[problem.positions(candidates, latest.elements)[0]] = True  # (3) candidates
     candidates, w = candidates[predicted], w[predicted]
-    q, rates = _rates(problem, candidates, now, before)
+    q, rates = _rates(problem, candidates, latest, previous)
     q += step * rates[0]  # (4) secant
-    cut(problem, candidates, q, w, single)  # (5)
+    _cut(problem, candidates, q, w, single)  # (5)
     return Face(candidates, q, w, rates)
 
 
-def _again(problem: Problem, state: State, now: State) -> Face:
+def _corrected(problem: Problem, state: State, latest: State) -> Face:
     """Return the face of a further round, from a verified state: its contact, and all that penetrates."""
     candidates, w = state.within(0.0)
-    again = w < 0.0
-    again[problem.places(candidates, state.elements)[0]] = True
-    candidates, w = candidates[again], w[again]
-    if state.indentation > now.indentation:
-        q, rates = _rates(problem, candidates, state, now)
+    mask = w < 0.0
+    mask[problem.positions(candidates, state.elements)[0]] = True
+    candidates, w = candidates[mask], w[mask]
+    if state.indentation > latest.indentation:
+        q, rates = _rates(problem, candidates, state, latest)
         return Face(candidates, q, w, rates)
     (q,) = problem.pressures(candidates, state)
     return Face(candidates, q, w, None)
 
 
-def _rates(problem: Problem, candidates: Index, now: State, before: State) -> tuple[Array, Rates]:
-    """Return q on the candidates, and pressure and displacement per unit of indentation there, between two states."""
-    q, earlier = problem.pressures(candidates, now, before)
-    # where contacts are not nested (another kernel than Love's, or elements on the brink) only those in both
+def _rates(problem: Problem, candidates: Index, latest: State, previous: State) -> tuple[Array, Rates]:
+    """Return q on the candidates, and the rates of pressure and displacement with indentation there."""
+    q, earlier = problem.pressures(candidates, latest, previous)
+    # Contacts may fail to be nested: for another kernel than Love's, or by rounding. Elements in both count there.
     pressure = np.where(q > 0.0, q - earlier, 0.0)
-    displacement = now.touch_at[candidates] - before.touch_at[candidates]
-    step = now.indentation - before.indentation
+    displacement = latest.touch_at[candidates] - previous.touch_at[candidates]
+    step = latest.indentation - previous.indentation
     return q, (pressure / step, displacement / step)
 
 
-def _approach(problem: Problem, indentation: float, now: State, rtol: float) -> tuple[State, State | None]:
-    """Return two rough states on the way to an indentation whose rigid overlap is too large a set to begin with.
+def _approach(problem: Problem, indentation: float, latest: State, rtol: float) -> tuple[State, State | None]:
+    """Return two rough states on the way to an indentation with a large rigid overlap.
 
-    The overlap is up to fifty times the contact; the states on the way keep all vectors small.
+    The overlap is up to fifty times the contact. The states on the way keep all vectors small.
     """
     tuning = problem.tuning
     stages = [indentation]
     while np.count_nonzero(problem.heights > -stages[-1]) > tuning.cold_up_to:
         stages.append(stages[-1] / tuning.cold_step)
-        if len(stages) > 40:  # most of the surface is one plateau: there is no way around it
-            return now, None
-    before: State | None = None
+        if len(stages) > 40:  # a plateau larger than this comes into contact at once
+            return latest, None
+    previous: State | None = None
     for stage in stages[:0:-1]:
-        before, now = now, solve_indentation(problem, stage, now, before, max(rtol, tuning.cold_rtol))[0]
-    return now, before
+        rough = solve_indentation(problem, stage, latest, previous, max(rtol, tuning.cold_rtol))[0]
+        previous, latest = latest, rough
+    return latest, previous

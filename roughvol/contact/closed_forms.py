@@ -1,10 +1,9 @@
-"""Closed forms to compare with: indenters, loaded rectangles, and the free volume without a contact solver.
+"""Closed forms for comparison: indenters, and rectangles under uniform pressure.
 
-Conventions: E* = E / (1 - ν²) is the contact modulus, Δ ≥ 0 the indentation, r ≥ 0 the distance from the axis, p ≥ 0
-pressure in compression, u the displacement of the half space, positive into it. Starred quantities have no unit:
-d/σ (separation), p* = p L / (E* σ), A*, V*. Equations and sections without a name are the paper's (Paggi & He, Wear 336
-(2015) 86-95), "Johnson" is Contact Mechanics (1985). Lengths, moduli and slopes must be finite and positive: every
-function here raises ContactError otherwise, naming the argument.
+Conventions: E* = E / (1 - ν²) is the contact modulus, Δ ≥ 0 the indentation, r ≥ 0 the distance from the axis. The
+pressure p ≥ 0 is compressive, and u > 0 is a displacement into the half space. "Johnson" is Contact Mechanics (1985).
+Lengths, moduli and slopes must be finite and positive. Every function raises ContactError otherwise, naming the
+argument.
 """
 
 from __future__ import annotations
@@ -18,13 +17,13 @@ from numpy.typing import ArrayLike
 from roughvol.errors import ContactError
 from roughvol.typing import Array
 
-# Δ E* L / F of a rigid square punch of side L, to 1e-5: 1 / (π · 0.36679), 0.36679 being the capacitance of a unit
-# square plate; lattices of 17² … 513² elements, extrapolated in 1/N, give the same digits.
+# Δ E* L / F of a rigid square punch of side L, to 1e-5: 1 / (π · 0.36679), 0.36679 the capacitance of a unit square
+# plate. Lattices of elements extrapolate to it (`python -m tests.bench.validation`).
 SQUARE_PUNCH_COMPLIANCE = 0.86783
 
 
 class Indenter(NamedTuple):
-    """An axisymmetric contact: ``force`` F, ``contact_radius`` a [length], ``mean_pressure`` F / (π a²)."""
+    """An axisymmetric contact: force F, contact radius a [length], mean pressure F / (π a²)."""
 
     force: float
     contact_radius: float
@@ -34,21 +33,57 @@ class Indenter(NamedTuple):
 def hertz(indentation: float, radius: float, E_star: float = 1.0) -> Indenter:
     """Return the contact of a rigid paraboloid r²/(2R): F = 4/3 E* √R Δ^{3/2}, a = √(R Δ) (Johnson, Sec. 4.2).
 
-    Δ = ``indentation`` and R = ``radius`` [length], E* = ``E_star`` [pressure].
+    Parameters
+    ----------
+    indentation, radius : float
+        Δ and R [length].
+    E_star : float
+        E* [pressure].
+
+    Returns
+    -------
+    Indenter
+        Force [force], contact radius [length] and mean pressure [pressure].
     """
     check_positive(indentation=indentation, radius=radius, E_star=E_star)
     return _indenter(4.0 / 3.0 * E_star * math.sqrt(radius) * indentation**1.5, math.sqrt(radius * indentation))
 
 
 def hertz_pressure(r: ArrayLike, indentation: float, radius: float, E_star: float = 1.0) -> Array:
-    """Return p(r) = (2 E* / π R) √(a² - r²) inside the contact of `hertz`, 0 outside (Johnson, Sec. 3.4)."""
+    """Return p(r) = (2 E* / π R) √(a² - r²) inside the contact of `hertz`, 0 outside (Johnson, Sec. 3.4).
+
+    Parameters
+    ----------
+    r : array_like
+        Distance from the axis [length].
+    indentation, radius, E_star : float
+        As in `hertz`.
+
+    Returns
+    -------
+    array
+        p [pressure], shape of `r`.
+    """
     a = hertz(indentation, radius, E_star).contact_radius
     r = np.asarray(r, dtype=np.float64)
     return 2.0 * E_star / (math.pi * radius) * np.sqrt(np.maximum(a * a - r * r, 0.0))
 
 
 def hertz_displacement(r: ArrayLike, indentation: float, radius: float) -> Array:
-    """Return u(r) = [(2a² - r²) asin(a/r) + a √(r² - a²)] / (π R) outside, Δ - r²/(2R) inside (Johnson, Sec. 3.4)."""
+    """Return u(r) = [(2a² - r²) asin(a/r) + a √(r² - a²)] / (π R) outside, Δ - r²/(2R) inside (Johnson, Sec. 3.4).
+
+    Parameters
+    ----------
+    r : array_like
+        Distance from the axis [length].
+    indentation, radius : float
+        As in `hertz`.
+
+    Returns
+    -------
+    array
+        u [length], shape of `r`.
+    """
     a = hertz(indentation, radius).contact_radius
     r, outside = _split(r, a)
     beyond = ((2.0 * a * a - outside**2) * np.arcsin(a / outside) + a * np.sqrt(outside**2 - a * a)) / math.pi / radius
@@ -56,16 +91,39 @@ def hertz_displacement(r: ArrayLike, indentation: float, radius: float) -> Array
 
 
 def circular_punch(indentation: float, radius: float, E_star: float = 1.0) -> Indenter:
-    """Return the contact of a rigid flat circular punch: F = 2 a E* Δ (Johnson, Sec. 3.4).
+    """Return the contact of a rigid flat circular punch, F = 2 a E* Δ (Johnson, Sec. 3.4).
 
-    Δ = ``indentation`` and a = ``radius`` [length], E* = ``E_star`` [pressure].
+    Parameters
+    ----------
+    indentation, radius : float
+        Δ and a [length].
+    E_star : float
+        E* [pressure].
+
+    Returns
+    -------
+    Indenter
+        Force [force], contact radius [length] and mean pressure [pressure].
     """
     check_positive(indentation=indentation, radius=radius, E_star=E_star)
     return _indenter(2.0 * radius * E_star * indentation, radius)
 
 
 def circular_punch_pressure(r: ArrayLike, indentation: float, radius: float, E_star: float = 1.0) -> Array:
-    """Return p(r) = E* Δ / (π √(a² - r²)) inside `circular_punch`, infinite at its edge, 0 outside (Johnson)."""
+    """Return p(r) = E* Δ / (π √(a² - r²)) inside `circular_punch`, infinite at its edge, 0 outside (Johnson).
+
+    Parameters
+    ----------
+    r : array_like
+        Distance from the axis [length].
+    indentation, radius, E_star : float
+        As in `circular_punch`.
+
+    Returns
+    -------
+    array
+        p [pressure], shape of `r`.
+    """
     check_positive(indentation=indentation, radius=radius, E_star=E_star)
     r = np.asarray(r, dtype=np.float64)
     root = np.sqrt(np.maximum(radius * radius - r * r, 0.0))
@@ -74,15 +132,38 @@ def circular_punch_pressure(r: ArrayLike, indentation: float, radius: float, E_s
 
 
 def circular_punch_displacement(r: ArrayLike, indentation: float, radius: float) -> Array:
-    """Return u(r) = (2 Δ / π) asin(a/r) outside `circular_punch`, Δ inside (Johnson, Sec. 3.4)."""
+    """Return u(r) = (2 Δ / π) asin(a/r) outside `circular_punch`, Δ inside (Johnson, Sec. 3.4).
+
+    Parameters
+    ----------
+    r : array_like
+        Distance from the axis [length].
+    indentation, radius : float
+        As in `circular_punch`.
+
+    Returns
+    -------
+    array
+        u [length], shape of `r`.
+    """
     check_positive(indentation=indentation, radius=radius)
     return 2.0 * indentation / math.pi * np.arcsin(radius / _split(r, radius)[1])
 
 
 def square_punch(indentation: float, side: float, E_star: float = 1.0) -> float:
-    """Return the force of a rigid flat square punch, F = E* Δ L / 0.86783 (good to 1e-5).
+    """Return the force of a rigid flat square punch, F = E* Δ L / 0.86783, right to 1e-5.
 
-    Δ = ``indentation`` and L = ``side`` [length], E* = ``E_star`` [pressure].
+    Parameters
+    ----------
+    indentation, side : float
+        Δ and L [length].
+    E_star : float
+        E* [pressure].
+
+    Returns
+    -------
+    float
+        F [force].
     """
     check_positive(indentation=indentation, side=side, E_star=E_star)
     return E_star * indentation * side / SQUARE_PUNCH_COMPLIANCE
@@ -91,14 +172,39 @@ def square_punch(indentation: float, side: float, E_star: float = 1.0) -> float:
 def cone(indentation: float, slope: float, E_star: float = 1.0) -> Indenter:
     """Return the contact of a rigid cone r s: F = 2 E* Δ² / (π s), a = 2 Δ / (π s) (Sneddon 1965).
 
-    Δ = ``indentation`` [length], s = ``slope``, the tangent of the angle between cone and surface [1].
+    Parameters
+    ----------
+    indentation : float
+        Δ [length].
+    slope : float
+        s, the tangent of the angle between cone and surface.
+    E_star : float
+        E* [pressure].
+
+    Returns
+    -------
+    Indenter
+        Force [force], contact radius [length] and mean pressure [pressure].
     """
     check_positive(indentation=indentation, slope=slope, E_star=E_star)
     return _indenter(2.0 * E_star * indentation**2 / (math.pi * slope), 2.0 * indentation / (math.pi * slope))
 
 
 def cone_pressure(r: ArrayLike, indentation: float, slope: float, E_star: float = 1.0) -> Array:
-    """Return p(r) = ½ E* s acosh(a/r) inside `cone`, infinite on the axis, 0 outside (Sneddon 1965)."""
+    """Return p(r) = ½ E* s acosh(a/r) inside `cone`, infinite on the axis, 0 outside (Sneddon 1965).
+
+    Parameters
+    ----------
+    r : array_like
+        Distance from the axis [length].
+    indentation, slope, E_star : float
+        As in `cone`.
+
+    Returns
+    -------
+    array
+        p [pressure], shape of `r`.
+    """
     a = cone(indentation, slope, E_star).contact_radius
     r = np.asarray(r, dtype=np.float64)
     ratio = np.divide(a, r, out=np.full(r.shape, np.inf), where=r > 0.0)
@@ -106,7 +212,20 @@ def cone_pressure(r: ArrayLike, indentation: float, slope: float, E_star: float 
 
 
 def cone_displacement(r: ArrayLike, indentation: float, slope: float) -> Array:
-    """Return u(r) = s [a asin(a/r) + √(r² - a²) - r] outside `cone`, Δ - s r inside (Sneddon 1965)."""
+    """Return u(r) = s [a asin(a/r) + √(r² - a²) - r] outside `cone`, Δ - s r inside (Sneddon 1965).
+
+    Parameters
+    ----------
+    r : array_like
+        Distance from the axis [length].
+    indentation, slope : float
+        As in `cone`.
+
+    Returns
+    -------
+    array
+        u [length], shape of `r`.
+    """
     a = cone(indentation, slope).contact_radius
     r, outside = _split(r, a)
     beyond = slope * (a * np.arcsin(a / outside) + np.sqrt(outside**2 - a * a) - outside)
@@ -120,7 +239,7 @@ def rectangle_displacement(
 
     u = p / (π E*) Σ± f(x ± a/2, y ± b/2),  f(ξ, η) = ξ asinh(η/|ξ|) + η asinh(ξ/|η|)
 
-    Relative accuracy is ε (r/a)²: the four corners cancel far away.
+    The four corners cancel far away: the relative accuracy is ε (r/a)².
 
     Parameters
     ----------
@@ -133,7 +252,7 @@ def rectangle_displacement(
 
     Returns
     -------
-    ndarray
+    array
         u [length].
     """
     check_positive(a=sides[0], b=sides[1], E_star=E_star)
@@ -145,11 +264,11 @@ def rectangle_displacement(
 
 
 def rectangle_mean_displacement(sides: tuple[float, float], pressure: float = 1.0, E_star: float = 1.0) -> float:
-    """Return the displacement averaged over a uniformly loaded rectangle (the integral of `rectangle_displacement`).
+    """Return the displacement averaged over a uniformly loaded rectangle.
 
     ū = p / (π E* a b) { 2 [a² b asinh(b/a) + a b² asinh(a/b)] + ⅔ [a³ + b³ - (a² + b²)^{3/2}] }
 
-    For a square it is 0.9464 p L / E*: the compliance of the specimen as a whole, V* - d/σ ≈ 0.95 p*.
+    This integral of `rectangle_displacement` is 0.9464 p L / E* for a square: V* - d/σ ≈ 0.95 p* of a whole surface.
 
     Parameters
     ----------
@@ -157,6 +276,11 @@ def rectangle_mean_displacement(sides: tuple[float, float], pressure: float = 1.
         Sides a and b [length], positive.
     pressure, E_star : float
         p and E* [pressure].
+
+    Returns
+    -------
+    float
+        ū [length].
     """
     a, b = sides
     check_positive(a=a, b=b, E_star=E_star)
@@ -168,7 +292,17 @@ def rectangle_mean_displacement(sides: tuple[float, float], pressure: float = 1.
 def single_element_pressure(indentation: float, spacing: float, E_star: float = 1.0) -> float:
     """Return the pressure of one element in contact, p = Δ / H₀, H₀ = 4 ln(1+√2) δ / (π E*).
 
-    Δ = ``indentation`` and δ = ``spacing`` [length], E* = ``E_star`` [pressure].
+    Parameters
+    ----------
+    indentation, spacing : float
+        Δ and δ [length].
+    E_star : float
+        E* [pressure].
+
+    Returns
+    -------
+    float
+        p [pressure].
     """
     check_positive(indentation=indentation, spacing=spacing, E_star=E_star)
     return indentation * math.pi * E_star / (4.0 * math.asinh(1.0) * spacing)
@@ -179,7 +313,7 @@ def _indenter(force: float, contact_radius: float) -> Indenter:
 
 
 def _split(r: ArrayLike, a: float) -> tuple[Array, Array]:
-    """Return r, and r kept outside the contact so that the outer formula has no invalid points."""
+    """Return r, and max(r, a), where the outer formula is valid."""
     r = np.asarray(r, dtype=np.float64)
     return r, np.maximum(r, a)
 
@@ -194,7 +328,18 @@ def _corner(x: Array, y: Array) -> Array:
 
 
 def check_positive(**values: float) -> None:
-    """Refuse values that are not finite and positive."""
+    """Refuse values that are not finite and positive.
+
+    Parameters
+    ----------
+    **values : float
+        Values by the names of the arguments.
+
+    Raises
+    ------
+    ContactError
+        If one is not.
+    """
     for name, value in values.items():
         if not (math.isfinite(value) and value > 0.0):
             message = f"{name} must be finite and positive, got {value!r}"

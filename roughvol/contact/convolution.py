@@ -14,29 +14,28 @@ from numpy.typing import NDArray
 from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.typing import Array
 
-# ESTIMATE chooses a plan without timing anything: the same plan, hence the same rounding, on every run and in every
-# worker process.
+# ESTIMATE chooses a plan without timing: the same plan, hence the same rounding, in every run and process.
 PLANNER = "FFTW_ESTIMATE"
 FFTW_VERSION: str = pyfftw.fftw_version
 
 
 class Convolution:
-    """Plans and buffers of one precision.
+    """Plans and buffers of one circulant convolution, in one precision.
 
-    Padding is not transformed where it need not be: only occupied rows go forward, and only rows of the result come
-    back. Rows and columns go through buffers that stay in cache. Columns are copied into rows there, so that their
-    transforms are contiguous. Every transform has its result beside its argument: plans in place take longer.
+    Only occupied rows are transformed forward, and only rows of the result backward. Rows and columns pass through
+    buffers that stay in cache. Columns are copied into rows there, for contiguous transforms. Transforms are out of
+    place: plans in place take longer.
 
-    Blocks do not depend on the number of threads that share them out, so results do not either.
+    Parts of the grid do not depend on the number of threads, so results do not either.
 
     Parameters
     ----------
-    shape : tuple of int
-        Rows and columns that pressure and displacement have.
-    spectrum : array
-        One quadrant of the real spectrum, with the factor of the inverse transform.
+    shape : (int, int)
+        Rows and columns of pressure and displacement.
+    spectrum : array (rows / 2 + 1, columns / 2 + 1)
+        One quadrant of the real spectrum, over the transform lengths, with the factor of the inverse transform.
     dtype : dtype
-        Of real numbers.
+        Type of real numbers.
     threads : int
         Threads inside one convolution.
     tuning : Tuning
@@ -61,8 +60,8 @@ class Convolution:
         waves = width // 2 + 1
         self.size = length * width
         self._dtype, complex_type = dtype, np.result_type(dtype, np.complex64)
-        # The kernel is even: one coefficient serves the column frequencies k and length - k, and, being real, both
-        # parts of a complex number. Written out in full, the multiplication is a contiguous one of real numbers.
+        # The kernel is even and real: one coefficient serves the column frequencies k and length - k, and both parts
+        # of a complex number. Repeated in full, the multiplication is a contiguous one of real numbers.
         full = np.empty((waves, length, 2), dtype=dtype)
         full[:, : length // 2 + 1] = spectrum.T[:, :, None]
         full[:, length // 2 + 1 :] = full[:, length // 2 - 1 : 0 : -1]
@@ -82,10 +81,7 @@ class Convolution:
         self._row_plans = []
         for k, part in enumerate(self._row_parts):
             source, target = (buffers[k % workers][: part.stop - part.start] for buffers in (self._rows, self._results))
-            waves_of_part = self._waves[part]
-            self._row_plans.append(
-                (_plan(source, waves_of_part, "FFTW_FORWARD"), _plan(waves_of_part, target, "FFTW_BACKWARD"))
-            )
+            self._row_plans.append(_plans(source, self._waves[part], target))
         deepest = max(part.stop - part.start for part in self._column_parts)
         self._at_once = max(tuning.columns_together // 4, tuning.cache // column)
         self._blocks = [
@@ -94,14 +90,14 @@ class Convolution:
         ]
         self._block_plans = [
             [
-                (_plan(some, after[: len(some)], "FFTW_FORWARD"), _plan(after[: len(some)], some, "FFTW_BACKWARD"))
+                _plans(some, after[: len(some)], some)
                 for some in (before[first : first + self._at_once] for first in range(0, deepest, self._at_once))
             ]
             for before, after in self._blocks
         ]
 
     def convolve(self, pressure: NDArray[Any]) -> NDArray[Any]:
-        """Return u on the whole of the rectangle, a new array."""
+        """Return u (rows, columns) under pressure (rows, columns), in units of the spectrum."""
         columns = self.shape[1]
 
         def forward(worker: int, k: int) -> None:
@@ -113,16 +109,29 @@ class Convolution:
 
         return self._field(forward, np.zeros((self.shape[0], 1), dtype=self._dtype))
 
-    def places(self, row: NDArray[Any], column: NDArray[Any]) -> tuple[list[int], NDArray[Any]]:
-        """Return where the elements of each part of the rows begin, and their places in the buffer of that part."""
+    def positions(self, row: NDArray[Any], column: NDArray[Any]) -> tuple[list[int], NDArray[Any]]:
+        """Return the edges of the elements in each part of the rows, and their positions in its buffer.
+
+        Parameters
+        ----------
+        row, column : array (n,) of int
+            Elements, by increasing row.
+
+        Returns
+        -------
+        edges : list of int
+            Number of the first element of each part, and n.
+        positions : array (n,) of int
+            Flat indices in the buffer of the part.
+        """
         starts = np.array([part.start for part in self._row_parts] + [self.shape[0]])
         edges = np.searchsorted(row, starts)
         width = self._rows[0].shape[1]
-        places = row * width + column - np.repeat(starts[:-1] * width, np.diff(edges))
-        return edges.tolist(), places
+        positions = row * width + column - np.repeat(starts[:-1] * width, np.diff(edges))
+        return edges.tolist(), positions
 
-    def convolve_at(self, edges: list[int], places: NDArray[Any], pressure: NDArray[Any]) -> NDArray[Any]:
-        """Return u on the elements that carry the pressure, in the precision of the plans."""
+    def convolve_at(self, edges: list[int], positions: NDArray[Any], pressure: NDArray[Any]) -> NDArray[Any]:
+        """Return u (n,) on the elements that carry the pressure (n,), for edges and positions of `positions`."""
         result = np.empty(pressure.shape, dtype=self._dtype)
 
         def backward(worker: int, k: int) -> None:
@@ -130,16 +139,16 @@ class Convolution:
             if some.start == some.stop:
                 return
             self._row_plans[k][1]()
-            result[some] = self._results[worker].reshape(-1)[places[some]]
+            result[some] = self._results[worker].reshape(-1)[positions[some]]
 
-        self._transform(self._scattered(edges, places, pressure), backward)
+        self._transform(self._scattered(edges, positions, pressure), backward)
         return result
 
     def convolve_above(
-        self, heights: NDArray[Any], edges: list[int], places: NDArray[Any], pressure: NDArray[Any]
+        self, heights: NDArray[Any], edges: list[int], positions: NDArray[Any], pressure: NDArray[Any]
     ) -> NDArray[Any]:
-        """Return u - heights on the whole of the rectangle, a new array, for pressure at some places."""
-        return self._field(self._scattered(edges, places, pressure), heights)
+        """Return u - heights (rows, columns), for pressure (n,) at edges and positions of `positions`."""
+        return self._field(self._scattered(edges, positions, pressure), heights)
 
     def _field(self, forward: Callable[[int, int], None], heights: NDArray[Any]) -> NDArray[Any]:
         """Return u - heights, subtracted while u is in cache."""
@@ -154,8 +163,10 @@ class Convolution:
         self._transform(forward, backward)
         return result
 
-    def _scattered(self, edges: list[int], places: NDArray[Any], pressure: NDArray[Any]) -> Callable[[int, int], None]:
-        """Return the forward transform of the rows of a part, for pressure at some places."""
+    def _scattered(
+        self, edges: list[int], positions: NDArray[Any], pressure: NDArray[Any]
+    ) -> Callable[[int, int], None]:
+        """Return the forward transform of the rows of a part, for pressure at some positions."""
 
         def forward(worker: int, k: int) -> None:
             some = slice(edges[k], edges[k + 1])
@@ -163,9 +174,9 @@ class Convolution:
                 self._waves[self._row_parts[k]] = 0.0
                 return
             buffer = self._rows[worker].reshape(-1)
-            buffer[places[some]] = pressure[some]
+            buffer[positions[some]] = pressure[some]
             self._row_plans[k][0]()
-            buffer[places[some]] = 0.0
+            buffer[positions[some]] = 0.0
 
         return forward
 
@@ -191,32 +202,42 @@ class Convolution:
         self._waves[:, part] = before[:count, :rows].T
 
     def _share(self, task: Callable[[int, int], None], count: int) -> None:
-        """Do all tasks: worker k takes every workers-th, beginning with number k."""
-        if self._pool is None:
-            for k in range(count):
-                task(0, k)
-            return
+        """Do all tasks; worker k does the numbers k, k + workers, k + 2 workers, …."""
         workers = len(self._blocks)
 
         def work(worker: int) -> None:
             for k in range(worker, count, workers):
                 task(worker, k)
 
-        list(self._pool.map(work, range(workers)))
+        list((self._pool.map if self._pool else map)(work, range(workers)))
 
 
-def _plan(source: Any, target: Any, direction: str) -> Callable[[], None]:
-    flags = (PLANNER,) if direction == "FFTW_FORWARD" else (PLANNER, "FFTW_DESTROY_INPUT")
-    execute: Callable[[], None] = pyfftw.FFTW(source, target, axes=(1,), direction=direction, flags=flags).execute
-    return execute
+def _plans(source: Any, waves: Any, target: Any) -> tuple[Callable[[], None], Callable[[], None]]:
+    """Return the forward transform of a source, and the backward one of its waves, which it destroys."""
+    forward = pyfftw.FFTW(source, waves, axes=(1,), direction="FFTW_FORWARD", flags=(PLANNER,))
+    flags = (PLANNER, "FFTW_DESTROY_INPUT")
+    return forward.execute, pyfftw.FFTW(waves, target, axes=(1,), direction="FFTW_BACKWARD", flags=flags).execute
 
 
 def parts(count: int, size: int, cache: int, together: int = 1) -> list[slice]:
-    """Return parts of so many transforms of a size in bytes: about the cache each, all but the last a multiple."""
+    """Divide transforms into parts of about the cache each.
+
+    Parameters
+    ----------
+    count, size : int
+        Number of transforms, and bytes of one.
+    cache, together : int
+        Bytes of a part, and the divisor of its number of transforms; the last part takes the remainder.
+
+    Returns
+    -------
+    list of slice
+        Parts of 0 … count.
+    """
     return _pieces(count, max(together, count // max(1, count * size // cache) // together * together))
 
 
-def _pieces(count: int, each: int) -> list[slice]:
-    """Return 0 … count in pieces of so many; the last takes the remainder, from half of it to half more."""
-    starts = list(range(0, count - each // 2, each)) or [0]
+def _pieces(count: int, length: int) -> list[slice]:
+    """Return 0 … count in pieces of one length; the last one has from half of it to half more."""
+    starts = list(range(0, count - length // 2, length)) or [0]
     return [slice(start, stop) for start, stop in pairwise([*starts, count])]

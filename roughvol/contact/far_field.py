@@ -1,18 +1,11 @@
-"""The preconditioner: the near field of K⁻¹, corrected for the far field by blocks of elements and blocks of blocks.
+"""The far field of K⁻¹: corrections of the near field by blocks of elements and blocks of blocks.
 
-What the near field leaves are collective modes: regions of the contact shift load among each other. Let t be the
-pressure that answers a uniform further indentation, K t = 1 on the contact. Under its share of t, a block of 8 × 8
-elements moves almost evenly, because all of the contact does under t. Pressures are split into t-shaped forces on
-blocks, and a rest without force on any block. The rest reaches no further than the neighbouring blocks:
+Equation (15) of docs/solver.md, with its symbols. B is the near field on the elements:
 
     M⁻¹ = P C Pᵀ + (1 - P Xᵀ) B (1 - X Pᵀ),        X = E + N C.
 
-P spreads the force of a block over its elements as t is spread there. Pᵀ takes the mean over a block, weighted by t.
-E gives all elements of a block one value. N holds, for forces on a block and the eight around it, the departure of the
-displacement from its mean over the block. B is the near field on the elements.
-
-C ≈ (Pᵀ K P)⁻¹ is the same problem with a 64th of the elements: its nearest coefficients are summed exactly, the others
-are those of points. It is solved in the same way, down to some hundred blocks and a factorisation.
+P spreads the force of a block over its elements in proportion to t, the pressure with K t = 1 on the contact. Pᵀ takes
+the mean over a block, weighted by t. C ≈ (Pᵀ K P)⁻¹ is the same problem between blocks, solved in the same way.
 
 M⁻¹ is symmetric, and positive definite for any t ≥ 0, N and positive definite C. Numbers have 32 bits: rounding is far
 smaller than the approximations.
@@ -38,15 +31,15 @@ _CENTRE = _AROUND.index((0, 0))
 def by_blocks(
     near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any], tuning: Tuning = TUNING
 ) -> Map:
-    """Return r ↦ M⁻¹ r on the elements, see the docstring of the module.
+    """Return r ↦ M⁻¹ r on the elements, equation (15) of docs/solver.md.
 
     Parameters
     ----------
     near : callable
-        B, symmetric and positive definite.
-    influence : array
+        r ↦ B r, symmetric and positive definite.
+    influence : array (rows, columns)
         K(i, j) of the non-negative offsets.
-    shape : tuple of int
+    shape : (int, int)
         Rows and columns of the grid.
     elements : array (n,)
         Flat indices, increasing.
@@ -54,6 +47,11 @@ def by_blocks(
         Pressure under uniform further indentation, ≥ 0.
     tuning : Tuning
         Constants.
+
+    Returns
+    -------
+    callable
+        r ↦ M⁻¹ r of 32 bits, both of shape (n,).
 
     References
     ----------
@@ -83,40 +81,44 @@ def _corrected(near: Map, blocks: Level, tuning: Tuning) -> Map:
 
 
 def _between_blocks(blocks: Level, tuning: Tuning) -> Map:
-    """Return C, the inverse of the operator between blocks: a factorisation, or this same method for many blocks."""
+    """Return C, the inverse of the operator between blocks: a factorisation, or the same method for many blocks."""
     if blocks.numbers.size > tuning.factorised_up_to:
         above = Level(blocks.influence, blocks.shape, blocks.numbers, blocks.mass, tuning, blocks)
-        return _corrected(_near_field(blocks, tuning.least_pivot), above, tuning)
+        return _corrected(near_field_of_blocks(blocks, tuning.least_pivot), above, tuning)
     matrix = influence_matrix(blocks.influence, blocks.numbers)
     here, k = np.nonzero(blocks.neighbours < blocks.numbers.size)
     matrix[here, blocks.neighbours[here, k]] = blocks.near[here, k]
     try:
         factor = linalg.cho_factor(matrix, lower=True, check_finite=False)
-    except linalg.LinAlgError:  # points for blocks were too rough; not seen on any contact
-        return _near_field(blocks, tuning.least_pivot)
+    except linalg.LinAlgError:  # points in place of blocks are too rough; not seen on any contact
+        return near_field_of_blocks(blocks, tuning.least_pivot)
     return lambda r: linalg.cho_solve(factor, r, check_finite=False).astype(np.float32)
 
 
 class Level:
-    """Elements in blocks, and the operator between the blocks, Pᵀ K P.
+    """Elements in blocks, and the operator Pᵀ K P between the blocks.
 
     Parameters
     ----------
     influence, shape, elements, t, tuning
         As in `by_blocks`.
     below : Level, optional
-        The level whose blocks are the elements of this one.
+        The level with blocks that are the elements of this one.
 
     Attributes
     ----------
-    shape, influence, numbers
-        Grid of blocks, kernel between distant ones, flat indices of those that hold elements.
+    shape : (int, int)
+        Rows and columns of the grid of blocks.
+    influence : array
+        Kernel between distant blocks.
+    numbers : array (blocks,)
+        Flat indices of the blocks that hold elements.
     mass : array (blocks,)
         Sum of t over each block.
     neighbours : array (blocks, 9)
-        Number, in `numbers`, of each of the blocks around; their count where there is none.
+        Positions in `numbers` of the blocks around each block; `numbers.size` where there is none.
     near : array (blocks, 9)
-        Exact coefficients between those.
+        Exact coefficients between a block and its neighbours.
     spread, moved : sparse arrays (n, blocks), (n, 2 blocks)
         P; N and E side by side.
     """
@@ -145,18 +147,18 @@ class Level:
         self.neighbours: NDArray[np.int32] = number[occupied[:, None] + np.array([i * width + j for i, j in _AROUND])]
         of_element = number[block]
         within = (row % side) * side + column % side
-        place = of_element.astype(np.intp) * side**2 + within
+        position = of_element.astype(np.intp) * side**2 + within
         shapes = np.zeros((count, side**2), dtype=np.float32)
-        shapes.ravel()[place] = np.maximum(t, 1e-9 * t.max()) if t.any() else 1.0  # no block without force
+        shapes.ravel()[position] = np.maximum(t, 1e-9 * t.max()) if t.any() else 1.0  # no block without force
         self.mass: Single = shapes.sum(axis=1)
         shapes /= self.mass[:, None]
-        share = shapes.ravel().take(place)
+        share = shapes.ravel().take(position)
         start = np.arange(elements.size + 1, dtype=np.int32)
         self.spread = sparse.csr_array((share, of_element, start), shape=(elements.size, count))
 
-        # displacement of every element under a unit force on each of the blocks around; the last column is E
+        # Displacement of every element under a unit force on each of the blocks around. The last column is E.
         fields = np.empty((count + 2, len(_AROUND) * side**2), dtype=np.float32)
-        fields[count:] = [[0.0], [1.0]]  # of no block, and E
+        fields[count:] = [[0.0], [1.0]]  # for an absent block, and for E
         given = influence[: 2 * side, : 2 * side]
         np.matmul(shapes, _tables(given.tobytes(), given.shape[0], side), out=fields[:count])
         begin = np.full((count, len(_AROUND) + 1), (count + 1) * fields.shape[1], dtype=np.intp)
@@ -168,52 +170,64 @@ class Level:
             at = begin.take(of_element[some], axis=0)
             at += within[some, None]
             fields.ravel().take(at, out=data[some], mode="clip")
-        if below is not None:  # the elements are blocks themselves: those around them act by more than points do
+        if below is not None:  # the elements are blocks: blocks around them act with their exact coefficients
             points = [_at(influence, i, j) for i, j in _AROUND]
-            here, k = np.nonzero(below.neighbours < elements.size)
-            other = below.neighbours[here, k]
-            excess = (below.near[here, k] - np.array(points)[k]) * share[other]
-            towards = np.zeros(2 * width + 3, dtype=np.intp)
-            towards[[(i + 1) * width + j + 1 for i, j in _AROUND]] = np.arange(len(_AROUND))
-            column_of = towards[block[other] - block[here] + width + 1]
-            data += np.bincount(here * data.shape[1] + column_of, excess, data.size).reshape(data.shape)
+            target, k = np.nonzero(below.neighbours < elements.size)
+            source = below.neighbours[target, k]
+            excess = (below.near[target, k] - np.array(points)[k]) * share[source]
+            offset_column = np.zeros(2 * width + 3, dtype=np.intp)
+            offset_column[[(i + 1) * width + j + 1 for i, j in _AROUND]] = np.arange(len(_AROUND))
+            source_column = offset_column[block[source] - block[target] + width + 1]
+            data += np.bincount(target * data.shape[1] + source_column, excess, data.size).reshape(data.shape)
         means = self.spread.T @ data
         self.near: Single = means[:, :-1].copy()
         means[:, -1] = 0.0
         data -= means.take(of_element, axis=0)
-        where = np.empty(begin.shape, dtype=np.int32)
-        where[:, :-1] = np.minimum(self.neighbours, count - 1)
-        where[:, -1] = np.arange(count, 2 * count)
-        where = where.take(of_element, axis=0)
+        columns = np.empty(begin.shape, dtype=np.int32)
+        columns[:, :-1] = np.minimum(self.neighbours, count - 1)
+        columns[:, -1] = np.arange(count, 2 * count)
+        columns = columns.take(of_element, axis=0)
         start = np.arange(0, data.size + 1, data.shape[1], dtype=np.int32)
-        self.moved = sparse.csr_array((data.ravel(), where.ravel(), start), shape=(elements.size, 2 * count))
+        self.moved = sparse.csr_array((data.ravel(), columns.ravel(), start), shape=(elements.size, 2 * count))
 
 
 @lru_cache(maxsize=16)
 def _tables(influence: bytes, rows: int, side: int) -> Single:
-    """Return, side by side for the blocks around, the displacement of each element of a block by each of theirs."""
+    """Return the displacement of each element of a block by each element of the blocks around, side by side."""
     given = np.frombuffer(influence).reshape(rows, -1)
     kernel = np.zeros((2 * side, 2 * side))
     kernel[: given.shape[0], : given.shape[1]] = given
-    place = np.arange(side)
+    node = np.arange(side)
     tables = np.empty((side**2, len(_AROUND), side**2), dtype=np.float32)
     for k, (i, j) in enumerate(_AROUND):
-        row = np.abs(place[:, None] + i * side - place)
-        column = np.abs(place[:, None] + j * side - place)
+        row = np.abs(node[:, None] + i * side - node)
+        column = np.abs(node[:, None] + j * side - node)
         tables[:, k] = kernel[row[:, None, :, None], column[None, :, None, :]].reshape(side**2, side**2)
     return tables.reshape(side**2, -1)
 
 
 def _at(influence: Array, row: int, column: int) -> float:
-    """Return K at an offset, and the nearest coefficient on a grid that does not reach so far (it is not used)."""
+    """Return K at an offset, or an unused coefficient where the grid does not reach so far."""
     return float(influence[min(abs(row), influence.shape[0] - 1), min(abs(column), influence.shape[1] - 1)])
 
 
-def _near_field(blocks: Level, least_pivot: float) -> Map:
-    """Return the near field of the operator between blocks, from the blocks around that come before.
+def near_field_of_blocks(blocks: Level, least_pivot: float) -> Map:
+    """Return the near field of the operator between blocks, from the preceding blocks around each.
 
-    As in `near_field`, but coefficients differ from block to block, so the small systems cannot be tabulated. All are
-    solved at once, by a Cholesky factorisation whose numbers are vectors over the blocks.
+    Coefficients differ from block to block, so the small systems of `near_field` cannot be tabulated. One Cholesky
+    factorisation solves all of them, with vectors over the blocks in place of numbers.
+
+    Parameters
+    ----------
+    blocks : Level
+        Blocks and the coefficients between them.
+    least_pivot : float
+        Least pivot, as a share of the diagonal coefficient.
+
+    Returns
+    -------
+    callable
+        r ↦ Gᵀ G r, both of shape (blocks,).
     """
     before = _AROUND[: _CENTRE + 1]
     count, size = blocks.numbers.size, len(before)
@@ -241,7 +255,7 @@ def _near_field(blocks: Level, least_pivot: float) -> Map:
         rows[i] = -(factor[i + 1 :, i] * rows[i + 1 :]).sum(axis=0) / factor[i, i]
     rows *= present
     start = np.arange(0, rows.size + 1, size, dtype=np.int32)
-    where = np.minimum(members, count - 1).T.ravel()
-    inverse = sparse.csr_array((rows.T.ravel(), where, start), shape=(count, count))
+    columns = np.minimum(members, count - 1).T.ravel()
+    inverse = sparse.csr_array((rows.T.ravel(), columns, start), shape=(count, count))
     transposed = inverse.T
     return lambda r: transposed @ (inverse @ r)

@@ -7,61 +7,64 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.typing import Array, Index
-
-_PIECE = 2**13  # elements summed at a time, to stay in cache
 
 
 class Superposition:
-    """The influence of few loaded elements on many, in lattice units; not thread-safe.
+    """Displacement of many elements by few loaded ones, in lattice units; not thread-safe.
 
     Parameters
     ----------
     influence : array (rows, columns)
         K(i, j) of the non-negative offsets of the whole grid.
-    terms : float
-        Terms of a sum per node of the grid, up to which it replaces a convolution.
+    tuning : Tuning
+        Constants.
     """
 
-    def __init__(self, influence: Array, terms: float) -> None:
-        self._influence, self._columns, self._terms = influence, influence.shape[1], terms * influence.size
+    def __init__(self, influence: Array, tuning: Tuning = TUNING) -> None:
+        self._influence, self._columns = influence, influence.shape[1]
+        self._terms, self._piece = tuning.sum_terms * influence.size, tuning.cache // 32
         self._mirrored: NDArray[Any] = np.empty(0, dtype=bool)
         self._numbered: tuple[Index, NDArray[np.intp]] | None = None
 
     def displacement(self, elements: Index, loaded: Index, pressure: Array, *, single: bool) -> NDArray[Any] | None:
-        """Return u on the elements under pressures on a few of them, or None where a convolution takes less time.
+        """Return u on the elements, or None where a convolution takes less time.
 
         Parameters
         ----------
         elements : array (n,)
             Flat indices, increasing.
         loaded : array (k,)
-            Numbers of the loaded ones among them, increasing.
+            Positions of the loaded ones among them, increasing.
         pressure : array (k,)
-            Their pressures; u has the same unit.
+            Pressures on the loaded elements.
         single : bool
             Whether 32 bits are enough.
+
+        Returns
+        -------
+        array (n,) or None
+            Displacement in the unit of `pressure`.
         """
         if loaded.size * elements.size > self._terms:
             return None
         table, number = self._table(single), self._numbers(elements)
         displacement: NDArray[Any] = np.zeros(elements.size, dtype=table.dtype)
-        offset, term = np.empty(_PIECE, dtype=np.intp), np.empty(_PIECE, dtype=table.dtype)
+        offset, term = np.empty(self._piece, dtype=np.intp), np.empty(self._piece, dtype=table.dtype)
         sources = list(zip(number[loaded].tolist(), pressure.astype(table.dtype), strict=True))
-        for first in range(0, elements.size, _PIECE):
-            here, total = number[first : first + _PIECE], displacement[first : first + _PIECE]
-            offset, term = offset[: here.size], term[: here.size]
-            for place, q in sources:
-                np.abs(np.subtract(here, place, out=offset), out=offset)
+        for first in range(0, elements.size, self._piece):
+            piece = slice(first, first + self._piece)
+            target, total = number[piece], displacement[piece]
+            offset, term = offset[: target.size], term[: target.size]
+            for source, q in sources:
+                np.abs(np.subtract(target, source, out=offset), out=offset)
                 table.take(offset, out=term, mode="clip")  # no offset lies outside; without a mode, take would copy
                 total += np.multiply(term, q, out=term)
         return displacement
 
     def _numbers(self, elements: Index) -> NDArray[np.intp]:
-        """Return numbers whose differences are places in the table; they are kept until other elements come.
-
-        In a table whose rows hold both signs of the column, an offset is the distance of two numbers.
-        """
+        """Return numbers whose differences are indices of the table, kept until other elements come."""
         if self._numbered is None or self._numbered[0] is not elements:
             columns = np.int32(self._columns)
             row, column = np.divmod(elements.astype(np.int32), columns)
@@ -71,7 +74,7 @@ class Superposition:
     def _table(self, single: bool) -> NDArray[Any]:
         """Return K at every offset, flat, from the origin on: rows ≥ 0 by columns of both signs.
 
-        An offset (i, j) with i > 0, or i = 0 ≤ j, is at i (2 columns - 1) + j. The others are these, turned round.
+        An offset (i, j) with i > 0, or i = 0 ≤ j, has the index i (2 columns - 1) + j. K is even in the others.
         """
         precision = np.dtype(np.float32 if single else np.float64)
         if precision != self._mirrored.dtype:

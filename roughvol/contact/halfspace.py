@@ -1,22 +1,20 @@
 """The elastic half space: displacement of a free rectangle of square elements under pressure, by FFT.
 
-Conventions
------------
-Every node (i, j) of the surface is the centre of a square element of side δ under uniform pressure p_ij ≥ 0 in
-compression. Displacements are positive into the half space. Everything here is in *lattice units*: u in δ/(π E*) times
-the unit of p, so that one half space serves every spacing, modulus and height scale of a campaign::
+Conventions: every node (i, j) of the surface is the centre of a square element of side δ under uniform pressure
+p_ij ≥ 0 in compression. Displacements are positive into the half space. *Lattice units* are δ/(π E*) times the unit of
+p. One half space therefore serves every spacing, modulus and height scale::
 
     u_ij = δ/(π E*) Σ_kl K(i-k, j-l) p_kl,        K(0, 0) = 4 ln(1 + √2) = 3.52549 for the Love kernel
 
-The patch is free (nothing is periodic). K is even along both axes, so a transform length M ≥ 2 (n - 1) represents the
-linear convolution exactly: of the lags ±(n - 1), which share one place when M = 2 (n - 1), both have the same
-coefficient. For n = 2^m + 1 that is M = 2^(m+1), the best length there is, where padding to 2n would be prime-ridden.
-For the same reason its spectrum is real and even, a type-I cosine transform of one quadrant; if it is positive the
-discrete operator is positive definite, being a compression of the circulant one.
+The patch is free: nothing is periodic. K is even along both axes, so a transform length M ≥ 2 (n - 1) represents the
+linear convolution exactly. The lags ±(n - 1) share one index when M = 2 (n - 1), and have the same coefficient. For
+n = 2^m + 1 this is the fast length M = 2^(m+1). The spectrum is real and even: a type-I cosine transform of one
+quadrant. If it is positive, the operator on the grid is positive definite, as a block of the circulant operator.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,27 +29,51 @@ from roughvol.typing import Array
 
 
 def transform_length(nodes: int) -> int:
-    """Return the FFT length for an even kernel on so many nodes: the next fast even length ≥ 2 (nodes - 1)."""
+    """Return the FFT length for an even kernel: the next fast even length ≥ 2 (nodes - 1).
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes along the axis.
+
+    Returns
+    -------
+    int
+        Points of the transform.
+    """
     half: int = scipy_fft.next_fast_len(max(nodes - 1, 1), real=True)
     return 2 * half
 
 
 class HalfSpace:
-    """The influence of pressure on displacement, u = K ∗ p, for one grid shape and kernel; counts what it does.
+    """Displacement under pressure, u = K ∗ p, for one grid shape and kernel.
 
-    It owns its buffers and FFTW plans, so it is made once and serves any number of surfaces of its shape; it is not
-    thread-safe. Lattice units: multiply by δ/(π E*) for a displacement.
+    Buffers and FFTW plans are made once, for any number of surfaces of this shape. Not thread-safe. Displacements are
+    in lattice units, see the conventions of the module.
 
     Parameters
     ----------
-    shape : (rows, cols), each at least 1.
-    kernel : "love" or "punch".
-    threads : threads inside one convolution; the result does not depend on them.
+    shape : (int, int)
+        Rows and columns, each at least 1.
+    kernel : {"love", "punch"}
+        Influence coefficients, see `kernels`.
+    threads : int
+        Threads inside one convolution. Results do not depend on them.
+    tuning : Tuning
+        Constants.
 
     Attributes
     ----------
-    convolutions, convolutions_fp32 : zero-padded FFT convolutions done so far, by precision, in units of one on the
-        full grid: one over a window counts by its share of the points transformed.
+    influence : array (rows, columns)
+        K(i, j) of the non-negative offsets.
+    convolutions, convolutions_fp32 : float
+        Convolutions so far, by precision. Unit: one on the full grid. A convolution over a window counts by its share
+        of the points transformed.
+
+    Raises
+    ------
+    ContactError
+        If the shape is empty, the kernel unknown, or K not positive definite.
     """
 
     def __init__(self, shape: tuple[int, int], kernel: str = "love", threads: int = 1, tuning: Tuning = TUNING) -> None:
@@ -61,8 +83,8 @@ class HalfSpace:
             raise ContactError(message)
         self.kernel, self.threads, self._tuning = kernel, threads, tuning
         self._halves = transform_length(self.shape[0]) // 2, transform_length(self.shape[1]) // 2
-        # Also lags beyond the grid, which never enter a result, get the kernel: zeros there would make the spectrum
-        # of a positive operator negative in places, and it could not certify anything
+        # Lags beyond the grid enter no result, but have the kernel as well. With zeros there, the spectrum of a
+        # positive operator would be negative in places.
         self._quadrant = kernel_quadrant((self._halves[0] + 1, self._halves[1] + 1), kernel)
         self._quadrant.flags.writeable = False
         self.influence = np.ascontiguousarray(self._quadrant[: self.shape[0], : self.shape[1]])
@@ -77,7 +99,23 @@ class HalfSpace:
         self._compliance: Array | None = None
 
     def displacement(self, pressure: Array) -> Array:
-        """Return u = K ∗ p on every element by one convolution; shape of the grid, a new array."""
+        """Return u = K ∗ p on every element, by one convolution.
+
+        Parameters
+        ----------
+        pressure : array (rows, columns)
+            Pressures.
+
+        Returns
+        -------
+        array (rows, columns)
+            Displacement [lattice units].
+
+        Raises
+        ------
+        ContactError
+            If the shape differs from that of the grid.
+        """
         if pressure.shape != self.shape:
             message = f"pressure has shape {pressure.shape}; the half space has {self.shape}"
             raise ContactError(message)
@@ -85,18 +123,45 @@ class HalfSpace:
         return self._engine(self._halves, "float64").convolve(pressure)
 
     def displacement_above(self, heights: Array, elements: NDArray[np.intp], pressure: NDArray[Any]) -> Array:
-        """Return u - heights on every element, flat, by one convolution; the elements (as below) carry the pressure."""
+        """Return u - heights on every element, by one convolution.
+
+        Parameters
+        ----------
+        heights : array (rows * columns,)
+            Heights [lattice units].
+        elements : array (n,)
+            Flat indices of the elements under pressure, increasing.
+        pressure : array (n,)
+            Pressures there.
+
+        Returns
+        -------
+        array (rows * columns,)
+            u - heights [lattice units].
+        """
         self.convolutions += 1.0
         engine = self._engine(self._halves, "float64")
-        places = engine.places(*np.divmod(elements.astype(np.int32), np.int32(self.shape[1])))
-        return engine.convolve_above(heights.reshape(self.shape), *places, pressure).ravel()
+        positions = engine.positions(*np.divmod(elements.astype(np.int32), np.int32(self.shape[1])))
+        return engine.convolve_above(heights.reshape(self.shape), *positions, pressure).ravel()
 
     def displacement_at(
         self, elements: NDArray[np.intp], pressure: NDArray[Any], *, single: bool = False
     ) -> NDArray[Any]:
-        """Return u at the elements (flat indices, increasing) that alone carry pressure, ``single`` in 32 bits.
+        """Return u at the elements that carry the pressure. On large grids only their rectangle is transformed.
 
-        On large grids only the rectangle that holds the elements takes part: this costs the less the smaller it is.
+        Parameters
+        ----------
+        elements : array (n,)
+            Flat indices, increasing.
+        pressure : array (n,)
+            Pressures there.
+        single : bool
+            Transform in 32 bits.
+
+        Returns
+        -------
+        array (n,)
+            Displacement [lattice units].
         """
         precision = "float32" if single else "float64"
         window = self._windows.get(precision)
@@ -106,23 +171,22 @@ class HalfSpace:
             self.convolutions_fp32 += window.share
         else:
             self.convolutions += window.share
-        return window.displacement(pressure)
+        return window.engine.convolve_at(*window.positions, pressure)
 
     @property
     def total_compliance(self) -> Array:
-        """Σ_kl K(i-k, j-l) over all elements: the displacement under unit pressure everywhere.
+        """Displacement K ∗ 1 under unit pressure everywhere, array (rows, columns) [lattice units].
 
-        The kernel is symmetric, so Σu = Σ (K ∗ 1) p: the mean displacement, and with it the free volume, of any
-        pressure is one dot product with this array and no field is needed for it.
+        K is symmetric, so Σu = Σ (K ∗ 1) p. The mean displacement and the free volume are a dot product with it.
         """
         if self._compliance is None:
             self._compliance = self.displacement(np.ones(self.shape))
-            self.convolutions -= 1.0  # belongs to the grid, not to the first case that happens to use it
+            self.convolutions -= 1.0  # a property of the grid, not a cost of the first case
             self._compliance.flags.writeable = False
         return self._compliance
 
     def _window(self, elements: NDArray[np.intp], precision: str) -> _Window:
-        """Return the convolution over the least rectangle of allowed size that holds the elements."""
+        """Return the convolution over the least window that holds the elements."""
         row, column = np.divmod(elements, self.shape[1])
         first = (int(row[0]), int(column.min())) if elements.size else (0, 0)
         last = (int(row[-1]), int(column.max())) if elements.size else (0, 0)
@@ -139,10 +203,10 @@ class HalfSpace:
             min(first[0], self.shape[0] - engine.shape[0]),
             min(first[1], self.shape[1] - engine.shape[1]),
         )
-        return _Window(engine, elements, row - first[0], column - first[1], share)
+        return _Window(engine, elements.copy(), share, engine.positions(row - first[0], column - first[1]))
 
     def _engine(self, halves: tuple[int, int], precision: str) -> Convolution:
-        """Return the convolution with half the transform lengths given; those of windows are kept for a while."""
+        """Return the convolution of given half transform lengths. Windows are kept up to the points of the grid."""
         key = (*halves, precision)
         engine = self._engines.pop(key, None)
         if engine is None:
@@ -158,17 +222,17 @@ class HalfSpace:
                     if held <= room:
                         break
                     held -= self._engines.pop(old).size
-        self._engines[key] = engine  # last used, last in line
+        self._engines[key] = engine  # the most recently used comes last
         return engine
 
 
-# Half lengths of the transforms of a window, times a power of two, along the index of rows and along that of columns.
-# Complex transforms (the first) are fast for few factors, real ones for more.
+# Half transform lengths of a window, over a power of two: along the row index, and along the column index. Complex
+# transforms (the first) are fast for few factors, real ones for more.
 _FAST = ((4, 5), (4, 5, 6, 7))
 
 
 def _window_half(reach: int, half: int, nodes: int, fast: tuple[int, ...]) -> int:
-    """Return half the transform length for lags up to ``reach``: the next fast one, or that of the full grid."""
+    """Return half the transform length for lags up to `reach`: the next fast one, or that of the full grid."""
     scale = 4
     while scale < nodes:
         for factor in fast:
@@ -179,22 +243,17 @@ def _window_half(reach: int, half: int, nodes: int, fast: tuple[int, ...]) -> in
 
 
 def _spectrum(quadrant: Array) -> Array:
-    """Transform of the even extension of K with the 1/(M₁ M₂) of the inverse transform folded in."""
+    """Return the transform of the even extension of K, with the factor 1/(M₁ M₂) of the inverse transform."""
     spectrum: Array = scipy_fft.dctn(quadrant, type=1)
     spectrum /= 4.0 * max(quadrant.shape[0] - 1, 1) * max(quadrant.shape[1] - 1, 1)
     return spectrum
 
 
+@dataclass(frozen=True)
 class _Window:
-    """A convolution applied to elements somewhere on the grid."""
+    """A convolution over a part of the grid, for fixed elements."""
 
-    def __init__(
-        self, engine: Convolution, elements: NDArray[np.intp], row: NDArray[Any], column: NDArray[Any], share: float
-    ) -> None:
-        self.elements = elements.copy()
-        self.share = share
-        self._engine = engine
-        self._places = engine.places(row, column)
-
-    def displacement(self, pressure: NDArray[Any]) -> NDArray[Any]:
-        return self._engine.convolve_at(*self._places, pressure)
+    engine: Convolution
+    elements: NDArray[np.intp]
+    share: float
+    positions: tuple[list[int], NDArray[Any]]

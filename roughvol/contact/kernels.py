@@ -1,4 +1,4 @@
-"""Influence coefficients: the displacement at one element by a unit pressure on another.
+"""Influence coefficients: displacement of one element by a unit pressure on another.
 
 Lattice units, see `halfspace`: u = δ/(π E*) Σ K(i - k, j - l) p. K is even along both axes.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from roughvol.errors import ContactError
 from roughvol.typing import Array, Index
 
-_SERIES_FROM = 64.0  # spacings; both forms have a relative error of 4e-14 there, the worst of all
+_SERIES_FROM = 64.0  # spacings; the two forms are equally exact there (test_halfspace, love_kernel)
 
 
 def love_kernel(x: Array, y: Array) -> Array:
@@ -20,17 +20,23 @@ def love_kernel(x: Array, y: Array) -> Array:
 
     .. math:: K(x, y) = \int_{-1/2}^{1/2}\int_{-1/2}^{1/2} \frac{dξ\,dη}{\sqrt{(x-ξ)^2 + (y-η)^2}}
 
-    so that u = δ/(π E*) K p. Near the element the closed form is written with ``log1p`` of the relative differences,
-    which keeps all digits along the axes; beyond r = 64 spacings it is the multipole series of a uniform square up to
-    fourth moments, where the closed form would lose digits as ε r².
+    u = δ/(π E*) K p. The closed form loses digits as ε r². Beyond 64 spacings the multipole series of a uniform square
+    replaces it, up to fourth moments. The relative error is below 1e-13 everywhere.
 
     Parameters
     ----------
-    x, y : array, in spacings, ≥ 0 (the kernel is even: mirror for negative offsets), not on the edge of the element.
+    x, y : array_like
+        Offsets [spacings], ≥ 0, broadcast together, not on the edge of the element. The kernel is even.
 
     Returns
     -------
-    array, dimensionless; relative error below 1e-13 everywhere.
+    array
+        K, without unit.
+
+    Raises
+    ------
+    ContactError
+        If an offset is negative.
 
     References
     ----------
@@ -38,7 +44,7 @@ def love_kernel(x: Array, y: Array) -> Array:
     """
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     if x.size and min(x.min(), y.min()) < 0:
-        message = "love_kernel takes offsets >= 0 (the kernel is even; mirror it)"
+        message = f"love_kernel: offset is {min(x.min(), y.min()):g}; allowed: >= 0 (the kernel is even)"
         raise ContactError(message)
     kernel = np.empty(x.shape)
     far = np.hypot(x, y) > _SERIES_FROM
@@ -48,20 +54,20 @@ def love_kernel(x: Array, y: Array) -> Array:
 
 
 def _love_near(x: Array, y: Array) -> Array:
-    """Return the closed form, Σ± over the four corners, grouped in two pairs of logarithms per axis."""
+    """Return the closed form over the four corners, with ``log1p``, which keeps all digits along the axes."""
     a, b, c, d = x + 0.5, x - 0.5, y + 0.5, y - 0.5  # corner offsets; b, d ≥ -1/2
     ac, ad, bc, bd = np.hypot(a, c), np.hypot(a, d), np.hypot(b, c), np.hypot(b, d)
 
     def pair(s: Array, t_hi: Array, t_lo: Array, r_hi: Array, r_lo: Array) -> Array:
-        # s ln[(t_hi + r_hi) / (t_lo + r_lo)]; t_lo ≥ -1/2 makes the denominator positive (s ≠ 0 at every node)
+        # s ln[(t_hi + r_hi) / (t_lo + r_lo)]; the denominator is positive: t_lo ≥ -1/2, and s ≠ 0 at every node
         return s * np.log1p(((t_hi - t_lo) + (t_hi - t_lo) * (t_hi + t_lo) / (r_hi + r_lo)) / (t_lo + r_lo))
 
-    # (r_hi - r_lo) = (t_hi² - t_lo²) / (r_hi + r_lo) since both share s: no cancellation in the difference of radii
+    # r_hi - r_lo = (t_hi² - t_lo²) / (r_hi + r_lo), as both share s: no cancellation in the difference of radii
     return pair(a, c, d, ac, ad) - pair(b, c, d, bc, bd) + pair(c, a, b, ac, bc) - pair(d, a, b, ad, bd)
 
 
 def _love_far(x: Array, y: Array) -> Array:
-    """Return the moments of a unit square: 1/r + Δ(1/r)/24 + fourth moments; Δ is the plane Laplacian."""
+    """Return 1/r + ∇²(1/r)/24 + fourth moments of a unit square."""
     x2, y2 = x * x, y * y
     r2 = x2 + y2
     r = np.sqrt(r2)
@@ -74,10 +80,19 @@ def _love_far(x: Array, y: Array) -> Array:
 
 
 def punch_kernel(x: Array, y: Array) -> Array:
-    """Return the coefficients of the same group's later code: a rigid punch on itself, a disc on the others.
+    """Return the influence coefficients of a rigid punch on itself, and of a disc on other elements.
 
-    Self term 2/(π E* δ) per unit force, asin(δ/2r)·(…) elsewhere; in lattice units K(0, 0) = 2 and
-    K(r) = 2 asin(1/(2 r)), which tends to 1/r. It under-weights the diagonal, so H⁻¹ is no M-matrix here.
+    K(0, 0) = 2 and K(r) = 2 asin(1/(2 r)), which tends to 1/r. K⁻¹ is no M-matrix: the diagonal is small.
+
+    Parameters
+    ----------
+    x, y : array_like
+        Offsets [spacings], broadcast together.
+
+    Returns
+    -------
+    array
+        K, without unit.
     """
     r = np.hypot(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     kernel = np.full(r.shape, 2.0)
@@ -90,17 +105,34 @@ KERNELS: dict[str, Callable[[Array, Array], Array]] = {"love": love_kernel, "pun
 
 
 def kernel_quadrant(shape: tuple[int, int], kernel: str = "love") -> Array:
-    """Return K(i, j) for the offsets 0 ≤ i < rows, 0 ≤ j < cols, in units δ/(π E*)."""
+    """Return K(i, j) for the offsets 0 ≤ i < rows, 0 ≤ j < columns.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns.
+    kernel : {"love", "punch"}
+        Name of the kernel.
+
+    Returns
+    -------
+    array (rows, columns)
+        K in units δ/(π E*).
+
+    Raises
+    ------
+    ContactError
+        If the kernel is unknown.
+    """
     if kernel not in KERNELS:
         message = f"kernel is {kernel!r}; allowed: {', '.join(KERNELS)}"
         raise ContactError(message)
-    rows, cols = (np.arange(float(n)) for n in shape)
-    quadrant = KERNELS[kernel](rows[:, None], cols[None, :])
-    return np.ascontiguousarray(quadrant)
+    row, column = (np.arange(float(n)) for n in shape)
+    return np.ascontiguousarray(KERNELS[kernel](row[:, None], column))
 
 
 def influence_matrix(influence: Array, elements: Index) -> Array:
-    """Return K(i - j) between some elements.
+    """Return K between some elements.
 
     Parameters
     ----------
@@ -111,7 +143,8 @@ def influence_matrix(influence: Array, elements: Index) -> Array:
 
     Returns
     -------
-    array (n, n), in units δ/(π E*).
+    array (n, n)
+        K in units δ/(π E*).
     """
     columns = np.int32(influence.shape[1])
     row, column = np.divmod(elements.astype(np.int32), columns)

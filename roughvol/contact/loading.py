@@ -1,30 +1,18 @@
 """Frictionless contact of a rigid rough surface with an elastic half space, at imposed indentation.
 
-Conventions
------------
-Heights z point out of the rough body, Δ ≥ 0 is the far-field closing displacement from first touch. With the rigid
-overlap ū = Δ - (z_max - z) and the displacement u = H p the pressures solve the linear complementarity problem
+Conventions: heights z point out of the rough body. Δ ≥ 0 is the far-field closing displacement from first touch. With
+the rigid overlap ū = Δ - (z_max - z) and the displacement u = H p, pressures solve the complementarity problem
 
-    p ≥ 0,    g = u - ū ≥ 0,    p g = 0    on every element,
+    p ≥ 0,    g = u - ū ≥ 0,    p g = 0    on every element.
 
-which has exactly one solution because H is positive definite. Inside `problem` all is scaled: heights by their
-root mean square σ (h ≤ 0, highest point 0), pressures as q = p δ/(π E* σ), so that u/σ = K ∗ q with the lattice
-kernel of `halfspace`; b = h + Δ/σ is the scaled overlap and w = K ∗ q - b the scaled gap. No unit gets further in.
+It has exactly one solution, as H is positive definite. `problem` scales all lengths by the root mean square height σ.
 
-The residual
-------------
-η/σ = max( max |w| where q > 0,  max -w where b > 0 ), evaluated on the whole grid by a convolution in double precision
-after the iteration has ended. A pressure q ≥ 0 with residual η is the *exact* solution for a surface whose heights
-differ by at most η, hence F(Δ - η) ≤ F ≤ F(Δ + η) for the load and |δV*| ≤ η/σ for the free volume. Iterations stop on
-this number and on nothing else. Where b ≤ 0 there is a gap in any case, since all influence coefficients are positive.
+The residual is η/σ = max( max |w| where p > 0,  max -w where ū > 0 ), w the computed gap over σ, on the whole grid.
+One convolution in double precision gives it after the iteration has ended. A pressure p ≥ 0 with residual η is the
+*exact* solution for heights changed by at most η. Hence F(Δ - η) ≤ F ≤ F(Δ + η) for the load, and |δV*| ≤ η/σ for the
+free volume. Solves end on this number and on nothing else.
 
-The method
-----------
-H⁻¹ is an M-matrix for the Love kernel. Along increasing Δ, pressures therefore never decrease, contact sets are nested,
-and every gap is a convex function of Δ. The secant through the last two states is then a lower bound of the next gap:
-elements with p > 0 or a negative secant *contain* the next contact set, nearly exactly. `active_set` solves on these
-elements. For other kernels the same loop runs without the guarantee: the verification re-admits every element that
-penetrates. docs/solver.md has the equations.
+docs/solver.md has the method and its equations.
 """
 
 from __future__ import annotations
@@ -36,13 +24,11 @@ import numpy as np
 
 from roughvol.contact.active_set import solve_indentation
 from roughvol.contact.paper_algorithm import solve_paper
-from roughvol.contact.problem import LIGHT, LIGHT_ROUGH, PRECISIONS, TENSILE, Problem, check_rtol
+from roughvol.contact.problem import LIGHT, LIGHT_ROUGH, TENSILE, Problem, check_rtol
 from roughvol.contact.state import Compliance, Contact, State
 from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
-
-__all__ = ["METHODS", "PRECISIONS", "Compliance", "Contact", "Trials", "solve", "sweep"]
 
 Method = Callable[[Problem, float, State, State | None, float], tuple[State, int, float]]
 METHODS: dict[str, Method] = {"fast": solve_indentation, "paper": solve_paper}
@@ -57,20 +43,34 @@ def solve(
     method: str = "fast",
     tuning: Tuning = TUNING,
 ) -> Contact:
-    """Return the contact at one indentation Δ/σ, started from nothing but the rigid overlap.
+    """Return the contact at one indentation, started from the rigid overlap.
 
     Parameters
     ----------
-    surface : heights and spacing.
-    half_space : the compliance of the same grid shape.
-    indentation : Δ/σ; at or below zero nothing touches.
-    rtol : bound on the residual η/σ.
-    method : "fast", or "paper" for the paper's Algorithm 1 on dense matrices (at most 65 × 65 elements).
+    surface : Surface
+        Heights and spacing [length].
+    half_space : Compliance
+        Half space of the same shape, such as `HalfSpace`.
+    indentation : float
+        Δ/σ. At or below zero nothing touches.
+    rtol : float
+        Bound of the residual η/σ, 0 < rtol ≤ 1; equation (2) of docs/solver.md.
+    method : {"fast", "paper"}
+        "paper" is the paper's Algorithm 1 on dense matrices, for at most 65 × 65 elements.
+    tuning : Tuning
+        Constants.
+
+    Returns
+    -------
+    Contact
+        The state.
 
     Raises
     ------
-    ContactError : arguments out of range, shapes that differ.
-    ConvergenceError : the residual was not reached.
+    ContactError
+        If an argument is out of range, or the shapes differ.
+    ConvergenceError
+        If the residual is not reached.
     """
     return next(sweep(surface, half_space, [indentation], rtol=rtol, method=method, tuning=tuning))
 
@@ -87,18 +87,38 @@ def sweep(
     resume: Iterable[Mapping[str, Any]] = (),
     tuning: Tuning = TUNING,
 ) -> Iterator[Contact]:
-    """Yield the contact at each of the increasing indentations Δ/σ, every one started from those before.
-
-    Arguments and errors as for `solve`. Each record owns its arrays.
+    """Yield the contact at each of several increasing indentations, started from the last two.
 
     Parameters
     ----------
-    precision : of the convolutions inside the iteration, "mixed" (single where it costs no digit) or "double"; the
-        residual is the same certified one with both.
-    pressure_error : bound on the relative error of p* at every state, in addition to `rtol`. The last two states tell
-        the residual that the next one needs; where it turns out too large, that one is solved on.
-    resume : `Contact.state` of the last two contacts of a sweep that broke off; this one then goes on as if it had not,
-        to the last bit.
+    surface, half_space
+        As in `solve`.
+    indentations : iterable of float
+        Δ/σ, increasing.
+    rtol, method
+        As in `solve`.
+    precision : {"mixed", "double"}
+        Precision of the convolutions inside the iteration: "mixed" has 32 bits where this loses no digit. The residual
+        is in double precision with both.
+    pressure_error : float, optional
+        Bound of the relative error of p* at every state, 0 < pressure_error ≤ 0.1, in addition to `rtol`.
+    resume : iterable of dict
+        `Contact.state` of the last two contacts of an interrupted sweep. The states that follow are the same to the
+        last bit.
+    tuning : Tuning
+        Constants.
+
+    Yields
+    ------
+    Contact
+        The state at each indentation. It owns its arrays.
+
+    Raises
+    ------
+    ContactError
+        If an argument is out of range, the shapes differ, or an indentation does not increase.
+    ConvergenceError
+        If the residual is not reached.
     """
     problem = Problem(surface, half_space, precision, tuning)
     check_rtol(rtol)
@@ -106,21 +126,21 @@ def sweep(
     if pressure_error is not None and not 0 < pressure_error <= 0.1:
         message = f"pressure_error is {pressure_error}; allowed: 0 < pressure_error <= 0.1"
         raise ContactError(message)
-    before: State | None = None
-    now = problem.untouched()
+    previous: State | None = None
+    latest = problem.untouched()
     last = -np.inf
     for state in resume:
-        before, now = now, State(**state)
-        last = now.indentation
+        previous, latest = latest, State(**state)
+        last = latest.indentation
     for indentation in indentations:
         if not (np.isfinite(indentation) and indentation > last):
-            before_it = f" (the last was {last:g})" if np.isfinite(last) else ""
-            message = f"indentation is {indentation}; allowed: finite and increasing{before_it}"
+            at_last = f" (the last was {last:g})" if np.isfinite(last) else ""
+            message = f"indentation is {indentation}; allowed: finite and increasing{at_last}"
             raise ContactError(message)
         tolerance = rtol
         if pressure_error is not None and indentation > 0:
-            least = problem.least_pressure(float(indentation), now)
-            tolerance = min(rtol, pressure_error * least / problem.expected_stiffness(now, before))
+            least = problem.least_pressure(float(indentation), latest)
+            tolerance = min(rtol, pressure_error * least / problem.expected_stiffness(latest, previous))
         problem.check_reachable(float(indentation), tolerance)
         last = float(indentation)
         if indentation <= 0:
@@ -128,22 +148,32 @@ def sweep(
             continue
         tolerance = min(tolerance, LIGHT * last)
         counts = problem.counts()
-        after, iterations, residual = solve_one(problem, float(indentation), now, before, tolerance)
-        contact = problem.record(after, counts, iterations, residual, now)
+        solved, iterations, residual = solve_one(problem, last, latest, previous, tolerance)
+        contact = problem.record(solved, counts, iterations, residual, latest)
         while pressure_error is not None and contact.mean_pressure_bound > pressure_error:
             tolerance = 0.5 * residual * pressure_error / contact.mean_pressure_bound
             problem.check_reachable(last, tolerance)
-            after, more, residual = solve_one(problem, last, after, now, tolerance)
+            solved, more, residual = solve_one(problem, last, solved, latest, tolerance)
             iterations += more
-            contact = problem.record(after, counts, iterations, residual, now)
+            contact = problem.record(solved, counts, iterations, residual, latest)
         yield contact
-        before, now = now, after
+        previous, latest = latest, solved
 
 
 class Trials:
-    """Contacts of one surface at indentations in any order, each started from two others: what a search is made of.
+    """Contacts of one surface at indentations in any order, each started from two others: the steps of a search.
 
-    Parameters as for `solve` and `sweep`. ``least`` may be set to a contact at a smaller indentation than all others.
+    Parameters
+    ----------
+    surface, half_space, rtol, method, pressure_error, tuning
+        As in `solve` and `sweep`.
+
+    Attributes
+    ----------
+    untouched : Contact
+        The state at first touch, without contact.
+    least : Contact or None
+        A contact at a smaller indentation than all trials, if one is known; set by the caller.
     """
 
     def __init__(
@@ -157,58 +187,83 @@ class Trials:
         tuning: Tuning = TUNING,
     ) -> None:
         check_rtol(rtol)
-        self._problem = Problem(surface, half_space, tuning=tuning)
+        self.problem = Problem(surface, half_space, tuning=tuning)
         self._solve = _method(method)
         self.rtol, self.pressure_error = rtol, pressure_error
         self.least: Contact | None = None
-        self.untouched = self._problem.record(self._problem.untouched(), self._problem.counts(), 0, 0.0)
+        self.untouched = self.problem.record(self.problem.untouched(), self.problem.counts(), 0, 0.0)
 
-    def at(self, indentation: float, now: Contact, before: Contact | None = None, *, rtol: float = 0.0) -> Contact:
-        """Return the contact at an indentation Δ/σ > 0, to the residual of the search or a looser one.
+    def at(self, indentation: float, latest: Contact, previous: Contact | None = None, *, rtol: float = 0.0) -> Contact:
+        """Return the contact at an indentation, started from the straight line through two contacts.
 
-        It is started from the straight line through two contacts, of which `now` has the larger indentation: beyond
-        both, as in a sweep, or between them, where the contact set of `now` contains the one looked for.
+        Parameters
+        ----------
+        indentation : float
+            Δ/σ > 0, beyond both contacts or between them.
+        latest, previous : Contact
+            Contacts of the line; ``latest`` has the larger indentation.
+        rtol : float
+            Bound of the residual η/σ, if looser than that of the search.
+
+        Returns
+        -------
+        Contact
+            The state.
+
+        Raises
+        ------
+        ConvergenceError
+            If the residual is not reached.
         """
-        problem = self._problem
+        problem = self.problem
         problem.check_reachable(indentation, max(self.rtol, rtol))
         tolerance = max(self.tolerance(indentation), min(rtol, LIGHT_ROUGH * indentation))
         counts = problem.counts()
-        earlier = before._state if before else None
-        state, iterations, residual = self._solve(problem, indentation, now._state, earlier, tolerance)
+        earlier = previous._state if previous else None
+        state, iterations, residual = self._solve(problem, indentation, latest._state, earlier, tolerance)
         return problem.record(state, counts, iterations, residual)
 
     def known(self, state: Mapping[str, Any], residual: float) -> Contact:
-        """Return a contact that was solved elsewhere, from its `Contact.state`; its arrays are only read."""
-        return self._problem.record(State(**state), self._problem.counts(), 0, residual)
+        """Return the record of a contact solved elsewhere, from its `Contact.state` and its residual η/σ."""
+        return self.problem.record(State(**state), self.problem.counts(), 0, residual)
 
     def tolerance(self, indentation: float) -> float:
-        """Return the bound of the residual of a state: that of the search, less at a slight indentation.
+        """Return the bound of the residual η/σ at an indentation: at most `rtol`, and Δ/(100 σ).
 
-        An error of the pressure asked for makes it smaller: it is then the bound for the stiffest contact there is,
-        under the pressure of `least` or of the highest element alone.
+        `pressure_error` lowers it to the bound for the stiffest contact, under the pressure of `least` or of the
+        highest element alone.
         """
         bound = min(self.rtol, LIGHT * indentation)
         if self.pressure_error is not None:
-            pressure = self._problem.least_pressure(indentation, (self.least or self.untouched)._state)
-            bound = min(bound, self.pressure_error * pressure / self._problem.stiffest)
+            pressure = self.problem.least_pressure(indentation, (self.least or self.untouched)._state)
+            bound = min(bound, self.pressure_error * pressure / self.problem.stiffest)
         return bound
 
     def line(self, one: Contact, other: Contact) -> Callable[[float, float], Contact]:
-        """Return (Δ/σ, less) ↦ the contact that the straight line through two others has at Δ; nothing is solved.
+        """Return the straight line through two contacts, as estimates of contacts; nothing is solved.
 
-        The line is that of x = c q in contact and -w outside, with 1/c = (K⁻¹)_ii the stiffness of an element whose
-        neighbours hold still. Where K⁻¹ is an M-matrix every x is a rising, concave function of Δ: between the two
-        contacts the line has too little contact and pressure, beyond them too much. The x of a contact of residual η/σ
-        is right to 2 η/σ; `less` is taken off all of them.
+        The line is that of x = c q in contact and x = -w outside, with 1/c = (K⁻¹)_ii. Where K⁻¹ is an M-matrix every
+        x is a rising, concave function of Δ. Between the two contacts the line then has too little contact and
+        pressure, beyond them too much. An x of residual η/σ is right to 2 η/σ.
+
+        Parameters
+        ----------
+        one, other : Contact
+            Two contacts, or the same one twice.
+
+        Returns
+        -------
+        callable
+            (Δ/σ, margin) ↦ Contact, the margin being subtracted from every x.
         """
-        problem = self._problem
+        problem = self.problem
         start = problem.depth(one)
         rate = np.zeros_like(start)
         if other.indentation != one.indentation:
             rate = (problem.depth(other) - start) / (other.indentation - one.indentation)
 
-        def at(indentation: float, less: float) -> Contact:
-            x = start + (indentation - one.indentation) * rate - less
+        def at(indentation: float, margin: float) -> Contact:
+            x = start + (indentation - one.indentation) * rate - margin
             elements = np.flatnonzero(x > 0.0)
             gap = np.maximum(-x, TENSILE * max(1.0, indentation))
             state = State(indentation, elements, x[elements] / problem.firmness, gap + indentation)

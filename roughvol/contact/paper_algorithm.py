@@ -1,4 +1,4 @@
-"""The paper's Algorithm 1, kept as a reference for small grids."""
+"""The paper's Algorithm 1 (Paggi and He, Wear 336 (2015) 86-95), a reference on small grids."""
 
 from __future__ import annotations
 
@@ -11,26 +11,36 @@ from roughvol.contact.state import State
 from roughvol.errors import ContactError, ConvergenceError
 
 LARGEST = 65  # elements along a side: the matrix is dense
-GAUSS_SEIDEL = 100_000  # sweeps for one contact set
 
 
 def solve_paper(
-    problem: Problem, indentation: float, now: State, _before: State | None, rtol: float
+    problem: Problem, indentation: float, latest: State, _previous: State | None, rtol: float
 ) -> tuple[State, int, float]:
-    """Solve one indentation by Algorithm 1: from the rigid overlap, tensile elements leave, Gauss-Seidel inside.
+    """Solve one indentation by Algorithm 1: tensile elements leave the rigid overlap, Gauss-Seidel on the rest.
 
-    Every indentation starts anew. An element that has left does not come back; for the Love kernel none has to.
+    Every indentation starts from the rigid overlap. An element that leaves does not come back. None has to, for the
+    Love kernel.
+
+    Parameters
+    ----------
+    problem, indentation, latest, _previous, rtol
+        As in `active_set.solve_indentation`, on at most 65 × 65 elements. The states give the length of the step alone.
 
     Returns
     -------
-    state, sweeps of Gauss-Seidel, residual η/σ.
+    state : State
+        The verified state.
+    sweeps : int
+        Gauss-Seidel sweeps.
+    residual : float
+        η/σ ≤ `rtol`.
 
     Raises
     ------
     ContactError
-        A grid larger than 65 × 65.
+        If the grid is larger than 65 × 65.
     ConvergenceError
-        The residual was not reached.
+        If the residual is not reached.
     """
     if max(problem.shape) > LARGEST:
         message = f"method 'paper' takes grids up to {LARGEST} × {LARGEST} (m = 6); this one is {problem.shape}"
@@ -43,7 +53,7 @@ def solve_paper(
         upper = np.triu(matrix, 1)
         b = problem.heights[elements] + indentation
         p = np.zeros(b.size)
-        for _ in range(GAUSS_SEIDEL):
+        for _ in range(problem.tuning.gauss_seidel):
             w = matrix @ p - b
             if np.abs(w).max(initial=0.0) <= 0.1 * rtol:
                 break
@@ -57,7 +67,7 @@ def solve_paper(
         if not tensile.any():
             break
         elements = elements[~tensile]
-    state, residual = problem.verified(indentation, elements, p, indentation - now.indentation)
+    state, residual = problem.verified(indentation, elements, p, indentation - latest.indentation)
     if residual > rtol:
         message = f"Algorithm 1 not converged to {rtol:g}"
         raise ConvergenceError(message, indentation=indentation, iterations=sweeps, residual=residual)

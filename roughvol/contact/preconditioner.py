@@ -24,48 +24,56 @@ def approximate_inverse(
     rates: Rates | None,
     tuning: Tuning = TUNING,
 ) -> tuple[Map, Mask]:
-    """Return r ↦ M⁻¹ r ≈ K⁻¹ r, and the elements that it expects in contact.
+    """Return r ↦ M⁻¹ r ≈ K⁻¹ r, equations (13) to (15) of docs/solver.md, and the elements expected in contact.
 
-    An element without pressure is lifted clear by its neighbours if the step M⁻¹(-w) gives it none. An inverse that
-    counts on it is the wrong one for its neighbours, so the inverse is made without it. If it comes into contact
-    nevertheless, it takes part with the near field around it (`near_field.border`).
+    Neighbours lift an element without pressure clear if the step M⁻¹(-w) gives it none. The inverse is made without
+    these elements. One that comes into contact takes part by the near field around it (`near_field.border`).
 
     Parameters
     ----------
-    influence : array
+    influence : array (rows, columns)
         K(i, j) of the non-negative offsets.
-    shape : tuple of int
+    shape : (int, int)
         Rows and columns of the grid.
     elements : array (n,)
         Flat indices, increasing.
     pressure, gap : array (n,)
-        q and w at the start.
-    rates : pair of array (n,), optional
-        Pressure and displacement per unit of further indentation. Without them there is no correction by blocks.
+        q and w at the start, scaled.
+    rates : pair of array (n,), or None
+        Pressure and displacement per unit of further indentation. Without them the far field is not corrected.
     tuning : Tuning
         Constants.
 
     Returns
     -------
     inverse : callable
+        r ↦ M⁻¹ r, both of shape (n,).
     free : array (n,) of bool
+        Elements expected in contact.
     """
     free = (pressure > 0.0) | (gap < 0.0)
     if rates is None:
         return near_field(influence, shape[1], elements, tuning.near_reach), free
+    rate, displacement = rates
+
+    def both_fields(near: Map, kept: Index) -> Map:
+        # t of equation (14); the near field mends it on new elements, K t = 1
+        t = np.maximum(rate[kept] + near(1.0 - displacement[kept]), 0.0)
+        return by_blocks(near, influence, shape, elements[kept], t, tuning)
+
     kept = np.flatnonzero(free) if free.any() else np.arange(free.size)
     near = near_field(influence, shape[1], elements[kept], tuning.near_reach)
     inverse = near
-    looked_for = tuning.lifted_rounds if shape[0] * shape[1] >= tuning.lifted_again_from else 1
-    for _ in range(looked_for):
+    searches = tuning.lifted_rounds if shape[0] * shape[1] >= tuning.lifted_again_from else 1
+    for _ in range(searches):
         lifted = (pressure[kept] <= 0.0) & (inverse(-gap[kept]) <= 0.0)
         if not tuning.lifted_share * kept.size < np.count_nonzero(lifted) < kept.size:
             break
         kept = kept[~lifted]
         near = near_field(influence, shape[1], elements[kept], tuning.near_reach)
-        inverse = _corrected(near, influence, shape, elements[kept], rates[0][kept], rates[1][kept], tuning)
+        inverse = both_fields(near, kept)
     if inverse is near:
-        inverse = _corrected(near, influence, shape, elements[kept], rates[0][kept], rates[1][kept], tuning)
+        inverse = both_fields(near, kept)
     if kept.size == elements.size:
         return inverse, free
     left_out = np.ones(elements.size, dtype=bool)
@@ -77,26 +85,8 @@ def approximate_inverse(
         entered = np.flatnonzero(left_out & (r != 0.0))
         at_once = tuning.cache // 64  # small systems at a time
         for first in range(0, entered.size, at_once):
-            some = entered[first : first + at_once]
-            members, rows = border(influence, shape[1], elements, left_out, some)
+            members, rows = border(influence, shape[1], elements, left_out, entered[first : first + at_once])
             np.add.at(z, members, rows * (rows * r[members]).sum(axis=1, keepdims=True))
         return z
 
     return apply, ~left_out
-
-
-def _corrected(
-    near: Map,
-    influence: Array,
-    shape: tuple[int, int],
-    elements: Index,
-    rate: Array,
-    displacement: Array,
-    tuning: Tuning,
-) -> Map:
-    """Return the near field corrected by blocks, with t from the last step.
-
-    t is mended by one application of the near field where elements have just come into reach: K t = 1.
-    """
-    t = np.maximum(rate + near(1.0 - displacement), 0.0)
-    return by_blocks(near, influence, shape, elements, t, tuning)

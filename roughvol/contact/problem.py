@@ -1,4 +1,7 @@
-"""The scaled contact problem: it convolves, verifies and records. It does not iterate."""
+"""The scaled contact problem: convolution, verification and record of a state, without any iteration.
+
+Symbols and equations are those of docs/solver.md.
+"""
 
 from __future__ import annotations
 
@@ -15,23 +18,51 @@ from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array, Index
 
 PRECISIONS = ("mixed", "double")
-ROUNDING = 4e-16  # no residual η/σ below this share of the indentation survives the rounding of a convolution
-TENSILE = 1e-12  # a share of the largest pressure that counts as rounding, not as tension or contact
-# Largest residual over the indentation. A state without any pressure has η = Δ; with η ≤ Δ/100 the highest element
-# carries load, as F ≥ F(Δ - η) > 0, and p* is right to a few percent however loose the tolerance is.
+ROUNDING = 4e-16  # least residual η/σ over the indentation: the rounding of a convolution
+TENSILE = 1e-12  # largest pressure that counts as rounding, as a share of the largest pressure of the state
+# Largest residual over the indentation. A state without pressure has η = Δ. With η ≤ Δ/100 the highest element carries
+# load, as F ≥ F(Δ - η) > 0, and p* is right to a few per cent at any tolerance.
 LIGHT = 0.01
-LIGHT_ROUGH = 0.5  # the same on the way of a search
+LIGHT_ROUGH = 0.5  # the same for rough states of a search
 
 
 def check_rtol(rtol: float) -> None:
-    """Refuse a tolerance out of range."""
+    """Refuse a tolerance out of range.
+
+    Parameters
+    ----------
+    rtol : float
+        Bound of the residual η/σ.
+
+    Raises
+    ------
+    ContactError
+        If not 0 < `rtol` ≤ 1.
+    """
     if not 0 < rtol <= 1:
         message = f"rtol is {rtol}; allowed: 0 < rtol <= 1 (a bound on the residual η/σ)"
         raise ContactError(message)
 
 
 class Problem:
-    """One surface on one half space, scaled."""
+    """One surface on one half space, scaled: heights h = (z - z_max)/σ, pressures q = p δ/(π E* σ).
+
+    Parameters
+    ----------
+    surface : Surface
+        Heights and spacing [length].
+    half_space : Compliance
+        Half space of the same shape.
+    precision : {"mixed", "double"}
+        Precision of the convolutions inside the iteration.
+    tuning : Tuning
+        Constants.
+
+    Raises
+    ------
+    ContactError
+        If the shapes differ, or the precision is unknown.
+    """
 
     def __init__(
         self, surface: Surface, half_space: Compliance, precision: str = "mixed", tuning: Tuning = TUNING
@@ -44,9 +75,9 @@ class Problem:
             raise ContactError(message)
         self.half_space, self.shape, self.tuning = half_space, surface.shape, tuning
         self._mixed = precision == "mixed"
-        self.superposition = Superposition(half_space.influence, tuning.sum_terms)
-        self._place = np.full(surface.heights.size, -1, dtype=np.int32)  # as `places` leaves it
-        # range first, then σ: the standard deviation of 1e-250 heights would underflow
+        self.superposition = Superposition(half_space.influence, tuning)
+        self._position = np.full(surface.heights.size, -1, dtype=np.int32)  # restored by `positions`
+        # The range first, then σ: the standard deviation of heights of 1e-250 underflows.
         heights = surface.heights - surface.heights.max()
         height_range = -heights.min()
         heights = heights / (height_range or 1.0)
@@ -62,7 +93,7 @@ class Problem:
         return self.half_space.convolutions, self.half_space.convolutions_fp32
 
     def check_reachable(self, indentation: float, rtol: float) -> None:
-        """Refuse a residual that rounding alone exceeds: w is the difference of two numbers as large as Δ/σ."""
+        """Refuse a residual below rounding: w is the difference of two numbers as large as Δ/σ."""
         best = ROUNDING * max(1.0, indentation)
         if rtol < best:
             message = (
@@ -71,55 +102,54 @@ class Problem:
             )
             raise ContactError(message)
 
-    def places(self, candidates: Index, *others: Index) -> list[NDArray[np.int32]]:
-        """Return where other elements stand among the candidates, -1 for those that are none; any order."""
-        self._place[candidates] = np.arange(candidates.size, dtype=np.int32)
-        found = [self._place.take(elements) for elements in others]
-        self._place[candidates] = -1
-        return found
+    def positions(self, candidates: Index, *others: Index) -> list[NDArray[np.int32]]:
+        """Return the positions of other elements among the candidates; -1 for elements outside."""
+        self._position[candidates] = np.arange(candidates.size, dtype=np.int32)
+        positions = [self._position.take(elements) for elements in others]
+        self._position[candidates] = -1
+        return positions
 
     def pressures(self, candidates: Index, *states: State) -> list[Array]:
-        """Return q of the states on the candidates, as far as it is there."""
-        spread = []
-        for place, state in zip(self.places(candidates, *(s.elements for s in states)), states, strict=True):
-            q = np.zeros(candidates.size + 1)  # the last one takes what is elsewhere, at -1
-            q[place] = state.pressure
-            spread.append(q[:-1])
-        return spread
+        """Return q of each state on the candidates."""
+        pressures = []
+        for position, state in zip(self.positions(candidates, *(s.elements for s in states)), states, strict=True):
+            q = np.zeros(candidates.size + 1)  # the last one takes the pressure elsewhere, at -1
+            q[position] = state.pressure
+            pressures.append(q[:-1])
+        return pressures
 
     @cached_property
     def stiffest(self) -> float:
-        """Return a bound of dp*/d(Δ/σ): the stiffness of a contact never exceeds that of the whole grid.
+        """Bound of dp*/d(Δ/σ) for every contact: that of the whole grid.
 
-        For any positive definite K the stiffness 1ᵀ K_CC⁻¹ 1 grows with the contact set C, and with all pressures of
-        the whole, K q = 1, not negative, Σq min(K ∗ 1) ≤ Σq (K ∗ 1) = number of elements.
+        For any positive definite K the stiffness 1ᵀ K_CC⁻¹ 1 grows with the contact set C. The whole grid has
+        pressures K q = 1. If none is negative, Σq min(K ∗ 1) ≤ Σq (K ∗ 1) = number of elements.
         """
         return float(np.pi * (self.shape[0] - 1) / self.half_space.total_compliance.min())
 
-    def stiffness_bound(self, state: State, residual: float, before: State) -> float:
-        """Return a bound of dp*/d(Δ/σ) from a state up to Δ + η, from the state before it.
+    def stiffness_bound(self, state: State, residual: float, previous: State) -> float:
+        """Return a bound of dp*/d(Δ/σ) from a state up to Δ + η, by the secant from the previous state.
 
-        The contact at Δ + η lies within S = {q > 0} ∪ {w ≤ 2 η}, and 1ᵀ K_SS⁻¹ 1 ≤ Σs for every s on S with K s ≥ 1
-        there: with t = K_SS⁻¹ 1 ≥ 0, Σs = tᵀ K s ≥ Σt. The secant of the pressures has K s = 1 + δw/δΔ; on each element
-        where that is less than 1, a pressure of (1 - K s)/K(0, 0) makes up for it. That t ≥ 0 is, like
-        F(Δ - η) ≤ F ≤ F(Δ + η), proved for an M-matrix K⁻¹.
+        The contact at Δ + η lies within S = {q > 0} ∪ {w ≤ 2 η}. Let t = K_SS⁻¹ 1 ≥ 0, which holds for an M-matrix
+        K⁻¹. Every s on S with K s ≥ 1 there has Σs = tᵀ K s ≥ Σt, the stiffness. The secant of the pressures has
+        K s = 1 + δw/δΔ. Where this is below 1, a pressure of (1 - K s)/K(0, 0) is added.
         """
         elements, gap = state.within(2.0 * residual)
         brink = np.flatnonzero(gap <= 2.0 * residual)
         elements, gap = elements[brink], gap[brink]
-        if self.places(elements, before.elements)[0].min(initial=0) < 0:
-            elements = np.union1d(elements, before.elements)
+        if self.positions(elements, previous.elements)[0].min(initial=0) < 0:
+            elements = np.union1d(elements, previous.elements)
             gap = state.gap(elements)
-        short = np.maximum(before.gap(elements) - gap, 0.0).sum()
-        force = state.pressure.sum() - before.pressure.sum() + short / self.half_space.influence[0, 0]
-        secant = self._starred(force / (state.indentation - before.indentation))
-        return secant if secant <= self.stiffest else self.stiffest  # not a number, where a step is lost in rounding
+        short = np.maximum(previous.gap(elements) - gap, 0.0).sum()
+        force = state.pressure.sum() - previous.pressure.sum() + short / self.half_space.influence[0, 0]
+        secant = self._starred(force / (state.indentation - previous.indentation))
+        return secant if secant <= self.stiffest else self.stiffest  # also where it is NaN: a step lost in rounding
 
-    def expected_stiffness(self, now: State, before: State | None) -> float:
-        """Return what `stiffness_bound` will be about, at the next step of a sweep."""
-        if before is None or not before.pressure.size:
+    def expected_stiffness(self, latest: State, previous: State | None) -> float:
+        """Return an estimate of `stiffness_bound` at the next step of a sweep."""
+        if previous is None or not previous.pressure.size:
             return self.stiffest
-        secant = (now.pressure.sum() - before.pressure.sum()) / (now.indentation - before.indentation)
+        secant = (latest.pressure.sum() - previous.pressure.sum()) / (latest.indentation - previous.indentation)
         return min(self.stiffest, 1.5 * self._starred(secant))
 
     def _starred(self, force: float) -> float:
@@ -128,25 +158,25 @@ class Problem:
 
     @cached_property
     def firmness(self) -> float:
-        """Return c, the displacement an element yields per unit of its own pressure while its neighbours hold theirs.
+        """Displacement c of an element per unit of its own pressure, at fixed displacements around it.
 
-        1/c = (K⁻¹)_ii, by the 24 elements around one; more change the fourth digit.
+        1/c = (K⁻¹)_ii, from the 24 elements around one. More elements change the fourth digit, hence 0.999.
         """
         row, column = np.indices([min(n, 5) for n in self.shape]).reshape(2, -1)
         near = self.half_space.influence[np.abs(row[:, None] - row), np.abs(column[:, None] - column)]
         return float(0.999 / np.linalg.inv(near).diagonal().max())
 
     def depth(self, contact: Contact) -> Array:
-        """Return x: by how far each element is beyond touching (c q), or short of it (-w)."""
+        """Return x on every element, flat: c q in contact, -w elsewhere."""
         x = -contact._state.gap()
         x[contact._elements] = self.firmness * contact._pressure
         return x
 
-    def least_pressure(self, indentation: float, now: State) -> float:
-        """Return a lower bound of p* at an indentation: that of the state before, or of the highest element alone."""
+    def least_pressure(self, indentation: float, latest: State) -> float:
+        """Return a lower bound of p* at an indentation: that of the latest state, or of the highest element alone."""
         alone = indentation / float(self.half_space.influence[0, 0])
-        q = max(float(now.pressure.sum()) if now.pressure.size else 0.0, alone)
-        # the pressure of the state before is itself in error by up to a tenth, see `sweep`
+        q = max(float(latest.pressure.sum()) if latest.pressure.size else 0.0, alone)
+        # the pressure of the latest state has an error of up to a tenth, see `sweep`
         return 0.9 * float(np.pi * (self.shape[0] - 1)) * q / self.heights.size
 
     def untouched(self, indentation: float = 0.0) -> State:
@@ -154,15 +184,15 @@ class Problem:
         return State(indentation, np.empty(0, dtype=np.intp), np.empty(0), -self.heights)
 
     def verified(self, indentation: float, elements: Index, q: Array, step: float) -> tuple[State, float]:
-        """Return the state that these pressures make, by a convolution, and its residual η/σ on the whole grid.
+        """Return the state under given pressures, by one convolution, and its residual η/σ on the whole grid (2).
 
-        One pass over the grid finds all that matters here, for the bound of the stiffness and, if it is a step like the
-        last, for the next prediction.
+        One pass over the grid serves the residual, the bound of the stiffness, and the next prediction if its step is
+        no longer than `step`.
         """
         positive = q > 0.0
         elements, q = elements[positive], q[positive]
         state = State(indentation, elements, q, self.half_space.displacement_above(self.heights, elements, q))
-        # where the overlap is not positive the gap is not negative, so its minimum is one over the overlap
+        # w < 0 only where b > 0, as K is positive
         reach = abs(step) * (1.0 + 1e-6)  # the next step may be longer by rounding
         deepest = -float(state.within(reach)[1].min(initial=0.0))
         return state, max(float(np.abs(state.gap(elements)).max(initial=0.0)), deepest)
@@ -173,11 +203,11 @@ class Problem:
         counts: tuple[float, float],
         iterations: int,
         residual: float,
-        before: State | None = None,
+        previous: State | None = None,
     ) -> Contact:
-        """Return the record of a state that a solve verified, with the counts since `counts`.
+        """Return the record of a state, with the convolutions since `counts`.
 
-        The residual is not a number where nothing was solved; such a record has not converged.
+        The residual of a state not solved is NaN, and its record has not converged.
         """
         touching = state.pressure > TENSILE * state.pressure.max(initial=0.0)
         elements, pressure = state.elements[touching], state.pressure[touching]
@@ -187,9 +217,9 @@ class Problem:
         mean_displacement = float(self.half_space.total_compliance.ravel()[elements] @ pressure) / size
         full = elements.size == size
         done = self.counts()
-        stiffness = self.stiffness_bound(state, residual, before) if before else self.stiffest
+        stiffness = self.stiffness_bound(state, residual, previous) if previous else self.stiffest
         mean_pressure = float(np.pi * (self.shape[0] - 1) * (pressure.sum() / size))
-        nothing = np.inf if state.indentation > 0.0 else 0.0  # no pressure is exact before the touch, unknown after it
+        unloaded = np.inf if state.indentation > 0.0 else 0.0  # p* = 0 is exact before the touch alone
         return Contact(
             indentation=state.indentation,
             separation=separation,
@@ -200,7 +230,7 @@ class Problem:
             convolutions=done[0] - counts[0],
             convolutions_fp32=done[1] - counts[1],
             residual=residual,
-            mean_pressure_bound=stiffness * residual / mean_pressure if mean_pressure > 0.0 else nothing,
+            mean_pressure_bound=stiffness * residual / mean_pressure if mean_pressure > 0.0 else unloaded,
             converged=bool(np.isfinite(residual)),
             shape=self.shape,
             _elements=elements,

@@ -1,21 +1,21 @@
-"""Where along the loading something is reached: an indentation bracketed by bounds that cost no solve.
+"""The indentation at which a condition is reached, between bounds that cost no solve.
 
-Let x_i = c q_i where element i is in contact and x_i = -w_i where it is not, c = 1/(K⁻¹)_ii. Where K⁻¹ is an M-matrix
-(the Love kernel), gaps are convex in the indentation Δ, and so are, with the opposite sign, the pressures after the
-touch; the choice of c keeps the slope from rising at the touch. Every x_i is therefore a rising, *concave* function of
-Δ, and a straight line through two solved states lies below it between the two and above it outside. Whatever is true of
-a state and stays true under more contact (an area, a load, a closed channel) is thereby bracketed:
+Let x_i = c q_i where element i is in contact and x_i = -w_i elsewhere, c = 1/(K⁻¹)_ii. Where K⁻¹ is an M-matrix (the
+Love kernel), gaps are convex in the indentation Δ, and pressures after the touch are concave. With this c the slope of
+x does not rise at the touch. Every x_i is therefore a rising, *concave* function of Δ. A straight line through two
+solved states lies below it between the two, and above it outside. This brackets any condition that stays true under
+more contact, such as an area, a load or a closed channel:
 
-    on the line between a state below and one above it is reached too late:      an upper bound of Δ;
+    on the line between a state below and one above, it is reached too late:     an upper bound of Δ;
     on the lines through two states below, and through two above, too early:     lower bounds of Δ.
 
-Both are off by the product of the distances to two solved states, so that the bracket shrinks with its square. A solve
-is started from the line through the two states nearest to it, to no more digits than its bracket has use for.
+The error of both is the product of the distances to two solved states: the bracket shrinks with its square. A solve
+starts from the line through the two nearest states, with no more digits than its bracket can use.
 
-Residuals: the x of a state with residual η is right to 2 η, by which a rough state is kept from deciding anything; an
-element counts as in contact where x > 4 η/σ (of the accuracy asked for), so that any other solve of that accuracy finds
-it in contact too. For other kernels the bounds are only good guesses: what is returned has been solved and does reach
-the value, and it is the smallest as far as the states that were solved tell.
+The x of a state with residual η is right to 2 η, so a rough state decides nothing closer than this. An element counts
+as in contact where x > 4 η/σ, η being the accuracy of the search: any other solve of this accuracy then finds it in
+contact too. For other kernels the bounds are good guesses only. The state returned is always solved, and reaches the
+value.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,17 +36,52 @@ TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
 Guess = Callable[[list[Contact]], float]
 Line = Callable[[float, float], Contact]
 
-_FIRST, _NEXT = 1e-1, 3e-2  # residuals of the first solve, which only has to be near, and of those before the bracket
-_USEFUL = 3e-4  # residual over the width of the bracket: looser ones take more solves, and as many convolutions
-_INSIDE = 0.05  # share of the bracket that a trial keeps from its ends
-_BEYOND, _GROWTH = 1.02, 2.0  # of the indentation, at least and at most, while what is looked for is not reached
-_PATIENCE = 3  # such steps; from there on the least is squared each time, as an area may wait for one deep pit
-_FINE = 2.0**-4  # share of the distance to a state to which the roots on the lines are found
-_CLEAR = 0.1  # residual over distance up to which the line through two states is a good start
-_SURE = 4.0  # residuals by which an element must be in contact to be so in any other solve
-_DOUBT = 4.0  # residuals of a rough state within which the root may be on its other side
-_TRIALS = 200
-_ACCURACY = 1e-6  # of an indentation, relative
+
+@dataclass(frozen=True)
+class SearchTuning:
+    """Constants of the searches. They change the number of solves, and the answer within its accuracy.
+
+    Attributes
+    ----------
+    first : float
+        Residual η/σ of the first solve, which only has to be near.
+    following : float
+        Residual η/σ of the solves before the bracket.
+    useful : float
+        Residual over the width of the bracket. Looser solves save no convolutions, as more of them are needed.
+    inside : float
+        Least distance of a trial from the ends of the bracket, over its width.
+    least_growth, most_growth : float
+        Ratio of successive indentations before the bracket.
+    patience : int
+        Solves with the least growth. It is squared at each further one, as an area may wait for one deep pit.
+    line_accuracy : float
+        Accuracy of a root on a line, over its distance to the nearest state.
+    clear : float
+        Residual over distance of two states whose line is half as good a start as that of exact states.
+    sure : float
+        Residuals by which two solves of one state may differ in x.
+    accuracy : float
+        Relative accuracy of the indentation for an area or a pressure.
+    solves : int
+        Most solves of a search.
+    """
+
+    first: float = 1e-1
+    following: float = 3e-2
+    useful: float = 3e-4
+    inside: float = 0.05
+    least_growth: float = 1.02
+    most_growth: float = 2.0
+    patience: int = 3
+    line_accuracy: float = 2.0**-4
+    clear: float = 0.1
+    sure: float = 4.0
+    accuracy: float = 1e-6
+    solves: int = 200
+
+
+SEARCH_TUNING = SearchTuning()
 
 
 def indentation_for(
@@ -56,79 +92,101 @@ def indentation_for(
     *,
     rtol: float = 1e-6,
     method: str = "fast",
+    tuning: SearchTuning = SEARCH_TUNING,
 ) -> float:
-    """Return the smallest indentation Δ/σ at which the contact area fraction or the mean pressure reaches a value.
+    """Return the smallest indentation at which the contact area fraction or the mean pressure reaches a value.
 
-    Both are non-decreasing functions of Δ. The pressure is continuous; the area jumps from element to element. The
-    indentation is right to a relative 1e-6 and to what the residual can tell; a solve there to the same residual finds
-    the area reached.
+    Both never fall with Δ. The pressure is continuous, the area jumps from element to element. A solve at the
+    indentation returned, to the same residual, reaches the area.
 
     Parameters
     ----------
-    target : "contact_area" (A*, 0 < value ≤ 1) or "pressure" (p*, value > 0).
+    surface, half_space
+        As in `roughvol.contact.solve`.
+    target : {"contact_area", "pressure"}
+        A* or p*.
+    value : float
+        0 < A* ≤ 1, or p* > 0.
+    rtol, method
+        As in `roughvol.contact.solve`.
+    tuning : SearchTuning
+        Constants.
+
+    Returns
+    -------
+    float
+        Δ/σ, right to a relative 10⁻⁶ and to the residual.
 
     Raises
     ------
-    ContactError : unknown target or method, or a value out of range.
-    ConvergenceError : a solve on the way did not converge.
+    ContactError
+        If the target or the method is unknown, or the value out of range.
+    ConvergenceError
+        If a solve does not converge.
     """
     if target not in TARGETS:
         message = f"target is {target!r}; allowed: {', '.join(TARGETS)}"
         raise ContactError(message)
-    if not 0 < value < np.inf or (target == "contact_area" and value > 1):
-        message = f"{target} is {value}; allowed: {'0 < A* <= 1' if target == 'contact_area' else 'p* > 0'}"
+    area = target == "contact_area"
+    if not 0 < value < np.inf or (area and value > 1):
+        message = f"{target} is {value}; allowed: {'0 < A* <= 1' if area else 'p* > 0'}"
         raise ContactError(message)
 
     def measure(contact: Contact) -> float:
         return float(getattr(contact, TARGETS[target]))
 
-    start = _mean_plane(surface) * min(1.0, value * (5.0 if target == "contact_area" else 1.0)) ** 0.5
+    start = _mean_plane(surface) * min(1.0, value * (5.0 if area else 1.0)) ** 0.5
     trials = Trials(surface, half_space, rtol=rtol, method=method)
-    found = _search(trials, *_reaching(measure, value), start, _ACCURACY, target == "contact_area")
-    return found.indentation
+    return _search(trials, *_reaching(measure, value), start, tuning.accuracy, tuning, elements=area).indentation
 
 
 def state_reaching(
-    trials: Trials, measure: Callable[[Contact], float], value: float, between: list[Contact], *, elements: bool
+    trials: Trials,
+    measure: Callable[[Contact], float],
+    value: float,
+    between: list[Contact],
+    *,
+    elements: bool,
+    tuning: SearchTuning = SEARCH_TUNING,
 ) -> Contact:
-    """Return the smallest state at which a number reaches a value, to a relative 1e-6 and to what the residual tells.
+    """Return the smallest state at which a quantity reaches a value.
 
     Parameters
     ----------
-    trials : of the surface; their tolerance is that of the state returned.
-    measure : contact ↦ number that never falls under more contact, as A* or p* of a part of the surface.
-    value : of the number, > 0.
-    between : the contacts before and after it that are solved already, as `Trials.known` makes them, in order; the one
-        after alone, if nothing has touched before.
-    elements : whether the number jumps with single elements, as A*. What the first touch reaches is found at the
-        indentation that the tolerance of the trials can tell from none.
+    trials : Trials
+        Solves of the surface. Their tolerance is that of the state returned.
+    measure : callable
+        Contact ↦ float that never falls under more contact, such as A* or p* of a part of the surface.
+    value : float
+        Value of the quantity, > 0.
+    between : list of Contact
+        The solved contacts before and after the value, from `Trials.known`. The one after alone, if nothing has
+        touched before.
+    elements : bool
+        Whether the quantity jumps with single elements, as A* does. A value reached at first touch is then found at
+        the least indentation above the tolerance.
+    tuning : SearchTuning
+        Constants.
+
+    Returns
+    -------
+    Contact
+        The state, its indentation right to a relative 10⁻⁶ and to the residual.
 
     Raises
     ------
-    ContactError : it is not reached at full contact either.
-    ConvergenceError : a solve on the way did not converge.
+    ContactError
+        If full contact does not reach the value.
+    ConvergenceError
+        If a solve does not converge.
     """
     if elements and len(between) == 1:
         touch = trials.at(min(trials.rtol, 0.5 * between[0].indentation), trials.untouched)
         if measure(touch) >= value:
             return touch
         between = [touch, *between]
-    return _search(trials, *_reaching(measure, value), 0.0, _ACCURACY, elements=False, between=between)
-
-
-def _reaching(measure: Callable[[Contact], float], value: float) -> tuple[Callable[[Contact], bool], Guess]:
-    """Return the condition that a number reaches a value, and the guess where it does."""
-
-    def guess(known: list[Contact]) -> float:
-        """Δ from the power law through the last two states; from one, A* and p* go about with Δ²."""
-        power, last = 2.0, known[-1]
-        if not measure(last) > 0.0:
-            return math.inf
-        if len(known) > 1 and 0.0 < measure(known[-2]) != measure(last):
-            power = math.log(measure(last) / measure(known[-2])) / math.log(last.indentation / known[-2].indentation)
-        return last.indentation * float((value / measure(last)) ** (1.0 / max(power, 0.5)))
-
-    return lambda contact: measure(contact) >= value, guess
+    reached, guess = _reaching(measure, value)
+    return _search(trials, reached, guess, 0.0, tuning.accuracy, tuning, elements=False, between=between)
 
 
 def first_indentation(
@@ -139,24 +197,55 @@ def first_indentation(
     rtol: float = 1e-6,
     method: str = "fast",
     accuracy: float = 1e-4,
+    tuning: SearchTuning = SEARCH_TUNING,
 ) -> float:
-    """Return the first indentation Δ/σ at which something holds that, once true, stays true under more contact.
+    """Return the smallest indentation at which a condition holds that stays true under more contact.
 
-    Contact sets are nested along the loading, so this finds where a share of a region is in contact, or where the void
-    stops percolating.
+    Contact sets are nested along the loading. Examples are a share of a region in contact, and the end of percolation
+    of the void.
 
     Parameters
     ----------
-    reached : says of a state whether it holds; it is also asked about estimates of states.
-    accuracy : of the indentation returned, relative; it holds there.
+    surface, half_space
+        As in `roughvol.contact.solve`.
+    reached : callable
+        Contact ↦ bool, the condition. Estimates of states are passed as well.
+    rtol, method
+        As in `roughvol.contact.solve`.
+    accuracy : float
+        Relative accuracy of the indentation.
+    tuning : SearchTuning
+        Constants.
+
+    Returns
+    -------
+    float
+        Δ/σ. The condition holds there.
 
     Raises
     ------
-    ContactError : unknown method, or it does not hold at full contact either.
-    ConvergenceError : a solve on the way did not converge.
+    ContactError
+        If the method is unknown, or the condition does not hold at full contact.
+    ConvergenceError
+        If a solve does not converge.
     """
     trials = Trials(surface, half_space, rtol=rtol, method=method)
-    return _search(trials, reached, lambda known: math.inf, _mean_plane(surface), accuracy).indentation
+    return _search(trials, reached, lambda _: math.inf, _mean_plane(surface), accuracy, tuning).indentation
+
+
+def _reaching(measure: Callable[[Contact], float], value: float) -> tuple[Callable[[Contact], bool], Guess]:
+    """Return the condition that a quantity reaches a value, and a guess of its indentation."""
+
+    def guess(states: list[Contact]) -> float:
+        """Return Δ on the power law through the last two states; from one state, A* and p* go about with Δ²."""
+        power, last = 2.0, states[-1]
+        if not measure(last) > 0.0:
+            return math.inf
+        if len(states) > 1 and 0.0 < measure(states[-2]) != measure(last):
+            power = math.log(measure(last) / measure(states[-2])) / math.log(last.indentation / states[-2].indentation)
+        return last.indentation * float((value / measure(last)) ** (1.0 / max(power, 0.5)))
+
+    return lambda contact: measure(contact) >= value, guess
 
 
 def _mean_plane(surface: Surface) -> float:
@@ -170,56 +259,55 @@ def _search(
     guess: Guess,
     start: float,
     accuracy: float,
+    tuning: SearchTuning,
     elements: bool = True,
     between: Sequence[Contact] = (),
 ) -> Contact:
-    """Return the state at the smallest indentation at which it holds.
+    """Return the state at the smallest indentation at which a condition holds.
 
-    Parameters
-    ----------
-    guess : proposes an indentation from the states on either side, or the last two below; infinite if it cannot.
-    start : where to look first.
-    between : states on either side to begin with, instead; untouched ones may be among them.
-    elements : whether single elements matter, so that those on the brink must not count.
+    The guess maps states on either side, or the last two below, to an indentation. It is infinite where there is none.
+    If single elements matter, elements on the brink of contact do not count. States on either side (`between`) replace
+    the start. States without contact may be among them.
     """
-    brink = _SURE * trials.rtol if elements else 0.0
+    brink = tuning.sure * trials.rtol if elements else 0.0
 
     def holds(line: Line, indentation: float, noise: float = 0.0) -> bool:
         return reached(line(indentation, brink + noise))
 
     below, above = [trials.untouched], list[Contact]()  # two of each, the nearest first
-    indentation, tolerance, least = start, _FIRST, _BEYOND
-    known = list(between)
-    for trial in range(_TRIALS):
-        if not known:
-            known = [trials.at(indentation, *_nearest(indentation, [*below[::-1], *above]), rtol=tolerance)]
-        for contact in known:
+    indentation, tolerance, growth = start, tuning.first, tuning.least_growth
+    solved = list(between)
+    for trial in range(tuning.solves):
+        if not solved:
+            pair = _nearest(indentation, [*below[::-1], *above], tuning.clear)
+            solved = [trials.at(indentation, *pair, rtol=tolerance)]
+        for contact in solved:
             below, above = ([s for s in side if s.indentation != contact.indentation] for side in (below, above))
             if holds(trials.line(contact, contact), contact.indentation):
                 above = sorted([contact, *above], key=_indentation)[:2]
             elif contact.contact_area_fraction < 1.0 or math.isfinite(guess([contact])) or reached(contact):
-                # the last: it holds, but with elements on the brink (a flat surface is in contact everywhere at once)
+                # The last: reached with elements on the brink, as a flat surface is in contact everywhere at once.
                 below = sorted([contact, *below], key=_indentation, reverse=True)[:2]
             else:
                 message = f"not reached at full contact (Δ/σ = {contact.indentation:g}) either"
                 raise ContactError(message)
-        known = []
+        solved = []
         low = below[0].indentation
         if not above:
-            least = min(least**2, _GROWTH) if trial >= _PATIENCE else least
-            indentation = min(max(guess(below[::-1]), least * low), _GROWTH * low)
-            tolerance = min(_NEXT, 0.01 * (indentation - low))
+            growth = min(growth**2, tuning.most_growth) if trial >= tuning.patience else growth
+            indentation = min(max(guess(below[::-1]), growth * low), tuning.most_growth * low)
+            tolerance = min(tuning.following, 0.01 * (indentation - low))
             continue
         high = above[0].indentation
         finest = trials.tolerance(high)
         goal = accuracy * high + 2.0 * min(finest, below[0].residual + above[0].residual)
-        first, last = _bounds(trials, holds, below, above, 0.1 * goal)
+        first, last = _bounds(trials, holds, below, above, 0.1 * goal, tuning.line_accuracy)
         width = last - first
-        tolerance = _USEFUL * width
+        tolerance = tuning.useful * width
         doubtful = [
             state.indentation
             for state, end in ((above[0], first), (below[0], last))
-            if state.residual > max(finest, tolerance) and abs(state.indentation - end) <= _DOUBT * state.residual
+            if state.residual > max(finest, tolerance) and abs(state.indentation - end) <= tuning.sure * state.residual
         ]
         if doubtful:  # a rough state so near the root may lie on the other side of it
             indentation = doubtful[0]
@@ -230,23 +318,28 @@ def _search(
         else:
             proposed = guess([below[0], above[0]])
             proposed = proposed if math.isfinite(proposed) else 0.5 * (first + last)
-            indentation = min(max(proposed, first + _INSIDE * width), last - _INSIDE * width)
-    message = f"no indentation found in {_TRIALS} solves; the last was {indentation:.9g}"
+            indentation = min(max(proposed, first + tuning.inside * width), last - tuning.inside * width)
+    message = f"no indentation found in {tuning.solves} solves; the last was {indentation:.9g}"
     raise ContactError(message)
 
 
 def _bounds(
-    trials: Trials, holds: Callable[[Line, float, float], bool], below: list[Contact], above: list[Contact], fine: float
+    trials: Trials,
+    holds: Callable[[Line, float, float], bool],
+    below: list[Contact],
+    above: list[Contact],
+    fine: float,
+    share: float,
 ) -> tuple[float, float]:
     """Return a lower and an upper bound of the root between two states, from straight lines.
 
-    They are found to `fine`, or to a share of their distance to those states.
+    They are right to `fine`, or to a share of their distance to the states.
     """
 
     def root(one: Contact, other: Contact, start: float, end: float, sign: float) -> tuple[float, float]:
         line, distance = trials.line(one, other), other.indentation - one.indentation
         rough = [max(0.0, state.residual - trials.tolerance(state.indentation)) / distance for state in (one, other)]
-        while end - start > max(fine, _FINE * min(end - low, high - start)):
+        while end - start > max(fine, share * min(end - low, high - start)):
             middle = 0.5 * (start + end)
             noise = rough[0] * abs(other.indentation - middle) + rough[1] * abs(middle - one.indentation)
             start, end = (start, middle) if holds(line, middle, 2.0 * sign * noise) else (middle, end)
@@ -262,18 +355,15 @@ def _indentation(contact: Contact) -> float:
     return contact.indentation
 
 
-def _nearest(indentation: float, known: list[Contact]) -> tuple[Contact, Contact | None]:
-    """Return the later and the earlier of the two states whose straight line is nearest to the truth there."""
-    if len(known) == 1:
-        return known[0], None
+def _nearest(indentation: float, states: list[Contact], clear: float) -> tuple[Contact, Contact | None]:
+    """Return the later and the earlier of the two states with the least error of their straight line."""
+    if len(states) == 1:
+        return states[0], None
 
     def error(pair: tuple[Contact, Contact]) -> float:
-        return math.prod(abs(indentation - state.indentation) for state in pair) * (1.0 + _noise(*pair) / _CLEAR)
+        one, other = pair
+        noise = max(one.residual, other.residual) / abs(other.indentation - one.indentation)
+        return math.prod(abs(indentation - state.indentation) for state in pair) * (1.0 + noise / clear)
 
-    one, other = min(itertools.combinations(known, 2), key=error)
+    one, other = min(itertools.combinations(states, 2), key=error)
     return other, one
-
-
-def _noise(one: Contact, other: Contact) -> float:
-    """Return the residuals of two states over their distance: how little their straight line means."""
-    return max(one.residual, other.residual) / abs(other.indentation - one.indentation)

@@ -12,7 +12,17 @@ from roughvol.typing import Array, Index, Mask
 
 
 class Compliance(Protocol):
-    """What this module needs of a half space; a dense matrix can stand in for the FFT."""
+    """The half space as the solver sees it. A dense matrix can replace the FFT.
+
+    Attributes
+    ----------
+    shape : (int, int)
+        Rows and columns of the grid.
+    influence : array (rows, columns)
+        K(i, j) of the non-negative offsets, in units δ/(π E*).
+    convolutions, convolutions_fp32 : float
+        Convolutions so far, by precision, in units of one on the full grid.
+    """
 
     shape: tuple[int, int]
     influence: Array
@@ -20,7 +30,7 @@ class Compliance(Protocol):
     convolutions_fp32: float
 
     def displacement_above(self, heights: Array, elements: Index, pressure: NDArray[Any]) -> Array:
-        """Return u - heights on every element, flat, in lattice units; the elements (increasing) carry the pressure."""
+        """Return u - heights on every element, flat, for pressure on some elements in increasing order."""
         ...
 
     def displacement_at(self, elements: Index, pressure: NDArray[Any], *, single: bool = False) -> NDArray[Any]:
@@ -35,22 +45,34 @@ class Compliance(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """One equilibrium state; numbers are dimensionless (starred), arrays are made on demand and belong to the caller.
+    """One equilibrium state. Numbers have no unit (starred). Arrays are made on demand and belong to the caller.
 
     Attributes
     ----------
-    indentation : Δ/σ.
-    separation : d/σ = (z_max - mean(z) - Δ)/σ, rigid and far-field.
-    contact_area_fraction : A*, elements with p > 0 over all elements.
-    mean_pressure : p* = mean(p) L/(E* σ), L the length of the first axis.
-    free_volume : V* = mean(g)/σ.
-    iterations : conjugate-gradient iterations (a factorisation counts as one).
-    convolutions, convolutions_fp32 : convolutions this state took, verification included, by precision, in units of one
-        on the full grid (one over part of it counts by its share).
-    residual : η/σ, see the module's docstring; it bounds the error of the free volume.
-    mean_pressure_bound : bound of the relative error of p*: the residual times a bound of the stiffness of the contact;
-        infinite if there is no pressure after the touch.
-    converged : residual ≤ the tolerance asked for, and ≤ Δ/(100 σ).
+    indentation : float
+        Δ/σ.
+    separation : float
+        d/σ = (z_max - mean(z) - Δ)/σ, rigid and far-field.
+    contact_area_fraction : float
+        A*, elements with p > 0 over all elements.
+    mean_pressure : float
+        p* = mean(p) L/(E* σ), L the length of the first axis.
+    free_volume : float
+        V* = mean(g)/σ.
+    iterations : int
+        Iterations of the solve; a factorisation counts as one.
+    convolutions, convolutions_fp32 : float
+        Convolutions of the solve, verification included, by precision. Unit: one on the full grid. A convolution over
+        a part of the grid counts by its share.
+    residual : float
+        η/σ, equation (2) of docs/solver.md; a bound of the error of the free volume. NaN in a state not solved.
+    mean_pressure_bound : float
+        Bound of the relative error of p*: the residual times a bound of the stiffness. Infinite without any pressure
+        after the touch.
+    converged : bool
+        The residual is below the tolerance, and below Δ/(100 σ).
+    shape : (int, int)
+        Rows and columns of the grid.
     """
 
     indentation: float
@@ -70,13 +92,13 @@ class Contact:
     _state: State = field(repr=False)
 
     def pressure(self) -> Array:
-        """Return the pressure on every element, p L/(E* σ), of the surface's shape."""
+        """Return the pressure p L/(E* σ) ≥ 0, shape of the surface."""
         pressure = np.zeros(self.shape)
         pressure.flat[self._elements] = np.pi * (self.shape[0] - 1) * self._pressure
         return pressure
 
     def gap(self) -> Array:
-        """Return the gap g/σ ≥ 0 on every element; exactly 0 in contact."""
+        """Return the gap g/σ ≥ 0, shape of the surface; exactly 0 in contact."""
         gap = np.maximum(self._state.gap(), 0.0)
         gap[self._elements] = 0.0
         return gap.reshape(self.shape)
@@ -88,18 +110,30 @@ class Contact:
         return mask
 
     def state(self) -> dict[str, Any]:
-        """Return what `sweep` needs to go on from here (``resume``), as plain numbers and arrays."""
+        """Return the numbers and arrays from which `sweep` goes on (``resume``)."""
         return {name: getattr(self._state, name) for name in ("indentation", "elements", "pressure", "touch_at")}
 
 
 @dataclass
 class State:
-    """A solved indentation in scaled variables: what the next one starts from."""
+    """A solved indentation in scaled variables: the start of the next one.
+
+    Attributes
+    ----------
+    indentation : float
+        Δ/σ.
+    elements : array (n,)
+        Flat indices where q > 0, increasing.
+    pressure : array (n,)
+        q there.
+    touch_at : array (nodes,)
+        u - h on the whole grid, flat: the indentation at which an element touches if u stays.
+    """
 
     indentation: float
-    elements: Index  # where q > 0, increasing
-    pressure: Array  # q there
-    touch_at: Array  # u - h on the whole grid, flat: the indentation at which an element touches as long as u stays
+    elements: Index
+    pressure: Array
+    touch_at: Array
     _near: tuple[float, Index, Array] | None = None
 
     def gap(self, elements: Index | None = None) -> Array:
@@ -107,9 +141,9 @@ class State:
         return (self.touch_at if elements is None else self.touch_at[elements]) - self.indentation
 
     def within(self, reach: float) -> tuple[Index, Array]:
-        """Return, in increasing order, all elements with w < reach and those with q > 0, maybe more, and their w.
+        """Return all elements with w < reach or q > 0, in increasing order, and their w.
 
-        A pass over the grid, which is not made again for a shorter reach.
+        The result of one pass over the grid is kept. A shorter reach gets the same elements.
         """
         if self._near is None or self._near[0] < reach:
             near = self.touch_at < self.indentation + reach

@@ -1,6 +1,6 @@
 """The constants of the contact solver: one frozen record, passed in as an argument.
 
-None of them changes the answer beyond the residual asked for. They decide when something is worth its time.
+None of them changes the answer beyond the residual. They decide when something is worth its time.
 `docs/solver-notebook.md` has the measurements behind each, with their commands.
 """
 
@@ -11,54 +11,56 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Tuning:
-    """All constants of the solver and of its convolution.
+    """Constants of the solver and of its convolution.
 
     Attributes
     ----------
     dense_up_to : int
-        Candidates up to which a Cholesky factorisation replaces the iteration.
+        Most candidates for a Cholesky factorisation in place of the iteration.
     near_reach : float
         Distance of the farthest neighbours in a row of the near field G, in spacings; at most √8.
     block_side : int
         Elements along the side of a block of the far field.
     factorised_up_to : int
-        Blocks up to which the operator between them is factorised, instead of put into blocks again.
+        Most blocks for a factorisation of the operator between them. More are put into blocks again.
     least_pivot : float
         Least pivot of the near field of blocks, as a share of the diagonal coefficient.
     lifted_share : float
-        Share of the elements expected to be lifted clear, from which on the inverse is made without them.
+        Least share of elements expected to be lifted clear, for an inverse without them.
     lifted_again_from : int
-        Nodes of the grid from which on elements lifted clear are looked for more than once.
+        Least nodes of a grid for repeated searches for elements lifted clear.
     lifted_rounds : int
-        Times that they are looked for there, at most.
+        Most searches for elements lifted clear on these grids.
     cut_every : int
-        Iterations from one cut of negative pressures to the next.
+        Iterations between two cuts of negative pressures.
     sum_terms : float
-        Terms of a sum per node of the grid, up to which a sum replaces the convolution of cut pressures.
+        Most terms per node of the grid, for a sum in place of the convolution of cut pressures.
     safety : float
-        Residual of the iteration that ends it, as a share of the tolerance; the verification finds a little more.
+        Residual that ends the iteration, as a share of the tolerance. The verification finds a little more.
     last_step : float
-        Residual of the iteration, over the one that ends it, that one more step is trusted to remove unmeasured.
+        Residual at which one more step is trusted unmeasured, over the residual that ends the iteration.
     iterations : int
-        Iterations after which a solve is given up.
+        Most iterations of a solve.
     rounds : int
-        Rounds of iteration and verification after which a solve is given up.
+        Most rounds of iteration and verification of a solve.
     single_from : float
-        Tolerance η/σ from which on directions and their convolutions are of 32 bits.
+        Least tolerance η/σ for directions and convolutions of 32 bits.
     cold_up_to : int
-        Elements in the rigid overlap up to which a solve without states before it starts there.
+        Most elements in the rigid overlap for a start there. Larger overlaps are approached by rough states.
     cold_step : float
-        Ratio of successive indentations of the states on the way to a larger overlap.
+        Ratio of the indentations of successive rough states.
     cold_rtol : float
-        Tolerance η/σ of these states.
+        Tolerance η/σ of the rough states.
     windows_from : int
-        Points of a transform of the whole grid from which on transforms cover only the rectangle of the candidates.
+        Least points of a transform of the whole grid, for transforms of the rectangle of the candidates alone.
     cache : int
         Bytes transformed at a time, to stay in the cache of a processor.
     columns_together : int
-        Columns copied at a time at least, to use whole lines of the cache; a quarter of them transformed at a time.
+        Least columns copied at a time, to use whole lines of the cache. A quarter of them is transformed at a time.
     band : int
-        Rows copied at a time, each on another page of memory on large grids.
+        Rows copied at a time. Each lies on another page of memory on large grids.
+    gauss_seidel : int
+        Most Gauss-Seidel sweeps for one contact set of the paper's Algorithm 1.
     """
 
     dense_up_to: int = 240
@@ -83,6 +85,7 @@ class Tuning:
     cache: int = 2**18
     columns_together: int = 16
     band: int = 1024
+    gauss_seidel: int = 100_000
 
 
 TUNING = Tuning()

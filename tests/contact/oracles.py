@@ -34,7 +34,7 @@ def summed_displacement(pressure, kernel="love"):
 
 
 class DenseHalfSpace:
-    """A matrix in the place of the FFT: what the contact solver asks of a half space, and nothing else."""
+    """A matrix in place of the FFT, with the members that the contact solver needs."""
 
     def __init__(self, shape, kernel="love"):
         self.shape = shape
@@ -83,12 +83,12 @@ def scaled_overlap(surface, indentation):
 
 
 def lattice_pressure(contact):
-    """q = p δ/(π E* σ) of a record, whose pressure is p L/(E* σ)."""
+    """q = p δ/(π E* σ) of a record with the pressure p L/(E* σ)."""
     return contact.pressure() / (math.pi * (contact.shape[0] - 1))
 
 
 def solved_case(heights, indentations):
-    """States of a surface by the oracle and the independent kernel: what made tests/regression/contact.json."""
+    """States of a surface by the oracle and the independent kernel, as in tests/regression/contact.json."""
     heights = np.array(heights, dtype=float)
     matrix = dense_matrix(love_influence(heights.shape))
     depth, size = heights.max() - heights, heights.size

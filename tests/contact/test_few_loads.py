@@ -7,6 +7,7 @@ import pytest
 
 from roughvol.contact.few_loads import Superposition
 from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.tuning import Tuning
 
 SHAPES = ((33, 65), (129, 129), (300, 1000), (7, 900))
 
@@ -34,7 +35,9 @@ def convolved(half_space, elements, some, pressure):
 def test_sums_are_the_convolution(shape, kernel, single):
     half_space = HalfSpace(shape, kernel)
     elements, some, pressure = loaded(shape, 20)
-    got = Superposition(half_space.influence, np.inf).displacement(elements, some, pressure, single=single)
+    got = Superposition(half_space.influence, Tuning(sum_terms=np.inf)).displacement(
+        elements, some, pressure, single=single
+    )
     assert got.dtype == (np.float32 if single else np.float64)
     wanted = convolved(half_space, elements, some, pressure)
     np.testing.assert_allclose(got, wanted, rtol=3e-6 if single else 1e-12)
@@ -42,7 +45,17 @@ def test_sums_are_the_convolution(shape, kernel, single):
 
 def test_a_sum_is_made_only_where_it_has_few_enough_terms():
     shape = (300, 1000)
-    sums = Superposition(HalfSpace(shape).influence, 3.0)  # 3 terms per node, a fifth of the nodes are elements
+    sums = Superposition(HalfSpace(shape).influence, Tuning(sum_terms=3.0))  # a fifth of the nodes are elements
     for count, summed in ((2, True), (15, True), (16, False), (200, False)):
         elements, some, pressure = loaded(shape, count)
         assert (sums.displacement(elements, some, pressure, single=True) is not None) == summed
+
+
+def test_sums_do_not_depend_on_the_pieces_they_are_made_in():
+    half_space = HalfSpace((33, 65))
+    elements, some, pressure = loaded((33, 65), 20)
+    whole, pieces = (
+        Superposition(half_space.influence, Tuning(cache=cache)).displacement(elements, some, pressure, single=False)
+        for cache in (2**18, 32 * 100)
+    )
+    assert np.array_equal(whole, pieces)

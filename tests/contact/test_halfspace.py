@@ -1,4 +1,4 @@
-"""The kernel against quadrature and its own laws, the convolution against sums, the counters against what was done."""
+"""The kernel against quadrature and its own laws, the convolution against sums, and the counters."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def test_unknown_kernel_is_refused_with_the_known_ones():
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("nodes", [2, 3, 5, 33, 129])
 def test_kernel_on_the_torus_is_positive_definite(kernel, nodes):
-    # The grid's operator is a block of this one, whose eigenvalues are the transform of the mirrored quadrant.
+    # The operator of the grid is a block of the circulant one, with eigenvalues from the mirrored quadrant.
     quadrant = kernel_quadrant((nodes, nodes), kernel)
     torus = np.pad(quadrant, ((0, nodes - 2), (0, nodes - 2)), mode="reflect")
     eigenvalues = np.fft.fft2(torus)
@@ -338,7 +338,7 @@ def test_elements_anywhere_are_displaced_as_on_the_whole_grid(rows, columns, ker
 def check_patches(space, single, generator):
     rows, columns = space.shape
     pressure = np.zeros((rows, columns))
-    for _ in range(3):  # one after the other: what a window leaves behind would show in the next
+    for _ in range(3):  # in turn: remains of one window would show in the next
         edges = [np.sort(generator.integers(0, n, 2)) for n in (rows, columns)]
         patch = tuple(slice(low, high + 1) for low, high in edges)
         pressure[:] = 0.0

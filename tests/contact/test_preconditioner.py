@@ -202,7 +202,7 @@ def test_near_field_of_blocks_is_the_factor_of_its_definition():
         near = np.flatnonzero(beside(x, y)[i, : i + 1])
         row = np.linalg.solve(matrix[np.ix_(near, near)], np.eye(near.size)[-1])
         factor[i, near] = row / np.sqrt(row[-1])
-    got = dense(lambda r: far_field._near_field(level, 0.05)(r.astype(np.float32)), x.size)
+    got = dense(lambda r: far_field.near_field_of_blocks(level, 0.05)(r.astype(np.float32)), x.size)
     np.testing.assert_allclose(got, factor.T @ factor, rtol=0, atol=3e-6 * np.abs(got).max())
 
 
@@ -266,7 +266,7 @@ def test_elements_left_out_that_are_in_contact_after_all_are_as_well_served_as_t
     apart = np.flatnonzero(~free & (row % 8 == 0) & (column % 8 == 0))
     assert apart.size > 4
     together = np.union1d(np.flatnonzero(free), apart)
-    # linear only as long as the same elements take part: those where r is not zero
+    # linear only while the same elements take part: the ones with r ≠ 0
     all_of_them = np.isin(np.arange(around.size), together).astype(float)
     some = dense(lambda r: inverse(all_of_them + r) - inverse(all_of_them), around.size)[np.ix_(together, together)]
     found = eigenvalues(some, matrix[np.ix_(together, together)])

@@ -9,10 +9,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from roughvol.contact import search
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials, solve, sweep
-from roughvol.contact.search import first_indentation, indentation_for
+from roughvol.contact.search import SearchTuning, first_indentation, indentation_for
 from roughvol.errors import ContactError
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
@@ -36,7 +35,7 @@ def mean_plane(surface):
     return (surface.z_max - surface.mean_height) / surface.Sq
 
 
-# ---- what is found
+# ---- answers
 
 
 @pytest.mark.parametrize("elements", [2, 9, 29, 100, 250, 289])
@@ -56,13 +55,12 @@ def test_indentation_for_a_pressure_meets_it(pressure):
 
 @pytest.mark.parametrize("D", [2.1, 2.9])
 @pytest.mark.parametrize(("target", "value"), [("contact_area", 0.1), ("contact_area", 0.02), ("pressure", 1.5)])
-def test_where_it_is_does_not_depend_on_how_it_is_looked_for(target, value, D, monkeypatch):
+def test_where_it_is_does_not_depend_on_how_it_is_looked_for(target, value, D):
     surface = fractal(6, D)
     usual = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8)
     for first, later in ((0.5, 0.5), (1e-8, 1e-8)):  # rough states must not decide, good ones need not
-        monkeypatch.setattr(search, "_FIRST", first)
-        monkeypatch.setattr(search, "_NEXT", later)
-        other = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8)
+        steering = SearchTuning(first=first, following=later)
+        other = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8, tuning=steering)
         assert other == pytest.approx(usual, rel=3e-6)
 
 
@@ -76,9 +74,7 @@ def test_a_sweep_to_the_area_reaches_it(value, rtol, kernel):
     *before, last = sweep(surface, space, end * np.arange(1, 31) / 30, rtol=rtol)
     assert last.contact_area_fraction >= value
     assert before[-1].contact_area_fraction < value
-    if (
-        kernel == "love"
-    ):  # nor is it reached much earlier: the last element is on the brink, as far as the residual tells
+    if kernel == "love":  # nor is it reached much earlier: within the residual, the last element is on the brink
         trials = Trials(surface, space, rtol=1e-10)
         exact = trials.at(end, trials.untouched)
         assert trials.line(exact, exact)(end, 10 * rtol + 2e-6 * end).contact_area_fraction < value
@@ -128,7 +124,7 @@ def is_met(heights, target, value, rtol, kernel):
     if target == "contact_area":
         assert found >= value
     else:  # by the search and by the residual, which is at most a hundredth of the indentation
-        stiffest = Trials(surface, space)._problem.stiffest
+        stiffest = Trials(surface, space).problem.stiffest
         noise = 4.0 * min(rtol, 0.01 * indentation) + 1e-5 * indentation
         assert abs(found - value) <= stiffest * noise
 
@@ -137,7 +133,7 @@ def is_met(heights, target, value, rtol, kernel):
 @pytest.mark.parametrize("rtol", [1e-3, 1e-8])
 @pytest.mark.parametrize("kind", ODD)
 def test_odd_surfaces_are_searched_to_the_end(kind, rtol, kernel):
-    """One pit that closes late, and targets below one element or below what the tolerance can tell."""
+    """One pit that closes late, and targets below one element or below the tolerance."""
     rng = np.random.Generator(np.random.PCG64(3))
     for n, target, value in [(5, "contact_area", 1.0), (9, "contact_area", 1e-9), (17, "pressure", 1e-7)]:
         is_met(odd_heights(kind, n, rng), target, value, rtol, kernel)
@@ -198,7 +194,7 @@ def test_a_condition_that_never_holds_ends_at_full_contact():
         first_indentation(fractal(4), half_space((17, 17)), lambda _: False)
 
 
-# ---- what it costs
+# ---- cost
 
 
 @pytest.mark.parametrize("D", [2.1, 2.5, 2.9])
@@ -218,7 +214,7 @@ def test_few_solves_are_needed(target, value, D, monkeypatch):
     assert sum(state.residual <= 1e-6 for state in solves) <= 7  # the others are as rough as they may be
 
 
-# ---- why: straight lines bracket the truth
+# ---- the reason: straight lines bracket the truth
 
 
 def states(surface, kernel="love"):
@@ -234,7 +230,7 @@ def test_depth_of_every_element_rises_and_is_concave(m, D):
     contacts = [trials.untouched, *states(surface)]
 
     def depth(contact):
-        c = trials._problem.firmness
+        c = trials.problem.firmness
         lattice = contact.pressure() / (math.pi * (surface.shape[0] - 1))
         return c * lattice - contact.gap()
 

@@ -1,7 +1,7 @@
 """Closed-form contacts against resolution: how far the lattice is off, and that it gets nearer as it is refined.
 
-Each error is the root mean square over several contact radii, since a single one depends on how the circle happens to
-fall on the lattice. The bounds are about 1.5 times what was measured.
+Each error is the root mean square over several contact radii: a single one depends on the position of the circle on the
+lattice. The bounds are about 1.5 times the measured errors.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Height files: every format gives back the heights that went in, and what is no height field is refused by name."""
+"""Height files: every format gives back its heights, and a file without a height field is refused by name."""
 
 from __future__ import annotations
 
@@ -114,7 +114,9 @@ def test_one_of_several_arrays_is_named(tmp_path: Path, suffix: str) -> None:
     arrays = {"z": HEIGHTS, "gap": HEIGHTS + 1.0, "L": np.float64(2.0)}
     np.savez(path, **arrays) if suffix == ".npz" else _write_netcdf(path, **arrays)
     assert np.array_equal(reading.read(path, "gap"), HEIGHTS + 1.0)
-    with pytest.raises(DatasetError, match=r"several.*not said \(variable\).*z \(5, 4\), gap \(5, 4\), L \(\)"):
+    with pytest.raises(
+        DatasetError, match=r"several.*give the array of heights \(variable\).*z \(5, 4\), gap \(5, 4\), L \(\)"
+    ):
         reading.read(path)
     with pytest.raises(DatasetError, match=r"several.*has no array 'Z'.*z \(5, 4\)"):
         reading.read(path, "Z")
@@ -194,7 +196,7 @@ BAD: dict[str, tuple[type[Exception], str, Callable[[Path], Any]]] = {
     ),
     "count.asc": (
         SurfaceError,
-        "16 heights; its header says 4 x 5",
+        "16 heights; its header gives 4 x 5",
         lambda path: path.write_text(ESRI + _rows(HEIGHTS[1:])),
     ),
     "size.asc": (SurfaceError, "needed: ncols and nrows", lambda path: path.write_text("ncols 4\n" + _rows(HEIGHTS))),
@@ -203,9 +205,9 @@ BAD: dict[str, tuple[type[Exception], str, Callable[[Path], Any]]] = {
 
 @pytest.mark.parametrize("name", list(BAD))
 def test_what_is_no_height_field_is_refused_by_name(tmp_path: Path, name: str) -> None:
-    error, said, write = BAD[name]
+    error, pattern, write = BAD[name]
     write(tmp_path / name)
-    with pytest.raises(error, match=said) as caught:
+    with pytest.raises(error, match=pattern) as caught:
         reading.read(tmp_path / name)
     assert str(tmp_path / name) in str(caught.value)
 
@@ -238,12 +240,12 @@ def test_missing_heights_are_nan_for_a_caller_who_fills_them(
 @pytest.mark.parametrize("name", list(WRITERS))
 def test_a_file_is_described_without_reading_its_heights(tmp_path: Path, name: str) -> None:
     WRITERS[name](tmp_path / name)
-    told = reading.describe(tmp_path / name)
-    assert told.shape == HEIGHTS.shape
+    description = reading.describe(tmp_path / name)
+    assert description.shape == HEIGHTS.shape
     sides = {"grid.asc": (8.0, 6.0), "wrapped.asc": (8.0, 6.0), "points.xyz": (2.0, 1.5)}
-    assert told.sides == sides.get(name)
-    assert (told.unit, told.heights_unit) == (None, "um" if name == "blanks.txt" else None)
-    assert told.reader
+    assert description.sides == sides.get(name)
+    assert (description.unit, description.heights_unit) == (None, "um" if name == "blanks.txt" else None)
+    assert description.reader
 
 
 def test_other_endings_are_left_to_the_library_or_to_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

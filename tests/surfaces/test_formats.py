@@ -60,7 +60,7 @@ def _library(name: str) -> Callable[[Path], Any]:
     return write
 
 
-# name -> what writes the file, and the keys that the study needs beside it
+# name -> writer of the file, and further keys of the study
 FORMATS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "z.npy": (lambda path: np.save(path, MAP), "L: 4 um"),
     "z.npz": (lambda path: np.savez(path, z=MAP, L=4.0), "L: 4 um"),
@@ -151,6 +151,6 @@ def test_every_format_is_described_by_the_reader_that_the_docs_name(folder: Path
     page = (Path(__file__).parents[2] / "docs" / "measured.md").read_text(encoding="utf-8")
     for name, (write, _) in FORMATS.items():
         write(folder / name)
-        told = reading.describe(folder / name)
-        assert told.shape == MAP.shape
-        assert told.reader.split(",")[0].removeprefix("SurfaceTopography ") in page, name
+        description = reading.describe(folder / name)
+        assert description.shape == MAP.shape
+        assert description.reader.split(",")[0].removeprefix("SurfaceTopography ") in page, name

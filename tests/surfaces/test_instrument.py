@@ -1,4 +1,4 @@
-"""Files of instruments: heights, holes, size and unit come through, and what is no square map is refused by name."""
+"""Files of instruments: heights, holes, size and unit are kept, and a file without a map is refused by name."""
 
 from __future__ import annotations
 
@@ -58,22 +58,22 @@ def _write_sdf(path: Path, scale: str = "1.0e-6", cells: Any = None) -> Path:
 @pytest.mark.parametrize("holed", [False, True], ids=["whole", "holed"])
 def test_heights_size_and_unit_come_back(tmp_path: Path, suffix: str, holed: bool) -> None:
     path = _write(tmp_path / f"scan{suffix}", np.ma.masked_array(HEIGHTS, HOLES) if holed else HEIGHTS)
-    told = reading.describe(path)
-    assert (told.unit, told.heights_unit) == ("m", "m")  # that of both formats
-    assert told.shape == (7, 5)
-    assert told.sides == pytest.approx((6 * PIXEL * 1e-6, 4 * PIXEL * 1e-6), rel=1e-12)
+    description = reading.describe(path)
+    assert (description.unit, description.heights_unit) == ("m", "m")  # that of both formats
+    assert description.shape == (7, 5)
+    assert description.sides == pytest.approx((6 * PIXEL * 1e-6, 4 * PIXEL * 1e-6), rel=1e-12)
     expected = np.where(HOLES, np.nan, HEIGHTS) if holed else HEIGHTS
     heights = reading.read(path, holes=True) * 1e6
     assert np.array_equal(np.isnan(heights), np.isnan(expected))
     assert np.nanmax(np.abs(heights - expected)) < 1e-14
-    assert np.array_equal(heights, reading.read(path, told.channel, holes=True) * 1e6, equal_nan=True)
+    assert np.array_equal(heights, reading.read(path, description.channel, holes=True) * 1e6, equal_nan=True)
 
 
 def test_a_text_of_iso_25178_is_read(tmp_path: Path) -> None:
     path = _write_sdf(tmp_path / "scan.sdf")
-    told = reading.describe(path)
-    assert (told.shape, told.unit) == ((7, 5), "um")
-    assert told.sides == pytest.approx((6 * PIXEL, 4 * PIXEL), rel=1e-12)
+    description = reading.describe(path)
+    assert (description.shape, description.unit) == ((7, 5), "um")
+    assert description.sides == pytest.approx((6 * PIXEL, 4 * PIXEL), rel=1e-12)
     assert np.abs(reading.read(path) - HEIGHTS).max() < 1e-14
 
 
@@ -98,9 +98,9 @@ def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_pa
     text = "surface: {file: oblong.x3p, unit: um%s}"
     with pytest.raises(
         StudyError, match=r"surface\.resample: missing: .*oblong\.x3p has pixels of 0\.25 by .* um"
-    ) as said:
+    ) as caught:
         loads(text % "", tmp_path / "study.yaml").cases()
-    assert "give resample: square" in str(said.value)
+    assert "give resample: square" in str(caught.value)
     (case,) = loads(text % ", resample: square", tmp_path / "study.yaml").cases()
     surface = one_case.surface_of(case)
     assert surface.spacing == pytest.approx(PIXEL * min(1.0, off), rel=1e-12)

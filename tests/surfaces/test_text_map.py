@@ -1,4 +1,4 @@
-"""Text and grids of other programs: what is no map is refused by line, and nothing is lost or taken for a height."""
+"""Text and grids of other programs: faults are refused by line, and no row is lost or taken for heights."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ BAD: dict[str, tuple[str, str]] = {
     ),
     "pixel.txt": ("# lateral unit um\n" + rows(HEIGHTS), r"line 1 is not understood"),
     "title.csv": ("a,b,c,d,e\n" + rows(HEIGHTS, ","), r"line 1 is not understood: 'a,b,c,d,e'"),
-    "footer.txt": (rows(HEIGHTS) + "end of data\n", r"line 7: 'end of data' stands among the numbers"),
+    "footer.txt": (rows(HEIGHTS) + "end of data\n", r"line 7 holds no numbers: 'end of data'; delete it"),
     "blocks.txt": (
         GWYDDION + rows(HEIGHTS.T) + GWYDDION + rows(HEIGHTS.T),
         r"line 9 is a header among the numbers: '# Width: 6 µm'",
@@ -131,7 +131,7 @@ BAD: dict[str, tuple[str, str]] = {
     "volts.txt": (GWYDDION.replace("nm", "V") + rows(HEIGHTS.T), r"line 3 \(# Value units: V\) has the unit 'V'"),
     "units.txt": (GWYDDION.replace("5 µm", "5 mm") + rows(HEIGHTS.T), r"line 2 .* is in mm, another size in um"),
     "counts.txt": ("h=5 w=7\n" + rows(HEIGHTS.T), r"header gives w = 7, the text has 6 columns in 5 lines"),
-    "cut.asc": ("ncols 6\nnrows 5\ncellsize 1\n" + rows(HEIGHTS.T[:2]), r"holds 12 heights; its header says 5 x 6"),
+    "cut.asc": ("ncols 6\nnrows 5\ncellsize 1\n" + rows(HEIGHTS.T[:2]), r"holds 12 heights; its header gives 5 x 6"),
     "empty.xyz": ("", "holds no numbers"),
     "huge.asc": ("ncols 1000000000\nnrows 1000000000\ncellsize 1\n1 2 3\n", "holds 3 heights"),
 }
@@ -139,10 +139,10 @@ BAD: dict[str, tuple[str, str]] = {
 
 @pytest.mark.parametrize("name", list(BAD))
 def test_text_that_may_be_misread_is_refused_by_line(tmp_path: Path, name: str) -> None:
-    text, said = BAD[name]
+    text, pattern = BAD[name]
     path = _write(tmp_path / name, text)
     for call in (reading.describe, reading.read):
-        with pytest.raises(RoughvolError, match=said) as caught:
+        with pytest.raises(RoughvolError, match=pattern) as caught:
             call(path)
         assert str(path) in str(caught.value)
 
@@ -157,20 +157,20 @@ def test_a_header_may_be_passed_over(tmp_path: Path) -> None:
 
 def test_a_header_that_gives_all_needs_no_other_line(tmp_path: Path) -> None:
     path = _write(tmp_path / "z.txt", "# Objective 50x, stylus 2 um\n" + GWYDDION + rows(HEIGHTS.T))
-    told = reading.describe(path)
-    assert (told.sides, told.unit, told.heights_unit) == ((5.0, 4.0), "um", "nm")
-    assert "# Width: 6 µm" in told.source
+    description = reading.describe(path)
+    assert (description.sides, description.unit, description.heights_unit) == ((5.0, 4.0), "um", "nm")
+    assert "# Width: 6 µm" in description.source
 
 
 def test_names_of_columns_may_carry_units(tmp_path: Path) -> None:
     for head in ("X [µm];Y [µm];Z [nm]", "x (um); y (um); height (nm)", '"x/um";"y/um";"z/nm"', "# x_um;y_um;z_nm"):
         path = _write(tmp_path / "z.csv", f"{head}\n{rows(POINTS, ';')}", "latin-1")
-        told = reading.describe(path)
-        assert (told.sides, told.unit, told.heights_unit) == ((1.25, 1.0), "um", "nm"), head
+        description = reading.describe(path)
+        assert (description.sides, description.unit, description.heights_unit) == ((1.25, 1.0), "um", "nm"), head
 
 
 def test_the_library_would_lose_lines_and_axes(tmp_path: Path) -> None:
-    """Show why text and netCDF are read here first."""
+    """The reason for readers of text and netCDF of our own."""
     topography = pytest.importorskip("SurfaceTopography")
     path = _write(tmp_path / "z.txt", rows(np.where(HOLES, np.nan, HEIGHTS), " ", "***"))
     assert topography.read_topography(str(path), physical_sizes=(1, 1)).nb_grid_pts == (5, 3)  # of 6 lines
@@ -207,7 +207,7 @@ def test_names_of_dimensions_say_which_axis_is_x(tmp_path: Path, dims: tuple[str
 
 
 @pytest.mark.parametrize(
-    ("x", "units", "said"),
+    ("x", "units", "pattern"),
     [
         (np.arange(6.0) ** 2, "um", "the coordinate x is not equidistant"),
         (np.arange(6.0), "degrees_east", "x:units has the unit 'degrees_east'"),
@@ -215,11 +215,11 @@ def test_names_of_dimensions_say_which_axis_is_x(tmp_path: Path, dims: tuple[str
     ],
 )
 def test_coordinates_of_netcdf_that_cannot_be_used_are_refused(
-    tmp_path: Path, x: np.ndarray, units: str, said: str
+    tmp_path: Path, x: np.ndarray, units: str, pattern: str
 ) -> None:
     coordinates = {"x": ("x", x, {"units": units}), "y": ("y", np.arange(5.0), {"units": "um"})}
     xr.Dataset({"z": (("x", "y"), HEIGHTS)}, coords=coordinates).to_netcdf(tmp_path / "z.nc")
-    with pytest.raises(SurfaceError, match=said):
+    with pytest.raises(SurfaceError, match=pattern):
         reading.describe(tmp_path / "z.nc")
     assert np.array_equal(reading.read(tmp_path / "z.nc", ignore_header=True), HEIGHTS)
 
@@ -229,8 +229,8 @@ def test_the_mask_of_the_library_marks_holes(tmp_path: Path) -> None:
     path = tmp_path / "z.nc"
     topography(np.ma.masked_array(HEIGHTS, HOLES), (6.0, 5.0), unit="nm").to_netcdf(str(path))
     assert np.array_equal(reading.read(path, holes=True), np.where(HOLES, np.nan, HEIGHTS), equal_nan=True)
-    told = reading.describe(path)
-    assert (told.sides, told.unit, told.heights_unit) == ((5.0, 4.0), "nm", "nm")
+    description = reading.describe(path)
+    assert (description.sides, description.unit, description.heights_unit) == ((5.0, 4.0), "nm", "nm")
 
 
 def test_two_channels_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
@@ -252,7 +252,7 @@ def test_two_channels_of_one_name_are_told_apart_by_number(tmp_path: Path) -> No
 
 
 def _joined(first: bytes, second: bytes) -> bytes:
-    """Return one Gwyddion container with the items of two, those of the second under number 1."""
+    """Return one Gwyddion container with the items of two; the second has number 1."""
     name = b"GwyContainer\0"
     start = first.index(name) + len(name)
     items = first[start + 4 :] + second[start + 4 :].replace(b"/0/data", b"/1/data")
@@ -280,9 +280,9 @@ TIFFS: dict[str, tuple[str, Callable[[Path], Any]]] = {
 
 @pytest.mark.parametrize("name", list(TIFFS))
 def test_a_tiff_without_heights_is_refused(tmp_path: Path, name: str) -> None:
-    said, write = TIFFS[name]
+    pattern, write = TIFFS[name]
     write(tmp_path / "z.tif")
-    with pytest.raises(RoughvolError, match=said):
+    with pytest.raises(RoughvolError, match=pattern):
         reading.read(tmp_path / "z.tif")
 
 

@@ -1,12 +1,13 @@
 """The height map in a file: shape, size and unit as the file gives them, and the function that reads the heights.
 
 Conventions: the first axis of an array of heights is x, the second y. A side is the length between the centres of the
-outer nodes, ``nodes - 1`` pixels; a file that gives the width of all its pixels has a side one pixel shorter.
+outer nodes: ``nodes - 1`` pixels. A file that gives the width of all its pixels has a side one pixel shorter.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,30 +16,31 @@ from roughvol.errors import DatasetError, SurfaceError
 from roughvol.surfaces import length_units
 
 MAX_NODES = 1 << 28
+EXTRA = "pip install 'roughvol[measured]'"
 
 
 @dataclass(frozen=True)
 class Description:
-    """All that a file gives beside its heights.
+    """Everything in a file beside its heights.
 
     Attributes
     ----------
     shape : (int, int)
         Nodes along x and along y.
     sides : (float, float) or None
-        Lengths of the two axes in ``unit``; None if the file gives no size.
+        Lengths of the two axes in ``unit``; None in a file without size.
     unit, heights_unit : str or None
-        Units of the sides and of the heights; None if the file names none.
+        Units of the sides and of the heights; None in a file without units.
     channel, reader : str
-        Name of the channel or array, and the reader that understood the file.
+        Name of the channel or array, and of the reader.
     read_as : str or None
         Layout of a text, part of the identity of a case.
     source : str
-        Place in the file that gives the size, for messages.
+        Position of the size in the file, for messages.
     counted : bool
-        The coordinates are whole numbers from 0 or 1 without a unit, so a length given by the study replaces them.
+        The coordinates are whole numbers from 0 or 1 without a unit. A length in the study replaces them.
     notes : tuple of str
-        What the user should look at.
+        Remarks for the user.
     """
 
     shape: tuple[int, int]
@@ -55,23 +57,65 @@ class Description:
 
 @dataclass(frozen=True)
 class HeightMap:
-    """A map found in a file: its description, and a function that returns the heights, NaN where they are missing."""
+    """The map in a file: its description, and a function that returns the heights, NaN where they are missing."""
 
     description: Description
     heights: Callable[[], Any]
 
 
 class NotRead(DatasetError):
-    """A file that a reader does not understand, so that another one may be asked; the message is final otherwise."""
+    """A file that one reader does not understand. Another reader may; otherwise this message is final."""
+
+
+@contextlib.contextmanager
+def reading(path: Path, kind: str, errors: tuple[type[Exception], ...] = (Exception,)) -> Iterator[None]:
+    """Turn any error of a library on a damaged file into one message.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+    kind : str
+        Name of the format; may be empty.
+    errors : tuple of exception types
+        Errors of the library. Errors of roughvol pass unchanged.
+
+    Raises
+    ------
+    DatasetError
+        In place of any of the errors.
+    """
+    try:
+        yield
+    except (DatasetError, SurfaceError):
+        raise
+    except errors as error:
+        reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+        message = f"{path}: cannot be read{f' as {kind}' if kind else ''}: {' '.join(reason.split())[:200]}"
+        raise DatasetError(message) from error
 
 
 def length_unit(path: Path, unit: object, place: str) -> str | None:
-    """Return the name of a unit of length found in a file; None for an empty one.
+    """Return the name of a unit of length.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+    unit : object
+        Unit as the file gives it, as text or bytes.
+    place : str
+        Position in the file, for the message.
+
+    Returns
+    -------
+    str or None
+        Name of the unit; None for an empty one, or pixels.
 
     Raises
     ------
     SurfaceError
-        If it is no known unit of length.
+        If it is no unit of length.
     """
     text = unit.decode("latin-1") if isinstance(unit, bytes) else str(unit)
     if text.strip() in ("", "1", "None", "px", "pixel", "pixels"):
@@ -84,7 +128,20 @@ def length_unit(path: Path, unit: object, place: str) -> str | None:
 
 
 def refuse_huge(path: Path, shape: tuple[int, ...]) -> None:
-    """Refuse an array before memory is asked for: a small compressed file may hold any number of zeros."""
+    """Refuse an array before it is read. A small compressed file may hold any number of zeros.
+
+    Parameters
+    ----------
+    path : Path
+        File, for the message.
+    shape : tuple of int
+        Shape of the array.
+
+    Raises
+    ------
+    DatasetError
+        If it has more than 2²⁸ nodes.
+    """
     nodes = 1
     for number in shape:
         nodes *= int(number)
@@ -93,19 +150,67 @@ def refuse_huge(path: Path, shape: tuple[int, ...]) -> None:
         raise DatasetError(message)
 
 
-def chosen(path: Path, names: list[str], wanted: str, held: str, kind: str) -> int:
-    """Return the index of a channel or array given by its name, or by its number from 0.
+def position(path: Path, names: list[str], wanted: str, listing: str, kind: str) -> int:
+    """Return the index of a channel or array.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+    names : list of str
+        Names in the file.
+    wanted : str
+        Name, or number from 0.
+    listing, kind : str
+        Names as listed in the message, and their kind ("channel", "array").
+
+    Returns
+    -------
+    int
+        Index in `names`.
 
     Raises
     ------
     DatasetError
-        If there is no such one, or several of that name.
+        If no name or several names match.
     """
-    found = [index for index, name in enumerate(names) if name == wanted]
-    if not found and wanted.isdecimal() and int(wanted) < len(names):
+    matches = [index for index, name in enumerate(names) if name == wanted]
+    if not matches and wanted.isdecimal() and int(wanted) < len(names):
         return int(wanted)
-    if len(found) != 1:
-        which = f"has several {kind}s {wanted!r}, give the number" if found else f"has no {kind} {wanted!r}"
-        message = f"{path}: {which}; {kind}s in the file: {held}"
+    if len(matches) != 1:
+        reason = f"has several {kind}s {wanted!r}, give the number" if matches else f"has no {kind} {wanted!r}"
+        message = f"{path}: {reason}; {kind}s in the file: {listing}"
         raise DatasetError(message)
-    return found[0]
+    return matches[0]
+
+
+def array_name(path: Path, variable: str | None, shapes: dict[str, tuple[int, ...]]) -> str:
+    """Return the name of the array of heights.
+
+    Parameters
+    ----------
+    path : Path
+        File, for the message.
+    variable : str or None
+        Name, or number from 0. Default: the only array with two dimensions.
+    shapes : dict of tuple of int
+        Shapes of the arrays by name.
+
+    Returns
+    -------
+    str
+        Name in `shapes`.
+
+    Raises
+    ------
+    DatasetError
+        If there is no such array, or several arrays have two dimensions.
+    """
+    listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items()) or "none"
+    if variable is not None:
+        return list(shapes)[position(path, list(shapes), variable, listing, "array")]
+    fields = [name for name, shape in shapes.items() if len(shape) == 2]
+    if len(fields) == 1:
+        return fields[0]
+    message = f"{path}: give the array of heights (variable); arrays in the file: {listing}"
+    raise DatasetError(message)

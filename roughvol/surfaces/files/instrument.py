@@ -1,8 +1,8 @@
 """Height maps from the files of instruments, through the library SurfaceTopography (optional: roughvol[measured]).
 
-Conventions: the first axis of the array is x of the file; a height that the instrument did not find is NaN. Nodes are
-one pixel apart, so the length of the first axis is that of its pixels less one. The library recognises a format by its
-content; two formats without any mark (NMS, HGT) are believed only of a file that ends so.
+Conventions: the first axis of the array is x of the file, and a missing height is NaN. Nodes are one pixel apart, so an
+axis is one pixel shorter than all its pixels. The library recognises a format by its content. Two formats without any
+mark (NMS, HGT) count only in files with this ending.
 """
 
 from __future__ import annotations
@@ -17,29 +17,42 @@ from typing import Any
 
 import numpy as np
 
-from roughvol.errors import DatasetError, SurfaceError
-from roughvol.surfaces.files.description import Description, HeightMap, NotRead, chosen, length_unit, refuse_huge
+from roughvol.errors import SurfaceError
+from roughvol.surfaces.files.description import (
+    EXTRA,
+    Description,
+    HeightMap,
+    NotRead,
+    length_unit,
+    position,
+    reading,
+    refuse_huge,
+)
 from roughvol.typing import Array
 
-EXTRA = "pip install 'roughvol[measured]'"
 UNMARKED = ("nms", "hgt")
-TEXT = ("asc", "xyz")  # what the library calls its readers of text without a mark
+TEXT = ("asc", "xyz")  # readers of text in the library
 
 
 def opened(path: Path, channel: str | None = None) -> HeightMap:
-    """Return the map that the library finds in a file; the heights are read when they are asked for.
+    """Return the map in the file of an instrument; its heights are read on demand.
 
     Parameters
     ----------
     path : Path
-        File of an instrument.
+        File.
     channel : str, optional
-        Name of the channel, or its number from 0; the one that the format counts as its heights if not given.
+        Name of the channel, or its number from 0. Default: the channel of heights in the format.
+
+    Returns
+    -------
+    HeightMap
+        The map.
 
     Raises
     ------
     NotRead
-        If the library is not there, or does not recognise the file.
+        If the library is not installed, or does not recognise the file.
     DatasetError
         If the file is missing or broken, or has no such channel.
     SurfaceError
@@ -52,10 +65,10 @@ def opened(path: Path, channel: str | None = None) -> HeightMap:
 
 def _read(path: Path, channel: str | None) -> Array:
     with _opened(path) as reader:
-        one = _chosen(path, reader, channel)
-        # the library builds no map without a size; where the file gives none, any will do
-        size = None if one.physical_sizes is not None else tuple(map(float, one.nb_grid_pts))
-        heights = one.topography(physical_sizes=size).heights()
+        data = _channel(path, reader, channel)
+        # The library builds no map without a size. Any size does where the file gives none.
+        size = None if data.physical_sizes is not None else tuple(map(float, data.nb_grid_pts))
+        heights = data.topography(physical_sizes=size).heights()
     return np.ma.filled(np.ma.asarray(heights, dtype=np.float64), np.nan)
 
 
@@ -69,8 +82,8 @@ def _opened(path: Path) -> Iterator[Any]:
     except ImportError as error:
         message = f"{path}: is read through SurfaceTopography, which is not installed: {EXTRA}"
         raise NotRead(message) from error
-    # Forty readers of binary formats raise whatever comes when a file lies to them, hence the bare Exception.
-    with warnings.catch_warnings():
+    # The library has forty readers of binary formats. On damaged files they raise errors of any type.
+    with warnings.catch_warnings(), reading(path, ""):
         warnings.simplefilter("ignore")
         try:
             path.open("rb").close()
@@ -78,28 +91,22 @@ def _opened(path: Path) -> Iterator[Any]:
                 if reader.format() in UNMARKED and path.suffix.lower() != f".{reader.format()}":
                     raise CannotDetectFileFormat
                 yield reader
-        except (DatasetError, SurfaceError):
-            raise
-        except CannotDetectFileFormat as error:  # what it says is what each of the readers said
+        except CannotDetectFileFormat as error:
             message = f"{path}: is damaged, or in none of the formats that SurfaceTopography reads"
             raise NotRead(message) from error
-        except Exception as error:
-            said = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
-            message = f"{path}: cannot be read: {' '.join(said.split())[:200]}"
-            raise DatasetError(message) from error
 
 
-def _chosen(path: Path, reader: Any, channel: str | None) -> Any:
-    """Return the channel named or numbered, or the one that the format counts as its heights."""
-    if channel is None:
+def _channel(path: Path, reader: Any, wanted: str | None) -> Any:
+    """Return a channel by name or number. Default: the channel of heights in the format."""
+    if wanted is None:
         return reader.default_channel
     channels = list(reader.channels)
-    held = ", ".join(f"{number}: {one.name} ({one.data_kind.value})" for number, one in enumerate(channels))
-    return channels[chosen(path, [one.name for one in channels], channel, held, "channel")]
+    listing = ", ".join(f"{number}: {data.name} ({data.data_kind.value})" for number, data in enumerate(channels))
+    return channels[position(path, [data.name for data in channels], wanted, listing, "channel")]
 
 
 def _described(path: Path, reader: Any, wanted: str | None) -> Description:
-    channel = _chosen(path, reader, wanted)
+    channel = _channel(path, reader, wanted)
     if reader.format() in TEXT:
         _refuse_lost_lines(path)
     shape = tuple(channel.nb_grid_pts or ())
@@ -112,11 +119,11 @@ def _described(path: Path, reader: Any, wanted: str | None) -> Description:
     refuse_huge(path, shape)
     unit = None if channel.unit is None else length_unit(path, channel.unit, channel.name)
     sides = _sides(path, shape, channel.physical_sizes)
-    heights = [one for one in reader.channels if one.data_kind.value == "height" and one.dim == 2]
+    maps = [data for data in reader.channels if data.data_kind.value == "height" and data.dim == 2]
     notes: tuple[str, ...] = ()
-    if wanted is None and len(heights) > 1:
-        held = ", ".join(f"{one.index}: {one.name}" for one in heights)
-        notes = (f"{path.name} holds {len(heights)} maps ({held}); {channel.index} is read, variable names another",)
+    if wanted is None and len(maps) > 1:
+        listing = ", ".join(f"{data.index}: {data.name}" for data in maps)
+        notes = (f"{path.name} holds {len(maps)} maps ({listing}); {channel.index} is read, variable names another",)
     return Description(
         (int(shape[0]), int(shape[1])),
         sides,
@@ -140,7 +147,7 @@ def _sides(path: Path, shape: tuple[int, ...], sizes: tuple[float, float] | None
 
 
 def _refuse_lost_lines(path: Path) -> None:
-    """Refuse text in which the library's reader skips a line among the numbers, or joins two maps of one name."""
+    """Refuse text with other lines between lines of numbers. The library skips them, or joins two maps."""
     numbers, skipped = 0, 0
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
         words = line.split()
@@ -148,7 +155,9 @@ def _refuse_lost_lines(path: Path) -> None:
             continue
         if all(re.fullmatch(r"[-+.\deE]+|bad|nan|[-+]?inf(?:inite)?", word, re.IGNORECASE) for word in words):
             if skipped:
-                message = f"{path}: line {skipped} stands among the numbers and is none; delete it, or mark it as NaN"
+                message = (
+                    f"{path}: line {skipped} holds no numbers, between lines of numbers; delete it, or mark it as NaN"
+                )
                 raise SurfaceError(message)
             numbers += 1
         elif numbers:

@@ -1,7 +1,7 @@
 """Tables of numbers in text of unknown origin: encoding, comments, delimiters, decimal commas and missing cells.
 
 A line is data if all its cells are numbers or marks of a missing number. Lines before the first one are the header.
-Lines after it that are neither data nor comments are an error: a reader that skips them loses rows of a map.
+Any later line that is neither data nor a comment is an error: a reader that skips it loses a row of the map.
 """
 
 from __future__ import annotations
@@ -21,15 +21,24 @@ _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?|[-+]?(?:inf|i
 _MISSING = re.compile(r"|[-+]?nan|na|n/a|#n/a|null|none|bad|void|\*+|-+|\?+", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _COMMENT = re.compile(r"#(?!N/A).*", re.IGNORECASE)
-_SAMPLE = 50  # lines that show how cells are set apart
-_HEAD = 4096  # bytes that show whether a file is text
+_SAMPLE = 50  # lines searched for the delimiter
+_HEAD = 4096  # bytes searched for control characters
 
 
 @dataclass(frozen=True)
 class Text:
-    """A text file: the lines before its first line of numbers, those from there on, and the comments among these.
+    """The lines of a text file, each with its number.
 
-    Each line comes with its number.
+    Attributes
+    ----------
+    path : Path
+        File.
+    header : list of (int, str)
+        Lines before the first line of numbers.
+    data : list of (int, str)
+        Lines from there on, without comments.
+    comments : list of (int, str)
+        Comments from there on.
     """
 
     path: Path
@@ -39,7 +48,18 @@ class Text:
 
 
 def is_text(path: Path) -> bool:
-    """Return whether the start of a file looks like text: no zero bytes, unless it is marked as UTF-16."""
+    """Return whether a file starts like text: no zero bytes and few control characters, or the mark of UTF-16.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+
+    Returns
+    -------
+    bool
+        Whether it does.
+    """
     with path.open("rb") as stream:
         start = stream.read(_HEAD)
     control = sum(byte < 32 and byte not in b"\t\n\r\f\x1a" for byte in start)
@@ -47,7 +67,17 @@ def is_text(path: Path) -> bool:
 
 
 def split(path: Path) -> Text:
-    """Return the header and the data of a text file.
+    """Split a text file into header, data and comments.
+
+    Parameters
+    ----------
+    path : Path
+        File in UTF-8, UTF-16 or Latin-1.
+
+    Returns
+    -------
+    Text
+        Its lines.
 
     Raises
     ------
@@ -74,7 +104,23 @@ def split(path: Path) -> Text:
 
 
 def words(text: Text) -> Array:
-    """Return all numbers of a text in one row, whatever their lines; cells are set apart by blanks or a delimiter."""
+    """Return all numbers of a text in one row, across its lines.
+
+    Parameters
+    ----------
+    text : Text
+        Lines with cells between blanks, commas or semicolons.
+
+    Returns
+    -------
+    array (n,)
+        Numbers, NaN where missing.
+
+    Raises
+    ------
+    DatasetError
+        If a cell is no number.
+    """
     try:
         return np.array(" ".join(line for _, line in text.data).split(), dtype=np.float64)
     except ValueError:
@@ -83,14 +129,24 @@ def words(text: Text) -> Array:
 
 
 def table(text: Text) -> Array:
-    """Return the numbers of a text, a row for each line; NaN where a cell is empty or marked as missing.
+    """Return the numbers of a text, a row for each line.
+
+    Parameters
+    ----------
+    text : Text
+        Lines with cells between blanks or one delimiter.
+
+    Returns
+    -------
+    array (lines, cells)
+        Numbers, NaN where a cell is empty or marked as missing.
 
     Raises
     ------
     NotRead
         If a line holds words.
     DatasetError
-        If its rows differ in length, or a cell is no number.
+        If rows differ in length, or a cell is no number.
     """
     sample = [line for _, line in text.data[:_SAMPLE]]
     mark = _delimiter(sample)
@@ -98,11 +154,10 @@ def table(text: Text) -> Array:
         text = replace(text, data=[(number, line) for number, line in text.data if line.strip()])
     lines = [line for _, line in text.data]
     if mark is not None and all(line.endswith(mark) for line in lines):
-        lines = [line[:-1] for line in lines]  # ends every row, and sets nothing apart
+        lines = [line[:-1] for line in lines]  # a mark at the end of every row separates nothing
     if mark is not None and all(line.startswith(mark) for line in lines):
         lines = [line[1:] for line in lines]
-    commas = mark != "," and any("," in line for line in sample)
-    if commas:
+    if mark != "," and any("," in line for line in sample):
         if any("." in line for line in sample):
             message = f"{text.path}: line {text.data[0][0]} holds both commas and points; allowed: one decimal mark"
             raise DatasetError(message)
@@ -114,12 +169,12 @@ def table(text: Text) -> Array:
 
 
 def _slowly(text: Text, lines: list[str], mark: str | None) -> Array:
-    """Read cell by cell, as numpy does not: marks of missing numbers, quotes, and errors with their line."""
+    """Read cell by cell: marks of missing numbers, quotes, and errors with their line."""
     rows: list[list[float]] = []
     for (number, whole), line in zip(text.data, lines, strict=True):
         cells = [cell.strip().strip('"') for cell in line.split(mark)]
         if not any(_NUMBER.fullmatch(cell) or _MISSING.fullmatch(cell) for cell in cells):
-            message = f"{text.path}: line {number}: {whole[:60]!r} stands among the numbers"
+            message = f"{text.path}: line {number} holds no numbers: {whole[:60]!r}; delete it"
             raise NotRead(message)
         rows.append([_value(text.path, number, cell) for cell in cells])
     usual = Counter(map(len, rows)).most_common(1)[0][0]
@@ -140,7 +195,7 @@ def _value(path: Path, number: int, cell: str) -> float:
 
 
 def _bare(line: str) -> str:
-    """Return a line without its comment; delimiters at its ends stay, since cells there may be empty."""
+    """Return a line without its comment. Delimiters at its ends stay: cells there may be empty."""
     return (_COMMENT.sub("", line) if "#" in line else line).strip(" \r\f\x1a")
 
 
@@ -152,7 +207,7 @@ def _is_data(line: str) -> bool:
 
 
 def _delimiter(sample: list[str]) -> str | None:
-    """Return what sets cells apart in these lines: a semicolon, a tab, a comma, or blanks (None)."""
+    """Return the delimiter in lines: a semicolon, a tab, a comma, or blanks (None)."""
     for mark in ";\t":
         if all(mark in line.strip(" ") for line in sample) and not _blanks_inside(sample, mark):
             return mark
@@ -165,5 +220,5 @@ def _delimiter(sample: list[str]) -> str | None:
 
 
 def _blanks_inside(sample: list[str], mark: str) -> bool:
-    """Return whether cells between these marks hold several numbers, so that the marks only end or group them."""
+    """Return whether cells between delimiters hold several numbers: they then end or group rows only."""
     return any(len(cell.split()) > 1 for line in sample for cell in line.split(mark))

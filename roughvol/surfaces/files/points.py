@@ -1,4 +1,4 @@
-"""Points x y z on a regular grid, in any order, put together to a map.
+"""A map from points x y z on a regular grid, in any order.
 
 Conventions: both axes ascend with the index. Nodes of the grid without a point are missing (NaN).
 """
@@ -11,32 +11,33 @@ from numpy.typing import NDArray
 from roughvol.errors import SurfaceError
 from roughvol.typing import Array
 
-_SAME = 1e-6  # of the span: coordinates closer than that are one, up to rounding
-_REGULAR = 0.02  # of a spacing: by which a coordinate may lie off its node
-_CROWDED = 4  # nodes a point, beyond which the nodes are not counted
-_COVERED = 0.5  # share of the nodes that must have a point
+_SAME = 1e-6  # largest difference of equal coordinates, over the span
+_REGULAR = 0.02  # largest distance of a coordinate from its node, in spacings
+_CROWDED = 4  # most nodes a point for which points on a node are counted
+_COVERED = 0.5  # least share of nodes with a point
 
 
 def grid(points: Array) -> tuple[Array, tuple[float, float], bool]:
-    """Return the map that points make.
+    """Return the map of points on a regular grid.
 
     Parameters
     ----------
-    points : (N, 3) float64 array
+    points : array (n, 3)
         Columns x, y and z.
 
     Returns
     -------
-    heights : (nx, ny) float64 array, NaN where there is no point
+    heights : array (nodes along x, nodes along y)
+        Heights in the unit of z, NaN at nodes without a point.
     sides : (float, float)
-        Spans of x and of y.
+        Spans of x and of y in their unit.
     counted : bool
         Whether both coordinates are whole numbers one apart, from 0 or 1.
 
     Raises
     ------
     SurfaceError
-        If the points are not those of a regular grid; the message is the reason.
+        If the points are not on a regular grid; the message is the reason.
     """
     if not np.isfinite(points[:, :2]).all():
         message = "a coordinate is missing"
@@ -70,9 +71,9 @@ def _nodes(values: Array, name: str) -> tuple[NDArray[np.int64], int, float, boo
     if count < 2:
         message = f"{name} takes {count + 1} values; allowed: at least 3"
         raise SurfaceError(message)
-    place = (values - order[0]) / (span / count)
-    node = np.rint(place)
-    off = float(np.abs(place - node).max())
+    position = (values - order[0]) / (span / count)
+    node = np.rint(position)
+    off = float(np.abs(position - node).max())
     if off > _REGULAR:
         message = f"{name} is not equidistant: a point lies {off:.2g} of a spacing off its node"
         raise SurfaceError(message)

@@ -1,16 +1,15 @@
-"""Height fields from files: a reader for each kind of content, all giving a float64 array of heights, positive up.
+"""Heights from files, as a float64 array, positive up. docs/measured.md lists the formats and their readers.
 
-Conventions: the first axis of the array is x, whose length a study calls L. Labels in the file say which axis is x;
-without labels, the order of the file stays. Missing heights are refused, or given as NaN to a caller who fills them.
-Nothing is ever unpickled. docs/measured.md has a table of who reads what.
+Conventions: the first axis of the array is x, and its length is L in a study. Labels in the file give the axes. Without
+labels, the order of the file stays. Missing heights are refused, or NaN on demand. No file is ever unpickled.
 """
 
 from __future__ import annotations
 
+import contextlib
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +18,10 @@ from numpy.typing import NDArray
 
 from roughvol.errors import DatasetError, SurfaceError
 from roughvol.surfaces.files import instrument, netcdf, plain_text, text_map, tiff
-from roughvol.surfaces.files.description import Description, HeightMap, NotRead, refuse_huge
+from roughvol.surfaces.files.description import Description, HeightMap, NotRead, array_name, reading, refuse_huge
 from roughvol.typing import Array
 
-# What numpy, zipfile and netCDF4 raise on damaged files; a header that asks for petabytes is one of them.
+# Errors of numpy, zipfile and netCDF4 on damaged files, such as a header that asks for petabytes.
 _UNREADABLE = (
     ArithmeticError,
     EOFError,
@@ -34,19 +33,32 @@ _UNREADABLE = (
     zipfile.BadZipFile,
     zlib.error,
 )
-MAX_BYTES = 1 << 32  # like MAX_NODES far more than can be pressed, far less than a header may promise
+MAX_BYTES = 1 << 32  # like MAX_NODES far above the size of any contact problem
 TEXT = (".txt", ".csv", ".xyz", ".dat", ".asc")
 TIFF = (".tif", ".tiff")
 SENTINELS = (-9999.0, 9999.0, -99999.0, 99999.0, -999999.0, -32768.0, float(np.float32(-3.4028235e38)), 1e38, -1e38)
-_FAR = 3.0  # ranges of the other heights by which a number is off that marks missing ones
+_FAR = 3.0  # least distance of a mark of missing heights from the others, over their range
 
 
 def describe(
     path: str | Path, variable: str | None = None, *, columns: str | None = None, ignore_header: bool = False
 ) -> Description:
-    """Return what a file gives beside its heights: nodes, size, units, channel, reader.
+    """Return the description of a height file: nodes, size, units, channel, reader.
 
-    Parameters and errors as `read`.
+    Parameters
+    ----------
+    path, variable, columns, ignore_header
+        As in `read`.
+
+    Returns
+    -------
+    Description
+        Everything in the file beside its heights.
+
+    Raises
+    ------
+    DatasetError, SurfaceError
+        As in `read`.
     """
     return _opened(Path(path), variable, columns, ignore_header).description
 
@@ -59,105 +71,107 @@ def read(
     columns: str | None = None,
     ignore_header: bool = False,
 ) -> Array:
-    """Return the heights stored in a file, in the unit that `describe` calls ``heights_unit``.
+    """Return the heights in a file, in the unit ``heights_unit`` of its description.
 
     Parameters
     ----------
     path : str or Path
         An array in ``.npy``; one of the arrays in ``.npz`` or ``.nc``; text of heights or of points x y z; an ESRI
-        ASCII grid; a grey-scale TIFF. All other files are for SurfaceTopography, see `instrument`.
+        ASCII grid; a grey-scale TIFF. SurfaceTopography reads all other files, see `instrument`.
     variable : str, optional
-        Name of the array in an ``.npz`` or ``.nc`` file, needed if it holds several with two dimensions; or of the
-        channel in the file of an instrument. Digits that are no name are a number from 0.
+        Array in an ``.npz`` or ``.nc`` file, channel of an instrument, or page of a TIFF: its name, or its number from
+        0. Default: the only array with two dimensions.
     holes : bool
         Return NaN where a height is missing or not finite, rather than refuse the file.
     columns : {"heights"}, optional
-        All columns of a text are heights, also if there are three as of points x y z.
+        All columns of a text are heights, even if there are three.
     ignore_header : bool
         Pass over sizes and units that are not understood.
 
     Returns
     -------
-    heights : (nodes along x, nodes along y) float64 array, finite (or NaN in holes), at least 3 x 3
+    array (nodes along x, nodes along y)
+        Heights, at least 3 x 3, finite except in holes.
 
     Raises
     ------
     DatasetError
-        If the file is missing, cannot be read, or does not say which array is meant.
+        If the file is missing, cannot be read, or holds several arrays.
     SurfaceError
-        If what it holds is not a field of finite heights.
+        If it is not a field of finite heights.
     """
     path = Path(path)
-    found = _opened(path, variable, columns, ignore_header)
-    return _checked(path, _guarded(path, found.heights), holes)
+    height_map = _opened(path, variable, columns, ignore_header)
+    with _reading(path):
+        heights = height_map.heights()
+    return _checked(path, heights, holes)
 
 
 def _opened(path: Path, variable: str | None, columns: str | None, ignore_header: bool) -> HeightMap:
-    def opened() -> HeightMap:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            message = f"{path}: has {size} bytes, at most {MAX_BYTES} are read"
-            raise DatasetError(message)
-        suffix = path.suffix.lower()
-        own = {".npy": _npy, ".npz": _npz}.get(suffix)
-        if own is not None:
-            return own(path, variable)
-        if suffix == ".nc":
-            return netcdf.opened(path, variable, ignore_header=ignore_header)
-        if suffix in TEXT and plain_text.is_text(path):
-            return _text(path, variable, columns, ignore_header)
-        return _instrument(path, variable, columns, ignore_header)
-
-    found = _guarded(path, opened)
-    refuse_huge(path, _two(path, found.description.shape))
-    return found
+    with _reading(path):
+        height_map = _by_content(path, variable, columns, ignore_header)
+    refuse_huge(path, _two(path, height_map.description.shape))
+    return height_map
 
 
-def _guarded(path: Path, call: Callable[[], Any]) -> Any:
-    """Call a reader; whatever a damaged file makes it raise becomes an error with the name of the file."""
-    try:
-        return call()
-    except (DatasetError, SurfaceError):
-        raise
-    except _UNREADABLE as error:
-        kind = f" as {path.suffix.lower()}" if path.suffix else ""
-        message = f"{path}: cannot be read{kind}: {getattr(error, 'strerror', None) or error}"
-        raise DatasetError(message) from error
+def _by_content(path: Path, variable: str | None, columns: str | None, ignore_header: bool) -> HeightMap:
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        message = f"{path}: has {size} bytes; allowed: at most {MAX_BYTES}"
+        raise DatasetError(message)
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
+        return _npy(path, variable)
+    if suffix == ".npz":
+        return _npz(path, variable)
+    if suffix == ".nc":
+        return netcdf.opened(path, variable, ignore_header=ignore_header)
+    if suffix in TEXT and plain_text.is_text(path):
+        return _text(path, variable, columns, ignore_header)
+    return _instrument(path, variable, columns, ignore_header)
+
+
+def _reading(path: Path) -> contextlib.AbstractContextManager[None]:
+    return reading(path, path.suffix.lower(), _UNREADABLE)
 
 
 def _text(path: Path, variable: str | None, columns: str | None, ignore_header: bool) -> HeightMap:
-    """Read text; headers of other programs that are not understood here are left to SurfaceTopography."""
+    """Read text. SurfaceTopography reads headers that are not understood here."""
     try:
-        found = text_map.opened(path, columns, ignore_header=ignore_header)
+        height_map = text_map.opened(path, columns, ignore_header=ignore_header)
     except (NotRead, SurfaceError) as refused:
         try:
             other = instrument.opened(path, variable)
         except (DatasetError, SurfaceError):
             raise refused from None
-        known = other.description
-        ours = known.reader.endswith(instrument.TEXT)
-        if ours and (isinstance(refused, SurfaceError) or known.sides is None or known.unit is None):
-            raise  # that reader passes over what it does not understand
+        lossy = other.description.reader.endswith(instrument.TEXT)  # this reader passes over unknown lines
+        complete = other.description.sides is not None and other.description.unit is not None
+        if lossy and (isinstance(refused, SurfaceError) or not complete):
+            raise
         return other
+    _refuse_variable(path, variable)
+    return height_map
+
+
+def _refuse_variable(path: Path, variable: str | None) -> None:
     if variable is not None:
         message = f"{path}: holds one array, without a name; leave out the variable {variable!r}"
         raise DatasetError(message)
-    return found
 
 
 def _instrument(path: Path, variable: str | None, columns: str | None, ignore_header: bool) -> HeightMap:
-    """Ask SurfaceTopography; TIFF and text that it does not know, or reads as text without a mark, are read here."""
+    """Read through SurfaceTopography, except for text, and TIFF that it does not know."""
     try:
-        found = instrument.opened(path, variable)
+        height_map = instrument.opened(path, variable)
     except (DatasetError, SurfaceError) as refused:
-        if path.suffix.lower() in TIFF and path.is_file():  # its reader knows those of one maker alone
+        if path.suffix.lower() in TIFF and path.is_file():
             return tiff.opened(path, variable, ignore_header=ignore_header)
         if isinstance(refused, NotRead) and path.stat().st_size and plain_text.is_text(path):
             return _text(path, variable, columns, ignore_header)
         raise
-    if found.description.reader.endswith(instrument.TEXT):
+    if height_map.description.reader.endswith(instrument.TEXT):
         return _text(path, variable, columns, ignore_header)
-    return found
+    return height_map
 
 
 def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
@@ -165,14 +179,14 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
         message = f"{path}: holds values of type {array.dtype}, not numbers"
         raise SurfaceError(message)
     _two(path, array.shape)
-    with np.errstate(over="ignore"):  # a long double too large for float64 becomes inf, and is refused below
+    with np.errstate(over="ignore"):  # a long double beyond float64 becomes inf, and is refused below
         heights = np.ascontiguousarray(array, dtype=np.float64)
     missing = ~np.isfinite(heights)
     marks = []
     for mark in SENTINELS:
-        found = heights == mark
-        if found.any() and _far(mark, heights[~found & ~missing]):
-            missing |= found
+        marked = heights == mark
+        if marked.any() and _far(mark, heights[~marked & ~missing]):
+            missing |= marked
             marks.append(f"{mark:g}")
     if missing.any() and not holes:
         row, column = np.argwhere(missing)[0]
@@ -187,7 +201,7 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
 
 
 def _far(mark: float, others: Array) -> bool:
-    """Return whether a number that often marks missing heights lies far off all others."""
+    """Return whether a usual mark of missing heights lies far from all other heights."""
     others = others[~np.isin(others, SENTINELS)]
     if not others.size:
         return False
@@ -196,9 +210,7 @@ def _far(mark: float, others: Array) -> bool:
 
 
 def _npy(path: Path, variable: str | None) -> HeightMap:
-    if variable is not None:
-        message = f"{path}: holds one array, without a name; leave out the variable {variable!r}"
-        raise DatasetError(message)
+    _refuse_variable(path, variable)
     with path.open("rb") as stream:
         shape = _header_shape(stream)
     refuse_huge(path, shape)
@@ -214,10 +226,10 @@ def _npz(path: Path, variable: str | None) -> HeightMap:
     with zipfile.ZipFile(path) as archive:
         members = {name.removesuffix(".npy"): name for name in archive.namelist() if name.endswith(".npy")}
         shapes = {}
-        for name, member in members.items():  # the headers alone: the arrays not asked for may be large
+        for name, member in members.items():  # the headers alone: other arrays may be large
             with archive.open(member) as stream:
                 shapes[name] = _header_shape(stream)
-    name = netcdf.choice(path, variable, shapes)
+    name = array_name(path, variable, shapes)
     refuse_huge(path, shapes[name])
 
     def heights() -> NDArray[Any]:

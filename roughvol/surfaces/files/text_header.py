@@ -1,8 +1,8 @@
 """Header lines of text files: size, units, channel and the names of columns.
 
-Understood are the exports of Gwyddion (``# Width: 10.00 µm``), lines of ``h= w=``, ``pixel size=`` and ``height
-conversion factor``, ESRI ASCII grids, and names of columns with their units (``X [µm]; Y [µm]; Z [nm]``). A line that
-seems to give a size or a unit and is none of these is kept as ``unclear``: it must not be passed over.
+Known lines are the exports of Gwyddion (``# Width: 10.00 µm``), lines of ``h= w=``, ``pixel size=`` and ``height
+conversion factor``, ESRI ASCII grids, and names of columns with their units (``X [µm]; Y [µm]; Z [nm]``). Any other
+line with a size or a unit is kept as ``unclear``: ignored, it might scale the map wrongly.
 """
 
 from __future__ import annotations
@@ -25,10 +25,7 @@ _LATERAL = re.compile(
 )
 _VERTICAL = re.compile(r"\b(?:z|heights?|values?|data|elevations?|topography|depths?)\b", re.IGNORECASE)
 _COLUMN = re.compile(r"(x|y|z|h|heights?|elevation|topography)\s*(?:[\[(/_]\s*([^\])]*?)\s*[\])]?)?", re.IGNORECASE)
-_ESRI = {
-    *("ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter"),
-    *("cellsize", "dx", "dy", "nodata_value"),
-}
+_ESRI = {"ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy", "nodata_value"}
 _KEYED = {
     "channel": re.compile(r"channel\s*[:=]\s*(.*)", re.IGNORECASE),
     "width": re.compile(rf"width\s*[:=]\s*{_FLOAT}\s*(.*)", re.IGNORECASE),
@@ -45,9 +42,30 @@ _COUNTS = re.compile(r"(?:^|[\s,;])([hw])\s*=\s*(\d+)(?!\S*[.\d])", re.IGNORECAS
 
 @dataclass
 class Header:
-    """What the header lines of a text file give.
+    """The content of the header lines of a text file.
 
-    ``size`` is that of all pixels along the lines and down the lines, ``pixel`` that of one; both in ``unit``.
+    Attributes
+    ----------
+    size : list of float or None
+        Size of all pixels along the lines and down the lines, in ``unit``.
+    pixel : float or None
+        Size of one pixel, in ``unit``.
+    counts : dict of int
+        Pixels along the lines ("w") and down the lines ("h").
+    unit, heights_unit : str or None
+        Units of the sizes and of the heights.
+    factor : float
+        Factor of the heights.
+    channel : str
+        Name of the channel.
+    points : bool
+        Columns are named x, y and z.
+    esri : dict of float
+        Values of an ESRI ASCII grid.
+    source : str
+        Position of the size in the file, for messages.
+    unclear : (int, str) or None
+        Number and text of the first line that is not understood.
     """
 
     size: list[float | None] = field(default_factory=lambda: [None, None])
@@ -64,12 +82,12 @@ class Header:
 
     @property
     def along_lines(self) -> bool:
-        """Whether the header names the axis that runs along the lines: it is x then."""
+        """Whether the header gives the axis along the lines, which then is x."""
         return self.pixel is not None or self.size != [None, None] or bool(self.counts)
 
 
 def parse(path: Path, lines: list[tuple[int, str]], *, ignore: bool = False) -> Header:
-    """Return what header lines give.
+    """Parse header lines.
 
     Parameters
     ----------
@@ -78,12 +96,17 @@ def parse(path: Path, lines: list[tuple[int, str]], *, ignore: bool = False) -> 
     lines : list of (int, str)
         Numbers and text of the lines before the first line of data.
     ignore : bool
-        Pass over lines whose unit is no unit of length.
+        Pass over lines with an unknown unit.
+
+    Returns
+    -------
+    Header
+        Their content.
 
     Raises
     ------
     SurfaceError
-        If a line gives a unit that is no unit of length, or units that differ between the axes.
+        If a unit is no unit of length, or differs between the axes.
     """
     header = Header()
     for number, line in lines:
@@ -100,11 +123,10 @@ def parse(path: Path, lines: list[tuple[int, str]], *, ignore: bool = False) -> 
             continue
         if taken:
             continue
-        comment = bare != line
-        named = _HAS_UNIT.search(bare)
-        if named and not _NUMBER_WITH_UNIT.search(bare) and _VERTICAL.search(bare) and not _LATERAL.search(bare):
-            header.heights_unit = length_unit(path, named[0].strip("[]()"), place)
-        elif header.unclear is None and (named or not comment):
+        unit = _HAS_UNIT.search(bare)
+        if unit and not _NUMBER_WITH_UNIT.search(bare) and _VERTICAL.search(bare) and not _LATERAL.search(bare):
+            header.heights_unit = length_unit(path, unit[0].strip("[]()"), place)
+        elif header.unclear is None and (unit or bare == line):
             header.unclear = number, line
     return header
 
@@ -133,24 +155,24 @@ def _esri(header: Header, bare: str, place: str) -> bool:
 def _keyed(header: Header, path: Path, bare: str, place: str) -> bool:
     """Take a line of a key and its value."""
     for key, pattern in _KEYED.items():
-        found = pattern.fullmatch(bare)
-        if found is None:
+        match = pattern.fullmatch(bare)
+        if match is None:
             continue
         if key == "channel":
-            header.channel = found[1].strip()
-        elif key in ("values", "factor") and (unit := found[1] or ""):
+            header.channel = match[1].strip()
+        elif key in ("values", "factor") and (unit := match[1] or ""):
             header.heights_unit = length_unit(path, unit, place)
         elif key == "lateral":
-            _lateral(header, path, found[1], place)
+            _lateral(header, path, match[1], place)
         elif key in ("width", "height", "pixel"):
-            _lateral(header, path, found[2], place)
+            _lateral(header, path, match[2], place)
             header.source = header.source or place
             if key == "pixel":
-                header.pixel = _number(found[1])
+                header.pixel = _number(match[1])
             else:
-                header.size[key == "height"] = _number(found[1])
+                header.size[key == "height"] = _number(match[1])
         if key == "factor":
-            header.factor = _number(found[2])
+            header.factor = _number(match[2])
         return True
     counts = {name.lower(): int(value) for name, value in _COUNTS.findall(bare)}
     header.counts |= counts
@@ -169,17 +191,15 @@ def _columns(header: Header, path: Path, bare: str, place: str) -> bool:
     """Take a line of the names of columns x, y, z, with or without their units."""
     joined = re.sub(r"\s+(?=[\[(])", "", bare.replace('"', ""))
     parts = [part.strip() for part in (re.split(r"[;,\t]", joined) if re.search(r"[;,\t]", joined) else joined.split())]
-    found = [_COLUMN.fullmatch(part) for part in parts[:3]]
-    if len(found) < 3 or any(one is None for one in found):
-        return False
-    names = [one[1].lower() for one in found if one]
-    if names[:2] != ["x", "y"] or names[2] in "xy":
+    columns = [match for part in parts[:3] if (match := _COLUMN.fullmatch(part))]
+    names = [column[1].lower() for column in columns]
+    if len(names) < 3 or names[:2] != ["x", "y"] or names[2] in "xy":
         return False
     header.points = True
     header.source = place
-    for one in found[:2]:
-        if one and one[2]:
-            _lateral(header, path, one[2], place)
-    if found[2] and found[2][2]:
-        header.heights_unit = length_unit(path, found[2][2], place)
+    for column in columns[:2]:
+        if column[2]:
+            _lateral(header, path, column[2], place)
+    if columns[2][2]:
+        header.heights_unit = length_unit(path, columns[2][2], place)
     return True

@@ -1,11 +1,11 @@
 """Height maps in text: rows of heights with or without a header, points x y z, and ESRI ASCII grids.
 
-Conventions: without labels, lines run along the first axis, as numpy.savetxt writes an array. A header that gives the
-size along the lines (Width, w, pixel size, ncols) makes that axis x, so the array is the transpose of the text. Points
-and ESRI grids carry coordinates: both axes ascend with the index.
+Conventions: without labels, each line is a row of the array, as numpy.savetxt writes it. A header with the size along
+the lines (Width, w, pixel size, ncols) makes that axis x, and the array the transpose of the text. Points and ESRI
+grids have coordinates: both axes ascend with the index.
 
-These come before the readers of SurfaceTopography, which skip every line they cannot read as numbers (a row that holds
-``***`` is lost) and take no decimal commas, semicolons, ESRI headers or NODATA values.
+The readers of SurfaceTopography skip every line that is not numbers: a row with ``***`` is lost. They take no decimal
+commas, semicolons, ESRI headers or NODATA values.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from roughvol.surfaces.files.text_header import Header
 from roughvol.typing import Array
 
 INSIST = "surface.columns: heights takes all numbers as heights"
-_EVEN = 1e-6  # by which steps along a row may differ and count as those of a coordinate
+_EVEN = 1e-6  # largest relative difference of steps of a coordinate
 
 
 def opened(path: Path, columns: str | None = None, *, ignore_header: bool = False) -> HeightMap:
@@ -34,14 +34,19 @@ def opened(path: Path, columns: str | None = None, *, ignore_header: bool = Fals
     path : Path
         Text, with any ending.
     columns : {"heights"}, optional
-        All columns are heights, also if they look like coordinates.
+        All columns are heights, even if they look like coordinates.
     ignore_header : bool
         Pass over header lines that are not understood.
+
+    Returns
+    -------
+    HeightMap
+        The map.
 
     Raises
     ------
     NotRead
-        If a header line is not understood; the message names it.
+        If a header line is not understood.
     SurfaceError, DatasetError
         If the file holds no map.
     """
@@ -53,14 +58,11 @@ def opened(path: Path, columns: str | None = None, *, ignore_header: bool = Fals
             raise SurfaceError(message)
     if header.esri:
         return _esri(text, header)
-    known = header.along_lines and header.unit is not None and header.heights_unit is not None
-    if header.unclear is not None and not known and not ignore_header:
-        number, line = header.unclear
-        message = (
-            f"{path}: line {number} is not understood: {line[:80]!r}; delete it, or pass over it with "
-            "surface.header: ignore and give L and heights_unit"
+    complete = header.along_lines and header.unit is not None and header.heights_unit is not None
+    if header.unclear is not None and not complete and not ignore_header:
+        raise _not_understood(
+            path, header.unclear, "; delete it, or pass over it with surface.header: ignore and give L and heights_unit"
         )
-        raise NotRead(message)
     numbers = plain_text.table(text)
     if columns == "heights" or header.along_lines:
         return _matrix(path, numbers, header)
@@ -68,6 +70,10 @@ def opened(path: Path, columns: str | None = None, *, ignore_header: bool = Fals
         return _points(path, numbers[:, :3], header)
     _refuse_coordinates(path, numbers)
     return _matrix(path, numbers, header)
+
+
+def _not_understood(path: Path, line: tuple[int, str], remedy: str = "") -> NotRead:
+    return NotRead(f"{path}: line {line[0]} is not understood: {line[1][:80]!r}{remedy}")
 
 
 def _map(heights: Array, header: Header, description: Description) -> HeightMap:
@@ -114,22 +120,21 @@ def _points(path: Path, numbers: Array, header: Header) -> HeightMap:
     counted = counted and header.unit is None
     source = header.source or "its coordinates"
     described = Description(heights.shape, sides, reader="text, points x y z", read_as="points", counted=counted)
-    found = _map(heights, header, described)
-    return replace(found, description=replace(found.description, source=source))
+    return _map(heights, replace(header, source=source), described)
 
 
 def _refuse_coordinates(path: Path, numbers: Array) -> None:
     """Refuse tables that hold coordinates among the heights."""
     rows, columns = numbers.shape
-    for table, nodes, said in ((numbers, columns, "columns"), (numbers.T, rows, "lines")):
+    for table, nodes, kind in ((numbers, columns, "columns"), (numbers.T, rows, "lines")):
         if 3 <= nodes <= 6 and len(table) >= 9:
             try:
                 points.grid(table[:, :3])
             except SurfaceError:
                 continue
             message = (
-                f"{path}: looks like x y z points: the first two of its {nodes} {said} are those of a grid; "
-                f"give it as columns x y z alone; {INSIST}"
+                f"{path}: looks like x y z points: the first two of its {nodes} {kind} form a grid; "
+                f"give columns x y z alone; {INSIST}"
             )
             raise SurfaceError(message)
     if min(rows, columns) < 4 or not (_even(numbers[0, 1:]) and _even(numbers[1:, 0])):
@@ -147,22 +152,20 @@ def _even(values: Array) -> bool:
 
 
 def _esri(text: plain_text.Text, header: Header) -> HeightMap:
-    path, said = text.path, header.esri
-    if not {"ncols", "nrows"} <= said.keys():
-        message = f"{path}: the header names {', '.join(said)}; needed: ncols and nrows"
+    path, given = text.path, header.esri
+    if not {"ncols", "nrows"} <= given.keys():
+        message = f"{path}: the header gives {', '.join(given)}; needed: ncols and nrows"
         raise SurfaceError(message)
     if header.unclear is not None:
-        number, line = header.unclear
-        message = f"{path}: line {number} is not understood: {line[:80]!r}"
-        raise NotRead(message)
-    rows, columns = int(said["nrows"]), int(said["ncols"])
+        raise _not_understood(path, header.unclear)
+    rows, columns = int(given["nrows"]), int(given["ncols"])
     heights = plain_text.words(text)  # the numbers of a row may run over several lines
     if heights.size != rows * columns:
-        message = f"{path}: holds {heights.size} heights; its header says {rows} x {columns}"
+        message = f"{path}: holds {heights.size} heights; its header gives {rows} x {columns}"
         raise SurfaceError(message)
-    heights[heights == said.get("nodata_value", -9999.0)] = math.nan
-    cell = said.get("cellsize")
-    dx, dy = said.get("dx", cell), said.get("dy", cell)
+    heights[heights == given.get("nodata_value", -9999.0)] = math.nan
+    cell = given.get("cellsize")
+    dx, dy = given.get("dx", cell), given.get("dy", cell)
     sides = None if dx is None or dy is None else (dx * (columns - 1), dy * (rows - 1))
     grid = heights.reshape(rows, columns)[::-1].T  # lines run from north to south
     return _map(grid, header, Description((columns, rows), sides, reader="ESRI ASCII grid", read_as="esri"))

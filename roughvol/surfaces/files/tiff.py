@@ -1,12 +1,13 @@
 """Height maps in TIFF: one grey value for each pixel, through the library tifffile (optional: roughvol[measured]).
 
-Conventions: x runs along the lines of the image, so the array is its transpose. The size comes from the tags of
-ImageJ, OME or GeoTIFF, or from a resolution per centimetre or inch other than those of screens and printers. TIFF has
-no unit for grey values.
+Conventions: x is the axis along the lines of the image, so the array is its transpose. The size comes from the tags of
+ImageJ, OME or GeoTIFF, or from a resolution per centimetre or inch. The resolutions of screens and printers do not
+count. TIFF has no unit of grey values.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from pathlib import Path
@@ -16,16 +17,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import DatasetError, SurfaceError
-from roughvol.surfaces.files.description import Description, HeightMap, length_unit, refuse_huge
+from roughvol.surfaces.files.description import EXTRA, Description, HeightMap, length_unit, reading, refuse_huge
 
-EXTRA = "pip install 'roughvol[measured]'"
 _PICTURES = (1, 72, 96, 100, 120, 144, 150, 200, 240, 300, 350, 360, 400, 600, 720, 1200, 2400)  # dots per inch
 _INCH, _CENTIMETRE = 2, 3
 _PIXEL_SCALE, _NODATA = 33550, 42113  # tags of GeoTIFF and GDAL
 
 
 def opened(path: Path, variable: str | None = None, *, ignore_header: bool = False) -> HeightMap:
-    """Return the map in a TIFF file; ``variable`` is the number of its page from 0, the first if not given.
+    """Return the map in a TIFF file; its heights are read on demand.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+    variable : str, optional
+        Number of the page from 0. Default: the first.
+    ignore_header : bool
+        Pass over sizes and units.
+
+    Returns
+    -------
+    HeightMap
+        The map.
 
     Raises
     ------
@@ -39,28 +53,22 @@ def opened(path: Path, variable: str | None = None, *, ignore_header: bool = Fal
     except ImportError as error:
         message = f"{path}: is read through tifffile, which is not installed: {EXTRA}"
         raise DatasetError(message) from error
-    try:
-        with TiffFile(path) as stored:
-            pages = len(stored.pages)
-            if variable is not None and not (variable.isdecimal() and int(variable) < pages):
-                message = f"{path}: has no page {variable!r}; allowed: 0 to {pages - 1}"
-                raise DatasetError(message)
-            number = int(variable or 0)
-            page = stored.pages[number]
-            refuse_huge(path, page.shape)
-            if len(page.shape) != 2 or page.dtype is None or page.dtype.kind not in "fiu" or page.dtype.itemsize < 2:
-                message = (
-                    f"{path}: page {number} has shape {page.shape} and values of type {page.dtype}; allowed: one "
-                    "grey value of at least 16 bits for each pixel"
-                )
-                raise SurfaceError(message)
-            pixel, unit, source = (None, None, "") if ignore_header else _pixel(path, stored, page)
-            nodata = _tag(page, _NODATA)
-    except (DatasetError, SurfaceError):
-        raise
-    except Exception as error:  # whatever comes of a damaged file
-        message = f"{path}: cannot be read as TIFF: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
-        raise DatasetError(message) from error
+    with reading(path, "TIFF"), TiffFile(path) as stored:
+        pages = len(stored.pages)
+        if variable is not None and not (variable.isdecimal() and int(variable) < pages):
+            message = f"{path}: has no page {variable!r}; allowed: 0 to {pages - 1}"
+            raise DatasetError(message)
+        number = int(variable or 0)
+        page = stored.pages[number]
+        refuse_huge(path, page.shape)
+        if len(page.shape) != 2 or page.dtype is None or page.dtype.kind not in "fiu" or page.dtype.itemsize < 2:
+            message = (
+                f"{path}: page {number} has shape {page.shape} and values of type {page.dtype}; allowed: one "
+                "grey value of at least 16 bits for each pixel"
+            )
+            raise SurfaceError(message)
+        pixel, unit, source = (None, None, "") if ignore_header else _pixel(path, stored, page)
+        nodata = _tag(page, _NODATA)
     rows, columns = page.shape
     sides = None if pixel is None else (pixel[0] * (columns - 1), pixel[1] * (rows - 1))
     notes = (f"{path.name} has {pages} pages; page {number} is read",) if pages > 1 and variable is None else ()
@@ -73,17 +81,11 @@ def opened(path: Path, variable: str | None = None, *, ignore_header: bool = Fal
 def _read(path: Path, number: int, nodata: Any) -> NDArray[Any]:
     from tifffile import TiffFile
 
-    try:
-        with TiffFile(path) as stored:
-            image = stored.pages[number].asarray()
-    except Exception as error:
-        message = f"{path}: cannot be read as TIFF: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
-        raise DatasetError(message) from error
+    with reading(path, "TIFF"), TiffFile(path) as stored:
+        image = stored.pages[number].asarray()
     heights = np.asarray(image, dtype=np.float64)
-    try:
+    with contextlib.suppress(TypeError, ValueError):  # no such tag
         heights[heights == float(nodata)] = math.nan
-    except (TypeError, ValueError):  # no such tag
-        return heights.T
     return heights.T
 
 
@@ -98,26 +100,25 @@ def _pixel(path: Path, stored: Any, page: Any) -> tuple[tuple[float, float] | No
     if ome:
         sizes = {key: re.search(rf'PhysicalSize{key}="([^"]+)"', ome) for key in "XY"}
         if sizes["X"] and sizes["Y"]:
-            named = re.search(r'PhysicalSizeXUnit="([^"]+)"', ome)
-            name = length_unit(path, named[1], "PhysicalSizeXUnit") if named else "um"  # the default of OME
-            return (float(sizes["X"][1]), float(sizes["Y"][1])), name, "PhysicalSizeX of OME"
+            match = re.search(r'PhysicalSizeXUnit="([^"]+)"', ome)
+            unit = length_unit(path, match[1], "PhysicalSizeXUnit") if match else "um"  # the default of OME
+            return (float(sizes["X"][1]), float(sizes["Y"][1])), unit, "PhysicalSizeX of OME"
     scale = _tag(page, _PIXEL_SCALE)
     if scale is not None:
         return (float(scale[0]), float(scale[1])), None, "tag ModelPixelScale"
-    found = [_tag(page, code) for code in (282, 283)]  # XResolution, YResolution: pixels per unit, as fractions
-    if any(value is None or not value[0] or not value[1] for value in found):
+    fractions = [_tag(page, code) for code in (282, 283)]  # XResolution, YResolution: pixels per unit
+    if any(value is None or not value[0] or not value[1] for value in fractions):
         return None, None, ""
-    resolution = [value[0] / value[1] for value in found]
+    resolution = [value[0] / value[1] for value in fractions]
     imagej = (stored.imagej_metadata or {}).get("unit")
     if imagej:
         unit = length_unit(path, imagej.replace("\\u00B5", "\u00b5"), "the unit of ImageJ")
         if unit is not None:
             return (1.0 / resolution[0], 1.0 / resolution[1]), unit, "XResolution in the unit of ImageJ"
         return None, None, ""
-    per = _tag(page, 296)
-    centimetres = {_INCH: 2.54, _CENTIMETRE: 1.0}.get(int(per) if per is not None else 0)
+    centimetres = {_INCH: 2.54, _CENTIMETRE: 1.0}.get(int(_tag(page, 296) or 0))
     if centimetres is None or any(
-        math.isclose(one * 2.54 / centimetres, dpi, rel_tol=1e-3) for one in resolution for dpi in _PICTURES
+        math.isclose(value * 2.54 / centimetres, dpi, rel_tol=1e-3) for value in resolution for dpi in _PICTURES
     ):
         return None, None, ""
     return (centimetres / resolution[0], centimetres / resolution[1]), "cm", "tag XResolution"
