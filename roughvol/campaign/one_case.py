@@ -16,6 +16,7 @@ from roughvol.contact.loading import sweep
 from roughvol.contact.search import first_indentation, indentation_for
 from roughvol.errors import ContactError
 from roughvol.observables import reduction
+from roughvol.observables.levels import end_of
 from roughvol.observables.reduction import Reduction, Values
 from roughvol.store import checkpoint as checkpoints
 from roughvol.store import dataset
@@ -154,10 +155,10 @@ def _half_space(shape: tuple[int, int], kernel: str, threads: int, held: HalfSpa
 
 def last_indentation(case: Case, surface: Surface, half_space: HalfSpace) -> float:
     """Return Δ/σ at the end of the sweep: on a plane, at a value given, or where the search for one ends."""
-    target, scale = case.sweep.target, surface.Sq or 1.0
+    target, scale = case.sweep.target, surface.unit
     value = target.value or 0.0
     rtol, method = min(case.solver.tolerance, case.solver.pressure_error or 1.0), case.solver.method
-    predicate = reduction.end_of(case)
+    predicate = end_of(case)
     if predicate is not None:
         return first_indentation(surface, half_space, predicate, rtol=rtol, method=method)
     if target.kind in ("contact_area", "pressure"):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from roughvol.campaign import limits
 from roughvol.errors import CampaignError, ResourceError
+from roughvol.observables import recorded
 from roughvol.study import Case
 
 # Bytes, as the largest resident set of `run_case` grew at m = 9 and 10 (D = 2.5; docs/cluster.md).
@@ -68,9 +69,7 @@ def nodes_of(case: Case, shape: tuple[int, int] | None) -> int:
 
 def fields_of(case: Case) -> int:
     """Return how many fields of a case are kept."""
-    flux = case.record.transport.flux_at if case.record.transport else None
-    selects = [select for select in (case.record.fields_at, flux) if select is not None]
-    return case.record.heights + sum(2 * len(select.levels) for select in selects)
+    return recorded.fields_of(case.record)
 
 
 def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, place: Path, *, here: bool = True) -> None:

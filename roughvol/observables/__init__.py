@@ -4,6 +4,11 @@ Room of the observables: pure functions of arrays, and the reduction of a sweep 
 
 ===============  ===================================================================
 `reduction`      each state of a sweep reduced to stored values
+`recorded`       the list of observables: states, functions, labels, costs
+`levels`         the states at which an observable is taken
+`along_steps`    observables stored along the steps
+`deformed`       texture before load and under load
+`pressures`      shares above the hardness, the pressure in the middle
 `free_volume`    element volumes, their total, density and domains
 `box_counting`   boxes of side r, and the local dimension
 `transport`      connectivity, constriction, conduction, quick estimates

@@ -10,17 +10,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
-from roughvol.typing import Array, Mask
+from roughvol.typing import Array, Index, Mask
 
 
 class BoxCounts(NamedTuple):
     """Box sides ``r`` = 1, 2, 4 … 2^k [nodes] and the ``counts`` N(r) of boxes with at least one node of the domain."""
 
-    r: NDArray[np.int64]
-    counts: NDArray[np.int64]
+    r: Index
+    counts: Index
 
 
 class LocalDimension(NamedTuple):

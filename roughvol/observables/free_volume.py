@@ -13,8 +13,6 @@ import numpy as np
 from roughvol.errors import ContactError
 from roughvol.typing import Array, Mask
 
-Mask = Mask
-
 
 class VolumeDensity(NamedTuple):
     """Density f(v) of element volumes on K bins: ``edges`` (K + 1) [length³] and ``density`` (K) [1/length³]."""

@@ -34,10 +34,7 @@ from scipy import ndimage, optimize, sparse
 from scipy.sparse import linalg as sparse_linalg
 
 from roughvol.errors import ContactError
-from roughvol.typing import Array, Mask
-
-Mask = Mask
-Sizes = NDArray[np.int64]
+from roughvol.typing import Array, Index, Mask
 
 _SIDES = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
 _SIDES_AND_CORNERS = np.ones((3, 3))
@@ -62,8 +59,8 @@ class Connectivity(NamedTuple):
     connected: float
     percolating: float
     trapped: float
-    contact_clusters: Sizes
-    trapped_pockets: Sizes
+    contact_clusters: Index
+    trapped_pockets: Index
 
 
 class Constriction(NamedTuple):

@@ -38,7 +38,7 @@ from roughvol.errors import DatasetError
 from roughvol.store import columns, stamped_file
 from roughvol.store.columns import Arrays
 from roughvol.store.stamped_file import FORMAT
-from roughvol.store.variables import DTYPES, FIELDS, MISSING, TIMES, VARIABLES, Variable
+from roughvol.store.variables import ALONG, DTYPES, FIELDS, MISSING, TIMES, VARIABLES, Variable
 from roughvol.study import Case, Region
 from roughvol.surfaces.body import Body
 
@@ -375,21 +375,10 @@ def _encoding(dataset: Dataset) -> dict[str, dict[str, Any]]:
     return encoding
 
 
-_ALONG = {  # one of the numbers stored of each
-    "percolation": "percolates_x",
-    "constriction": "critical_gap_x",
-    "transmissivity": "transmissivity_x",
-    "diffusivity": "diffusivity_x",
-    "estimates": "estimate_medium_transmissivity",
-    "region_widths": "contact_area_fraction_within",
-    "region_transmissivity": "transmissivity_within_x",
-}
-
-
 def unreached(results: Dataset) -> dict[str, int]:
     """Return in how many cases nothing is stored of what is asked for along the steps, since no state was reached."""
     counts = {}
-    for name, stored in _ALONG.items():
+    for name, stored in ALONG.items():
         if name in results.get("observable", ()):
             asked = results["observable_time"].sel(observable=name).notnull()  # of the cases that are done
             if stored in results:

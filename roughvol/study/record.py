@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, get_args, get_type_hints
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_serializer, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import core_schema
 
 from roughvol.study.sections import (
     AreaFraction,
@@ -69,6 +82,30 @@ class VolumeDensity(Strict):
     bins: Annotated[Whole, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
     at: Selector = Field(default=Select(), description=f"the states to take f(v) at: {_STATES}")
     include_contact: bool = Field(default=False, description="whether elements in contact (v = 0) count: true or false")
+
+
+class Switch:
+    """Accept true for the defaults of a mapping and false for nothing, and show both in the JSON schema."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self._spelled_out, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [{"type": "boolean"}, handler(schema["schema"])]}
+
+    @staticmethod
+    def _spelled_out(value: Any) -> Any:
+        if isinstance(value, bool):
+            return {} if value else None
+        if not isinstance(value, dict | BaseModel | None):
+            refuse("must be true, false or a mapping (key: value)")
+        return value
+
+
+class Texture(Strict):
+    """The texture before load, and of the deformed surface under load."""
+
+    at: Selector = Field(default=Select(), description=f"the states under load to take it at: {_STATES}")
 
 
 EVERY_STEP = "every-step"
@@ -212,9 +249,14 @@ class Record(Strict):
     volume_density: VolumeDensity | None = Field(
         default=None, description="density of the volumes; {} takes the defaults"
     )
+    texture: Annotated[Texture | None, Switch()] = Field(
+        default=None,
+        description="texture before load and of the deformed surface (Sa, Ssk, Sku, Sp, Sv, Sz, Svi, Sbi, material "
+        "ratio, structure function): true, false or {at: states}",
+    )
     transport: Transport | None = Field(
         default=None,
-        description="what is computed of the void, quantity by quantity, each with its states",
+        description="quantities of the void, each with its states",
     )
     region: Annotated[Region, Word("interior", INTERIOR)] | None = Field(
         default=None,
@@ -232,4 +274,28 @@ class Record(Strict):
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
         """Leave out what came later where it is not used."""
-        return without_unused(handler(self), "region_widths", "dimensional")
+        return without_unused(handler(self), "region_widths", "dimensional", "texture")
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the records that an annotation holds, in unions and behind ``Annotated``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models(argument)
+
+
+def _selectors() -> Iterator[tuple[str, ...]]:
+    """Yield the path of every key of `Record` that selects states."""
+    for name, annotation in get_type_hints(Record, include_extras=True).items():
+        for model in _models(annotation):
+            if issubclass(model, Select):
+                yield (name,)
+                continue
+            for inner, hint in get_type_hints(model, include_extras=True).items():
+                if any(issubclass(part, Select) for part in _models(hint)):
+                    yield name, inner
+
+
+SELECTORS = tuple(_selectors())
+"""Paths of the keys of the section ``record`` that select states."""

@@ -10,12 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, signal, sparse
 from scipy.sparse import linalg
 
 from roughvol.errors import SurfaceError
-from roughvol.typing import Array, Mask
+from roughvol.typing import Array, Index, Mask
 
 LEVELS = {"none": -1, "mean": 0, "tilt": 1, "quadratic": 2}  # degree of the surface that is taken off
 FILLS = ("nearest", "interpolate")
@@ -177,7 +176,7 @@ def _harmonic(heights: Array, missing: Mask) -> Array:
     neighbours, known_sum = np.zeros(len(here)), np.zeros(len(here))
     exponent = _exponent(heights)
     scaled = np.ldexp(heights, -exponent)
-    entries: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
+    entries: list[tuple[Index, Index]] = []
     for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
         there_row, there_column = row + down, column + right
         inside = (there_row >= 0) & (there_row < rows) & (there_column >= 0) & (there_column < columns)

@@ -7,11 +7,10 @@ import operator
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.surface import Surface, positive, real
-from roughvol.typing import Array
+from roughvol.typing import Array, Index
 
 LARGEST_M = 14  # 2 GiB of heights; the contact problem ends well before
 
@@ -81,7 +80,7 @@ def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: i
     return Surface(heights, side / nodes)
 
 
-def midpoint_levels(m: int) -> NDArray[np.int64]:
+def midpoint_levels(m: int) -> Index:
     """Return the half step at which each node gets its height (the paper's Fig. 1).
 
     Parameters

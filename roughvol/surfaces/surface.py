@@ -1,7 +1,6 @@
-"""Rough surfaces: heights on a square lattice, and the random midpoint displacement that makes fractal ones.
+"""The record of a rough surface: heights on a square lattice, checked once.
 
 Conventions: heights z are positive up, axis 0 is x and axis 1 is y, the nodes are δ = ``spacing`` apart on both axes.
-A surface made here has N = 2^m + 1 nodes per side and δ = side / 2^m; its four corners are zero.
 """
 
 from __future__ import annotations
@@ -90,6 +89,15 @@ class Surface:
         Right for any scale of heights: they are brought to unit range first, because the squares of 1e-250 underflow.
         """
         return self._moments[1]
+
+    @property
+    def unit(self) -> float:
+        """Length by which heights and gaps are divided: Sq, or 1 if the surface is flat."""
+        return self.Sq or 1.0
+
+    def scaled(self, Sq: float) -> Surface:
+        """Return the surface with its heights multiplied so that their root mean square is ``Sq`` [length]."""
+        return Surface(self.heights * (Sq / self.Sq), self.spacing)
 
     @property
     def peak(self) -> float:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.report.claims import statistics
 from roughvol.report.claims.evidence import (
@@ -28,7 +27,7 @@ from roughvol.report.claims.evidence import (
 from roughvol.report.claims.needs import BY_D, BY_M, MANY
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, above, below
-from roughvol.typing import Array
+from roughvol.typing import Array, Index
 
 EXPONENT, EXPONENT_ROUNDING = 0.37, 0.005  # Section 3.1, printed with two digits
 FAIR = 0.10  # of Persson's exponent: the paper calls its own distance of 0.07 "fair good agreement"
@@ -206,18 +205,18 @@ def band(run: Run, x: str, D: Sequence[float], m: int) -> tuple[Array, Array]:
     return np.array([at(axis, run.values(V, D=d, m=m), grid) for axis, d in zip(axes, D, strict=True)]), grid
 
 
-def _over_scatter(curves: Array, seeds: NDArray[np.intp]) -> float:
+def _over_scatter(curves: Array, seeds: Index) -> float:
     spread = scatter(curves, seeds)  # 0 for a resample of one surface only
     return width(curves, seeds) / spread if spread > 0.0 else math.nan
 
 
-def width(curves: Array, seeds: NDArray[np.intp]) -> float:
+def width(curves: Array, seeds: Index) -> float:
     """Return the width of the band that the means over surfaces fill, over their middle, averaged along the axis."""
     means = curves[:, seeds].mean(axis=1)
     return float(np.mean((means.max(axis=0) - means.min(axis=0)) / means.mean(axis=0)))
 
 
-def scatter(curves: Array, seeds: NDArray[np.intp]) -> float:
+def scatter(curves: Array, seeds: Index) -> float:
     """Return the scatter of surfaces of one kind, ± one standard deviation over the middle, averaged along the axis."""
     chosen = curves[:, seeds]
     return float(np.mean(2.0 * chosen.std(axis=1, ddof=1).mean(axis=0) / chosen.mean(axis=(0, 1))))

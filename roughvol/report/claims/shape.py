@@ -6,7 +6,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from roughvol.observables.free_volume import domain, element_volumes, free_volume
@@ -16,7 +15,7 @@ from roughvol.report.claims.needs import BOXES, BY_D, FIELD, ONE_D
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number, above, below
 from roughvol.store.dataset import at_state
-from roughvol.typing import Array, Mask
+from roughvol.typing import Array, Index, Mask
 
 PAPER_A = 0.1  # the contact area of Figs. 8 to 11
 STRAIGHT = 0.99  # R² of log N over log r from which a box-counting plot is called straight
@@ -167,7 +166,7 @@ def domains(given: Given) -> Outcome:
     return Outcome(checks, why, [run], numbers[1:-1])
 
 
-def boxes(run: Run, D: float, m: int, label: str) -> tuple[NDArray[np.int64], Array]:
+def boxes(run: Run, D: float, m: int, label: str) -> tuple[Index, Array]:
     """Return box sides and counts N(r) at a state, shape (surfaces, thresholds, r); NaN where it was not reached."""
     case = run.dataset.sel(D=D, m=m, box_at=label)
     counts = case["box_count"].transpose("seed", "threshold", "r").values
@@ -191,7 +190,7 @@ def state_of_boxes(run: Run) -> tuple[float, int, str]:
     return D, m, min(off, key=lambda label: off[label])
 
 
-def fitted_dimension(r: NDArray[np.int64], counts: Array) -> Array:
+def fitted_dimension(r: Index, counts: Array) -> Array:
     """Return the box dimension: minus the slope of log N over log r for r = 1 … 2^m/4, along the last axis.
 
     The two largest boxes are left out: with at most four of them N is 1 to 4 for every domain.
@@ -370,7 +369,7 @@ def contact_dimension(given: Given) -> Outcome:
     return Outcome(checks, why, [run], numbers)
 
 
-def _contact(run: Run, D: float, m: int, label: str) -> tuple[NDArray[np.int64], Array]:
+def _contact(run: Run, D: float, m: int, label: str) -> tuple[Index, Array]:
     r, counts = boxes(run, D, m, label)
     zero = int(np.flatnonzero(run.dataset["threshold"].values == 0.0)[0])
     return r, counts[:, zero]
