@@ -6,6 +6,7 @@ Room of the report. It reads datasets and computes no contact.
 `figures`       each figure a function of a dataset
 `claims`        each claim of the paper a function of datasets
 `write`         the report written, and held against an expectation
+`paper_rules`   the paper's state and the slope A*/p*, for figures and claims
 `model`         what a report holds
 `page`          as one HTML page
 `text`          as JSON, Markdown and lines for a terminal

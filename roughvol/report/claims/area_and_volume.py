@@ -10,23 +10,11 @@ from itertools import pairwise
 import numpy as np
 
 from roughvol.report.claims import statistics
-from roughvol.report.claims.evidence import (
-    D_SIGMA,
-    PAPER_D,
-    A,
-    Given,
-    Lacking,
-    Outcome,
-    P,
-    V,
-    area_slopes,
-    at,
-    claim,
-    common,
-)
+from roughvol.report.claims.evidence import D_SIGMA, A, Given, Lacking, Outcome, P, V, area_slopes, at, claim, common
 from roughvol.report.claims.needs import BY_D, BY_M, MANY
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, above, below
+from roughvol.report.paper_rules import PAPER_D
 from roughvol.typing import Array, Index
 
 EXPONENT, EXPONENT_ROUNDING = 0.37, 0.005  # Section 3.1, printed with two digits

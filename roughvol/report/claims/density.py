@@ -9,10 +9,11 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from roughvol.report.claims import statistics
-from roughvol.report.claims.evidence import PAPER_D, PAPER_M, Given, Lacking, Outcome, V, claim, nearest
+from roughvol.report.claims.evidence import Given, Lacking, Outcome, V, claim
 from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, MANY
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, above, below
+from roughvol.report.paper_rules import PAPER_D, PAPER_M, nearest
 from roughvol.typing import Array, Index
 
 F, EDGES = "volume_density", "volume_density_edges"

@@ -11,10 +11,11 @@ import numpy as np
 from roughvol.report.claims import statistics
 from roughvol.report.claims.area_and_volume import exponents
 from roughvol.report.claims.density import mean_volume_exponents
-from roughvol.report.claims.evidence import PAPER_D, A, Evidence, Lacking, P, V, area_slopes, nearest
+from roughvol.report.claims.evidence import A, Evidence, Lacking, P, V, area_slopes
 from roughvol.report.claims.needs import MANY
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Number
+from roughvol.report.paper_rules import PAPER_D, nearest
 from roughvol.typing import Array
 
 FEW = 10  # surfaces of the paper's Monte Carlo

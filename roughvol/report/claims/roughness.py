@@ -8,10 +8,11 @@ from itertools import pairwise
 import numpy as np
 
 from roughvol.report.claims import paper_formulas, statistics
-from roughvol.report.claims.evidence import A, Given, Lacking, Outcome, P, V, claim, nearest
-from roughvol.report.claims.needs import BY_D, BY_M, PAPER_M, Needs
+from roughvol.report.claims.evidence import A, Given, Lacking, Outcome, P, V, claim
+from roughvol.report.claims.needs import BY_D, BY_M, Needs
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number, above
+from roughvol.report.paper_rules import PAPER_M, nearest
 from roughvol.surfaces import texture
 
 SHARED = 10  # surfaces that two runs of claim 24 must have in common
@@ -103,7 +104,7 @@ def roughness_grows(given: Given) -> Outcome:
     shows the surfaces without a sentence about them, so it does not decide).
     """
     run = given.run()
-    m = int(nearest(run.m, 7))
+    m = int(nearest(run.m, PAPER_M))
     checks = []
     for low, high in pairwise(run.D):
         each = run.values("Sdq", D=high, m=m) / run.values("Sdq", D=low, m=m)

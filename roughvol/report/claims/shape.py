@@ -10,14 +10,14 @@ from scipy.stats import spearmanr
 
 from roughvol.observables.free_volume import domain, element_volumes, free_volume
 from roughvol.report.claims import statistics
-from roughvol.report.claims.evidence import D_SIGMA, PAPER_D, PAPER_M, A, Given, Lacking, Outcome, P, V, claim, nearest
+from roughvol.report.claims.evidence import D_SIGMA, A, Given, Lacking, Outcome, P, V, claim
 from roughvol.report.claims.needs import BOXES, BY_D, FIELD, ONE_D
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number, above, below
+from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M, nearest, nearest_state
 from roughvol.store.dataset import at_state
 from roughvol.typing import Array, Index, Mask
 
-PAPER_A = 0.1  # the contact area of Figs. 8 to 11
 STRAIGHT = 0.99  # R² of log N over log r from which a box-counting plot is called straight
 REACHED = 0.005  # half a unit of the one digit in A* ~ 0.1, in the next
 
@@ -43,7 +43,7 @@ def field(run: Run) -> Field:
         message = "no recorded field"
         raise Lacking(message)
     states = {k: at_state(case, "field_at", k) for k in places}
-    place = min(places, key=lambda k: abs(float(states[k][A]) - PAPER_A))
+    place = nearest_state({k: float(state[A]) for k, state in states.items()})
     gap = case["gap"].isel(field_at=place).dropna("x", how="all").dropna("y", how="all").transpose("x", "y").values
     numbers = {name: float(states[place][name]) for name in (A, P, V, D_SIGMA)} | {"Sq": float(case["Sq"])}
     numbers["spacing"] = run.L / (len(gap) - 1)
@@ -178,16 +178,16 @@ def state_of_boxes(run: Run) -> tuple[float, int, str]:
     """Return D, m and the label of the state nearest to the paper's D = 2.3, m = 7, A* = 0.1 that was box-counted."""
     D, m = nearest(run.D, PAPER_D), int(nearest(run.m, PAPER_M))
     case = run.dataset.sel(D=D, m=m)
-    off = {}
+    areas = {}
     for place, label in enumerate(case["box_at"].values.tolist()):
         steps = case["box_at_step"].sel(box_at=label).values
         reached = [float(at_state(case.isel(seed=k), "box_at", place)[A]) for k in np.flatnonzero(steps > 0)]
         if len(reached) == run.seeds:
-            off[label] = abs(float(np.mean(reached)) - PAPER_A)
-    if not off:
+            areas[label] = float(np.mean(reached))
+    if not areas:
         message = "a box-counted state that every surface reaches"
         raise Lacking(message)
-    return D, m, min(off, key=lambda label: off[label])
+    return D, m, nearest_state(areas)
 
 
 def fitted_dimension(r: Index, counts: Array) -> Array:

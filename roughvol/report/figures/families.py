@@ -15,6 +15,7 @@ import numpy as np
 
 from roughvol.observables.free_volume import element_volumes
 from roughvol.report.figures.style import A, P, looks
+from roughvol.report.paper_rules import PAPER_D, nearest, nearest_state, nearest_surface
 from roughvol.store.dataset import at_state
 from roughvol.typing import Array, Mask
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 Curve = tuple[Array, Array]
 
-PAPER = {"D": 2.3, "m": 7.0, A: 0.1}  # the single configuration of Figs. 8-11
 FINEST = 1e9  # a wish for the largest m
 ENOUGH = 25  # elements in a bin of a density: a fifth of noise
 PER_DECADE = 12  # bins on a logarithmic axis at most
@@ -52,12 +52,12 @@ def held(ds: Dataset, *variables: str) -> DataArray:
 
 def families(ds: Dataset, by: str, *variables: str, m: float = FINEST) -> tuple[list[Family], str]:
     """Return the families to compare in the order of `by`, and what they have in common, for the legend."""
-    common, wish = ("D", PAPER["D"]) if by == "m" else ("m", m)
+    common, wish = ("D", PAPER_D) if by == "m" else ("m", m)
     if "case" in ds.dims:
         by, title, ds = "case", "", ds.expand_dims("seed")
     else:
         holding = ds[common].values[held(ds, *variables).any([by, "seed"]).values].tolist()
-        fixed = min(holding, key=lambda value: (abs(value - wish), -value))
+        fixed = nearest(holding, wish)
         ds, title = ds.sel({common: fixed}), f"${common} = {fixed:g}$"
     known = held(ds, *variables).transpose(by, "seed").values
     places = np.flatnonzero(known.any(axis=1)).tolist()
@@ -73,9 +73,13 @@ def families(ds: Dataset, by: str, *variables: str, m: float = FINEST) -> tuple[
 def single(ds: Dataset, *variables: str) -> tuple[Dataset, str]:
     """Return the case nearest to the paper's D = 2.3, m = 7 that holds the variables, and its name."""
     known = held(ds, *variables)
-    places = [dict(zip(known.dims, place, strict=True)) for place in np.argwhere(known.values).tolist()]
     numbers = [dim for dim in ("D", "m") if dim in known.dims]
-    case = ds.isel(min(places, key=lambda place: [abs(float(ds[dim][place[dim]]) - PAPER[dim]) for dim in numbers]))
+    places = [dict(zip(known.dims, place, strict=True)) for place in np.argwhere(known.values).tolist()]
+    surfaces = {}
+    for k, place in enumerate(places):
+        D, m = (float(ds[dim][place[dim]]) if dim in place else None for dim in ("D", "m"))
+        surfaces[k] = D, m
+    case = ds.isel(places[nearest_surface(surfaces)])
     return case, ", ".join([f"${dim} = {case[dim].item():g}$" for dim in numbers]) or file_text(case["case"].item())
 
 
@@ -87,8 +91,8 @@ def file_text(name: str) -> str:
 def state(ds: Dataset, at: str, *variables: str) -> tuple[Dataset, str, str]:
     """Return the single case at its recorded state (along `at`) nearest to the paper's A* = 0.1, and both in words."""
     case, name = single(ds, *variables)
-    reached = [at_state(case, at, int(k)) for k in np.flatnonzero(case[f"{at}_step"].values > 0)]  # -1: never reached
-    found = min(reached, key=lambda one: abs(float(one[A]) - PAPER[A]))
+    reached = {k: at_state(case, at, k) for k in np.flatnonzero(case[f"{at}_step"].values > 0).tolist()}  # -1: never
+    found = reached[nearest_state({k: float(one[A]) for k, one in reached.items()})]
     return found, name, rf"$A^{{\ast}} = {float(found[A]):.3f}$, $p^{{\ast}} = {float(found[P]):.2f}$"
 
 

@@ -22,7 +22,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from roughvol.observables.transport import constriction
 from roughvol.report.figures import seal_ways
 from roughvol.report.figures.curves import shown
-from roughvol.report.figures.families import PAPER, Family, families, held, own, single
+from roughvol.report.figures.families import Family, families, held, own, single
 from roughvol.report.figures.origin import guarded
 from roughvol.report.figures.seal_drawing import (
     CLOSED,
@@ -40,6 +40,7 @@ from roughvol.report.figures.seal_drawing import (
 )
 from roughvol.report.figures.seal_ways import DIRECTIONS, ways
 from roughvol.report.figures.style import CONTACT, GREY, LABELS, PAGE, A, Drawing, P, V, canvas, looks, unit_of
+from roughvol.report.paper_rules import PAPER_D, nearest
 from roughvol.store.dataset import at_state
 
 if TYPE_CHECKING:
@@ -285,8 +286,8 @@ def seal_region(ds: Dataset) -> Drawing:
 def _nearest(ds: Dataset) -> Family:
     """Return the surfaces of the D nearest the paper's."""
     some, _ = families(ds, "D", A, "contact_area_fraction_within")
-    wish = PAPER["D"] if "D" in ds.dims else 0.0
-    return min(some, key=lambda family: (abs(family.value - wish), -family.value))
+    value = nearest([family.value for family in some], PAPER_D if "D" in ds.dims else 0.0)
+    return next(family for family in some if family.value == value)
 
 
 @_figure(

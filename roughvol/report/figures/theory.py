@@ -18,19 +18,7 @@ from numpy.typing import NDArray
 from roughvol.contact import closed_forms
 from roughvol.report.claims import Evidence, density, formulas, paper_formulas, shape
 from roughvol.report.claims.area_and_volume import exponents
-from roughvol.report.claims.evidence import (
-    D_SIGMA,
-    PAPER_D,
-    PAPER_M,
-    A,
-    Lacking,
-    P,
-    V,
-    area_slopes,
-    at,
-    common,
-    nearest,
-)
+from roughvol.report.claims.evidence import D_SIGMA, A, Lacking, P, V, area_slopes, at, common
 from roughvol.report.claims.many_seeds import FEW
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.figures.origin import is_paper_surface
@@ -48,6 +36,7 @@ from roughvol.report.figures.style import (
     volume_label,
     volume_unit,
 )
+from roughvol.report.paper_rules import PAPER_D, PAPER_M, nearest
 from roughvol.store.dataset import at_state
 from roughvol.surfaces import texture
 from roughvol.typing import Array
