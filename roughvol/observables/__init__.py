@@ -1,6 +1,10 @@
-"""What is kept of a state: its numbers, its fields, and the flow through its gap.
+"""Observables of a contact: its numbers, its fields, the flow through its gap, and the texture under load.
 
 Room of the observables: pure functions of arrays, and the reduction of a sweep to what a study asks for.
+
+To add an observable: write its function here and give it a row in a list (`recorded.AT_STATES`, `void.QUANTITIES` or
+`regions.QUANTITIES`); give each stored name a row in `store.variables`. If it has its own key, add the field in
+`study.record`. docs/observables.md has the details.
 
 ===============  ===================================================================
 `reduction`      each state of a sweep reduced to stored values

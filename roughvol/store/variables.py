@@ -68,6 +68,7 @@ VARIABLES |= _rows(
     density_at=Variable("density_at", "1", "state of the density of element volumes", "state", "text"),
     box_at=Variable("box_at", "1", "state of the box counting", "state", "text"),
     flux_at=Variable("flux_at", "1", "state at which fluxes are kept", "state", "text"),
+    texture_at=Variable("texture_at", "1", "state under load at which texture is taken", "state", "text"),
 )
 VARIABLES |= _rows(
     "observables.free_volume.volume_density",
@@ -138,7 +139,7 @@ VARIABLES |= _rows(
 )
 VARIABLES |= _rows(
     "surfaces.texture.hurst_spectrum",
-    hurst_measured=Variable("...", "1", "Hurst exponent from the structure function", "H"),
+    hurst_measured=Variable("...", "1", "Hurst exponent from the power spectrum", "H"),
 )
 VARIABLES |= _rows(
     "campaign.one_case.run_case",
@@ -281,7 +282,7 @@ VARIABLES |= _rows(
         "... step", "length^3/time", "volume flow along y, T_y* g_mean^3 pressure_drop W_x/(12 viscosity W_y)", "Q_y"
     ),
 )
-# at the states a study selects; *_step: the first step that reaches it
+# at the states a study selects
 VARIABLES |= _rows(
     "observables.levels.at_level",
     level_convolutions=Variable(
@@ -299,32 +300,16 @@ VARIABLES |= _rows(
     ),
 )
 VARIABLES |= _rows(
-    "observables.levels.reached",
-    flux_at_step=Variable("... flux_at", "1", "first step at the state or beyond it, -1 if not reached", "k", "index"),
-)
-VARIABLES |= _rows(
     "observables.transport.conduction",
     "flux_at",
     flux_x=Variable("... flux_at x y", "1", "flux with g^3 for a flow along x, over that of plates", "|q_x|"),
     flux_y=Variable("... flux_at x y", "1", "flux with g^3 for a flow along y, over that of plates", "|q_y|"),
 )
 VARIABLES |= _rows(
-    "observables.levels.reached",
-    field_at_step=Variable(
-        "... field_at", "1", "first step at the state or beyond it, -1 if not reached", "k", "index"
-    ),
-)
-VARIABLES |= _rows(
     "contact.state.Contact.{name}",
     "fields_at",
     gap=Variable("... field_at x y", "1", "gap over Sq, exactly 0 in contact", "g/σ"),
     pressure=Variable("... field_at x y", "1", "contact pressure times L/(E* Sq)", "p L/(E* σ)"),
-)
-VARIABLES |= _rows(
-    "observables.levels.reached",
-    density_at_step=Variable(
-        "... density_at", "1", "first step at the state or beyond it, -1 if not reached", "k", "index"
-    ),
 )
 VARIABLES |= _rows(
     "observables.free_volume.volume_density",
@@ -335,10 +320,6 @@ VARIABLES |= _rows(
     volume_density_edges=Variable(
         "... density_at edge", "length^3", "edges of the bins of element volumes", "v", height_power=1
     ),
-)
-VARIABLES |= _rows(
-    "observables.levels.reached",
-    box_at_step=Variable("... box_at", "1", "first step at the state or beyond it, -1 if not reached", "k", "index"),
 )
 VARIABLES |= _rows(
     "observables.free_volume.element_volumes",
@@ -379,16 +360,6 @@ VARIABLES |= _rows(
     "observables.deformed.lags",
     lag=Variable("lag", "1", "distance of two nodes in elements", "l/δ", "index"),
 )
-VARIABLES |= _rows(
-    "study.record.Select.levels",
-    texture_at=Variable("texture_at", "1", "state under load at which texture is taken", "state", "text"),
-)
-VARIABLES |= _rows(
-    "observables.levels.reached",
-    texture_at_step=Variable(
-        "... texture_at", "1", "first step at the state or beyond it, -1 if not reached", "k", "index"
-    ),
-)
 _WHOLE = ("Sq", "Sdq", "hurst_measured")  # stored of the whole surface in any case
 for _name in _WHOLE:
     _row = VARIABLES[_name]
@@ -414,6 +385,14 @@ STATES = tuple(name for name, row in VARIABLES.items() if row.dims == name and n
 """Dimensions along which recorded states are stored."""
 OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 for _dim in STATES:
+    VARIABLES |= _rows(
+        "observables.levels.reached",
+        **{
+            f"{_dim}_step": Variable(
+                f"... {_dim}", "1", "first step at the state or beyond it, -1 if not reached", "k", "index"
+            )
+        },
+    )
     # the numbers of the state itself: between two steps it is none of them
     VARIABLES |= {
         f"{_dim}_{_name}": replace(
