@@ -102,7 +102,7 @@ def _swept(
     on_step: Callable[[int], None] | None,
     stopping: Callable[[], bool],
 ) -> Values:
-    """Return what is recorded of the sweep, of which the steps that a checkpoint holds are not solved again."""
+    """Return the values recorded of the sweep; steps in the checkpoint are not solved again."""
     reduced = Reduction(case, surface, half_space)
     state = checkpoint.load() if checkpoint else None
     if state is not None:

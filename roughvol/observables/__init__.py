@@ -2,8 +2,8 @@
 
 Room of the observables: pure functions of arrays, and the reduction of a sweep to what a study asks for.
 
-To add an observable: write its function here and give it a row in a list (`recorded.AT_STATES`, `void.QUANTITIES` or
-`regions.QUANTITIES`); give each stored name a row in `store.variables`. If it has its own key, add the field in
+To add an observable, write its function here, with a row in `recorded.AT_STATES`, `void.QUANTITIES` or
+`regions.QUANTITIES`. Give each stored name a row in `store.variables`. If it has its own key, add the field in
 `study.record`. docs/observables.md has the details.
 
 ===============  ===================================================================

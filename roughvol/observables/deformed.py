@@ -11,9 +11,9 @@ shape of the paper's Fig. 8b. Texture does not depend on the height of the plane
 E* is composite, and u is the sum of both deformations. If the smooth body deforms, the rough one keeps its shape, and
 -g is the shape of the gap turned upside down. The valleys between the bodies are the same in both readings.
 
-Numbers are those of `texture`, each normalised by the heights it is given. Svi under load is over the Sq under load;
-times Sq under load over Sq it is the retained volume over σ, which the free volume V* can be compared with.
-Everything is of the region of the study, before load as well, so both are of the same nodes.
+Numbers are those of `texture`, each normalised by the heights it is given. Svi under load is over the Sq under load.
+Times Sq under load over Sq it is the retained volume over σ, comparable with the free volume V*. Everything is of the
+region of the study, before load as well, so both are of the same nodes.
 """
 
 from __future__ import annotations

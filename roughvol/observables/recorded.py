@@ -2,7 +2,7 @@
 
 `AT_STATES` holds the observables of single states, each along its own dimension of states. Those along the steps are
 rows of `void.QUANTITIES` and `regions.QUANTITIES`. The reduction of a sweep, the estimate of costs and the memory are
-made from these rows; docs/observables.md says how to add one.
+made from these rows. See docs/observables.md for how to add one.
 """
 
 from __future__ import annotations

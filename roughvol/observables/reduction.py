@@ -81,12 +81,12 @@ def of_sweep(
     contacts: Iterable[Contact],
     on_step: Callable[[int], None] | None = None,
 ) -> Values:
-    """Return the numbers of every step, and what is recorded of the state at each level selected.
+    """Return the numbers of every step, and the observables of the states that a study selects.
 
     Parameters
     ----------
     case : Case
-        Names the levels and what to record there.
+        Names the states and what to record of them.
     surface : Surface
         The surface pressed.
     half_space : Compliance

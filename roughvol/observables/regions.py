@@ -1,7 +1,7 @@
 """Parts of a surface: a contact seen through a window of its elements, and central squares of several widths.
 
-A window holds the elements whose centres lie in a region. What is observed in it is that of the loaded surface cut out
-there; lengths stay over the Sq of the whole, pressures over its E* Sq/L.
+A window holds the elements whose centres lie in a region. Observables of a window are those of the loaded surface, cut
+out there. Lengths stay over the Sq of the whole surface, pressures over its E* Sq/L.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Within:
         """V* of the elements inside, σ of the whole."""
         return float(self.gap().mean())
 
-    mean_pressure_bound = math.nan  # what is certified is the pressure on the whole surface
+    mean_pressure_bound = math.nan  # only the pressure on the whole surface is certified
 
     def __getattr__(self, name: str) -> Any:
         """Return what does not depend on the window."""

@@ -45,7 +45,7 @@ def area_slopes(curves: Mapping[Key, tuple[Array, Array]]) -> tuple[dict[Key, Ar
     """Return A*/p* of every surface, and the pressure up to which it is taken: the rule of Fig. 4b.
 
     Slope of the least-squares line through the origin over 0 < p* ≤ limit. The limit is the largest pressure that all
-    surfaces reach; or, if some begin later, the largest of the first pressures, so that each has a step there.
+    surfaces reach. Where some begin later it is the largest of the first pressures, so that each has a step below it.
 
     Parameters
     ----------

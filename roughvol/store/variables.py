@@ -1,7 +1,7 @@
 """The table of stored variables: dimensions, units, long name, symbol, kind, and the function each comes from.
 
 A row is all that the store needs of a variable: fields are compressed, heights scaled and states found by the table.
-docs/observables.md says how to add one.
+See docs/observables.md for how to add one.
 """
 
 from __future__ import annotations

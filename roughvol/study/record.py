@@ -1,4 +1,4 @@
-"""The section ``record`` of a study: what is stored of the states of a sweep, and of which part of the surface."""
+"""The section ``record`` of a study: the observables stored, their states, and their part of the surface."""
 
 from __future__ import annotations
 

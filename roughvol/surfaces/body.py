@@ -19,9 +19,13 @@ Nodes = tuple[tuple[int, int], tuple[int, int]]
 class Body:
     """One rough body: its file, the sha256 of its content, and how its numbers are to be read.
 
-    ``unit`` is that of the heights as the file names it, ``heights_unit`` as the study does where the file does not;
-    ``mirror`` the axis that is reversed; ``read_as`` the layout of the file, where other versions read it otherwise;
-    ``pixel_ratio`` the side of its pixels along y over that along x, where they are resampled.
+    Attributes
+    ----------
+    unit : unit of the heights in the file, where the file names it.
+    heights_unit : the same, where the study names it.
+    mirror : the axis that is reversed.
+    read_as : layout of the file, where other versions read it differently.
+    pixel_ratio : side of the pixels along y over that along x, where they are resampled.
     """
 
     file: Path
@@ -37,7 +41,7 @@ class Body:
 
     @property
     def numbers_in(self) -> str | None:
-        """The unit of the heights in the file, whoever names it; None for that of the study."""
+        """Unit of the heights in the file, named by the file or by the study; None for that of the study."""
         return self.unit or self.heights_unit
 
     @property
@@ -51,9 +55,17 @@ class Body:
 class Treatment:
     """What is done to each body alike.
 
-    The order is: ``crop`` to the nodes from the first to the last, along x and y; ``outliers`` (sigma, nodes of the
-    window) taken out; ``downsample`` by means of so many nodes a side; ``resample``; ``level``; ``missing`` heights
-    filled; ``low_pass``.
+    The attributes are in the order of treatment.
+
+    Attributes
+    ----------
+    crop : first and last node along x and along y.
+    outliers : sigma, and nodes a side of the window.
+    downsample : nodes a side of the blocks that are averaged.
+    resample : whether oblong pixels are made square.
+    level : degree of the surface taken off.
+    missing : rule for missing heights.
+    low_pass : cut-off wavelength [unit of the study].
     """
 
     level: Levelling = "none"

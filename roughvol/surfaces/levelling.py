@@ -1,8 +1,8 @@
 """Measured heights made fit to be pressed: levelled, their holes filled, their short waves filtered off.
 
-Conventions: heights z on a lattice, axis 0 is x and axis 1 is y; a height that is not known is NaN, and every function
-says what it does with it. Nothing is changed in place. All are linear in z, so the sum of two treated surfaces is their
-treated sum, and exact under a change of the unit of z by a power of two.
+Conventions: heights z on a lattice, axis 0 is x and axis 1 is y. A height that is not known is NaN. Nothing is changed
+in place. All functions are linear in z, so the sum of two treated surfaces is their treated sum. All are exact under a
+change of the unit of z by a power of two.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ REACH = 1.5  # in cut-offs; there the weight has fallen to e^(-2.25 π²/ln 2) =
 def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     """Return the heights less the least-squares surface of the known ones.
 
-    z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'² over the nodes with known z; n = 0 for the mean
-    (``mean``), 1 for a plane (``tilt``), 2 for a quadratic (``quadratic``). ``none`` takes nothing off.
+    z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'² over the nodes with known z. The degree n is 0
+    for ``mean``, 1 for ``tilt`` (a plane) and 2 for ``quadratic``. ``none`` takes nothing off.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ def fill(heights: Array, rule: str) -> Array:
     """Return the heights with those filled in that are not known.
 
     ``nearest`` takes the height of the nearest known node (of several equally near ones always the same). With
-    ``interpolate`` every filled height is the mean of its neighbours, 4, or at the rim 3 or 2 (the discrete Laplace
-    equation): smooth, exact for a plane away from the rim, and never beyond the known heights around the hole.
+    ``interpolate`` every filled height is the mean of its 4 neighbours, 3 or 2 at the rim (the discrete Laplace
+    equation). This is smooth, exact for a plane away from the rim, and within the known heights around the hole.
 
     Parameters
     ----------
@@ -109,10 +109,9 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
 
         s(x) = exp(-π (x/(α λc))²) / (α λc),   α = √(ln 2/π),   transmission exp(-π (α λc/λ)²)
 
-    along x and along y, which together weigh by distance alone: a wave of wavelength λc in any direction keeps half its
-    amplitude (as far as the lattice samples it: λc ≳ 4 δ). At the edges the weights that fall outside are left out and
-    the others scaled up to a sum of one: a constant passes unchanged everywhere, a plane at 1.5 λc and more from the
-    edge.
+    along x and along y; together they weigh by distance alone. A wave of wavelength λc in any direction keeps half its
+    amplitude, if the lattice samples it (λc ≳ 4 δ). At the edges the weights inside are scaled up to a sum of one. A
+    constant then passes unchanged everywhere, a plane at 1.5 λc and more from the edge.
 
     Parameters
     ----------

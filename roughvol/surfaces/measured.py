@@ -1,8 +1,8 @@
 """The surface of measured heights: each body read and treated by itself, two of them added.
 
 Conventions: the heights of each body are positive out of it. Two bodies touch first where the sum of their heights is
-largest, so they are pressed as one rough surface of height z1 + z2 against a plane. Apart from missing heights and
-outliers, which belong to one of them, what is done to each body is linear and could as well be done to the sum.
+largest. They are pressed as one rough surface of height z1 + z2 against a plane. Missing heights and outliers belong to
+one body. Every other treatment is linear, so that of the sum is the sum of both.
 """
 
 from __future__ import annotations
@@ -41,9 +41,8 @@ def surface(bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | 
     Raises
     ------
     SurfaceError, DatasetError
-        If a file cannot be read or has changed since the study was loaded, if it holds no heights or not those of a
-        lattice of the same shape as the other, if heights are missing and ``treatment`` refuses them, or if the
-        treatment is not possible.
+        If a file cannot be read, holds no heights, or has changed since the study was loaded. If the two lattices
+        differ in shape, heights are missing and ``treatment`` refuses them, or the treatment is not possible.
     """
     measured = [_measured(body, treatment, unit) for body in bodies]
     total, filled, removed = _pressed(bodies, measured, treatment, L)
@@ -70,7 +69,7 @@ def _pressed(
 
 
 def notes(surface: Surface, unit: str | None) -> tuple[str, ...]:
-    """Return what is absurd in the heights for the length of the surface.
+    """Return a note where the heights are absurd for the length of the surface.
 
     Parameters
     ----------

@@ -23,8 +23,8 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
 
         |r - med_w(r)| > sigma s,   s = 1.4826 med |r - med(r)|
 
-    where r are the heights less a plane (or quadratic), med_w is the median of the known heights in the window around
-    the node, and med that of the whole map. Both medians ignore what up to half of the heights are (Huber 1981), so
+    where r are the heights less a plane (or quadratic). med_w is the median of the known heights in the window around
+    the node, med that of the whole map. Both medians ignore what up to half of the heights are (Huber 1981), so
     spikes hide neither themselves nor each other. It is the identifier of Hampel (1974) with the deviation of the whole
     map in place of that of the window. This matters twice:
 
@@ -39,7 +39,7 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
 
     The plane is fitted again without heights farther than sigma s from it, until these are always the same. Otherwise
     the outliers would tilt it, and a tilt would raise s. Where less than half of a window is known, the reference is
-    the plane: heights alone in a hole are often wrong and have no neighbours to show it.
+    the plane. A height alone in a hole is often wrong, and has no neighbours to compare with.
 
     Parameters
     ----------

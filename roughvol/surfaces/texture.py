@@ -80,8 +80,8 @@ def Sz(heights: Array) -> float:
 def Sdq(heights: Array, spacing: float) -> float:
     """Return the root mean square gradient, Sdq = √mean((∂z/∂x)² + (∂z/∂y)²) [1] (ISO 25178-2).
 
-    Central differences over 2δ on the interior nodes only: exact for planes, and blind to the wavelength 2δ, so that
-    a field rough down to the lattice has a larger slope than this between neighbouring nodes.
+    Central differences over 2δ on the interior nodes. They are exact for planes and blind to the wavelength 2δ. A field
+    that is rough down to the lattice has larger slopes between neighbouring nodes.
 
     Parameters
     ----------
@@ -140,8 +140,8 @@ def summit_plane(heights: Array) -> float:
 def summit_radius(heights: Array, spacing: float) -> float:
     """Return the radius of curvature of the summits, ρ = 1 / mean(κ) [length].
 
-    κ = -½ (∂²z/∂x² + ∂²z/∂y²) at each summit, by second differences over δ: 1/ρ is the Spc of ISO 25178-2, over
-    the nodes of `summits` instead of pruned peaks. It is the ρ of the plasticity index.
+    κ = -½ (∂²z/∂x² + ∂²z/∂y²) at each summit, by second differences over δ. 1/ρ is the Spc of ISO 25178-2 over the
+    nodes of `summits` instead of pruned peaks. ρ is that of the plasticity index.
 
     Raises
     ------
@@ -234,8 +234,8 @@ def hurst_structure(heights: Array, spacing: float = 1.0) -> float:
     """Return the Hurst exponent from `structure_function`, H = ½ d log S / d log l.
 
     Least squares over the lags l = 1, 2, 4, … δ up to an eighth of the shorter side (at least 1 and 2).
-    S converges slowly to its power law near H = 0 and H = 1: at m = 8 midpoint surfaces of H = 0.8 give
-    0.67 and of H = 0.2 give 0.24. `hurst_spectrum` is closer and noisier.
+    S converges slowly to its power law near H = 0 and H = 1. Midpoint surfaces at m = 8 give 0.67 for H = 0.8, and 0.24
+    for H = 0.2 (tests/surfaces/test_texture.py holds the bounds). `hurst_spectrum` is closer and noisier.
 
     Parameters
     ----------
@@ -266,11 +266,11 @@ def dyadic_lags(longest: int) -> Index:
 def hurst_spectrum(heights: Array, spacing: float = 1.0) -> float:
     """Return the Hurst exponent from the power spectrum, C(q) ~ q^(-2-2H) in two dimensions.
 
-    The heights about their (weighted) mean are multiplied by a parabolic (Welch) window, |FFT|² is averaged over
-    rings of wave vectors, eight of equal width in log q, and H comes from least squares of log C against log q over
-    4 q₀ ≤ q < q_N / 2: q₀ = 2π / shorter side and q_N = π / δ. Below, the window counts; above, aliasing does.
-    Midpoint surfaces of H = 0.2 … 0.8 give H - 0.05 on average at m = 8 (30 seeds), with a deviation of 0.04 between
-    seeds.
+    The heights about their weighted mean are multiplied by a parabolic (Welch) window. |FFT|² is averaged over eight
+    rings of wave vectors, of equal width in log q. H comes from least squares of log C against log q over
+    4 q₀ ≤ q < q_N / 2. Here q₀ = 2π / shorter side and q_N = π / δ. Below, the window counts; above, aliasing does.
+    Midpoint surfaces of H = 0.2 … 0.8 give H - 0.05 on average at m = 8. The deviation between seeds is 0.04
+    (tests/surfaces/test_texture.py holds the bounds).
 
     Parameters
     ----------
