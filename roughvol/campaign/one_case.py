@@ -68,6 +68,11 @@ def run_case(
     stopping : callable, optional
         Asked after each step of a case with a checkpoint; once it is true the case ends there.
 
+    Returns
+    -------
+    Dataset
+        One case, with dimensions of length 1.
+
     Raises
     ------
     Stopped
@@ -134,7 +139,23 @@ def _swept(
 
 
 def surface_of(case: Case) -> Surface:
-    """Return the surface of a case, generated or read from its files."""
+    """Return the surface of a case, generated or read from its files.
+
+    Parameters
+    ----------
+    case : Case
+        Its D, m, seed and law, or its files.
+
+    Returns
+    -------
+    Surface
+        The undeformed surface.
+
+    Raises
+    ------
+    SurfaceError, DatasetError
+        If it cannot be made or read.
+    """
     if case.file is not None:
         with threadpool_limits(1):  # levelling sums over all nodes
             return measured.surface(case.bodies, case.treatment, case.L, case.length_unit)
@@ -154,7 +175,27 @@ def _half_space(shape: tuple[int, int], kernel: str, threads: int, held: HalfSpa
 
 
 def last_indentation(case: Case, surface: Surface, half_space: HalfSpace) -> float:
-    """Return Δ/σ at the end of the sweep: on a plane, at a value given, or where the search for one ends."""
+    """Return Δ/σ at the end of the sweep: on a plane, at a value given, or where the search for one ends.
+
+    Parameters
+    ----------
+    case : Case
+        Its target, solver and region.
+    surface : Surface
+        The whole surface.
+    half_space : HalfSpace
+        Of the shape of the surface.
+
+    Returns
+    -------
+    float
+        Δ/σ [1].
+
+    Raises
+    ------
+    ContactError
+        If the sweep would end before first touch.
+    """
     target, scale = case.sweep.target, surface.unit
     value = target.value or 0.0
     rtol, method = min(case.solver.tolerance, case.solver.pressure_error or 1.0), case.solver.method

@@ -64,6 +64,11 @@ def curves(z: Array) -> Values:
     ----------
     z : ndarray, shape (rows, columns)
         Heights over σ [1].
+
+    Returns
+    -------
+    dict
+        Values by stored name.
     """
     return {
         "material_ratio": texture.material_ratio(z, LEVELS + z.mean()),
@@ -72,7 +77,18 @@ def curves(z: Array) -> Values:
 
 
 def lags(shape: tuple[int, ...]) -> Index:
-    """Return the lags of the structure function, 1, 2, 4 … nodes up to half of the shorter axis."""
+    """Return the lags of the structure function, 1, 2, 4 … nodes up to half of the shorter axis.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes along both axes.
+
+    Returns
+    -------
+    ndarray of int
+        Lags, increasing.
+    """
     return texture.dyadic_lags((min(shape) - 1) // 2)
 
 
@@ -112,6 +128,11 @@ def under_load(case: Case, surface: Surface, state: State) -> Values:
         The whole surface; its Sq is the unit of the gap.
     state : Contact or Within
         The state in the region of the study.
+
+    Returns
+    -------
+    dict
+        Values by stored name.
     """
     z = -state.gap()
     values = numbers(z * surface.unit, surface.spacing) | curves(z)

@@ -74,6 +74,11 @@ def free_volume(gap: Array, Sq: float) -> float:
     Sq : float
         Root mean square height σ [length], or 1 for a gap already divided by σ.
 
+    Returns
+    -------
+    float
+        V* [1].
+
     Raises
     ------
     ContactError

@@ -18,7 +18,18 @@ ROUNDING = 1e-9  # relative; a state that misses a level by less reaches it
 
 
 def end_of(case: Case) -> Callable[[Contact], bool] | None:
-    """Return the condition of the last state of a sweep; None where the end does not depend on region or void."""
+    """Return the condition of the last state of a sweep; None where the end does not depend on region or void.
+
+    Parameters
+    ----------
+    case : Case
+        Its target and region.
+
+    Returns
+    -------
+    callable or None
+        Contact ↦ whether the sweep ends there.
+    """
     kind, value = case.sweep.target.kind, case.sweep.target.value or 0.0
     if kind.startswith("percolation"):
         return lambda contact: void.stops_percolating(kind, within(contact, case))
@@ -36,6 +47,27 @@ def reached(level: Level, step: int, contact: State, case: Case) -> bool:
 
     The last step reaches the end of the sweep by definition. A finite residual may leave it one element or a few
     digits short.
+
+    Parameters
+    ----------
+    level : Level
+        The level.
+    step : int
+        Number of the step, from 1.
+    contact : Contact or Within
+        The state, in the region of the study.
+    case : Case
+        Its target and number of steps.
+
+    Returns
+    -------
+    bool
+        Whether the level is reached.
+
+    Raises
+    ------
+    ValueError
+        If the level is of an unknown kind.
     """
     if is_end(level, step, case):
         return True
@@ -58,7 +90,22 @@ def reached(level: Level, step: int, contact: State, case: Case) -> bool:
 
 
 def is_end(level: Level, step: int, case: Case) -> bool:
-    """Return whether a level is the end of the sweep, at its last step."""
+    """Return whether a level is the end of the sweep, at its last step.
+
+    Parameters
+    ----------
+    level : Level
+        The level.
+    step : int
+        Number of the step, from 1.
+    case : Case
+        Its target and number of steps.
+
+    Returns
+    -------
+    bool
+        Whether it is the end.
+    """
     return step == case.sweep.steps and level in (LAST, case.sweep.target)
 
 
@@ -82,12 +129,21 @@ def at_level(
         Of the kind indentation, separation, contact_area or pressure.
     case : Case
         Its solver and region.
+    surface : Surface
+        The surface pressed.
+    half_space : Compliance
+        Of the shape of the surface.
     earlier : list of mappings
         The one or two states before the level, as `Contact.state` returns them; none before the first step.
     residual : float
         η/σ of the last of them.
     after : Contact
         The first step at the level or beyond it.
+
+    Returns
+    -------
+    Contact
+        The state on the whole surface.
 
     Raises
     ------

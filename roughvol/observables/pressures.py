@@ -20,6 +20,11 @@ def above(pressure: Array, hardness: float) -> tuple[float, float]:
         Pressure of every element, 0 outside the contact, in any unit.
     hardness : float
         Hardness in the same unit.
+
+    Returns
+    -------
+    tuple of float
+        Share of the contact and share of the load, 0 to 1.
     """
     hard = pressure[pressure > hardness]
     if hard.size == 0:
@@ -34,6 +39,11 @@ def central_pressure_ratio(whole: Contact) -> float:
     ----------
     whole : Contact
         A state of the whole surface, of at least 4 elements a side.
+
+    Returns
+    -------
+    float
+        The ratio [1].
     """
     pressure = whole.pressure()
     mean = float(pressure.mean())

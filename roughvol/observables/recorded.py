@@ -23,13 +23,13 @@ from roughvol.typing import Array
 Values = dict[str, Any]
 
 
-def fields(case: Case, surface: Surface, state: State) -> Values:
+def _fields(case: Case, surface: Surface, state: State) -> Values:
     """Return g/σ and p L/(E* σ) on the whole surface, whatever the region."""
     whole = state.whole if isinstance(state, regions.Within) else state
     return {"gap": whole.gap(), "pressure": whole.pressure()}
 
 
-def flux(case: Case, surface: Surface, state: State) -> Values:
+def _flux(case: Case, surface: Surface, state: State) -> Values:
     """Return the flux on the nodes of the whole surface, NaN outside the region, and the transmissivities."""
     values = void.flux(state)
     for name in ("flux_x", "flux_y"):
@@ -38,7 +38,7 @@ def flux(case: Case, surface: Surface, state: State) -> Values:
     return values
 
 
-def density(case: Case, surface: Surface, state: State) -> Values:
+def _density(case: Case, surface: Surface, state: State) -> Values:
     """Return f(v) and its edges."""
     assert case.record.volume_density is not None
     found = free_volume.volume_density(
@@ -50,7 +50,7 @@ def density(case: Case, surface: Surface, state: State) -> Values:
     return {"volume_density": found.density, "volume_density_edges": found.edges}
 
 
-def boxes(case: Case, surface: Surface, state: State) -> Values:
+def _boxes(case: Case, surface: Surface, state: State) -> Values:
     """Return the largest v, box counts and local dimensions, thresholds along the first axis."""
     assert case.record.box_counting is not None
     volumes, mask = _volumes(surface, state), state.contact()
@@ -106,12 +106,12 @@ class AtStates:
 
 
 AT_STATES = {
-    "fields_at": AtStates("field_at", "fields_at", fields, 1e-9, fields=2),
-    "volume_density": AtStates("density_at", "volume_density.at", density, 1.2e-8, labels=_bins),
+    "fields_at": AtStates("field_at", "fields_at", _fields, 1e-9, fields=2),
+    "volume_density": AtStates("density_at", "volume_density.at", _density, 1.2e-8, labels=_bins),
     "box_counting": AtStates(
         "box_at",
         "box_counting.at",
-        boxes,
+        _boxes,
         2e-9,
         labels=_box_sides,
         parts=lambda record: len(record.box_counting.thresholds) if record.box_counting else 0,
@@ -119,7 +119,7 @@ AT_STATES = {
     "flux_at": AtStates(
         "flux_at",
         "transport.flux_at",
-        flux,
+        _flux,
         void.QUANTITIES["transmissivity"].seconds,
         fields=2,
         flow=True,
@@ -129,7 +129,18 @@ AT_STATES = {
 
 
 def asked_at_states(record: Record) -> dict[str, dict[str, Level]]:
-    """Return the levels by label of each observable of `AT_STATES` that is asked for."""
+    """Return the levels by label of each observable of `AT_STATES` that is asked for.
+
+    Parameters
+    ----------
+    record : Record
+        The section ``record`` of a study.
+
+    Returns
+    -------
+    dict
+        Levels by label, by name of the observable.
+    """
     selects = {name: _select(record, row.key) for name, row in AT_STATES.items()}
     return {name: {level.label: level for level in select.levels} for name, select in selects.items() if select}
 
@@ -142,25 +153,69 @@ def _select(record: Record, key: str) -> Select | None:
 
 
 def asked(record: Record) -> dict[str, dict[str, Level] | None]:
-    """Return the levels by label of each observable that is asked for; None for every step."""
+    """Return the levels by label of each observable that is asked for; None for every step.
+
+    Parameters
+    ----------
+    record : Record
+        The section ``record`` of a study.
+
+    Returns
+    -------
+    dict
+        Levels by label, or None, by name of the observable.
+    """
     along = void.levels(record.transport) if record.transport else {}
     central = regions.levels(record.region_widths) if record.region_widths else {}
     return {**along, **central, **asked_at_states(record)}
 
 
 def seconds_per_node(name: str) -> tuple[float, bool]:
-    """Return the seconds that an observable takes a state, node and part, and whether it factorises."""
+    """Return the seconds that an observable takes a state, node and part, and whether it factorises.
+
+    Parameters
+    ----------
+    name : str
+        Name of the observable.
+
+    Returns
+    -------
+    tuple of float and bool
+        Seconds; whether it factorises.
+    """
     row = (AT_STATES | void.QUANTITIES | regions.QUANTITIES)[name]
     return row.seconds, row.flow
 
 
 def fields_of(record: Record) -> int:
-    """Return how many fields of a case are stored."""
+    """Return how many fields of a case are stored.
+
+    Parameters
+    ----------
+    record : Record
+        The section ``record`` of a study.
+
+    Returns
+    -------
+    int
+        Number of fields, heights included.
+    """
     asked_for = asked_at_states(record)
     return record.heights + sum(AT_STATES[name].fields * len(levels) for name, levels in asked_for.items())
 
 
 def searched_levels(case: Case) -> int:
-    """Return for how many levels a state is searched for, each once."""
+    """Return for how many levels a state is searched for, each once.
+
+    Parameters
+    ----------
+    case : Case
+        Names what to record.
+
+    Returns
+    -------
+    int
+        Number of levels.
+    """
     levels = {level for by_label in asked_at_states(case.record).values() for level in by_label.values()}
     return sum(level.kind in TARGETS and level != case.sweep.target for level in levels)

@@ -66,12 +66,37 @@ State = Contact | Within
 
 
 def within(contact: Contact, case: Case) -> State:
-    """Return a contact seen in the region of a study; the contact itself where that is the whole surface."""
+    """Return a contact seen in the region of a study; the contact itself where that is the whole surface.
+
+    Parameters
+    ----------
+    contact : Contact
+        A state of the whole surface.
+    case : Case
+        Names the region.
+
+    Returns
+    -------
+    Contact or Within
+        The state in the region.
+    """
     return contact if case.record.region is None else Within(contact, window(case, contact.shape))
 
 
 def window(case: Case, shape: tuple[int, int]) -> Window:
     """Return the rows and columns of the elements in the region that a study observes.
+
+    Parameters
+    ----------
+    case : Case
+        Names the region.
+    shape : tuple of int
+        Nodes along both axes.
+
+    Returns
+    -------
+    tuple of slice
+        Rows and columns.
 
     Raises
     ------
@@ -83,6 +108,18 @@ def window(case: Case, shape: tuple[int, int]) -> Window:
 
 def window_of(region: Region, shape: tuple[int, int]) -> Window:
     """Return the rows and columns of the elements whose centres lie in a region.
+
+    Parameters
+    ----------
+    region : Region
+        Shares of the sides.
+    shape : tuple of int
+        Nodes along both axes.
+
+    Returns
+    -------
+    tuple of slice
+        Rows and columns.
 
     Raises
     ------
@@ -101,6 +138,13 @@ def window_of(region: Region, shape: tuple[int, int]) -> Window:
 
 def check(case: Case, shape: tuple[int, int]) -> None:
     """Refuse a study whose regions hold too few elements of its surface.
+
+    Parameters
+    ----------
+    case : Case
+        Names the regions.
+    shape : tuple of int
+        Nodes along both axes.
 
     Raises
     ------
@@ -122,13 +166,35 @@ def check(case: Case, shape: tuple[int, int]) -> None:
 
 
 def central(share: float) -> Region:
-    """Return the region in the middle whose sides are a share of those of the surface."""
+    """Return the region in the middle whose sides are a share of those of the surface.
+
+    Parameters
+    ----------
+    share : float
+        Width over that of the surface, 0 to 1.
+
+    Returns
+    -------
+    Region
+        The region.
+    """
     sides = (0.5 - 0.5 * share, 0.5 + 0.5 * share)
     return Region(x=sides, y=sides)
 
 
 def levels(asked: RegionWidths) -> dict[str, dict[str, Level] | None]:
-    """Return the levels by label of each quantity of the central regions asked for; None for every step."""
+    """Return the levels by label of each quantity of the central regions asked for; None for every step.
+
+    Parameters
+    ----------
+    asked : RegionWidths
+        The section ``record.region_widths``.
+
+    Returns
+    -------
+    dict
+        Levels by label, or None, by name of the quantity.
+    """
     wanted = dict(zip(QUANTITIES, (asked.at, asked.transmissivity), strict=True))
     return {name: void.by_label(states) for name, states in wanted.items() if states is not None}
 
@@ -146,6 +212,11 @@ def of_state(
         Keys of `QUANTITIES`.
     windows : mapping
         The window of each width.
+
+    Returns
+    -------
+    tuple of dict
+        Values by stored name; seconds by quantity.
     """
     values: dict[str, Any] = {}
     seconds = {}

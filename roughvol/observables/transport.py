@@ -94,6 +94,11 @@ def percolates(void: Mask, axis: int) -> bool:
         True where open.
     axis : int
         0 for x, 1 for y.
+
+    Returns
+    -------
+    bool
+        Whether a path exists.
     """
     labels, _ = ndimage.label(void, _SIDES)
     return bool(_spanning(labels, axis).size)
@@ -108,6 +113,11 @@ def connectivity(gap: Array, contact: Mask) -> Connectivity:
         Gap g ≥ 0 [any length]; open is g > 0.
     contact : ndarray of bool, shape of ``gap``
         True where p > 0; its clusters are counted.
+
+    Returns
+    -------
+    Connectivity
+        Shares and sizes.
 
     Raises
     ------
@@ -152,6 +162,11 @@ def constriction(gap: Array, axis: int) -> Constriction:
     axis : int
         0 for x, 1 for y.
 
+    Returns
+    -------
+    Constriction
+        Gap and element.
+
     Raises
     ------
     ContactError
@@ -190,6 +205,11 @@ def conduction(gap: Array, axis: int, exponent: float = 3.0) -> Conduction:
         Direction of the flow, 0 for x, 1 for y.
     exponent : float
         n of the local conductance, > 0.
+
+    Returns
+    -------
+    Conduction
+        Coefficient, error of conservation, and flux.
 
     Raises
     ------
@@ -236,6 +256,11 @@ def effective_medium(gap: Array, exponent: float = 3.0) -> float:
     exponent : float
         n of the local conductance, > 0.
 
+    Returns
+    -------
+    float
+        Coefficient [1].
+
     Raises
     ------
     ContactError
@@ -274,6 +299,11 @@ def single_junction(gap: Array, axis: int, exponent: float = 3.0) -> float:
         Direction of the flow, 0 for x, 1 for y.
     exponent : float
         n of the local conductance, > 0.
+
+    Returns
+    -------
+    float
+        Coefficient [1].
 
     Raises
     ------

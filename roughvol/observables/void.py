@@ -34,18 +34,53 @@ class Void(Protocol):
 
 
 def levels(asked: Transport) -> dict[str, dict[str, Level] | None]:
-    """Return the levels by label of each quantity asked for; None for every step."""
+    """Return the levels by label of each quantity asked for; None for every step.
+
+    Parameters
+    ----------
+    asked : Transport
+        The section ``record.transport``.
+
+    Returns
+    -------
+    dict
+        Levels by label, or None, by name of the quantity.
+    """
     wanted = {name: getattr(asked, name) for name in QUANTITIES}
     return {name: by_label(states) for name, states in wanted.items() if states is not None}
 
 
 def by_label(states: Literal["every-step"] | Select) -> dict[str, Level] | None:
-    """Return levels by their labels; None for every step."""
+    """Return levels by their labels; None for every step.
+
+    Parameters
+    ----------
+    states : 'every-step' or Select
+        States of a quantity.
+
+    Returns
+    -------
+    dict or None
+        Levels by label.
+    """
     return {level.label: level for level in states.levels} if isinstance(states, Select) else None
 
 
 def stops_percolating(kind: str, state: Void) -> bool:
-    """Return whether no open way is left along the axes that the end of a sweep names: percolation-x, -y or -both."""
+    """Return whether no open way is left along the axes that the end of a sweep names: percolation-x, -y or -both.
+
+    Parameters
+    ----------
+    kind : str
+        percolation-x, percolation-y or percolation-both.
+    state : Void
+        A state of contact.
+
+    Returns
+    -------
+    bool
+        Whether the sweep ends.
+    """
     void = state.gap() > 0.0
     return not any(transport.percolates(void, axis) for name, axis in AXES if kind.endswith((name, "both")))
 
@@ -81,12 +116,34 @@ def of_state(state: Void, quantities: list[str]) -> tuple[Values, dict[str, floa
 
 
 def size_classes(elements: int) -> Index:
-    """Return the smallest sizes 1, 2, 4 … of the classes into which clusters and pockets are counted."""
+    """Return the smallest sizes 1, 2, 4 … of the classes into which clusters and pockets are counted.
+
+    Parameters
+    ----------
+    elements : int
+        Number of elements of the region.
+
+    Returns
+    -------
+    ndarray of int
+        Smallest size of each class [elements].
+    """
     return 2 ** np.arange(int(elements).bit_length(), dtype=np.int64)
 
 
 def flux(state: Void) -> Values:
-    """Return how much flows through each element, and in all, for a flow along x and along y, over that of plates."""
+    """Return how much flows through each element, and in all, for a flow along x and along y, over that of plates.
+
+    Parameters
+    ----------
+    state : Void
+        A state of contact, in its region.
+
+    Returns
+    -------
+    dict
+        Fields and coefficients by stored name.
+    """
     gap = state.gap()
     flows = {axis: transport.conduction(gap, n) for axis, n in AXES}
     values: Values = {f"flux_{axis}": np.hypot(*flow.flux) for axis, flow in flows.items()}

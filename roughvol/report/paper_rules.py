@@ -16,7 +16,20 @@ Key = TypeVar("Key")
 
 
 def nearest(values: Iterable[float], wish: float) -> float:
-    """Return the value nearest to a wish, the larger of two."""
+    """Return the value nearest to a wish, the larger of two.
+
+    Parameters
+    ----------
+    values : iterable of float
+        The values.
+    wish : float
+        The wish.
+
+    Returns
+    -------
+    float
+        One of the values.
+    """
     return min(values, key=lambda value: _distance(value, wish))
 
 
@@ -27,6 +40,11 @@ def nearest_surface(surfaces: Mapping[Key, tuple[float | None, float | None]]) -
     ----------
     surfaces : mapping of key to (D, m)
         None where a surface has none. The first of equally near ones is taken.
+
+    Returns
+    -------
+    key
+        That of the nearest surface.
     """
 
     def distance(key: Key) -> list[tuple[float, float]]:
@@ -37,7 +55,18 @@ def nearest_surface(surfaces: Mapping[Key, tuple[float | None, float | None]]) -
 
 
 def nearest_state(areas: Mapping[Key, float]) -> Key:
-    """Return the key of the state whose A* is nearest to the paper's, the first of two."""
+    """Return the key of the state whose A* is nearest to the paper's, the first of two.
+
+    Parameters
+    ----------
+    areas : mapping of key to float
+        A* of each state.
+
+    Returns
+    -------
+    key
+        That of the nearest state.
+    """
     return min(areas, key=lambda key: abs(areas[key] - PAPER_A))
 
 

@@ -38,6 +38,11 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     among : bool array of the same shape, optional
         The known nodes that the surface is fitted to; all known ones if not given.
 
+    Returns
+    -------
+    array, shape (rows, columns)
+        Levelled heights [length], NaN where not known.
+
     Raises
     ------
     SurfaceError
@@ -80,6 +85,11 @@ def fill(heights: Array, rule: str) -> Array:
         z [length], NaN where not known, at most half of them.
     rule : {"nearest", "interpolate"}
 
+    Returns
+    -------
+    array, shape (rows, columns)
+        Heights [length], all known.
+
     Raises
     ------
     SurfaceError
@@ -121,6 +131,11 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
         δ [length] of the nodes.
     cut_off : float
         λc in the unit of δ, from 2 δ to the shorter side.
+
+    Returns
+    -------
+    array, shape (rows, columns)
+        Filtered heights [length].
 
     Raises
     ------

@@ -38,6 +38,11 @@ def surface(bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | 
     unit : str or None
         Unit of lengths and heights; None to take the numbers as they are.
 
+    Returns
+    -------
+    Surface
+        Heights as pressed.
+
     Raises
     ------
     SurfaceError, DatasetError
@@ -77,6 +82,11 @@ def notes(surface: Surface, unit: str | None) -> tuple[str, ...]:
         Measured surface.
     unit : str or None
         Unit of its heights and lengths.
+
+    Returns
+    -------
+    tuple of str
+        One sentence, or none.
     """
     span, side = float(np.ptp(surface.heights)), surface.spacing * (min(surface.heights.shape) - 1)
     said = f"the heights span {span:.3g} {unit or ''}".rstrip()

@@ -55,6 +55,7 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
     Returns
     -------
     bool array of the same shape
+        True where a height is an outlier.
 
     Raises
     ------

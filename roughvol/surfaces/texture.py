@@ -1,9 +1,9 @@
 """Texture of a height field: ISO 25178-2 numbers, summits, functional indices, structure function, Hurst exponents.
 
-Conventions: z(x, y) are heights [length], positive up, axis 0 is x. ζ = z - z̄ are heights about the mean plane. No
-form is removed and no filter applied: the whole field is the scale-limited surface. Every mean is over nodes of equal
-weight. Amplitudes of any scale are allowed (1e-250, 1e250): heights are brought to unit range before they are squared.
-A ratio that a flat surface leaves undefined is NaN.
+Conventions: z(x, y) are heights [length] of shape (rows, columns), positive up, axis 0 is x. ζ = z - z̄ are heights
+about the mean plane. No form is removed and no filter applied: the whole field is the scale-limited surface. Every mean
+is over nodes of equal weight. Amplitudes of any scale are allowed (1e-250, 1e250): heights are brought to unit range
+before they are squared. A ratio that a flat surface leaves undefined is NaN.
 """
 
 from __future__ import annotations
@@ -109,6 +109,11 @@ def summits(heights: Array) -> Mask:
 
     A plateau of equal nodes has no summit, and neither has the boundary, whose neighbourhood is not known.
 
+    Parameters
+    ----------
+    heights : ndarray, shape (rows, columns)
+        Heights z [length].
+
     Returns
     -------
     ndarray of bool, shape of the heights
@@ -129,6 +134,16 @@ def summits(heights: Array) -> Mask:
 def summit_plane(heights: Array) -> float:
     """Return the mean height of the summits [length]: the paper's "mean plane of the asperity heights" (Section 3).
 
+    Parameters
+    ----------
+    heights : ndarray, shape (rows, columns)
+        Heights z [length].
+
+    Returns
+    -------
+    float
+        Height in the frame of z [length].
+
     Raises
     ------
     SurfaceError
@@ -142,6 +157,18 @@ def summit_radius(heights: Array, spacing: float) -> float:
 
     κ = -½ (∂²z/∂x² + ∂²z/∂y²) at each summit, by second differences over δ. 1/ρ is the Spc of ISO 25178-2 over the
     nodes of `summits` instead of pruned peaks. ρ is that of the plasticity index.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (rows, columns)
+        Heights z [length].
+    spacing : float
+        Distance δ of neighbouring nodes [length].
+
+    Returns
+    -------
+    float
+        ρ [length].
 
     Raises
     ------
