@@ -41,13 +41,13 @@ def _flux(case: Case, surface: Surface, state: State) -> Values:
 def _density(case: Case, surface: Surface, state: State) -> Values:
     """Return f(v) and its edges."""
     assert case.record.volume_density is not None
-    found = free_volume.volume_density(
+    density = free_volume.volume_density(
         _volumes(surface, state),
         state.contact(),
         bins=case.record.volume_density.bins,
         include_contact=case.record.volume_density.include_contact,
     )
-    return {"volume_density": found.density, "volume_density_edges": found.edges}
+    return {"volume_density": density.density, "volume_density_edges": density.edges}
 
 
 def _boxes(case: Case, surface: Surface, state: State) -> Values:

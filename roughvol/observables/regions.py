@@ -195,8 +195,8 @@ def levels(asked: RegionWidths) -> dict[str, dict[str, Level] | None]:
     dict
         Levels by label, or None, by name of the quantity.
     """
-    wanted = dict(zip(QUANTITIES, (asked.at, asked.transmissivity), strict=True))
-    return {name: void.by_label(states) for name, states in wanted.items() if states is not None}
+    states_of = dict(zip(QUANTITIES, (asked.at, asked.transmissivity), strict=True))
+    return {name: void.by_label(states) for name, states in states_of.items() if states is not None}
 
 
 def of_state(

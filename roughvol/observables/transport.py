@@ -346,8 +346,8 @@ def _flow(k: Array, flowing: Mask) -> _Flow:
     head = np.concatenate([number[1:][joins_down], number[1:-1, 1:][joins_across]])
     w = np.concatenate([down[joins_down], across[joins_across]])
     scale = 1.0 / np.sqrt(np.bincount(tail, w, size + 2) + np.bincount(head, w, size + 2))
-    off, one = -w * scale[tail] * scale[head], np.arange(size + 2)
-    places = np.concatenate([one, tail, head]), np.concatenate([one, head, tail])
+    off, diagonal = -w * scale[tail] * scale[head], np.arange(size + 2)
+    places = np.concatenate([diagonal, tail, head]), np.concatenate([diagonal, head, tail])
     matrix = sparse.csc_matrix((np.concatenate([np.ones(size + 2), off, off]), places))[:size, :size]
     # an M-matrix needs no pivoting, so the order may follow the sparsity alone
     options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}

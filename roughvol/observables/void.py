@@ -46,8 +46,8 @@ def levels(asked: Transport) -> dict[str, dict[str, Level] | None]:
     dict
         Levels by label, or None, by name of the quantity.
     """
-    wanted = {name: getattr(asked, name) for name in QUANTITIES}
-    return {name: by_label(states) for name, states in wanted.items() if states is not None}
+    states_of = {name: getattr(asked, name) for name in QUANTITIES}
+    return {name: by_label(states) for name, states in states_of.items() if states is not None}
 
 
 def by_label(states: Literal["every-step"] | Select) -> dict[str, Level] | None:
@@ -151,27 +151,27 @@ def flux(state: Void) -> Values:
 
 
 def _connectivity(gap: Array, contact: Callable[[], Mask]) -> Values:
-    found = transport.connectivity(gap, contact())
+    result = transport.connectivity(gap, contact())
     edges = np.append(size_classes(gap.size), np.iinfo(np.int64).max)
     return {
-        "percolates_x": found.percolates_x,
-        "percolates_y": found.percolates_y,
-        "connected_volume_fraction": found.connected,
-        "percolating_volume_fraction": found.percolating,
-        "trapped_volume_fraction": found.trapped,
-        "contact_clusters": found.contact_clusters.size,
-        "trapped_pockets": found.trapped_pockets.size,
-        "contact_clusters_by_size": np.histogram(found.contact_clusters, edges)[0],
-        "trapped_pockets_by_size": np.histogram(found.trapped_pockets, edges)[0],
+        "percolates_x": result.percolates_x,
+        "percolates_y": result.percolates_y,
+        "connected_volume_fraction": result.connected,
+        "percolating_volume_fraction": result.percolating,
+        "trapped_volume_fraction": result.trapped,
+        "contact_clusters": result.contact_clusters.size,
+        "trapped_pockets": result.trapped_pockets.size,
+        "contact_clusters_by_size": np.histogram(result.contact_clusters, edges)[0],
+        "trapped_pockets_by_size": np.histogram(result.trapped_pockets, edges)[0],
     }
 
 
 def _constriction(gap: Array, contact: Callable[[], Mask]) -> Values:
     values: Values = {}
     for axis, n in AXES:
-        found = transport.constriction(gap, n)
-        values[f"critical_gap_{axis}"] = found.gap
-        values[f"critical_position_{axis}"] = np.array(found.element or (np.nan, np.nan))
+        narrowest = transport.constriction(gap, n)
+        values[f"critical_gap_{axis}"] = narrowest.gap
+        values[f"critical_position_{axis}"] = np.array(narrowest.element or (np.nan, np.nan))
     return values
 
 

@@ -51,8 +51,8 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     if kind not in LEVELS:
         message = f"level must be one of {', '.join(map(repr, LEVELS))}, got {kind!r}"
         raise SurfaceError(message)
-    known = _some_known(heights)
-    support = known if among is None else among & known
+    mask = _some_known(heights)
+    support = mask if among is None else among & mask
     degree = LEVELS[kind]
     if degree < 0:
         return heights.copy()
@@ -61,15 +61,15 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     moments = x.T @ support @ y  # Σ x^a y^b over the fitted nodes
     normal = np.array([[moments[a + c, b + d] for c, d in terms] for a, b in terms])
     exponent = _exponent(heights)
-    left = np.ldexp(np.where(known, heights, 0.0), -exponent)
+    left = np.ldexp(np.where(mask, heights, 0.0), -exponent)
     for _ in range(3):  # the second and third time take off what rounding in the normal equations has left
         weighted = x[:, : degree + 1].T @ np.where(support, left, 0.0) @ y[:, : degree + 1]
         # where the fitted nodes do not fix all terms (all in one line), those of the smallest coefficients
         fitted = np.linalg.lstsq(normal, np.array([weighted[a, b] for a, b in terms]), rcond=1e-13)[0]
         coefficients = np.zeros((degree + 1, degree + 1))
         coefficients[tuple(np.transpose(terms))] = fitted
-        left -= np.where(known, x[:, : degree + 1] @ coefficients @ y[:, : degree + 1].T, 0.0)
-    return np.where(known, np.ldexp(left, exponent), np.nan)
+        left -= np.where(mask, x[:, : degree + 1] @ coefficients @ y[:, : degree + 1].T, 0.0)
+    return np.where(mask, np.ldexp(left, exponent), np.nan)
 
 
 def fill(heights: Array, rule: str) -> Array:
@@ -168,11 +168,11 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
 
 
 def _some_known(heights: Array) -> Mask:
-    known = ~np.isnan(heights)
-    if not known.any():
+    mask = ~np.isnan(heights)
+    if not mask.any():
         message = f"none of the {heights.size} heights is known"
         raise SurfaceError(message)
-    return known
+    return mask
 
 
 def _exponent(heights: Array) -> int:

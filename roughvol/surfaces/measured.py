@@ -89,11 +89,11 @@ def notes(surface: Surface, unit: str | None) -> tuple[str, ...]:
         One sentence, or none.
     """
     span, side = float(np.ptp(surface.heights)), surface.spacing * (min(surface.heights.shape) - 1)
-    said = f"the heights span {span:.3g} {unit or ''}".rstrip()
+    text = f"the heights span {span:.3g} {unit or ''}".rstrip()
     if span > side:
-        return (f"{said}, more than the shorter side, {side:.3g} {unit or ''}".rstrip() + ": is heights_unit right?",)
+        return (f"{text}, more than the shorter side, {side:.3g} {unit or ''}".rstrip() + ": is heights_unit right?",)
     if 0.0 < span < _FLATTEST * side:
-        return (f"{said}, {span / side:.1g} of the shorter side: is heights_unit right?",)
+        return (f"{text}, {span / side:.1g} of the shorter side: is heights_unit right?",)
     return ()
 
 
@@ -127,8 +127,8 @@ def _treated(heights: Array, body: Body, treatment: Treatment, L: float) -> tupl
             heights = heights[left : right + 1, front : back + 1]
         if treatment.outliers is not None:
             degree = treatment.level if treatment.level == "quadratic" else "tilt"
-            found = outliers.outliers(heights, *treatment.outliers, degree=degree)
-            heights, removed = np.where(found, np.nan, heights), int(found.sum())
+            mask = outliers.outliers(heights, *treatment.outliers, degree=degree)
+            heights, removed = np.where(mask, np.nan, heights), int(mask.sum())
         if treatment.downsample != 1:
             heights = lattice.block_means(heights, treatment.downsample)
         if treatment.resample != "none" and body.pixel_ratio is not None:
