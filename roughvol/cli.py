@@ -331,6 +331,7 @@ def _ran(last: Progress, seconds: float) -> str:
 
 def _summary(results: Dataset, path: Path) -> str:
     from roughvol.store import dataset
+    from roughvol.store.variables import STATES
 
     lines = []
     if "step" in results.sizes:
@@ -348,7 +349,7 @@ def _summary(results: Dataset, path: Path) -> str:
         taken = {name.item(): float(seconds.sel(observable=name).sum()) for name in results.observable}
         each = (f"{name} {_duration(total)}" for name, total in taken.items())
         lines.append(f"of the time of the cases: {', '.join(each)}")
-    for dim in ("field_at", "density_at", "box_at", "flux_at"):
+    for dim in STATES:
         for label in results.get(dim, ()):
             absent = int((results[f"{dim}_step"].sel({dim: label}) < 0).sum())
             if absent:

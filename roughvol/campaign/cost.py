@@ -21,8 +21,8 @@ from roughvol.campaign import resources
 from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.resources import cores
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.observables import regions, void
-from roughvol.observables.reduction import searched_levels
+from roughvol.observables import recorded, regions
+from roughvol.observables.recorded import searched_levels
 from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
 
 TIMED_UP_TO = 1025  # nodes a side; beyond it a convolution is long, and scales as N² log N
@@ -35,12 +35,7 @@ CASE_OVERHEAD = 0.05  # seconds a case: its file
 START = 1.5  # seconds: processes start and import
 SEARCH = 23  # steps of a sweep that the search for an indentation is worth
 LEVEL = 3  # the same of the search for an area or a pressure between two steps
-# seconds a state and node, along both axes, timed at m = 7 … 9; that of a flow (a factorisation) grows with the nodes
-PER_NODE = {"percolation": 6e-8, "constriction": 5e-7, "estimates": 1e-6, "transmissivity": 7e-6, "diffusivity": 7e-6}
-PER_NODE |= {"flux_at": 7e-6, "fields_at": 1e-9, "volume_density": 1.2e-8, "box_counting": 2e-9, "region_widths": 3e-9}
-PER_NODE |= {"region_transmissivity": 7e-6}  # of a width, over the nodes inside; box counting of a threshold
-FLOWS, FLOW_POWER = ("transmissivity", "diffusivity", "flux_at", "region_transmissivity"), 0.15
-FLOW_NODES = 257**2
+FLOW_POWER, FLOW_NODES = 0.15, 257**2  # the seconds a node of a flow (a factorisation) grow with the nodes
 LONG = 30 * 86400.0  # seconds from which on a run is warned of
 ROUGH = 1e-7  # seconds a state and node at the least: enough to see without a timing that a run is not long
 
@@ -158,28 +153,18 @@ def _observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
     if record.region is not None:
         (x, y) = record.region.x, record.region.y
         inside = math.ceil(nodes * (x[1] - x[0]) * (y[1] - y[0]))
-    asked = dict(void.levels(record.transport)) if record.transport else {}
-    asked |= regions.levels(record.region_widths) if record.region_widths else {}
-    states = {name: steps if at is None else len(at) for name, at in asked.items()}
-    selected = {
-        "flux_at": record.transport.flux_at if record.transport else None,
-        "fields_at": record.fields_at,
-        "volume_density": record.volume_density.at if record.volume_density else None,
-        "box_counting": record.box_counting.at if record.box_counting else None,
-    }
-    states |= {name: len(select.levels) for name, select in selected.items() if select is not None}
+    states = {name: steps if at is None else len(at) for name, at in recorded.asked(record).items()}
     parts = {name: [float(inside)] for name in states}  # the nodes of each of its parts, for every state
-    if record.box_counting is not None:
-        parts["box_counting"] = [float(inside)] * len(record.box_counting.thresholds)
+    parts |= {name: [float(inside)] * row.parts(record) for name, row in recorded.AT_STATES.items()}
     if record.region_widths is not None:
         shares = record.region_widths.shares
         parts |= {name: [nodes * share**2 for share in shares] for name in regions.QUANTITIES}
-    return {
-        name: count
-        * PER_NODE[name]
-        * sum(n * (n / FLOW_NODES) ** (FLOW_POWER if name in FLOWS else 0.0) for n in parts[name])
-        for name, count in states.items()
-    }
+    seconds = {}
+    for name, count in states.items():
+        per_node, flow = recorded.seconds_per_node(name)
+        power = FLOW_POWER if flow else 0.0
+        seconds[name] = count * per_node * sum(n * (n / FLOW_NODES) ** power for n in parts[name])
+    return seconds
 
 
 def convolutions_per_step(shape: tuple[int, int], rtol: float) -> float:

@@ -16,6 +16,7 @@ from roughvol.contact.loading import sweep
 from roughvol.contact.search import first_indentation, indentation_for
 from roughvol.errors import ContactError
 from roughvol.observables import reduction
+from roughvol.observables.levels import end_of
 from roughvol.observables.reduction import Reduction, Values
 from roughvol.store import checkpoint as checkpoints
 from roughvol.store import dataset
@@ -67,6 +68,11 @@ def run_case(
     stopping : callable, optional
         Asked after each step of a case with a checkpoint; once it is true the case ends there.
 
+    Returns
+    -------
+    Dataset
+        One case, with dimensions of length 1.
+
     Raises
     ------
     Stopped
@@ -101,7 +107,7 @@ def _swept(
     on_step: Callable[[int], None] | None,
     stopping: Callable[[], bool],
 ) -> Values:
-    """Return what is recorded of the sweep, of which the steps that a checkpoint holds are not solved again."""
+    """Return the values recorded of the sweep; steps in the checkpoint are not solved again."""
     reduced = Reduction(case, surface, half_space)
     state = checkpoint.load() if checkpoint else None
     if state is not None:
@@ -133,7 +139,23 @@ def _swept(
 
 
 def surface_of(case: Case) -> Surface:
-    """Return the surface of a case, generated or read from its files."""
+    """Return the surface of a case, generated or read from its files.
+
+    Parameters
+    ----------
+    case : Case
+        Its D, m, seed and law, or its files.
+
+    Returns
+    -------
+    Surface
+        The undeformed surface.
+
+    Raises
+    ------
+    SurfaceError, DatasetError
+        If it cannot be made or read.
+    """
     if case.file is not None:
         with threadpool_limits(1):  # levelling sums over all nodes
             return measured.surface(case.bodies, case.treatment, case.L, case.length_unit)
@@ -153,11 +175,31 @@ def _half_space(shape: tuple[int, int], kernel: str, threads: int, held: HalfSpa
 
 
 def last_indentation(case: Case, surface: Surface, half_space: HalfSpace) -> float:
-    """Return Δ/σ at the end of the sweep: on a plane, at a value given, or where the search for one ends."""
-    target, scale = case.sweep.target, surface.Sq or 1.0
+    """Return Δ/σ at the end of the sweep: on a plane, at a value given, or where the search for one ends.
+
+    Parameters
+    ----------
+    case : Case
+        Its target, solver and region.
+    surface : Surface
+        The whole surface.
+    half_space : HalfSpace
+        Of the shape of the surface.
+
+    Returns
+    -------
+    float
+        Δ/σ [1].
+
+    Raises
+    ------
+    ContactError
+        If the sweep would end before first touch.
+    """
+    target, scale = case.sweep.target, surface.unit
     value = target.value or 0.0
     rtol, method = min(case.solver.tolerance, case.solver.pressure_error or 1.0), case.solver.method
-    predicate = reduction.end_of(case)
+    predicate = end_of(case)
     if predicate is not None:
         return first_indentation(surface, half_space, predicate, rtol=rtol, method=method)
     if target.kind in ("contact_area", "pressure"):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from roughvol.campaign import limits
 from roughvol.errors import CampaignError, ResourceError
+from roughvol.observables import recorded
 from roughvol.study import Case
 
 # Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/cluster.md).
@@ -67,10 +68,8 @@ def nodes_of(case: Case, shape: tuple[int, int] | None) -> int:
 
 
 def fields_of(case: Case) -> int:
-    """Return the number of stored fields of a case."""
-    flux = case.record.transport.flux_at if case.record.transport else None
-    selects = [select for select in (case.record.fields_at, flux) if select is not None]
-    return case.record.heights + sum(2 * len(select.levels) for select in selects)
+    """Return how many fields of a case are kept."""
+    return recorded.fields_of(case.record)
 
 
 def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, folder: Path, *, here: bool = True) -> None:

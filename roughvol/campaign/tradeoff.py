@@ -227,8 +227,7 @@ class _Bench:
         """Return the indentations at which a level of the family has the separations d/σ of the finest."""
         assert self.case.m is not None
         finest, own = self._surface(self.case.m), self._surface(rung.m)
-        shift = (own.z_max - own.mean_height) / own.Sq - (finest.z_max - finest.mean_height) / finest.Sq
-        shifted: Array = self._indentations(self.case.m, rung.steps) + shift
+        shifted: Array = self._indentations(self.case.m, rung.steps) + (own.peak - finest.peak)
         return shifted
 
     def _reference(self, m: int) -> _Run:

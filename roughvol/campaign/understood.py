@@ -30,7 +30,7 @@ def shown(study: Study, measured: Surface | None) -> Surface | None:
         return None
     surface = surface_of(case)
     height = study.surface.height
-    return surface if height is None else Surface(surface.heights * (height / surface.Sq), surface.spacing)
+    return surface if height is None else surface.scaled(height)
 
 
 def text(surface: Surface, case: Case, cases: int = 1) -> str:

@@ -250,7 +250,7 @@ def _reaching(measure: Callable[[Contact], float], value: float) -> tuple[Callab
 
 def _mean_plane(surface: Surface) -> float:
     """Return Δ/σ at d = 0, or 1 on a flat surface."""
-    return (surface.z_max - surface.mean_height) / surface.Sq if surface.Sq > 0.0 else 1.0
+    return surface.peak if surface.Sq > 0.0 else 1.0
 
 
 def _search(

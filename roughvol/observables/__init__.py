@@ -1,9 +1,18 @@
-"""What is kept of a state: its numbers, its fields, and the flow through its gap.
+"""Observables of a contact: its numbers, its fields, the flow through its gap, and the texture under load.
 
 Room of the observables: pure functions of arrays, and the reduction of a sweep to what a study asks for.
 
+To add an observable, write its function here, with a row in `recorded.AT_STATES`, `void.QUANTITIES` or
+`regions.QUANTITIES`. Give each stored name a row in `store.variables`. If it has its own key, add the field in
+`study.record`. docs/observables.md has the details.
+
 ===============  ===================================================================
 `reduction`      each state of a sweep reduced to stored values
+`recorded`       the list of observables: states, functions, labels, costs
+`levels`         the states at which an observable is taken
+`along_steps`    observables stored along the steps
+`deformed`       texture before load and under load
+`pressures`      shares above the hardness, the pressure in the middle
 `free_volume`    element volumes, their total, density and domains
 `box_counting`   boxes of side r, and the local dimension
 `transport`      connectivity, constriction, conduction, quick estimates

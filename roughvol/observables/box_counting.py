@@ -1,8 +1,8 @@
 """Box counting: how many boxes of side r hold a part of a domain, and the local dimension this gives.
 
-Conventions: lengths are in nodes (r = 1 is one element, r δ its length). The mask is cropped to squares of 2^k nodes, k
-the largest that fits the shorter axis, as many of them side by side as fit, from index 0: for the (2^m + 1)² nodes of
-a surface this drops the last row and column and leaves 2^m × 2^m.
+Conventions: lengths are in nodes (r = 1 is one element, r δ its length). The mask is cropped, from
+index 0, to as many squares of 2^k nodes as fit side by side; k is the largest that fits the shorter axis. Of the
+(2^m + 1)² nodes of a surface 2^m × 2^m are left, without the last row and column.
 """
 
 from __future__ import annotations
@@ -10,17 +10,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
-from roughvol.typing import Array, Mask
+from roughvol.typing import Array, Index, Mask
 
 
 class BoxCounts(NamedTuple):
     """Box sides ``r`` = 1, 2, 4 … 2^k [nodes] and the ``counts`` N(r) of boxes with at least one node of the domain."""
 
-    r: NDArray[np.int64]
-    counts: NDArray[np.int64]
+    r: Index
+    counts: Index
 
 
 class LocalDimension(NamedTuple):
@@ -36,7 +35,7 @@ def box_counts(mask: Mask) -> BoxCounts:
     Parameters
     ----------
     mask : ndarray of bool, shape (rows, columns)
-        The domain; cropped as said at the top of this module.
+        The domain; cropped as at the top of this module.
 
     Returns
     -------

@@ -1,7 +1,8 @@
 """The free volume under a rough surface in contact: element volumes, their total, their density, their domains.
 
-Conventions: g ≥ 0 is the gap at each node, δ the spacing, v = g δ² the free volume of the element around the node
-[length³], exactly 0 in contact. Contact is the active set (p > 0) handed in as a mask, never a comparison of floats.
+Conventions: g ≥ 0 is the gap at each node and δ the spacing. v = g δ² is the free volume of the element around the
+node [length³], exactly 0 in contact. Contact is the active set (p > 0) handed in as a mask, never a comparison of
+floats.
 """
 
 from __future__ import annotations
@@ -12,8 +13,6 @@ import numpy as np
 
 from roughvol.errors import ContactError
 from roughvol.typing import Array, Mask
-
-Mask = Mask
 
 
 class VolumeDensity(NamedTuple):
@@ -75,6 +74,11 @@ def free_volume(gap: Array, Sq: float) -> float:
     Sq : float
         Root mean square height σ [length], or 1 for a gap already divided by σ.
 
+    Returns
+    -------
+    float
+        V* [1].
+
     Raises
     ------
     ContactError
@@ -91,8 +95,8 @@ def volume_density(
 ) -> VolumeDensity:
     """Return the probability density f(v) of the element volumes, ∫ f dv = 1 (the paper's Section 4, Fig. 12).
 
-    Equal bins over [0, v_max], the last one closed. Elements in contact (v = 0) are left out unless asked for: their
-    share is A*, and they would fill the first bin with something that is not a density.
+    Equal bins over [0, v_max], the last one closed. Elements in contact (v = 0) are left out by default. Their
+    share is A*, a single value and no density.
 
     Parameters
     ----------

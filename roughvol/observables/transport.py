@@ -1,27 +1,27 @@
-"""Transport through the gap of a contact: what is connected, where it is narrowest, how much flows, quick estimates.
+"""Transport through the gap of a contact: connectivity, critical constriction, flow, and quick estimates.
 
 Conventions
 -----------
 A gap field holds g ≥ 0 on square elements, axis 0 is x and axis 1 is y. An element is open where g > 0; contact is
-closed. The void is 4-connected (through the sides of elements), the solid 8-connected (through corners as well), so
-that a flow is stopped by a chain of closed elements and by nothing less: either void leads from side to side in x, or
+closed. The void is 4-connected (through the sides of elements), the solid 8-connected (through corners as well). A
+flow is then stopped by a chain of closed elements and by nothing less. Either void leads from side to side in x, or
 solid does in y, and never both.
 
-Flow along an axis obeys div(k grad P) = 0 with the local conductance k = g^n: n = 3 is the lubrication equation, its
-coefficient is the transmissivity; n = 1 is diffusion through the gap. P = 1 and P = 0 are imposed on the outer edges of
-the first and the last line of elements, half an element from their centres; nothing flows through the two other sides
-or into closed elements. Finite volumes: two open neighbours are joined by the harmonic mean of their k, a reservoir and
-its neighbour by 2k. Coefficients are over those of two smooth plates at the mean gap of the whole field (contact
-included) between the same reservoirs; neither the unit of g nor the spacing enters.
+Flow along an axis obeys div(k grad P) = 0 with the local conductance k = g^n. n = 3 is the lubrication equation, and
+its coefficient is the transmissivity. n = 1 is diffusion through the gap. P = 1 and P = 0 are imposed on the outer
+edges of the first and the last line of elements, half an element from their centres. Nothing flows through the two
+other sides or into closed elements. Finite volumes: two open neighbours are joined by the harmonic mean of their k, a
+reservoir and its neighbour by 2k. Coefficients are over those of two smooth plates at the mean gap, contact included,
+between the same reservoirs. Neither the unit of g nor the spacing enters.
 
 Decades of conductance
 ----------------------
 g³ easily spans more decades than a double has digits. With h_c the critical constriction, every path contains an
-element of conductance ≤ h_c^n, and one path has none below. Elements that conduct `_WINDOW` times better than h_c^n
-are taken as if they conducted only that much, those that conduct as many times worse as closed; both change the
-coefficient by about 1/`_WINDOW`, and the matrix then has a condition that a factorisation can bear. The coefficient is
-taken from the dissipation Σ k (δP)², in which the error of P enters squared; P is solved for as the difference to the
-nearer of the two reservoirs, so that the flow in the wide waters before and behind a constriction keeps its digits.
+element of conductance ≤ h_c^n, and one path has none below. Conductances above `_WINDOW` times h_c^n
+are set to that value. Elements that conduct less than 1/`_WINDOW` of h_c^n count as closed. Both change the coefficient
+by about 1/`_WINDOW`, and the matrix gets a condition that a factorisation can bear. The coefficient is taken from the
+dissipation Σ k (δP)², because the error of P enters it squared. P is solved for as the difference to the nearer of the
+two reservoirs. The flow in wide waters before and behind a constriction then keeps its digits.
 """
 
 from __future__ import annotations
@@ -34,10 +34,7 @@ from scipy import ndimage, optimize, sparse
 from scipy.sparse import linalg as sparse_linalg
 
 from roughvol.errors import ContactError
-from roughvol.typing import Array, Mask
-
-Mask = Mask
-Sizes = NDArray[np.int64]
+from roughvol.typing import Array, Index, Mask
 
 _SIDES = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
 _SIDES_AND_CORNERS = np.ones((3, 3))
@@ -62,8 +59,8 @@ class Connectivity(NamedTuple):
     connected: float
     percolating: float
     trapped: float
-    contact_clusters: Sizes
-    trapped_pockets: Sizes
+    contact_clusters: Index
+    trapped_pockets: Index
 
 
 class Constriction(NamedTuple):
@@ -97,6 +94,11 @@ def percolates(void: Mask, axis: int) -> bool:
         True where open.
     axis : int
         0 for x, 1 for y.
+
+    Returns
+    -------
+    bool
+        Whether a path exists.
     """
     labels, _ = ndimage.label(void, _SIDES)
     return bool(_spanning(labels, axis).size)
@@ -111,6 +113,11 @@ def connectivity(gap: Array, contact: Mask) -> Connectivity:
         Gap g ≥ 0 [any length]; open is g > 0.
     contact : ndarray of bool, shape of ``gap``
         True where p > 0; its clusters are counted.
+
+    Returns
+    -------
+    Connectivity
+        Shares and sizes.
 
     Raises
     ------
@@ -145,8 +152,8 @@ def connectivity(gap: Array, contact: Mask) -> Connectivity:
 def constriction(gap: Array, axis: int) -> Constriction:
     """Return the critical constriction: the largest h_c such that the elements with g ≥ h_c still percolate.
 
-    Elements are taken in the order of falling gap (equal ones row by row); the one that completes the first path is
-    found exactly, by bisection on the order.
+    Elements are taken in the order of falling gap, equal ones row by row. Bisection on this order finds the one that
+    completes the first path, exactly.
 
     Parameters
     ----------
@@ -154,6 +161,11 @@ def constriction(gap: Array, axis: int) -> Constriction:
         Gap g ≥ 0 [any length]; open is g > 0.
     axis : int
         0 for x, 1 for y.
+
+    Returns
+    -------
+    Constriction
+        Gap and element.
 
     Raises
     ------
@@ -194,6 +206,11 @@ def conduction(gap: Array, axis: int, exponent: float = 3.0) -> Conduction:
     exponent : float
         n of the local conductance, > 0.
 
+    Returns
+    -------
+    Conduction
+        Coefficient, error of conservation, and flux.
+
     Raises
     ------
     ContactError
@@ -228,10 +245,9 @@ def conduction(gap: Array, axis: int, exponent: float = 3.0) -> Conduction:
 def effective_medium(gap: Array, exponent: float = 3.0) -> float:
     """Return Bruggeman's estimate of the coefficient of `conduction`, from the distribution of the gap alone.
 
-    The root k of Σ (g^n - k)/(g^n + k) = 0 over all elements, contact included, over (mean g)^n; 0 where half of the
-    elements or more are closed. In two dimensions, after Bruggeman, Annalen der Physik 416 (1935) 636-664; for the gap
-    of a contact Lorenz & Persson, Leak-rate of seals: effective medium theory and comparison with experiment (2010),
-    arXiv:0911.3019.
+    The root k of Σ (g^n - k)/(g^n + k) = 0 over all elements, contact included, over (mean g)^n. It is 0 where half of
+    the elements or more are closed. In two dimensions, after Bruggeman, Annalen der Physik 416 (1935) 636-664. For the
+    gap of a contact: Lorenz & Persson, Leak-rate of seals (2010), arXiv:0911.3019.
 
     Parameters
     ----------
@@ -239,6 +255,11 @@ def effective_medium(gap: Array, exponent: float = 3.0) -> float:
         Gap g ≥ 0 [any length].
     exponent : float
         n of the local conductance, > 0.
+
+    Returns
+    -------
+    float
+        Coefficient [1].
 
     Raises
     ------
@@ -266,8 +287,9 @@ def effective_medium(gap: Array, exponent: float = 3.0) -> float:
 def single_junction(gap: Array, axis: int, exponent: float = 3.0) -> float:
     """Return the estimate of the coefficient of `conduction` from the critical constriction alone.
 
-    All pressure is taken to drop over one square junction of the gap h_c of `constriction`, hence (h_c/mean g)^n times
-    the length of the field over its width; Persson & Yang, Journal of Physics: Condensed Matter 20 (2008) 315011.
+    All pressure drops over one square junction of the gap h_c of `constriction`. The coefficient is (h_c/mean g)^n
+    times the length of the field over its width. Persson & Yang, Journal of Physics: Condensed Matter 20 (2008)
+    315011.
 
     Parameters
     ----------
@@ -277,6 +299,11 @@ def single_junction(gap: Array, axis: int, exponent: float = 3.0) -> float:
         Direction of the flow, 0 for x, 1 for y.
     exponent : float
         n of the local conductance, > 0.
+
+    Returns
+    -------
+    float
+        Coefficient [1].
 
     Raises
     ------
@@ -305,8 +332,8 @@ class _Flow(NamedTuple):
 def _flow(k: Array, flowing: Mask) -> _Flow:
     """Return the flow along axis 0 between P = 1 and P = 0 through the flowing elements, which are open and connected.
 
-    Unknown is u = P - R with R = 0 or 1, whichever is nearer: where P differs from a reservoir by less than rounding,
-    u and the flux it drives still have all their digits.
+    Unknown is u = P - R with R = 0 or 1, whichever is nearer. Where P differs from a reservoir by less than rounding, u
+    and the flux it drives still have all their digits.
     """
     size = int(np.count_nonzero(flowing))
     number = np.full((k.shape[0] + 2, k.shape[1]), size)  # the inlet follows the elements, the outlet the inlet
@@ -319,8 +346,8 @@ def _flow(k: Array, flowing: Mask) -> _Flow:
     head = np.concatenate([number[1:][joins_down], number[1:-1, 1:][joins_across]])
     w = np.concatenate([down[joins_down], across[joins_across]])
     scale = 1.0 / np.sqrt(np.bincount(tail, w, size + 2) + np.bincount(head, w, size + 2))
-    off, one = -w * scale[tail] * scale[head], np.arange(size + 2)
-    places = np.concatenate([one, tail, head]), np.concatenate([one, head, tail])
+    off, diagonal = -w * scale[tail] * scale[head], np.arange(size + 2)
+    places = np.concatenate([diagonal, tail, head]), np.concatenate([diagonal, head, tail])
     matrix = sparse.csc_matrix((np.concatenate([np.ones(size + 2), off, off]), places))[:size, :size]
     # an M-matrix needs no pivoting, so the order may follow the sparsity alone
     options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}

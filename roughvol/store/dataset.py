@@ -40,7 +40,7 @@ from roughvol._version import __version__
 from roughvol.errors import DatasetError
 from roughvol.store import stamped_file
 from roughvol.store.stamped_file import FORMAT
-from roughvol.store.variables import DTYPES, FIELDS, MISSING, TIMES, VARIABLES, Variable
+from roughvol.store.variables import ALONG, DTYPES, FIELDS, MISSING, TIMES, VARIABLES, Variable
 from roughvol.study import Case, Region
 from roughvol.surfaces.body import Body
 
@@ -376,21 +376,10 @@ def _encoding(dataset: Dataset) -> dict[str, dict[str, Any]]:
     return encoding
 
 
-_ALONG = {  # one stored variable of each observable
-    "percolation": "percolates_x",
-    "constriction": "critical_gap_x",
-    "transmissivity": "transmissivity_x",
-    "diffusivity": "diffusivity_x",
-    "estimates": "estimate_medium_transmissivity",
-    "region_widths": "contact_area_fraction_within",
-    "region_transmissivity": "transmissivity_within_x",
-}
-
-
 def unreached(results: Dataset) -> dict[str, int]:
     """Return the number of cases per observable that reached none of its states along the steps."""
     counts = {}
-    for name, stored in _ALONG.items():
+    for name, stored in ALONG.items():
         if name in results.get("observable", ()):
             asked = results["observable_time"].sel(observable=name).notnull()  # of the cases that are done
             if stored in results:

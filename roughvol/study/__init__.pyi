@@ -16,6 +16,7 @@ from .record import Record as Record
 from .record import Region as Region
 from .record import RegionWidths as RegionWidths
 from .record import Select as Select
+from .record import Texture as Texture
 from .record import Transport as Transport
 from .record import VolumeDensity as VolumeDensity
 from .sections import ACCURACY as ACCURACY

@@ -19,7 +19,7 @@ from roughvol.errors import Problem, StudyError
 from roughvol.study.agreement import resolve
 from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
-from roughvol.study.record import Record
+from roughvol.study.record import SELECTORS, Record
 from roughvol.study.sections import (
     PAPER_MAX_M,
     GeneratedSurface,
@@ -192,7 +192,7 @@ class Study(Strict):
     )
     record: Record = Field(
         default=Record(),
-        description="{heights, fields_at, box_counting, volume_density, transport, region, region_widths, dimensional}",
+        description=f"{{{', '.join(Record.model_fields)}}}",
     )
 
     _places: Places = PrivateAttr(default_factory=Places)
@@ -284,18 +284,13 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     if isinstance(mapping("sweep").get("to"), dict) and sum(value is not None for value in end.values()) != 1:
         yield ("sweep", "to"), f"must name exactly one of {', '.join(names(Target))}"
     yield from _unit_conflicts(surface, mapping("material"), record)
-    pressed = ("fields_at", "box_counting", "volume_density", "transport", "region_widths", "dimensional")
-    for name in pressed if steps == 0 else ():
-        if record.get(name) is not None:
-            yield ("record", name), "there is no contact to record, since sweep.steps is 0"
-    selectors: list[tuple[str, ...]] = [
-        ("record", "fields_at"),
-        ("record", "box_counting", "at"),
-        ("record", "volume_density", "at"),
-        ("record", "region_widths", "at"),
-        ("record", "region_widths", "transmissivity"),
-    ]
-    selectors += [("record", "transport", quantity) for quantity in mapping("record", "transport")]
+    pressed = [name for name in Record.model_fields if name not in ("heights", "region", "texture")]
+    at = mapping("record", "texture").get("at")
+    asked: list[KeyPath] = [(name,) for name in pressed if record.get(name) is not None]
+    asked += [("texture", "at")] if at not in (None, "last") else []  # texture before load needs no contact
+    for path in asked if steps == 0 else ():
+        yield ("record", *path), "there is no contact to record, since sweep.steps is 0"
+    selectors = [("record", *path) for path in SELECTORS]
     levels = [(*place, kind) for place in selectors for kind in mapping(*place)]
     for place in levels if steps != 0 else ():
         kind = place[-1]

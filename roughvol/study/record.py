@@ -1,10 +1,23 @@
-"""The section ``record`` of a study: quantities stored along a sweep, and their region of the surface."""
+"""The section ``record`` of a study: the observables stored, their states, and their part of the surface."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, get_args, get_type_hints
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, field_validator, model_serializer, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
+from pydantic_core import core_schema
 
 from roughvol.study.sections import (
     AreaFraction,
@@ -68,6 +81,30 @@ class VolumeDensity(Strict):
     bins: Annotated[Whole, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
     at: Selector = Field(default=Select(), description=f"the states to take f(v) at: {_STATES}")
     include_contact: bool = Field(default=False, description="whether elements in contact (v = 0) count: true or false")
+
+
+class Switch:
+    """Accept true for the defaults of a mapping and false for nothing, and show both in the JSON schema."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self._spelled_out, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [{"type": "boolean"}, handler(schema["schema"])]}
+
+    @staticmethod
+    def _spelled_out(value: Any) -> Any:
+        if isinstance(value, bool):
+            return {} if value else None
+        if not isinstance(value, dict | BaseModel | None):
+            refuse("must be true, false or a mapping (key: value)")
+        return value
+
+
+class Texture(Strict):
+    """The texture before load, and of the deformed surface under load."""
+
+    at: Selector = Field(default=Select(), description=f"the states under load to take it at: {_STATES}")
 
 
 EVERY_STEP = "every-step"
@@ -211,6 +248,11 @@ class Record(Strict):
     volume_density: VolumeDensity | None = Field(
         default=None, description="density of the volumes; {} takes the defaults"
     )
+    texture: Annotated[Texture | None, Switch()] = Field(
+        default=None,
+        description="texture before load and of the deformed surface (Sa, Ssk, Sku, Sp, Sv, Sz, Svi, Sbi, material "
+        "ratio, structure function): true, false or {at: states}",
+    )
     transport: Transport | None = Field(
         default=None,
         description="quantities of the void, each with its states",
@@ -227,3 +269,27 @@ class Record(Strict):
     dimensional: Dimensional | None = Field(
         default=None, description="quantities stored with units as well: pressure, free_volume, mean_gap, leak_rate …"
     )
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the records that an annotation holds, in unions and behind ``Annotated``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _models(argument)
+
+
+def _selectors() -> Iterator[tuple[str, ...]]:
+    """Yield the path of every key of `Record` that selects states."""
+    for name, annotation in get_type_hints(Record, include_extras=True).items():
+        for model in _models(annotation):
+            if issubclass(model, Select):
+                yield (name,)
+                continue
+            for inner, hint in get_type_hints(model, include_extras=True).items():
+                if any(issubclass(part, Select) for part in _models(hint)):
+                    yield name, inner
+
+
+SELECTORS = tuple(_selectors())
+"""Paths of the keys of the section ``record`` that select states."""

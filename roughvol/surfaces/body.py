@@ -19,8 +19,13 @@ Nodes = tuple[tuple[int, int], tuple[int, int]]
 class Body:
     """One rough body: its file, the sha256 of its content, and the reading of its numbers.
 
-    The file gives ``unit`` of the heights, or else the study gives ``heights_unit``. ``mirror`` is the reversed axis,
-    ``read_as`` the layout of a text, ``pixel_ratio`` the side of resampled pixels along y over that along x.
+    Attributes
+    ----------
+    unit : unit of the heights in the file, where the file names it.
+    heights_unit : the same, where the study names it.
+    mirror : the axis that is reversed.
+    read_as : layout of a text, part of the identity of a case.
+    pixel_ratio : side of the pixels along y over that along x, where they are resampled.
     """
 
     file: Path
@@ -36,7 +41,7 @@ class Body:
 
     @property
     def numbers_in(self) -> str | None:
-        """The unit of the heights in the file; None for that of the study."""
+        """Unit of the heights in the file, named by the file or by the study; None for that of the study."""
         return self.unit or self.heights_unit
 
     @property
@@ -49,9 +54,17 @@ class Body:
 class Treatment:
     """The treatment of the heights, equal for each body.
 
-    The order is: ``crop`` to the nodes from the first to the last, along x and y; ``outliers`` (sigma, nodes of the
-    window) taken out; ``downsample`` by means of so many nodes a side; ``resample``; ``level``; ``missing`` heights
-    filled; ``low_pass``.
+    The attributes are in the order of treatment.
+
+    Attributes
+    ----------
+    crop : first and last node along x and along y.
+    outliers : sigma, and nodes a side of the window.
+    downsample : nodes a side of the blocks that are averaged.
+    resample : whether oblong pixels are made square.
+    level : degree of the surface taken off.
+    missing : rule for missing heights.
+    low_pass : cut-off wavelength [unit of the study].
     """
 
     level: Levelling = "none"

@@ -35,9 +35,9 @@ def block_means(heights: Array, side: int) -> Array:
     """
     rows, columns = (nodes // side for nodes in heights.shape)
     blocks = heights[: rows * side, : columns * side].reshape(rows, side, columns, side)
-    known = (~np.isnan(blocks)).sum(axis=(1, 3))
+    count = (~np.isnan(blocks)).sum(axis=(1, 3))
     total = np.nansum(blocks, axis=(1, 3))
-    return np.where(2 * known >= side**2, total / np.maximum(known, 1), np.nan)
+    return np.where(2 * count >= side**2, total / np.maximum(count, 1), np.nan)
 
 
 def squared(heights: Array, ratio: float) -> Array:
@@ -69,12 +69,12 @@ def squared(heights: Array, ratio: float) -> Array:
     finer = ratio if ratio > 1.0 else 1.0 / ratio
     nodes = heights.shape[axis]
     last = (nodes - 1) * finer
-    place = np.arange(int(np.floor(last + AT_NODE * nodes)) + 1) / finer
-    nearest = np.rint(place)
-    place = np.where(np.abs(place - nearest) < AT_NODE * nodes, nearest, place)
+    position = np.arange(int(np.floor(last + AT_NODE * nodes)) + 1) / finer
+    nearest = np.rint(position)
+    position = np.where(np.abs(position - nearest) < AT_NODE * nodes, nearest, position)
     missing = np.isnan(heights)
-    known = levelling.fill(heights, "interpolate") if missing.any() else heights
-    spline = interpolate.make_interp_spline(np.arange(nodes), known, k=min(3, nodes - 1), axis=axis)
-    between = np.floor(place).astype(int), np.ceil(place).astype(int)
+    filled = levelling.fill(heights, "interpolate") if missing.any() else heights
+    spline = interpolate.make_interp_spline(np.arange(nodes), filled, k=min(3, nodes - 1), axis=axis)
+    between = np.floor(position).astype(int), np.ceil(position).astype(int)
     gone = missing.take(between[0], axis=axis) | missing.take(between[1], axis=axis)
-    return np.where(gone, np.nan, spline(place))
+    return np.where(gone, np.nan, spline(position))

@@ -20,7 +20,7 @@ _WORD = re.compile(rf"({'|'.join(_PREFIXES)})[-_ ]?met(?:er|re)s?", re.IGNORECAS
 
 
 def named(unit: str) -> str | None:
-    """Return the name by which a unit goes here (``um`` for µm or micrometre), or None if it is no unit of length."""
+    """Return the name of a unit in `METRES` (``um`` for µm or micrometre), or None if it is no unit of length."""
     unit = unit.strip()
     if found := _WORD.fullmatch(unit):
         return _PREFIXES[found[1].lower()]
@@ -29,5 +29,5 @@ def named(unit: str) -> str | None:
 
 
 def factor(given: str, wanted: str) -> float:
-    """Return by what numbers in one unit are multiplied to be in another; both are keys of `METRES`."""
+    """Return the factor from numbers in one unit to numbers in another; both are keys of `METRES`."""
     return METRES[given] / METRES[wanted]

@@ -1,8 +1,8 @@
 """Measured heights made fit to be pressed: levelled, their holes filled, their short waves filtered off.
 
-Conventions: heights z on a lattice, axis 0 is x and axis 1 is y; a height that is not known is NaN, and every function
-says what it does with it. Nothing is changed in place. All are linear in z, so the sum of two treated surfaces is their
-treated sum, and exact under a change of the unit of z by a power of two.
+Conventions: heights z on a lattice, axis 0 is x and axis 1 is y. A height that is not known is NaN. Nothing is changed
+in place. All functions are linear in z, so the sum of two treated surfaces is their treated sum. All are exact under a
+change of the unit of z by a power of two.
 """
 
 from __future__ import annotations
@@ -10,12 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, signal, sparse
 from scipy.sparse import linalg
 
 from roughvol.errors import SurfaceError
-from roughvol.typing import Array, Mask
+from roughvol.typing import Array, Index, Mask
 
 LEVELS = {"none": -1, "mean": 0, "tilt": 1, "quadratic": 2}  # degree of the surface that is taken off
 FILLS = ("nearest", "interpolate")
@@ -28,8 +27,8 @@ REACH = 1.5  # in cut-offs; there the weight has fallen to e^(-2.25 π²/ln 2) =
 def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     """Return the heights less the least-squares surface of the known ones.
 
-    z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'² over the nodes with known z; n = 0 for the mean
-    (``mean``), 1 for a plane (``tilt``), 2 for a quadratic (``quadratic``). ``none`` takes nothing off.
+    z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'² over the nodes with known z. The degree n is 0
+    for ``mean``, 1 for ``tilt`` (a plane) and 2 for ``quadratic``. ``none`` takes nothing off.
 
     Parameters
     ----------
@@ -39,6 +38,11 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     among : bool array of the same shape, optional
         The known nodes that the surface is fitted to; all known ones if not given.
 
+    Returns
+    -------
+    array, shape (rows, columns)
+        Levelled heights [length], NaN where not known.
+
     Raises
     ------
     SurfaceError
@@ -47,8 +51,8 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     if kind not in LEVELS:
         message = f"level must be one of {', '.join(map(repr, LEVELS))}, got {kind!r}"
         raise SurfaceError(message)
-    known = _some_known(heights)
-    support = known if among is None else among & known
+    mask = _some_known(heights)
+    support = mask if among is None else among & mask
     degree = LEVELS[kind]
     if degree < 0:
         return heights.copy()
@@ -57,29 +61,34 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     moments = x.T @ support @ y  # Σ x^a y^b over the fitted nodes
     normal = np.array([[moments[a + c, b + d] for c, d in terms] for a, b in terms])
     exponent = _exponent(heights)
-    left = np.ldexp(np.where(known, heights, 0.0), -exponent)
+    left = np.ldexp(np.where(mask, heights, 0.0), -exponent)
     for _ in range(3):  # the second and third time take off what rounding in the normal equations has left
         weighted = x[:, : degree + 1].T @ np.where(support, left, 0.0) @ y[:, : degree + 1]
         # where the fitted nodes do not fix all terms (all in one line), those of the smallest coefficients
         fitted = np.linalg.lstsq(normal, np.array([weighted[a, b] for a, b in terms]), rcond=1e-13)[0]
         coefficients = np.zeros((degree + 1, degree + 1))
         coefficients[tuple(np.transpose(terms))] = fitted
-        left -= np.where(known, x[:, : degree + 1] @ coefficients @ y[:, : degree + 1].T, 0.0)
-    return np.where(known, np.ldexp(left, exponent), np.nan)
+        left -= np.where(mask, x[:, : degree + 1] @ coefficients @ y[:, : degree + 1].T, 0.0)
+    return np.where(mask, np.ldexp(left, exponent), np.nan)
 
 
 def fill(heights: Array, rule: str) -> Array:
     """Return the heights with those filled in that are not known.
 
     ``nearest`` takes the height of the nearest known node (of several equally near ones always the same). With
-    ``interpolate`` every filled height is the mean of its neighbours, 4, or at the rim 3 or 2 (the discrete Laplace
-    equation): smooth, exact for a plane away from the rim, and never beyond the known heights around the hole.
+    ``interpolate`` every filled height is the mean of its 4 neighbours, 3 or 2 at the rim (the discrete Laplace
+    equation). This is smooth, exact for a plane away from the rim, and within the known heights around the hole.
 
     Parameters
     ----------
     heights : array, shape (rows, columns)
         z [length], NaN where not known, at most half of them.
     rule : {"nearest", "interpolate"}
+
+    Returns
+    -------
+    array, shape (rows, columns)
+        Heights [length], all known.
 
     Raises
     ------
@@ -110,10 +119,9 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
 
         s(x) = exp(-π (x/(α λc))²) / (α λc),   α = √(ln 2/π),   transmission exp(-π (α λc/λ)²)
 
-    along x and along y, which together weigh by distance alone: a wave of wavelength λc in any direction keeps half its
-    amplitude (as far as the lattice samples it: λc ≳ 4 δ). At the edges the weights that fall outside are left out and
-    the others scaled up to a sum of one: a constant passes unchanged everywhere, a plane at 1.5 λc and more from the
-    edge.
+    along x and along y; together they weigh by distance alone. A wave of wavelength λc in any direction keeps half its
+    amplitude, if the lattice samples it (λc ≳ 4 δ). At the edges the weights inside are scaled up to a sum of one. A
+    constant then passes unchanged everywhere, a plane at 1.5 λc and more from the edge.
 
     Parameters
     ----------
@@ -123,6 +131,11 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
         δ [length] of the nodes.
     cut_off : float
         λc in the unit of δ, from 2 δ to the shorter side.
+
+    Returns
+    -------
+    array, shape (rows, columns)
+        Filtered heights [length].
 
     Raises
     ------
@@ -155,11 +168,11 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
 
 
 def _some_known(heights: Array) -> Mask:
-    known = ~np.isnan(heights)
-    if not known.any():
+    mask = ~np.isnan(heights)
+    if not mask.any():
         message = f"none of the {heights.size} heights is known"
         raise SurfaceError(message)
-    return known
+    return mask
 
 
 def _exponent(heights: Array) -> int:
@@ -177,7 +190,7 @@ def _harmonic(heights: Array, missing: Mask) -> Array:
     neighbours, known_sum = np.zeros(len(here)), np.zeros(len(here))
     exponent = _exponent(heights)
     scaled = np.ldexp(heights, -exponent)
-    entries: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
+    entries: list[tuple[Index, Index]] = []
     for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
         there_row, there_column = row + down, column + right
         inside = (there_row >= 0) & (there_row < rows) & (there_column >= 0) & (there_column < columns)

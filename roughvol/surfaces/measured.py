@@ -1,8 +1,8 @@
 """The surface of measured heights: each body read and treated by itself, two of them added.
 
 Conventions: the heights of each body are positive out of it. Two bodies touch first where the sum of their heights is
-largest, so they are pressed as one rough surface of height z1 + z2 against a plane. Apart from missing heights and
-outliers, which belong to one of them, what is done to each body is linear and could as well be done to the sum.
+largest. They are pressed as one rough surface of height z1 + z2 against a plane. Missing heights and outliers belong to
+one body. Every other treatment is linear, so that of the sum is the sum of both.
 """
 
 from __future__ import annotations
@@ -38,12 +38,16 @@ def surface(bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | 
     unit : str or None
         Unit of lengths and heights; None to take the numbers as they are.
 
+    Returns
+    -------
+    Surface
+        Heights as pressed.
+
     Raises
     ------
     SurfaceError, DatasetError
-        If a file cannot be read or has changed since the study was loaded, if it holds no heights or not those of a
-        lattice of the same shape as the other, if heights are missing and ``treatment`` refuses them, or if the
-        treatment is not possible.
+        If a file cannot be read, holds no heights, or has changed since the study was loaded. If the two lattices
+        differ in shape, heights are missing and ``treatment`` refuses them, or the treatment is not possible.
     """
     measured = [_measured(body, treatment, unit) for body in bodies]
     total, filled, removed = _pressed(bodies, measured, treatment, L)
@@ -70,7 +74,7 @@ def _pressed(
 
 
 def notes(surface: Surface, unit: str | None) -> tuple[str, ...]:
-    """Return what is absurd in the heights for the length of the surface.
+    """Return a note where the heights are absurd for the length of the surface.
 
     Parameters
     ----------
@@ -78,13 +82,18 @@ def notes(surface: Surface, unit: str | None) -> tuple[str, ...]:
         Measured surface.
     unit : str or None
         Unit of its heights and lengths.
+
+    Returns
+    -------
+    tuple of str
+        One sentence, or none.
     """
     span, side = float(np.ptp(surface.heights)), surface.spacing * (min(surface.heights.shape) - 1)
-    said = f"the heights span {span:.3g} {unit or ''}".rstrip()
+    text = f"the heights span {span:.3g} {unit or ''}".rstrip()
     if span > side:
-        return (f"{said}, more than the shorter side, {side:.3g} {unit or ''}".rstrip() + ": is heights_unit right?",)
+        return (f"{text}, more than the shorter side, {side:.3g} {unit or ''}".rstrip() + ": is heights_unit right?",)
     if 0.0 < span < _FLATTEST * side:
-        return (f"{said}, {span / side:.1g} of the shorter side: is heights_unit right?",)
+        return (f"{text}, {span / side:.1g} of the shorter side: is heights_unit right?",)
     return ()
 
 
@@ -118,8 +127,8 @@ def _treated(heights: Array, body: Body, treatment: Treatment, L: float) -> tupl
             heights = heights[left : right + 1, front : back + 1]
         if treatment.outliers is not None:
             degree = treatment.level if treatment.level == "quadratic" else "tilt"
-            found = outliers.outliers(heights, *treatment.outliers, degree=degree)
-            heights, removed = np.where(found, np.nan, heights), int(found.sum())
+            mask = outliers.outliers(heights, *treatment.outliers, degree=degree)
+            heights, removed = np.where(mask, np.nan, heights), int(mask.sum())
         if treatment.downsample != 1:
             heights = lattice.block_means(heights, treatment.downsample)
         if treatment.resample != "none" and body.pixel_ratio is not None:

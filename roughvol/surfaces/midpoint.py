@@ -7,11 +7,10 @@ import operator
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.surface import Surface, positive, real
-from roughvol.typing import Array
+from roughvol.typing import Array, Index
 
 LARGEST_M = 14  # 2 GiB of heights; the contact problem ends well before
 
@@ -25,9 +24,9 @@ INITIAL_SPREAD = 1.0 / 0.3  # the paper's free parameter 1/√0.09, Section 2
 def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: int = 0, law: str = "std") -> Surface:
     """Return a self-affine surface by random midpoint displacement (Peitgen & Saupe 1988; the paper's Section 2).
 
-    Level by level, every square gets a centre (mean of its 4 corners + s_h ξ), then every edge a midpoint (mean of its
-    4 neighbours, 3 on the boundary, + s_{h+1} ξ); nodes that exist get no addition, the corners are zero. ξ are
-    standard normal, and the standard deviation of half step h = 1 … 2m is, with s₀ = v₀ = 1/√0.09,
+    Level by level, every square gets a centre: the mean of its 4 corners + s_h ξ. Then every edge gets a midpoint: the
+    mean of its 4 neighbours, 3 on the boundary, + s_{h+1} ξ. Existing nodes get no addition. The corners are zero. ξ
+    are standard normal, and the standard deviation of half step h = 1 … 2m is, with s₀ = v₀ = 1/√0.09,
 
         law "std":       s_h = s₀ 2^{-h (3-D)/2}        Hurst exponent 3 - D
         law "variance":  s_h = √(v₀ 2^{-h (3-D)/2})     Hurst exponent (3 - D)/2
@@ -43,8 +42,8 @@ def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: i
     side : float
         Lateral size L [length]; δ = L / 2^m. The heights do not depend on it.
     seed : int
-        Seed ≥ 0 of the random stream. The stream is drawn coarse level first and does not depend on D: equal seeds at
-        m - 1 and m are nested bit for bit, and equal seeds at two D are a matched pair.
+        Seed ≥ 0 of the random stream. The stream is drawn coarse level first and does not depend on D. Equal
+        seeds at m - 1 and m are nested bit for bit. Equal seeds at two D are a matched pair.
     law : {"std", "variance"}
         Which quantity is divided by 2^{(3-D)/2} at each half step.
 
@@ -81,7 +80,7 @@ def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: i
     return Surface(heights, side / nodes)
 
 
-def midpoint_levels(m: int) -> NDArray[np.int64]:
+def midpoint_levels(m: int) -> Index:
     """Return the half step at which each node gets its height (the paper's Fig. 1).
 
     Parameters

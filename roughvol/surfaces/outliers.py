@@ -23,8 +23,8 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
 
         |r - med_w(r)| > sigma s,   s = 1.4826 med |r - med(r)|
 
-    where r are the heights less a plane (or quadratic), med_w is the median of the known heights in the window around
-    the node, and med that of the whole map. Both medians ignore what up to half of the heights are (Huber 1981), so
+    where r are the heights less a plane (or quadratic). med_w is the median of the known heights in the window around
+    the node, med that of the whole map. Both medians ignore what up to half of the heights are (Huber 1981), so
     spikes hide neither themselves nor each other. It is the identifier of Hampel (1974) with the deviation of the whole
     map in place of that of the window. This matters twice:
 
@@ -55,6 +55,7 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
     Returns
     -------
     bool array of the same shape
+        True where a height is an outlier.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
     known = ~np.isnan(heights)
     rest, middle, deviation = _robust(heights, known, sigma, degree)
     limit = sigma * deviation
-    found = np.zeros(heights.shape, dtype=bool)
+    mask = np.zeros(heights.shape, dtype=bool)
     # Only a node whose window holds a height so far below or above it can be so far from the median.
     low = ndimage.minimum_filter(np.where(known, rest, np.inf), size=window, mode="nearest")
     high = ndimage.maximum_filter(np.where(known, rest, -np.inf), size=window, mode="nearest")
@@ -83,15 +84,15 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
         node = np.arange(len(count))
         median = 0.5 * (around[node, (count - 1) // 2] + around[node, count // 2])
         few = 2 * count < inside[0][part[0]] * inside[1][part[1]]
-        found[part] = np.abs(rest[part] - np.where(few, middle, median)) > limit
-    share = found.sum() / known.sum()
+        mask[part] = np.abs(rest[part] - np.where(few, middle, median)) > limit
+    share = mask.sum() / known.sum()
     if share > LARGEST_SHARE:
         message = (
-            f"outliers: {found.sum()} heights, {share:.1%}, lie farther than {sigma:g} robust deviations from the "
+            f"outliers: {mask.sum()} heights, {share:.1%}, lie farther than {sigma:g} robust deviations from the "
             f"median of their neighbours; allowed: up to {LARGEST_SHARE:.0%}; raise sigma"
         )
         raise SurfaceError(message)
-    return found
+    return mask
 
 
 def _robust(heights: Array, known: Mask, sigma: float, degree: str) -> tuple[Array, float, float]:

@@ -1,7 +1,6 @@
-"""Rough surfaces: heights on a square lattice, and the random midpoint displacement that makes fractal ones.
+"""The record of a rough surface: heights on a square lattice, checked once.
 
 Conventions: heights z are positive up, axis 0 is x and axis 1 is y, the nodes are δ = ``spacing`` apart on both axes.
-A surface made here has N = 2^m + 1 nodes per side and δ = side / 2^m; its four corners are zero.
 """
 
 from __future__ import annotations
@@ -39,8 +38,8 @@ class Surface:
     Raises
     ------
     SurfaceError
-        If the heights are not a real, finite 2-D array of at least 3 × 3 nodes whose range is a float (and 0 or
-        at least `SMALLEST_RANGE`), or δ is not finite and positive.
+        If the heights are not a real, finite 2-D array of at least 3 × 3 nodes. If their range is no float, or between
+        0 and `SMALLEST_RANGE`. If δ is not finite and positive.
     """
 
     heights: Array
@@ -87,9 +86,18 @@ class Surface:
     def Sq(self) -> float:
         """Root mean square of the heights about their mean plane, Sq = √mean((z - z̄)²) [length] (ISO 25178-2).
 
-        Right for any scale of heights: they are brought to unit range first, because the squares of 1e-250 underflow.
+        Heights of any scale are brought to unit range first, because the squares of 1e-250 underflow.
         """
         return self._moments[1]
+
+    @property
+    def unit(self) -> float:
+        """Unit of dimensionless heights and gaps: Sq, or 1 if the surface is flat [length]."""
+        return self.Sq or 1.0
+
+    def scaled(self, Sq: float) -> Surface:
+        """Return the surface with its heights multiplied so that their root mean square is ``Sq`` [length]."""
+        return Surface(self.heights * (Sq / self.Sq), self.spacing)
 
     @property
     def peak(self) -> float:
@@ -113,7 +121,7 @@ class Surface:
 
 
 def _checked_heights(heights: ArrayLike) -> Array:
-    """Return a read-only, C-contiguous copy of the heights, or say what is wrong with them."""
+    """Return a read-only, C-contiguous copy of the heights, or refuse them with the reason."""
     masked = int(np.ma.count_masked(heights)) if isinstance(heights, np.ma.MaskedArray) else 0
     if masked:
         message = f"heights must be known at every node, {masked} are masked"
@@ -150,7 +158,7 @@ def _checked_heights(heights: ArrayLike) -> Array:
 
 
 def real(name: str, value: float) -> float:
-    """Return a value as a float, or refuse what is no real number."""
+    """Return a value as a float, or refuse anything but a real number."""
     try:
         return float(value)
     except (TypeError, ValueError) as error:

@@ -1,9 +1,9 @@
-"""Texture of a height field: ISO 25178-2 numbers, summits, retention indices, Hurst exponents.
+"""Texture of a height field: ISO 25178-2 numbers, summits, functional indices, structure function, Hurst exponents.
 
-Conventions: z(x, y) are heights [length], positive up, axis 0 is x; ζ = z - z̄ are heights about the mean plane. No
-form is removed and no filter applied: the whole field is the scale-limited surface. Every mean is over nodes of equal
-weight. Amplitudes of any scale are allowed (1e-250, 1e250): heights are brought to unit range before they are squared.
-A ratio that a flat surface leaves undefined is NaN.
+Conventions: z(x, y) are heights [length] of shape (rows, columns), positive up, axis 0 is x. ζ = z - z̄ are heights
+about the mean plane. No form is removed and no filter applied: the whole field is the scale-limited surface. Every mean
+is over nodes of equal weight. Amplitudes of any scale are allowed (1e-250, 1e250): heights are brought to unit range
+before they are squared. A ratio that a flat surface leaves undefined is NaN.
 """
 
 from __future__ import annotations
@@ -14,10 +14,28 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from roughvol.errors import SurfaceError
-from roughvol.typing import Array, Mask
+from roughvol.typing import Array, Index, Mask
 
 FEWEST_CELLS_FOR_SPECTRUM = 32  # below, the range of `hurst_spectrum` spans less than one octave
 SPECTRUM_BINS = 8
+
+
+def standardised(heights: Array) -> Array:
+    """Return the heights about their mean plane in units of their root mean square, ζ/Sq [1].
+
+    Parameters
+    ----------
+    heights : ndarray
+        Heights z [length], finite.
+
+    Returns
+    -------
+    ndarray, shape of ``heights``
+        Mean 0 and root mean square 1; NaN everywhere if flat.
+    """
+    unit, _ = _about_mean_plane(heights)
+    spread = _root_mean_square(unit)
+    return unit / spread if spread > 0.0 else np.full(unit.shape, math.nan)
 
 
 def Sq(heights: Array) -> float:
@@ -34,12 +52,12 @@ def Sa(heights: Array) -> float:
 
 def Ssk(heights: Array) -> float:
     """Return the skewness, Ssk = mean(ζ³) / Sq³ [1], NaN if flat (ISO 25178-2)."""
-    return _standardised_moment(heights, 3)
+    return float(np.mean(standardised(heights) ** 3))
 
 
 def Sku(heights: Array) -> float:
     """Return the kurtosis, Sku = mean(ζ⁴) / Sq⁴ [1], 3 for a Gaussian, NaN if flat (ISO 25178-2)."""
-    return _standardised_moment(heights, 4)
+    return float(np.mean(standardised(heights) ** 4))
 
 
 def Sp(heights: Array) -> float:
@@ -62,16 +80,23 @@ def Sz(heights: Array) -> float:
 def Sdq(heights: Array, spacing: float) -> float:
     """Return the root mean square gradient, Sdq = √mean((∂z/∂x)² + (∂z/∂y)²) [1] (ISO 25178-2).
 
-    Central differences over 2δ on the interior nodes only: exact for planes, and blind to the wavelength 2δ, so that
-    a field rough down to the lattice has a larger slope than this between neighbouring nodes.
+    Central differences over 2δ on the interior nodes. They are exact for planes and blind to the wavelength 2δ. A field
+    that is rough down to the lattice has larger slopes between neighbouring nodes.
 
     Parameters
     ----------
-    heights : ndarray, shape (rows, columns), at least 3 × 3
+    heights : ndarray, shape (rows, columns)
         Heights z [length].
     spacing : float
         Distance δ of neighbouring nodes [length].
+
+    Returns
+    -------
+    float
+        Sdq, NaN for fewer than 3 nodes on an axis.
     """
+    if min(heights.shape) < 3:
+        return math.nan
     unit, exponent = _about_mean_plane(heights)
     along_x = unit[2:, 1:-1] - unit[:-2, 1:-1]
     along_y = unit[1:-1, 2:] - unit[1:-1, :-2]
@@ -83,6 +108,11 @@ def summits(heights: Array) -> Mask:
     """Return where the summits are: interior nodes strictly higher than each of their eight neighbours.
 
     A plateau of equal nodes has no summit, and neither has the boundary, whose neighbourhood is not known.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (rows, columns)
+        Heights z [length].
 
     Returns
     -------
@@ -104,6 +134,16 @@ def summits(heights: Array) -> Mask:
 def summit_plane(heights: Array) -> float:
     """Return the mean height of the summits [length]: the paper's "mean plane of the asperity heights" (Section 3).
 
+    Parameters
+    ----------
+    heights : ndarray, shape (rows, columns)
+        Heights z [length].
+
+    Returns
+    -------
+    float
+        Height in the frame of z [length].
+
     Raises
     ------
     SurfaceError
@@ -115,8 +155,20 @@ def summit_plane(heights: Array) -> float:
 def summit_radius(heights: Array, spacing: float) -> float:
     """Return the radius of curvature of the summits, ρ = 1 / mean(κ) [length].
 
-    κ = -½ (∂²z/∂x² + ∂²z/∂y²) at each summit, by second differences over δ: 1/ρ is the Spc of ISO 25178-2, over
-    the nodes of `summits` instead of pruned peaks. It is the ρ of the plasticity index.
+    κ = -½ (∂²z/∂x² + ∂²z/∂y²) at each summit, by second differences over δ. 1/ρ is the Spc of ISO 25178-2 over the
+    nodes of `summits` instead of pruned peaks. ρ is that of the plasticity index.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (rows, columns)
+        Heights z [length].
+    spacing : float
+        Distance δ of neighbouring nodes [length].
+
+    Returns
+    -------
+    float
+        ρ [length].
 
     Raises
     ------
@@ -154,14 +206,10 @@ def Svi(heights: Array) -> float:
     """Return the valley fluid retention index, Svi = mean(max(h₂₀ - z, 0)) / Sq [1], NaN if flat.
 
     h₂₀ is the plane that leaves 20 % of the heights below it (the paper's Section 3.2; Dong, Sullivan & Stout 1994).
-    Gaussian heights give 0.112. Applied to deformed heights it is the index after loading.
+    Gaussian heights give 0.112.
     """
-    unit, _ = _about_mean_plane(heights)
-    spread = _root_mean_square(unit)
-    if spread == 0.0:
-        return math.nan
-    plane = float(np.quantile(unit, 0.20))
-    return float(np.maximum(plane - unit, 0.0).mean()) / spread
+    unit = standardised(heights)
+    return float(np.maximum(np.quantile(unit, 0.20) - unit, 0.0).mean())
 
 
 def Sbi(heights: Array) -> float:
@@ -170,22 +218,55 @@ def Sbi(heights: Array) -> float:
     ζ₀₅ is the height above the mean plane that leaves 5 % of the heights above it (Dong, Sullivan & Stout
     1994). Gaussian heights give 0.608; a larger number is a surface that bears better.
     """
-    unit, _ = _about_mean_plane(heights)
-    spread = _root_mean_square(unit)
-    level = float(np.quantile(unit, 0.95))
-    return spread / level if level != 0.0 else math.nan
+    level = float(np.quantile(standardised(heights), 0.95))
+    return 1.0 / level if level != 0.0 else math.nan
 
 
-def hurst_structure(heights: Array, spacing: float = 1.0) -> float:
-    """Return the Hurst exponent from the structure function, H = ½ d log S / d log l, S(l) = mean((z(x+l) - z(x))²).
+def structure_function(heights: Array, lags: Index) -> Array:
+    """Return the structure function, S(l) = mean((z(x + l) - z(x))²) [length²], the mean of both axes.
 
-    Least squares over the lags l = 1, 2, 4, … δ up to an eighth of the shorter side (at least 1 and 2), mean
-    of both axes. S converges slowly to its power law near H = 0 and H = 1: at m = 8 midpoint surfaces of H = 0.8 give
-    0.67 and of H = 0.2 give 0.24. `hurst_spectrum` is closer and noisier.
+    A self-affine surface has S ~ l^(2H). Far beyond its correlation length S is 2 Sq².
 
     Parameters
     ----------
-    heights : ndarray, shape (rows, columns), at least 3 × 3
+    heights : ndarray, shape (rows, columns)
+        Heights z [length]; their squares must be in the range of doubles.
+    lags : ndarray of int
+        Distances l in nodes, from 1 to the shorter axis less one.
+
+    Returns
+    -------
+    ndarray, shape of ``lags``
+        S at each lag.
+
+    Raises
+    ------
+    SurfaceError
+        If a lag is outside its interval.
+    """
+    longest = min(heights.shape) - 1
+    if not np.all((lags >= 1) & (lags <= longest)):
+        message = f"lags must be 1 … {longest} nodes for heights of {heights.shape[0]} × {heights.shape[1]}, got {lags}"
+        raise SurfaceError(message)
+    structure = np.empty(lags.shape)
+    for place, lag in enumerate(lags):
+        squares_x = np.square(heights[lag:] - heights[:-lag])
+        squares_y = np.square(heights[:, lag:] - heights[:, :-lag])
+        # Mean of the two axes, not of all pairs: their shares change with the lag where the axes differ in length.
+        structure[place] = 0.5 * (squares_x.mean() + squares_y.mean())
+    return structure
+
+
+def hurst_structure(heights: Array, spacing: float = 1.0) -> float:
+    """Return the Hurst exponent from `structure_function`, H = ½ d log S / d log l.
+
+    Least squares over the lags l = 1, 2, 4, … δ up to an eighth of the shorter side (at least 1 and 2).
+    S converges slowly to its power law near H = 0 and H = 1. Midpoint surfaces at m = 8 give 0.67 for H = 0.8, and 0.24
+    for H = 0.2 (tests/surfaces/test_texture.py holds the bounds). `hurst_spectrum` is closer and noisier.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (rows, columns)
         Heights z [length].
     spacing : float
         Distance δ of neighbouring nodes [length]; H does not depend on it.
@@ -193,30 +274,30 @@ def hurst_structure(heights: Array, spacing: float = 1.0) -> float:
     Returns
     -------
     float
-        H, or NaN if S vanishes at a lag (flat or periodic heights).
+        H, or NaN for fewer than 3 nodes on an axis or if S vanishes at a lag (flat or periodic heights).
     """
-    unit, _ = _about_mean_plane(heights)
-    longest = max(2, (min(heights.shape) - 1) // 8)
-    lags = [2**k for k in range(longest.bit_length())]
-    structure = []
-    for lag in lags:
-        squares_x = np.square(unit[lag:] - unit[:-lag])
-        squares_y = np.square(unit[:, lag:] - unit[:, :-lag])
-        # Mean of the two axes, not of all pairs: their shares change with the lag where the axes differ in length.
-        structure.append(0.5 * float(squares_x.mean() + squares_y.mean()))
-    if min(structure) <= 0.0:
+    if min(heights.shape) < 3:
         return math.nan
-    return 0.5 * _slope(np.log(np.array(lags) * spacing), np.log(structure))
+    lags = dyadic_lags(max(2, (min(heights.shape) - 1) // 8))
+    structure = structure_function(_about_mean_plane(heights)[0], lags)
+    if structure.min() <= 0.0:
+        return math.nan
+    return 0.5 * _slope(np.log(lags * spacing), np.log(structure))
+
+
+def dyadic_lags(longest: int) -> Index:
+    """Return the lags 1, 2, 4 … up to the longest, in nodes; always the lag 1."""
+    return np.array([2**k for k in range(max(longest, 1).bit_length())], dtype=np.intp)
 
 
 def hurst_spectrum(heights: Array, spacing: float = 1.0) -> float:
     """Return the Hurst exponent from the power spectrum, C(q) ~ q^(-2-2H) in two dimensions.
 
-    The heights about their (weighted) mean are multiplied by a parabolic (Welch) window, |FFT|² is averaged over
-    rings of wave vectors, eight of equal width in log q, and H comes from least squares of log C against log q over
-    4 q₀ ≤ q < q_N / 2: q₀ = 2π / shorter side and q_N = π / δ. Below, the window counts; above, aliasing does.
-    Midpoint surfaces of H = 0.2 … 0.8 give H - 0.05 on average at m = 8 (30 seeds), with a deviation of 0.04 between
-    seeds.
+    The heights about their weighted mean are multiplied by a parabolic (Welch) window. |FFT|² is averaged over eight
+    rings of wave vectors, of equal width in log q. H comes from least squares of log C against log q over
+    4 q₀ ≤ q < q_N / 2. Here q₀ = 2π / shorter side and q_N = π / δ. Below, the window counts; above, aliasing does.
+    Midpoint surfaces of H = 0.2 … 0.8 give H - 0.05 on average at m = 8. The deviation between seeds is 0.04
+    (tests/surfaces/test_texture.py holds the bounds).
 
     Parameters
     ----------
@@ -264,12 +345,6 @@ def _about_mean_plane(heights: Array) -> tuple[Array, int]:
 
 def _root_mean_square(unit: Array) -> float:
     return math.sqrt(float(np.mean(np.square(unit))))
-
-
-def _standardised_moment(heights: Array, order: int) -> float:
-    unit, _ = _about_mean_plane(heights)
-    spread = _root_mean_square(unit)
-    return float(np.mean((unit / spread) ** order)) if spread > 0.0 else math.nan
 
 
 def _some_summits(heights: Array) -> Mask:

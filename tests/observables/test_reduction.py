@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from roughvol.campaign.one_case import surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, sweep
-from roughvol.observables import reduction
+from roughvol.observables import levels, reduction
 from roughvol.study import Case, Level, loads
 
 STEPS = 8
@@ -110,7 +110,7 @@ def test_box_counts_run_from_the_contact_to_the_whole(values: dict[str, Any], co
     ],
 )
 def test_rounding_does_not_decide_a_level(case: Case, level: Level, state: dict[str, float], expected: bool) -> None:
-    assert reduction.reached(level, 5, SimpleNamespace(**state), case) is expected
+    assert levels.reached(level, 5, SimpleNamespace(**state), case) is expected
 
 
 def test_the_end_of_a_sweep_reaches_what_it_was_asked_to_end_at() -> None:
@@ -118,9 +118,9 @@ def test_the_end_of_a_sweep_reaches_what_it_was_asked_to_end_at() -> None:
     short = SimpleNamespace(
         contact_area_fraction=0.1 - 1 / 17**2
     )  # one element that a finite residual leaves undecided
-    assert reduction.reached(Level("contact_area", 0.1), 5, short, case)
-    assert not reduction.reached(Level("contact_area", 0.1), 4, short, case)
-    assert not reduction.reached(Level("contact_area", 0.2), 5, short, case)
+    assert levels.reached(Level("contact_area", 0.1), 5, short, case)
+    assert not levels.reached(Level("contact_area", 0.1), 4, short, case)
+    assert not levels.reached(Level("contact_area", 0.2), 5, short, case)
 
 
 def test_nothing_that_was_not_asked_for_is_kept(contacts: list[Contact]) -> None:

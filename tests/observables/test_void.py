@@ -16,7 +16,7 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, solve, sweep
 from roughvol.contact.search import first_indentation, indentation_for
 from roughvol.errors import ContactError, StudyError
-from roughvol.observables import reduction, transport, void
+from roughvol.observables import levels, reduction, regions, transport, void
 from roughvol.store.dataset import VARIABLES, Dataset
 from roughvol.study import Case, Level, Transport, loads
 
@@ -134,7 +134,7 @@ def test_a_sweep_to_percolation_ends_where_the_void_closes(axes: str) -> None:
     case = _case(f"sweep: {{steps: 4, to: {{percolation: {axes}}}}}")
     surface = surface_of(case)
     half_space = HalfSpace(surface.shape)
-    end = first_indentation(surface, half_space, reduction.end_of(case) or (lambda _: False))
+    end = first_indentation(surface, half_space, levels.end_of(case) or (lambda _: False))
 
     def open_along(indentation: float) -> set[str]:
         clear = solve(surface, half_space, indentation).gap() > 0.0
@@ -212,7 +212,7 @@ def test_a_sweep_to_a_contact_area_means_that_of_the_region() -> None:
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_a_region_of_a_rectangle_is_measured_on_its_own_sides(axis: str) -> None:
     case = _case(f"record: {{region: {{{axis}: [0.5, 1]}}}}")
-    rows, columns = reduction.window(case, (9, 5))
+    rows, columns = regions.window(case, (9, 5))
     expected = {"x": (slice(4, 9), slice(0, 5)), "y": (slice(0, 9), slice(2, 5))}
     assert (rows, columns) == expected[axis]
 
@@ -226,7 +226,7 @@ def test_fluxes_outside_the_region_are_missing() -> None:
 
 def test_a_region_without_elements_is_refused() -> None:
     with pytest.raises(ContactError, match="fewer than 2 × 2"):
-        reduction.window(_case("record: {region: {x: [0.51, 0.55]}}"), (17, 17))
+        regions.window(_case("record: {region: {x: [0.51, 0.55]}}"), (17, 17))
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,7 @@ record:
   fields_at: {step: [1, 2]}
   volume_density: {}
   box_counting: {}
+  texture: {at: {step: [1, 4]}}
   transport: {transmissivity: every-step, constriction: every-step}
 """
 MADE = {"nominal_pressure", "free_volume_per_area", "mean_gap", "mean_plane_separation"}
@@ -178,7 +179,7 @@ def test_scaled_heights_are_those_of_a_surface_that_is_rougher(
 
 def test_every_stored_number_with_a_length_has_its_power_of_the_heights() -> None:
     lengths = {name for name, row in VARIABLES.items() if "length" in row.units} - MADE - {"L"}
-    assert lengths == set(HEIGHT_POWERS) - {"Sdq"}
+    assert lengths == {name for name in HEIGHT_POWERS if not name.startswith("Sdq")}
 
 
 # What it costs

@@ -12,13 +12,14 @@ import numpy as np
 
 from roughvol.report.claims.area_and_volume import EXPONENT, EXPONENT_ROUNDING, exponents
 from roughvol.report.claims.density import EDGES, FULCRUM, F, densities, fulcrum, moments
-from roughvol.report.claims.evidence import D_SIGMA, A, Evidence, Lacking, P, V, at, nearest
+from roughvol.report.claims.evidence import D_SIGMA, A, Evidence, Lacking, P, V, at
 from roughvol.report.claims.formulas import BINS, KINDS, close, estimates
-from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, FIELD, ONE_D, PAPER_D, PAPER_M
-from roughvol.report.claims.shape import PAPER_A, REACHED, field
+from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, FIELD, ONE_D
+from roughvol.report.claims.shape import REACHED, field
 from roughvol.report.claims.statistics import bootstrap, exact, mean, single, slope
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Reading, Row, above, below
+from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M, nearest
 
 SMALL_AMPLITUDE = (0.09**-0.25) / (0.09**-0.5)  # initial variance 1/√0.09, over the default standard deviation 1/√0.09
 SMALL = f"initial standard deviation {SMALL_AMPLITUDE / 0.3:.3f}"

@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, area_slopes, at, claim, common, require
-from roughvol.report.claims.needs import BY_D, BY_M, MANY, PAPER_D
+from roughvol.report.claims.needs import BY_D, BY_M, MANY
 from roughvol.report.claims.statistics import bootstrap, exact, mean, ratio, single, slope
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number
-from roughvol.typing import Array
+from roughvol.report.paper_rules import PAPER_D
+from roughvol.typing import Array, Index
 
 EXPONENT, EXPONENT_ROUNDING = 0.37, 0.005  # Section 3.1, printed with two digits
 FAIR = 0.10  # of Persson's exponent: the paper calls its own distance of 0.07 "fair good agreement"
@@ -179,13 +179,13 @@ def band(run: Run, x: str, D: Sequence[float], m: int) -> tuple[Array, Array]:
     return np.array([at(axis, run.values(V, D=d, m=m), grid) for axis, d in zip(axes, D, strict=True)]), grid
 
 
-def width(curves: Array, seeds: NDArray[np.intp]) -> float:
+def width(curves: Array, seeds: Index) -> float:
     """Return the width of the band that the means over surfaces fill, over their middle, averaged along the axis."""
     means = curves[:, seeds].mean(axis=1)
     return float(np.mean((means.max(axis=0) - means.min(axis=0)) / means.mean(axis=0)))
 
 
-def _over_scatter(curves: Array, seeds: NDArray[np.intp]) -> float:
+def _over_scatter(curves: Array, seeds: Index) -> float:
     """Return that width over the scatter of surfaces of one kind: ± one standard deviation, averaged along the axis."""
     chosen = curves[:, seeds]
     scatter = float(np.mean(2.0 * chosen.std(axis=1, ddof=1).mean(axis=0) / chosen.mean(axis=(0, 1))))

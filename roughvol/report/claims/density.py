@@ -6,15 +6,15 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
-from roughvol.report.claims.evidence import Given, Outcome, V, claim, nearest, require
-from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, MANY, PAPER_D, PAPER_M
+from roughvol.report.claims.evidence import Given, Outcome, V, claim, require
+from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, MANY
 from roughvol.report.claims.statistics import bootstrap, exact, mean, ratio, slope, straightness
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check
-from roughvol.typing import Array
+from roughvol.report.paper_rules import PAPER_D, PAPER_M, nearest
+from roughvol.typing import Array, Index
 
 F, EDGES = "volume_density", "volume_density_edges"
 FULCRUM = 0.10  # spread of f(1) over D, relative: "almost independent"
@@ -108,7 +108,7 @@ def _slopes(f: Array, edges: Array) -> Array:
     return np.array([-slope(x, y) for x, y in zip(_centres(edges), f, strict=True)])
 
 
-def fulcrum(data: dict[float, tuple[Array, Array]], v: float, seeds: NDArray[np.intp], scale: float = 1.0) -> float:
+def fulcrum(data: dict[float, tuple[Array, Array]], v: float, seeds: Index, scale: float = 1.0) -> float:
     """Return (largest - smallest)/mean over D of the mean f(v); volumes multiplied by ``scale`` beforehand."""
     means = [float(np.mean(value_at(f[seeds], edges[seeds], v / scale))) for f, edges in data.values()]
     return (max(means) - min(means)) / float(np.mean(means)) if np.mean(means) > 0.0 else math.nan

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from roughvol.errors import RoughvolError
+from roughvol.report import paper_rules
 from roughvol.report.claims.needs import Needs
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Claim, Number
@@ -155,11 +156,6 @@ def claim(
     return register
 
 
-def nearest(values: Sequence[float], wish: float) -> float:
-    """Return the value nearest to a wish, the larger of two."""
-    return min(values, key=lambda value: (abs(value - wish), -value))
-
-
 def at(x: Array, y: Array, points: Array) -> Array:
     """Return y of each surface at points of x, linear between steps, NaN beyond the steps of that surface.
 
@@ -188,16 +184,6 @@ def common(curves: Sequence[Array]) -> Array:
 
 
 def area_slopes(run: Run, D: Sequence[float], m: Sequence[int]) -> tuple[dict[tuple[float, int], Array], float]:
-    """Return A*/p* of every surface by (D, m), and the pressure up to which: the rule of Fig. 4b.
-
-    Slope of the least-squares line through the origin over 0 < p* ≤ the largest pressure that all surfaces reach (or,
-    if some begin later, the largest of the first pressures, so that each has a step there).
-    """
-    pressures = {(d, k): run.values(P, D=d, m=k) for d in D for k in m}
-    limit = min(float(p[:, -1].min()) for p in pressures.values())
-    limit = max(limit, *(float(p[:, 0].max()) for p in pressures.values()))
-    slopes = {}
-    for (d, k), p in pressures.items():
-        weight = np.where(p <= limit, p, 0.0)
-        slopes[d, k] = (weight * run.values(A, D=d, m=k)).sum(axis=1) / (weight * p).sum(axis=1)
-    return slopes, limit
+    """Return `paper_rules.area_slopes` of a run by (D, m), and the largest pressure used."""
+    states = {(d, k): (run.values(P, D=d, m=k), run.values(A, D=d, m=k)) for d in D for k in m}
+    return paper_rules.area_slopes(states)

@@ -7,11 +7,12 @@ import numpy as np
 from roughvol.observables import box_counting
 from roughvol.observables.free_volume import domain
 from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, V, claim
-from roughvol.report.claims.needs import FIELD, ONE_D, PAPER_D
+from roughvol.report.claims.needs import FIELD, ONE_D
 from roughvol.report.claims.paper_formulas import bearing_area_volume, volume_from_dimension
 from roughvol.report.claims.shape import Field, field
 from roughvol.report.claims.statistics import exact, mean, slope
 from roughvol.report.claims.verdict import Check, Number
+from roughvol.report.paper_rules import PAPER_D
 from roughvol.typing import Array, Mask
 
 BINS = (25, 50, 100, 200, 400)  # K of Eq. 9 to 11

@@ -11,13 +11,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from roughvol.report.paper_rules import PAPER_D, PAPER_M
 from roughvol.store.variables import VARIABLES
 
 if TYPE_CHECKING:
     from roughvol.report.claims.stored_run import Run
 
 SAME = 1e-9  # largest difference of two equal D, L or tolerances
-PAPER_D, PAPER_M = 2.3, 7  # the paper's single surface, Figs. 4b and 7 to 12b
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from scipy.special import erf, ndtr
 
 from roughvol.contact.closed_forms import check_positive
 from roughvol.errors import ContactError, SurfaceError
+from roughvol.surfaces import texture
 from roughvol.typing import Array
 
 
@@ -160,12 +161,10 @@ def critical_radius(Sq: float, E_star: float, hardness: float) -> float:
 
 
 def _standardised(heights: ArrayLike) -> Array:
-    """Return heights about their mean over their root mean square, brought to unit range first (tiny and huge ones)."""
+    """Return `texture.standardised` heights, or refuse flat ones."""
     z = np.asarray(heights, dtype=np.float64)
     span = float(np.ptp(z))
     if not (math.isfinite(span) and span > 0.0):
         message = f"heights must be finite and not flat, got a range of {span}"
         raise SurfaceError(message)
-    z = (z - z.max()) / span
-    z = z - z.mean()
-    return z / math.sqrt(float(np.mean(z * z)))
+    return texture.standardised(z)

@@ -9,10 +9,11 @@ import numpy as np
 
 from roughvol.report.claims.area_and_volume import SMALL
 from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, at, claim, common, require
-from roughvol.report.claims.needs import BY_M, PAPER_D, Needs
+from roughvol.report.claims.needs import BY_M, Needs
 from roughvol.report.claims.statistics import exact, mean, slope
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number
+from roughvol.report.paper_rules import PAPER_D
 from roughvol.typing import Array
 
 _PRESSED = Needs((V, A, P), finest=5, seeds=10, steps=60, rtol=1e-6)  # to any end

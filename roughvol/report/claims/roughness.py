@@ -7,12 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from roughvol.report.claims.evidence import A, Given, Outcome, P, V, claim, nearest, require
-from roughvol.report.claims.needs import BY_D, BY_M, PAPER_M, Needs
+from roughvol.report.claims.evidence import A, Given, Outcome, P, V, claim, require
+from roughvol.report.claims.needs import BY_D, BY_M, Needs
 from roughvol.report.claims.paper_formulas import critical_radius, plasticity_index
 from roughvol.report.claims.statistics import exact, mean, ratio
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number
+from roughvol.report.paper_rules import PAPER_M, nearest
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
@@ -94,7 +95,7 @@ def roughness_grows(given: Given) -> Outcome:
     shows the surfaces without a sentence about them, so it does not decide).
     """
     run = given.run()
-    m = int(nearest(run.m, 7))
+    m = int(nearest(run.m, PAPER_M))
     checks = []
     for low, high in pairwise(run.D):
         ratios = run.values("Sdq", D=high, m=m) / run.values("Sdq", D=low, m=m)

@@ -7,19 +7,18 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from roughvol.observables.free_volume import domain, element_volumes, free_volume
-from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, nearest, require
-from roughvol.report.claims.needs import BOXES, BY_D, FIELD, ONE_D, PAPER_D, PAPER_M
+from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, require
+from roughvol.report.claims.needs import BOXES, BY_D, FIELD, ONE_D
 from roughvol.report.claims.statistics import exact, mean, single, slope, straightness
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check
+from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M, nearest, nearest_state
 from roughvol.store.dataset import at_state
-from roughvol.typing import Array, Mask
+from roughvol.typing import Array, Index, Mask
 
-PAPER_A = 0.1  # the contact area of Figs. 8 to 11
 STRAIGHT = 0.99  # R² of log N over log r from which a box-counting plot is called straight
 REACHED = 0.005  # half a unit of the one digit in A* ~ 0.1, in the next
 
@@ -43,7 +42,7 @@ def field(run: Run) -> Field:
     places = [k for k in range(len(steps)) if steps[k] > 0]
     require(places, "no recorded field")
     states = {k: at_state(case, "field_at", k) for k in places}
-    place = min(places, key=lambda k: abs(float(states[k][A]) - PAPER_A))
+    place = nearest_state({k: float(state[A]) for k, state in states.items()})
     gap = case["gap"].isel(field_at=place).dropna("x", how="all").dropna("y", how="all").transpose("x", "y").values
     numbers = {name: float(states[place][name]) for name in (A, P, V, D_SIGMA)} | {"Sq": float(case["Sq"])}
     numbers["spacing"] = run.L / (len(gap) - 1)
@@ -157,7 +156,7 @@ def domains(given: Given) -> Outcome:
     return Outcome(checks, why, [run], numbers[1:-1])
 
 
-def boxes(run: Run, D: float, m: int, label: str) -> tuple[NDArray[np.int64], Array]:
+def boxes(run: Run, D: float, m: int, label: str) -> tuple[Index, Array]:
     """Return box sides and counts N(r) at a state, shape (surfaces, thresholds, r); NaN where it was not reached."""
     case = run.dataset.sel(D=D, m=m, box_at=label)
     counts = case["box_count"].transpose("seed", "threshold", "r").values
@@ -169,17 +168,17 @@ def state_of_boxes(run: Run) -> tuple[float, int, str]:
     """Return D, m and the label of the state nearest to the paper's D = 2.3, m = 7, A* = 0.1 that was box-counted."""
     D, m = nearest(run.D, PAPER_D), int(nearest(run.m, PAPER_M))
     case = run.dataset.sel(D=D, m=m)
-    off = {}
+    areas = {}
     for place, label in enumerate(case["box_at"].values.tolist()):
         steps = case["box_at_step"].sel(box_at=label).values
         reached = [float(at_state(case.isel(seed=k), "box_at", place)[A]) for k in np.flatnonzero(steps > 0)]
         if len(reached) == run.seeds:
-            off[label] = abs(float(np.mean(reached)) - PAPER_A)
-    require(off, "a box-counted state that every surface reaches")
-    return D, m, min(off, key=lambda label: off[label])
+            areas[label] = float(np.mean(reached))
+    require(areas, "a box-counted state that every surface reaches")
+    return D, m, nearest_state(areas)
 
 
-def fitted_dimension(r: NDArray[np.int64], counts: Array) -> Array:
+def fitted_dimension(r: Index, counts: Array) -> Array:
     """Return the box dimension: minus the slope of log N over log r for r = 1 … 2^m/4, along the last axis.
 
     The two largest boxes are left out: with at most four of them N is 1 to 4 for every domain.

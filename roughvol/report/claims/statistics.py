@@ -10,11 +10,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import t as student
 
 from roughvol.report.claims.verdict import Number
-from roughvol.typing import Array
+from roughvol.typing import Array, Index
 
 COVERAGE = 0.95
 RESAMPLES = 2000
@@ -38,7 +38,7 @@ def ratio(key: str, name: str, values: ArrayLike) -> Number:
     return Number(key, name, value, low, high, logs.n, logs.method and "t of the logarithm")
 
 
-def bootstrap(key: str, name: str, statistic: Callable[[NDArray[np.intp]], float], n: int) -> Number:
+def bootstrap(key: str, name: str, statistic: Callable[[Index], float], n: int) -> Number:
     """Return a statistic of all n surfaces with its percentile interval over resamples of the surfaces.
 
     Parameters

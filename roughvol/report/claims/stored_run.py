@@ -111,7 +111,7 @@ class Run:
         """Return the surface of a case, made again from its labels (nothing of it needs to be stored)."""
         made = random_midpoint_displacement(D, m, side=self.L, seed=seed, law=self.law)
         height = self.generated.height if self.generated else None
-        return made if height is None else Surface(made.heights * (height / made.Sq), made.spacing)
+        return made if height is None else made.scaled(height)
 
     def seed_numbers(self) -> list[int]:
         """Return the seeds."""

@@ -17,12 +17,12 @@ from xarray import DataArray, Dataset
 
 from roughvol.observables.free_volume import element_volumes
 from roughvol.report.figures.style import A, P, looks
+from roughvol.report.paper_rules import PAPER_D, nearest, nearest_state, nearest_surface
 from roughvol.store.dataset import at_state
 from roughvol.typing import Array, Mask
 
 Curve = tuple[Array, Array]
 
-PAPER = {"D": 2.3, "m": 7.0, A: 0.1}  # the single configuration of Figs. 8-11
 FINEST = 1e9  # a wish for the largest m
 ENOUGH = 25  # elements in a bin of a density: a fifth of noise
 PER_DECADE = 12  # bins on a logarithmic axis at most
@@ -51,12 +51,12 @@ def held(ds: Dataset, *variables: str) -> DataArray:
 
 def families(ds: Dataset, by: str, *variables: str, m: float = FINEST) -> tuple[list[Family], str]:
     """Return the families to compare in the order of `by`, and what they have in common, for the legend."""
-    common, wish = ("D", PAPER["D"]) if by == "m" else ("m", m)
+    common, wish = ("D", PAPER_D) if by == "m" else ("m", m)
     if "case" in ds.dims:
         by, title, ds = "case", "", ds.expand_dims("seed")
     else:
         holding = ds[common].values[held(ds, *variables).any([by, "seed"]).values].tolist()
-        fixed = min(holding, key=lambda value: (abs(value - wish), -value))
+        fixed = nearest(holding, wish)
         ds, title = ds.sel({common: fixed}), f"${common} = {fixed:g}$"
     mask = held(ds, *variables).transpose(by, "seed").values
     places = np.flatnonzero(mask.any(axis=1)).tolist()
@@ -74,7 +74,11 @@ def single(ds: Dataset, *variables: str) -> tuple[Dataset, str]:
     mask = held(ds, *variables)
     places = [dict(zip(mask.dims, place, strict=True)) for place in np.argwhere(mask.values).tolist()]
     numbers = [dim for dim in ("D", "m") if dim in mask.dims]
-    case = ds.isel(min(places, key=lambda place: [abs(float(ds[dim][place[dim]]) - PAPER[dim]) for dim in numbers]))
+    surfaces = {}
+    for k, place in enumerate(places):
+        D, m = (float(ds[dim][place[dim]]) if dim in place else None for dim in ("D", "m"))
+        surfaces[k] = D, m
+    case = ds.isel(places[nearest_surface(surfaces)])
     return case, ", ".join([f"${dim} = {case[dim].item():g}$" for dim in numbers]) or file_text(case["case"].item())
 
 
@@ -86,9 +90,9 @@ def file_text(name: str) -> str:
 def state(ds: Dataset, at: str, *variables: str) -> tuple[Dataset, str, str]:
     """Return the single case at its recorded state (along `at`) nearest to the paper's A* = 0.1, and both in words."""
     case, name = single(ds, *variables)
-    reached = [at_state(case, at, int(k)) for k in np.flatnonzero(case[f"{at}_step"].values > 0)]  # -1: never reached
-    nearest = min(reached, key=lambda candidate: abs(float(candidate[A]) - PAPER[A]))
-    return nearest, name, rf"$A^{{\ast}} = {float(nearest[A]):.3f}$, $p^{{\ast}} = {float(nearest[P]):.2f}$"
+    reached = {k: at_state(case, at, k) for k in np.flatnonzero(case[f"{at}_step"].values > 0).tolist()}  # -1: never
+    chosen = reached[nearest_state({k: float(candidate[A]) for k, candidate in reached.items()})]
+    return chosen, name, rf"$A^{{\ast}} = {float(chosen[A]):.3f}$, $p^{{\ast}} = {float(chosen[P]):.2f}$"
 
 
 def own(field: DataArray) -> DataArray:

@@ -17,6 +17,7 @@ from xarray import Dataset
 from roughvol.errors import DatasetError, StudyError
 from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import STYLE, Drawing, unit_of
+from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M
 from roughvol.study import GeneratedSurface, Study, loads
 
 Draw = Callable[["Dataset"], Drawing]
@@ -50,7 +51,9 @@ CONDITIONS: dict[str, Conditions] = {
     "fig06b": Conditions(m=(8,), surfaces=10, end=LAST),
     "fig07a": Conditions(D=(2.3,), surfaces=1, end=LAST),
     "fig07b": Conditions(D=(2.3,), surfaces=1, end=LAST),
-    **dict.fromkeys(("fig08", "fig09", "fig10", "fig11a", "fig11b"), Conditions(D=(2.3,), m=(7,), area=0.1)),
+    **dict.fromkeys(
+        ("fig08", "fig09", "fig10", "fig11a", "fig11b"), Conditions(D=(PAPER_D,), m=(PAPER_M,), area=PAPER_A)
+    ),
     "fig12a": Conditions(m=(7,), end=LAST),
     "fig12b": Conditions(D=(2.3,), m=(3, 4, 5, 6, 7, 8), end=LAST),
 }

@@ -25,7 +25,6 @@ from roughvol.observables.free_volume import domain
 from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import (
     FINEST,
-    PAPER,
     Family,
     curves,
     densities,
@@ -59,6 +58,7 @@ from roughvol.report.figures.style import (
     unit_of,
     volume_label,
 )
+from roughvol.report.paper_rules import PAPER_D, PAPER_M, area_slopes
 from roughvol.surfaces.midpoint import midpoint_levels
 
 FIGURES: dict[str, Draw] = {}
@@ -182,7 +182,7 @@ def fig01(ds: Dataset) -> Drawing:
 @_figure("heights", by="D")
 def fig02(ds: Dataset) -> Drawing:
     """Fig. 2: surfaces of low, middle and high D at m = 7 on one vertical scale: the rms slope grows with D."""
-    some, title = families(ds, "D", "heights", m=PAPER["m"])
+    some, title = families(ds, "D", "heights", m=PAPER_M)
     chosen = dict.fromkeys(np.linspace(0, len(some) - 1, 3).round().astype(int).tolist())
     return _gallery([some[k] for k in chosen], title)
 
@@ -211,19 +211,16 @@ def fig04b(ds: Dataset) -> Drawing:
     fig, (left, right) = axes(PAGE, 3.0, 2)
     some, title = families(ds, "m", P, A)
     plot(left, some, [curves(family, P, A) for family in some], (LABELS[P], LABELS[A]), title)
-    # Not less than where the last of them begins, so that each has a step there.
-    limit = min(float(family.data[P].max("step").min()) for family in some)
-    limit = max([limit, *(float(family.data[P].min("step").max()) for family in some)])
+    states = [family.data[[P, A]].transpose("seed", "step", ...) for family in some]
+    of_surfaces, limit = area_slopes({k: (state[P].values, state[A].values) for k, state in enumerate(states)})
     spacings, slopes = np.array([2.0**-family.value for family in some]), []
-    for spacing, family in zip(spacings, some, strict=True):
-        low = family.data.where(family.data[P] <= limit)
-        ratios = ((low[P] * low[A]).sum("step") / (low[P] ** 2).sum("step")).values
+    for spacing, family, ratios in zip(spacings, some, of_surfaces.values(), strict=True):
         right.plot(np.full(len(ratios), spacing), ratios, ls="", **family.look)
         slopes.append(np.log(ratios).mean())
     logs, D, fitted = np.log(spacings[-4:]), float(some[0].data["D"]), [family.value for family in some[-4:]]
     n = np.polyfit(logs, slopes[-4:], 1)[0]
     laws = [(n, "fit", "k", "-"), (0.37, "paper", ACCENT, "--"), (D - 2, "Persson", GREY, ":")]
-    for power, label, colour, style in laws if abs(D - PAPER["D"]) < 0.005 else laws[::2]:
+    for power, label, colour, style in laws if abs(D - PAPER_D) < 0.005 else laws[::2]:
         law = np.exp(np.mean(slopes[-4:]) + power * (np.log(spacings) - logs.mean()))
         right.plot(spacings, law, color=colour, ls=style, label=f"{label} ${power:.2f}$", zorder=1)
     label = rf"$A^{{\ast}}/p^{{\ast}}$ (line through 0, $p^{{\ast}} \leq {limit:.2f}$)"
@@ -345,8 +342,8 @@ def fig12a(ds: Dataset) -> Drawing:
 
     Dotted, for the paper's surfaces alone: v = 1, where the paper sees a fulcrum. In other units v = 1 means nothing.
     """
-    fig, ax, _ = _densities(ds, "D", PAPER["m"])
-    if is_paper_surface(ds) and fig.shown["m"] == [PAPER["m"]] and ax.get_xlim()[1] > 1.0:
+    fig, ax, _ = _densities(ds, "D", PAPER_M)
+    if is_paper_surface(ds) and fig.shown["m"] == [PAPER_M] and ax.get_xlim()[1] > 1.0:
         ax.axvline(1.0, color=GREY, lw=0.7, ls=":", zorder=0)
     ax.set(xlim=(0.0, None), ylim=(0.0, None))
     return fig

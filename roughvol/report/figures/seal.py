@@ -23,7 +23,7 @@ from xarray import Dataset
 from roughvol.observables.transport import constriction
 from roughvol.report.figures import seal_ways
 from roughvol.report.figures.curves import shown
-from roughvol.report.figures.families import PAPER, Family, curves, families, own, several, single
+from roughvol.report.figures.families import Family, curves, families, own, several, single
 from roughvol.report.figures.origin import Draw, lacking, register
 from roughvol.report.figures.seal_drawing import (
     CLOSED,
@@ -53,6 +53,7 @@ from roughvol.report.figures.style import (
     plain_ticks,
     unit_of,
 )
+from roughvol.report.paper_rules import PAPER_D, nearest
 from roughvol.store.dataset import at_state
 
 FIGURES: dict[str, Draw] = {}
@@ -274,8 +275,8 @@ def seal_region(ds: Dataset) -> Drawing:
 def _nearest(ds: Dataset) -> Family:
     """Return the surfaces of the D nearest the paper's."""
     some, _ = families(ds, "D", A, "contact_area_fraction_within")
-    wish = PAPER["D"] if "D" in ds.dims else 0.0
-    return min(some, key=lambda family: (abs(family.value - wish), -family.value))
+    value = nearest([family.value for family in some], PAPER_D if "D" in ds.dims else 0.0)
+    return next(family for family in some if family.value == value)
 
 
 @_figure(

@@ -17,7 +17,8 @@ from collections.abc import Callable, Sequence
 
 from roughvol.errors import DatasetError
 from roughvol.report.figures import paper, seal
-from roughvol.report.figures.paper import NEEDS, PAPER, Draw
+from roughvol.report.figures.paper import NEEDS, Draw
+from roughvol.report.paper_rules import PAPER_D, PAPER_M, nearest, nearest_surface
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case
 
@@ -75,7 +76,7 @@ def _by_D(wish: float) -> Rule:
         levels = [case.m for case in cases if case.m is not None]
         if not levels:
             return list(cases)
-        m = min(levels, key=lambda level: (abs(level - wish), -level))
+        m = nearest(levels, wish)
         return [case for case in cases if case.m == m]
 
     return rule
@@ -85,19 +86,16 @@ def _by_m(cases: Sequence[Case]) -> list[Case]:
     values = [case.D for case in cases if case.D is not None]
     if not values:
         return list(cases)
-    D = min(values, key=lambda value: (abs(value - PAPER["D"]), -value))
+    D = nearest(values, PAPER_D)
     return [case for case in cases if case.D == D]
 
 
 def _one(cases: Sequence[Case]) -> list[Case]:
-    def distance(case: Case) -> list[float]:
-        return [abs((case.D or 0.0) - PAPER["D"]), abs((case.m or 0) - PAPER["m"])]
-
-    return [min(cases, key=distance)]
+    return [cases[nearest_surface({k: (case.D, case.m) for k, case in enumerate(cases)})]]
 
 
 _FINEST = 1e9
 _RULES: dict[str, Rule] = {name: {"D": _by_D(_FINEST), "m": _by_m}.get(NEEDS[name][1], _one) for name in paper.FIGURES}
-_RULES |= {"fig05": _by_D(_FINEST), "fig02": _by_D(PAPER["m"]), "fig12a": _by_D(PAPER["m"])}
+_RULES |= {"fig05": _by_D(_FINEST), "fig02": _by_D(PAPER_M), "fig12a": _by_D(PAPER_M)}
 _RULES |= {name: _by_D(_FINEST) for name in seal.FIGURES}
 _RULES |= {"seal_map": _one, "seal_region": lambda cases: _by_m(_by_D(_FINEST)(cases))}

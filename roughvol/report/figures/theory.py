@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from roughvol.contact import closed_forms
 from roughvol.report.claims import Evidence, density, formulas, paper_formulas, shape
 from roughvol.report.claims.area_and_volume import exponents
-from roughvol.report.claims.evidence import D_SIGMA, A, P, V, area_slopes, at, common, nearest, require
+from roughvol.report.claims.evidence import D_SIGMA, A, P, V, area_slopes, at, common, require
 from roughvol.report.claims.many_seeds import FEW
-from roughvol.report.claims.needs import PAPER_D, PAPER_M, Needs
+from roughvol.report.claims.needs import Needs
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.figures.origin import is_paper_surface
 from roughvol.report.figures.style import (
@@ -37,6 +37,7 @@ from roughvol.report.figures.style import (
     volume_label,
     volume_unit,
 )
+from roughvol.report.paper_rules import PAPER_D, PAPER_M, nearest
 from roughvol.store.dataset import at_state
 from roughvol.surfaces import texture
 from roughvol.typing import Array

@@ -6,10 +6,9 @@ Conventions: both axes ascend with the index. Nodes of the grid without a point 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
-from roughvol.typing import Array
+from roughvol.typing import Array, Index
 
 _SAME = 1e-6  # largest difference of equal coordinates, over the span
 _REGULAR = 0.02  # largest distance of a coordinate from its node, in spacings
@@ -58,7 +57,7 @@ def grid(points: Array) -> tuple[Array, tuple[float, float], bool]:
     return heights.reshape(nx, ny), (span_x, span_y), whole_x and whole_y
 
 
-def _nodes(values: Array, name: str) -> tuple[NDArray[np.int64], int, float, bool]:
+def _nodes(values: Array, name: str) -> tuple[Index, int, float, bool]:
     """Return the node of each coordinate, the number of nodes, their span, and whether they only count."""
     order = np.unique(values)
     span = float(order[-1] - order[0])

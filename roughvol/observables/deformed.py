@@ -1,0 +1,139 @@
+"""Texture of a surface before load, and of the deformed surface under load.
+
+Conventions: heights z [length] are positive up, u ≥ 0 is the displacement, Δ the indentation, σ the root mean square
+height of the whole surface before load. The gap is g = u - Δ + z_max - z, so the deformed surface is
+
+    z - u = (z_max - Δ) - g,
+
+a plane less the gap. It is flat where it touches the plane, and -g is its height above that plane. This is the deformed
+shape of the paper's Fig. 8b. Texture does not depend on the height of the plane, so it is taken of -g.
+
+E* is composite, and u is the sum of both deformations. If the smooth body deforms, the rough one keeps its shape, and
+-g is the shape of the gap turned upside down. The valleys between the bodies are the same in both readings.
+
+Numbers are those of `texture`, each normalised by the heights it is given. Svi under load is over the Sq under load.
+Times Sq under load over Sq it is the retained volume over σ, comparable with the free volume V*. Everything is of the
+region of the study, before load as well, so both are of the same nodes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from roughvol.observables.regions import State, window
+from roughvol.study import Case
+from roughvol.surfaces import texture
+from roughvol.surfaces.surface import Surface
+from roughvol.typing import Array, Index
+
+Values = dict[str, Any]
+
+LEVELS = np.arange(-50, 51) / 10.0  # of the material ratio, from the mean plane over σ
+STORED_ANYWAY = ("Sq", "Sdq", "hurst_measured")  # of the whole surface, whatever a study asks for
+
+
+def numbers(heights: Array, spacing: float) -> dict[str, float]:
+    """Return the numbers of `texture` by stored name.
+
+    Parameters
+    ----------
+    heights : ndarray, shape (rows, columns)
+        Heights z [length].
+    spacing : float
+        Distance δ of neighbouring nodes [length].
+
+    Returns
+    -------
+    dict
+        Sq, Sa, Sp, Sv and Sz [length]; Ssk, Sku, Svi, Sbi, Sdq and two Hurst exponents [1]. NaN where undefined.
+    """
+    names = ("Sq", "Sa", "Ssk", "Sku", "Sp", "Sv", "Sz", "Svi", "Sbi")
+    return {name: getattr(texture, name)(heights) for name in names} | {
+        "Sdq": texture.Sdq(heights, spacing),
+        "hurst_structure": texture.hurst_structure(heights, spacing),
+        "hurst_measured": texture.hurst_spectrum(heights, spacing),
+    }
+
+
+def curves(z: Array) -> Values:
+    """Return the material ratio at `LEVELS` above the mean plane, and the structure function at `lags`.
+
+    Parameters
+    ----------
+    z : ndarray, shape (rows, columns)
+        Heights over σ [1].
+
+    Returns
+    -------
+    dict
+        Values by stored name.
+    """
+    return {
+        "material_ratio": texture.material_ratio(z, LEVELS + z.mean()),
+        "structure_function": texture.structure_function(z, lags(z.shape)),
+    }
+
+
+def lags(shape: tuple[int, ...]) -> Index:
+    """Return the lags of the structure function, 1, 2, 4 … nodes up to half of the shorter axis.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Nodes along both axes.
+
+    Returns
+    -------
+    ndarray of int
+        Lags, increasing.
+    """
+    return texture.dyadic_lags((min(shape) - 1) // 2)
+
+
+def before_load(case: Case, surface: Surface) -> Values:
+    """Return the texture of the undeformed surface in the region of the study, and the labels of its curves.
+
+    Parameters
+    ----------
+    case : Case
+        Names the region.
+    surface : Surface
+        The whole surface.
+
+    Returns
+    -------
+    dict
+        Numbers and curves by stored name. Sq, Sdq and the exponent of the spectrum have the suffix ``_region``; they
+        are left out where the region is the whole surface.
+    """
+    heights = surface.heights[window(case, surface.shape)]
+    values: Values = dict(numbers(heights, surface.spacing))
+    inside = {f"{name}_region": values.pop(name) for name in STORED_ANYWAY}
+    if case.record.region is not None:
+        values |= inside
+    values |= curves((heights - surface.mean_height) / surface.unit)
+    return values | {"material_level": LEVELS, "lag": lags(heights.shape)}
+
+
+def under_load(case: Case, surface: Surface, state: State) -> Values:
+    """Return the texture of the deformed surface at a state, by stored name with the suffix ``_loaded``.
+
+    Parameters
+    ----------
+    case : Case
+        Not used; every observable of a state takes it.
+    surface : Surface
+        The whole surface; its Sq is the unit of the gap.
+    state : Contact or Within
+        The state in the region of the study.
+
+    Returns
+    -------
+    dict
+        Values by stored name.
+    """
+    z = -state.gap()
+    values = numbers(z * surface.unit, surface.spacing) | curves(z)
+    return {f"{name}_loaded": value for name, value in values.items()}

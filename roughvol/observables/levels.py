@@ -1,0 +1,175 @@
+"""Levels of a sweep: the step that first reaches one, the state between two steps, and the end of the sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from roughvol.contact import search
+from roughvol.contact.loading import Compliance, Contact, Trials, sweep
+from roughvol.contact.search import TARGETS
+from roughvol.observables import void
+from roughvol.observables.regions import State, within
+from roughvol.study import Case, Level
+from roughvol.surfaces.surface import Surface
+
+LAST = Level("last")
+ROUNDING = 1e-9  # relative; a state that misses a level by less reaches it
+
+
+def end_of(case: Case) -> Callable[[Contact], bool] | None:
+    """Return the condition of the last state of a sweep; None where the end does not depend on region or void.
+
+    Parameters
+    ----------
+    case : Case
+        Its target and region.
+
+    Returns
+    -------
+    callable or None
+        Contact ↦ whether the sweep ends there.
+    """
+    kind, value = case.sweep.target.kind, case.sweep.target.value or 0.0
+    if kind.startswith("percolation"):
+        return lambda contact: void.stops_percolating(kind, within(contact, case))
+    if case.record.region is None:
+        return None
+    if kind == "contact_area":
+        return lambda contact: within(contact, case).contact_area_fraction >= value
+    if kind == "pressure":
+        return lambda contact: within(contact, case).mean_pressure >= value
+    return None
+
+
+def reached(level: Level, step: int, contact: State, case: Case) -> bool:
+    """Return whether a state is at or beyond a level.
+
+    The last step reaches the end of the sweep by definition. A finite residual may leave it one element or a few
+    digits short.
+
+    Parameters
+    ----------
+    level : Level
+        The level.
+    step : int
+        Number of the step, from 1.
+    contact : Contact or Within
+        The state, in the region of the study.
+    case : Case
+        Its target and number of steps.
+
+    Returns
+    -------
+    bool
+        Whether the level is reached.
+
+    Raises
+    ------
+    ValueError
+        If the level is of an unknown kind.
+    """
+    if is_end(level, step, case):
+        return True
+    if level.value is None:
+        return False
+    slack = ROUNDING * (max(1.0, abs(level.value)) if level.kind == "separation" else level.value)
+    match level.kind:
+        case "step":
+            return step == level.value
+        case "separation":
+            return contact.separation <= level.value + slack
+        case "indentation":
+            return contact.indentation >= level.value - slack
+        case "contact_area":
+            return contact.contact_area_fraction >= level.value - slack
+        case "pressure":
+            return contact.mean_pressure >= level.value - slack
+    message = f"no such level: {level.label}"
+    raise ValueError(message)
+
+
+def is_end(level: Level, step: int, case: Case) -> bool:
+    """Return whether a level is the end of the sweep, at its last step.
+
+    Parameters
+    ----------
+    level : Level
+        The level.
+    step : int
+        Number of the step, from 1.
+    case : Case
+        Its target and number of steps.
+
+    Returns
+    -------
+    bool
+        Whether it is the end.
+    """
+    return step == case.sweep.steps and level in (LAST, case.sweep.target)
+
+
+def at_level(
+    level: Level,
+    case: Case,
+    surface: Surface,
+    half_space: Compliance,
+    earlier: list[Mapping[str, Any]],
+    residual: float,
+    after: Contact,
+) -> Contact:
+    """Return the state at a level between two steps of a sweep, and leave the sweep as it is.
+
+    At an indentation or a separation one state is solved. An area or a pressure, of the region of the study, is
+    searched for between the two steps.
+
+    Parameters
+    ----------
+    level : Level
+        Of the kind indentation, separation, contact_area or pressure.
+    case : Case
+        Its solver and region.
+    surface : Surface
+        The surface pressed.
+    half_space : Compliance
+        Of the shape of the surface.
+    earlier : list of mappings
+        The one or two states before the level, as `Contact.state` returns them; none before the first step.
+    residual : float
+        η/σ of the last of them.
+    after : Contact
+        The first step at the level or beyond it.
+
+    Returns
+    -------
+    Contact
+        The state on the whole surface.
+
+    Raises
+    ------
+    ConvergenceError
+        If the state is not solved to the tolerance.
+    """
+    solver, value = case.solver, level.value or 0.0
+    options: dict[str, Any] = {
+        "rtol": solver.tolerance,
+        "method": solver.method,
+        "pressure_error": solver.pressure_error,
+    }
+    if level.kind in TARGETS:
+        name = TARGETS[level.kind]
+        trials = Trials(surface, half_space, **options)
+        between = [trials.known(state, residual) for state in earlier[-1:]]
+        trials.least = between[0] if between else None
+        between.append(trials.known(after.state(), after.residual))
+        return search.state_reaching(
+            trials,
+            lambda contact: float(getattr(within(contact, case), name)),
+            value * (1.0 - ROUNDING),
+            between,
+            elements=level.kind == "contact_area",
+        )
+    indentation = value if level.kind == "indentation" else after.indentation + after.separation - value
+    if abs(indentation - after.indentation) <= ROUNDING * after.indentation:
+        return after
+    return next(sweep(surface, half_space, [indentation], resume=earlier, **options))

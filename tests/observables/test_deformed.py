@@ -1,0 +1,212 @@
+"""Texture before load and under load: the deformed surface, its region, its curves, and what a study asks for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from roughvol.campaign import running
+from roughvol.campaign.cost import estimate
+from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import Contact, solve
+from roughvol.errors import StudyError
+from roughvol.observables import deformed
+from roughvol.store import dataset
+from roughvol.store.dataset import Dataset
+from roughvol.store.variables import VARIABLES
+from roughvol.study import Case, loads
+from roughvol.surfaces import texture
+from roughvol.surfaces.surface import Surface
+
+TEXT = """
+surface: {D: 2.3, m: 5, seeds: [1], L: 100}
+sweep: {steps: 4, to: {indentation: 3}}
+record: {texture: WHICH, fields_at: {contact_area: [0.02, 0.05]}, heights: true}
+"""
+AT = "{at: {contact_area: [0.02, 0.05]}}"
+NUMBERS = ("Sa", "Ssk", "Sku", "Sp", "Sv", "Sz", "Svi", "Sbi", "hurst_structure")
+CURVES = ("material_ratio", "structure_function")
+
+
+def _case(which: str = AT, *, region: str = "") -> Case:
+    text = TEXT.replace("WHICH", which)
+    return loads(text.replace("heights: true", f"heights: true, region: {region}") if region else text).cases()[0]
+
+
+@pytest.fixture(scope="module")
+def result() -> Dataset:
+    return run_case(_case()).squeeze(("D", "m", "seed"))
+
+
+@pytest.fixture(scope="module")
+def pressed() -> tuple[Surface, HalfSpace, Contact]:
+    surface = surface_of(_case())
+    half_space = HalfSpace(surface.shape)
+    return surface, half_space, solve(surface, half_space, 2.0, rtol=1e-9)
+
+
+def test_before_load_the_numbers_are_those_of_the_heights(result: Dataset) -> None:
+    heights = result.heights.values
+    for name in NUMBERS[:-1]:
+        assert result[name] == getattr(texture, name)(heights)
+    assert result.hurst_structure == texture.hurst_structure(heights, 100.0 / 32)
+
+
+def test_the_deformed_surface_is_the_rough_one_less_the_displacement(
+    pressed: tuple[Surface, HalfSpace, Contact],
+) -> None:
+    surface, half_space, contact = pressed
+    scaled = contact.pressure() / (np.pi * (surface.shape[0] - 1))
+    shape = surface.heights - surface.Sq * half_space.displacement(scaled)
+    stored = deformed.under_load(_case(), surface, contact)
+    for name, number in deformed.numbers(shape, surface.spacing).items():
+        assert_allclose(stored[f"{name}_loaded"], number, rtol=1e-6, err_msg=name)
+    z = shape / surface.Sq
+    assert_allclose(stored["structure_function_loaded"], texture.structure_function(z, deformed.lags(z.shape)))
+
+
+def test_load_flattens_the_surface(result: Dataset) -> None:
+    light, heavy = result.isel(texture_at=0), result.isel(texture_at=1)
+    for name in ("Sq", "Sa", "Sp", "Sz", "Sdq"):  # peaks are cut off, and the rest rises to them
+        assert result[name] > light[f"{name}_loaded"] > heavy[f"{name}_loaded"] > 0, name
+    assert result.Ssk > light.Ssk_loaded > heavy.Ssk_loaded
+    assert np.all(light.structure_function_loaded > heavy.structure_function_loaded)
+
+
+def test_a_light_touch_leaves_the_texture_as_it_is() -> None:
+    case = _case("true")
+    surface = surface_of(case)
+    contact = solve(surface, HalfSpace(surface.shape), 1e-3)
+    before, under = deformed.before_load(case, surface), deformed.under_load(case, surface, contact)
+    for name in NUMBERS:
+        assert_allclose(under[f"{name}_loaded"], before[name], rtol=1e-2, atol=1e-3, err_msg=name)
+    assert_allclose(under["material_ratio_loaded"], before["material_ratio"], atol=0.01)
+
+
+def test_the_material_ratio_under_load_drops_from_the_contact_to_zero_at_the_plane(result: Dataset) -> None:
+    for state in (result.isel(texture_at=0), result.isel(texture_at=1)):
+        plane, area = float(state.texture_at_free_volume), float(state.texture_at_contact_area_fraction)
+        ratio = state.material_ratio_loaded
+        assert np.all(ratio[state.material_level > plane] == 0.0)
+        assert np.all(ratio[state.material_level < plane] >= area)
+        assert ratio[0] == 1.0
+        assert np.all(np.diff(ratio) <= 0.0)
+    assert result.material_ratio.sel(material_level=0.0) == (result.heights >= result.heights.mean()).mean()
+
+
+def test_the_retained_volume_is_no_more_than_the_free_volume(result: Dataset) -> None:
+    # The volume below a plane that is not above that of the contact.
+    retained = result.Svi_loaded * result.Sq_loaded / result.Sq
+    assert np.all(retained > 0.0)
+    assert np.all(retained < result.texture_at_free_volume)
+
+
+def test_states_are_those_of_the_fields(result: Dataset) -> None:
+    assert result.texture_at.values.tolist() == result.field_at.values.tolist()
+    assert_array_equal(result.texture_at_step, result.field_at_step)
+    for k in range(2):
+        heights = -result.gap.values[k] * float(result.Sq)
+        for name in NUMBERS[:-1]:
+            assert result[f"{name}_loaded"][k] == getattr(texture, name)(heights), name
+
+
+@pytest.mark.parametrize("region", ["interior", "{x: [0, 0.5]}", "{x: [0.4, 0.44], y: [0.4, 0.44]}"])
+def test_texture_is_of_the_region(region: str) -> None:
+    case = _case("{at: {indentation: 2}}", region=region)
+    surface = surface_of(case)
+    result = run_case(case).squeeze(("D", "m", "seed", "texture_at"))
+    x, y = case.record.region.x, case.record.region.y  # type: ignore[union-attr]
+    inside = tuple(slice(int(np.ceil(a * 32)), int(b * 32) + 1) for a, b in (x, y))
+    assert result.Sa == texture.Sa(surface.heights[inside])
+    assert result.Sq_region == texture.Sq(surface.heights[inside])
+    assert_array_equal(result.Sdq_region, texture.Sdq(surface.heights[inside], surface.spacing))
+    assert result.Sq == surface.Sq
+    gap = solve(surface, HalfSpace(surface.shape), 2.0).gap()[inside]
+    assert_allclose(result.Sa_loaded, texture.Sa(-gap * surface.Sq), rtol=1e-4)
+
+
+def test_curves_of_several_sizes_are_one_dataset() -> None:
+    text = TEXT.replace("WHICH", "true").replace("m: 5", "m: [3, 5]").replace("[0.02, 0.05]", "0.02")
+    study = dataset.combine([run_case(case) for case in loads(text).cases()], {}).squeeze(("D", "seed"))
+    assert study.lag.values.tolist() == [1, 2, 4, 8, 16]
+    assert_array_equal(study.structure_function.isnull().sum("lag"), [2, 0])
+    assert study.material_ratio.sizes["material_level"] == 101
+    assert not study.material_ratio.isnull().any()
+    assert study.lag.dtype.kind == "i"
+
+
+def test_a_measured_surface_has_its_texture(tmp_path: Path) -> None:
+    heights = np.random.default_rng(3).normal(size=(20, 33)).cumsum(0).cumsum(1)
+    np.save(tmp_path / "z.npy", heights)
+    text = "surface: {file: z.npy, L: 2 mm}\nsweep: {steps: 3}\nrecord: {texture: true, region: {x: [0, 0.8]}}"
+    study = loads(text, tmp_path / "a.yaml")
+    stored = running.run(study, out=tmp_path / "run", jobs=1).squeeze("case")
+    assert stored.Svi == texture.Svi(heights[:16])
+    assert stored.Sa.attrs == {"units": "mm", "long_name": VARIABLES["Sa"].long_name, "symbol": "Sa"}
+    assert stored.Svi_loaded.sizes == {"texture_at": 1}
+    assert stored.Sa_loaded < stored.Sa
+
+
+def test_without_contact_there_is_the_texture_before_load() -> None:
+    result = run_case(loads("surface: {D: 2.3, m: 4, seeds: 1}\nsweep: {steps: 0}\nrecord: {texture: true}").cases()[0])
+    assert {*NUMBERS, *CURVES} <= set(result.data_vars)
+    assert not [name for name in result.variables if "_loaded" in str(name) or "texture_at" in str(name)]
+
+
+def test_a_flat_surface_has_no_ratios(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.full((9, 9), 2.5))
+    text = "surface: {file: z.npy, L: 1}\nsweep: {steps: 2, to: {indentation: 1}}\nrecord: {texture: true}"
+    result = run_case(loads(text, tmp_path / "a.yaml").cases()[0])
+    for suffix in ("", "_loaded"):
+        assert all(np.isnan(result[name + suffix]).all() for name in ("Ssk", "Sku", "Svi", "Sbi", "hurst_structure"))
+        assert result["Sz" + suffix].item() == 0.0
+        assert not np.isnan(result["structure_function" + suffix]).any()
+
+
+def test_true_is_short_for_the_last_state_and_false_for_nothing() -> None:
+    assert _case("true").record.texture == _case("{}").record.texture == _case("{at: last}").record.texture
+    assert _case("false").record.texture is None
+    plain = TEXT.replace("texture: WHICH, ", "")
+    assert _case("false").id == loads(plain).cases()[0].id != _case("true").id
+    study = loads(TEXT.replace("WHICH", AT))
+    assert loads(study.to_yaml()) == study
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "said"),
+    [
+        (TEXT.replace("WHICH", "3"), "record.texture", "must be true, false or a mapping"),
+        (TEXT.replace("WHICH", "last"), "record.texture", "must be true, false or a mapping"),
+        (TEXT.replace("WHICH", "{at: {indentation: 4}}"), "record.texture.at.indentation", "is not reached"),
+        (TEXT.replace("WHICH", "{of: last}"), "record.texture.of", "at"),
+        (
+            "surface: {D: 2.3, m: 4}\nsweep: {steps: 0}\nrecord: {texture: {at: {step: 1}}}",
+            "record.texture.at",
+            "no contact to record",
+        ),
+    ],
+)
+def test_a_bad_request_is_refused(text: str, key: str, said: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        loads(text)
+    assert [problem.key for problem in caught.value.problems] == [key]
+    assert said in caught.value.problems[0].message
+
+
+def test_its_cost_is_estimated_and_measured(result: Dataset) -> None:
+    assert set(estimate(loads(TEXT.replace("WHICH", AT)), jobs=1).observables) == {"fields_at", "texture"}
+    assert result.observable_time.sel(observable="texture") > 0.0
+
+
+def test_nothing_is_computed_that_is_not_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*arguments: Any) -> None:
+        raise AssertionError(arguments)
+
+    for name in ("numbers", "curves"):
+        monkeypatch.setattr(deformed, name, refuse)
+    run_case(_case("false"))

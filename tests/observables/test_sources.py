@@ -1,0 +1,132 @@
+"""The table of variables names the function of every row; where one call gives the value, that value is stored."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import Contact, sweep
+from roughvol.observables import recorded, reduction, regions, void
+from roughvol.store import variables
+from roughvol.store.dataset import Dataset
+from roughvol.store.variables import VARIABLES
+from roughvol.study import loads
+from roughvol.surfaces.surface import Surface
+
+TEXT = """
+surface: {D: 2.3, m: 5, seeds: [1], L: 3.0}
+sweep: {steps: 4, to: {indentation: 3}}
+record:
+  texture: {at: last}
+  transport: {estimates: every-step, transmissivity: every-step, diffusivity: last}
+"""
+SPACING = 3.0 / 32
+
+
+def _resolved(source: str) -> Any:
+    """Return what a dotted name of the package names: a module, then attributes or fields of a record."""
+    parts = source.split(".")
+    length = next(k for k in range(len(parts), 0, -1) if importlib.util.find_spec(_module(parts[:k])) is not None)
+    found: Any = importlib.import_module(_module(parts[:length]))
+    for part in parts[length:]:
+        fields = {field.name for field in dataclasses.fields(found)} if dataclasses.is_dataclass(found) else set()
+        found = part if part in fields else getattr(found, part)
+    return found
+
+
+def _module(parts: list[str]) -> str:
+    if parts[:-1]:  # the parent of a module is a package, or `find_spec` fails
+        parent = importlib.util.find_spec(_module(parts[:-1]))
+        if parent is None or parent.submodule_search_locations is None:
+            return "roughvol._no_such_module"
+    return ".".join(["roughvol", *parts])
+
+
+@pytest.fixture(scope="module")
+def stored() -> Dataset:
+    return run_case(loads(TEXT).cases()[0]).squeeze(("D", "m", "seed"))
+
+
+@pytest.fixture(scope="module")
+def surface() -> Surface:
+    return surface_of(loads(TEXT).cases()[0])
+
+
+@pytest.fixture(scope="module")
+def contacts(surface: Surface, stored: Dataset) -> list[Contact]:
+    return list(sweep(surface, HalfSpace(surface.shape), stored.indentation.values))
+
+
+def test_every_row_names_what_exists() -> None:
+    assert [name for name, row in VARIABLES.items() if not row.source] == []
+    for source in {row.source for row in VARIABLES.values()}:
+        assert _resolved(source) is not None
+
+
+def test_a_name_that_does_not_exist_is_found() -> None:
+    for source in ("surfaces.texture.Sxx", "surfaces.nothing.Sq", "nothing", "surfaces.surface.Surface.nothing"):
+        with pytest.raises((AttributeError, StopIteration)):
+            _resolved(source)
+
+
+def _called(source: str, heights: np.ndarray[Any, Any]) -> float:
+    function = _resolved(source)
+    takes_spacing = "spacing" in function.__code__.co_varnames[: function.__code__.co_argcount]
+    return float(function(heights, SPACING) if takes_spacing else function(heights))
+
+
+OF_HEIGHTS = [name for name, row in VARIABLES.items() if row.source.startswith("surfaces.texture.")]
+CURVES = {"material_ratio", "structure_function", "material_ratio_loaded", "structure_function_loaded"}
+
+
+@pytest.mark.parametrize("name", [name for name in OF_HEIGHTS if name not in CURVES and "_region" not in name])
+def test_texture_is_that_of_its_function(name: str, stored: Dataset, surface: Surface, contacts: list[Contact]) -> None:
+    heights = -contacts[-1].gap() * surface.Sq if name.endswith("_loaded") else surface.heights
+    assert stored[name].item() == _called(VARIABLES[name].source, heights)
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, row in VARIABLES.items() if row.source.startswith("surfaces.surface.Surface.")]
+)
+def test_numbers_of_the_surface_are_its_attributes(name: str, stored: Dataset, surface: Surface) -> None:
+    if name in stored:
+        assert_array_equal(stored[name], getattr(surface, VARIABLES[name].source.rpartition(".")[2]))
+
+
+@pytest.mark.parametrize("name", reduction.PER_STEP)
+def test_numbers_of_a_step_are_attributes_of_its_contact(name: str, stored: Dataset, contacts: list[Contact]) -> None:
+    assert VARIABLES[name].source == f"contact.state.Contact.{name}"
+    assert_array_equal(stored[name], [getattr(contact, name) for contact in contacts])
+
+
+ARGUMENTS = {  # after the gap
+    "transmissivity_x": (0, 3.0),
+    "transmissivity_y": (1, 3.0),
+    "diffusivity_x": (0, 1.0),
+    "diffusivity_y": (1, 1.0),
+    "estimate_medium_transmissivity": (3.0,),
+    "estimate_medium_diffusivity": (1.0,),
+    "estimate_junction_transmissivity_x": (0, 3.0),
+    "estimate_junction_diffusivity_y": (1, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", ARGUMENTS)
+def test_transport_is_that_of_its_function(name: str, stored: Dataset, contacts: list[Contact]) -> None:
+    value = _resolved(VARIABLES[name].source)(contacts[-1].gap(), *ARGUMENTS[name])
+    assert stored[name][-1] == getattr(value, "coefficient", value)
+
+
+def test_the_table_and_the_list_of_observables_agree() -> None:
+    observables = {*recorded.AT_STATES, *void.QUANTITIES, *regions.QUANTITIES}
+    assert {row.observable for row in VARIABLES.values()} - {""} == observables
+    assert set(variables.STATES) == {row.dim for row in recorded.AT_STATES.values()}
+    assert set(variables.ALONG) == {*void.QUANTITIES, *regions.QUANTITIES}
+    assert variables.OF_STATE == reduction.OF_STATE
