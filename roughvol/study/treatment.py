@@ -174,6 +174,7 @@ def settled(
     Returns
     -------
     treatment : Treatment
+        Treatment of each file, places as node numbers.
     L : float
         Length of the first axis of the lattice that is pressed.
     ratios : list of float or None
