@@ -10,7 +10,7 @@ READINGS := ten_seeds_of_m many_seeds morphology_of_D full_contact first_contact
             reading_variance_law reading_variance_law_D reading_summit_plane
 
 .DEFAULT_GOAL := setup
-.PHONY: help setup reproduce seal smoke test test-slow coverage lint bench bench-peers validation tradeoff extremes clean
+.PHONY: help setup reproduce seal test bench bench-peers validation tradeoff extremes coverage test-slow lint smoke clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))

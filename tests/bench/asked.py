@@ -129,7 +129,7 @@ def settings(ds: dataset.Dataset) -> str:
 
 
 def main() -> None:
-    """Write the page and the diagram that the README shows; with --asked, only the table of costs of the page."""
+    """Write docs/tradeoff.md and its diagram; with --asked, only the table of costs."""
     if sys.argv[1:] == ["--asked"]:
         page = (ROOT / "docs" / "tradeoff.md").read_text(encoding="utf-8")
         head, _ = page.split(TABLE_AFTER.partition("\n")[0])
