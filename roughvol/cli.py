@@ -29,7 +29,7 @@ PLAIN_EVERY = 5.0  # seconds between two lines of progress without a terminal
 
 
 def _examples(*lines: str) -> str:
-    """Return the end of a help page; \\b keeps click from joining its lines."""
+    """Return the end of a help page; the backspace keeps click from joining lines."""
     return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])
 
 
@@ -268,12 +268,8 @@ def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> Non
     click.echo(page)
     departures = reporting.departures(answered, expected.read_text(encoding="utf-8")) if expected else []
     if departures:
-        message = "\n".join(
-            [
-                f"{cli_text.count(len(departures), 'answer')} left the bands of {expected}",
-                *(f"  {d}" for d in departures),
-            ]
-        )
+        head = f"{cli_text.count(len(departures), 'answer')} left the bands of {expected}"
+        message = "\n".join([head, *(f"  {departure}" for departure in departures)])
         raise CampaignError(message)
 
 

@@ -1,4 +1,4 @@
-"""A study as a whole, the cases it makes, and the rules that no section shows alone."""
+"""A study as a whole, its cases, and the rules across sections."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from roughvol.study.units import has_unit, length_unit
 from roughvol.study.yaml_text import KeyPath, key_text, number_text, write
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
 
-ANSWER_FORMAT = 2  # part of every case id: raise it when equal settings no longer give equal stored numbers
+ANSWER_FORMAT = 2  # part of every case id; raise it when equal settings give other stored numbers
 LATER = ("transport", "region", "region_widths")
 DERIVED = ("dimensional",)  # of the section record: made from what is stored, when cases are collected
 MAX_CASES = 100_000
@@ -48,10 +48,10 @@ SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")
 
 @dataclass(frozen=True)
 class Case:
-    """One surface pressed once: everything `campaign.run_case` needs, picklable.
+    """One surface pressed once: the picklable input of `campaign.run_case`.
 
-    Set are either ``D``, ``m``, ``seed`` and ``midpoint_law``, or ``file``, ``sha256`` (of its content), ``variable``
-    and what else `bodies` holds, with the second of two rough bodies as ``against``.
+    A generated surface has ``D``, ``m``, ``seed`` and ``midpoint_law``. A measured one has ``file``, ``sha256`` of its
+    content, ``variable`` and the treatment. ``against`` is the second of two rough bodies.
     """
 
     L: float
@@ -66,19 +66,22 @@ class Case:
     file: Path | None = None
     sha256: str | None = None
     variable: str | None = None
-    file_unit: str | None = None  # of the numbers in the file, where it tells one
-    pixel_ratio: float | None = None  # side of the pixels in the file along y over that along x, if they are resampled
+    file_unit: str | None = None  # of the numbers in the file
+    pixel_ratio: float | None = None  # pixel side along y over that along x, if resampled
     against: Body | None = None
     treatment: Treatment = UNTREATED
-    length_unit: str | None = None  # of L, the heights and all lengths stored; None for an arbitrary one
+    length_unit: str | None = None  # of all stored lengths; None: arbitrary
     hardness: float | None = None  # over E*
-    height: float | None = None  # the Sq to which heights are scaled, where there is a hardness to compare with
-    reading: tuple[tuple[str, str], ...] = ()  # of the first body: heights_unit, columns, header, read_as where used
-    notes: tuple[str, ...] = ()  # on size and units of the files, for the user
+    height: float | None = None  # Sq of the scaled heights, if there is a hardness
+    reading: tuple[tuple[str, str], ...] = ()  # of the first body: heights_unit, columns, header, read_as
+    notes: tuple[str, ...] = ()  # doubts about size and units of the files
 
     @property
     def key(self) -> dict[str, Any]:
-        """What changes the stored answer, as plain data; neither names nor E*, which no starred number depends on."""
+        """All settings that change the stored answer, as plain data.
+
+        Neither names nor E* belong to it: starred numbers do not depend on E*.
+        """
         surface: dict[str, Any]
         if self.file is None:
             surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
@@ -91,17 +94,17 @@ class Case:
             surface |= self.bodies[0].reading if self.bodies else {}
             if self.treatment.resample != "none":
                 surface["pixel_ratio"] = [body.pixel_ratio for body in self.bodies]
-            if any(body.numbers_in for body in self.bodies):  # their numbers are converted to this one
+            if any(body.numbers_in for body in self.bodies):  # numbers are converted to this unit
                 surface["unit"] = self.length_unit
         key = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},
             "record": self._recorded,
         }
-        if self.sweep.steps == 0:  # nothing is solved, so neither the end of the sweep nor the solver matters
+        if self.sweep.steps == 0:  # nothing is solved
             return {**key, "sweep": {"steps": 0}}
         if self.hardness is not None:
-            key["material"] = {"hardness": float(f"{self.hardness:.12g}"), "Sq": self.height}  # in any unit the same
+            key["material"] = {"hardness": float(f"{self.hardness:.12g}"), "Sq": self.height}  # equal in any unit
         solver: dict[str, Any] = {
             "rtol": self.solver.tolerance,
             "kernel": self.solver.kernel,
@@ -113,7 +116,7 @@ class Case:
 
     @property
     def bodies(self) -> tuple[Body, ...]:
-        """The rough bodies whose heights come from files: none, one, or two facing each other."""
+        """Rough bodies with heights from files: none, one, or two facing each other."""
         if self.file is None or self.sha256 is None:
             return ()
         named: dict[str, Any] = dict(self.reading)
@@ -128,12 +131,12 @@ class Case:
 
     @property
     def key_text(self) -> str:
-        """The key as the files of the case hold it."""
+        """The key as text, as stored in the files of the case."""
         return json.dumps(self.key, sort_keys=True)
 
     @functools.cached_property
     def id(self) -> str:
-        """A readable prefix and 8 hexadecimal digits of the sha256 of `key`: ``D2.30_m8_s003-1f9c2a7b``."""
+        """Readable prefix and 8 hexadecimal digits of the sha256 of `key`: ``D2.30_m8_s003-1f9c2a7b``."""
         text = json.dumps(self.key, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return f"{self._prefix}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
@@ -150,26 +153,26 @@ class Case:
 
     @property
     def label(self) -> str:
-        """The case in words: ``D = 2.30, m = 8, seed 3``, or the name of the file."""
+        """Case in words: ``D = 2.30, m = 8, seed 3``, or the name of the file."""
         if self.file is None:
             return f"D = {self._D_text}, m = {self.m}, seed {self.seed}"
         return " against ".join(body.file.name for body in self.bodies)
 
     @property
     def surface_text(self) -> str:
-        """What is done to heights from files, in words; empty if they are pressed as they stand there."""
-        said = ["; ".join(steps(self.treatment, self.length_unit))]
+        """Treatment of heights from files, in words; empty without any."""
+        parts = ["; ".join(steps(self.treatment, self.length_unit))]
         if self.against is not None:
             turned = f", its axis {self.against.mirror} reversed" if self.against.mirror != "none" else ""
-            said.append(f"heights of {self.against.file.name} added{turned}")
+            parts.append(f"heights of {self.against.file.name} added{turned}")
         units = {body.file.name: body.numbers_in for body in self.bodies if body.numbers_in}
-        said += [f"sizes and units in {body.file.name} ignored" for body in self.bodies if body.header]
-        said += [f"numbers of {name} are in {unit}" for name, unit in units.items()]
-        return "; ".join(filter(None, said))
+        parts += [f"sizes and units in {body.file.name} ignored" for body in self.bodies if body.header]
+        parts += [f"numbers of {name} are in {unit}" for name, unit in units.items()]
+        return "; ".join(filter(None, parts))
 
 
 class Places:
-    """Lines of the keys in the text of a study; no part of its identity, so all are equal."""
+    """Lines of the keys in the text of a study. All are equal: they are no part of its identity."""
 
     def __init__(self, file: str = "", lines: dict[str, int] | None = None) -> None:
         self.file, self.lines = file, lines or {}
@@ -181,7 +184,7 @@ class Places:
     __hash__ = None  # type: ignore[assignment]
 
     def of(self, problem: Problem) -> Problem:
-        """Return a problem with file and line, where it has none; a missing key is placed where its mapping begins."""
+        """Return a problem with file and line. A missing key has the line of its mapping."""
         if problem.file or not self.file:
             return problem
         key = problem.key
@@ -191,12 +194,12 @@ class Places:
 
 
 class Study(Strict):
-    """A study: which surfaces, pressed how far, solved how accurately, and what is stored."""
+    """A study: surfaces, material, end of the sweep, accuracy, and stored quantities."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", max_length=100)] = Field(
         default="study",
         description="letters, digits, _, - and dots, at most 100, a letter, digit or _ first; "
-        "if left out, that of the study file",
+        "default: name of the study file",
     )
     surface: Annotated[
         Annotated[GeneratedSurface, Tag("<generated>")] | Annotated[HeightFile, Tag("<file>")],
@@ -205,11 +208,11 @@ class Study(Strict):
     material: Annotated[
         Annotated[ContactModulus, Tag("<modulus>")] | Annotated[YoungPoisson, Tag("<young>")],
         Discriminator(tag_material),
-    ] = Field(default=ContactModulus(), description="{E_star} or {E, nu}, and hardness if known")
-    sweep: Sweep = Field(default=Sweep(), description="{steps, to}: how far the surfaces are pressed")
+    ] = Field(default=ContactModulus(), description="{E_star} or {E, nu}, optionally hardness")
+    sweep: Sweep = Field(default=Sweep(), description="{steps, to}: number of steps and last state")
     solver: Annotated[Solver, Word("paper", (("method", "paper"),))] = Field(
         default=Solver(),
-        description="{accuracy, rtol or max_error, kernel, method}; the word 'paper' is short for {method: paper}",
+        description="{accuracy, rtol or max_error, kernel, method}; 'paper' is short for {method: paper}",
     )
     record: Record = Field(
         default=Record(),
@@ -220,26 +223,26 @@ class Study(Strict):
 
     @model_validator(mode="after")
     def _possible(self) -> Study:
-        found = [f"{key_text(path)}: {message}" for path, message in conflicts(self.model_dump(mode="json"))]
-        if found:
-            refuse("{found}", found="\n".join(found))
+        problems = [f"{key_text(path)}: {message}" for path, message in conflicts(self.model_dump(mode="json"))]
+        if problems:
+            refuse("{problems}", problems="\n".join(problems))
         return self
 
     @contextlib.contextmanager
     def placing(self) -> Iterator[None]:
-        """Give the problems of a `StudyError` raised inside their file and line."""
+        """Add file and line to the problems of a `StudyError` raised inside."""
         try:
             yield
         except StudyError as error:
             raise StudyError([self._places.of(problem) for problem in error.problems]) from error
 
     def cases(self) -> tuple[Case, ...]:
-        """Return the product over D, m and seeds, seeds running fastest; a height file is one case.
+        """Return the cases: the product over D, m and seeds, seeds fastest, or one for a height file.
 
         Raises
         ------
         StudyError
-            If a height file cannot be read, or does not tell what the study leaves to it.
+            If a height file cannot be read, or lacks a size or unit that the study omits.
         """
         surface = self.surface
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solver, self.record
@@ -275,24 +278,30 @@ class Study(Strict):
         return (case,)
 
     def to_yaml(self) -> str:
-        """Return the study with every default written out; `loads` of it gives an equal study."""
+        """Return the study with all defaults as YAML; `loads` of it gives an equal study."""
         return write(self.model_dump(mode="json"))
 
     def stored(self) -> str:
-        """Return the study as files of results hold it: height files by the text that names them, no absolute path.
+        """Return the study as stored in files of results, without absolute paths.
 
-        ``loads(text, stored=True)`` reads it without those files.
+        ``loads(text, stored=True)`` reads it without its height files.
         """
         return write(self.model_dump(mode="json", context={"stored": True}))
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the JSON schema (draft 2020-12) of a study file, for editors."""
+    """Return the JSON schema (draft 2020-12) of a study file.
+
+    Returns
+    -------
+    dict
+        Schema with the descriptions of all keys, for completion and checks in editors.
+    """
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Study.model_json_schema()}
 
 
 def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
-    """Yield what no key shows alone: key path and message. Works on plain data, whatever else is wrong with it."""
+    """Yield the key path and message of each conflict between keys, in plain data with any other problems."""
 
     def mapping(*path: str) -> dict[str, Any]:
         here: Any = data
@@ -315,7 +324,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     pressed = ("fields_at", "box_counting", "volume_density", "transport", "region_widths", "dimensional")
     for name in pressed if steps == 0 else ():
         if record.get(name) is not None:
-            yield ("record", name), "there is no contact to record, since sweep.steps is 0"
+            yield ("record", name), "no contact to record: sweep.steps is 0"
     selectors: list[tuple[str, ...]] = [
         ("record", "fields_at"),
         ("record", "box_counting", "at"),
@@ -339,27 +348,27 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         seen: set[float] = set()
         for path, number in _numbers(mapping(*place[:-1]).get(place[-1]), *place):
             if number in seen:
-                yield path, f"{number_text(number)} stands in the list twice"
+                yield path, f"duplicate value {number_text(number)}"
             seen.add(number)
     seeds = whole(surface.get("seeds", 10))
     counts = [len(list(_numbers(surface.get(name)))) for name in ("D", "m", "seeds")]
     cases = counts[0] * counts[1] * (seeds if isinstance(seeds, int) else counts[2])
     if cases > MAX_CASES:
-        yield ("surface",), f"makes {cases} cases (D times m times seeds), at most {MAX_CASES} are allowed"
+        yield ("surface",), f"makes {cases} cases (D times m times seeds); allowed: at most {MAX_CASES}"
 
 
 def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
-    """Yield what files of heights need that their endings show."""
+    """Yield the conflicts of height files that follow from their suffixes."""
     bodies: list[tuple[KeyPath, dict[str, Any]]] = [(("surface",), surface), (("surface", "against"), against)]
     suffixes = {path: Path(str(body["file"])).suffix.lower() for path, body in bodies if "file" in body}
     for path, body in bodies:
         suffix = suffixes.get(path, "")
         if body.get("variable") is not None and suffix in HEIGHT_FORMATS and suffix not in SEVERAL_ARRAYS:
-            yield (*path, "variable"), f"a {suffix} file holds one array, without a name: leave 'variable' out"
+            yield (*path, "variable"), f"a {suffix} file holds one array without a name: omit 'variable'"
     if "file" not in surface or not set(suffixes.values()) <= {*BARE_FORMATS}:
-        return  # other files may give what the study does not
+        return  # other formats may have sizes and units
     if surface.get("L") is None and surface.keys() <= HeightFile.model_fields.keys():
-        yield ("surface", "L"), f"missing, and the file does not give it ({HeightFile.model_fields['L'].description})"
+        yield ("surface", "L"), f"missing, and the file has no size ({HeightFile.model_fields['L'].description})"
     if surface.get("unit") is not None or length_unit(surface.get("L")) is not None:
         return
     crop = surface["crop"] if isinstance(surface.get("crop"), dict) else {}
@@ -369,25 +378,25 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
     ]
     for key, length in lengths:
         if has_unit(length):
-            yield ("surface", *key), f"has a unit ({length}) and L has none: give both with theirs, as L: 100 um"
+            yield ("surface", *key), f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
 
 
 def _unit_conflicts(
     surface: dict[str, Any], material: dict[str, Any], record: dict[str, Any]
 ) -> Iterator[tuple[KeyPath, str]]:
-    """Yield where a unit is missing, or given twice."""
+    """Yield missing and duplicate units."""
     own, unit = length_unit(surface.get("L")), surface.get("unit")
     has_length = own is not None or unit is not None
     if own is not None and unit not in (None, own):
-        yield ("surface", "unit"), f"L has its unit already ({surface['L']}): leave 'unit' out"
+        yield ("surface", "unit"), f"L has a unit already ({surface['L']}): omit 'unit'"
     if has_unit(surface.get("Sq")) and not has_length:
-        yield ("surface", "Sq"), f"has a unit ({surface['Sq']}) and L has none: give both with theirs, as L: 100 um"
+        yield ("surface", "Sq"), f"has a unit ({surface['Sq']}) and L has none: give L with its unit, as L: 100 um"
     modulus = material.get("E_star", material.get("E"))
     if has_unit(material.get("hardness")) and not has_unit(modulus):
-        yield ("material", "hardness"), "has a unit and the modulus has none: give both with theirs, or none"
+        yield ("material", "hardness"), "has a unit and the modulus has none: give both with units, or none"
     other = material.get("against")
     if isinstance(other, dict) and has_unit(other.get("E")) and not has_unit(modulus):
-        yield ("material", "against", "E"), "has a unit and that of the first body has none: give both with theirs"
+        yield ("material", "against", "E"), "has a unit and that of the first body has none: give both with units"
     wanted = record.get("dimensional")
     for name in [key for key, value in wanted.items() if value is not None] if isinstance(wanted, dict) else ():
         if name == "pressure" and not has_unit(modulus):
@@ -397,7 +406,7 @@ def _unit_conflicts(
         needs = {"leak_rate": "transmissivity", "critical_gap": "constriction"}.get(name)
         transport = record.get("transport")
         if needs and not (isinstance(transport, dict) and transport.get(needs) is not None):
-            yield ("record", "dimensional", name), f"is made from record.transport.{needs}, which is not asked for"
+            yield ("record", "dimensional", name), f"needs record.transport.{needs}"
 
 
 def _numbers(value: Any, *path: str | int) -> Iterator[tuple[KeyPath, float]]:

@@ -1,6 +1,6 @@
-"""The section ``surface`` of a study of measured heights: one file, or two for two rough bodies, and their treatment.
+"""The section ``surface`` of measured heights: one file, or two for two rough bodies, and their treatment.
 
-What a file gives beside its heights (size, units) is read when the cases are made, not before: see `agreement`.
+Sizes and units in a file are read when the cases are made, see `agreement`.
 """
 
 from __future__ import annotations
@@ -25,24 +25,22 @@ from roughvol.study.units import Length, unit_of
 from roughvol.study.yaml_text import printable
 from roughvol.surfaces.body import UNTREATED, Columns, Header, Levelling, Mirror, Missing, Resampling
 
-BARE_FORMATS = (".npy", ".npz")  # give neither size nor unit
+BARE_FORMATS = (".npy", ".npz")  # formats without size and unit
 HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".tif", ".tiff")
-EXTRA = "roughvol[measured]"  # with it, the formats of instruments
+EXTRA = "roughvol[measured]"  # adds the formats of instruments
 
 _FILE = (
-    f"height field, one of {' '.join('*' + ending for ending in HEIGHT_FORMATS)}, or with {EXTRA} a file of an "
+    f"height field, one of {' '.join('*' + suffix for suffix in HEIGHT_FORMATS)}, or with {EXTRA} a file of an "
     "instrument (*.al3d *.sur *.x3p *.gwy ...), relative to the study file"
 )
-_VARIABLE = (
-    "name of the array inside an .npz or .nc file, or of the channel in a file of an instrument; or its number from 0"
-)
-_HEIGHTS_UNIT = "unit of the heights in a file that names none"
-_COLUMNS = "'heights': all columns of a text are heights, also if there are three as of points x y z"
-_HEADER = "'ignore': sizes and units in the file do not count; L and heights_unit of the study do"
+_VARIABLE = "array of an .npz or .nc file, or channel of a file of an instrument: its name or its number from 0"
+_HEIGHTS_UNIT = "unit of the heights, if the file has none"
+_COLUMNS = "'heights': all columns of a text are heights, even three as of points x y z"
+_HEADER = "'ignore': use L and heights_unit of the study instead of sizes and units in the file"
 
 
 class Located(str):
-    """The absolute path of a height file, which keeps the text that the study names it by."""
+    """Absolute path of a height file with its text in the study."""
 
     written: str
 
@@ -53,17 +51,17 @@ class Located(str):
         return new
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Survive pickling."""
+        """Pickle the text too."""
         return Located, (str(self), self.written)
 
     @property
     def portable(self) -> str:
-        """The text, or the name of the file where the text is an absolute path."""
+        """Text in the study; for an absolute path, the name of the file."""
         return Path(self.written).name if Path(self.written).is_absolute() else self.written
 
 
-def _found(value: str, info: ValidationInfo) -> str:
-    """Return the absolute path of a height file that is there; of a stored study, the text."""
+def _located(value: str, info: ValidationInfo) -> str:
+    """Return the absolute path of an existing height file; of a stored study, the text."""
     context = info.context or {}
     if context.get("stored"):
         return Located(value, value)
@@ -75,22 +73,22 @@ def _found(value: str, info: ValidationInfo) -> str:
             extra=EXTRA,
         )
     try:
-        found = path.is_file()
-    except (OSError, ValueError):  # a name too long, a folder that may not be entered
-        found = False
-    if not found:
-        refuse("there is no such file ({path})", path=printable(str(path)))
+        exists = path.is_file()
+    except (OSError, ValueError):  # a name too long, a folder without access
+        exists = False
+    if not exists:
+        refuse("no such file ({path})", path=printable(str(path)))
     return Located(str(path), getattr(value, "written", value))
 
 
 def _path_text(value: str, info: SerializationInfo) -> str:
-    """Return the absolute path; in what is stored, no folder of this machine."""
+    """Return the absolute path; for stored studies, the portable text."""
     stored = bool((info.context or {}).get("stored"))
     return value.portable if stored and isinstance(value, Located) else str(value)
 
 
 def _number(value: Any) -> Any:
-    """Return the number of a channel as text; other values stay, to be checked."""
+    """Return the number of a channel as text, other values unchanged."""
     return str(value) if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else value
 
 
@@ -102,91 +100,91 @@ class CounterBody(Strict):
 
     file: str = Field(description=_FILE + "; heights positive out of its own body")
     variable: Variable | None = Field(default=None, description=_VARIABLE)
-    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; that of the first if left out")
+    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of the first")
     columns: Columns | None = Field(default=None, description=_COLUMNS)
     header: Header | None = Field(default=None, description=_HEADER)
     mirror: Mirror = Field(
         default="none",
-        description="'none': its node [i, j] faces node [i, j] of the first; 'x' or 'y': its first or second axis is "
-        "reversed, as for two scans that each look onto their own surface, one body then turned over",
+        description="'none': node [i, j] faces node [i, j] of the first; 'x' or 'y': first or second axis reversed, as "
+        "for two scans from above, one body turned over",
     )
 
-    _file = field_validator("file")(_found)
+    _file = field_validator("file")(_located)
     _text = field_serializer("file")(_path_text)
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
-        """Leave out what came later where it is not used."""
+        """Return the section without unused later keys."""
         return without_unused(handler(self), "heights_unit", "columns", "header")
 
 
 class HeightFile(Strict):
-    """One surface read from a file of heights, square or not, or the sum of two that face each other."""
+    """A surface from a height file, or the sum of two that face each other."""
 
     file: str = Field(description=_FILE)
     L: Length | None = Field(
         default=None,
-        description="length of the first axis, L > 0, with its unit or in that of the heights; may be left out if the "
-        "file gives its size, and must agree with it",
+        description="length of the first axis, L > 0, with its unit or in that of the heights; default: size in the "
+        "file, with which it must agree",
     )
     variable: Variable | None = Field(default=None, description=_VARIABLE)
     unit: LengthUnit | None = Field(
-        default=None, description=f"{UNIT}; heights of a file that names its own unit are converted"
+        default=None, description=f"{UNIT}, or that of the file; heights in other units are converted"
     )
-    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + ", if not that of L")
+    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of L")
     columns: Columns | None = Field(default=None, description=_COLUMNS)
     header: Header | None = Field(default=None, description=_HEADER)
     crop: Crop | None = Field(
         default=None,
-        description="{x: [from, to], y: [from, to]}: the part of the map that is pressed, by shares of its sides or by "
-        "lengths with a unit; L is that of the whole map",
+        description="{x: [from, to], y: [from, to]}: part of the map to press, as shares of its sides or lengths "
+        "with a unit; L is that of the whole map",
     )
     outliers: Outliers | None = Field(
         default=None,
-        description="{sigma, window}: take out heights that are single spikes; {} takes the defaults, 6 and 5 nodes",
+        description="{sigma, window}: remove single spikes; {}: 6 and 5 nodes",
     )
     downsample: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=1, description="take the means of so many nodes a side, 1 to 1000; 1 keeps every node"
+        default=1, description="side in nodes of block means, 1 to 1000; 1 keeps every node"
     )
     resample: Resampling = Field(
         default="none",
-        description="'none', or 'square': interpolate heights of pixels that are off square onto square ones",
+        description="'none', or 'square': interpolate oblong pixels onto square ones",
     )
     level: Levelling = Field(
         default="none",
-        description="least-squares surface of the known heights that is taken off: 'none', their 'mean', a plane "
-        "('tilt') or a 'quadratic'",
+        description="least-squares surface subtracted from the known heights: 'none', 'mean', plane ('tilt') or "
+        "'quadratic'",
     )
     missing: Missing = Field(
         default="refuse",
-        description="what becomes of missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate'"
-        " (each the mean of its neighbours)",
+        description="missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate' (each the mean "
+        "of its neighbours)",
     )
     low_pass: Length | None = Field(
         default=None,
-        description="cut-off wavelength of a Gaussian filter (ISO 16610-61) that takes off shorter ones, in the unit "
-        "of L, from twice the spacing to the shorter side",
+        description="cut-off wavelength of a Gaussian low-pass filter (ISO 16610-61), with its unit or in that of L, "
+        "from twice the spacing to the shorter side; default: no filter",
     )
     against: CounterBody | None = Field(
         default=None,
-        description="{file, variable, mirror}: the other of two rough bodies; the heights are added",
+        description="{file, variable, mirror}: the second of two rough bodies; heights are added",
     )
 
-    _file = field_validator("file")(_found)
+    _file = field_validator("file")(_located)
     _text = field_serializer("file")(_path_text)
 
     @property
     def length_unit(self) -> str | None:
-        """Unit of L, of the heights and of all lengths stored, if the study names one."""
+        """Unit of all lengths in the study; None without one."""
         return unit_of(self.L) or self.unit
 
     @property
     def bodies(self) -> tuple[HeightFile | CounterBody, ...]:
-        """The one body or the two."""
+        """One body or two."""
         return (self,) if self.against is None else (self, self.against)
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
-        """Leave out what came later where it is not used."""
+        """Return the section without unused later keys."""
         data = without_unused(handler(self), "L", "unit", "against", "heights_unit", "columns", "header")
         return {name: value for name, value in data.items() if value != getattr(UNTREATED, name, object)}

@@ -1,4 +1,4 @@
-"""The section ``material`` of a study: the moduli, in any unit, and the hardness, in the same or with its own."""
+"""The section ``material`` of a study: moduli in any unit, hardness in the same or in its own."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from roughvol.study.sections import Strict, without_unused
 from roughvol.study.units import Pressure, in_unit, unit_of
 
 PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
-_HARDNESS = "hardness, > 0, in the unit of the modulus, or with its unit as 2 GPa"
+_HARDNESS = "hardness, > 0, in the unit of the modulus, or as 2 GPa"
 
 
 class ContactModulus(Strict):
-    """The material by its contact modulus; starred answers do not depend on it."""
+    """The material by its contact modulus E*; starred results do not depend on it."""
 
     E_star: Pressure = Field(default=1.0, description="contact modulus E/(1-nu^2), > 0, as 1 or 100 GPa")
     hardness: Pressure | None = Field(default=None, description=_HARDNESS)
@@ -48,18 +48,18 @@ class YoungPoisson(Strict):
     E: Pressure = Field(description="Young's modulus, > 0, as 1 or 210 GPa")
     nu: PoissonRatio = Field(description="Poisson's ratio, -1 < nu <= 0.5")
     against: CounterMaterial | None = Field(
-        default=None, description="{E, nu} of the other body: 1/E* = (1-nu^2)/E + (1-nu2^2)/E2; rigid if left out"
+        default=None, description="{E, nu} of the other body: 1/E* = (1-nu^2)/E + (1-nu2^2)/E2; default: rigid"
     )
     hardness: Pressure | None = Field(default=None, description=_HARDNESS)
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
-        """Leave out what came later where it is not used."""
+        """Return the section without unused later keys."""
         return without_unused(handler(self), "against")
 
     @property
     def contact_modulus(self) -> float:
-        """E*, in the unit of the study: 1/E* = (1-ν²)/E, plus the same of the other body if that is elastic too."""
+        """E* in the unit of the study: 1/E* = (1-ν²)/E, plus (1-ν₂²)/E₂ of another elastic body."""
         own = float(self.E) / (1 - self.nu**2)
         if self.against is None:
             return own

@@ -1,10 +1,10 @@
-"""What is done to measured heights before they are pressed: the keys of a study, and what they leave of the lattice.
+"""Treatment of measured heights before contact: keys of a study, and the resulting lattice.
 
-The order is fixed. A crop comes first, so that nothing outside it counts. Outliers are looked for at the nodes of the
-instrument, before block means or a spline would spread them. Then the lattice is made (``downsample``, ``resample``),
-and only its heights are levelled, filled and filtered.
+The order is fixed. First a crop: heights outside have no effect. Then outliers, at the nodes of the instrument, before
+block means or splines spread them. Then ``downsample`` and ``resample`` make the lattice. Its heights are levelled,
+filled and filtered.
 
-Lengths and shares are turned into nodes here, so that equal nodes have one case id however a study names them.
+Lengths and shares become nodes here: equal nodes have one case id.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from roughvol.study.yaml_text import number_text
 from roughvol.surfaces.body import Levelling, Missing, Nodes, Resampling, Treatment
 from roughvol.surfaces.length_units import factor
 
-SQUARE = 1e-4  # by which the sides of a pixel may differ: a tenth of one over a thousand
-MOST_OBLONG = 2.0  # ratio of the sides of a pixel up to which a map is resampled
+SQUARE = 1e-4  # relative difference of the sides of a square pixel: a tenth of a pixel over a thousand
+MOST_OBLONG = 2.0  # largest ratio of the sides of a pixel for resampling
 FEWEST = 3  # nodes along an axis
 ROUNDING = 1e-9  # of a position over the length of its axis
 
-Place = Annotated[float, Field(ge=0), In("length")]
+Position = Annotated[float, Field(ge=0), In("length")]
 
 
 class Crop(Strict):
-    """A rectangle of a measured map: by shares of its sides, or by lengths with a unit."""
+    """A rectangle of a measured map, as shares of its sides or lengths with a unit."""
 
-    x: tuple[Place, Place] = Field(
+    x: tuple[Position, Position] = Field(
         default=(0.0, 1.0),
         description="[from, to] along the first axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]",
     )
-    y: tuple[Place, Place] = Field(
+    y: tuple[Position, Position] = Field(
         default=(0.0, 1.0),
         description="[from, to] along the second axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]",
     )
@@ -48,25 +48,26 @@ class Crop(Strict):
     @classmethod
     def _two(cls, value: Any) -> Any:
         if not isinstance(value, list | tuple) or len(value) != 2:
-            refuse("must be two places, [from, to]")
+            refuse("must be two positions, [from, to]")
         return tuple(value)
 
     @field_validator("x", "y")
     @classmethod
     def _alike(cls, value: tuple[float, float]) -> tuple[float, float]:
-        units = [unit_of(place) for place in value]
-        for place, unit in zip(value, units, strict=True):
-            if unit is None and place > 1:
-                refuse("{place} is no share of the side, 0 to 1; a length has a unit", place=number_text(place))
-            if unit is None and any(units) and place not in (0.0, 1.0):
-                refuse("{place} has no unit and the other place has one", place=number_text(place))
+        units = [unit_of(position) for position in value]
+        for position, unit in zip(value, units, strict=True):
+            number = number_text(position)
+            if unit is None and position > 1:
+                refuse("{number} is no share of the side, 0 to 1; a length has a unit", number=number)
+            if unit is None and any(units) and position not in (0.0, 1.0):
+                refuse("{number} has no unit and the other position has one", number=number)
         if units[0] == units[1] and value[0] >= value[1]:
             refuse("must rise, from < to")
         return value
 
 
 class Outliers(Strict):
-    """Single heights that no surface has: far from the median of their neighbourhood."""
+    """Single heights far from the median of their neighbourhood."""
 
     sigma: Annotated[float, Field(ge=3, le=1000)] = Field(
         default=6.0, description="distance from the local median in robust standard deviations of the map, 3 to 1000"
@@ -79,20 +80,20 @@ class Outliers(Strict):
     @classmethod
     def _odd(cls, value: int) -> int:
         if value % 2 == 0:
-            refuse("must be odd, so that the node is in the middle")
+            refuse("must be odd: the node is in the middle")
         return value
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """Nodes of a map along x and y, and the side of its pixels along x and along y."""
+    """Nodes of a map and sides of its pixels, each along x and y."""
 
     shape: tuple[int, int]
     pixel: tuple[float, float]
 
     @property
     def ratio(self) -> float:
-        """Side of the pixels along y over that along x."""
+        """Pixel side along y over that along x."""
         return self.pixel[1] / self.pixel[0]
 
     @property
@@ -103,14 +104,14 @@ class Lattice:
 
 @dataclass(frozen=True)
 class File:
-    """One file of heights, and the lengths of its axes along x and along y where it gives them, in any one unit."""
+    """A height file, and the lengths of its axes x and y in any one unit; None without."""
 
     path: Path
     sides: tuple[float, float] | None
 
 
 class Keys(Protocol):
-    """The keys of the section ``surface`` that this module is about."""
+    """Keys of the section ``surface`` for the treatment."""
 
     level: Levelling
     missing: Missing
@@ -122,50 +123,50 @@ class Keys(Protocol):
 
 
 def steps(treatment: Treatment, unit: str | None) -> list[str]:
-    """Return what is done, one sentence a step in the order of the steps; lengths in the unit of the study."""
-    done = []
+    """Return the steps in words, in their order; lengths in the unit of the study."""
+    texts = []
     if treatment.crop is not None:
-        done.append(
+        texts.append(
             "cropped to nodes {} to {} along x and {} to {} along y".format(*treatment.crop[0], *treatment.crop[1])
         )
     if treatment.outliers is not None:
         sigma, window = treatment.outliers
-        done.append(
+        texts.append(
             f"heights farther than {number_text(sigma)} robust deviations from the median of {window} x {window} "
-            "nodes taken out" + (" and filled with the mean of their neighbours" * (treatment.missing == "refuse"))
+            "nodes removed" + (" and filled with the mean of their neighbours" * (treatment.missing == "refuse"))
         )
     if treatment.downsample != 1:
-        done.append(f"means of {treatment.downsample} x {treatment.downsample} nodes taken")
+        texts.append(f"means of {treatment.downsample} x {treatment.downsample} nodes taken")
     if treatment.resample != "none":
-        done.append("heights interpolated onto square pixels of the finer spacing by cubic splines")
+        texts.append("heights interpolated onto square pixels of the finer spacing by cubic splines")
     if treatment.level != "none":
-        done.append(f"least-squares {treatment.level} of the known heights taken off")
+        texts.append(f"least-squares {treatment.level} of the known heights subtracted")
     if treatment.missing != "refuse":
         filling = {"nearest": "the nearest known one", "interpolate": "the mean of their neighbours"}[treatment.missing]
-        done.append(f"missing heights filled with {filling}")
+        texts.append(f"missing heights filled with {filling}")
     if treatment.low_pass is not None:
         cut_off = f"{number_text(treatment.low_pass)} {unit or ''}".rstrip()
-        done.append(
-            f"waves shorter than {cut_off} taken off by the Gaussian filter of ISO 16610-61, "
+        texts.append(
+            f"waves shorter than {cut_off} removed by the Gaussian filter of ISO 16610-61, "
             "its weights renormalised at the edges"
         )
-    return done
+    return texts
 
 
 def settled(
     surface: Keys, files: Sequence[File], shape: Callable[[int], tuple[int, int]], L: float, unit: str | None
 ) -> tuple[Treatment, float, list[float | None]]:
-    """Return the treatment in nodes, the length that is left, and for each file the ratio of the sides of its pixels.
+    """Return the treatment in nodes, the remaining length, and the pixel ratio of each file.
 
     Parameters
     ----------
     surface : Keys
         The section of the study.
     files : sequence of File
-        The one file or the two.
+        One file or two.
     shape : callable
-        Returns the nodes of a file, given its place in the sequence. It may have to read the file, so it is called
-        only where the treatment changes the lattice, or the file gives the lengths of its axes.
+        Returns the nodes of a file from its index. It may read the file. It is called only if the treatment changes
+        the lattice, or the file has the lengths of its axes.
     L : float
         Length of the first axis of the first file in the unit of the study.
     unit : str or None
@@ -174,40 +175,40 @@ def settled(
     Returns
     -------
     treatment : Treatment
-        Treatment of each file, places as node numbers.
+        Treatment of each file, positions as node numbers.
     L : float
-        Length of the first axis of the lattice that is pressed.
+        Length of the first axis of the pressed lattice.
     ratios : list of float or None
-        Side of the pixels along y over that along x; None where they are not resampled.
+        Pixel side along y over that along x; None without resampling.
 
     Raises
     ------
     StudyError
-        If pixels are off square, a crop or block means leave too few nodes, or two files differ in their nodes.
+        If pixels are oblong, a crop or block means leave too few nodes, or two files differ in their nodes.
     """
     low_pass = None if surface.low_pass is None else in_unit_of_study(surface.low_pass, unit, "surface.low_pass")
     outliers = None if surface.outliers is None else (surface.outliers.sigma, surface.outliers.window)
     plain = Treatment(surface.level, surface.missing, low_pass, outliers=outliers)
     changed = surface.crop is not None or surface.downsample != 1 or surface.resample != "none"
     lattices = []
-    for place, file in enumerate(files):
+    for index, file in enumerate(files):
         if file.sides is None and surface.resample != "none":
             wrong(f"{file.path} does not give the sides of its pixels", _RESAMPLE)
         if file.sides is None and not changed:
             continue
-        nodes = shape(place)
+        nodes = shape(index)
         x, y = (1.0, 1.0) if file.sides is None else (file.sides[axis] / (nodes[axis] - 1) for axis in (0, 1))
         pixel = L / (nodes[0] - 1)
         lattices.append(Lattice(nodes, (pixel, pixel * (y / x))))
         check_pixels(lattices[-1], surface.resample, str(file.path), unit)
         if changed and nodes != lattices[0].shape:
-            message = f"{file.path} has {nodes} nodes; allowed: {lattices[0].shape}, as {files[0].path} has"
+            message = f"{file.path} has {nodes} nodes; allowed: {lattices[0].shape}, as in {files[0].path}"
             wrong(message, "surface.against.file")
     if not changed:
         return plain, L, [None] * len(files)
     kept = nodes_kept(surface.crop, surface.downsample, lattices[0], unit)
     if kept is None and surface.downsample == 1 and surface.resample == "none":
-        return plain, L, [None] * len(files)  # L to the last bit, as without a crop
+        return plain, L, [None] * len(files)  # L exactly as without a crop
     left = after(lattices[0], kept, surface.downsample, surface.resample)
     treatment = replace(plain, crop=kept, downsample=surface.downsample, resample=surface.resample)
     ratios = [one.ratio if surface.resample != "none" else None for one in lattices]
@@ -215,20 +216,20 @@ def settled(
 
 
 def nodes_kept(crop: Crop | None, downsample: int, lattice: Lattice, unit: str | None) -> Nodes | None:
-    """Return the first and the last node kept along each axis, None for all of them.
+    """Return the first and the last node kept along each axis, None for all nodes.
 
-    Kept are nodes in the rectangle, its border included. Of these, the last ones that fill no block are left out.
+    Nodes in the rectangle and on its border are kept, except the last ones that fill no block.
 
     Raises
     ------
     StudyError
-        If the rectangle reaches beyond the map, has lengths where the study has no unit, or too few nodes are kept.
+        If the rectangle exceeds the map, has lengths in a study without a unit, or keeps too few nodes.
     """
     kept = []
     for axis, nodes, pixel in zip(("x", "y"), lattice.shape, lattice.pixel, strict=True):
-        places: tuple[float, float] = (0.0, 1.0) if crop is None else getattr(crop, axis)
+        positions: tuple[float, float] = (0.0, 1.0) if crop is None else getattr(crop, axis)
         key = f"surface.crop.{axis}"
-        start, end = (_node(place, nodes, pixel, unit, key) for place in places)
+        start, end = (_node(position, nodes, pixel, unit, key) for position in positions)
         first, last = math.ceil(start - ROUNDING * nodes), math.floor(end + ROUNDING * nodes)
         count = (last - first + 1) // downsample
         if count < FEWEST:
@@ -241,7 +242,7 @@ def nodes_kept(crop: Crop | None, downsample: int, lattice: Lattice, unit: str |
 
 
 def after(lattice: Lattice, nodes: Nodes | None, downsample: int, resample: Resampling) -> Lattice:
-    """Return the lattice that is left by a crop, block means and resampling, in this order."""
+    """Return the lattice after a crop, block means and resampling, in this order."""
     rows, columns = lattice.shape if nodes is None else (last - first + 1 for first, last in nodes)
     rows, columns, (x, y), ratio = rows // downsample, columns // downsample, lattice.pixel, lattice.ratio
     x, y = x * downsample, y * downsample
@@ -253,17 +254,17 @@ def after(lattice: Lattice, nodes: Nodes | None, downsample: int, resample: Resa
 
 
 def resampled_nodes(nodes: int, ratio: float) -> int:
-    """Return how many nodes fit between the first and the last of an axis whose spacing is divided by a ratio."""
+    """Return the number of nodes of an axis after division of its spacing by a ratio."""
     return math.floor((nodes - 1) * ratio + ROUNDING * nodes) + 1
 
 
 def check_pixels(lattice: Lattice, resample: Resampling, file: str, unit: str | None) -> None:
-    """Refuse pixels that are off square, unless the study has them resampled and they are not too oblong.
+    """Refuse pixels that are neither square nor resampled, and pixels too oblong to resample.
 
     Raises
     ------
     StudyError
-        With the sides of the pixels and what is allowed.
+        With the sides of the pixels and the allowed ones.
     """
     sides = f"{file} has pixels of {lattice.pixel[0]:.6g} by {lattice.pixel[1]:.6g} {unit or ''}".rstrip()
     if not 1.0 / MOST_OBLONG <= lattice.ratio <= MOST_OBLONG:
@@ -276,7 +277,7 @@ _RESAMPLE = "surface.resample"
 
 
 def in_unit_of_study(length: Length, unit: str | None, key: str) -> float:
-    """Return a length of the treatment in the unit of the study; a plain number is in it already.
+    """Return a length of the treatment in the unit of the study; a plain number is in that unit.
 
     Raises
     ------
@@ -287,17 +288,17 @@ def in_unit_of_study(length: Length, unit: str | None, key: str) -> float:
     if own is None:
         return float(length)
     if unit is None:
-        wrong(f"has a unit ({length}) and L has none: give both with theirs, as L: 100 um", key)
+        wrong(f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um", key)
     return float(length) * factor(own, unit)
 
 
-def _node(place: float, nodes: int, pixel: float, unit: str | None, key: str) -> float:
-    """Return a place as a number of nodes from the first."""
-    if unit_of(place) is None:
-        return place * (nodes - 1)
-    node = in_unit_of_study(place, unit, key) / pixel
+def _node(position: float, nodes: int, pixel: float, unit: str | None, key: str) -> float:
+    """Return a position in nodes from the first."""
+    if unit_of(position) is None:
+        return position * (nodes - 1)
+    node = in_unit_of_study(position, unit, key) / pixel
     if node > (nodes - 1) * (1.0 + ROUNDING):
-        wrong(f"reaches to {place}; allowed: up to {pixel * (nodes - 1):.6g} {unit}, the side of the map", key)
+        wrong(f"reaches to {position}; allowed: up to {pixel * (nodes - 1):.6g} {unit}, the side of the map", key)
     return node
 
 
