@@ -46,32 +46,16 @@ ROUGH = 1e-7  # seconds a state and node at least, to skip the timing of short r
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimated cost of a study.
-
-    Attributes
-    ----------
-    cases, steps : int
-        Numbers of cases, and of states to solve.
-    jobs : int
-        Number of processes.
-    memory, disk : float
-        Bytes of a process, and of all files.
-    seconds : float
-        Time of the run.
-    observables : dict of str to float
-        Seconds of one core for each observable, all cases together.
-    notice : str
-        Sentence if the memory allows fewer processes than asked for.
-    """
+    """Estimated cost of a study."""
 
     cases: int
-    steps: int
-    jobs: int
-    memory: float
-    disk: float
+    steps: int  # states to solve
+    jobs: int  # processes
+    memory: float  # bytes of a process
+    disk: float  # bytes of all files
     seconds: float
-    observables: dict[str, float]
-    notice: str = ""
+    observables: dict[str, float]  # seconds of one core, all cases together
+    notice: str = ""  # if the memory allows fewer processes than asked for
 
 
 def estimate(study: Study, jobs: int | None = None) -> Estimate:

@@ -1,7 +1,7 @@
 """Limits of the model: a linear elastic half space of small slopes, without yield or fluid pressure.
 
 Conventions: pressures are over E*, p/E* = p* Sq/L. s = Sdq/2 is the root mean square contact pressure over E* of a
-surface pressed flat (Persson 2001). Limits are choices of this module; docs/validity.md has formulas, sources, remedies.
+surface pressed flat (Persson 2001). Limits are choices of this module; docs/validity.md has their sources and remedies.
 
 Slopes and p/E* depend on the ratio of heights to L. A file, ``Sq``, or L with a unit gives it. Otherwise heights have
 the unit of L by convention alone, and slope and p/E* are not judged. A hardness is always judged. The rim of a free
@@ -46,23 +46,13 @@ FREE_PATCH = "configs/seal_region.yaml, docs/validity.md"
 
 @dataclass(frozen=True)
 class Extent:
-    """Cases and states beyond a limit.
+    """Cases and states beyond a limit."""
 
-    Attributes
-    ----------
-    cases, of_cases : int
-        Cases beyond the limit, and all; 0 of 0 before the computation.
-    states, of_states : int
-        States beyond the limit, and all compared; 0 of 0 for a limit of the surface.
-    first : float
-        p* of the least loaded state beyond the limit; NaN without one.
-    """
-
-    cases: int = 0
-    of_cases: int = 0
-    states: int = 0
-    of_states: int = 0
-    first: float = math.nan
+    cases: int = 0  # beyond the limit
+    of_cases: int = 0  # 0 before the computation
+    states: int = 0  # beyond the limit
+    of_states: int = 0  # compared; 0 for a limit of the surface
+    first: float = math.nan  # p* of the least loaded state beyond the limit
 
     def __str__(self) -> str:
         """Return the counts as text."""
@@ -72,24 +62,10 @@ class Extent:
 
 @dataclass(frozen=True)
 class Finding:
-    """A limit of the model that a study exceeds.
+    """A limit of the model that a study exceeds."""
 
-    Attributes
-    ----------
-    key : {"peak", "slope", "nominal_pressure", "hardness", "metal", "pressure_drop", "rim"}
-        Name of the limit.
-    sentence : str
-        Quantity, amount and states beyond the limit.
-    limit : float
-        Value of the limit.
-    source : str
-        Source of the limit.
-    extent : Extent
-        Cases and states beyond it.
-    """
-
-    key: str
-    sentence: str
+    key: str  # peak, slope, nominal_pressure, hardness, metal, pressure_drop or rim
+    sentence: str  # quantity, amount and states beyond the limit
     limit: float
     source: str
     extent: Extent = Extent()
@@ -97,43 +73,19 @@ class Finding:
 
 @dataclass(frozen=True)
 class Setting:
-    """Settings of a study for comparison with the limits.
+    """Settings of a study for comparison with the limits."""
 
-    Attributes
-    ----------
-    modulus : float
-        E* in ``unit``.
-    unit : str or None
-        Unit of moduli and pressures; None for an arbitrary one.
-    shown : str
-        Unit of pressures in sentences.
-    hardness, hardness_text : float or None, str
-        H in ``unit``, and its text in the study.
-    drop_text : str or None
-        Pressure drop of a leak rate as in the study; None without a leak rate.
-    drop : float
-        Pressure drop over E*; NaN for a modulus without a unit.
-    scaled : bool
-        The ratio of heights to L is that of a real surface.
-    patch : bool
-        The patch is a sample of a larger joint, and its rim is observed.
-    measured : bool
-        Heights come from files.
-    cleaned : bool
-        Outliers were removed.
-    """
-
-    modulus: float
-    unit: str | None = None
-    shown: str = "MPa"
-    hardness: float | None = None
+    modulus: float  # E* in `unit`
+    unit: str | None = None  # of moduli and pressures; None: arbitrary
+    shown: str = "MPa"  # unit of pressures in sentences
+    hardness: float | None = None  # in `unit`
     hardness_text: str = ""
-    drop_text: str | None = None
-    drop: float = math.nan
-    scaled: bool = False
-    patch: bool = False
-    measured: bool = False
-    cleaned: bool = False
+    drop_text: str | None = None  # pressure drop of a leak rate
+    drop: float = math.nan  # over E*; NaN for a modulus without a unit
+    scaled: bool = False  # the ratio of heights to L is that of a real surface
+    patch: bool = False  # the patch is a sample of a larger joint
+    measured: bool = False  # heights come from files
+    cleaned: bool = False  # outliers were removed
 
 
 def setting(study: Study) -> Setting:
@@ -186,14 +138,14 @@ def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float) ->
     list of Finding
         Expected excesses.
     """
-    found = []
+    findings = []
     scale = 0.5 * Sdq if given.scaled else math.nan
     end = _end(target, scale, Sq / L) if given.scaled else math.nan
     if given.scaled:
-        found += _slope(np.array([Sdq]))
+        findings += _slope(np.array([Sdq]))
     if end > HIGHEST:
         text = f"nominal pressure will be about {end:.2g} E* at the end (limit {HIGHEST}): strains are not small"
-        found.append(Finding("nominal_pressure", text, HIGHEST, SMALL_STRAINS))
+        findings.append(Finding("nominal_pressure", text, HIGHEST, SMALL_STRAINS))
     if given.hardness is not None and scale > 0.0:
         x = given.hardness / given.modulus / scale
         contact = math.exp(-0.5 * x * x)
@@ -203,17 +155,17 @@ def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float) ->
                 f"contact pressure will exceed the hardness {given.hardness_text} on about {_percent(contact)} of the "
                 f"contact, with {_percent(load)} of the load: yield is not computed"
             )
-            found.append(Finding("hardness", text, ABOVE_HARDNESS, HARDNESS))
-    found += _metal(given, math.sqrt(0.5 * math.pi) * scale, "about ")
+            findings.append(Finding("hardness", text, ABOVE_HARDNESS, HARDNESS))
+    findings += _metal(given, math.sqrt(0.5 * math.pi) * scale, "about ")
     if given.drop_text is not None and math.isnan(given.drop):
-        found.append(_drop_unknown(given))
+        findings.append(_drop_unknown(given))
     elif end > 0.0 and given.drop > LARGEST_DROP * end:
         text = (
             f"pressure_drop {given.drop_text} is {given.drop / end:.2g} of the nominal pressure expected at the end of "
             f"the sweep, about {_pressure(given, end)} (limit {LARGEST_DROP}): the fluid would carry part of the load"
         )
-        found.append(Finding("pressure_drop", text, LARGEST_DROP, COUPLING))
-    return found
+        findings.append(Finding("pressure_drop", text, LARGEST_DROP, COUPLING))
+    return findings
 
 
 def after(given: Setting, results: Dataset) -> list[Finding]:
@@ -236,21 +188,21 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
     starred = results["mean_pressure"]
     nominal = starred * results["Sq"].where(results["Sq"] > 0.0, 1.0) / results["L"].item()
     # d/σ + Δ/σ: height of the first touch above the mean plane
-    found = peak(given, float((results["separation"] + results["indentation"]).max()))
-    found += _slope(results["Sdq"].values.ravel()) if given.scaled else []
+    findings = peak(given, float((results["separation"] + results["indentation"]).max()))
+    findings += _slope(results["Sdq"].values.ravel()) if given.scaled else []
     if given.scaled:
-        found += _nominal(nominal, starred)
+        findings += _nominal(nominal, starred)
     if "load_above_hardness_fraction" in results:
-        found += _hardness(given, results, starred, nominal)
+        findings += _hardness(given, results, starred, nominal)
     else:
         contact = (nominal / results["contact_area_fraction"]).where(starred > 0.0)
-        found += _metal(given, _at_highest(contact, starred) if given.scaled else math.nan, "")
+        findings += _metal(given, _at_highest(contact, starred) if given.scaled else math.nan, "")
     if "leak_rate_x" in results or "leak_rate_y" in results:
         flows = [results[name].notnull() for name in ("leak_rate_x", "leak_rate_y") if name in results]
-        found += _drop(given, starred.where(sum(flows) > 0), nominal)
+        findings += _drop(given, starred.where(sum(flows) > 0), nominal)
     if given.patch and "central_pressure_ratio" in results:
-        found += _rim(results["central_pressure_ratio"].values.ravel())
-    return found
+        findings += _rim(results["central_pressure_ratio"].values.ravel())
+    return findings
 
 
 def sentences(findings: Iterable[Finding], notes: Iterable[str] = ()) -> list[str]:

@@ -304,10 +304,10 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     """Yield the key path and message of each conflict between keys, in plain data with any other problems."""
 
     def mapping(*path: str) -> dict[str, Any]:
-        here: Any = data
+        section: Any = data
         for part in path:
-            here = here.get(part) if isinstance(here, dict) else None
-        return here if isinstance(here, dict) else {}
+            section = section.get(part) if isinstance(section, dict) else None
+        return section if isinstance(section, dict) else {}
 
     surface, record, steps = mapping("surface"), mapping("record"), mapping("sweep").get("steps", 60)
 
@@ -333,20 +333,20 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         ("record", "region_widths", "transmissivity"),
     ]
     selectors += [("record", "transport", quantity) for quantity in mapping("record", "transport")]
-    levels = [(*place, kind) for place in selectors for kind in mapping(*place)]
-    for place in levels if steps != 0 else ():
-        kind = place[-1]
+    levels = [(*keys, kind) for keys in selectors for kind in mapping(*keys)]
+    for keys in levels if steps != 0 else ():
+        kind = keys[-1]
         for _, last in _numbers(steps if kind == "step" else end.get(kind)):
             sign = -1 if kind == "separation" else 1  # the separation falls on the way
-            for path, level in _numbers(mapping(*place[:-1])[kind], *place):
+            for path, level in _numbers(mapping(*keys[:-1])[kind], *keys):
                 if sign * (level - last) > 1e-9 * max(1.0, abs(last)):
                     yield path, f"{number_text(level)} is not reached: the sweep ends at {kind} {number_text(last)}"
 
     lists = [("surface", "D"), ("surface", "m"), ("surface", "seeds"), ("record", "box_counting", "thresholds")]
     lists += [("record", "region_widths", "shares")]
-    for place in (*lists, *levels):
+    for keys in (*lists, *levels):
         seen: set[float] = set()
-        for path, number in _numbers(mapping(*place[:-1]).get(place[-1]), *place):
+        for path, number in _numbers(mapping(*keys[:-1]).get(keys[-1]), *keys):
             if number in seen:
                 yield path, f"duplicate value {number_text(number)}"
             seen.add(number)
@@ -374,7 +374,10 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
     crop = surface["crop"] if isinstance(surface.get("crop"), dict) else {}
     lengths: list[tuple[KeyPath, Any]] = [(("low_pass",), surface.get("low_pass"))]
     lengths += [
-        (("crop", axis), place) for axis, places in crop.items() if isinstance(places, list) for place in places
+        (("crop", axis), position)
+        for axis, positions in crop.items()
+        if isinstance(positions, list)
+        for position in positions
     ]
     for key, length in lengths:
         if has_unit(length):
