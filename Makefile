@@ -9,61 +9,65 @@ SEAL := seal seal_map seal_region
 READINGS := ten_seeds_of_m many_seeds morphology_of_D full_contact first_contact in_plane_scaling \
             reading_variance_law reading_variance_law_D reading_summit_plane
 
-.PHONY: reproduce seal test test-slow bench bench-peers validation extremes tradeoff lint setup smoke clean
+.DEFAULT_GOAL := setup
+.PHONY: help setup reproduce seal test bench bench-peers validation tradeoff extremes coverage test-slow lint smoke clean
 
-setup: $(STAMP)
+help:  ## show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
+
+setup: $(STAMP)  ## install the package and all tools into .venv
 
 $(STAMP): pyproject.toml
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-reproduce: setup
+reproduce: setup  ## run the paper's studies, draw its figures and the report of claims
 	@for study in $(PAPER) $(READINGS); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
 	@for study in $(PAPER); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
 	@$(BIN)/roughvol report $(PAPER) $(READINGS) --out runs/report --check tests/regression/expected_paper.json
 
-seal: setup
+seal: setup  ## run the sealing studies and report on them
 	@for study in $(SEAL); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
 	@for study in $(SEAL); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
 	@$(BIN)/roughvol report $(SEAL) --out runs/seal_report
 
-test: setup
+test: setup  ## run the tests
 	@$(BIN)/python -m pytest -n 2
 
-# Counts are held against tests/bench/baseline.json; seconds are printed, not judged.
-bench: setup
+bench: setup  ## compare the solver's counts with tests/bench/baseline.json; print seconds
 	@$(BIN)/python -m tests.bench.solver --m 4 5 6 7 8 9 10 --rtol 1e-3 1e-6 --compare
 
-# The other codes are for this alone (one of them is AGPL): installed when asked for, imported nowhere else.
-bench-peers: setup
+# One of these codes is AGPL. They are installed here and imported nowhere else.
+bench-peers: setup  ## compare with other contact codes, installed for this
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,peers]'
 	@$(BIN)/python -m tests.bench.peers
 
-# Errors against closed forms, by resolution.
-validation: setup
+validation: setup  ## print errors against closed forms, by resolution
 	@$(BIN)/python -m tests.bench.validation
 
-# Speed against accuracy, and what each thing asked for costs, to docs/tradeoff.md: minutes.
-tradeoff: setup
+tradeoff: setup  ## measure speed against accuracy, to docs/tradeoff.md
 	@$(BIN)/roughvol tradeoff configs/tradeoff.yaml
 	@$(BIN)/python -m tests.bench.asked
 
-# Extremes of every input, to docs/extremes.md: minutes.
-extremes: setup
+extremes: setup  ## press the extremes of every input, to docs/extremes.md
 	@$(BIN)/python -m tests.extremes
 
-test-slow: setup
+coverage: setup  ## run the tests with branch coverage, HTML in runs/coverage
+	@$(BIN)/python -m pytest -n 2 --cov --cov-report term:skip-covered --cov-report html
+
+test-slow: setup  ## run the tests that take minutes
 	@$(BIN)/python -m pytest -m slow
 
-lint: setup
+lint: setup  ## check style, types and docstrings
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
+	@$(BIN)/numpydoc lint $$(find roughvol -name '*.py')
 
-smoke: setup
+smoke: setup  ## run and plot one small study
 	@$(BIN)/roughvol run configs/smoke.yaml --fresh --out runs/smoke
 	@$(BIN)/roughvol plot runs/smoke
 
-clean:
+clean:  ## remove .venv, builds and results
 	@rm -rf $(VENV) build *.egg-info runs/*/

@@ -1,4 +1,4 @@
-"""What can go wrong, named: every error roughvol raises on purpose is one of these, and each is also a built-in."""
+"""Errors. Each is a `RoughvolError` and a built-in exception."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 
 class RoughvolError(Exception):
-    """Base of every error raised on purpose; the command line turns it into one message and an exit code."""
+    """Base of all errors raised on purpose. The command line turns it into a message and an exit code."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong in a study file: where it stands (file, line, key path) and what is allowed there."""
+    """One problem of a study file: message with the allowed values, key path, line and file."""
 
     message: str
     key: str = ""
@@ -20,13 +20,13 @@ class Problem:
     file: str = ""
 
     def __str__(self) -> str:
-        """Return ``file:line: key: message`` with the parts that are known."""
-        place = self.file + (f":{self.line}" if self.line is not None else "")
-        return ": ".join(part for part in (place, self.key, self.message) if part)
+        """Return ``file:line: key: message``, without unknown parts."""
+        location = self.file + (f":{self.line}" if self.line is not None else "")
+        return ": ".join(part for part in (location, self.key, self.message) if part)
 
 
 class StudyError(RoughvolError, ValueError):
-    """A study that cannot be run; ``problems`` holds all that is wrong with it, in the order of the file."""
+    """A study that cannot be run. ``problems`` has all its problems in the order of the file."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)
@@ -34,27 +34,27 @@ class StudyError(RoughvolError, ValueError):
 
 
 class SurfaceError(RoughvolError, ValueError):
-    """Heights or surface parameters from which no surface can be made."""
+    """Heights or parameters that make no surface."""
 
 
 class ContactError(RoughvolError, ValueError):
-    """A contact problem that is not well posed: the message names the quantity, its value and what is allowed."""
+    """An ill-posed contact problem. The message has the quantity, its value and the allowed values."""
 
 
 class ConvergenceError(RoughvolError, RuntimeError):
-    """A solve that did not reach its residual; carries the indentation, the iterations and the residual reached."""
+    """A solve without convergence: indentation Δ/σ, number of iterations, residual η/σ."""
 
     def __init__(self, message: str, *, indentation: float, iterations: int, residual: float) -> None:
         self.indentation, self.iterations, self.residual = indentation, iterations, residual
         super().__init__(message, indentation, iterations, residual)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Survive the way back from a worker process, which pickles by ``args`` alone."""
+        """Pickle the keyword arguments too: exceptions pickle ``args`` alone."""
         rebuild = (self.args[0], self.indentation, self.iterations, self.residual)
         return (_convergence_error, rebuild)
 
     def __str__(self) -> str:
-        """Return the message with the numbers behind it."""
+        """Return the message, then the numbers."""
         return (
             f"{self.args[0]} (indentation {self.indentation:.6g}, {self.iterations} iterations, "
             f"residual {self.residual:.3g})"
@@ -66,16 +66,16 @@ def _convergence_error(message: str, indentation: float, iterations: int, residu
 
 
 class DatasetError(RoughvolError, OSError):
-    """A stored file that is missing, unreadable, incomplete or not what its name says."""
+    """A stored file that is missing, unreadable, incomplete or of another kind."""
 
 
 class FolderError(DatasetError):
-    """The folder of a run that cannot be used: locked, of another study, full, read-only or gone; it says which."""
+    """A folder that no run can use: locked, of another study, full, read-only or gone."""
 
 
 class ResourceError(RoughvolError, RuntimeError):
-    """What a run needs and cannot have: memory, disk; the message holds how much there is."""
+    """Lack of memory or disk. The message has the need and the amount available."""
 
 
 class CampaignError(RoughvolError, RuntimeError):
-    """A run in which some cases failed; the message lists them."""
+    """A run with failed cases. The message lists them."""

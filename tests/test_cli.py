@@ -96,7 +96,7 @@ record: {fields_at: {pressure: 1000}, transport: {flux_at: {pressure: 1000}, tra
     Path("far.yaml").write_text(text, encoding="utf-8")
     told = _call("run", "far.yaml", "--jobs", "1").stdout.splitlines()
     assert told.count("pressure=1000 was not reached in 1 case") == 1
-    assert "no state at which transmissivity is asked for was reached in 1 case" in told
+    assert "no state of transmissivity was reached in 1 case" in told
 
 
 def test_python_and_command_line_give_one_answer(finished: Path, tmp_path: Path) -> None:
@@ -141,7 +141,7 @@ def test_check_of_a_height_file_shows_how_it_was_understood(place: Path) -> None
     shown = _call("check", "map.yaml").stdout
     assert re.search(r"^# surface 5 x 6 nodes, L = 4 um by 5 um, spacing 1 um$", shown, re.MULTILINE)
     assert re.search(r"Sq = 0\.\d+ um, Sdq = 0\.\d+, z_max/Sq = \d\.\d+, z_min/Sq = -\d\.\d+ \(", shown)
-    assert "z.npy read by numpy, heights in um, as the study has it" in shown
+    assert "z.npy read by numpy, heights in um, the unit of the study" in shown
     assert "missing 0 heights (0.00%)\n" in shown
     assert "warning" not in shown
     assert yaml.safe_load(shown) == yaml.safe_load(roughvol.load("map.yaml").to_yaml())
@@ -162,7 +162,7 @@ def test_check_warns_of_a_spike_and_shows_what_was_taken_out(place: Path) -> Non
         )
         assert (warned is None) == bool(extra)
         assert f"missing {2 if extra else 1} heights" in shown
-    assert re.search(r"1 outlier taken out; z_max/Sq was 29\.\d and is 1\.\d", shown)
+    assert re.search(r"1 outlier removed; z_max/Sq was 29\.\d and is 1\.\d", shown)
     steps = re.findall(r"step (\d): (\w+)", shown)
     assert steps == [("1", "heights"), ("2", "least"), ("3", "missing")]
 

@@ -1,21 +1,37 @@
-"""The tables of the pages: each names the command and the version that made it, and agrees with what is stored."""
+"""The pages: tables name their command and version and agree with stored numbers; what a page names exists."""
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import importlib
+import inspect
 import json
 import re
+import subprocess
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from types import CodeType
+from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from roughvol import cli, study
+from roughvol.campaign import one_case
+from roughvol.store import dataset, run_folder, stamped_file
+from roughvol.store.dataset import Dataset
 from tests.bench import solver
 from tests.extremes.__main__ import HEAD, TAIL
 from tests.extremes.matrix import CELLS
 
 ROOT = Path(__file__).parents[1]
 MARK = re.compile(r"<!-- made by: make ([\w-]+), roughvol (\d+\.\d+\.\d+) -->")
-PAGES = {"README.md": 3, "docs/extremes.md": 1, "docs/tradeoff.md": 1}
+DOCS = [path.relative_to(ROOT).as_posix() for path in sorted(ROOT.glob("docs/*.md"))]
+PROSE = ["README.md", "CONTRIBUTING.md", *DOCS]
+PAGES = {"docs/performance.md": 3, "docs/extremes.md": 1, "docs/tradeoff.md": 1}
 
 
 def _text(name: str) -> str:
@@ -32,23 +48,32 @@ def test_measured_tables_name_a_command_and_a_version_that_exist(page: str, coun
         assert f"`make {command}`" in _text(page)
 
 
-def test_versions_that_the_readme_names_are_those_of_its_marks() -> None:
-    text = _text("README.md")
+def test_versions_that_the_page_of_performance_names_are_those_of_its_marks() -> None:
+    text = _text("docs/performance.md")
     marked = {version for _, version in MARK.findall(text)}
     assert set(re.findall(r"roughvol (\d+\.\d+\.\d+)", MARK.sub("", text))) <= marked
     assert "with roughvol " + MARK.findall(text)[-1][1] in text  # the peers were measured by an older one
 
 
-def test_the_counts_of_the_readme_are_those_stored() -> None:
-    text = _text("README.md")
-    table = text[text.index("| m | η/σ ≤ |") :]
-    rows = re.findall(r"^\| (\d+) \| (1e-\d\d) \| ([\d.]+) \| ([\d.]+) \|", table, re.MULTILINE)
+def test_the_counts_of_the_page_of_performance_are_those_stored() -> None:
+    rows = re.findall(r"^\| (\d+) \| (1e-\d\d) \| ([\d.]+) \| ([\d.]+) \|", _speed(), re.MULTILINE)
     stored = json.loads(solver.BASELINE.read_text(encoding="utf-8"))
     assert len(rows) == 14
     for m, rtol, *counts in rows:
         same = [row for row in stored if (row["m"], row["rtol"]) == (int(m), float(rtol))]
         assert len(same) == 6  # D = 2.1, 2.5, 2.9 and two seeds
         assert counts == [f"{np.mean([row[kind] for row in same]):.2f}" for kind in ("fp64", "fp32")], (m, rtol)
+
+
+def _speed() -> str:
+    text = _text("docs/performance.md")
+    return text[text.index("| m | η/σ ≤ |") :]
+
+
+def test_the_readme_rounds_the_seconds_of_the_page_of_performance() -> None:
+    (sentence,) = re.findall(r"take ([\d.]+) s on 257² nodes and ([\d.]+) s on 1025²", _text("README.md"))
+    seconds = dict(re.findall(r"^\| (\d+) \| 1e-06 \|(?:[^|]*\|){4} ([\d.]+) \|", _speed(), re.MULTILINE))
+    assert [float(number) for number in sentence] == [float(f"{float(seconds[m]):.1g}") for m in ("8", "10")]
 
 
 def test_the_page_of_extremes_is_as_its_command_writes_it() -> None:
@@ -60,15 +85,115 @@ def test_the_page_of_extremes_is_as_its_command_writes_it() -> None:
     assert [tuple(row.split(" | ")[:2]) for row in rows] == [(f"| {cell.group}", cell.name) for cell in CELLS]
 
 
-def test_what_the_readme_takes_from_the_page_of_the_tradeoff_is_there() -> None:
-    page, text = _text("docs/tradeoff.md"), " ".join(_text("README.md").split())
+def test_what_other_pages_take_from_the_page_of_the_tradeoff_is_there() -> None:
+    page, text = _text("docs/tradeoff.md"), " ".join(_text("docs/performance.md").split())
     (saved,) = re.findall(r"\*\*Ten times less accuracy costs (\d+) per cent less time\.\*\*", page)
     assert f"**Ten times less accuracy costs {saved} per cent less time**" in text
+    assert f"Ten times less accuracy costs {saved} per cent less time (`make tradeoff`)" in _text("README.md")
     counts = dict(re.findall(r"^\| ([^|]+) \| (\d+) \|", page, re.MULTILINE))
     for name, sentence in {
         "the state at A* = 0.1, by search": "takes {} convolutions",
-        "the state at p* = 1, by search": "that at p* = 1 takes {}",
+        "the state at p* = 1, by search": "at p* = 1 takes {}",
         "the state where the void closes, by search": "the closing of the last channel {}",
         "60 states, numbers only": "60 states to d = 0 take {}",
     }.items():
         assert sentence.format(counts[name]) in text
+
+
+@pytest.mark.parametrize("page", DOCS)
+def test_a_page_is_in_the_index_of_the_readme_and_its_links_lead_somewhere(page: str) -> None:
+    assert f"]({page})" in _text("README.md")
+    targets = re.findall(r"\]\(([^)\s#]+)", _text(page))
+    folder = (ROOT / page).parent
+    assert [name for name in targets if not name.startswith("https:") and not (folder / name).exists()] == []
+
+
+@pytest.mark.parametrize("page", PROSE)
+def test_modules_and_folders_that_a_page_names_exist(page: str) -> None:
+    files = [
+        path.relative_to(ROOT).as_posix() for folder in ("roughvol", "tests") for path in (ROOT / folder).rglob("*")
+    ]
+    named = re.findall(r"`((?:[\w./]+/)?[a-z_]+\.py|(?:roughvol|tests|docs|configs)/[\w./-]*)`", _text(page))
+    missing = [name for name in named if not any(f"/{file}".endswith(f"/{name.rstrip('/')}") for file in files)]
+    assert [name for name in missing if not (ROOT / name).exists()] == []
+
+
+@pytest.mark.parametrize("page", PROSE)
+def test_targets_of_make_that_a_page_names_exist(page: str) -> None:
+    targets = set(re.findall(r"^([a-z-]+):", _text("Makefile"), re.MULTILINE))
+    assert set(re.findall(r"`make ([a-z-]+)`", _text(page))) <= targets
+
+
+def test_make_help_describes_every_target() -> None:
+    phony = re.findall(r"[a-z-]+", _text("Makefile").partition(".PHONY:")[2].partition("\n")[0])
+    shown = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60).stdout
+    assert re.findall(r"^  make ([a-z-]+) +\w", shown, re.MULTILINE) == sorted(set(phony), key=phony.index)
+
+
+def test_the_hooks_run_the_linters_of_make_lint() -> None:
+    lint = _text("Makefile").partition("\nlint: ")[2].partition("\n\n")[0]
+    tools = re.findall(r"\$\(BIN\)/(\w+ ?[a-z]*)", lint)
+    hooks = re.findall(r"entry: \.venv/bin/(\w+ ?[a-z]*)", _text(".pre-commit-config.yaml"))
+    assert [name.strip() for name in hooks] == [name.strip() for name in tools]
+
+
+NAMES = re.compile(r"`((?:campaign|cli|contact|errors|observables|report|store|study|surfaces)(?:\.\w+)+)`")
+
+
+def _object(name: str) -> Any:
+    """Return the object of a dotted name without ``roughvol.``."""
+    parts = name.split(".")
+    for count in range(len(parts), 0, -1):
+        with contextlib.suppress(ModuleNotFoundError):
+            module = importlib.import_module(".".join(["roughvol", *parts[:count]]))
+            return functools.reduce(getattr, parts[count:], module)
+    raise AttributeError(name)
+
+
+@pytest.mark.parametrize("page", ["docs/architecture.md", "CONTRIBUTING.md", "docs/solver.md"])
+def test_functions_that_a_page_names_exist(page: str) -> None:
+    for name in re.findall(NAMES, _text(page)):
+        if not name.endswith((".py", ".md", ".nc")):
+            assert _object(name) is not None
+
+
+def test_the_life_of_a_study_passes_its_stations_in_order(tmp_path: Path) -> None:
+    rows = re.findall(r"^\| (\d+) \| `([\w.]+)`", _text("docs/architecture.md"), re.MULTILINE)
+    assert [int(number) for number, _ in rows] == list(range(1, len(rows) + 1))
+    assert len(rows) <= 15
+    worker = re.search(r"Stations (\d+) to (\d+) run in a worker", _text("docs/architecture.md"))
+    assert worker
+    first, last = map(int, worker.groups())
+    codes = [_code(name) for _, name in rows]
+    (tmp_path / "tiny.yaml").write_text("surface: {D: 2.5, m: 2, seeds: 2}\nsweep: {steps: 1}\n")
+    arguments = ["run", str(tmp_path / "tiny.yaml"), "--jobs", "1", "--out", str(tmp_path / "tiny")]
+    (case, _) = study.load(tmp_path / "tiny.yaml").cases()
+    made: list[Dataset] = []
+    there = _calls(lambda: made.append(one_case.run_case(case)))
+    stamped_file.make_folder(tmp_path / "tiny" / "cases")
+    stamped_file.store(run_folder.case_file(tmp_path / "tiny", case.id), dataset.to_bytes(made[0]))
+    here = _calls(lambda: CliRunner().invoke(cli.main, arguments, catch_exceptions=False))
+    assert _not_passed(codes[first - 1 : last], there) == []
+    assert _not_passed(codes[: first - 1] + codes[last:], here) == []
+
+
+def _not_passed(stations: list[CodeType], called: list[CodeType]) -> list[CodeType]:
+    """Return the stations that are left when calls have passed the others in their order."""
+    return functools.reduce(lambda left, code: left[1:] if left[:1] == [code] else left, called, stations)
+
+
+def _code(name: str) -> CodeType:
+    function = getattr(_object(name), "callback", _object(name))  # of a command
+    return inspect.unwrap(function).__code__
+
+
+def _calls(function: Callable[[], Any]) -> list[CodeType]:
+    """Return the code of every function called, in order."""
+    called: list[CodeType] = []
+    before = sys.getprofile()
+    sys.setprofile(lambda frame, event, _: called.append(frame.f_code) if event == "call" else None)
+    try:
+        function()
+    finally:
+        sys.setprofile(before)
+    return called

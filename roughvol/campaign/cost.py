@@ -1,9 +1,8 @@
-"""What a study will cost, before it is run: cases, memory, disk, time.
+"""Estimated cost of a study: cases, memory, disk, time.
 
-The time goes with the convolutions: one is timed on this machine for each grid, and how many a step takes is read off a
-rule fitted by `python -m tests.bench.cost_rule` to sweeps to the mean plane (m = 4 … 9, D = 2.1 … 2.9, the three named
-accuracies). Averaged over D it is right to a factor of 1.3 on each of these grids in the hour of the fit, and of 1.7 in
-others, when Python and memory run at another speed; a search to a factor of 1.8.
+Time is that of the convolutions. One is timed on this machine for each grid. Their number per step follows a rule
+fitted to sweeps to the mean plane (m = 4 … 9, D = 2.1 … 2.9, three accuracies) by `python -m tests.bench.cost_rule`.
+Averaged over D, its error was a factor of 1.3 on each grid in the hour of the fit, 1.7 in others, 1.8 for a search.
 """
 
 from __future__ import annotations
@@ -25,57 +24,63 @@ from roughvol.observables import recorded, regions
 from roughvol.observables.recorded import searched_levels
 from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
 
-TIMED_UP_TO = 1025  # nodes a side; beyond it a convolution is long, and scales as N² log N
-# seconds a step, whatever the grid, and more where the iteration is used
+TIMED_UP_TO = 1025  # nodes a side; times of larger grids are scaled as N² log N
+# seconds a step on any grid, and in addition with iteration
 STEP, ITERATIVE = 1.7e-4, 3.5e-4
-PER_CONVOLUTION = 1.2  # time of a step over that of its convolutions, on grids where these matter
-# convolutions a step beyond the one that verifies: at m = 6 and 1e-6, for each level more, and with the digits
+PER_CONVOLUTION = 1.2  # time of a step over that of its convolutions
+# convolutions a step beside the verification: at m = 6 and 1e-6, for each further level, power of the digits
 UNITS, UNITS_PER_LEVEL, DIGITS_POWER = 1.40, 0.34, 1.95
 CASE_OVERHEAD = 0.05  # seconds a case: its file
 START = 1.5  # seconds: processes start and import
-SEARCH = 23  # steps of a sweep that the search for an indentation is worth
-LEVEL = 3  # the same of the search for an area or a pressure between two steps
-FLOW_POWER, FLOW_NODES = 0.15, 257**2  # the seconds a node of a flow (a factorisation) grow with the nodes
-LONG = 30 * 86400.0  # seconds from which on a run is warned of
-ROUGH = 1e-7  # seconds a state and node at the least: enough to see without a timing that a run is not long
+SEARCH = 23  # cost of the search for an indentation, in steps
+LEVEL = 3  # cost of the search for an area or a pressure between two steps, in steps
+FLOW_POWER, FLOW_NODES = 0.15, 257**2  # growth with the nodes of the seconds a node of a flow (a factorisation)
+LONG = 30 * 86400.0  # seconds of a run that draws a warning
+ROUGH = 1e-7  # seconds a state and node at least, to skip the timing of short runs
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Cost of a study: numbers of cases and of states to solve, bytes in memory a process and on disk, seconds.
-
-    ``observables`` are the seconds, of all cases together, that each thing the study records takes out of them.
-    ``notice`` is a sentence where the memory allows fewer processes than asked for.
-    """
+    """Estimated cost of a study."""
 
     cases: int
-    steps: int
-    jobs: int
-    memory: float
-    disk: float
+    steps: int  # states to solve
+    jobs: int  # processes
+    memory: float  # bytes of a process
+    disk: float  # bytes of all files
     seconds: float
-    observables: dict[str, float]
-    notice: str = ""
+    observables: dict[str, float]  # seconds of one core, all cases together
+    notice: str = ""  # if the memory allows fewer processes than asked for
 
 
 def estimate(study: Study, jobs: int | None = None) -> Estimate:
-    """Return the expected cost of computing a whole study in so many processes; all cores if not given.
+    """Return the estimated cost of a study.
 
-    There are never more processes than the memory available now allows.
+    Parameters
+    ----------
+    study : Study
+        The study, without regard to finished cases.
+    jobs : int, optional
+        Number of processes. Default: all cores. The available memory limits it.
+
+    Returns
+    -------
+    Estimate
+        Cases, memory, disk and time.
     """
     return _estimate(study.cases(), jobs)
 
 
-def check_fits(study: Study, place: Path) -> None:
-    """Refuse a study that this machine cannot hold; see `resources.check_fits`."""
+def check_fits(study: Study, folder: Path) -> None:
+    """Refuse a study beyond the memory or disk of this machine, see `resources.check_fits`."""
     cases = study.cases()
     nodes = [math.prod(_shape(case)) for case in cases]
     disk = 2 * sum(resources.disk_of(case, n) for case, n in zip(cases, nodes, strict=True))
-    resources.check_fits(cases, nodes, disk, place)
+    resources.check_fits(cases, nodes, disk, folder)
 
 
 def warning(seconds: float, jobs: int) -> str:
-    """Return a warning where a run would take longer than `LONG`; empty where it does not."""
+    """Return a warning for a run longer than `LONG`, else an empty one."""
     if seconds < LONG:
         return ""
     many = f"{jobs} process" + "es" * (jobs > 1)
@@ -83,7 +88,7 @@ def warning(seconds: float, jobs: int) -> str:
 
 
 def warning_of(cases: Sequence[Case], nodes: Sequence[int], jobs: int) -> str:
-    """Return the warning of some cases; nothing is timed where they are few or small."""
+    """Return the warning for cases; few or small ones are not timed."""
     rough = ROUGH * sum(case.sweep.steps * n for case, n in zip(cases, nodes, strict=True)) / jobs
     if rough < LONG / 30.0:
         return ""
@@ -106,7 +111,7 @@ def _estimate(cases: Sequence[Case], jobs: int | None) -> Estimate:
         steps=sum(case.sweep.steps for case in cases),
         jobs=jobs,
         memory=max(needs),
-        # each case is stored twice, by itself and in study.nc
+        # each case is stored in its file and in study.nc
         disk=2 * sum(resources.disk_of(case, n) for case, n in zip(cases, nodes, strict=True)),
         seconds=START + max(sum(seconds) / jobs, max(seconds)),
         observables=observables,
@@ -116,7 +121,7 @@ def _estimate(cases: Sequence[Case], jobs: int | None) -> Estimate:
 
 @dataclass(frozen=True)
 class Choice:
-    """One accuracy for a study: its name, bound on η/σ, seconds, and the errors of A*, p* (relative), V* to expect."""
+    """One accuracy: name, bound of η/σ, seconds, and expected errors of A*, p* (relative) and V*."""
 
     name: str
     rtol: float
@@ -125,15 +130,15 @@ class Choice:
 
 
 def choices(study: Study, jobs: int | None = None) -> list[Choice]:
-    """Return what each named accuracy would cost a study and what error it leaves; nothing if nothing is solved."""
+    """Return time and errors of a study at each named accuracy; an empty list if nothing is solved."""
     if study.sweep.steps == 0 or study.solver.method == "paper":
         return []
-    found = []
+    options = []
     for name, rtol in ACCURACY.items():
         solver = study.solver.model_copy(update={"accuracy": name, "rtol": None, "max_error": None})
         cost = estimate(study.model_copy(update={"solver": solver}), jobs)
-        found.append(Choice(name, rtol, cost.seconds, EXPECTED[name]))
-    return found
+        options.append(Choice(name, rtol, cost.seconds, EXPECTED[name]))
+    return options
 
 
 def _seconds(case: Case, shape: tuple[int, int]) -> float:
@@ -147,7 +152,7 @@ def _seconds(case: Case, shape: tuple[int, int]) -> float:
 
 
 def _observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
-    """Return the seconds each thing that is recorded takes in one case, over all the states it is asked for."""
+    """Return the seconds of each observable of a case, all its states together."""
     record, steps, nodes = case.record, case.sweep.steps, math.prod(shape)
     inside = nodes
     if record.region is not None:
@@ -168,20 +173,20 @@ def _observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
 
 
 def convolutions_per_step(shape: tuple[int, int], rtol: float) -> float:
-    """Return the convolutions that one step of a sweep is expected to take to reach a residual.
+    """Return the expected convolutions of one step of a sweep for a residual η/σ.
 
-    One verifies; a few hundred elements (m ≤ 5) are solved without any other.
+    One verifies. Up to m = 5 it is the only one.
     """
     level = _level(shape)
     if level <= 5.0:
         return 1.0
     digits = max(-math.log10(rtol), 0.0) / 6.0
-    # between m = 5 and 6 the iteration sets in
+    # iteration begins between m = 5 and 6
     return 1.0 + (UNITS * min(level - 5.0, 1.0) + UNITS_PER_LEVEL * max(level - 6.0, 0.0)) * digits**DIGITS_POWER
 
 
 def seconds_per_step(shape: tuple[int, int], rtol: float, convolution: float) -> float:
-    """Return the seconds that one step of a sweep takes, given those of one convolution on its grid."""
+    """Return the seconds of one step of a sweep from those of one convolution on its grid."""
     needed = convolutions_per_step(shape, rtol)
     iterative = ITERATIVE if _level(shape) > 5.0 else 0.0
     return STEP + iterative + PER_CONVOLUTION * needed * convolution
@@ -198,13 +203,13 @@ def _shape(case: Case) -> tuple[int, int]:
 
 @functools.lru_cache(maxsize=8)
 def _measured_shape(case: Case) -> tuple[int, int]:
-    """Return the nodes of a surface from files, read once for all estimates of a study."""
+    """Return the nodes of a surface from files, read once."""
     return surface_of(case).shape
 
 
 @functools.cache
 def _convolution(shape: tuple[int, int], kernel: str) -> float:
-    """Return the seconds of one convolution, timed on a grid of this shape or on the largest that is quick to time."""
+    """Return the seconds of one convolution, timed on this grid, or scaled from `TIMED_UP_TO`."""
     timed = (min(shape[0], TIMED_UP_TO), min(shape[1], TIMED_UP_TO))
     half_space = HalfSpace(timed, kernel=kernel)
     pressure = np.ones(timed)

@@ -1,6 +1,6 @@
-"""Speed against accuracy, measured on the surfaces of a study: what each setting of the solver costs and gives away.
+"""Speed against accuracy on the surfaces of a study: cost and error of each setting of the solver.
 
-Five ladders, each against a reference that differs from it in one respect only:
+Five ladders, each with a reference that differs in one respect only:
 
 =============  ==========================================================  ==========================================
 ladder         rungs                                                       reference
@@ -12,9 +12,9 @@ method         fast, paper; on a grid of m ≤ 5                             η/
 resolution     four levels of the nested family that ends at the finest m  its finest level at equal separations d/σ
 =============  ==========================================================  ==========================================
 
-Errors are the largest over the states of a sweep for A*, p* (relative) and V*; those of f(v) and of the box dimension
-belong to the last state. A unit of work is one convolution in double precision; one in single precision counts by the
-time it takes, but at least one half.
+Errors of A*, p* (relative) and V* are the largest over the states of a sweep. Errors of f(v) and of the box dimension
+are those of the last state. A unit of work is one convolution in double precision. One in single precision counts by
+its time, at least one half.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from roughvol.study import Case, Study
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array, Mask
 
-REFERENCE_RTOL = 1e-12  # near the best that double precision can reach, see `contact.loading`
+REFERENCE_RTOL = 1e-12  # near the limit of double precision, see `contact.problem`
 RTOLS = tuple(10.0**-k for k in range(1, 11))
-LEVELS = 4  # of the nested family: three changes, enough to see whether they shrink in proportion
-PAPER_M = 5  # the dense matrices of the paper's algorithm: minutes a sweep beyond
+LEVELS = 4  # of the nested family: three changes, the fewest that show a ratio
+PAPER_M = 5  # largest m of the paper's dense algorithm here; minutes a sweep beyond
 BINS = 50  # of the density f(v)
-THRESHOLDS = (0.0, 0.25)  # v/v_max of the domains whose box dimension is compared
-SURFACES = 6  # of a study, at most: the first seeds of every D
+THRESHOLDS = (0.0, 0.25)  # v/v_max of the domains for the box dimension
+SURFACES = 6  # most surfaces of a study: the first seeds of every D
 
 
 @dataclass(frozen=True)
@@ -77,18 +77,18 @@ class _Run:
 
 
 def surfaces_of(study: Study) -> tuple[Case, ...]:
-    """Return the cases of the ladder: the finest m of a study, every D, as many of the first seeds as `SURFACES` allow.
+    """Return the cases of the ladders: finest m of a study, every D, the first seeds up to `SURFACES` cases.
 
     Raises
     ------
     ContactError
-        If the study solves nothing.
+        If the study has no sweep.
     """
     cases = study.cases()
     finest = max((case.m or 0 for case in cases), default=0)
     cases = tuple(case for case in cases if (case.m or 0) == finest)
     if not cases or cases[0].sweep.steps == 0:
-        message = "the study has no sweep (steps: 0), so there is nothing to trade"
+        message = "the study has no sweep; allowed: sweep.steps of at least 1"
         raise ContactError(message)
     seeds = list(dict.fromkeys(case.seed for case in cases))
     dimensions = {case.D for case in cases}
@@ -97,7 +97,7 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
 
 
 def rungs_of(case: Case) -> list[Rung]:
-    """Return the rungs of every ladder for the surfaces like this one."""
+    """Return the rungs of every ladder for a surface."""
     m, steps, solver = -1 if case.m is None else case.m, case.sweep.steps, case.solver
     base = Rung("tolerance", 1e-9, "mixed", solver.kernel, "fast", steps, m)
     rungs = [replace(base, rtol=rtol, precision=how) for how in ("mixed", "double") for rtol in RTOLS]
@@ -115,14 +115,14 @@ def rungs_of(case: Case) -> list[Rung]:
 
 
 def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> Dataset:
-    """Climb every ladder on the surfaces of a study and return errors, bounds and costs, labelled.
+    """Return errors, bounds and costs of every rung on the surfaces of a study.
 
     Parameters
     ----------
     study : Study
-        Its surfaces, sweep and kernel are used; its accuracy is not.
+        Study with the surfaces, sweep and kernel. Its accuracy has no effect.
     on_rung : callable, optional
-        Called with the number of sweeps done and their total.
+        Called with the number of finished sweeps and their total.
 
     Returns
     -------
@@ -163,14 +163,14 @@ def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> 
 
 
 class _Bench:
-    """One surface of the study on its ladders; half spaces are shared between surfaces."""
+    """One surface on its ladders; surfaces share half spaces."""
 
     def __init__(self, case: Case, held: dict[tuple[Any, ...], tuple[HalfSpace, float]]) -> None:
         self.case, self._held = case, held
         self._surfaces: dict[int, Surface] = {}
         self._runs: dict[int, _Run] = {}
         own = -1 if case.m is None else case.m
-        # of a sweep, at every m that has one of its own
+        # last indentation of the sweep, by m
         self._ends = {m: self._end(m) for m in dict.fromkeys((own, min(own, PAPER_M)))}
 
     def compare(self, rung: Rung, *, memory: bool) -> dict[str, float]:
@@ -207,11 +207,11 @@ class _Bench:
         return self._surfaces[m]
 
     def _half_space(self, surface: Surface, kernel: str) -> tuple[HalfSpace, float]:
-        """Return the half space and what a convolution in single precision counts there."""
+        """Return the half space and the cost of a convolution in single precision, in units."""
         key = (surface.shape, kernel)
         if key not in self._held:
             half_space = HalfSpace(surface.shape, kernel=kernel)
-            assert half_space.total_compliance.size  # belongs to the grid, not to the first sweep
+            assert half_space.total_compliance.size  # cost of the grid, not of the first sweep
             self._held[key] = half_space, max(0.5, _seconds(half_space, True) / _seconds(half_space, False))
         return self._held[key]
 
@@ -224,7 +224,7 @@ class _Bench:
         return self._ends[m] * np.arange(1, steps + 1) / steps
 
     def _separations(self, rung: Rung) -> Array:
-        """Return the indentations at which a level of the family has the separations d/σ of the finest."""
+        """Return the indentations of a level with the separations d/σ of the finest."""
         assert self.case.m is not None
         finest, own = self._surface(self.case.m), self._surface(rung.m)
         shifted: Array = self._indentations(self.case.m, rung.steps) + (own.peak - finest.peak)
@@ -254,7 +254,7 @@ def _swept(surface: Surface, half_space: HalfSpace, indentations: Iterable[float
 
 
 def _density_error(run: _Run, reference: _Run) -> float:
-    """Return ∫ |f - f_ref| dv of the gaps off the contact, in common bins: 0 for equal ones, 2 for disjoint ones."""
+    """Return ∫ |f - f_ref| dv of the open gaps in common bins: 0 for equal, 2 for disjoint densities."""
     upper = float(max(run.gap.max(), reference.gap.max()))
     if not min(run.gap.max(), reference.gap.max()) > 0.0:
         return float("nan")
@@ -263,7 +263,7 @@ def _density_error(run: _Run, reference: _Run) -> float:
 
 
 def _dimension_error(run: _Run, reference: _Run) -> float:
-    """Return the largest difference of the local dimensions, at equal lengths: the largest boxes are as long as L."""
+    """Return the largest difference of the local dimensions at equal box lengths; the largest boxes have length L."""
     worst = 0.0
     for share in THRESHOLDS:
         one, other = (
@@ -281,7 +281,7 @@ def _seconds(half_space: HalfSpace, single: bool) -> float:
     elements = np.arange(0, half_space.shape[0] * half_space.shape[1], 7)
     pressure = np.ones(elements.size, dtype=np.float32 if single else np.float64)
     times = []
-    for _ in range(6):  # the first makes the plans
+    for _ in range(6):  # the first one makes the plans
         started = time.perf_counter()
         half_space.displacement_at(elements, pressure, single=single)
         times.append(time.perf_counter() - started)
@@ -289,7 +289,7 @@ def _seconds(half_space: HalfSpace, single: bool) -> float:
 
 
 def _peak(surface: Surface, indentations: Array, rung: Rung) -> float:
-    """Return the peak of what is allocated for a half space and a sweep to the same end in at most six steps."""
+    """Return the peak memory in bytes of a half space and a sweep to the same end in six steps."""
     few = indentations[-1] * np.arange(1, 7) / 6
     tracemalloc.start()
     try:

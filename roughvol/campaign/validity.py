@@ -1,16 +1,13 @@
-"""Where a study leaves the model: a linear elastic half space of small slopes, without yield or fluid pressure.
+"""Limits of the model: a linear elastic half space of small slopes, without yield or fluid pressure.
 
-Conventions: pressures are over E*, p/E* = p* Sq/L with p* the starred pressure; s = Sdq/2 is the scale of the contact
-pressure over E*, the root mean square pressure of a surface pressed flat (Persson 2001). Limits are choices of this
-module; docs/validity.md has each with its formula, its source and the remedy.
+Conventions: pressures are over E*, p/E* = p* Sq/L. s = Sdq/2 is the root mean square contact pressure over E* of a
+surface pressed flat (Persson 2001). Limits are choices of this module; docs/validity.md has their sources and remedies.
 
-Starred results depend neither on E* nor on the ratio of heights to L; slopes and pressures over E* do depend on that
-ratio. It is known from heights in a file, from ``Sq``, or from L with a unit. A generated surface without these has
-heights in the unit of L by convention alone (initial deviation 1/0.3); its slope and its p/E* are not judged. A
-hardness is always compared: a study gives it for this comparison. The rim of a free patch is judged in studies that
-ask for a flow or name units, and give no region: their patch is a sample of a larger joint.
+Slopes and p/E* depend on the ratio of heights to L. A file, ``Sq``, or L with a unit gives it. Otherwise heights have
+the unit of L by convention alone, and slope and p/E* are not judged. A hardness is always judged. The rim of a free
+patch is judged in studies with a flow or units and without a region: their patch is a sample of a larger joint.
 
-The functions take plain numbers or a collected dataset, and read no file.
+Functions take plain numbers or a collected dataset.
 """
 
 from __future__ import annotations
@@ -32,12 +29,12 @@ if TYPE_CHECKING:
 STEEPEST = 0.3  # Sdq: the true area is then 4.4 % larger, and the mean contact pressure 0.19 E*
 HIGHEST = 0.1  # nominal pressure over E*: strains of ten per cent
 LARGEST_DROP = 0.1  # pressure drop over nominal pressure: a linear drop then carries 5 % of the load
-ABOVE_HARDNESS = 0.01  # share of the load above the hardness; a few peaks of one element do not count
+ABOVE_HARDNESS = 0.01  # share of the load above the hardness; tolerates a few peaks of one element
 RIM = 0.8  # mean pressure in the central half of each side over that of the whole
 HIGH = 6.0  # highest point above the mean plane over Sq: of 10⁶ independent normal heights the highest is at 5
 METAL = 20.0  # GPa, E*: above polymers and rubber, below all structural metals
 SOFTEST = 1e-3  # contact pressure over E* at which the softest metals yield: H = 3 Y (Tabor 1951), Y/E of 1/3000
-CLOSES_AT = 0.42  # A* at which the last open way closes (Persson & Yang 2008; Wang & Müser 2020)
+CLOSES_AT = 0.42  # A* at the closing of the last way (Persson & Yang 2008; Wang & Müser 2020)
 
 SMALL_SLOPES = "Al-Qudsi, De Lorenzis & Scaraggi 2022; Sdr ≈ Sdq²/2 (ISO 25178-2)"
 NORMAL_HEIGHTS = "extreme values of normal heights, docs/validity.md"
@@ -49,42 +46,26 @@ FREE_PATCH = "configs/seal_region.yaml, docs/validity.md"
 
 @dataclass(frozen=True)
 class Extent:
-    """Where a limit is passed.
+    """Cases and states beyond a limit."""
 
-    Attributes
-    ----------
-    cases, of_cases : cases that pass it, and all; 0 of 0 before anything is computed.
-    states, of_states : states that pass it, and all that were compared; 0 of 0 for a limit of the surface.
-    first : p* of the least loaded of these states; NaN if there is none.
-    """
-
-    cases: int = 0
-    of_cases: int = 0
-    states: int = 0
-    of_states: int = 0
-    first: float = math.nan
+    cases: int = 0  # beyond the limit
+    of_cases: int = 0  # 0 before the computation
+    states: int = 0  # beyond the limit
+    of_states: int = 0  # compared; 0 for a limit of the surface
+    first: float = math.nan  # p* of the least loaded state beyond the limit
 
     def __str__(self) -> str:
-        """Return the counts in words."""
+        """Return the counts as text."""
         text = f"{self.states} of {self.of_states} states"
         return text if self.of_cases == 1 else f"{text} ({self.cases} of {self.of_cases} cases)"
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One limit of the model that a study passes.
+    """A limit of the model that a study exceeds."""
 
-    Attributes
-    ----------
-    key : which limit: peak, slope, nominal_pressure, hardness, metal, pressure_drop or rim.
-    sentence : what is beyond it, by how much, and where.
-    limit : the limit; NaN where there is none to compare with.
-    source : where it comes from.
-    extent : where it is passed.
-    """
-
-    key: str
-    sentence: str
+    key: str  # peak, slope, nominal_pressure, hardness, metal, pressure_drop or rim
+    sentence: str  # quantity, amount and states beyond the limit
     limit: float
     source: str
     extent: Extent = Extent()
@@ -92,37 +73,23 @@ class Finding:
 
 @dataclass(frozen=True)
 class Setting:
-    """What of a study the limits are held against; moduli and pressures in ``unit``, None for an arbitrary one.
+    """Settings of a study for comparison with the limits."""
 
-    Attributes
-    ----------
-    modulus : E*.
-    unit : unit of the moduli.
-    shown : unit in which pressures are shown.
-    hardness, hardness_text : H, and as the study has it.
-    drop_text : the pressure drop of a leak rate, as the study has it; None if no leak rate is asked for.
-    drop : the same over E*; NaN if the modulus has no unit.
-    scaled : whether the ratio of heights to L is that of a real surface.
-    patch : whether the patch stands for a larger joint, and its rim is observed too.
-    measured : whether the heights come from files.
-    cleaned : whether outliers were taken out of them.
-    """
-
-    modulus: float
-    unit: str | None = None
-    shown: str = "MPa"
-    hardness: float | None = None
+    modulus: float  # E* in `unit`
+    unit: str | None = None  # of moduli and pressures; None: arbitrary
+    shown: str = "MPa"  # unit of pressures in sentences
+    hardness: float | None = None  # in `unit`
     hardness_text: str = ""
-    drop_text: str | None = None
-    drop: float = math.nan
-    scaled: bool = False
-    patch: bool = False
-    measured: bool = False
-    cleaned: bool = False
+    drop_text: str | None = None  # pressure drop of a leak rate
+    drop: float = math.nan  # over E*; NaN for a modulus without a unit
+    scaled: bool = False  # the ratio of heights to L is that of a real surface
+    patch: bool = False  # the patch is a sample of a larger joint
+    measured: bool = False  # heights come from files
+    cleaned: bool = False  # outliers were removed
 
 
 def setting(study: Study) -> Setting:
-    """Return what of a study the limits are held against."""
+    """Return the settings of a study for comparison with the limits."""
     surface, material, record = study.surface, study.material, study.record
     wanted, unit = record.dimensional, material.unit
     leak = wanted.leak_rate if wanted is not None else None
@@ -145,35 +112,40 @@ def setting(study: Study) -> Setting:
 
 
 def _written(hardness: float | None, unit: str | None) -> str:
-    """Return a hardness as a study has it, with the unit of the modulus where it has none of its own."""
+    """Return a hardness with its own unit, or with that of the modulus."""
     if hardness is None or unit_of(hardness) is not None:
         return str(hardness)
     return f"{hardness:g} {unit or ''}".strip()
 
 
 def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float) -> list[Finding]:
-    """Return where a study is expected to leave the model, before it is computed; pressures by Persson's theory.
+    """Return the limits that a study will probably exceed, with pressures by Persson's theory.
 
-    Persson (2001): A* = erf(√2 p/(E* Sdq)), and at light load the contact pressure is distributed as
-    (p/s²) exp(-p²/(2 s²)), all over E*, s = Sdq/2; the mean in contact is then √(π/2) s = 0.63 Sdq.
+    Persson (2001): A* = erf(√2 p/(E* Sdq)). At light load the density of the contact pressure over E* is
+    (p/s²) exp(-p²/(2 s²)) with s = Sdq/2, and its mean √(π/2) s = 0.63 Sdq.
 
     Parameters
     ----------
     given : Setting
         See `setting`.
     target : Level
-        Where the sweep ends.
+        Last state of the sweep.
     Sq, Sdq, L : float
-        Of the roughest surface: Sq and L [one length], Sdq [1]; not used where ``given.scaled`` is false.
+        Of the roughest surface: Sq and L [one length], Sdq [1]. Unused if ``given.scaled`` is False.
+
+    Returns
+    -------
+    list of Finding
+        Expected excesses.
     """
-    found = []
+    findings = []
     scale = 0.5 * Sdq if given.scaled else math.nan
     end = _end(target, scale, Sq / L) if given.scaled else math.nan
     if given.scaled:
-        found += _slope(np.array([Sdq]))
+        findings += _slope(np.array([Sdq]))
     if end > HIGHEST:
         text = f"nominal pressure will be about {end:.2g} E* at the end (limit {HIGHEST}): strains are not small"
-        found.append(Finding("nominal_pressure", text, HIGHEST, SMALL_STRAINS))
+        findings.append(Finding("nominal_pressure", text, HIGHEST, SMALL_STRAINS))
     if given.hardness is not None and scale > 0.0:
         x = given.hardness / given.modulus / scale
         contact = math.exp(-0.5 * x * x)
@@ -183,58 +155,63 @@ def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float) ->
                 f"contact pressure will exceed the hardness {given.hardness_text} on about {_percent(contact)} of the "
                 f"contact, with {_percent(load)} of the load: yield is not computed"
             )
-            found.append(Finding("hardness", text, ABOVE_HARDNESS, HARDNESS))
-    found += _metal(given, math.sqrt(0.5 * math.pi) * scale, "about ")
+            findings.append(Finding("hardness", text, ABOVE_HARDNESS, HARDNESS))
+    findings += _metal(given, math.sqrt(0.5 * math.pi) * scale, "about ")
     if given.drop_text is not None and math.isnan(given.drop):
-        found.append(_drop_unknown(given))
+        findings.append(_drop_unknown(given))
     elif end > 0.0 and given.drop > LARGEST_DROP * end:
         text = (
             f"pressure_drop {given.drop_text} is {given.drop / end:.2g} of the nominal pressure expected at the end of "
             f"the sweep, about {_pressure(given, end)} (limit {LARGEST_DROP}): the fluid would carry part of the load"
         )
-        found.append(Finding("pressure_drop", text, LARGEST_DROP, COUPLING))
-    return found
+        findings.append(Finding("pressure_drop", text, LARGEST_DROP, COUPLING))
+    return findings
 
 
 def after(given: Setting, results: Dataset) -> list[Finding]:
-    """Return where the computed states of a study leave the model.
+    """Return the limits exceeded by the computed states of a study.
 
     Parameters
     ----------
     given : Setting
         See `setting`.
     results : Dataset
-        The collected cases, heights scaled to the Sq of the study if it gives one.
+        Collected cases, heights scaled to the Sq of the study.
+
+    Returns
+    -------
+    list of Finding
+        Excesses with their states.
     """
     if "mean_pressure" not in results:
-        return []  # nothing was pressed
+        return []  # no contact
     starred = results["mean_pressure"]
     nominal = starred * results["Sq"].where(results["Sq"] > 0.0, 1.0) / results["L"].item()
-    # d/σ + Δ/σ is the height of the first touch above the mean plane
-    found = peak(given, float((results["separation"] + results["indentation"]).max()))
-    found += _slope(results["Sdq"].values.ravel()) if given.scaled else []
+    # d/σ + Δ/σ: height of the first touch above the mean plane
+    findings = peak(given, float((results["separation"] + results["indentation"]).max()))
+    findings += _slope(results["Sdq"].values.ravel()) if given.scaled else []
     if given.scaled:
-        found += _nominal(nominal, starred)
+        findings += _nominal(nominal, starred)
     if "load_above_hardness_fraction" in results:
-        found += _hardness(given, results, starred, nominal)
+        findings += _hardness(given, results, starred, nominal)
     else:
         contact = (nominal / results["contact_area_fraction"]).where(starred > 0.0)
-        found += _metal(given, _at_highest(contact, starred) if given.scaled else math.nan, "")
+        findings += _metal(given, _at_highest(contact, starred) if given.scaled else math.nan, "")
     if "leak_rate_x" in results or "leak_rate_y" in results:
         flows = [results[name].notnull() for name in ("leak_rate_x", "leak_rate_y") if name in results]
-        found += _drop(given, starred.where(sum(flows) > 0), nominal)
+        findings += _drop(given, starred.where(sum(flows) > 0), nominal)
     if given.patch and "central_pressure_ratio" in results:
-        found += _rim(results["central_pressure_ratio"].values.ravel())
-    return found
+        findings += _rim(results["central_pressure_ratio"].values.ravel())
+    return findings
 
 
 def sentences(findings: Iterable[Finding], notes: Iterable[str] = ()) -> list[str]:
-    """Return what is found and what else is to be noted, one sentence each, none twice."""
+    """Return notes and findings as sentences, without duplicates."""
     return list(dict.fromkeys([*notes, *(finding.sentence for finding in findings)]))
 
 
 def peak(given: Setting, height: float) -> list[Finding]:
-    """Return whether the highest point of a measured surface lies far above all others.
+    """Return the excess of the highest point of a measured surface.
 
     Parameters
     ----------
@@ -242,10 +219,15 @@ def peak(given: Setting, height: float) -> list[Finding]:
         See `setting`.
     height : float
         Highest point above the mean plane over Sq.
+
+    Returns
+    -------
+    list of Finding
+        Empty or one.
     """
     if not (given.measured and height > HIGH):
         return []
-    remedy = "outliers were taken out already" if given.cleaned else "see surface.outliers"
+    remedy = "outliers were removed already" if given.cleaned else "see surface.outliers"
     text = (
         f"the highest point lies {height:.3g} Sq above the mean plane and touches first, alone; "
         f"if it is dust or an error of the instrument, {remedy}"
@@ -254,7 +236,7 @@ def peak(given: Setting, height: float) -> list[Finding]:
 
 
 def _end(target: Level, scale: float, ratio: float) -> float:
-    """Return the nominal pressure over E* at the end of a sweep, NaN where no estimate is at hand."""
+    """Return the nominal pressure over E* at the end of a sweep, NaN without an estimate."""
     if target.kind == "pressure":
         return (target.value or 0.0) * ratio
     area = CLOSES_AT if target.kind.startswith("percolation") else 1.0
@@ -301,7 +283,7 @@ def _hardness(given: Setting, results: Dataset, starred: DataArray, nominal: Dat
 
 
 def _metal(given: Setting, contact: float, extent: str) -> list[Finding]:
-    """Return the lack of a hardness, unless the contact pressure over E* (NaN: not known) is below any yield."""
+    """Return the lack of a hardness, unless the contact pressure over E* (NaN: unknown) is below any yield."""
     if given.unit is None or given.hardness is not None or contact < SOFTEST:
         return []
     if convert(given.modulus, given.unit, "GPa") < METAL:
@@ -318,7 +300,7 @@ def _drop_unknown(given: Setting) -> Finding:
 
 
 def _drop(given: Setting, starred: DataArray, nominal: DataArray) -> list[Finding]:
-    """Return the states at which the drop is not small; ``starred`` is NaN where no leak rate is stored."""
+    """Return the states with a large pressure drop; ``starred`` is NaN without a leak rate."""
     if math.isnan(given.drop):
         return [_drop_unknown(given)]
     beyond = (given.drop > LARGEST_DROP * nominal) & starred.notnull()
@@ -354,7 +336,7 @@ def _at_highest(values: DataArray, starred: DataArray) -> float:
 
 
 def _extent(beyond: DataArray, starred: DataArray) -> Extent:
-    """Return how many cases and states are beyond a limit, of those whose p* is not missing."""
+    """Return the cases and states beyond a limit, among those with p*."""
     compared = starred.notnull()
     cases, of_cases, states, of_states = (
         int(mask.sum()) for mask in (beyond.any("step"), compared.any("step"), beyond, compared)
@@ -363,7 +345,7 @@ def _extent(beyond: DataArray, starred: DataArray) -> Extent:
 
 
 def _pressure(given: Setting, over_modulus: float, unit: str | None = None) -> str:
-    """Return a pressure over E* in the unit shown, or as it is where the modulus has none."""
+    """Return a pressure over E* in a unit, by default the one shown; unchanged for a modulus without a unit."""
     if given.unit is None:
         return f"{over_modulus:.3g} E*"
     unit = unit or given.shown

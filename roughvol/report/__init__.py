@@ -2,7 +2,14 @@
 
 Room of the report. It reads datasets and computes no contact.
 
-==============  ===============================================================`captions`      their captions
+==============  ======================================================================
+`figures`       every figure, a function of a dataset
+`claims`        every claim of the paper, a function of datasets
+`paper_rules`   the paper's state and the slope A*/p*, for figures and claims
+`model`         contents of a report, and the words that all its forms share
+`run_facts`     one run in words and tables: surface, loading, states, closing
+`drawings`      figures that a report shows, and the run of each
+`captions`      their captions
 `page`          the report as one HTML page
 `html`          elements, tables and figures in HTML, with escaped text
 `style`         style sheet of the page

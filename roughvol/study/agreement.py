@@ -1,7 +1,7 @@
-"""Measured heights with nothing left open: what the files give (size, units) beside what the study gives.
+"""Sizes and units of measured heights, from the study and its files.
 
-Where both give a length or a unit, they must agree. All lengths are stored in the unit of the study, else in that of
-the first file that names one; heights in another unit are converted when they are read.
+Where both give a length or a unit, they must agree. All lengths are stored in the unit of the study. Default:
+the unit of the first file with one. Heights in another unit are converted on reading.
 """
 
 from __future__ import annotations
@@ -22,29 +22,28 @@ from roughvol.surfaces.length_units import METRES, factor
 if TYPE_CHECKING:
     from roughvol.surfaces.files.description import Description
 
-SAME = 1e-3  # by which lengths that the study and the files give may differ
-LONGEST, FINEST = 0.1, 1e-11  # metres: beyond, a width or a spacing is no roughness scan
+SAME = 1e-3  # allowed relative difference between lengths of study and file
+LONGEST, FINEST = 0.1, 1e-11  # m; largest width and smallest spacing of a roughness scan
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Measured heights with nothing left open.
+    """Measured heights with size, units and treatment resolved.
 
     Attributes
     ----------
     L : float
-        Length of the first axis that is pressed: that of the file, or of what a crop and a new lattice leave of it.
+        Length of the first axis as pressed, after crop and resampling.
     unit : str or None
         Unit of all lengths.
     bodies : tuple of Body
-        The one or the two, with the units of their heights.
+        One or two bodies with the units of their heights.
     treatment : Treatment
-        What is done to each.
+        Treatment of each body.
     sides : (float, float) or None
-        Lengths of both axes of the whole map as the first file gives them, in the unit of all lengths; None if it
-        gives none.
+        Lengths of both axes of the whole map in the first file, in ``unit``; None without size in the file.
     notes : tuple of str
-        What the user should look at.
+        Doubts for the user.
     """
 
     L: float
@@ -59,54 +58,64 @@ _KEYS = ("surface", "surface.against")
 
 
 def resolve(surface: HeightFile) -> Measured:
-    """Return the section with what its files give filled in.
+    """Return the section completed by its files.
+
+    Parameters
+    ----------
+    surface : HeightFile
+        Section ``surface`` of a study.
+
+    Returns
+    -------
+    Measured
+        The resolved section.
 
     Raises
     ------
     StudyError
-        If a file cannot be read or described, if a length or a unit is missing, or if the files and the study do not
-        agree.
+        If a file cannot be read, a length or a unit is missing, or the files and the study disagree.
     """
-    told, bodies = [], []
-    for key, asked in zip(_KEYS, surface.bodies, strict=False):
-        sha256 = _digest(Path(asked.file), f"{key}.file")
-        told.append(_described(asked, sha256, key))
-        bodies.append(_body(surface, asked, sha256, told[-1], key))
-    unit = _unit(surface, told, bodies)
-    sides = [_sides(surface.L, one, unit) for one in told]
+    descriptions, bodies = [], []
+    for key, section in zip(_KEYS, surface.bodies, strict=False):
+        sha256 = _digest(Path(section.file), f"{key}.file")
+        descriptions.append(_described(section, sha256, key))
+        bodies.append(_body(surface, section, sha256, descriptions[-1], key))
+    unit = _unit(surface, descriptions, bodies)
+    sides = [_sides(surface.L, description, unit) for description in descriptions]
     L = surface.L if surface.L is not None else next((side[0] for side in sides if side), None)
     if L is None:
         _wrong(f"missing: {surface.file} does not give the length of its first axis", "surface.L")
     if surface.L is not None:
-        for one, body, side in zip(told, bodies, sides, strict=True):
-            _agrees(surface.L, unit, one, body, side)
+        for description, body, side in zip(descriptions, bodies, sides, strict=True):
+            _agrees(surface.L, unit, description, body, side)
     first, other = sides[0], sides[-1]
     if first and other and any(abs(a - b) > SAME * a for a, b in zip(first, other, strict=True)):
-        said = " and ".join(" x ".join(f"{side:.6g}" for side in pair) for pair in (first, other))
-        _wrong(f"the files differ in size, {said} {unit or ''}".rstrip(), "surface.against.file")
+        sizes = " and ".join(" x ".join(f"{side:.6g}" for side in pair) for pair in (first, other))
+        _wrong(f"the files differ in size, {sizes} {unit or ''}".rstrip(), "surface.against.file")
 
-    def shape(place: int) -> tuple[int, int]:
-        given = told[place]
-        return given.shape if given else _shape(bodies[place], _KEYS[place])
+    def shape(index: int) -> tuple[int, int]:
+        description = descriptions[index]
+        return description.shape if description else _shape(bodies[index], _KEYS[index])
 
-    notes = _notes(float(L), unit, told)
-    files = [File(body.file, one.sides if one else None) for body, one in zip(bodies, told, strict=True)]
+    notes = _notes(float(L), unit, descriptions)
+    files = [File(body.file, text.sides if text else None) for body, text in zip(bodies, descriptions, strict=True)]
     treatment, left, ratios = settled(surface, files, shape, float(L), unit)
     bodies = [replace(body, pixel_ratio=ratio) for body, ratio in zip(bodies, ratios, strict=True)]
     return Measured(left, unit, tuple(bodies), treatment, first, notes)
 
 
-def _body(surface: HeightFile, body: HeightFile | CounterBody, sha256: str, told: Description | None, key: str) -> Body:
-    """Return a body with the unit of its heights, as the file names it or else the study."""
+def _body(
+    surface: HeightFile, body: HeightFile | CounterBody, sha256: str, description: Description | None, key: str
+) -> Body:
+    """Return a body with the unit of its heights, from the file or else from the study."""
     path = Path(body.file)
     given = body.heights_unit or surface.heights_unit
-    own = told.heights_unit if told else None
+    own = description.heights_unit if description else None
     if own and body.heights_unit and own != body.heights_unit:
         _wrong(f"is {body.heights_unit}, but {path} has heights in {own}", f"{key}.heights_unit")
-    if told and told.unit and not own and not given:
-        _wrong(
-            f"missing: {path} names {told.unit} for its coordinates, and no unit of its heights", f"{key}.heights_unit"
-        )
+    if description and description.unit and not own and not given:
+        message = f"missing: {path} has coordinates in {description.unit}, and no unit of its heights"
+        _wrong(message, f"{key}.heights_unit")
     return Body(
         path,
         sha256,
@@ -116,15 +125,15 @@ def _body(surface: HeightFile, body: HeightFile | CounterBody, sha256: str, told
         None if own else given,
         body.columns,
         body.header,
-        told.read_as if told else None,
+        description.read_as if description else None,
     )
 
 
-def _unit(surface: HeightFile, told: list[Description | None], bodies: list[Body]) -> str | None:
-    """Return the unit of all lengths: that of the study, else the first that a file names."""
+def _unit(surface: HeightFile, descriptions: list[Description | None], bodies: list[Body]) -> str | None:
+    """Return the unit of all lengths: that of the study, else the first in the files."""
     if surface.length_unit:
         return surface.length_unit
-    unit = next((one.unit for one in told if one and one.unit), None)
+    unit = next((text.unit for text in descriptions if text and text.unit), None)
     named = next((body for body in bodies if body.numbers_in), None)
     unknown = next((body for body in bodies if body.numbers_in is None), None)
     if named and unknown:
@@ -133,46 +142,48 @@ def _unit(surface: HeightFile, told: list[Description | None], bodies: list[Body
         )
     if named and unit is None and surface.L is not None:
         _wrong(
-            f"has no unit, and the heights of {named.file.name} are in {named.numbers_in}: give L with its unit, as "
-            "L: 100 um",
+            f"has no unit, and the heights of {named.file.name} are in {named.numbers_in}: add the unit, as L: 100 um",
             "surface.L",
         )
-    if named and unit is None and any(one and one.sides for one in told):
+    if named and unit is None and any(text and text.sides for text in descriptions):
         _wrong(
-            f"missing: {named.file} names no unit of its coordinates, heights are in {named.numbers_in}", "surface.unit"
+            f"missing: {named.file} has no unit of its coordinates, heights are in {named.numbers_in}", "surface.unit"
         )
     return unit
 
 
-def _sides(L: float | None, told: Description | None, unit: str | None) -> tuple[float, float] | None:
+def _sides(L: float | None, description: Description | None, unit: str | None) -> tuple[float, float] | None:
     """Return the lengths of both axes in the unit of all lengths."""
-    if told is None or told.sides is None:
+    if description is None or description.sides is None:
         return None
-    scale = factor(told.unit, unit) if told.unit and unit else 1.0
-    if told.counted and L is not None:
-        scale = L / told.sides[0]
-    return told.sides[0] * scale, told.sides[1] * scale
+    x, y = description.sides
+    scale = factor(description.unit, unit) if description.unit and unit else 1.0
+    if description.counted and L is not None:
+        scale = L / x
+    return x * scale, y * scale
 
 
 def _agrees(
-    L: float, unit: str | None, told: Description | None, body: Body, sides: tuple[float, float] | None
+    L: float, unit: str | None, description: Description | None, body: Body, sides: tuple[float, float] | None
 ) -> None:
-    """Refuse a length that is not that of the file."""
-    if told is None or sides is None or abs(L - sides[0]) <= SAME * sides[0]:
+    """Refuse an L that differs from the length in the file."""
+    if description is None or description.sides is None or sides is None or abs(L - sides[0]) <= SAME * sides[0]:
         return
-    own = f"{told.sides[0] if told.sides else sides[0]:.6g} {told.unit or unit or ''}".rstrip()
-    message = f"is {number_text(float(L))} {unit or ''}".rstrip() + f", but {body.file} gives {own} ({told.source})"
-    nodes = told.shape[0]
+    own = f"{description.sides[0]:.6g} {description.unit or unit or ''}".rstrip()
+    given = f"{number_text(float(L))} {unit or ''}".rstrip()
+    message = f"is {given}, but {body.file} gives {own} ({description.source})"
+    nodes = description.shape[0]
     if abs(L - sides[0] * nodes / (nodes - 1)) <= SAME * L:
         message += f": L is the length between the outer of its {nodes} nodes, {nodes - 1} pixels"
-    _wrong(f"{message}; leave L out, or header: ignore if the file is wrong", "surface.L")
+    _wrong(f"{message}; omit L, or give header: ignore if the file is wrong", "surface.L")
 
 
-def _notes(L: float, unit: str | None, told: list[Description | None]) -> tuple[str, ...]:
-    notes = [note for one in told if one for note in one.notes]
-    if any(one and one.counted for one in told):
-        notes.append("the coordinates in the file count nodes, and no unit is named for them: is L right?")
-    shape = next((one.shape for one in told if one), None)
+def _notes(L: float, unit: str | None, descriptions: list[Description | None]) -> tuple[str, ...]:
+    texts = [text for text in descriptions if text]
+    notes = [note for text in texts for note in text.notes]
+    if any(text.counted for text in texts):
+        notes.append("the coordinates in the file count nodes and have no unit: is L right?")
+    shape = texts[0].shape if texts else None
     if unit and L * METRES[unit] > LONGEST:
         notes.append(
             f"L = {L:.6g} {unit} is longer than {LONGEST:g} m, too long for a scan of roughness: is the unit right?"
@@ -191,31 +202,32 @@ def _digest(path: Path, key: str) -> str:
 
 
 def _described(body: HeightFile | CounterBody, sha256: str, key: str) -> Description | None:
-    """Return what counts of what a file gives; None if it gives nothing beside its heights."""
+    """Return size and units of a file, without those the study ignores; None for a format without."""
     path = Path(body.file)
-    if path.suffix.lower() in BARE_FORMATS:  # nothing, and numpy need not be imported to know it
+    if path.suffix.lower() in BARE_FORMATS:  # no import of numpy for these
         return None
+    ignored = body.header == "ignore"
     try:
-        found = _asked(path, sha256, body.variable, body.columns, body.header == "ignore")
+        description = _description(path, sha256, body.variable, body.columns, ignored)
     except (DatasetError, SurfaceError) as error:
         _wrong(str(error), f"{key}.file")
-    return replace(found, sides=None, unit=None, heights_unit=None) if body.header == "ignore" else found
+    return replace(description, sides=None, unit=None, heights_unit=None) if ignored else description
 
 
 def _shape(body: Body, key: str) -> tuple[int, int]:
-    """Return the nodes of a file that gives nothing beside its heights."""
+    """Return the nodes of a file without size and units."""
     try:
-        return _asked(body.file, body.sha256, body.variable, body.columns, ignore_header=True).shape
+        return _description(body.file, body.sha256, body.variable, body.columns, ignored=True).shape
     except (DatasetError, SurfaceError) as error:
         _wrong(str(error), f"{key}.file")
 
 
 @functools.lru_cache(maxsize=64)
-def _asked(path: Path, sha256: str, variable: str | None, columns: str | None, ignore_header: bool) -> Description:
-    """Return what a file gives; asked again of the same content, without opening it."""
+def _description(path: Path, sha256: str, variable: str | None, columns: str | None, ignored: bool) -> Description:
+    """Return size and units of a file; equal content is read once."""
     from roughvol.surfaces.files import reading
 
-    return reading.describe(path, variable, columns=columns, ignore_header=ignore_header)
+    return reading.describe(path, variable, columns=columns, ignore_header=ignored)
 
 
 def _wrong(message: str, key: str) -> NoReturn:

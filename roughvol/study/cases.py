@@ -45,7 +45,7 @@ SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")
 
 @dataclass(frozen=True)
 class Case:
-    """One surface pressed once: everything `campaign.run_case` needs, picklable.
+    """One surface pressed once: the picklable input of `campaign.run_case`.
 
     A generated surface has ``D``, ``m``, ``seed`` and ``midpoint_law``, a measured one ``bodies`` and ``treatment``.
     """
@@ -112,7 +112,7 @@ class Case:
 
     @functools.cached_property
     def id(self) -> str:
-        """A readable prefix and 8 hexadecimal digits of the sha256 of `key`: ``D2.30_m8_s003-1f9c2a7b``."""
+        """Readable prefix and 8 hexadecimal digits of the sha256 of `key`: ``D2.30_m8_s003-1f9c2a7b``."""
         text = json.dumps(self.key, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return f"{self._prefix}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
@@ -170,7 +170,7 @@ class Places:
 
 
 class Study(Strict):
-    """A study: which surfaces, pressed how far, solved how accurately, and what is stored."""
+    """A study: surfaces, material, end of the sweep, accuracy, and stored quantities."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", max_length=100)] = Field(
         default="study",
@@ -184,11 +184,11 @@ class Study(Strict):
     material: Annotated[
         Annotated[ContactModulus, Tag("<modulus>")] | Annotated[YoungPoisson, Tag("<young>")],
         Discriminator(tag_material),
-    ] = Field(default=ContactModulus(), description="{E_star} or {E, nu}, and hardness if known")
-    sweep: Sweep = Field(default=Sweep(), description="{steps, to}: how far the surfaces are pressed")
+    ] = Field(default=ContactModulus(), description="{E_star} or {E, nu}, optionally hardness")
+    sweep: Sweep = Field(default=Sweep(), description="{steps, to}: number of steps and last state")
     solver: Annotated[Solver, Word("paper", (("method", "paper"),))] = Field(
         default=Solver(),
-        description="{accuracy, rtol or max_error, kernel, method}; the word 'paper' is short for {method: paper}",
+        description="{accuracy, rtol or max_error, kernel, method}; 'paper' is short for {method: paper}",
     )
     record: Record = Field(
         default=Record(),
@@ -206,7 +206,7 @@ class Study(Strict):
 
     @contextlib.contextmanager
     def placing(self) -> Iterator[None]:
-        """Give the problems of a `StudyError` raised inside their file and line."""
+        """Add file and line to the problems of a `StudyError` raised inside."""
         try:
             yield
         except StudyError as error:
@@ -259,7 +259,13 @@ class Study(Strict):
 
 
 def json_schema() -> dict[str, Any]:
-    """Return the JSON schema (draft 2020-12) of a study file, for editors."""
+    """Return the JSON schema (draft 2020-12) of a study file.
+
+    Returns
+    -------
+    dict
+        Schema with the descriptions of all keys, for completion and checks in editors.
+    """
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Study.model_json_schema()}
 
 
@@ -267,10 +273,10 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     """Yield key path and message of each conflict between keys, from plain data that may have other faults."""
 
     def mapping(*path: str) -> dict[str, Any]:
-        here: Any = data
+        section: Any = data
         for part in path:
-            here = here.get(part) if isinstance(here, dict) else None
-        return here if isinstance(here, dict) else {}
+            section = section.get(part) if isinstance(section, dict) else None
+        return section if isinstance(section, dict) else {}
 
     surface, record, steps = mapping("surface"), mapping("record"), mapping("sweep").get("steps", 60)
 
@@ -289,22 +295,22 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     asked: list[KeyPath] = [(name,) for name in pressed if record.get(name) is not None]
     asked += [("texture", "at")] if at not in (None, "last") else []  # texture before load needs no contact
     for path in asked if steps == 0 else ():
-        yield ("record", *path), "there is no contact to record, since sweep.steps is 0"
+        yield ("record", *path), "no contact to record: sweep.steps is 0"
     selectors = [("record", *path) for path in SELECTORS]
-    levels = [(*place, kind) for place in selectors for kind in mapping(*place)]
-    for place in levels if steps != 0 else ():
-        kind = place[-1]
+    levels = [(*keys, kind) for keys in selectors for kind in mapping(*keys)]
+    for keys in levels if steps != 0 else ():
+        kind = keys[-1]
         for _, last in _numbers(steps if kind == "step" else end.get(kind)):
             sign = -1 if kind == "separation" else 1  # the separation falls on the way
-            for path, level in _numbers(mapping(*place[:-1])[kind], *place):
+            for path, level in _numbers(mapping(*keys[:-1])[kind], *keys):
                 if sign * (level - last) > 1e-9 * max(1.0, abs(last)):
                     yield path, f"{number_text(level)} is not reached: the sweep ends at {kind} {number_text(last)}"
 
     lists = [("surface", "D"), ("surface", "m"), ("surface", "seeds"), ("record", "box_counting", "thresholds")]
     lists += [("record", "region_widths", "shares")]
-    for place in (*lists, *levels):
+    for keys in (*lists, *levels):
         seen: set[float] = set()
-        for path, number in _numbers(mapping(*place[:-1]).get(place[-1]), *place):
+        for path, number in _numbers(mapping(*keys[:-1]).get(keys[-1]), *keys):
             if number in seen:
                 yield path, f"duplicate value {number_text(number)}"
             seen.add(number)
@@ -312,7 +318,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     counts = [len(list(_numbers(surface.get(name)))) for name in ("D", "m", "seeds")]
     cases = counts[0] * counts[1] * (seeds if isinstance(seeds, int) else counts[2])
     if cases > MAX_CASES:
-        yield ("surface",), f"makes {cases} cases (D times m times seeds), at most {MAX_CASES} are allowed"
+        yield ("surface",), f"makes {cases} cases (D times m times seeds); allowed: at most {MAX_CASES}"
 
 
 def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
@@ -322,21 +328,24 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
     for path, body in bodies:
         suffix = suffixes.get(path, "")
         if body.get("variable") is not None and suffix in HEIGHT_FORMATS and suffix not in SEVERAL_ARRAYS:
-            yield (*path, "variable"), f"a {suffix} file holds one array, without a name: leave 'variable' out"
+            yield (*path, "variable"), f"a {suffix} file holds one array without a name: omit 'variable'"
     if "file" not in surface or not set(suffixes.values()) <= {*BARE_FORMATS}:
-        return  # other files may give what the study does not
+        return  # other formats may have sizes and units
     if surface.get("L") is None and surface.keys() <= HeightFile.model_fields.keys():
-        yield ("surface", "L"), f"missing, and the file does not give it ({HeightFile.model_fields['L'].description})"
+        yield ("surface", "L"), f"missing, and the file has no size ({HeightFile.model_fields['L'].description})"
     if surface.get("unit") is not None or length_unit(surface.get("L")) is not None:
         return
     crop = surface["crop"] if isinstance(surface.get("crop"), dict) else {}
     lengths: list[tuple[KeyPath, Any]] = [(("low_pass",), surface.get("low_pass"))]
     lengths += [
-        (("crop", axis), place) for axis, places in crop.items() if isinstance(places, list) for place in places
+        (("crop", axis), position)
+        for axis, positions in crop.items()
+        if isinstance(positions, list)
+        for position in positions
     ]
     for key, length in lengths:
         if has_unit(length):
-            yield ("surface", *key), f"has a unit ({length}) and L has none: give both with theirs, as L: 100 um"
+            yield ("surface", *key), f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
 
 
 def _unit_conflicts(
@@ -346,15 +355,15 @@ def _unit_conflicts(
     own, unit = length_unit(surface.get("L")), surface.get("unit")
     has_length = own is not None or unit is not None
     if own is not None and unit not in (None, own):
-        yield ("surface", "unit"), f"L has its unit already ({surface['L']}): leave 'unit' out"
+        yield ("surface", "unit"), f"L has a unit already ({surface['L']}): omit 'unit'"
     if has_unit(surface.get("Sq")) and not has_length:
-        yield ("surface", "Sq"), f"has a unit ({surface['Sq']}) and L has none: give both with theirs, as L: 100 um"
+        yield ("surface", "Sq"), f"has a unit ({surface['Sq']}) and L has none: give L with its unit, as L: 100 um"
     modulus = material.get("E_star", material.get("E"))
     if has_unit(material.get("hardness")) and not has_unit(modulus):
-        yield ("material", "hardness"), "has a unit and the modulus has none: give both with theirs, or none"
+        yield ("material", "hardness"), "has a unit and the modulus has none: give both with units, or none"
     other = material.get("against")
     if isinstance(other, dict) and has_unit(other.get("E")) and not has_unit(modulus):
-        yield ("material", "against", "E"), "has a unit and that of the first body has none: give both with theirs"
+        yield ("material", "against", "E"), "has a unit and that of the first body has none: give both with units"
     wanted = record.get("dimensional")
     for name in [key for key, value in wanted.items() if value is not None] if isinstance(wanted, dict) else ():
         if name == "pressure" and not has_unit(modulus):
@@ -364,7 +373,7 @@ def _unit_conflicts(
         needs = {"leak_rate": "transmissivity", "critical_gap": "constriction"}.get(name)
         transport = record.get("transport")
         if needs and not (isinstance(transport, dict) and transport.get(needs) is not None):
-            yield ("record", "dimensional", name), f"is made from record.transport.{needs}, which is not asked for"
+            yield ("record", "dimensional", name), f"needs record.transport.{needs}"
 
 
 def _numbers(value: Any, *path: str | int) -> Iterator[tuple[KeyPath, float]]:

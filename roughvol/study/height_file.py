@@ -1,6 +1,6 @@
-"""The section ``surface`` of a study of measured heights: one file or two, and their treatment.
+"""The section ``surface`` of measured heights: one file, or two for two rough bodies, and their treatment.
 
-Sizes and units in the files are read when the cases are made, see `agreement`.
+Sizes and units in a file are read when the cases are made, see `agreement`.
 """
 
 from __future__ import annotations
@@ -24,24 +24,22 @@ from roughvol.study.units import Length, unit_of
 from roughvol.study.yaml_text import printable
 from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, Resampling
 
-BARE_FORMATS = (".npy", ".npz")  # give neither size nor unit
+BARE_FORMATS = (".npy", ".npz")  # formats without size and unit
 HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".tif", ".tiff")
-EXTRA = "roughvol[measured]"  # with it, the formats of instruments
+EXTRA = "roughvol[measured]"  # adds the formats of instruments
 
 _FILE = (
-    f"height field, one of {' '.join('*' + ending for ending in HEIGHT_FORMATS)}, or with {EXTRA} a file of an "
+    f"height field, one of {' '.join('*' + suffix for suffix in HEIGHT_FORMATS)}, or with {EXTRA} a file of an "
     "instrument (*.al3d *.sur *.x3p *.gwy ...), relative to the study file"
 )
-_VARIABLE = (
-    "name of the array inside an .npz or .nc file, or of the channel in a file of an instrument; or its number from 0"
-)
-_HEIGHTS_UNIT = "unit of the heights in a file that names none"
-_COLUMNS = "'heights': all columns of a text are heights, even three columns like points x y z"
-_HEADER = "'ignore': L and heights_unit of the study replace sizes and units in the file"
+_VARIABLE = "array of an .npz or .nc file, or channel of a file of an instrument: its name or its number from 0"
+_HEIGHTS_UNIT = "unit of the heights, if the file has none"
+_COLUMNS = "'heights': all columns of a text are heights, even three as of points x y z"
+_HEADER = "'ignore': use L and heights_unit of the study instead of sizes and units in the file"
 
 
 class Located(str):
-    """The absolute path of a height file, with the text of the study that names it."""
+    """Absolute path of a height file with its text in the study."""
 
     written: str
 
@@ -52,17 +50,17 @@ class Located(str):
         return new
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Survive pickling."""
+        """Pickle the text too."""
         return Located, (str(self), self.written)
 
     @property
     def portable(self) -> str:
-        """The text, or the name of the file where the text is an absolute path."""
+        """Text in the study; for an absolute path, the name of the file."""
         return Path(self.written).name if Path(self.written).is_absolute() else self.written
 
 
 def _located(value: str, info: ValidationInfo) -> str:
-    """Return the absolute path of an existing height file, or the text in a stored study."""
+    """Return the absolute path of an existing height file; of a stored study, the text."""
     context = info.context or {}
     if context.get("stored"):
         return Located(value, value)
@@ -78,12 +76,12 @@ def _located(value: str, info: ValidationInfo) -> str:
     except (OSError, ValueError):  # a name too long, a folder without access
         exists = False
     if not exists:
-        refuse("there is no such file ({path})", path=printable(str(path)))
+        refuse("no such file ({path})", path=printable(str(path)))
     return Located(str(path), getattr(value, "written", value))
 
 
 def _path_text(value: str, info: SerializationInfo) -> str:
-    """Return the absolute path, or the text in a stored study."""
+    """Return the absolute path; for stored studies, the portable text."""
     stored = bool((info.context or {}).get("stored"))
     return value.portable if stored and isinstance(value, Located) else str(value)
 
@@ -106,8 +104,8 @@ class CounterBody(Strict):
     header: Header | None = Field(default=None, description=_HEADER)
     mirror: Mirror = Field(
         default="none",
-        description="'none': its node [i, j] faces node [i, j] of the first; 'x' or 'y': its first or second axis is "
-        "reversed, as for two scans that each look onto their own surface, one body then turned over",
+        description="'none': node [i, j] faces node [i, j] of the first; 'x' or 'y': first or second axis reversed, as "
+        "for two scans from above, one body turned over",
     )
 
     _file = field_validator("file")(_located)
@@ -115,55 +113,55 @@ class CounterBody(Strict):
 
 
 class HeightFile(Strict):
-    """One surface read from a file of heights, square or not, or the sum of two that face each other."""
+    """A surface from a height file, or the sum of two that face each other."""
 
     file: str = Field(description=_FILE)
     L: Length | None = Field(
         default=None,
-        description="length of the first axis, L > 0, with its unit or in that of the heights; default: the size given "
-        "in the file, which it must equal",
+        description="length of the first axis, L > 0, with its unit or in that of the heights; default: size in the "
+        "file, with which it must agree",
     )
     variable: Variable | None = Field(default=None, description=_VARIABLE)
     unit: LengthUnit | None = Field(
-        default=None, description=f"{UNIT}; heights of a file that names its own unit are converted"
+        default=None, description=f"{UNIT}, or that of the file; heights in other units are converted"
     )
-    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + ", if not that of L")
+    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of L")
     columns: Columns | None = Field(default=None, description=_COLUMNS)
     header: Header | None = Field(default=None, description=_HEADER)
     crop: Crop | None = Field(
         default=None,
-        description="{x: [from, to], y: [from, to]}: the pressed part of the map, by shares of its sides or by "
-        "lengths with a unit; L is that of the whole map",
+        description="{x: [from, to], y: [from, to]}: part of the map to press, as shares of its sides or lengths "
+        "with a unit; L is that of the whole map",
     )
     outliers: Outliers | None = Field(
         default=None,
-        description="{sigma, window}: take out heights that are single spikes; {} takes the defaults, 6 and 5 nodes",
+        description="{sigma, window}: remove single spikes; {}: 6 and 5 nodes",
     )
     downsample: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=1, description="take the means of so many nodes a side, 1 to 1000; 1 keeps every node"
+        default=1, description="side in nodes of block means, 1 to 1000; 1 keeps every node"
     )
     resample: Resampling = Field(
         default="none",
-        description="'none', or 'square': interpolate heights of pixels that are off square onto square ones",
+        description="'none', or 'square': interpolate oblong pixels onto square ones",
     )
     level: Levelling = Field(
         default="none",
-        description="least-squares surface subtracted from the known heights: 'none', their 'mean', a plane "
-        "('tilt') or a 'quadratic'",
+        description="least-squares surface subtracted from the known heights: 'none', 'mean', plane ('tilt') or "
+        "'quadratic'",
     )
     missing: Missing = Field(
         default="refuse",
-        description="treatment of missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate'"
-        " (each the mean of its neighbours)",
+        description="missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate' (each the mean "
+        "of its neighbours)",
     )
     low_pass: Length | None = Field(
         default=None,
-        description="cut-off wavelength of a Gaussian filter (ISO 16610-61) that removes shorter waves, in the unit "
-        "of L, from twice the spacing to the shorter side",
+        description="cut-off wavelength of a Gaussian low-pass filter (ISO 16610-61), with its unit or in that of L, "
+        "from twice the spacing to the shorter side; default: no filter",
     )
     against: CounterBody | None = Field(
         default=None,
-        description="{file, variable, mirror}: the other of two rough bodies; the heights are added",
+        description="{file, variable, mirror}: the second of two rough bodies; heights are added",
     )
 
     _file = field_validator("file")(_located)
@@ -171,10 +169,10 @@ class HeightFile(Strict):
 
     @property
     def length_unit(self) -> str | None:
-        """Unit of L, of the heights and of all stored lengths, None without one."""
+        """Unit of all lengths in the study; None without one."""
         return unit_of(self.L) or self.unit
 
     @property
     def bodies(self) -> tuple[HeightFile | CounterBody, ...]:
-        """The one body or the two."""
+        """One body or two."""
         return (self,) if self.against is None else (self, self.against)

@@ -1,4 +1,4 @@
-"""The section ``material`` of a study: the moduli in any unit, the hardness in the same or its own."""
+"""The section ``material`` of a study: moduli in any unit, hardness in the same or in its own."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from roughvol.study.sections import Strict
 from roughvol.study.units import Pressure, in_unit, unit_of
 
 PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
-_HARDNESS = "hardness, > 0, in the unit of the modulus, or with its unit as 2 GPa"
+_HARDNESS = "hardness, > 0, in the unit of the modulus, or as 2 GPa"
 
 
 class ContactModulus(Strict):
-    """The material by its contact modulus. Starred answers do not depend on it."""
+    """The material by its contact modulus E*; starred results do not depend on it."""
 
     E_star: Pressure = Field(default=1.0, description="contact modulus E/(1-nu^2), > 0, as 1 or 100 GPa")
     hardness: Pressure | None = Field(default=None, description=_HARDNESS)
@@ -54,7 +54,7 @@ class YoungPoisson(Strict):
 
     @property
     def contact_modulus(self) -> float:
-        """E* in the unit of the study: 1/E* = (1-ν²)/E, plus the same term of another elastic body."""
+        """E* in the unit of the study: 1/E* = (1-ν²)/E, plus (1-ν₂²)/E₂ of another elastic body."""
         own = float(self.E) / (1 - self.nu**2)
         if self.against is None:
             return own

@@ -1,4 +1,4 @@
-"""The section ``record`` of a study: the observables stored, their states, and their part of the surface."""
+"""The section ``record`` of a study: stored quantities, their states, and the region observed."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ from roughvol.study.yaml_text import number_text
 
 
 class Select(Choice):
-    """The states to record: the last one, steps, or levels.
+    """States to record: the last one, steps, or levels.
 
-    Fields, densities and box counts belong to the level itself, solved for them. Quantities along the steps belong to
-    the first step at the level or beyond.
+    Fields, densities and box counts are those of the state at the level, solved for them. Quantities along the steps
+    are those of the first step at the level or beyond it.
     """
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
@@ -57,7 +57,7 @@ class Select(Choice):
 
     @property
     def levels(self) -> tuple[Level, ...]:
-        """The levels in the order of their kinds, ``Level("last")`` without any."""
+        """Levels, kind by kind; ``Level("last")`` without any."""
         levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
         return tuple(levels) or (Level("last"),)
 
@@ -69,7 +69,7 @@ _STATES = "'last', or levels of step, contact_area, pressure, separation, indent
 class BoxCounting(Strict):
     """Box counting of the domains v <= threshold × max(v)."""
 
-    at: Selector = Field(default=Select(), description=f"the states to count at: {_STATES}")
+    at: Selector = Field(default=Select(), description=f"states: {_STATES}")
     thresholds: Many[Fraction] = Field(
         default=(0.0, 0.1, 0.25, 0.5, 1.0), description="fractions of the largest element volume, 0 to 1; a list"
     )
@@ -79,8 +79,8 @@ class VolumeDensity(Strict):
     """The density f(v) of the free volume per element."""
 
     bins: Annotated[Whole, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
-    at: Selector = Field(default=Select(), description=f"the states to take f(v) at: {_STATES}")
-    include_contact: bool = Field(default=False, description="whether elements in contact (v = 0) count: true or false")
+    at: Selector = Field(default=Select(), description=f"states: {_STATES}")
+    include_contact: bool = Field(default=False, description="include elements in contact (v = 0): true or false")
 
 
 class Switch:
@@ -128,31 +128,29 @@ class Transport(Choice):
     percolation: States | None = Field(
         default=None, description=f"percolation, connected and trapped volume, clusters, pockets: {_WHEN}"
     )
-    constriction: States | None = Field(default=None, description=f"critical gap along x and y, and its place: {_WHEN}")
+    constriction: States | None = Field(default=None, description=f"critical gap and its position, x and y: {_WHEN}")
     transmissivity: States | None = Field(default=None, description=f"flow of div(g^3 grad P) = 0, x and y: {_WHEN}")
     diffusivity: States | None = Field(default=None, description=f"flow of div(g grad P) = 0, x and y: {_WHEN}")
     estimates: States | None = Field(
         default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
     )
-    flux_at: Selector | None = Field(
-        default=None, description=f"store the flux of div(g^3 grad P) = 0 as fields at these states: {_STATES}"
-    )
+    flux_at: Selector | None = Field(default=None, description=f"flux of div(g^3 grad P) = 0 as fields: {_STATES}")
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> Transport:
         if not self.named:
-            refuse("names no quantity: {known}", known=", ".join(type(self).model_fields))
+            refuse("must name at least one of {known}", known=", ".join(type(self).model_fields))
         return self
 
 
 class Region(Strict):
-    """A rectangle of the surface, by the shares of its sides."""
+    """A rectangle of the surface, as shares of its sides."""
 
     x: tuple[Fraction, Fraction] = Field(
-        default=(0.0, 1.0), description="from and to along the first axis over its length, 0 <= from < to <= 1"
+        default=(0.0, 1.0), description="[from, to] along the first axis over its length, 0 <= from < to <= 1"
     )
     y: tuple[Fraction, Fraction] = Field(
-        default=(0.0, 1.0), description="from and to along the second axis over its length, 0 <= from < to <= 1"
+        default=(0.0, 1.0), description="[from, to] along the second axis over its length, 0 <= from < to <= 1"
     )
 
     @field_validator("x", "y", mode="before")
@@ -171,25 +169,26 @@ class Region(Strict):
 
     @property
     def label(self) -> str:
-        """The region in words, for datasets."""
+        """Region in words, for datasets."""
         return "x/L_x {} to {}, y/L_y {} to {}".format(*map(number_text, (*self.x, *self.y)))
 
 
 class RegionWidths(Strict):
-    """A*, p*, V* and the transmissivity inside central squares of several widths, from one solution."""
+    """A*, p*, V* and transmissivity inside central squares of several widths, from one solution."""
 
     shares: Many[AreaFraction] = Field(
-        default=(1.0, 0.75, 0.5, 0.25), description="widths of the central regions over that of the surface, 0 to 1"
+        default=(1.0, 0.75, 0.5, 0.25),
+        description="widths of the central squares over that of the surface, 0 to 1",
     )
     at: States = Field(default=EVERY_STEP, validate_default=True, description=f"states of A*, p* and V*: {_WHEN}")
     transmissivity: States | None = Field(default=None, description=f"states of the transmissivity, x and y: {_WHEN}")
 
 
 class LeakRate(Strict):
-    """The flow of an incompressible liquid through the gap: pressure drop and viscosity."""
+    """Volume flow of an incompressible liquid through the gap: pressure drop, viscosity, unit."""
 
     pressure_drop: Annotated[Positive, In("pressure", needed=True)] = Field(
-        description="pressure between the two sides of the region, > 0, with its unit as 1 bar"
+        description="pressure difference between two sides of the region, > 0, with its unit as 1 bar"
     )
     viscosity: Annotated[Positive, In("viscosity", needed=True)] = Field(
         description="dynamic viscosity, > 0, with its unit as 1 mPa*s"
@@ -198,7 +197,7 @@ class LeakRate(Strict):
 
     @property
     def drive(self) -> float:
-        """ΔP/μ; its product with a volume in m³ is a flow in the unit of the leak rate."""
+        """ΔP/μ times 1 m³, in the unit of the leak rate."""
         drop, viscosity = in_unit(self.pressure_drop, "Pa"), in_unit(self.viscosity, "Pa*s")
         assert drop is not None
         assert viscosity is not None
@@ -206,7 +205,7 @@ class LeakRate(Strict):
 
 
 class Dimensional(Choice):
-    """Quantities stored with a unit beside the starred ones, computed from these alone."""
+    """Quantities stored with a unit beside the starred value. They need no further solution."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
@@ -232,7 +231,7 @@ class Dimensional(Choice):
     @model_validator(mode="after")
     def _asks_for_something(self) -> Dimensional:
         if not self.named:
-            refuse("names no quantity: {known}", known=", ".join(type(self).model_fields))
+            refuse("must name at least one of {known}", known=", ".join(type(self).model_fields))
         return self
 
 
@@ -240,13 +239,13 @@ INTERIOR = (("x", (0.25, 0.75)), ("y", (0.25, 0.75)))  # the central half of eac
 
 
 class Record(Strict):
-    """Quantities stored beyond those of every step."""
+    """Quantities stored beside the numbers of every step."""
 
     heights: bool = Field(default=False, description="store the heights: true or false")
-    fields_at: Selector | None = Field(default=None, description=f"store gap and pressure at these states: {_STATES}")
-    box_counting: BoxCounting | None = Field(default=None, description="box counting; {} takes the defaults")
+    fields_at: Selector | None = Field(default=None, description=f"gap and pressure as fields: {_STATES}")
+    box_counting: BoxCounting | None = Field(default=None, description="box counting; {}: defaults")
     volume_density: VolumeDensity | None = Field(
-        default=None, description="density of the volumes; {} takes the defaults"
+        default=None, description="density of the element volumes; {}: defaults"
     )
     texture: Annotated[Texture | None, Switch()] = Field(
         default=None,
@@ -259,15 +258,15 @@ class Record(Strict):
     )
     region: Annotated[Region, Word("interior", INTERIOR)] | None = Field(
         default=None,
-        description="part of the surface for all observables but heights and fields: 'interior' (the central half of "
-        "each side) or {x: [from, to], y: [from, to]}; default: the whole",
+        description="region of all observables but heights and fields: 'interior' (the central half of each side) or "
+        "{x: [from, to], y: [from, to]}; default: the whole surface",
     )
     region_widths: RegionWidths | None = Field(
         default=None,
-        description="A*, p*, V* and transmissivity of central squares of several widths; {} takes the defaults",
+        description="A*, p*, V* and transmissivity of central squares of several widths; {}: defaults",
     )
     dimensional: Dimensional | None = Field(
-        default=None, description="quantities stored with units as well: pressure, free_volume, mean_gap, leak_rate …"
+        default=None, description="quantities stored with units too: pressure, free_volume, mean_gap, leak_rate …"
     )
 
 

@@ -1,9 +1,8 @@
 """The sections of a study as strict, frozen records.
 
-The description of each field goes into the JSON schema and the error messages, with the values allowed. Lengths (``L``,
-``Sq``) have any unit, that of the heights. Moduli and hardness have any unit, the same for both. Each may name its own
-(``100 um``, ``210 GPa``). The levels of a sweep or a selector are dimensionless: ``indentation`` Δ/σ, ``separation``
-d/σ, ``contact_area`` A* (fraction of the elements in contact), ``pressure`` p* = mean(p) L/(E* σ).
+The description of a field has its allowed values: the JSON schema and error messages show it. Lengths and heights have
+one unit, moduli and hardness another; a number may have its own (``100 um``, ``210 GPa``). Levels of a sweep are
+dimensionless: ``indentation`` Δ/σ, ``separation`` d/σ, ``contact_area`` A*, ``pressure`` p* = mean(p) L/(E* σ).
 """
 
 from __future__ import annotations
@@ -32,24 +31,23 @@ from roughvol.study.yaml_text import number_text
 from roughvol.surfaces.length_units import factor
 
 ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
-"""Bound on the residual η/σ of each solve, by accuracy."""
+"""Bound of the residual η/σ for each accuracy."""
 
 EXPECTED = {"draft": (4e-4, 8e-4, 9e-5), "standard": (2e-5, 2e-6, 3e-8), "reference": (0.0, 2e-9, 2e-10)}
-"""Largest errors of A*, of p* (relative) and of V* at each accuracy, rounded up.
+"""Largest errors of A*, p* (relative) and V*, rounded up, from `roughvol tradeoff configs/tradeoff.yaml`.
 
-Command: `roughvol tradeoff configs/tradeoff.yaml`. That of A* at standard is one element of m = 8. Other surfaces and
-sweeps differ by a factor of a few. Only the bounds are certain, for V* η/σ itself.
+That of A* at standard is one element of m = 8. Other surfaces differ by a factor of a few. η/σ is a bound for V*.
 """
 
-LOOSEST = 1e-2  # largest useful bound of η/σ: beyond it, steps start from a poor state and cost more
-PAPER_MAX_M = 6  # the paper's algorithm holds a dense matrix of 4^m rows
+LOOSEST = 1e-2  # residual η/σ; a sweep with a looser one costs more, since its steps start from poor states
+PAPER_MAX_M = 6  # the paper's algorithm has a dense matrix of 4^m rows
 MAX_SEEDS = 10_000
 
 T = TypeVar("T")
 
 
 def refuse(message: str, **context: str) -> NoReturn:
-    """Refuse a value inside a validator, with a message of our own."""
+    """Raise the error of a validator with this message."""
     kind = "refused"
     raise PydanticCustomError(kind, message, context)
 
@@ -60,14 +58,14 @@ def names(*models: type[BaseModel]) -> list[str]:
 
 
 def nearest(word: str, known: list[str]) -> str | None:
-    """Return the known word closest to ``word``, upper and lower case alike."""
+    """Return the known word most similar to ``word``, ignoring case; None without one."""
     lower = {name.lower(): name for name in known}
     close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.65)
     return lower[close[0]] if close else None
 
 
 class _OneOrMany:
-    """Accept one value in place of a list, also in the JSON schema."""
+    """Accept a value or a list of values, also in the JSON schema."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_before_validator_function(self._listed, handler(source))
@@ -107,7 +105,7 @@ class Word:
 
 
 def whole(value: Any) -> Any:
-    """Return a whole number like 8.0 as an integer, other values unchanged."""
+    """Return a number like 8.0 as an integer, other values unchanged."""
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
@@ -121,49 +119,48 @@ AreaFraction = Annotated[float, Field(gt=0, le=1)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 StepNumber = Annotated[Whole, Field(ge=1)]
 LengthUnit = Annotated[str, UnitOf("length")]
-UNIT = "unit of L, of the heights and of the stored lengths; default: none"
+UNIT = "unit of L, of the heights and of stored lengths; default: none"
 
 
 class Strict(BaseModel):
-    """A frozen record that refuses unknown keys."""
+    """A frozen record without unknown keys."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 def _count_in_schema(schema: dict[str, Any]) -> None:
-    schema["anyOf"][0] = {"type": "integer", "minimum": 1, "maximum": MAX_SEEDS}  # a number counts the seeds
+    schema["anyOf"][0] = {"type": "integer", "minimum": 1, "maximum": MAX_SEEDS}  # a number of seeds
 
 
 class GeneratedSurface(Strict):
-    """Surfaces made by random midpoint displacement, one case per combination of D, m and seed."""
+    """Surfaces by random midpoint displacement; every combination of D, m and seed is a case."""
 
     D: Many[Dimension] = Field(description="fractal dimension of the generated surface, 2 < D < 3; a number or a list")
     m: Many[Refinement] = Field(description="2^m + 1 nodes per side, whole, 1 <= m <= 13; a number or a list")
-    L: Length = Field(default=100.0, description="lateral size, L > 0, as 100 or with its unit as 100 um")
+    L: Length = Field(default=100.0, description="lateral size, L > 0, as 100 or 100 um")
     seeds: Many[Seed] = Field(
         default=10,
         validate_default=True,
         json_schema_extra=_count_in_schema,
-        description=f"how many seeds, 1 to {MAX_SEEDS} (10 means seeds 0 to 9), or a list of seeds >= 0",
+        description=f"number of seeds, 1 to {MAX_SEEDS} (10: seeds 0 to 9), or a list of seeds >= 0",
     )
     midpoint_law: Literal["std", "variance"] = Field(
-        default="std",
-        description="quantity divided by 2^((3-D)/2) at each half step: 'std' or 'variance' of the displacement",
+        default="std", description="quantity divided by 2^((3-D)/2) in each half step: 'std' or 'variance'"
     )
     unit: LengthUnit | None = Field(default=None, description=UNIT)
     Sq: Length | None = Field(
         default=None,
-        description="root mean square height > 0 to which the heights stored are scaled, with its unit or in that of L",
+        description="root mean square of the stored heights, > 0, with its unit or in that of L; default: not scaled",
     )
 
     @property
     def length_unit(self) -> str | None:
-        """Unit of L, of the heights and of all stored lengths; None for an arbitrary one."""
+        """Unit of all lengths; None for an arbitrary one."""
         return unit_of(self.L) or self.unit
 
     @property
     def height(self) -> float | None:
-        """The Sq of the heights in the unit of L, None if they are not scaled."""
+        """Sq of the scaled heights in the unit of L; None if they are not scaled."""
         given = unit_of(self.Sq)
         if self.Sq is None or given is None or self.length_unit is None:
             return self.Sq
@@ -176,13 +173,13 @@ class GeneratedSurface(Strict):
         if not isinstance(value, int) or isinstance(value, bool):
             return value
         if not 1 <= value <= MAX_SEEDS:
-            refuse("must be 1 to {most} when it counts the seeds", most=str(MAX_SEEDS))
+            refuse("a number of seeds must be 1 to {most}", most=str(MAX_SEEDS))
         return tuple(range(value))
 
 
 @dataclass(frozen=True)
 class Level:
-    """A state of a sweep: ``last``, a plane (value None), a step, or a level of a quantity."""
+    """A state of a sweep: ``last``, a plane, a step, or a quantity and its value."""
 
     kind: str
     value: float | None = None
@@ -194,11 +191,11 @@ class Level:
 
 
 class Choice(Strict):
-    """A mapping whose absent keys have no default."""
+    """A mapping with optional keys."""
 
     @property
     def named(self) -> dict[str, Any]:
-        """The given keys and their values."""
+        """Given keys and their values."""
         return {name: value for name, value in self.__dict__.items() if value not in (None, ())}
 
     @model_serializer
@@ -212,7 +209,7 @@ class Target(Choice):
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     percolation: Literal["x", "y", "both"] | None = Field(
-        default=None, description="end where no void connects the sides any more: along 'x', along 'y', along 'both'"
+        default=None, description="end without an open way from side to side: along 'x', 'y' or 'both'"
     )
     indentation: Positive | None = Field(default=None, description="end at this Δ/σ > 0")
     contact_area: AreaFraction | None = Field(default=None, description="end at this A*, 0 < A* <= 1")
@@ -224,11 +221,11 @@ def _tag_to(value: Any) -> str:
     return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
 
 
-# A tag selects one form of a mapping: only the problems of that form are reported.
+# The form of a mapping: only its problems are reported.
 
 
 def tag_surface(value: Any) -> str:
-    """Return the tag of `HeightFile` if the keys name a file, else that of `GeneratedSurface`."""
+    """Return the tag of `height_file.HeightFile` for keys of a file, else that of `GeneratedSurface`."""
     if not isinstance(value, dict):
         return "<generated>" if isinstance(value, GeneratedSurface) else "<file>"
     hints = not {"D", "m"} & value.keys() and any(nearest(key, ["file", "variable"]) for key in value)
@@ -236,10 +233,10 @@ def tag_surface(value: Any) -> str:
 
 
 class Sweep(Strict):
-    """The indentation of the half space: its end, and the number of equal steps."""
+    """Number of equal steps of indentation, and the last state."""
 
     steps: Annotated[Whole, Field(ge=0, le=10_000)] = Field(
-        default=60, description="number of equal steps of indentation, 0 to 10000; 0 means no contact at all"
+        default=60, description="number of equal steps of indentation, 0 to 10000; 0: no contact"
     )
     to: Annotated[
         Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
@@ -247,13 +244,13 @@ class Sweep(Strict):
         Discriminator(_tag_to),
     ] = Field(
         default="mean-plane",
-        description="where the sweep ends: mean-plane, summit-plane, percolation (no open way left), or one of "
+        description="last state: mean-plane, summit-plane, percolation (no open way left), or one of "
         "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}",
     )
 
     @property
     def target(self) -> Level:
-        """The end of the sweep: a plane or the end of percolation (value None), or a starred value."""
+        """Last state of the sweep: a plane or the end of percolation (value None), or a starred value."""
         if isinstance(self.to, str):
             return Level(self.to)
         kind, value = next(iter(self.to.named.items()))
@@ -261,7 +258,7 @@ class Sweep(Strict):
 
 
 class MaxError(Choice):
-    """Largest errors allowed at any state, certified by the solver."""
+    """Largest allowed errors of any state. The solver ends each state as soon as they are certified."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
@@ -280,17 +277,17 @@ class MaxError(Choice):
 
 
 class Solver(Strict):
-    """Method and accuracy of the solution of the contact."""
+    """Accuracy, kernel and method of the solver."""
 
     accuracy: Literal["draft", "standard", "reference"] = Field(
         default="standard",
         description=f"bound on the residual η/σ: {', '.join(f'{k} {v:g}' for k, v in ACCURACY.items())}",
     )
     rtol: Annotated[float, Field(ge=1e-12, le=1e-1)] | None = Field(
-        default=None, description="bound on the residual η/σ, 1e-12 to 1e-1, in place of that of accuracy"
+        default=None, description="bound on the residual η/σ, 1e-12 to 1e-1; overrides accuracy"
     )
     max_error: MaxError | None = Field(
-        default=None, description="{free_volume, mean_pressure}: errors to stay below, in place of an accuracy"
+        default=None, description="{free_volume, mean_pressure}: largest errors allowed; instead of accuracy and rtol"
     )
     kernel: Literal["love", "punch"] = Field(
         default="love",
@@ -302,9 +299,9 @@ class Solver(Strict):
 
     @property
     def tolerance(self) -> float:
-        """The bound on η/σ: ``rtol``, else ``max_error.free_volume``, else that of ``accuracy``.
+        """Bound of η/σ: ``rtol``, else the error of V* in ``max_error``, else that of ``accuracy``.
 
-        η/σ bounds the error of V*: the largest residual allowed is the largest error allowed.
+        η/σ bounds the error of V*, so the largest residual allowed is the error allowed.
         """
         if self.rtol is not None:
             return self.rtol
@@ -314,15 +311,13 @@ class Solver(Strict):
 
     @property
     def pressure_error(self) -> float | None:
-        """The bound on the relative error of p*, None without one."""
+        """Bound of the relative error of p*; None without one."""
         return self.max_error.mean_pressure if self.max_error else None
 
     @model_validator(mode="after")
     def _one_of(self) -> Solver:
-        if self.max_error is not None and {"rtol", "accuracy"} & self.model_fields_set:
-            given = self.rtol is not None or self.accuracy != "standard"
-            if given:
-                refuse("give one of accuracy, rtol and max_error")
+        if self.max_error is not None and (self.rtol is not None or self.accuracy != "standard"):
+            refuse("give only one of accuracy, rtol and max_error")
         if self.max_error is not None and self.method == "paper" and self.max_error.mean_pressure is not None:
-            refuse("max_error.mean_pressure is certified by method fast only")
+            refuse("max_error.mean_pressure needs method fast")
         return self

@@ -1,8 +1,8 @@
-"""The treatment of measured heights before they are pressed: its keys, and the lattice that remains.
+"""Treatment of measured heights before contact: keys of a study, and the resulting lattice.
 
-The order is fixed. A crop comes first: nothing outside it counts. Outliers are searched at the nodes of the instrument,
-before block means or a spline spread them. Then the lattice is made (``downsample``, ``resample``). Its heights are
-levelled, filled and filtered.
+The order is fixed. First a crop: heights outside have no effect. Then outliers, at the nodes of the instrument, before
+block means or splines spread them. Then ``downsample`` and ``resample`` make the lattice. Its heights are levelled,
+filled and filtered.
 
 Lengths and shares become nodes here: equal nodes have one case id.
 """
@@ -24,8 +24,8 @@ from roughvol.study.yaml_text import number_text
 from roughvol.surfaces.body import Levelling, Missing, Nodes, Resampling, Treatment
 from roughvol.surfaces.length_units import factor
 
-SQUARE = 1e-4  # largest relative difference of the sides of a pixel: a tenth of a pixel over a thousand
-MOST_OBLONG = 2.0  # largest ratio of the sides of a pixel that is resampled
+SQUARE = 1e-4  # relative difference of the sides of a square pixel: a tenth of a pixel over a thousand
+MOST_OBLONG = 2.0  # largest ratio of the sides of a pixel for resampling
 FEWEST = 3  # nodes along an axis
 ROUNDING = 1e-9  # of a position over the length of its axis
 
@@ -33,7 +33,7 @@ Position = Annotated[float, Field(ge=0), In("length")]
 
 
 class Crop(Strict):
-    """A rectangle of a measured map: by shares of its sides, or by lengths with a unit."""
+    """A rectangle of a measured map, as shares of its sides or lengths with a unit."""
 
     x: tuple[Position, Position] = Field(
         default=(0.0, 1.0),
@@ -56,10 +56,11 @@ class Crop(Strict):
     def _alike(cls, value: tuple[float, float]) -> tuple[float, float]:
         units = [unit_of(position) for position in value]
         for position, unit in zip(value, units, strict=True):
+            number = number_text(position)
             if unit is None and position > 1:
-                refuse("{value} is no share of the side, 0 to 1; a length has a unit", value=number_text(position))
+                refuse("{number} is no share of the side, 0 to 1; a length has a unit", number=number)
             if unit is None and any(units) and position not in (0.0, 1.0):
-                refuse("{value} has no unit and the other position has one", value=number_text(position))
+                refuse("{number} has no unit and the other position has one", number=number)
         if units[0] == units[1] and value[0] >= value[1]:
             refuse("must rise, from < to")
         return value
@@ -79,20 +80,20 @@ class Outliers(Strict):
     @classmethod
     def _odd(cls, value: int) -> int:
         if value % 2 == 0:
-            refuse("must be odd, so that the node is in the middle")
+            refuse("must be odd: the node is in the middle")
         return value
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """The nodes of a map along x and y, and the sides of its pixels."""
+    """Nodes of a map and sides of its pixels, each along x and y."""
 
     shape: tuple[int, int]
     pixel: tuple[float, float]
 
     @property
     def ratio(self) -> float:
-        """Side of the pixels along y over that along x."""
+        """Pixel side along y over that along x."""
         return self.pixel[1] / self.pixel[0]
 
     @property
@@ -103,14 +104,14 @@ class Lattice:
 
 @dataclass(frozen=True)
 class File:
-    """A file of heights, and the lengths of its axes along x and y in one unit, None if it gives none."""
+    """A height file, and the lengths of its axes x and y in any one unit; None without."""
 
     path: Path
     sides: tuple[float, float] | None
 
 
 class Keys(Protocol):
-    """The keys of the section ``surface`` for the treatment."""
+    """Keys of the section ``surface`` for the treatment."""
 
     level: Levelling
     missing: Missing
@@ -122,50 +123,50 @@ class Keys(Protocol):
 
 
 def steps(treatment: Treatment, unit: str | None) -> list[str]:
-    """Return the steps of a treatment in their order, in words; lengths are in the unit of the study."""
-    done = []
+    """Return the steps in words, in their order; lengths in the unit of the study."""
+    texts = []
     if treatment.crop is not None:
-        done.append(
+        texts.append(
             "cropped to nodes {} to {} along x and {} to {} along y".format(*treatment.crop[0], *treatment.crop[1])
         )
     if treatment.outliers is not None:
         sigma, window = treatment.outliers
-        done.append(
+        texts.append(
             f"heights farther than {number_text(sigma)} robust deviations from the median of {window} x {window} "
-            "nodes taken out" + (" and filled with the mean of their neighbours" * (treatment.missing == "refuse"))
+            "nodes removed" + (" and filled with the mean of their neighbours" * (treatment.missing == "refuse"))
         )
     if treatment.downsample != 1:
-        done.append(f"means of {treatment.downsample} x {treatment.downsample} nodes taken")
+        texts.append(f"means of {treatment.downsample} x {treatment.downsample} nodes taken")
     if treatment.resample != "none":
-        done.append("heights interpolated onto square pixels of the finer spacing by cubic splines")
+        texts.append("heights interpolated onto square pixels of the finer spacing by cubic splines")
     if treatment.level != "none":
-        done.append(f"least-squares {treatment.level} of the known heights taken off")
+        texts.append(f"least-squares {treatment.level} of the known heights subtracted")
     if treatment.missing != "refuse":
         filling = {"nearest": "the nearest known one", "interpolate": "the mean of their neighbours"}[treatment.missing]
-        done.append(f"missing heights filled with {filling}")
+        texts.append(f"missing heights filled with {filling}")
     if treatment.low_pass is not None:
         cut_off = f"{number_text(treatment.low_pass)} {unit or ''}".rstrip()
-        done.append(
-            f"waves shorter than {cut_off} taken off by the Gaussian filter of ISO 16610-61, "
+        texts.append(
+            f"waves shorter than {cut_off} removed by the Gaussian filter of ISO 16610-61, "
             "its weights renormalised at the edges"
         )
-    return done
+    return texts
 
 
 def settled(
     surface: Keys, files: Sequence[File], shape: Callable[[int], tuple[int, int]], L: float, unit: str | None
 ) -> tuple[Treatment, float, list[float | None]]:
-    """Return the treatment in nodes, the length of the lattice, and the ratio of the sides of the pixels of each file.
+    """Return the treatment in nodes, the remaining length, and the pixel ratio of each file.
 
     Parameters
     ----------
     surface : Keys
         The section of the study.
     files : sequence of File
-        The one file or the two.
+        One file or two.
     shape : callable
-        Returns the nodes of a file by its index. It may read the file: it is called only if the treatment changes the
-        lattice, or the file gives the lengths of its axes.
+        Returns the nodes of a file from its index. It may read the file. It is called only if the treatment changes
+        the lattice, or the file has the lengths of its axes.
     L : float
         Length of the first axis of the first file in the unit of the study.
     unit : str or None
@@ -174,15 +175,16 @@ def settled(
     Returns
     -------
     treatment : Treatment
+        Treatment of each file, positions as node numbers.
     L : float
-        Length of the first axis of the lattice that is pressed.
+        Length of the first axis of the pressed lattice.
     ratios : list of float or None
-        Side of the pixels along y over that along x, None without resampling.
+        Pixel side along y over that along x; None without resampling.
 
     Raises
     ------
     StudyError
-        If pixels are off square, a crop or block means leave too few nodes, or two files differ in their nodes.
+        If pixels are oblong, a crop or block means leave too few nodes, or two files differ in their nodes.
     """
     low_pass = None if surface.low_pass is None else in_unit_of_study(surface.low_pass, unit, "surface.low_pass")
     outliers = None if surface.outliers is None else (surface.outliers.sigma, surface.outliers.window)
@@ -200,13 +202,13 @@ def settled(
         lattices.append(Lattice(nodes, (pixel, pixel * (y / x))))
         check_pixels(lattices[-1], surface.resample, str(file.path), unit)
         if changed and nodes != lattices[0].shape:
-            message = f"{file.path} has {nodes} nodes; allowed: {lattices[0].shape}, as {files[0].path} has"
+            message = f"{file.path} has {nodes} nodes; allowed: {lattices[0].shape}, as in {files[0].path}"
             wrong(message, "surface.against.file")
     if not changed:
         return plain, L, [None] * len(files)
     kept = nodes_kept(surface.crop, surface.downsample, lattices[0], unit)
     if kept is None and surface.downsample == 1 and surface.resample == "none":
-        return plain, L, [None] * len(files)  # L to the last bit, as without a crop
+        return plain, L, [None] * len(files)  # L exactly as without a crop
     left = after(lattices[0], kept, surface.downsample, surface.resample)
     treatment = replace(plain, crop=kept, downsample=surface.downsample, resample=surface.resample)
     ratios = [lattice.ratio if surface.resample != "none" else None for lattice in lattices]
@@ -216,18 +218,18 @@ def settled(
 def nodes_kept(crop: Crop | None, downsample: int, lattice: Lattice, unit: str | None) -> Nodes | None:
     """Return the first and the last node kept along each axis, None for all nodes.
 
-    Nodes in the rectangle and on its border are kept, but for the last ones that fill no block.
+    Nodes in the rectangle and on its border are kept, except the last ones that fill no block.
 
     Raises
     ------
     StudyError
-        If the rectangle reaches beyond the map, has lengths where the study has no unit, or too few nodes are kept.
+        If the rectangle exceeds the map, has lengths in a study without a unit, or keeps too few nodes.
     """
     kept = []
     for axis, nodes, pixel in zip(("x", "y"), lattice.shape, lattice.pixel, strict=True):
-        ends: tuple[float, float] = (0.0, 1.0) if crop is None else getattr(crop, axis)
+        positions: tuple[float, float] = (0.0, 1.0) if crop is None else getattr(crop, axis)
         key = f"surface.crop.{axis}"
-        start, end = (_node(end, nodes, pixel, unit, key) for end in ends)
+        start, end = (_node(position, nodes, pixel, unit, key) for position in positions)
         first, last = math.ceil(start - ROUNDING * nodes), math.floor(end + ROUNDING * nodes)
         count = (last - first + 1) // downsample
         if count < FEWEST:
@@ -252,17 +254,17 @@ def after(lattice: Lattice, nodes: Nodes | None, downsample: int, resample: Resa
 
 
 def resampled_nodes(nodes: int, ratio: float) -> int:
-    """Return the number of nodes on an axis after its spacing is divided by a ratio."""
+    """Return the number of nodes of an axis after division of its spacing by a ratio."""
     return math.floor((nodes - 1) * ratio + ROUNDING * nodes) + 1
 
 
 def check_pixels(lattice: Lattice, resample: Resampling, file: str, unit: str | None) -> None:
-    """Refuse pixels that are not square, unless they are resampled and not too oblong.
+    """Refuse pixels that are neither square nor resampled, and pixels too oblong to resample.
 
     Raises
     ------
     StudyError
-        With the sides of the pixels and what is allowed.
+        With the sides of the pixels and the allowed ones.
     """
     sides = f"{file} has pixels of {lattice.pixel[0]:.6g} by {lattice.pixel[1]:.6g} {unit or ''}".rstrip()
     if not 1.0 / MOST_OBLONG <= lattice.ratio <= MOST_OBLONG:
@@ -275,7 +277,7 @@ _RESAMPLE = "surface.resample"
 
 
 def in_unit_of_study(length: Length, unit: str | None, key: str) -> float:
-    """Return a length of the treatment in the unit of the study; a plain number has that unit.
+    """Return a length of the treatment in the unit of the study; a plain number is in that unit.
 
     Raises
     ------
@@ -286,12 +288,12 @@ def in_unit_of_study(length: Length, unit: str | None, key: str) -> float:
     if own is None:
         return float(length)
     if unit is None:
-        wrong(f"has a unit ({length}) and L has none: give both with theirs, as L: 100 um", key)
+        wrong(f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um", key)
     return float(length) * factor(own, unit)
 
 
 def _node(position: float, nodes: int, pixel: float, unit: str | None, key: str) -> float:
-    """Return a position as a number of nodes from the first."""
+    """Return a position in nodes from the first."""
     if unit_of(position) is None:
         return position * (nodes - 1)
     node = in_unit_of_study(position, unit, key) / pixel

@@ -1,7 +1,7 @@
-"""Numbers with a unit in a study, ``100 um`` or ``1 mPa*s``: read, checked for their dimension, converted.
+"""Numbers with a unit, as ``100 um`` or ``1 mPa*s``: reading, check of the dimension, conversion.
 
-The only user of pint, which is imported when the first unit of a study is met. Lengths go by the names of
-`roughvol.surfaces.length_units`, since a study has one unit of length and all that is stored is labelled with it.
+pint is imported here only, at the first unit. Lengths have the names of `roughvol.surfaces.length_units`: stored
+lengths are labelled with the one unit of the study.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pydantic_core import PydanticCustomError, core_schema
 from roughvol.study.yaml_text import number_text, printable
 from roughvol.surfaces.length_units import METRES, named
 
-# What a number may measure: its dimension as pint writes it, and units to name where another was given.
+# Dimension in pint's notation, and units for messages.
 KINDS = {
     "length": ("[length]", ", ".join(METRES)),
     "volume per area": ("[length]", "mm^3/m^2, ml/m^2, um and the like"),
@@ -27,14 +27,14 @@ KINDS = {
 }
 EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s"}
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", re.ASCII | re.DOTALL)
-# Words, small powers, products and quotients: what else pint evaluates is arithmetic that no unit needs.
+# Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
 _UNIT = re.compile(rf"[^\W\d_]{{1,30}}{_POWER}(?:(?: ?[*·/] ?| )[^\W\d_]{{1,30}}{_POWER}){{0,5}}")
-_NOT_KNOWN = (AttributeError, ValueError, TypeError, AssertionError)  # pint's own derive from these or from PintError
+_NOT_KNOWN = (AttributeError, ValueError, TypeError, AssertionError)  # bases of pint's errors beside PintError
 
 
 class Quantity(float):
-    """A number that keeps the unit it was given in; in every sum and comparison it is the number."""
+    """A number with the unit given in the study; a plain float in sums and comparisons."""
 
     unit: str
 
@@ -45,16 +45,16 @@ class Quantity(float):
         return new
 
     def __getnewargs__(self) -> tuple[Any, ...]:
-        """Survive pickling."""
+        """Pickle the unit too."""
         return float(self), self.unit
 
     def __str__(self) -> str:
-        """Return it as it would stand in a study."""
+        """Return number and unit as in a study."""
         return f"{number_text(float(self))} {self.unit}"
 
 
 def unit_of(value: Any) -> str | None:
-    """Return the unit of a number, or None if it has none."""
+    """Return the unit of a number, None without one."""
     return value.unit if isinstance(value, Quantity) else None
 
 
@@ -66,32 +66,37 @@ def convert(value: float, given: str, wanted: str) -> float:
     value : float
         Number in the unit ``given``.
     given, wanted : str
-        Units that a study has been read with, or others of pint.
+        Units of a study, or others of pint.
+
+    Returns
+    -------
+    float
+        Number in the unit ``wanted``.
     """
     registry = _registry()
     return float(registry.Quantity(value, _spelled(given)).to(_spelled(wanted)).magnitude)
 
 
 def in_unit(value: float | None, wanted: str | None) -> float | None:
-    """Return a number of a study in a unit; one that has none of its own is in it already."""
+    """Return a number of a study in a unit; a plain number is in that unit already."""
     given = unit_of(value)
     return value if value is None or given is None or wanted is None else convert(float(value), given, wanted)
 
 
 def length_unit(text: Any) -> str | None:
-    """Return the unit of length in the value of a key as it stands in the file, None if there is none."""
-    found = _NUMBER.fullmatch(text.strip()) if isinstance(text, str) else None
-    return None if found is None else named(found[2])
+    """Return the unit of length in the text of a value, None without one."""
+    match = _NUMBER.fullmatch(text.strip()) if isinstance(text, str) else None
+    return None if match is None else named(match[2])
 
 
 def has_unit(text: Any) -> bool:
-    """Return whether the value of a key, as it stands in the file, is a number with something behind it."""
+    """Return whether the text of a value is a number followed by text."""
     return isinstance(text, str) and _NUMBER.fullmatch(text.strip()) is not None
 
 
 @dataclass(frozen=True)
 class In:
-    """Accept a number with a unit of a kind beside a plain number, or alone where ``needed``."""
+    """Accept a number with a unit of a kind, and a plain number unless the unit is ``needed``."""
 
     kind: str
     needed: bool = False
@@ -111,11 +116,11 @@ class In:
             if self.needed:
                 _refuse(f"must be a number with a unit of {self.kind}, as in {EXAMPLES[self.kind]}")
             return number(value)
-        found = _NUMBER.fullmatch(value.strip())
-        if found is None:
+        match = _NUMBER.fullmatch(value.strip())
+        if match is None:
             plain = "" if self.needed else "a number, or "
             _refuse(f"must be {plain}a number with a unit of {self.kind}, as in {EXAMPLES[self.kind]}")
-        return Quantity(number(float(found[1])), _checked(found[2], self.kind))
+        return Quantity(number(float(match[1])), _checked(match[2], self.kind))
 
 
 @dataclass(frozen=True)
@@ -138,25 +143,24 @@ def _written(value: Any) -> Any:
 
 
 def _checked(unit: str, kind: str) -> str:
-    """Return a unit as it is stored if it is one of that kind; refuse it otherwise."""
+    """Return a unit of a kind in its stored form; refuse others."""
     unit = unit.strip()
     if kind == "length" and (name := named(unit)):
         return name
     dimension, allowed = KINDS[kind]
-    found = _dimension(unit)
-    if found is None:
+    measured = _dimension(unit)
+    if measured is None:
         _refuse(f"'{printable(unit)[:40]}' is no known unit; allowed for a {kind}: {allowed}")
-    if found != _registry().get_dimensionality(dimension):
-        other = next((name for name, (of, _) in KINDS.items() if _registry().get_dimensionality(of) == found), None)
-        what = f"a unit of {other}" if other else "a unit of something else"
-        _refuse(f"'{unit}' is {what}, not of {kind}; allowed: {allowed}")
+    if measured != _registry().get_dimensionality(dimension):
+        other = next((name for name, (of, _) in KINDS.items() if _registry().get_dimensionality(of) == measured), None)
+        _refuse(f"'{unit}' is a unit of {other or 'another quantity'}, not of {kind}; allowed: {allowed}")
     if kind == "length":
-        _refuse(f"'{unit}' is not among the units of length known here: {allowed}")
+        _refuse(f"'{unit}' is no unit of length of a study; allowed: {allowed}")
     return unit
 
 
 def _dimension(unit: str) -> Any:
-    """Return the dimension of a unit, None if it is not known."""
+    """Return the dimension of a unit, None for an unknown one."""
     import pint
 
     if not _UNIT.fullmatch(unit):

@@ -1,7 +1,6 @@
-"""The text of a study: YAML in, plain data and the place of every key out; and how values are written in messages.
+"""YAML text to plain data with the line of every key, and values to text for messages.
 
-YAML is read by the rules of YAML 1.2: ``1e-8`` is a number, ``on`` is text. Anchors, aliases and tags are refused: a
-study is plain data, and a line of it must mean what the reader sees there.
+The rules are those of YAML 1.2: ``1e-8`` is a number, ``on`` is text. Anchors, aliases and tags are refused.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ KeyPath = tuple[str | int, ...]
 
 
 class UnreadableError(Exception):
-    """Text that gives no data at all; ``line`` is where reading ended, if known."""
+    """Text without data; ``line`` is the line at which reading ended, None if unknown."""
 
     def __init__(self, message: str, line: int | None = None) -> None:
         self.line = line
@@ -28,25 +27,25 @@ class UnreadableError(Exception):
 
 
 class Reading:
-    """Data of a text, with the line and column of every key path and the problems met on the way."""
+    """Line and column of every key path of a text, and its problems."""
 
     def __init__(self) -> None:
         self.marks: dict[KeyPath, tuple[int, int]] = {}
         self.problems: dict[KeyPath, str] = {}
 
     def read(self, text: str) -> dict[str, Any]:
-        """Return the data of a text; raise UnreadableError if there is no mapping in it."""
+        """Return the data of a text; raise UnreadableError unless it is a mapping."""
         if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
             raise UnreadableError(TOO_LARGE)
         try:
             node = _Loader(text).get_single_node()
         except yaml.YAMLError as error:
             mark, position = getattr(error, "problem_mark", None), getattr(error, "position", 0)
-            said = [getattr(error, name, None) for name in ("context", "problem", "reason")]
-            message = f"this is not YAML: {', '.join(filter(None, said)) or error}"
+            parts = [getattr(error, name, None) for name in ("context", "problem", "reason")]
+            message = f"not YAML: {', '.join(filter(None, parts)) or error}"
             raise UnreadableError(message, (mark.line if mark else text.count("\n", 0, position)) + 1) from error
-        except (ValueError, OverflowError, LookupError) as error:  # escapes and directives that PyYAML does not check
-            message = f"this is not YAML: {error}"
+        except (ValueError, OverflowError, LookupError) as error:  # PyYAML does not check escapes and directives
+            message = f"not YAML: {error}"
             raise UnreadableError(message) from error
         data = None if node is None else self._build(node, ())
         if not isinstance(data, dict):
@@ -63,22 +62,22 @@ class Reading:
             return self._mapping(node, path)
         if isinstance(node, yaml.ScalarNode) and kind in ("null", "bool", "str", "int", "float"):
             return self._scalar(node.value, kind, path)
-        self.problems[path] = f"the tag {show(node.tag)} is not read: a study is plain data"
+        self.problems[path] = f"the tag {show(node.tag)} is not allowed: a study is plain data"
         return None
 
     def _mapping(self, node: Any, path: KeyPath) -> dict[str, Any]:
         data: dict[str, Any] = {}
         for key_node, value_node in node.value:
-            sound = isinstance(key_node, yaml.ScalarNode) and key_node.value.isprintable()
-            key = key_node.value if sound else "?"
-            where, first = (*path, key), self.marks.get((*path, key))
-            self.marks[where] = (key_node.start_mark.line + 1, key_node.start_mark.column)
-            if not sound:
-                self.problems[where] = "a key must be a word"
+            is_word = isinstance(key_node, yaml.ScalarNode) and key_node.value.isprintable()
+            key = key_node.value if is_word else "?"
+            key_path, first = (*path, key), self.marks.get((*path, key))
+            self.marks[key_path] = (key_node.start_mark.line + 1, key_node.start_mark.column)
+            if not is_word:
+                self.problems[key_path] = "a key must be a word"
             elif first:
-                self.problems[where] = f"given twice, first in line {first[0]}"
+                self.problems[key_path] = f"duplicate key, first in line {first[0]}"
             else:
-                data[key] = self._build(value_node, where)
+                data[key] = self._build(value_node, key_path)
         return data
 
     def _scalar(self, text: str, kind: str, path: KeyPath) -> Any:
@@ -87,10 +86,10 @@ class Reading:
             try:
                 value = int(text) if kind == "int" else float(text)
                 sound = math.isfinite(value)
-            except (ValueError, OverflowError):  # other text behind an explicit tag, or far too many digits
+            except (ValueError, OverflowError):  # other text after an explicit tag, or too many digits
                 sound = False
         else:
-            sound = text.encode("utf-8", "ignore").decode() == text  # not so for half of a surrogate pair
+            sound = text.encode("utf-8", "ignore").decode() == text  # False for half of a surrogate pair
         if not sound:
             allowed = "a finite number" if kind in ("int", "float") else "text in UTF-8"
             self.problems[path] = f"must be {allowed}, given {_short(printable(text))}"
@@ -98,19 +97,19 @@ class Reading:
 
 
 def write(data: dict[str, Any]) -> str:
-    """Return plain data as YAML that `Reading` reads back equal."""
+    """Return plain data as YAML; `Reading` gives equal data."""
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
 
 
 def number_text(value: float) -> str:
-    """Write a number as short as it can be without becoming another one: ``0.1``, ``60``, ``1e-09``."""
+    """Return the shortest exact text of a number: ``0.1``, ``60``, ``1e-09``."""
     if isinstance(value, int):
         return str(value)
     return f"{value:g}" if float(f"{value:g}") == value else repr(value)
 
 
 def printable(text: str) -> str:
-    """Write what cannot be printed as escapes, so that a message never breaks a terminal."""
+    """Return a text with escapes for characters that cannot be printed."""
     return text if text.isprintable() else repr(text)[1:-1]
 
 
@@ -119,7 +118,7 @@ def _short(text: str) -> str:
 
 
 def show(value: Any) -> str:
-    """Write a value as it would stand in the file, cut short."""
+    """Return a value as in a study file, at most 60 characters."""
     if isinstance(value, dict | list | tuple):
         return ("a " if value else "an empty ") + ("mapping" if isinstance(value, dict) else "list")
     if value is None or isinstance(value, bool):
@@ -128,7 +127,7 @@ def show(value: Any) -> str:
 
 
 def key_text(path: KeyPath) -> str:
-    """Write a key path as in ``surface.D[1]``."""
+    """Return a key path as text: ``surface.D[1]``."""
     parts = (f"[{part}]" if isinstance(part, int) else f".{_short(printable(part))}" for part in path)
     return "".join(parts).removeprefix(".")
 
@@ -155,7 +154,7 @@ def _stop(message: str, event: Any) -> NoReturn:
 
 
 class _Loader(yaml.SafeLoader):
-    """Scalars by the rules of YAML 1.2, and no way to grow deep or to refer."""
+    """A loader with the scalars of YAML 1.2, limited depth, and no references."""
 
     yaml_implicit_resolvers = _RESOLVERS
     depth = 0
@@ -163,7 +162,7 @@ class _Loader(yaml.SafeLoader):
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.peek_event()
         if getattr(event, "anchor", None) is not None:
-            _stop("anchors (&) and aliases (*) are not read: write the value out", event)
+            _stop("anchors (&) and aliases (*) are not allowed: repeat the value", event)
         if self.depth >= MAX_DEPTH:
             _stop(f"nested more than {MAX_DEPTH} levels deep", event)
         self.depth += 1
@@ -173,7 +172,7 @@ class _Loader(yaml.SafeLoader):
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes the text that `_Loader` would take for something else, and writes repeated values out."""
+    """A dumper with quotes where `_Loader` needs them, and without aliases."""
 
     yaml_implicit_resolvers = _RESOLVERS
 

@@ -24,7 +24,7 @@ from roughvol.study import ACCURACY, loads
 ROOT = Path(__file__).parents[2]
 ONE = "surface: {D: 2.3, m: 7, seeds: 1}\n"
 MANY = "surface: {D: [2.1, 2.3, 2.5, 2.7, 2.9], m: [5, 6, 7], seeds: 2}\nsweep: {steps: 20}\n"
-TABLE_AFTER = """## Only what is asked for
+TABLE_AFTER = """## Cost by request
 
 One surface of D = 2.3, m = 7, unless stated; one thread. The states that a search ends at are solved once more by the
 sweep to them, which does not depend on how the end was found: their cost is in these numbers.
@@ -129,7 +129,7 @@ def settings(ds: dataset.Dataset) -> str:
 
 
 def main() -> None:
-    """Write the page and the diagram that the README shows; with --asked, only the table of costs of the page."""
+    """Write docs/tradeoff.md and its diagram; with --asked, only the table of costs."""
     if sys.argv[1:] == ["--asked"]:
         page = (ROOT / "docs" / "tradeoff.md").read_text(encoding="utf-8")
         head, _ = page.split(TABLE_AFTER.partition("\n")[0])

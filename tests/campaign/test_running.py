@@ -382,7 +382,7 @@ def test_ctrl_c_ends_a_run_with_one_message_and_it_goes_on_later(tmp_path: Path)
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 130
     assert "Traceback" not in errors
-    assert errors.splitlines()[-1].startswith("interrupted; what is finished is kept")
+    assert errors.splitlines()[-1].startswith("interrupted; finished cases are kept")
     _finish_and_check(run_folder)
 
 

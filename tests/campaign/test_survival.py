@@ -71,7 +71,7 @@ def test_a_second_ctrl_c_ends_a_run_at_once(tmp_path: Path) -> None:
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert errors.splitlines()[-1].startswith("interrupted; what is finished is kept")
+    assert errors.splitlines()[-1].startswith("interrupted; finished cases are kept")
     assert "Traceback" not in errors
     assert run_status.status(tmp_path / "study.yaml", tmp_path / "out").holder is None
 

@@ -113,7 +113,7 @@ def test_figures_are_drawn(name: str, measured: dataset.Dataset, tmp_path: Path)
 
 
 def test_nothing_to_trade_without_contact() -> None:
-    with pytest.raises(ContactError, match="nothing to trade"):
+    with pytest.raises(ContactError, match="the study has no sweep"):
         tradeoff.measure(loads("surface: {D: 2.3, m: 4}\nsweep: {steps: 0}"))
 
 

@@ -345,7 +345,7 @@ def test_no_shipped_study_is_known_to_leave_the_model_before_it_runs(path: Path)
 # Highest point
 
 
-@pytest.mark.parametrize(("cleaned", "word"), [("", "see surface.outliers"), (", outliers: {}", "taken out already")])
+@pytest.mark.parametrize(("cleaned", "word"), [("", "see surface.outliers"), (", outliers: {}", "removed already")])
 def test_the_highest_point_of_a_scan_alone_is_judged(tmp_path: Path, cleaned: str, word: str) -> None:
     np.save(tmp_path / "z.npy", np.zeros((4, 4)))
     states = _states(mean_pressure=[0.1], contact_area_fraction=[0.1], separation=[4.0], indentation=[3.0])

@@ -17,19 +17,19 @@ HEAD = f"""# Extremes
 Written by `make extremes`; the quick part runs in `make test`. Every row is a surface pressed through several states.
 In each state is checked: p ≥ 0, g ≥ 0, p g = 0; contact only within the rigid overlap; the residual η/σ, recomputed
 by a convolution that is not the package's; V* = d/σ + mean(u)/σ; and that A* and p* rise and V* falls along the
-loading. Up to 300 elements the pressures are those of the dense problem. Any warning is an error. η/σ ≤ {RTOL:g} is
-asked for, where a row says nothing else. At m = 11 and 12 one state at half the way to d = 0 is solved from nothing, to
-1e-6, and checked for its certified residual alone: the other conditions do not change with m.
+loading. Up to 300 elements the pressures are those of the dense problem. Any warning is an error. Default:
+η/σ ≤ {RTOL:g}. At m = 11 and 12 one state at half the way to d = 0 is solved from nothing, to
+1e-6. Only its certified residual is checked: the other conditions do not change with m.
 
 | what | value | largest η/σ | states | compared with | seconds |
 |---|---|---|---|---|---|
 """
 TAIL = """
-## Where something gives up
+## Limits of the input
 
-Each of these is an error beforehand, which names the value and what is allowed.
+Values beyond these are errors before any computation. The message has the value and the allowed ones.
 
-| what | allowed | why |
+| quantity | allowed | reason |
 |---|---|---|
 | D | 2 < D < 3 | outside, the recursion makes no fractal surface |
 | m | 1 to 13 in a study, 14 from Python | memory: 4^m elements |

@@ -254,7 +254,7 @@ def test_a_study_of_a_region_without_elements_is_refused_before_it_runs(
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("record: {transport: {}}", "record.transport: names no quantity"),
+        ("record: {transport: {}}", "record.transport: must name at least one of"),
         ("record: {transport: {percolaton: last}}", "did you mean 'percolation'"),
         ("record: {transport: {percolation: always}}", "'every-step', 'last'"),
         ("record: {transport: {diffusivity: {step: 70}}}", "70 is not reached"),

@@ -117,7 +117,7 @@ def test_what_lies_outside_the_crop_changes_nothing(folder: Path) -> None:
         ("crop: {x: [0.2, 30]}", "surface.crop.x", r"30 is no share of the side, 0 to 1; a length has a unit"),
         ("crop: {x: 0.5}", "surface.crop.x", r"must be two positions, \[from, to\]"),
         ("crop: {x: [0.5, 0.53]}", "surface.crop.x", r"leaves 2 nodes along x of 41 nodes; allowed: at least 3"),
-        ("crop: {z: [0, 0.5]}", "surface.crop.z", r"unknown key; known here: x, y"),
+        ("crop: {z: [0, 0.5]}", "surface.crop.z", r"unknown key; allowed: x, y"),
         ("crop: {x: [0, 2 kg]}", "surface.crop.x[1]", r"unit of length|no known unit|not of length"),
         ("downsample: 13", "surface.downsample", r"leaves 2 means of 13 x 13 nodes along y of 37 nodes"),
         ("downsample: 0", "surface.downsample", r"must be >= 1"),
@@ -137,7 +137,7 @@ def test_what_is_not_allowed_is_refused_by_key(folder: Path, keys: str, key: str
 def test_a_length_without_a_unit_of_the_study_is_refused(folder: Path) -> None:
     key, message = _refused(folder, "file: map.npy, crop: {x: [0, 20 um]}", L="40")
     assert key == "surface.crop.x"
-    assert "L has none: give both with theirs" in message
+    assert "L has none: give L with its unit" in message
 
 
 # Block means
@@ -216,7 +216,7 @@ def test_the_order_of_all_treatments(folder: Path) -> None:
     heights = levelling.fill(levelling.level(lattice.block_means(heights, 2), "tilt"), "nearest")
     assert np.array_equal(surface.heights, levelling.low_pass(heights, 2.0, 8.0))
     text = _case(folder, f"file: spiked.npy, {keys}, low_pass: 8 um").surface_text
-    steps = ["cropped to", "taken out", "means of 2 x 2", "least-squares tilt", "missing heights", "waves shorter"]
+    steps = ["cropped to", "removed", "means of 2 x 2", "least-squares tilt", "missing heights", "waves shorter"]
     assert [text.index(step) for step in steps] == sorted(text.index(step) for step in steps)
 
 
@@ -282,7 +282,7 @@ def test_what_was_taken_out_is_stored(folder: Path) -> None:
     assert stored.outliers_removed.item() == 3
     assert stored.filled_fraction.item() == 3 / MAP.size
     assert stored.peak_height_before.item() > 6.0 > stored.peak_height.item()
-    assert "taken out and filled" in stored.attrs["surface"]
+    assert "removed and filled" in stored.attrs["surface"]
     path = folder / "study.nc"
     dataset.write(dataset.combine([stored], stored.attrs), path)
     assert dataset.read(path).outliers_removed.item() == 3

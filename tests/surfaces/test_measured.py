@@ -138,7 +138,7 @@ def test_units_and_treatment_are_in_the_file_of_the_case(folder: Path) -> None:
     assert stored["free_volume"].units == "1"
     assert stored.attrs["length_unit"] == "um"
     assert stored.attrs["surface"] == (
-        "least-squares tilt of the known heights taken off; missing heights filled with the nearest known one"
+        "least-squares tilt of the known heights subtracted; missing heights filled with the nearest known one"
     )
     assert stored["filled_fraction"].item() == 4 / 81
     together = dataset.combine([stored], stored.attrs)
@@ -148,7 +148,7 @@ def test_units_and_treatment_are_in_the_file_of_the_case(folder: Path) -> None:
 @pytest.mark.parametrize(("keys", "cut_off"), [("unit: mm, low_pass: 800 um", "0.8 mm"), ("low_pass: 0.8", "0.8")])
 def test_the_cut_off_is_told_in_the_unit_of_the_study(folder: Path, keys: str, cut_off: str) -> None:
     told = _case(folder, f"file: a.npy, {keys}").surface_text
-    assert told.startswith(f"waves shorter than {cut_off} taken off")
+    assert told.startswith(f"waves shorter than {cut_off} removed")
 
 
 def test_without_a_unit_lengths_are_arbitrary(folder: Path) -> None:

@@ -1,0 +1,108 @@
+"""The text of the command line: errors, progress, summaries and costs, as strings."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from roughvol.errors import CampaignError, RoughvolError, StudyError
+
+if TYPE_CHECKING:
+    from roughvol.campaign.batch import Progress
+    from roughvol.campaign.cost import Estimate
+    from roughvol.store.dataset import Dataset
+
+
+def message(error: RoughvolError) -> str:
+    """Return an error as text; the problems of a study line by line."""
+    if isinstance(error, StudyError):
+        lines = [f"  {problem}" for problem in error.problems]
+        return "\n".join([f"{count(len(lines), 'problem')} in the study", *lines])
+    return f"error: {error}"
+
+
+def progress(now: Progress, seconds: float) -> str:
+    """Return finished cases, steps, rate and time left in one line."""
+    failed = f" ({now.failed} failed)" if now.failed else ""
+    text = f"{now.kept + now.done} of {count(now.cases, 'case')}{failed}"
+    if now.steps:
+        text += f" · {now.steps_done} of {now.steps} steps · {now.steps_done / max(seconds, 1e-3):.0f} steps/s"
+    if 0.01 < now.work < 1.0:
+        text += f" · {duration(seconds * (1.0 - now.work) / now.work)} left"
+    return text
+
+
+def ran(last: Progress, seconds: float) -> str:
+    """Return the number of cases of a run and its time."""
+    before = f", {last.kept} of them finished before" if last.kept else ""
+    return f"{count(last.cases, 'case')} in {duration(seconds)}{before}"
+
+
+def summary(results: Dataset, path: Path) -> str:
+    """Return states, convolutions, residual and unreached levels of a study, and the path of its file.
+
+    Raises
+    ------
+    CampaignError
+        If the file holds a state that did not converge.
+    """
+    from roughvol.store import dataset
+    from roughvol.store.variables import STATES
+
+    lines = []
+    if "step" in results.sizes:
+        solved = results.residual.notnull()
+        convolutions = float((results.convolutions + results.convolutions_fp32).where(solved).mean())
+        lines.append(f"{count(int(solved.sum()), 'state')}, {convolutions:.1f} convolutions each on average")
+        lines.append(f"largest residual η/σ {float(results.residual.max()):.1e}")
+        if not bool(results.converged.where(solved, True).all()):
+            message = f"{path} holds states that did not converge; please report this defect"
+            raise CampaignError(message)
+    if "observable" in results.sizes:
+        seconds = results.observable_time.sum([dim for dim in results.observable_time.dims if dim != "observable"])
+        parts = (f"{one.observable.item()} {duration(float(one))}" for one in seconds)
+        lines.append(f"time of the observables, all cases: {', '.join(parts)}")
+    for dim in STATES:
+        for label in results.get(dim, ()):
+            if absent := int((results[f"{dim}_step"].sel({dim: label}) < 0).sum()):
+                lines.append(f"{label.item()} was not reached in {count(absent, 'case')}")
+    for name, absent in dataset.unreached(results).items():
+        lines.append(f"no state of {name} was reached in {count(absent, 'case')}")
+    return "\n".join([*dict.fromkeys(lines), str(path)])
+
+
+def cost(estimate: Estimate) -> str:
+    """Return the cost of a study as comments of its YAML."""
+    processes = count(estimate.jobs, "process", "processes")
+    lines = [
+        f"# {count(estimate.cases, 'case')}, {count(estimate.steps, 'state')} to solve",
+        f"# memory  about {size(estimate.memory)} a process, {processes} at once",
+        *([f"#         {estimate.notice}"] if estimate.notice else []),
+        f"# disk    up to {size(estimate.disk)}",
+        f"# time    about {duration(estimate.seconds)} (estimate from convolutions timed on this machine)",
+        *(f"#         {duration(seconds)} of one core for {name}" for name, seconds in estimate.observables.items()),
+    ]
+    return "\n".join(lines)
+
+
+def count(number: int, noun: str, plural: str = "") -> str:
+    """Return a number with its noun: ``1 case``, ``2 cases``."""
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def size(number: float) -> str:
+    """Return bytes in B to TB."""
+    power = min(int(math.log10(max(number, 1.0)) / 3), 4)
+    return f"{number / 1000**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB')[power]}"
+
+
+def duration(seconds: float) -> str:
+    """Return seconds in s, min, h, days or years."""
+    if seconds < 100:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    days = minutes / 1440
+    return f"{minutes / 60:.1f} h" if days < 3 else f"{days:.0f} days" if days < 365 else f"{days / 365.25:.3g} years"
