@@ -105,16 +105,15 @@ class Case:
         """The file of the first body, None for a generated surface."""
         return self.bodies[0].file if self.bodies else None
 
-    @property
+    @functools.cached_property
     def key_text(self) -> str:
         """The key as JSON, as stored in the file of the case."""
-        return json.dumps(self.key, sort_keys=True)
+        return json.dumps(self.key, sort_keys=True, allow_nan=False)
 
     @functools.cached_property
     def id(self) -> str:
-        """Readable prefix and 8 hexadecimal digits of the sha256 of `key`: ``D2.30_m8_s003-1f9c2a7b``."""
-        text = json.dumps(self.key, sort_keys=True, separators=(",", ":"), allow_nan=False)
-        return f"{self._prefix}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+        """A readable prefix and 8 hexadecimal digits of the sha256 of the key: ``D2.30_m8_s003-1f9c2a7b``."""
+        return f"{self._prefix}-{hashlib.sha256(self.key_text.encode()).hexdigest()[:8]}"
 
     @property
     def _prefix(self) -> str:
