@@ -38,7 +38,7 @@ def tag(element: str, *inner: str, kind: str = "", **attributes: str) -> Html:
     **attributes : str
         Its attributes, those that are empty left out; ``_`` is written ``-``.
     """
-    given = {"class": kind, **attributes}
+    given = {**attributes, "class": kind}
     words = "".join(f" {key.replace('_', '-')}='{escape(value)}'" for key, value in given.items() if value)
     return Html(f"<{element}{words}>{join(*inner)}</{element}>")
 

@@ -379,7 +379,7 @@ def test_runs_of_the_paper_and_scans_have_a_section_each(small_study: Path, own:
     html = write.to_html(both)
     assert [run.name for run in both.own] == ["scan"]
     assert "Does the paper hold?" in html
-    assert "<section class='run' id='run-1'>" in html
+    assert "<section id='run-1' class='run'>" in html
     assert Page(html).wrong == []
     assert dict(both.claims[2].refused) == {"scan": "heights from a file"}
 
