@@ -9,7 +9,7 @@ SEAL := seal seal_map seal_region
 READINGS := ten_seeds_of_m many_seeds morphology_of_D full_contact first_contact in_plane_scaling \
             reading_variance_law reading_variance_law_D reading_summit_plane
 
-.PHONY: reproduce seal test test-slow bench bench-peers validation extremes tradeoff lint setup smoke clean
+.PHONY: reproduce seal test test-slow coverage bench bench-peers validation extremes tradeoff lint setup smoke clean
 
 setup: $(STAMP)
 
@@ -30,6 +30,10 @@ seal: setup
 
 test: setup
 	@$(BIN)/python -m pytest -n 2
+
+# Branch coverage of the tests: lines and branches that no test reaches. Worker processes are not measured.
+coverage: setup
+	@$(BIN)/python -m pytest -n 2 --cov --cov-report=term
 
 # Counts are held against tests/bench/baseline.json; seconds are printed, not judged.
 bench: setup

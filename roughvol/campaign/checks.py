@@ -98,7 +98,7 @@ def _read_apart(study: Study, files: Sequence[Path]) -> Surface:
         return False
 
     workers.each(
-        _read,
+        read_surface,
         [study],
         jobs=1,
         on_message=lambda message: None,
@@ -114,7 +114,7 @@ def _read_apart(study: Study, files: Sequence[Path]) -> Surface:
     return surface
 
 
-def _read(study: Study, tell: workers.Tell) -> Surface:
+def read_surface(study: Study, tell: workers.Tell) -> Surface:
     return surface_of(study.cases()[0])
 
 

@@ -35,7 +35,8 @@ TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
 Guess = Callable[[list[Contact]], float]
 Line = Callable[[float, float], Contact]
 
-_FIRST, _NEXT = 1e-1, 3e-2  # residuals of the first solve, which only has to be near, and of those before the bracket
+FIRST_RESIDUAL = 1e-1  # of the first solve, which only has to be near
+NEXT_RESIDUAL = 3e-2  # of the solves before the bracket
 _USEFUL = 3e-4  # residual over the width of the bracket: looser ones take more solves, and as many convolutions
 _INSIDE = 0.05  # share of the bracket that a trial keeps from its ends
 _BEYOND, _GROWTH = 1.02, 2.0  # of the indentation, at least and at most, while what is looked for is not reached
@@ -188,7 +189,7 @@ def _search(
         return reached(line(indentation, brink + noise))
 
     below, above = [trials.untouched], list[Contact]()  # two of each, the nearest first
-    indentation, tolerance, least = start, _FIRST, _BEYOND
+    indentation, tolerance, least = start, FIRST_RESIDUAL, _BEYOND
     known = list(between)
     for trial in range(_TRIALS):
         if not known:
@@ -208,7 +209,7 @@ def _search(
         if not above:
             least = min(least**2, _GROWTH) if trial >= _PATIENCE else least
             indentation = min(max(guess(below[::-1]), least * low), _GROWTH * low)
-            tolerance = min(_NEXT, 0.01 * (indentation - low))
+            tolerance = min(NEXT_RESIDUAL, 0.01 * (indentation - low))
             continue
         high = above[0].indentation
         finest = trials.tolerance(high)

@@ -60,8 +60,8 @@ def test_where_it_is_does_not_depend_on_how_it_is_looked_for(target, value, D, m
     surface = fractal(6, D)
     usual = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8)
     for first, later in ((0.5, 0.5), (1e-8, 1e-8)):  # rough states must not decide, good ones need not
-        monkeypatch.setattr(search, "_FIRST", first)
-        monkeypatch.setattr(search, "_NEXT", later)
+        monkeypatch.setattr(search, "FIRST_RESIDUAL", first)
+        monkeypatch.setattr(search, "NEXT_RESIDUAL", later)
         other = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8)
         assert other == pytest.approx(usual, rel=3e-6)
 
