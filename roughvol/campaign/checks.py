@@ -115,6 +115,7 @@ def _read_apart(study: Study, files: Sequence[Path]) -> Surface:
 
 
 def read_surface(study: Study, tell: workers.Tell) -> Surface:
+    """Return the surface of the first case: the task of a process that may crash or never end."""
     return surface_of(study.cases()[0])
 
 

@@ -276,7 +276,7 @@ def in_this_process(here: bool = True) -> Iterator[None]:
 
 
 class _Here:
-    """This process: a task has ended when `submit` returns, and its messages follow."""
+    """The caller's own process: a task has ended when `submit` returns, and its messages follow."""
 
     fall_together = False
 

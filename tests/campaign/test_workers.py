@@ -134,11 +134,9 @@ def test_in_this_process_the_same_is_told_in_the_same_order() -> None:
     }
     with workers.in_this_process():
         assert workers.each(_here, range(4), **how)
-    expected = [
-        [("begin", n), ("message", n), (n, None, "two is not wanted") if n == 2 else (n, (n, os.getpid(), False), "")]
-        for n in range(4)
-    ]
-    assert told == sum(expected, [])
+    for number in range(4):
+        end = (None, "two is not wanted") if number == 2 else ((number, os.getpid(), False), "")
+        assert told[3 * number : 3 * number + 3] == [("begin", number), ("message", number), (number, *end)]
     assert not workers.stop_asked()
 
 

@@ -1,4 +1,6 @@
-"""Solve the reference case of tests/contact/test_loading.py by a slow dense method: `python tests/reference/make_cases.py`.
+"""Solve the reference case of tests/contact/test_loading.py by a slow dense method.
+
+Run `python tests/reference/make_cases.py`.
 
 Nothing of roughvol is imported. The heights are a sum of cosines with random phases. Each element of the surface is a
 square under uniform pressure (Love, 1929). The contact set starts as the rigid overlap. Each round solves its equations
