@@ -158,10 +158,8 @@ def test_a_file_that_changes_after_the_study_was_read_is_not_used(tmp_path: Path
 
 @pytest.mark.processes
 def test_values_do_not_depend_on_the_number_of_processes(study: Study, finished: Path, tmp_path: Path) -> None:
-    here = _values(dataset.read(finished / "study.nc"))
-    for jobs in (1, 2):
-        there = run(study, out=tmp_path / str(jobs), jobs=jobs)
-        xr.testing.assert_identical(_values(there), here)
+    there = run(study, out=tmp_path, jobs=2)  # the other was computed in this process
+    xr.testing.assert_identical(_values(there), _values(dataset.read(finished / "study.nc")))
 
 
 def test_a_run_holds_every_case_and_says_where_it_comes_from(study: Study, finished: Path) -> None:
