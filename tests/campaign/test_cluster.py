@@ -38,7 +38,7 @@ def _values(results: Dataset) -> Dataset:
 
 def _dask(place: Path, *arguments: str) -> subprocess.Popen[bytes]:
     environment = os.environ | {
-        "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "2",
+        "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
         "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "2s",
         # for the tasks of this file, by the code that is tested
         "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]),
