@@ -257,7 +257,7 @@ class _Processes:
 
 @contextlib.contextmanager
 def in_this_process(here: bool = True) -> Iterator[None]:
-    """Let `each` call its function in this process, without workers, as long as the context lasts.
+    """Let `each` call its function in this process, without workers, as long as the context lasts in this thread.
 
     Starting a process takes about a second; many short tasks take less. A debugger stops in the tasks.
     The price: a task that crashes takes the caller with it, and a task sees the state left by earlier ones.

@@ -181,5 +181,5 @@ def test_a_plain_script_does_not_start_itself_again(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text("surface: {D: 2.5, m: 2, seeds: 2}\nsweep: {steps: 2}\n")
     script = tmp_path / "script.py"
     script.write_text("import roughvol\nprint('once')\nprint(dict(roughvol.run('study.yaml').sizes)['seed'])\n")
-    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, timeout=100)
     assert (done.stdout, done.returncode) == ("once\n2\n", 0), done.stderr
