@@ -32,8 +32,9 @@ seal: setup  ## run the sealing studies and report on them
 	@for study in $(SEAL); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
 	@$(BIN)/roughvol report $(SEAL) --out runs/seal_report
 
+# worksteal: each of the two takes half of the files in order, so that few fixtures are made twice.
 test: setup  ## run the tests
-	@$(BIN)/python -m pytest -n 2
+	@$(BIN)/python -m pytest -n 2 --dist worksteal
 
 bench: setup  ## compare the solver's counts with tests/bench/baseline.json; print seconds
 	@$(BIN)/python -m tests.bench.solver --m 4 5 6 7 8 9 10 --rtol 1e-3 1e-6 --compare
@@ -54,10 +55,10 @@ extremes: setup  ## press the extremes of every input, to docs/extremes.md
 	@$(BIN)/python -m tests.extremes
 
 coverage: setup  ## run the tests with branch coverage, HTML in runs/coverage
-	@$(BIN)/python -m pytest -n 2 --cov --cov-report term:skip-covered --cov-report html
+	@$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report term:skip-covered --cov-report html
 
 test-slow: setup  ## run the tests that take minutes
-	@$(BIN)/python -m pytest -m slow
+	@$(BIN)/python -m pytest -m slow --timeout 600
 
 lint: setup  ## check style, types and docstrings
 	@$(BIN)/ruff check .

@@ -1,12 +1,26 @@
-"""What several test modules share."""
+"""What several test modules share: where tests compute, and one stored run."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from roughvol.campaign import running
+from roughvol.campaign import running, workers
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _in_this_process() -> Iterator[None]:
+    """Compute in this process, also in fixtures: starting a worker takes longer than most cases here."""
+    with workers.in_this_process():
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _in_processes_where_marked(request: pytest.FixtureRequest) -> Iterator[None]:
+    with workers.in_this_process(request.node.get_closest_marker("processes") is None):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -58,7 +58,7 @@ def test_help_imports_nothing_heavy() -> None:
         "import sys\nfrom roughvol.cli import main\n"
         f"main(['--help'], standalone_mode=False)\nsys.exit(str({heavy} & set(sys.modules) or ''))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100)
     assert done.stderr.strip() == ""
     assert "Examples:" in done.stdout
 

@@ -57,5 +57,5 @@ def test_every_picture_and_page_that_the_readme_refers_to_is_in_the_repository()
 
 
 def test_python_m_roughvol_is_the_command() -> None:
-    done = subprocess.run([sys.executable, "-m", "roughvol", "--version"], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-m", "roughvol", "--version"], capture_output=True, text=True, timeout=100)
     assert done.stdout.strip() == f"roughvol, version {roughvol.__version__}"

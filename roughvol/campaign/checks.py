@@ -104,7 +104,7 @@ def _read_apart(study: Study, files: Sequence[Path]) -> Surface:
         return False
 
     workers.each(
-        _read,
+        read_surface,
         [study],
         jobs=1,
         on_message=lambda message: None,
@@ -120,7 +120,8 @@ def _read_apart(study: Study, files: Sequence[Path]) -> Surface:
     return surface
 
 
-def _read(study: Study, tell: workers.Tell) -> Surface:
+def read_surface(study: Study, tell: workers.Tell) -> Surface:
+    """Return the surface of the first case: the task of a process that may crash or never end."""
     return surface_of(study.cases()[0])
 
 

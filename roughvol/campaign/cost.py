@@ -147,7 +147,7 @@ def _seconds(case: Case, shape: tuple[int, int]) -> float:
     searched = case.sweep.target.kind in ("contact_area", "pressure") or case.sweep.target.value is None
     searched = searched and not case.sweep.target.kind.endswith("plane")
     steps = case.sweep.steps + (SEARCH if searched else 0) + LEVEL * searched_levels(case)
-    step = seconds_per_step(shape, case.solver.tolerance, _convolution(shape, case.solver.kernel))
+    step = seconds_per_step(shape, case.solver.tolerance, seconds_per_convolution(shape, case.solver.kernel))
     return CASE_OVERHEAD + sum(_observable_seconds(case, shape).values()) + steps * step
 
 
@@ -208,7 +208,7 @@ def _measured_shape(case: Case) -> tuple[int, int]:
 
 
 @functools.cache
-def _convolution(shape: tuple[int, int], kernel: str) -> float:
+def seconds_per_convolution(shape: tuple[int, int], kernel: str) -> float:
     """Return the seconds of one convolution, timed on this grid, or scaled from `TIMED_UP_TO`."""
     timed = (min(shape[0], TIMED_UP_TO), min(shape[1], TIMED_UP_TO))
     half_space = HalfSpace(timed, kernel=kernel)

@@ -26,11 +26,12 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool as Lost
+from contextvars import ContextVar
 from typing import Any, TypeVar
 
 from roughvol.errors import CampaignError
 
-__all__ = ["Lost", "Tell", "each", "first_interrupt", "stop_asked"]
+__all__ = ["Lost", "Tell", "each", "first_interrupt", "in_this_process", "stop_asked"]
 
 Task = TypeVar("Task")
 Tell = Callable[[Any], None]
@@ -46,6 +47,7 @@ _ADDRESS = re.compile(r"(?:[a-z]+://)?(?:\[[0-9A-Fa-f:.%a-z]+\]|[^\s/:\[\]]+):(?
 # Set once in a worker: the way to the parent, and an event that asks the task to end early.
 _messages: Any = None
 _stop: Any = None
+_computes_here: ContextVar[bool] = ContextVar("computes_here", default=False)  # set by in_this_process
 _one_at_a_time = threading.Lock()  # threads of a Dask worker cannot share netCDF or a half space
 
 
@@ -105,7 +107,11 @@ def each(
     BaseException
         Any exception of a callback, and Ctrl-C. The workers are ended first, mid-task.
     """
-    pool: _Processes | _Cluster = _Processes(jobs) if scheduler is None else _Cluster(scheduler)
+    pool: _Processes | _Cluster | _Here
+    if scheduler is not None:
+        pool = _Cluster(scheduler)
+    else:
+        pool = _Here(stopping) if _computes_here.get() else _Processes(jobs)
     waiting, suspects = deque(range(len(tasks))), deque[int]()
     deaths: Counter[int] = Counter()
     running: dict[Future[Any], int] = {}
@@ -223,6 +229,70 @@ class _Processes:
                 process.terminate()
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._queue.close()
+
+
+@contextlib.contextmanager
+def in_this_process(here: bool = True) -> Iterator[None]:
+    """Let `each` call its function in this process, without workers, as long as the context lasts in this thread.
+
+    Starting a process takes about a second; many short tasks take less. A debugger stops in the tasks.
+    The price: a task that crashes takes the caller with it, and a task sees the state left by earlier ones.
+    A call with ``scheduler`` is not affected.
+
+    Parameters
+    ----------
+    here : bool
+        False: in processes again, inside such a context.
+    """
+    token = _computes_here.set(here)
+    try:
+        yield
+    finally:
+        _computes_here.reset(token)
+
+
+class _Here:
+    """The caller's own process: a task has ended when `submit` returns, and its messages follow."""
+
+    fall_together = False
+
+    def __init__(self, stopping: Callable[[], bool]) -> None:
+        self._stopping, self._told = stopping, deque[Any]()
+
+    def width(self) -> int:
+        return 1
+
+    def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
+        global _stop
+        future: Future[Any] = Future()
+        before, _stop = _stop, self
+        try:
+            future.set_result(function(task, _thinned(self._told.append)))
+        except Exception as error:  # an interrupt is no error of the task: it ends `each`
+            future.set_exception(error)
+        finally:
+            _stop = before
+        return future
+
+    def is_set(self) -> bool:
+        """Return whether the task is to end early: what `stop_asked` asks."""
+        return self._stopping()
+
+    def messages(self) -> Iterator[Any]:
+        while self._told:
+            yield self._told.popleft()
+
+    def stop(self) -> None:
+        """Do nothing: the task asks by itself."""
+
+    def renew(self) -> None:
+        """Do nothing: no worker dies."""
+
+    def check(self) -> None:
+        """Do nothing: no worker is lost."""
+
+    def close(self, *, at_once: bool) -> None:
+        """Do nothing: no worker is left."""
 
 
 class _Cluster:

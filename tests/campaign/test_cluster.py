@@ -38,7 +38,7 @@ def _values(results: Dataset) -> Dataset:
 
 def _dask(place: Path, *arguments: str) -> subprocess.Popen[bytes]:
     environment = os.environ | {
-        "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "2",
+        "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
         "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "2s",
         # for the tasks of this file, by the code that is tested
         "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]),
@@ -54,10 +54,6 @@ def _dask(place: Path, *arguments: str) -> subprocess.Popen[bytes]:
         )
 
 
-def _worker(place: Path, address: str, *more: str) -> subprocess.Popen[bytes]:
-    return _dask(place, "worker", address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", *more)
-
-
 def _ended(processes: list[subprocess.Popen[bytes]]) -> None:
     for process in processes:
         process.terminate()
@@ -69,62 +65,92 @@ def _ended(processes: list[subprocess.Popen[bytes]]) -> None:
             process.wait()
 
 
-@pytest.fixture
-def scheduler(tmp_path: Path) -> Iterator[tuple[str, Path]]:
-    """A scheduler on this machine: its address, and the folder of its logs."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    address = f"tcp://127.0.0.1:{port}"
-    place = tmp_path / "dask"
-    place.mkdir()
-    process = _dask(place, "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+class Cluster:
+    """A scheduler and workers on this machine, each a process; the tests of this file share what they leave alive."""
+
+    def __init__(self, place: Path) -> None:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        self.address, self.place = f"tcp://127.0.0.1:{port}", place
+        self.workers: list[subprocess.Popen[bytes]] = []
+        self._scheduler = _dask(place, "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+
+    def start(self, *more: str) -> subprocess.Popen[bytes]:
+        """Start a worker; with ``--no-nanny`` it dies for good."""
+        self.workers.append(
+            _dask(self.place, "worker", self.address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", *more)
+        )
+        return self.workers[-1]
+
+    def alive(self) -> list[subprocess.Popen[bytes]]:
+        return [worker for worker in self.workers if worker.poll() is None]
+
+    def wait_for(self, workers: int) -> None:
+        from distributed import Client
+
+        with Client(self.address, set_as_default=False) as client:
+            client.wait_for_workers(workers, timeout=60)
+
+    def end_workers(self) -> None:
+        _ended(self.workers)
+        self.workers.clear()
+
+    def end(self) -> None:
+        _ended([*self.workers, self._scheduler])
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    cluster = Cluster(tmp_path_factory.mktemp("dask"))
     try:
-        yield address, place
+        yield cluster
     finally:
-        _ended([process])
+        cluster.end()
 
 
 @pytest.fixture
-def cluster(scheduler: tuple[str, Path]) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """A scheduler and two workers on this machine, each process of its own."""
-    address, place = scheduler
-    crew = [_worker(place, address, "--no-nanny"), _worker(place, address)]
+def cluster(scheduler: Cluster) -> Cluster:
+    """A scheduler and at least one worker, which a nanny starts again if a task kills it."""
+    if not scheduler.alive():
+        scheduler.start()
+    return scheduler
+
+
+def test_a_long_sweep_goes_on_elsewhere_where_the_folder_is_shared(scheduler: Cluster, tmp_path: Path) -> None:
+    (scheduler.place / "small.py").write_text(
+        "from roughvol.store import checkpoint\ncheckpoint.NODES, checkpoint.EVERY = 0, 0.1\n"
+    )
+    study = loads("name: c\nsurface: {D: 2.4, m: 6, seeds: 1}\nsweep: {steps: 3000}\nrecord: {fields_at: last}\n")
+    scheduler.end_workers()  # those of other tests keep no checkpoints of small cases
+    first = scheduler.start("--no-nanny", "--preload", "small.py")
+    steps: list[int] = []
+    again: list[int] = []
+
+    def replace(now: batch.Progress) -> None:
+        (again if len(scheduler.workers) == 2 else steps).append(now.steps_done)
+        if now.steps_done >= 800 and len(scheduler.workers) == 1:
+            first.kill()
+            first.wait()
+            scheduler.start("--no-nanny", "--preload", "small.py")
+
     try:
-        yield address, crew
+        there = running.run(study, out=tmp_path / "there", scheduler=scheduler.address, on_event=replace)
     finally:
-        _ended(crew)
+        scheduler.end_workers()
+    assert len(steps) > 2  # a worker tells of its steps
+    assert min(again) > 200  # and the next does not begin with the first
+    assert not list((tmp_path / "there" / "cases").glob(".*"))
+    xr.testing.assert_identical(_values(there), _values(running.run(study, out=tmp_path / "here", jobs=1)))
 
 
-def test_a_cluster_that_loses_a_worker_gives_the_same_values(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
-) -> None:
-    address, crew = cluster
-    study = loads(TEXT)
-    killed: list[int] = []
-
-    def kill_one(now: batch.Progress) -> None:
-        if now.done == 2 and not killed:
-            crew[0].kill()
-            killed.append(now.done)
-
-    there = running.run(study, out=tmp_path / "there", scheduler=address, on_event=kill_one)
-    assert killed
-    here = running.run(study, out=tmp_path / "here", jobs=2)
-    xr.testing.assert_identical(_values(there), _values(here))
-    assert len(run_status.status(study, tmp_path / "there").done) == 12
-
-
-def test_a_stopped_run_leaves_what_the_workers_had_not_begun(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path
-) -> None:
-    address, _ = cluster
+def test_a_stopped_run_leaves_what_the_workers_had_not_begun(cluster: Cluster, tmp_path: Path) -> None:
     study, done = loads(TEXT.replace("seeds: 6", "seeds: 40")), [0]
     with pytest.raises(KeyboardInterrupt):
         running.run(
             study,
             out=tmp_path / "there",
-            scheduler=address,
+            scheduler=cluster.address,
             on_event=lambda now: done.append(now.done),
             stopping=lambda: done[-1] >= 2,
         )
@@ -133,31 +159,21 @@ def test_a_stopped_run_leaves_what_the_workers_had_not_begun(
     assert (found.damaged, found.failed) == ({}, {})
 
 
-def test_a_long_sweep_goes_on_elsewhere_where_the_folder_is_shared(scheduler: tuple[str, Path], tmp_path: Path) -> None:
-    address, place = scheduler
-    (place / "small.py").write_text(
-        "from roughvol.store import checkpoint\ncheckpoint.NODES, checkpoint.EVERY = 0, 0.1\n"
-    )
-    study = loads("name: c\nsurface: {D: 2.4, m: 7, seeds: 1}\nsweep: {steps: 1000}\nrecord: {fields_at: last}\n")
-    crew = [_worker(place, address, "--no-nanny", "--preload", "small.py")]
-    steps: list[int] = []
-    again: list[int] = []
+def test_a_cluster_that_loses_a_worker_gives_the_same_values(cluster: Cluster, tmp_path: Path) -> None:
+    study, doomed = loads(TEXT), cluster.start("--no-nanny")
+    cluster.wait_for(len(cluster.alive()))
+    killed: list[int] = []
 
-    def replace(now: batch.Progress) -> None:
-        (again if len(crew) == 2 else steps).append(now.steps_done)
-        if now.steps_done >= 200 and len(crew) == 1:
-            crew[0].kill()
-            crew[0].wait()
-            crew.append(_worker(place, address, "--no-nanny", "--preload", "small.py"))
+    def kill_one(now: batch.Progress) -> None:
+        if now.done == 2 and not killed:
+            doomed.kill()
+            killed.append(now.done)
 
-    try:
-        there = running.run(study, out=tmp_path / "there", scheduler=address, on_event=replace)
-    finally:
-        _ended(crew)
-    assert len(steps) > 2  # a worker tells of its steps
-    assert min(again) > 50  # and the next does not begin with the first
-    assert not list((tmp_path / "there" / "cases").glob(".*"))
-    xr.testing.assert_identical(_values(there), _values(running.run(study, out=tmp_path / "here", jobs=1)))
+    there = running.run(study, out=tmp_path / "there", scheduler=cluster.address, on_event=kill_one)
+    assert killed
+    here = running.run(study, out=tmp_path / "here", jobs=2)
+    xr.testing.assert_identical(_values(there), _values(here))
+    assert len(run_status.status(study, tmp_path / "there").done) == 12
 
 
 def _deadly(number: int, tell: Any) -> int:
@@ -166,14 +182,13 @@ def _deadly(number: int, tell: Any) -> int:
     return number
 
 
-def test_a_task_that_kills_workers_is_given_up(cluster: tuple[str, list[subprocess.Popen[bytes]]]) -> None:
-    address, _ = cluster
+def test_a_task_that_kills_workers_is_given_up(cluster: Cluster) -> None:
     ended: dict[int, BaseException | None] = {}
     workers.each(
         _deadly,
         range(4),
         jobs=1,
-        scheduler=address,
+        scheduler=cluster.address,
         on_message=print,
         on_end=lambda task, result, error: ended.update({task: error}),
     )
@@ -210,15 +225,14 @@ def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_scheduler_that_has_lost_all_its_workers_is_given_up(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    address, crew = cluster
     monkeypatch.setattr(workers, "GONE", 1.0)
 
     def kill_all(now: batch.Progress) -> None:
         if now.done == 1:
-            _ended(crew)
+            cluster.end_workers()
 
     with pytest.raises(CampaignError, match="has had no worker for 1 s, after it had some; what is finished is kept"):
-        running.run(loads(TEXT), out=tmp_path, scheduler=address, on_event=kill_all)
+        running.run(loads(TEXT), out=tmp_path, scheduler=cluster.address, on_event=kill_all)
     assert run_status.status(loads(TEXT), tmp_path).done

@@ -31,7 +31,7 @@ def test_a_narrow_limit_is_told_in_one_line_before_any_library_is_loaded(study: 
         f"resource.setrlimit(resource.RLIMIT_AS, ({kilobytes} * 1024,) * 2)\n"
         "from roughvol.cli import main\nmain(prog_name='roughvol')"
     )
-    done = subprocess.run([sys.executable, "-c", code, "run", study], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code, "run", study], capture_output=True, text=True, timeout=100)
     assert (done.returncode, done.stdout) == (1, "")
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: not enough memory: the limit of address space is ")

@@ -41,7 +41,7 @@ record:
   volume_density: {bins: 9}
 """
 # Long enough to be killed in the midst of, short enough to be finished afterwards.
-LONG = "name: long\nsurface: {D: 2.5, m: 5, seeds: 40}\nsweep: {steps: 300}\n"
+LONG = "name: long\nsurface: {D: 2.5, m: 5, seeds: 20}\nsweep: {steps: 300}\n"
 
 
 def _values(results: Dataset) -> Dataset:
@@ -156,9 +156,10 @@ def test_a_file_that_changes_after_the_study_was_read_is_not_used(tmp_path: Path
 # A study
 
 
+@pytest.mark.processes
 def test_values_do_not_depend_on_the_number_of_processes(study: Study, finished: Path, tmp_path: Path) -> None:
-    one = run(study, out=tmp_path, jobs=1)
-    xr.testing.assert_identical(_values(one), _values(dataset.read(finished / "study.nc")))
+    there = run(study, out=tmp_path, jobs=2)  # the other was computed in this process
+    xr.testing.assert_identical(_values(there), _values(dataset.read(finished / "study.nc")))
 
 
 def test_a_run_holds_every_case_and_says_where_it_comes_from(study: Study, finished: Path) -> None:
@@ -351,7 +352,7 @@ def _children(pid: int) -> list[int]:
 
 def _finish_and_check(run_folder: Path) -> None:
     before = _files(run_folder)
-    assert 3 <= len(before) < 40
+    assert 3 <= len(before) < 20
     study = loads(LONG)
     results = run(study, out=run_folder)
     assert {name: _files(run_folder)[name] for name in before} == before

@@ -14,6 +14,8 @@ import pytest
 
 from roughvol.campaign import workers
 
+pytestmark = pytest.mark.processes
+
 
 def _task(number: int, tell: Callable[[Any], None]) -> None:
     if number == 2:
@@ -114,9 +116,70 @@ def test_main_is_what_it_was() -> None:
     assert sys.modules["__main__"] is main
 
 
+def _here(number: int, tell: Callable[[Any], None]) -> tuple[int, int, bool]:
+    tell(number)
+    if number == 2:
+        message = "two is not wanted"
+        raise ValueError(message)
+    return number, os.getpid(), workers.stop_asked()
+
+
+def test_in_this_process_the_same_is_told_in_the_same_order() -> None:
+    told: list[Any] = []
+    how: dict[str, Any] = {
+        "jobs": 3,
+        "on_begin": lambda task: told.append(("begin", task)),
+        "on_message": lambda message: told.append(("message", message)),
+        "on_end": lambda task, result, error: told.append((task, result, str(error or ""))),
+    }
+    with workers.in_this_process():
+        assert workers.each(_here, range(4), **how)
+    for number in range(4):
+        end = (None, "two is not wanted") if number == 2 else ((number, os.getpid(), False), "")
+        assert told[3 * number : 3 * number + 3] == [("begin", number), ("message", number), (number, *end)]
+    assert not workers.stop_asked()
+
+
+def test_in_this_process_a_stop_is_heard_by_the_task_and_by_the_next() -> None:
+    ended: list[Any] = []
+    asked = iter([False, True])  # once before the first task, then by the task
+    with workers.in_this_process():
+        all_begun = workers.each(
+            _here,
+            range(4),
+            jobs=1,
+            on_message=print,
+            on_end=lambda task, result, error: ended.append(result),
+            stopping=lambda: next(asked, True),
+        )
+    assert not all_begun
+    assert ended == [(0, os.getpid(), True)]
+
+
+def _interrupted(number: int, tell: Callable[[Any], None]) -> None:
+    raise KeyboardInterrupt
+
+
+def test_in_this_process_an_interrupt_of_a_task_ends_all() -> None:
+    ended: list[int] = []
+    with pytest.raises(KeyboardInterrupt), workers.in_this_process():
+        workers.each(
+            _interrupted, range(3), jobs=1, on_message=print, on_end=lambda task, result, error: ended.append(task)
+        )
+    assert ended == []
+    assert not workers.stop_asked()
+
+
+def test_a_context_inside_another_computes_in_processes_again() -> None:
+    pids: list[int] = []
+    with workers.in_this_process(), workers.in_this_process(False):
+        workers.each(_here, [0], jobs=1, on_message=print, on_end=lambda task, result, error: pids.append(result[1]))
+    assert pids != [os.getpid()]
+
+
 def test_a_plain_script_does_not_start_itself_again(tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text("surface: {D: 2.5, m: 2, seeds: 2}\nsweep: {steps: 2}\n")
     script = tmp_path / "script.py"
     script.write_text("import roughvol\nprint('once')\nprint(dict(roughvol.run('study.yaml').sizes)['seed'])\n")
-    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, timeout=100)
     assert (done.stdout, done.returncode) == ("once\n2\n", 0), done.stderr

@@ -67,7 +67,10 @@ def exact_pressure(matrix, b):
     pressure = np.zeros(b.size)
     if candidates.size:
         factor = linalg.cholesky(matrix[np.ix_(candidates, candidates)], lower=True)
-        guess, _ = nnls(factor.T, linalg.solve_triangular(factor, b[candidates], lower=True))
+        load = linalg.solve_triangular(factor, b[candidates], lower=True)
+        guess = linalg.solve_triangular(factor.T, load)  # all candidates touch: the case that takes nnls longest
+        if guess.min() <= 0.0:
+            guess, _ = nnls(factor.T, load)
         touching = candidates[guess > 1e-12 * guess.max()]
         pressure[touching] = linalg.solve(matrix[np.ix_(touching, touching)], b[touching], assume_a="pos")
     scale = np.abs(b).max()

@@ -38,6 +38,7 @@ from roughvol.surfaces.surface import Surface
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT.parent / "shared" / "reference"
+OWN_REFERENCE = ROOT / "tests" / "reference" / "rough_33x25.npz"
 STORED = json.loads((ROOT / "tests" / "regression" / "contact.json").read_text(encoding="utf-8"))
 
 rng = np.random.Generator(np.random.PCG64(20))
@@ -699,10 +700,26 @@ def test_stored_case_is_solved(method):
         assert contact.free_volume == pytest.approx(state["free_volume"], rel=1e-6, abs=contact.residual)
 
 
+@pytest.mark.parametrize("number", range(3))
+def test_reference_state_is_solved(number):
+    """States of tests/reference/make_cases.py: dense matrix, Cholesky, right to 1e-12 σ."""
+    with np.load(OWN_REFERENCE) as case:
+        surface, E_star = Surface(case["z"], float(case["dx"])), float(case["E_star"])
+        pressure, gap = case["pressure"][number], case["gap"][number] / surface.Sq
+        indentation = float(case["delta"][number]) / surface.Sq
+    expected = pressure * surface.side / (E_star * surface.Sq)
+    for rtol in (1e-6, 1e-11):
+        contact = solve(surface, half_space(surface.shape), indentation, rtol=rtol)
+        assert np.array_equal(contact.contact(), expected > 0.0)
+        assert contact.mean_pressure == pytest.approx(expected.mean(), rel=rtol)
+        assert contact.free_volume == pytest.approx(gap.mean(), rel=rtol)
+        np.testing.assert_allclose(contact.pressure(), expected, rtol=0, atol=10 * rtol * expected.max())
+        np.testing.assert_allclose(contact.gap(), gap, rtol=0, atol=10 * rtol)
+
+
+@pytest.mark.skipif(not REFERENCE.is_dir(), reason="solved cases of other codes are not part of the repository")
 @pytest.mark.parametrize("name", [f"m{m}_D2.3_seed0_frac{fraction}.npz" for m in (5, 6) for fraction in (0.5, 1.0)])
-def test_reference_case_is_solved(name):
-    if not (REFERENCE / name).exists():
-        pytest.skip(f"no {name} in {REFERENCE}: solved cases of other codes are not part of the repository")
+def test_reference_case_of_another_code_is_solved(name):
     with np.load(REFERENCE / name) as case:
         surface = Surface(case["z"], float(case["dx"]))
         expected = case["pressure"] * float(case["L"]) / surface.Sq

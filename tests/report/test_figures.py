@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 import xarray as xr
+from drawn import shown
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -140,12 +140,6 @@ def single() -> xr.Dataset:
     return _made(seeds=1)
 
 
-def _render(fig: Figure) -> int:
-    stream = io.BytesIO()
-    fig.savefig(stream, dpi=40)
-    return stream.tell()
-
-
 def _line(fig: Figure, label: str, axes: int = 0) -> np.ndarray:
     (line,) = [line for line in fig.axes[axes].lines if line.get_label() == label]
     return np.array(line.get_data(), dtype=float)
@@ -177,7 +171,7 @@ def test_every_figure_draws_with_labelled_axes(name: str, data: str, request: py
     ds: xr.Dataset = request.getfixturevalue(data)
     before = ds.copy(deep=True)
     fig = FIGURES[name](ds)
-    assert _render(fig) > 1000
+    assert shown(fig) > 1
     assert fig.axes[0].get_ylabel()
     assert all(axes.get_xlabel() and axes.get_ylabel() for axes in fig.axes if len(fig.axes) == 1)
     assert any(axes.get_xlabel() for axes in fig.axes)
@@ -222,7 +216,7 @@ def test_seeds_without_a_common_range_have_no_mean(study: xr.Dataset) -> None:
     apart["mean_pressure"] = study["mean_pressure"] + 1e3 * study["seed"]
     fig = FIGURES["fig06a"](apart)
     assert _line(fig, "$D = 2.1$").size == 0
-    assert _render(fig) > 1000
+    assert shown(fig) > 1
 
 
 def test_fig04b_finds_the_exponent(study: xr.Dataset) -> None:
@@ -248,7 +242,7 @@ def test_fig04b_fits_the_four_finest_and_the_paper_only_at_its_D() -> None:
 
 
 def test_fig04b_draws_sweeps_of_one_step(study: xr.Dataset) -> None:
-    assert _render(FIGURES["fig04b"](study.isel(step=[-1]))) > 1000
+    assert shown(FIGURES["fig04b"](study.isel(step=[-1]))) > 1
 
 
 def test_fig05_has_the_rigid_line(study: xr.Dataset) -> None:
@@ -276,7 +270,7 @@ def test_fig01_of_one_level_has_two_half_steps() -> None:
 def test_reliefs_show_every_node_on_one_vertical_scale(single: xr.Dataset) -> None:
     fig = FIGURES["fig03"](single)
     assert len({axes.get_zlim() for axes in fig.axes}) == 1
-    _render(fig)
+    assert shown(fig) > 1
     facets = [len(axes.collections[0].get_facecolor()) for axes in fig.axes]
     assert facets == [4**3, 4**4, 4**5]
     low, high = fig.axes[0].get_zlim()
@@ -302,7 +296,7 @@ def test_fig08_deforms_the_surface_by_the_gap(study: xr.Dataset) -> None:
     after = before.max() - case["indentation"].isel(step=-1) - case["gap"].isel(field_at=0)
     low, high = fig.axes[1].get_zlim()
     np.testing.assert_allclose([low, high], [min(before.min(), after.min()), before.max()], rtol=1e-12)
-    _render(fig)
+    assert shown(fig) > 1
     vertices = fig.axes[1].collections[0]
     blue = mpl.colors.to_rgba("#08306b")
     contact = (case["gap"].isel(field_at=0).values == 0.0)[:-1, :-1]
@@ -323,7 +317,7 @@ def test_fig09_maps_the_element_volumes(study: xr.Dataset) -> None:
 
 def test_fig09_and_fig10_of_full_contact(study: xr.Dataset) -> None:
     full = study.assign(gap=0.0 * study["gap"])
-    assert _render(FIGURES["fig09"](full)) > 1000
+    assert shown(FIGURES["fig09"](full)) > 1
     assert all(np.all(axes.images[0].get_array() == 1) for axes in FIGURES["fig10"](full).axes)
 
 
@@ -458,7 +452,7 @@ def test_a_study_of_files_draws_by_case_or_says_why_not(name: str) -> None:
         )
         return
     fig = FIGURES[name](ds)
-    assert _render(fig) > 1000
+    assert shown(fig) > 1
     if name in (*CURVES, "fig12a"):
         assert {r"turned \$1.npy", "ground.npy"} <= {str(line.get_label()) for line in fig.axes[0].lines}
 
@@ -510,7 +504,7 @@ def test_many_values_keep_their_own_look() -> None:
     ds = _made(D=np.linspace(2.05, 2.95, 10).round(2).tolist(), m=[2], seeds=1)
     fig = FIGURES["fig06b"](ds)
     assert len({(line.get_marker(), tuple(line.get_color())) for line in fig.axes[0].lines}) == 10
-    assert _render(fig) > 1000
+    assert shown(fig) > 1
 
 
 def test_drawing_leaves_no_trace_in_matplotlib(study: xr.Dataset) -> None:

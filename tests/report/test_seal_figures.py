@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from drawn import shown
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.testing import assert_allclose
@@ -59,12 +59,6 @@ def ds() -> Dataset:
     return dimensional.in_units(together, study, "um")
 
 
-def _render(fig: Figure) -> int:
-    stream = io.BytesIO()
-    fig.savefig(stream, dpi=40)
-    return len(stream.getvalue())
-
-
 def test_names_do_not_clash_and_every_figure_is_explained() -> None:
     assert not set(FIGURES) & set(paper.FIGURES)
     assert set(FIGURES) == set(NEEDS)
@@ -74,19 +68,19 @@ def test_names_do_not_clash_and_every_figure_is_explained() -> None:
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_is_drawn(name: str, ds: Dataset) -> None:
     assert missing(name, ds) is None
-    assert _render(FIGURES[name](ds)) > 1000
+    assert shown(FIGURES[name](ds)) > 1
 
 
 @pytest.mark.parametrize("name", ["seal_transmissivity", "seal_percolation"])
 def test_one_surface_is_enough(name: str, ds: Dataset) -> None:
-    assert _render(FIGURES[name](ds.isel(D=[0], seed=[0]))) > 1000
+    assert shown(FIGURES[name](ds.isel(D=[0], seed=[0]))) > 1
 
 
 @pytest.mark.parametrize("name", ["seal_transmissivity", "seal_estimates"])
 def test_a_single_state_is_no_curve_and_no_error(name: str, ds: Dataset) -> None:
     once = ds.step == 2
     few = ds.assign({f"transmissivity_{axis}": ds[f"transmissivity_{axis}"].where(once) for axis in "xy"})
-    assert _render(FIGURES[name](few)) > 1000
+    assert shown(FIGURES[name](few)) > 1
 
 
 @pytest.mark.parametrize("name", FIGURES)
@@ -160,7 +154,7 @@ def test_a_direction_closed_from_the_start_does_not_vanish(ds: Dataset, name: st
     one = one.assign({each: 0.0 * one[each] for each in shut})
     fig = FIGURES[name](one)
     assert any(line.get_marker() == "+" for ax in fig.axes for line in ax.lines)
-    assert _render(fig) > 1000
+    assert shown(fig) > 1
 
 
 NAMES_OF_FLOWS = ("transmissivity_y", "diffusivity_y", "leak_rate_y", "percolates_y", "critical_gap_y")
@@ -174,7 +168,7 @@ def test_the_leak_rate_is_that_stored_in_its_unit(ds: Dataset) -> None:
 
 def test_pressure_stands_in_its_unit_above_p_star_where_one_factor_holds(ds: Dataset) -> None:
     fig = FIGURES["seal_transmissivity"](ds)
-    assert _render(fig) > 1000  # limits follow each other when they are drawn
+    assert shown(fig) > 1  # limits follow each other when they are drawn
     ax = fig.axes[0]
     (top,) = ax.child_axes
     assert top.get_xlabel() == "nominal pressure [MPa]"

@@ -44,20 +44,6 @@ def study() -> Study:
     return loads(TEXT)
 
 
-def _here(work: Any, tasks: Any, *, on_begin: Any, on_message: Any, on_end: Any, **_: Any) -> bool:
-    """Do the tasks in this process: to start one takes seconds."""
-    for task in tasks:
-        on_begin(task)
-        on_end(task, work(task, on_message), None)
-    return True
-
-
-@pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compute in this process."""
-    monkeypatch.setattr(workers, "each", _here)
-
-
 @pytest.fixture(scope="module")
 def finished(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("finished")
@@ -139,7 +125,6 @@ def test_without_locks_of_the_system_the_process_decides(
 # Sound files only
 
 
-@pytest.mark.usefixtures("here")
 def test_status_finds_a_flipped_bit_in_a_file_of_the_same_size_and_time(study: Study, place: Path) -> None:
     id = study.cases()[1].id
     path = run_folder.case_file(place, id)
@@ -163,7 +148,6 @@ def test_status_reads_only_the_stamp_of_large_files(study: Study, place: Path, m
     assert len(run_status.status(study, place).done) == 4
 
 
-@pytest.mark.usefixtures("here")
 def test_a_flipped_bit_is_found_named_set_aside_and_computed_again(study: Study, place: Path, finished: Path) -> None:
     path = next((place / "cases").glob("*.nc"))
     content = bytearray(path.read_bytes())
@@ -230,7 +214,6 @@ def test_mixed_versions_are_noted_by_run_and_status_and_stored(
     assert json.loads(dataset.read(place / "study.nc").attrs["case_versions"]) == {"0.0.1": 1, ours: 3}
 
 
-@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("named", [True, False])  # whether the old files name their answer format
 def test_answers_of_an_older_format_are_set_aside_with_that_word_and_computed_anew(
     study: Study, place: Path, monkeypatch: pytest.MonkeyPatch, named: bool
@@ -242,9 +225,8 @@ def test_answers_of_an_older_format_are_set_aside_with_that_word_and_computed_an
             path, stamped_file.stamped(content, {k: v for k, v in labels.items() if k != "format_of_answers"})
         )
     now = cases.ANSWER_FORMAT
+    old = now if named else 1  # only files of the first format do not name it
     monkeypatch.setattr(cases, "ANSWER_FORMAT", now + 1)
-    if not named and now != 1:
-        pytest.skip("only files of the first format do not name it")
     later = loads(TEXT)
     found = run_status.status(later, place)
     assert (len(found.done), len(found.missing), found.damaged, len(found.outdated)) == (0, 4, {}, 4)
@@ -255,17 +237,18 @@ def test_answers_of_an_older_format_are_set_aside_with_that_word_and_computed_an
     assert (len(run_status.status(later, place).done), run_status.status(later, place).outdated) == (4, {})
 
 
-@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("changed", [{"version": "99.0"}, {"format_of_answers": "99"}], ids=["version", "answers"])
 def test_a_worker_of_another_version_is_noted_and_one_of_another_answer_format_refused(
     study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changed: dict[str, str]
 ) -> None:
+    each = workers.each
+
     def other(work: Any, tasks: Any, *, on_end: Any, **how: Any) -> bool:
         def relabelled(task: Any, result: bytes, error: None) -> None:
             content, labels = stamped_file.unstamped(result, tmp_path)
             on_end(task, stamped_file.stamped(content, labels | changed), error)
 
-        return _here(work, tasks, on_end=relabelled, **how)
+        return each(work, tasks, on_end=relabelled, **how)
 
     monkeypatch.setattr(workers, "each", other)
     if "version" in changed:
@@ -300,7 +283,6 @@ def test_variables_of_a_later_version_are_left_out(study: Study, place: Path, mo
 # The same study
 
 
-@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("axis", ["D", "seeds"])
 def test_a_subset_of_a_stored_study_is_collected_by_run_and_status_agrees(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, axis: str
@@ -359,7 +341,6 @@ def _clone(place: Path, out: Path) -> Dataset:
     return running.run(place / "map.yaml", out=out, jobs=1)
 
 
-@pytest.mark.usefixtures("here")
 def test_stored_files_hold_no_path_of_this_machine(tmp_path: Path) -> None:
     one, two = (_clone(tmp_path / name, tmp_path / f"{name}_out") for name in ("one", "two"))
     for attrs in (one.attrs, two.attrs):
@@ -375,7 +356,6 @@ def test_stored_files_hold_no_path_of_this_machine(tmp_path: Path) -> None:
         assert not [path for path in written if private.encode() in path.read_bytes()]
 
 
-@pytest.mark.usefixtures("here")
 def test_a_stored_study_is_read_without_its_height_file(tmp_path: Path) -> None:
     results = _clone(tmp_path / "one", tmp_path / "out")
     shutil.rmtree(tmp_path / "one")
@@ -386,7 +366,6 @@ def test_a_stored_study_is_read_without_its_height_file(tmp_path: Path) -> None:
         study.cases()
 
 
-@pytest.mark.usefixtures("here")
 def test_a_height_file_that_was_moved_or_named_by_its_absolute_path_is_the_same_study(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -422,7 +401,6 @@ def test_a_study_nc_that_is_not_as_written_is_never_parsed_but_made_again(
     xr.testing.assert_identical(_values(again), _values(dataset.read(finished / "study.nc")))
 
 
-@pytest.mark.usefixtures("here")
 def test_many_files_set_aside_are_told_of_in_few_lines(tmp_path: Path) -> None:
     many = loads("name: small\nsurface: {D: 2.4, m: 1, seeds: 15}\nsweep: {steps: 1}\n")
     running.run(many, out=tmp_path, jobs=1)
@@ -475,6 +453,7 @@ def test_a_failure_is_recorded_listed_and_tried_again(tmp_path: Path) -> None:
     assert shown.output.count("failed: a sweep to") == 3
 
 
+@pytest.mark.processes
 def test_status_works_while_a_run_is_going_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("roughvol.campaign.batch.TOLD_EVERY", 0.0)
     study = loads("name: s\nsurface: {D: 2.5, m: 5, seeds: 4}\nsweep: {steps: 100}")
@@ -525,7 +504,7 @@ def test_what_does_not_fit_is_refused_by_check_and_run_before_anything_is_writte
 ) -> None:
     monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
     monkeypatch.setattr(resources, "free_disk", lambda place: 79e9)
-    monkeypatch.setattr("roughvol.campaign.cost._convolution", lambda shape, kernel: 10.0)
+    monkeypatch.setattr("roughvol.campaign.cost.seconds_per_convolution", lambda shape, kernel: 10.0)
     text = "name: big\nsurface: {D: 2.4, m: 13, seeds: SEEDS}\nsweep: {steps: 60}\nrecord: {WHAT}\n"
     whats = {"memory": ("2", "transport: {transmissivity: last}"), "disk": ("200", "heights: true")}
     seeds, what = whats[lacking]
@@ -546,7 +525,7 @@ def test_what_does_not_fit_is_refused_by_check_and_run_before_anything_is_writte
 
 def test_processes_are_never_promised_more_memory_than_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
-    monkeypatch.setattr("roughvol.campaign.cost._convolution", lambda shape, kernel: 10.0)
+    monkeypatch.setattr("roughvol.campaign.cost.seconds_per_convolution", lambda shape, kernel: 10.0)
     estimated = cost.estimate(loads("surface: {D: 2.4, m: 13, seeds: 2}\nsweep: {steps: 6}"), jobs=2)
     assert estimated.jobs == 1
     assert estimated.jobs * estimated.memory <= 23e9
@@ -555,7 +534,7 @@ def test_processes_are_never_promised_more_memory_than_there_is(monkeypatch: pyt
 
 def test_a_run_of_years_is_warned_of_and_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
-    monkeypatch.setattr("roughvol.campaign.cost._convolution", lambda shape, kernel: 10.0)
+    monkeypatch.setattr("roughvol.campaign.cost.seconds_per_convolution", lambda shape, kernel: 10.0)
     study = loads("surface: {D: 2.4, m: 11, seeds: 200}\nsweep: {steps: 10000}")
     estimated = cost.estimate(study, jobs=2)
     told = cost.warning(estimated.seconds, estimated.jobs)
@@ -622,6 +601,7 @@ def test_a_run_whose_folder_was_moved_leaves_the_lock_of_the_next_one_alone(tmp_
     assert (tmp_path / "run" / "lock").exists()
 
 
+@pytest.mark.processes
 def test_a_folder_that_vanishes_while_a_long_case_runs_ends_the_run_at_once(tmp_path: Path) -> None:
     study = loads("name: s\nsurface: {D: 2.5, m: 8, seeds: 1}\nsweep: {steps: 10000}\n")  # minutes
 
@@ -664,6 +644,7 @@ def test_a_folder_that_vanishes_is_told_and_not_made_again(study: Study, tmp_pat
         running.run(study, out=tmp_path / "run", jobs=0)
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("crash", [True, False])
 def test_a_broken_netcdf_file_of_heights_is_an_error_even_if_the_library_crashes(tmp_path: Path, crash: bool) -> None:
     xr.Dataset({"z": (("x", "y"), np.random.default_rng(1).normal(size=(9, 9)))}).to_netcdf(tmp_path / "z.nc")
@@ -674,7 +655,7 @@ def test_a_broken_netcdf_file_of_heights_is_an_error_even_if_the_library_crashes
     study = loads("surface: {file: z.nc, L: 4.0}", file=tmp_path / "study.yaml")
     if crash:  # whatever this library does with this file: one that ends its process
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("roughvol.campaign.checks._read", die)
+            patch.setattr("roughvol.campaign.checks.read_surface", die)
             patch.setenv("PYTHONPATH", str(Path(__file__).parent))
             with pytest.raises(DatasetError, match=r"z\.nc: .*crashes on it"):
                 checks.check_surfaces(study)
@@ -687,10 +668,11 @@ def die(study: Any, tell: Any) -> None:
     os._exit(139)
 
 
+@pytest.mark.processes
 def test_a_file_that_keeps_its_library_for_ever_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     xr.Dataset({"z": (("x", "y"), np.random.default_rng(1).normal(size=(9, 9)))}).to_netcdf(tmp_path / "z.nc")
     study = loads("surface: {file: z.nc, L: 4.0}", file=tmp_path / "study.yaml")
-    monkeypatch.setattr(checks, "_read", hang)
+    monkeypatch.setattr(checks, "read_surface", hang)
     monkeypatch.setattr(checks, "READ_SECONDS", 0.3)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
     with pytest.raises(

@@ -139,14 +139,6 @@ def test_a_byte_order_mark_is_no_part_of_the_study(tmp_path: Path) -> None:
     assert load(path) == loads(SURFACE)
 
 
-@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
-def test_the_studies_we_ship_load_and_say_what_they_feed(path: Path) -> None:
-    study = load(path)
-    assert study.name == path.stem
-    assert study.cases()
-    assert path.read_text(encoding="utf-8").startswith("# ")
-
-
 def test_the_smoke_study_is_small_and_records_everything() -> None:
     study = load(CONFIGS / "smoke.yaml")
     assert len(study.cases()) * study.sweep.steps * max(4 ** (case.m or 0) for case in study.cases()) < 200_000
