@@ -11,20 +11,7 @@ import pytest
 
 ROOMS = ("", "surfaces", "study", "contact", "observables", "store", "campaign", "report")
 SECTIONS = ("PR01", "RT01", "YD01")  # parameters, what is returned, what is yielded
-NOT_YET: tuple[str, ...] = (  # to be emptied
-    "roughvol.campaign.checks.check_surfaces",
-    "roughvol.campaign.checks.foreseen",
-    "roughvol.campaign.one_case.run_case",
-    "roughvol.campaign.one_case.surface_of",
-    "roughvol.campaign.running.collect",
-    "roughvol.contact.loading.solve",
-    "roughvol.contact.loading.sweep",
-    "roughvol.contact.search.first_indentation",
-    "roughvol.contact.search.indentation_for",
-    "roughvol.report.model.assemble",
-    "roughvol.store.run_folder.folder_of",
-    "roughvol.store.run_status.status",
-)
+NOT_YET: tuple[str, ...] = ()
 
 
 def _public() -> Iterator[tuple[str, Callable[..., Any]]]:

@@ -28,6 +28,11 @@ def check_surfaces(study: Study) -> Surface | None:
     Libraries in C read netCDF and the formats of instruments. A damaged file may crash or hang them. They read in a
     process of their own, for a limited time.
 
+    Parameters
+    ----------
+    study : Study
+        Study to check.
+
     Returns
     -------
     Surface or None

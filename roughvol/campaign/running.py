@@ -116,6 +116,18 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
 
     Damaged files are left out. `status` and the next run report them.
 
+    Parameters
+    ----------
+    study : Study or path of a study file
+        Study of the run.
+    out : path, optional
+        Folder of the results; default: ``runs/<name of the study>``.
+
+    Returns
+    -------
+    Dataset
+        Finished cases, as in ``study.nc``.
+
     Raises
     ------
     DatasetError

@@ -89,23 +89,23 @@ def each(
         Picklable.
     jobs : int
         Number of processes, ≥ 1. On a cluster, the number of its workers counts.
-    on_begin, on_message, on_end : callable
-        Called in this process: with a task; with a message; with a task, its result, and its exception or None.
+    on_message, on_end, on_begin : callable
+        Called in this process: with a message; with a task, its result, and its exception or None; with a task.
     stopping : callable
         Polled. Once it is true, no further task begins, and those begun are awaited. On a cluster, a task handed over
         and not begun ends with the result None.
     scheduler : str, optional
         Address of a Dask scheduler whose workers are used.
 
-    Notes
-    -----
-    A process that dies costs only its own task. Tasks that ran with it run again, one at a time, to find the one that
-    killed it. A task that has killed `LIVES` processes ends with `Lost`; on a cluster, with the exception of Dask.
-
     Raises
     ------
     BaseException
         Any exception of a callback, and Ctrl-C. The workers are ended first, mid-task.
+
+    Notes
+    -----
+    A process that dies costs only its own task. Tasks that ran with it run again, one at a time, to find the one that
+    killed it. A task that has killed `LIVES` processes ends with `Lost`; on a cluster, with the exception of Dask.
     """
     pool: _Processes | _Cluster | _Here
     if scheduler is not None:

@@ -1,6 +1,7 @@
 """One indentation: predict from the secant through two states, iterate on the candidates, verify on the whole grid.
 
-This is the page of the solver. Equation numbers are those of docs/solver.md.
+This is the page of the solver. Equation numbers are those of docs/solver.md. With pressures q, overlap b = h + Δ, gap
+w = K q - b and all lengths over σ, the contact is the solution of q ≥ 0, w ≥ 0, q w = 0 on every element.
 """
 
 from __future__ import annotations
@@ -22,7 +23,11 @@ from roughvol.typing import Array, Index
 
 
 class Mode(Enum):
-    """Precision of a round of iterations. Each round starts from the true gap that the last one left."""
+    """Precision of a round of iterations. Each round starts from the true gap that the last one left.
+
+    The first round is SWIFT. The second measures every step, in case the unmeasured one failed. Further rounds have no
+    rounding of 32 bits left. Directions have 32 bits only at the tolerances of `Problem.single`.
+    """
 
     SWIFT = "32-bit directions; the last step is not measured by a convolution"
     CAREFUL = "32-bit directions; every step is measured"
@@ -30,10 +35,13 @@ class Mode(Enum):
 
 
 @dataclass(frozen=True)
-class Face:
-    """The candidates for contact, with q, w and the rates of (q, K q) with indentation there."""
+class Start:
+    """The candidates for contact, and the start of the iteration on them.
 
-    elements: Index
+    The rates of q and K q with indentation give the preconditioner the answer to a uniform indentation (14).
+    """
+
+    candidates: Index
     q: Array
     w: Array
     rates: Rates | None
@@ -71,34 +79,40 @@ def solve_indentation(
     """
     if previous is None:
         latest, previous = _approach(problem, indentation, latest, rtol)
-    face = _predict(problem, indentation, latest, previous, problem.single(rtol))  # (3), (4)
+    start = _predict(problem, indentation, latest, previous, problem.single(rtol))  # (3), (4)
     iterations, residual = 0, np.inf
     rounds = problem.tuning.rounds
     for mode in [Mode.SWIFT, Mode.CAREFUL, *[Mode.EXACT] * rounds][:rounds]:
-        if face.elements.size <= problem.tuning.dense_up_to:
-            q, steps = _dense_face(problem, indentation, face.elements), 1
+        if start.candidates.size <= problem.tuning.dense_up_to:
+            q, steps = _factorised(problem, indentation, start.candidates), 1
         else:
-            q, steps = conjugate_gradients(problem, indentation, face, rtol, mode)
+            q, steps = conjugate_gradients(problem, indentation, start, rtol, mode)
         iterations += steps
-        state, residual = problem.verified(indentation, face.elements, q, indentation - latest.indentation)  # (2)
+        advance = indentation - latest.indentation
+        state, residual = problem.verified(indentation, start.candidates, q, next_advance=advance)  # (2)
         if residual <= rtol:
             return state, iterations, residual
-        face = _corrected(problem, state, latest)
+        start = _corrected(problem, state, latest)
     message = f"contact not converged to {rtol:g}"
     raise ConvergenceError(message, indentation=indentation, iterations=iterations, residual=residual)
 
 
-def conjugate_gradients(problem: Problem, indentation: float, face: Face, rtol: float, mode: Mode) -> tuple[Array, int]:
+def conjugate_gradients(
+    problem: Problem, indentation: float, start: Start, rtol: float, mode: Mode
+) -> tuple[Array, int]:
     """Minimise the energy over q ≥ 0 on the candidates, by preconditioned conjugate gradients with bounds.
 
-    Residuals and directions of 32 bits lose no digit of the result: their errors shrink with the residual.
+    q and w have 64 bits. Residuals, directions and their convolutions may have 32: the error of a step is a share of
+    the step, and steps shrink. The verification measures the errors that add up in w.
 
     Parameters
     ----------
-    problem, indentation, rtol
+    problem, indentation
         As in `solve_indentation`; the indentation is for errors alone.
-    face : Face
-        Candidates and the start.
+    start : Start
+        Candidates, and q and w there.
+    rtol
+        As in `solve_indentation`.
     mode : Mode
         Precision of the round.
 
@@ -112,59 +126,62 @@ def conjugate_gradients(problem: Problem, indentation: float, face: Face, rtol: 
     Raises
     ------
     ConvergenceError
-        After `Tuning.iterations` iterations.
+        After `Tuning.iterations` iterations, or if no direction reduces the energy.
     """
-    tuning, half_space, elements = problem.tuning, problem.half_space, face.elements
+    tuning, half_space, elements = problem.tuning, problem.half_space, start.candidates
     single = problem.single(rtol) and mode is not Mode.EXACT
     tolerance = tuning.safety * rtol
-    q, w = face.q.copy(), face.w.copy()
-    inverse, free = approximate_inverse(half_space.influence, half_space.shape, elements, q, w, face.rates, tuning)
+    q, w = start.q.copy(), start.w.copy()
+    # First free set: (6) without the elements that M⁻¹ expects lifted clear. The verification finds a wrong guess.
+    inverse, free = approximate_inverse(half_space.influence, half_space.shape, elements, q, w, start.rates, tuning)
     direction: NDArray[Any] = np.zeros(q.size, dtype=np.float32 if single else np.float64)
-    r_before, rz, step, residual = direction.copy(), 1.0, 0.0, np.inf
+    r_before, rz, step, residual = direction.copy(), 1.0, 0.0, np.inf  # without effect: the first direction is z
     for iteration in range(tuning.iterations):
         if iteration % tuning.cut_every == 0:
-            _cut(problem, elements, q, w, single)  # (5) project on q ≥ 0
+            _project(problem, elements, q, w, single)  # (5) project on q ≥ 0: may cost a convolution
         if iteration:
-            free = (q != 0.0) | (w < 0.0)  # (6) free set
+            free = (q != 0.0) | (w < 0.0)  # (6) free set: q < 0 stays in it until the next projection
         r = np.negative(w, out=np.empty_like(direction), casting="same_kind")
         r *= free  # (7) residual
         residual_before, residual = residual, float(np.abs(r).max())
         if residual <= tolerance:
-            if _cut(problem, elements, q, w, single):
-                continue
+            if _project(problem, elements, q, w, single):
+                continue  # w has changed
             return q, iteration
         z = inverse(r)  # (8) precondition
-        z *= free & ((q > 0.0) | (z >= 0.0))  # (9) bounds
+        z *= free & ((q > 0.0) | (z >= 0.0))  # (9) bounds: no tensile direction at q ≤ 0
         rz_before, rz = rz, float(r @ z)
+        if not rz > 0.0:
+            break
         direction *= max(0.0, (rz - float(r_before @ z)) / rz_before)
         direction += z  # (10) direction
         direction *= free
-        trusted = tolerance * min(tuning.last_step, residual_before / residual)
-        if mode is Mode.SWIFT and iteration and residual <= trusted:
-            return np.maximum(q + step * direction, 0.0), iteration  # (12) last step, unmeasured
+        reduction = residual_before / residual  # by the previous step
+        if mode is Mode.SWIFT and iteration and residual <= tolerance * min(tuning.last_step, reduction):
+            return np.maximum(q + step * direction, 0.0), iteration  # (12) one more step of the previous length
         response = half_space.displacement_at(elements, direction, single=single)
         step = float(r @ direction) / float(direction @ response)  # (11) exact step
         q += step * direction
         w += step * response
         r_before = r
     message = f"conjugate gradients not converged to {tolerance:g}"
-    raise ConvergenceError(message, indentation=indentation, iterations=tuning.iterations, residual=residual)
+    raise ConvergenceError(message, indentation=indentation, iterations=iteration + 1, residual=residual)
 
 
-def _cut(problem: Problem, elements: Index, q: Array, w: Array, single: bool) -> bool:
-    """Set negative pressures to zero, take their displacement out of the gap, and return whether there were any."""
+def _project(problem: Problem, elements: Index, q: Array, w: Array, single: bool) -> bool:
+    """Set w to w - K min(q, 0) and q to max(q, 0), in place, and return whether any q was negative."""
     if not q.min(initial=0.0) < 0.0:
         return False
     negative = np.flatnonzero(q < 0.0)
     displacement = problem.superposition.displacement(elements, negative, q[negative], single=single)
-    if displacement is None:
+    if displacement is None:  # too many for a sum
         displacement = problem.half_space.displacement_at(elements, np.minimum(q, 0.0), single=single)
     w -= displacement
     q[negative] = 0.0
     return True
 
 
-def _dense_face(problem: Problem, indentation: float, elements: Index) -> Array:
+def _factorised(problem: Problem, indentation: float, elements: Index) -> Array:
     """Return q ≥ 0 on few elements, by Cholesky factorisations.
 
     Tensile elements leave the contact set, penetrating ones come back, until neither is left.
@@ -200,56 +217,62 @@ def _dense_face(problem: Problem, indentation: float, elements: Index) -> Array:
     )
 
 
-def _predict(problem: Problem, indentation: float, latest: State, previous: State | None, single: bool) -> Face:
+def _predict(problem: Problem, indentation: float, latest: State, previous: State | None, single: bool) -> Start:
     """Return the candidates with q and w there, extrapolated along the secant through two states.
+
+    Gaps are convex in the indentation, so that the secant bounds a gap beyond both states from below: an element with
+    a positive one stays open (3). Kernels other than Love's lack the property, and the verification finds the rest.
+    ``latest`` has the larger indentation of the two; the one asked for is beyond both, or between them in a search.
 
     Without a second state the candidates are the rigid overlap, and q = 0.
     """
     if previous is None:
         candidates = np.flatnonzero(problem.heights > -indentation)
-        return Face(candidates, np.zeros(candidates.size), -indentation - problem.heights[candidates], None)
-    step = indentation - latest.indentation
-    theta = step / (latest.indentation - previous.indentation)
-    # Beyond both states no gap closes that is larger than the step: no gap falls faster than the surfaces approach.
+        return Start(candidates, np.zeros(candidates.size), -indentation - problem.heights[candidates], None)
+    advance = indentation - latest.indentation
+    theta = advance / (latest.indentation - previous.indentation)
+    # Beyond both states a gap larger than the advance stays open: no gap falls faster than the surfaces approach.
     # Between them, as in a search, the contact of the latest state holds the contact at this indentation.
-    candidates, gap = latest.within(max(0.0, step))
+    candidates, gap = latest.within(max(0.0, advance))
     w = gap + theta * (gap - previous.gap(candidates))
     predicted = (w if theta > 0.0 else gap) < 0.0
-    predicted[problem.positions(candidates, latest.elements)[0]] = True  # (3) candidates
+    predicted[problem.positions(candidates, latest.elements)[0]] = True  # (3) contact stays: it is among the candidates
     candidates, w = candidates[predicted], w[predicted]
     q, rates = _rates(problem, candidates, latest, previous)
-    q += step * rates[0]  # (4) secant
-    _cut(problem, candidates, q, w, single)  # (5)
-    return Face(candidates, q, w, rates)
+    q += advance * rates[0]  # (4) secant
+    _project(problem, candidates, q, w, single)  # (5)
+    return Start(candidates, q, w, rates)
 
 
-def _corrected(problem: Problem, state: State, latest: State) -> Face:
-    """Return the face of a further round, from a verified state: its contact, and all that penetrates."""
+def _corrected(problem: Problem, state: State, latest: State) -> Start:
+    """Return the start of a further round, from a verified state: its contact, and every element that penetrates."""
     candidates, w = state.within(0.0)
-    mask = w < 0.0
+    mask = w < 0.0  # `within` may return more
     mask[problem.positions(candidates, state.elements)[0]] = True
     candidates, w = candidates[mask], w[mask]
-    if state.indentation > latest.indentation:
+    if state.indentation > latest.indentation:  # rates need two states in order
         q, rates = _rates(problem, candidates, state, latest)
-        return Face(candidates, q, w, rates)
+        return Start(candidates, q, w, rates)
     (q,) = problem.pressures(candidates, state)
-    return Face(candidates, q, w, None)
+    return Start(candidates, q, w, None)
 
 
 def _rates(problem: Problem, candidates: Index, latest: State, previous: State) -> tuple[Array, Rates]:
     """Return q on the candidates, and the rates of pressure and displacement with indentation there."""
     q, earlier = problem.pressures(candidates, latest, previous)
-    # Contacts may fail to be nested: for another kernel than Love's, or by rounding. Elements in both count there.
+    # Contacts may fail to be nested: for another kernel than Love's, or by rounding. An element that has lost contact
+    # gets the rate 0, and the extrapolated w differs from K q - b there until the verification.
     pressure = np.where(q > 0.0, q - earlier, 0.0)
     displacement = latest.touch_at[candidates] - previous.touch_at[candidates]
-    step = latest.indentation - previous.indentation
-    return q, (pressure / step, displacement / step)
+    advance = latest.indentation - previous.indentation
+    return q, (pressure / advance, displacement / advance)
 
 
 def _approach(problem: Problem, indentation: float, latest: State, rtol: float) -> tuple[State, State | None]:
     """Return two rough states on the way to an indentation with a large rigid overlap.
 
-    The overlap is up to fifty times the contact. The states on the way keep all vectors small.
+    The overlap is up to fifty times the contact. The states on the way keep all vectors small. The first of them starts
+    from its own overlap. Their iterations are not counted, their convolutions are.
     """
     tuning = problem.tuning
     stages = [indentation]
@@ -258,7 +281,7 @@ def _approach(problem: Problem, indentation: float, latest: State, rtol: float) 
         if len(stages) > 40:  # a plateau larger than this comes into contact at once
             return latest, None
     previous: State | None = None
-    for stage in stages[:0:-1]:
+    for stage in stages[:0:-1]:  # increasing, without the last: that one is solved by the caller
         rough = solve_indentation(problem, stage, latest, previous, max(rtol, tuning.cold_rtol))[0]
         previous, latest = latest, rough
     return latest, previous

@@ -183,17 +183,17 @@ class Problem:
         """Return the state without contact."""
         return State(indentation, np.empty(0, dtype=np.intp), np.empty(0), -self.heights)
 
-    def verified(self, indentation: float, elements: Index, q: Array, step: float) -> tuple[State, float]:
+    def verified(self, indentation: float, elements: Index, q: Array, next_advance: float) -> tuple[State, float]:
         """Return the state under given pressures, by one convolution, and its residual η/σ on the whole grid (2).
 
-        One pass over the grid serves the residual, the bound of the stiffness, and the next prediction if its step is
-        no longer than `step`.
+        One pass over the grid serves the residual, the bound of the stiffness, and the next prediction, if this one
+        goes no farther than `next_advance`.
         """
         positive = q > 0.0
         elements, q = elements[positive], q[positive]
         state = State(indentation, elements, q, self.half_space.displacement_above(self.heights, elements, q))
         # w < 0 only where b > 0, as K is positive
-        reach = abs(step) * (1.0 + 1e-6)  # the next step may be longer by rounding
+        reach = abs(next_advance) * (1.0 + 1e-6)  # the next one may be larger by rounding
         deepest = -float(state.within(reach)[1].min(initial=0.0))
         return state, max(float(np.abs(state.gap(elements)).max(initial=0.0)), deepest)
 

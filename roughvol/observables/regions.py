@@ -47,7 +47,7 @@ class Within:
 
     @cached_property
     def mean_pressure(self) -> float:
-        """p* of the elements inside, L and σ of the whole."""
+        """Mean pressure p* of the elements inside, L and σ of the whole."""
         return float(self.pressure().mean())
 
     @cached_property

@@ -72,6 +72,11 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
     any_size : bool
         Answer claims from runs too small for them as well: to try the claims out, not for a verdict.
 
+    Returns
+    -------
+    Report
+        Claims, readings and the runs with a page of their own.
+
     Raises
     ------
     DatasetError

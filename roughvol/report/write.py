@@ -44,6 +44,8 @@ def departures(report: Report, expected: str) -> list[str]:
 
     Parameters
     ----------
+    report : Report
+        Report to compare.
     expected : str
         JSON ``{"verdicts": {"4": "holds"}, "numbers": {"4.exponent": [0.35, 0.45]}}``; a number is named by its claim
         and its key in claims.json, and its value (not its interval) must lie in the band.

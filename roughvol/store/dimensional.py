@@ -52,6 +52,7 @@ def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset
     Returns
     -------
     Dataset
+        The same cases, with further variables.
     """
     surface = study.surface
     if isinstance(surface, GeneratedSurface) and surface.height is not None:

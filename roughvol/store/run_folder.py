@@ -29,7 +29,20 @@ QUICK_BYTES = 1 << 20  # size up to which `status` verifies a case file as well
 
 
 def folder_of(study: Study, out: str | Path | None = None) -> Path:
-    """Return the folder of the results: the one given, or ``runs/<name of the study>``."""
+    """Return the folder of the results of a study.
+
+    Parameters
+    ----------
+    study : Study
+        Study of the run.
+    out : path, optional
+        Folder given by the user; default: ``runs/<name of the study>``.
+
+    Returns
+    -------
+    Path
+        The folder, which may not exist yet.
+    """
     return Path("runs") / study.name if out is None else Path(out)
 
 

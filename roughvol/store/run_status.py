@@ -59,6 +59,18 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
 
     Every bit of small files is verified. Of files larger than `run_folder.QUICK_BYTES`, only the stamp is read.
 
+    Parameters
+    ----------
+    study : Study or path of a study file
+        Study of the run.
+    out : path, optional
+        Folder of the results; default: ``runs/<name of the study>``.
+
+    Returns
+    -------
+    Status
+        Finished, missing, running, failed and damaged cases.
+
     Raises
     ------
     FolderError

@@ -22,7 +22,7 @@ SMALLEST_RANGE = 1e-290  # of heights that are not flat: below, their difference
 class Surface:
     """A height field z on a lattice of spacing δ, checked once and read-only from then on.
 
-    Parameters
+    Attributes
     ----------
     heights : array_like, shape (rows, columns), both at least 3
         Heights z [length], positive up, finite. They are copied.

@@ -231,7 +231,7 @@ def test_answers_of_an_older_format_are_set_aside_with_that_word_and_computed_an
     found = run_status.status(later, place)
     assert (len(found.done), len(found.missing), found.damaged, len(found.outdated)) == (0, 4, {}, 4)
     (told,) = _notices(later, place)
-    assert told.startswith(f"set aside: 4 case files stored by an older answer format ({now}, now {now + 1}); ")
+    assert told.startswith(f"set aside: 4 case files stored by an older answer format ({old}, now {now + 1}); ")
     assert "their cases are computed anew" in told
     assert {path.name for path in (place / "cases" / "set_aside").glob("*.nc")} == set(before)
     assert (len(run_status.status(later, place).done), run_status.status(later, place).outdated) == (4, {})

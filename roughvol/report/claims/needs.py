@@ -24,7 +24,7 @@ SAME = 1e-9  # largest difference of two equal D, L or tolerances
 class Needs:
     """Configuration that a run must have; a default asks for nothing.
 
-    Parameters
+    Attributes
     ----------
     holds : tuple of str
         Stored variables.

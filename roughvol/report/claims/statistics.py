@@ -43,6 +43,8 @@ def bootstrap(key: str, name: str, statistic: Callable[[Index], float], n: int) 
 
     Parameters
     ----------
+    key, name : str
+        Key of the number in claims.json, and its name in words.
     statistic : callable
         Takes the numbers of the surfaces drawn (with repetition), shape (n,).
     n : int

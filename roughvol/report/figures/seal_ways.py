@@ -128,6 +128,7 @@ def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: flo
     Returns
     -------
     ndarray, shape (ways, points)
+        Values; NaN where unknown.
     """
     rows = np.full((len(members), at.size), np.nan)
     sign = -1.0 if falls(members) else 1.0
