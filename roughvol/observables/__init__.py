@@ -9,6 +9,10 @@ Room of the observables: pure functions of arrays, and the reduction of a sweep 
 `transport`      connectivity, constriction, conduction, quick estimates
 `void`           the transport that a study asks for, state by state
 `regions`        a part of the surface, and central squares
+`at_state`       quantities of a sweep at a given state, between its steps
+`multilevel`     means over an ensemble, from samples on several levels
+`allocation`     the samples that each level needs, at the least cost
+`refinement`     whether a mean converges with m, and what is left
 ===============  ===================================================================
 """
 

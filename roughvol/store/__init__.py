@@ -12,6 +12,7 @@ Room of the store. It computes nothing.
 `same_study`           whether a folder holds the results of a study
 `run_status`           finished, missing, failed and damaged cases
 `collection`           the finished cases, read and verified
+`answer`               the answer of an ensemble, and the plan of its samples
 `checkpoint`           the finished steps of a long sweep
 `ledger`               sizes and times of the finished files
 `stamped_file`         files that are whole or absent, with a checksum

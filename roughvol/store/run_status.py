@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from roughvol.store import ledger, lock, run_folder, same_study
+from roughvol.store import answer, ledger, lock, run_folder, same_study
 from roughvol.store.lock import Holder
 from roughvol.store.run_folder import case_file, folder_of, ledger_file
 from roughvol.study import Study, load
@@ -53,7 +53,7 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     """
     study = study if isinstance(study, Study) else load(study)
     place = folder_of(study, out)
-    cases = {case.id: case for case in study.cases()}
+    cases = answer.cases_of(study, place)
     same_study.check_same_study(place, study, cases)
     holder = lock.holder(place)
     running, left = _now(place) if holder else ((), None)

@@ -11,6 +11,7 @@ as a `StudyError` whose problems carry the line, the key, the value given and wh
 `treatment`    the treatment of measured heights
 `material`     the section ``material``
 `record`       the section ``record``
+`ensemble`     the section ``ensemble``
 `agreement`    sizes and units of the study and of its files, compared
 `cases`        the study as a whole, and its cases
 `units`        numbers with a unit

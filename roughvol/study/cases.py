@@ -13,10 +13,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, Tag, model_serializer, model_validator
 
 from roughvol.errors import Problem, StudyError
+from roughvol.study import ensemble as ensembles
 from roughvol.study.agreement import resolve
+from roughvol.study.ensemble import Ensemble
 from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
 from roughvol.study.record import Record
@@ -216,14 +218,31 @@ class Study(Strict):
         description="{heights, fields_at, box_counting, volume_density, transport, region, region_widths, dimensional}",
     )
 
+    ensemble: Ensemble | None = Field(
+        default=None, description="{accuracy, at, budget, first_seed}: how accurate the mean over all surfaces is to be"
+    )
+
     _places: Places = PrivateAttr(default_factory=Places)
 
     @model_validator(mode="after")
     def _possible(self) -> Study:
-        found = [f"{key_text(path)}: {message}" for path, message in conflicts(self.model_dump(mode="json"))]
+        data = self.model_dump(mode="json")
+        if self.ensemble is not None and "seeds" in self.surface.model_fields_set:
+            data["surface"]["seeds"] = []
+        found = [f"{key_text(path)}: {message}" for path, message in conflicts(data)]
         if found:
             refuse("{found}", found="\n".join(found))
         return self
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> dict[str, Any]:
+        """Leave out what came later where it is not used, and the seeds where an ensemble decides them."""
+        data: dict[str, Any] = without_unused(handler(self), "ensemble")
+        if self.ensemble is not None:
+            data["surface"].pop("seeds", None)
+            if "solver" not in self.model_fields_set:
+                del data["solver"]
+        return data
 
     @contextlib.contextmanager
     def placing(self) -> Iterator[None]:
@@ -249,6 +268,11 @@ class Study(Strict):
             law, L, unit = surface.midpoint_law, float(surface.L), surface.length_unit
             height = None if hardness is None else surface.height
             product = itertools.product(surface.D, surface.m, surface.seeds)
+            if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
+                finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
+                product = itertools.product(surface.D, ensembles.levels_below(finest), [self.ensemble.first_seed])
+                if "solver" not in self.model_fields_set:
+                    solver = Solver(rtol=self.ensemble.tolerance)
             one = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
             return tuple(replace(one, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
         with self.placing():
@@ -273,6 +297,14 @@ class Study(Strict):
             notes=measured.notes,
         )
         return (case,)
+
+    def sample(self, D: float, m: int, seed: int) -> Case:
+        """Return the case of one surface of an ensemble."""
+        return replace(self._first, D=D, m=m, seed=seed)
+
+    @functools.cached_property
+    def _first(self) -> Case:
+        return self.cases()[0]
 
     def to_yaml(self) -> str:
         """Return the study with every default written out; `loads` of it gives an equal study."""
@@ -312,6 +344,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     if isinstance(mapping("sweep").get("to"), dict) and sum(value is not None for value in end.values()) != 1:
         yield ("sweep", "to"), f"must name exactly one of {', '.join(names(Target))}"
     yield from _unit_conflicts(surface, mapping("material"), record)
+    yield from ensembles.conflicts(data)
     pressed = ("fields_at", "box_counting", "volume_density", "transport", "region_widths", "dimensional")
     for name in pressed if steps == 0 else ():
         if record.get(name) is not None:
@@ -324,6 +357,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         ("record", "region_widths", "transmissivity"),
     ]
     selectors += [("record", "transport", quantity) for quantity in mapping("record", "transport")]
+    selectors.append(("ensemble", "at"))
     levels = [(*place, kind) for place in selectors for kind in mapping(*place)]
     for place in levels if steps != 0 else ():
         kind = place[-1]

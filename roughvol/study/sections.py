@@ -130,6 +130,18 @@ LengthUnit = Annotated[str, UnitOf("length")]
 UNIT = "unit of L and of the heights, for the units of what is stored; they stay without one if left out"
 
 
+class _Auto:
+    """Accept the word 'auto', which is read as no number at all, and say so in the JSON schema."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_wrap_validator_function(
+            lambda value, inner: () if value in ("auto", ()) else inner(value), handler(source)
+        )
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [{"const": "auto"}, handler(schema["schema"])]}
+
+
 class Strict(BaseModel):
     """A frozen record that takes nothing it does not know."""
 
@@ -144,7 +156,9 @@ class GeneratedSurface(Strict):
     """Surfaces made by random midpoint displacement: every combination of D, m and seed is a case."""
 
     D: Many[Dimension] = Field(description="fractal dimension of the generated surface, 2 < D < 3; a number or a list")
-    m: Many[Refinement] = Field(description="2^m + 1 nodes per side, whole, 1 <= m <= 13; a number or a list")
+    m: Annotated[Many[Refinement], _Auto()] = Field(
+        description="2^m + 1 nodes per side, whole, 1 <= m <= 13; a number or a list; 'auto' for an ensemble"
+    )
     L: Length = Field(default=100.0, description="lateral size, L > 0, as 100 or with its unit as 100 um")
     seeds: Many[Seed] = Field(
         default=10,
@@ -177,7 +191,8 @@ class GeneratedSurface(Strict):
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
         """Leave out what came later where it is not used."""
-        return without_unused(handler(self), "unit", "Sq")
+        data = without_unused(handler(self), "unit", "Sq")
+        return data if self.m else data | {"m": "auto"}
 
     @field_validator("seeds", mode="before")
     @classmethod
