@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from xarray import Dataset
 
 from roughvol.store import run_folder, stamped_file
 from roughvol.store.variables import DTYPES, VARIABLES
 from roughvol.study import Case, Study
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 BOUNDS = ("lower", "upper")
 
