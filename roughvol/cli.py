@@ -19,6 +19,7 @@ from roughvol.errors import CampaignError, ContactError, ConvergenceError, Datas
 if TYPE_CHECKING:
     from roughvol.campaign.batch import Progress
     from roughvol.store.dataset import Dataset
+    from roughvol.study import Study
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 LIGHT = ("schema", "status")  # they import no library that computes
@@ -108,6 +109,11 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
             surface, cases[0].length_unit, cases[0].label, out or Path(f"{loaded.name}-look.png")
         )
         click.echo(f"# picture {path}")
+    if loaded.ensemble is not None:
+        _say_expected(loaded, jobs)
+        _warn(validity.sentences(checks.foreseen(loaded, surface), ()))
+        cost.check_fits(loaded, run_folder.folder_of(loaded))
+        return
     estimated = cost.estimate(loaded, jobs)
     click.echo(_cost(estimated))
     noted = understood.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
@@ -309,6 +315,21 @@ def schema() -> None:
     from roughvol.study import json_schema
 
     click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+
+
+def _say_expected(study: Study, jobs: int | None) -> None:
+    """Print what an ensemble is expected to cost."""
+    from roughvol.campaign import cost, expected
+
+    estimated = cost.estimate(study, jobs)
+    click.echo(f"# the solver's residual is η/σ ≤ {study.cases()[0].solver.tolerance:.0e}")
+    for one in expected.expected(study):
+        samples = ", ".join(f"{n} at m = {m}" for m, n in one.samples.items())
+        click.echo(f"# D = {one.D:g}: about {samples}: {_duration(one.seconds)} of one core")
+        click.echo(
+            f"#          plain Monte Carlo: {_duration(one.plain)} (both from typical variances, to a factor of 2)"
+        )
+    click.echo(f"# memory  about {_bytes(estimated.memory)} a process")
 
 
 def _message(error: RoughvolError) -> str:

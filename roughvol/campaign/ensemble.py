@@ -30,7 +30,7 @@ from roughvol.study.yaml_text import number_text
 from roughvol.typing import Array
 
 # Seconds of one core, for the allocation: a case with its file; a step; a node, times log N, a convolution
-CASE_SECONDS, STEP_SECONDS, NODE_SECONDS, SINGLE = 0.03, 2.0e-4, 6.0e-9, 0.6
+CASE_SECONDS, STEP_SECONDS, NODE_SECONDS, SINGLE = 0.025, 2.0e-4, 6.0e-9, 0.6
 PILOT = 24  # samples of a level before anything is decided, and of the levels that cost much:
 COSTLY = {8: 10, 9: 4}
 FEWEST = 3
