@@ -52,7 +52,6 @@ def variables(answer: Answer) -> Values:
 
 def _of(one: Standing) -> dict[str, Any]:
     levels = range(len(one.costs))
-    residual = [one.links[0, -1].variance, *(one.links[k, k - 1].variance for k in levels[1:])]
     used = {link.level: float(link.samples) for link in one.mean.links}
     low, high = one.mean.value - one.mean.half_width, one.mean.value + one.mean.half_width
     return {
@@ -65,7 +64,7 @@ def _of(one: Standing) -> dict[str, Any]:
         "solver_error": one.solver,
         "level_mean": one.level_means,
         "level_variance": one.level_variances,
-        "level_residual": residual,
+        "level_residual": one.residuals,
         "level_correlation": [math.nan, *one.correlations],
         "level_samples": [used.get(k, 0.0) for k in levels],
     }

@@ -31,11 +31,13 @@ from roughvol.typing import Array
 
 # Seconds of one core, for the allocation: a case with its file; a step; a node, times log N, a convolution
 CASE_SECONDS, STEP_SECONDS, NODE_SECONDS, SINGLE = 0.025, 2.0e-4, 6.0e-9, 0.6
+ITERATIVE_FROM, ITERATIVE = 6, 5.0e-4  # m from which on a step iterates, and the seconds that adds
 PILOT = 24  # samples of a level before anything is decided, and of the levels that cost much:
 COSTLY = {8: 10, 9: 4}
 FEWEST = 3
 GROWTH = 4  # by which a level grows in one round: its variance is not known well before
 KNOWN, PART = 60, 0.6  # samples that give a variance to 20 %, and the share of the way gone with fewer
+STOPPING = 3.0  # samples that it costs to stop when the interval is narrow, see `multilevel`
 ROUNDS = 40
 MOST_CASES = 1_000_000
 MORE = 1.25  # by which the level that adds most grows where the plan sees no need
@@ -102,12 +104,15 @@ class Standing:
 
     @property
     def level_variances(self) -> tuple[float, ...]:
-        """Variance over surfaces on each level: that of its residual and what it inherits from the coarser one."""
-        found = [self.links[0, -1].variance]
-        for level in range(1, len(self.costs)):
-            link = self.links[level, level - 1]
-            found.append(link.variance + link.slope**2 * found[-1])
-        return tuple(found)
+        """Variance over surfaces on each level."""
+        levels = range(len(self.costs))
+        return tuple(multilevel.variance_of(self.links, multilevel.ladder(self.links, k)) for k in levels)
+
+    @property
+    def residuals(self) -> tuple[float, ...]:
+        """Variance on each level that the coarser one leaves; of the coarsest, all of it."""
+        ladders = [multilevel.ladder(self.links, k) for k in range(len(self.costs))]
+        return tuple(self.links[k, one[-2] if len(one) > 1 else -1].variance for k, one in enumerate(ladders))
 
     @property
     def plain_cost(self) -> float:
@@ -163,15 +168,17 @@ class Ensembles:
         target = self.targets[number]
         values = [np.array([one.values[number] for one in self.samples[D, m]]) for m in self.levels]
         links = multilevel.links_of(values)
-        means = [multilevel.chain(values, range(k + 1), links).value for k in range(len(values))]
+        ladders = [multilevel.ladder(links, k) for k in range(len(values))]
+        means = [multilevel.chain(values, levels, links).value for levels in ladders]
         wanted = target.accuracy.of(means[-1]) or 1e-300
         plan = allocation.plan(links, costs, have, wanted)
-        mean = multilevel.chain(values, plan.levels, links)
+        mean = multilevel.chain(values, plan.levels, links, STOPPING)
         if mean.half_width > wanted and plan.samples == tuple(have[k] for k in plan.levels):
-            t = max(mean.half_width / math.sqrt(mean.variance), allocation.NORMAL)
+            known = allocation.predicted(mean.links, [link.samples for link in mean.links])
+            t = max(mean.half_width / math.sqrt(known), allocation.NORMAL)
             plan = allocation.plan(links, costs, have, wanted * allocation.NORMAL / t)
         pairs = list(itertools.pairwise(values))
-        steps = [fine - coarse[: fine.size] for coarse, fine in pairs]
+        steps = [fine[: coarse.size] - coarse[: fine.size] for coarse, fine in pairs]
         finest = self.samples[D, self.levels[-1]]
         return Standing(
             target,
@@ -221,8 +228,10 @@ def next_counts(standings: Sequence[Standing], levels: Sequence[int], have: Sequ
             asked[level] = math.ceil(MORE * have[level])
         wanted = [max(pair) for pair in zip(wanted, asked, strict=True)]
     wanted = [_approached(n, before) for n, before in zip(wanted, have, strict=True)]
-    nested = np.maximum.accumulate(wanted[::-1])[::-1]  # every seed of a level is one of the coarser ones too
-    return {m: int(n) for m, n in zip(levels, nested, strict=True)}
+    used = sorted({level for one in standings for level in one.plan.levels}, reverse=True)
+    for finer, coarser in itertools.pairwise(used):  # every seed of a level is one of the coarser ones that are used
+        wanted[coarser] = max(wanted[coarser], wanted[finer])
+    return dict(zip(levels, wanted, strict=True))
 
 
 def _approached(wanted: int, have: int) -> int:
@@ -269,9 +278,14 @@ def sampled(targets: Sequence[Target], case: Case, arrays: Arrays) -> Sample:
 def cost_of(case: Case, arrays: Arrays) -> float:
     """Return the modelled seconds of a finished case, from its stored counts."""
     assert case.m is not None
-    nodes = 2**case.m + 1
     units = float(np.nansum(arrays["convolutions"][1])) + SINGLE * float(np.nansum(arrays["convolutions_fp32"][1]))
-    return CASE_SECONDS + STEP_SECONDS * case.sweep.steps + NODE_SECONDS * nodes**2 * math.log(nodes) * units
+    return seconds_of(case.m, case.sweep.steps, units)
+
+
+def seconds_of(m: int, steps: int, units: float) -> float:
+    """Return the modelled seconds of a sweep with so many convolutions."""
+    nodes, step = 2**m + 1, STEP_SECONDS + ITERATIVE * (m >= ITERATIVE_FROM)
+    return CASE_SECONDS + step * steps + NODE_SECONDS * nodes**2 * math.log(nodes) * units
 
 
 def _unreached(state: Level, case: Case, last: float) -> StudyError:
@@ -350,10 +364,9 @@ def answer(
             continue
         if stopped:
             return Answer(state, standings, rounds, stopped)
+        if budget is None:
+            _refuse_too_many(standings)
         new = {D: next_counts(each, state.levels, state.have(D)) for D, each in standings.items()}
-        if sum(sum(samples.values()) for samples in new.values()) > MOST_CASES:
-            message = f"this accuracy needs more than {MOST_CASES} cases: ask for less, or for an absolute accuracy"
-            raise CampaignError(message)
         if budget is not None:
             new, stopped = _within(budget, clock() - began, counts, new, state, standings)
             if new == counts:
@@ -411,6 +424,20 @@ def _within(
 
 def _biased(standings: Mapping[float, Sequence[Standing]]) -> bool:
     return any(one.weak.bias > BIAS_SHARE * one.wanted for each in standings.values() for one in each)
+
+
+def _refuse_too_many(standings: Mapping[float, Sequence[Standing]]) -> None:
+    """Refuse an accuracy that no machine reaches, as soon as the pilot shows it."""
+    most, D, one = max(
+        ((sum(one.plan.samples), D, one) for D, each in standings.items() for one in each if not one.holds),
+        key=lambda each: each[0],
+    )
+    if most > MOST_CASES:
+        message = (
+            f"{one.target.quantity} at {one.target.state.label}, D = {D:g}: ± {one.target.accuracy} needs more than "
+            f"{MOST_CASES} samples; its mean is about {one.mean.value:.3g}: ask for less, or set a budget"
+        )
+        raise CampaignError(message)
 
 
 def _refuse_without_limit(standings: Mapping[float, Sequence[Standing]]) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roughvol.campaign import cost, ensemble
-from roughvol.campaign.ensemble import CASE_SECONDS, NODE_SECONDS, SINGLE, STEP_SECONDS
+from roughvol.campaign.ensemble import SINGLE
 from roughvol.observables import allocation
 from roughvol.observables.multilevel import Link
 from roughvol.study import GeneratedSurface, Study, levels_below
@@ -75,5 +75,4 @@ def _seconds(study: Study, m: int) -> float:
     nodes, case = 2**m + 1, study.cases()[0]
     units = cost.convolutions_per_step((nodes, nodes), case.solver.tolerance)
     units = 1.0 + SINGLE * (units - 1.0)
-    steps = case.sweep.steps
-    return CASE_SECONDS + STEP_SECONDS * steps + NODE_SECONDS * nodes**2 * math.log(nodes) * units * steps
+    return ensemble.seconds_of(m, case.sweep.steps, units * case.sweep.steps)

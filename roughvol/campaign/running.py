@@ -86,11 +86,11 @@ def run(
     if jobs is not None and jobs < 1:
         message = f"jobs is {jobs}; allowed: 1 or more"
         raise CampaignError(message)
-    if only is not None and (not only or set(only) - cases.keys()):
-        message = f"only: {', '.join(sorted(set(only) - cases.keys())) or 'nothing'} names no case of this study"
-        raise CampaignError(message)
     if only is not None and study.ensemble is not None:
         message = "only: an ensemble decides itself which cases it needs"
+        raise CampaignError(message)
+    if only is not None and (not only or set(only) - cases.keys()):
+        message = f"only: {', '.join(sorted(set(only) - cases.keys())) or 'nothing'} names no case of this study"
         raise CampaignError(message)
     wanted = cases.keys() if only is None else cases.keys() & set(only)
     shape = surface.shape if surface is not None else None

@@ -27,13 +27,19 @@ has b_l = 1/2, and gains as much as one that does not change.
    one is larger. Residuals shrink under refinement, so this errs on the large side. A larger variance of its own
    is never pooled: it keeps its few degrees of freedom and the wide t quantile that goes with them.
 4. The interval is Student's, with the degrees of freedom of Welch and Satterthwaite for the sum of variances.
+
+**Stopping.** A campaign ends when its interval is narrow, so it ends sooner where chance made a variance small. For one
+mean that costs a few samples, however many there are (Anscombe, Proc. Camb. Phil. Soc. 48 (1952) 600; Simons, Ann.
+Math. Stat. 39 (1968) 1946). The argument `stopping` of `chain` takes them off: s²/n becomes s² (1 + stopping/ν)/n. The
+choice among chains has the same effect. Few levels have that choice: a parent other than the next coarser level needs
+`MANY` samples.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,6 +50,7 @@ from roughvol.typing import Array
 COVERAGE = 0.95
 OWN_SLOPE = 8  # samples from which on a level has a slope of its own
 FULL = 12  # degrees of freedom up to which a variance is pooled; t(0.975; 12) = 2.18
+MANY = 60  # samples from which on a level may have another parent than the next coarser level
 LEAST = 2  # samples without which a level has no variance
 
 
@@ -168,9 +175,9 @@ def links_of(values: Sequence[Array]) -> dict[tuple[int, int], Link]:
     Parameters
     ----------
     values : sequence of arrays
-        Of every level, coarsest first, shape (n_l,); values[l][s] is of seed s, and n_l does not rise with l.
+        Of every level, coarsest first, shape (n_l,); values[l][s] is of seed s.
 
-    Levels with too few samples for statistics of their own are linked to the next coarser level only.
+    A parent has all seeds of its level. Levels with fewer than `MANY` samples are linked to their neighbour only.
     """
     found: dict[tuple[int, int], Link] = {}
     for level, own in enumerate(values):
@@ -179,12 +186,35 @@ def links_of(values: Sequence[Array]) -> dict[tuple[int, int], Link]:
         found[level, -1] = _base(level, own)
         for parent in range(level):
             borrowed = found.get((level - 1, level - 2)) if level > 1 else None
-            if parent == level - 1 or own.size - 2 >= FULL:
+            enough = parent == level - 1 or own.size >= MANY
+            if enough and values[parent].size >= own.size:
                 found[level, parent] = _link(level, parent, own, values[parent], borrowed)
     return found
 
 
-def chain(values: Sequence[Array], levels: Sequence[int], links: dict[tuple[int, int], Link] | None = None) -> Mean:
+def ladder(links: Mapping[tuple[int, int], Link], level: int) -> tuple[int, ...]:
+    """Return the chain to a level on which each has the nearest parent that it can have."""
+    found = [level]
+    while parents := [parent for own, parent in links if own == found[0] and parent >= 0]:
+        found.insert(0, max(parents))
+    return tuple(found)
+
+
+def variance_of(links: Mapping[tuple[int, int], Link], levels: Sequence[int]) -> float:
+    """Return the variance over surfaces on the finest level of a chain: its residual, and what it has of its parent."""
+    total, parent = 0.0, -1
+    for level in levels:
+        link = links[level, parent]
+        total, parent = link.variance + link.slope**2 * total, level
+    return total
+
+
+def chain(
+    values: Sequence[Array],
+    levels: Sequence[int],
+    links: Mapping[tuple[int, int], Link] | None = None,
+    stopping: float = 0.0,
+) -> Mean:
     """Return the mean of the finest level of a chain, from nested seeds.
 
     Parameters
@@ -195,6 +225,8 @@ def chain(values: Sequence[Array], levels: Sequence[int], links: dict[tuple[int,
         Places of the levels used, rising.
     links : dict, optional
         `links_of` the same values.
+    stopping : float
+        Samples that it costs to stop at a narrow interval; 0 for numbers of samples that are given.
 
     Returns
     -------
@@ -215,7 +247,7 @@ def chain(values: Sequence[Array], levels: Sequence[int], links: dict[tuple[int,
             mean = float(own.mean()) + link.slope * away
             link = replace(link, away=away)
         terms = [(link.slope**2 * variance, freedom) for variance, freedom in terms]
-        terms.append((link.of_mean, link.freedom))
+        terms.append(((1.0 + stopping / link.freedom) * link.of_mean, link.freedom))
         used.append(link)
         parent = level
     return Mean(mean, *_summed(terms), tuple(used))

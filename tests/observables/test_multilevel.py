@@ -100,6 +100,13 @@ def test_a_chain_is_narrower_than_the_plain_mean_where_levels_are_alike() -> Non
     assert chain(values, range(4)).half_width < 0.25 * plain(values[-1]).half_width
 
 
+def test_stopping_costs_samples() -> None:
+    values = _nested([50, 20], seed=11)
+    found, wider = chain(values, range(2)), chain(values, range(2), stopping=3.0)
+    assert wider.value == found.value
+    assert 1.0 + 3.0 / 49.0 < wider.variance / found.variance < 1.0 + 3.0 / 18.0
+
+
 def test_a_chain_of_one_level_is_the_plain_mean() -> None:
     values = _nested([50, 10], seed=6)
     assert chain(values, [1]).value == plain(values[1]).value
@@ -135,3 +142,14 @@ def test_constant_levels_have_no_correlation_and_a_slope_all_the_same() -> None:
     ones = np.ones(20)
     assert math.isnan(multilevel.correlation(ones, ones))
     assert chain([ones, ones[:9]], range(2)).half_width == 0.0
+
+
+def test_a_parent_has_all_seeds_of_its_level() -> None:
+    coarse, middle, fine = _nested([100, 80, 80], seed=10)
+    values = [coarse, middle[:30], fine]
+    links = links_of(values)
+    assert (2, 1) not in links
+    assert multilevel.ladder(links, 2) == (0, 2)
+    assert multilevel.ladder(links, 1) == (0, 1)
+    assert chain(values, (0, 2)).half_width < plain(fine).half_width
+    assert_allclose(multilevel.variance_of(links, (0, 2)), fine.var(ddof=1), rtol=0.2)
