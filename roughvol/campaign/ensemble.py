@@ -12,7 +12,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -30,7 +30,7 @@ from roughvol.study.yaml_text import number_text
 from roughvol.typing import Array
 
 # Seconds of one core, for the allocation: a case with its file; a step; a node, times log N, a convolution
-CASE_SECONDS, STEP_SECONDS, NODE_SECONDS, SINGLE = 0.025, 2.0e-4, 6.0e-9, 0.6
+CASE_SECONDS, STEP_SECONDS, NODE_SECONDS, SINGLE = 0.016, 2.0e-4, 6.0e-9, 0.6
 ITERATIVE_FROM, ITERATIVE = 6, 5.0e-4  # m from which on a step iterates, and the seconds that adds
 PILOT = 24  # samples of a level before anything is decided, and of the levels that cost much:
 COSTLY = {8: 10, 9: 4}
@@ -171,12 +171,13 @@ class Ensembles:
         ladders = [multilevel.ladder(links, k) for k in range(len(values))]
         means = [multilevel.chain(values, levels, links).value for levels in ladders]
         wanted = target.accuracy.of(means[-1]) or 1e-300
-        plan = allocation.plan(links, costs, have, wanted)
+        planned = _with_better_bases(links, have)
+        plan = allocation.plan(planned, costs, have, wanted)
         mean = multilevel.chain(values, plan.levels, links, STOPPING)
         if mean.half_width > wanted and plan.samples == tuple(have[k] for k in plan.levels):
             known = allocation.predicted(mean.links, [link.samples for link in mean.links])
             t = max(mean.half_width / math.sqrt(known), allocation.NORMAL)
-            plan = allocation.plan(links, costs, have, wanted * allocation.NORMAL / t)
+            plan = allocation.plan(planned, costs, have, wanted * allocation.NORMAL / t)
         pairs = list(itertools.pairwise(values))
         steps = [fine[: coarse.size] - coarse[: fine.size] for coarse, fine in pairs]
         finest = self.samples[D, self.levels[-1]]
@@ -202,6 +203,19 @@ class Ensembles:
         assert case.D is not None
         assert case.m is not None
         self.samples.setdefault((case.D, case.m), []).append(sampled(self.targets, case, arrays))
+
+
+def _with_better_bases(links: Mapping[tuple[int, int], Link], have: Sequence[int]) -> dict[tuple[int, int], Link]:
+    """Return links for a plan, in which a level of few samples has the variance that the coarser ones give it.
+
+    Chance makes the variance of ten samples small often enough for a plan to begin on such a level.
+    """
+    better = dict(links)
+    for level, samples in enumerate(have):
+        if samples < KNOWN and (level, -1) in links:
+            variance = multilevel.variance_of(links, multilevel.ladder(links, level))
+            better[level, -1] = replace(links[level, -1], variance=variance)
+    return better
 
 
 def pilot(levels: Sequence[int]) -> dict[int, int]:
