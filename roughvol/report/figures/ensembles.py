@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from roughvol.report.figures.origin import guarded
 from roughvol.report.figures.style import DASHES, PAGE, Drawing, canvas, looks
@@ -66,11 +66,15 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     left.set(xlabel="$m$", ylabel="samples", xticks=levels)
     middle.set(xlabel="$m$", ylabel="cost of the level [s]", xticks=levels)
     right.set(xlabel="cost [s]", ylabel="half-width of the interval [%]", title="dotted: plain Monte Carlo")
-    right.yaxis.set_minor_formatter(NullFormatter())
+    for axis in (right.xaxis, right.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
     left.legend()
     for ax in (left, middle, right):
         ax.grid(visible=True)
-    fig.shown = {"D": dimensions.tolist(), "m": [float(m) for m in levels]}
+    samples = sorted(set(ds["ensemble_samples"].values.ravel().tolist()))
+    fig.shown = {"D": dimensions.tolist(), "m": [float(m) for m in levels], "surfaces": samples}
     return fig
 
 
