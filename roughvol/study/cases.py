@@ -240,8 +240,8 @@ class Study(Strict):
         data: dict[str, Any] = without_unused(handler(self), "ensemble")
         if self.ensemble is not None:
             data["surface"].pop("seeds", None)
-            if "solver" not in self.model_fields_set:
-                del data["solver"]
+            if self.solving != self.solver:  # its tolerance follows from the accuracy, when this is read again as well
+                data["solver"] = {name: data["solver"][name] for name in ("kernel", "method")}
         return data
 
     @contextlib.contextmanager
@@ -261,7 +261,7 @@ class Study(Strict):
             If a height file cannot be read, or does not tell what the study leaves to it.
         """
         surface = self.surface
-        E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solver, self.record
+        E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solving, self.record
         hard = self.material.indentation_hardness
         hardness = None if hard is None else hard / E_star
         if isinstance(surface, GeneratedSurface):
@@ -271,8 +271,6 @@ class Study(Strict):
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
                 finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
                 product = itertools.product(surface.D, ensembles.levels_below(finest), [self.ensemble.first_seed])
-                if "solver" not in self.model_fields_set:
-                    solver = Solver(rtol=self.ensemble.tolerance)
             one = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
             return tuple(replace(one, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
         with self.placing():
@@ -297,6 +295,14 @@ class Study(Strict):
             notes=measured.notes,
         )
         return (case,)
+
+    @property
+    def solving(self) -> Solver:
+        """The solver in force: of an ensemble as accurate as its request needs, unless the study gives a tolerance."""
+        given = {"accuracy", "rtol", "max_error"} & self.solver.model_fields_set
+        if self.ensemble is None or given:
+            return self.solver
+        return self.solver.model_copy(update={"rtol": self.ensemble.tolerance})
 
     def sample(self, D: float, m: int, seed: int) -> Case:
         """Return the case of one surface of an ensemble."""

@@ -52,6 +52,10 @@ def test_the_solver_is_as_accurate_as_the_request_needs(accuracy: str, rtol: flo
     text = SURFACE + ASKED.replace("1 %", accuracy)
     assert loads(text).cases()[0].solver.tolerance == pytest.approx(rtol)
     assert loads(text + "solver: {rtol: 1.0e-8}").cases()[0].solver.tolerance == 1e-8
+    punch = loads(text + "solver: {kernel: punch}")
+    assert punch.cases()[0].solver.tolerance == pytest.approx(rtol)
+    assert punch.cases()[0].solver.kernel == "punch"
+    assert loads(punch.stored(), stored=True).cases() == punch.cases()
 
 
 def test_stored_names_of_quantities_are_understood() -> None:

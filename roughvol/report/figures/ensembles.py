@@ -73,8 +73,8 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     left.legend()
     for ax in (left, middle, right):
         ax.grid(visible=True)
-    samples = sorted(set(ds["ensemble_samples"].values.ravel().tolist()))
-    fig.shown = {"D": dimensions.tolist(), "m": [float(m) for m in levels], "surfaces": samples}
+    counts = sorted(set(ds["ensemble_samples"].values.ravel().tolist()))
+    fig.shown = {"D": dimensions.tolist(), "m": [float(m) for m in levels], "surfaces": counts}
     return fig
 
 
