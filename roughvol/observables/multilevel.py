@@ -23,9 +23,10 @@ has b_l = 1/2, and gains as much as one that does not change.
 1. A slope of one's own needs `OWN_SLOPE` samples. Fewer take the slope of the next coarser link: any slope that does
    not come from the same samples leaves the estimate unbiased.
 2. The variance of a slope is part of the variance of the mean (Cochran, Sampling Techniques, 1977, section 12.7).
-3. A residual variance with fewer than `FULL` degrees of freedom is pooled with that of the next coarser link if that
-   one is larger. Residuals shrink under refinement, so this errs on the large side. A larger variance of its own
-   is never pooled: it keeps its few degrees of freedom and the wide t quantile that goes with them.
+3. A residual variance with fewer than `FULL` degrees of freedom is pooled with `SHRINK` times that of the next coarser
+   link if that is larger. Residuals shrink to less than this from level to level (docs/ensemble.md), so the pooled
+   variance errs on the large side. A larger variance of its own is never pooled: it keeps its few degrees of freedom
+   and the wide t quantile that goes with them.
 4. The interval is Student's, with the degrees of freedom of Welch and Satterthwaite for the sum of variances.
 
 **Stopping.** A campaign ends when its interval is narrow, so it ends sooner where chance made a variance small. For one
@@ -50,6 +51,7 @@ from roughvol.typing import Array
 COVERAGE = 0.95
 OWN_SLOPE = 8  # samples from which on a level has a slope of its own
 FULL = 12  # degrees of freedom up to which a variance is pooled; t(0.975; 12) = 2.18
+SHRINK = 0.5  # residual variance of a link over that of the next coarser one, at the most
 MANY = 60  # samples from which on a level may have another parent than the next coarser level
 LEAST = 2  # samples without which a level has no variance
 
@@ -279,9 +281,10 @@ def _link(level: int, parent: int, fine: Array, coarse: Array, borrowed: Link | 
         slope, freedom = borrowed.slope if borrowed else 1.0, n - 1.0
     residual = y - slope * x
     variance = float(residual @ residual) / freedom
-    if borrowed is not None and freedom < FULL and borrowed.variance > variance:
+    guess = SHRINK * borrowed.variance if borrowed is not None else 0.0
+    if borrowed is not None and freedom < FULL and guess > variance:
         more = min(FULL - freedom, borrowed.freedom)
-        variance = (freedom * variance + more * borrowed.variance) / (freedom + more)
+        variance = (freedom * variance + more * guess) / (freedom + more)
         freedom += more
     return Link(level, parent, n, slope, variance, freedom, leverage)
 

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from roughvol.errors import DatasetError
 from roughvol.observables.box_counting import box_counts, local_dimension
 from roughvol.observables.free_volume import domain, element_volumes, volume_density
+from roughvol.observables.at_state import at_state
 from roughvol.report.figures import curves
 from roughvol.report.figures.families import ENOUGH, merged
 from roughvol.report.figures.paper import FIGURES, NEEDS, missing

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from roughvol.observables.at_state import at_state
 from roughvol.report.figures.families import Curve, Family
 from roughvol.report.figures.style import DASHES, legend, marked
 
@@ -37,7 +38,7 @@ def plot(
         if not common:
             low, high = max(one[0][0] for one in each), min(one[0][-1] for one in each)
             abscissa = np.linspace(low, high, 200 if high > low else 0)
-        rows = np.array([np.interp(abscissa, *one) for one in each])
+        rows = np.array([at_state(*one, abscissa) for one in each])
         mean, spread = rows.mean(axis=0), rows.std(axis=0, ddof=1)
         colour = family.look["color"]
         ax.fill_between(abscissa, mean - spread, mean + spread, color=colour, alpha=0.18, lw=0, zorder=2)
