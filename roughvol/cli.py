@@ -21,6 +21,7 @@ from roughvol.errors import CampaignError, ContactError, ConvergenceError, Datas
 
 if TYPE_CHECKING:
     from roughvol.campaign.batch import Progress
+    from roughvol.study import Study
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 LIGHT = ("schema", "status")  # commands that import no library for computations
@@ -111,6 +112,11 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
             surface, cases[0].length_unit, cases[0].label, out or Path(f"{loaded.name}-look.png")
         )
         click.echo(f"# picture {path}")
+    if loaded.ensemble is not None:
+        _say_expected(loaded, jobs)
+        _warn(validity.sentences(checks.foreseen(loaded, surface), ()))
+        cost.check_fits(loaded, run_folder.folder_of(loaded))
+        return
     estimated = cost.estimate(loaded, jobs)
     click.echo(cli_text.cost(estimated))
     notes = understood.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
@@ -311,6 +317,20 @@ def schema() -> None:
     from roughvol.study import json_schema
 
     click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+
+
+def _say_expected(study: Study, jobs: int | None) -> None:
+    """Print the expected cost of an ensemble."""
+    from roughvol.campaign import cost, expected
+
+    estimated = cost.estimate(study, jobs)
+    click.echo(f"# the solver's residual is η/σ ≤ {study.cases()[0].solver.tolerance:.0e}")
+    for row in expected.expected(study):
+        samples = ", ".join(f"{n} at m = {m}" for m, n in row.samples.items())
+        click.echo(f"# D = {row.D:g}: about {samples}: {cli_text.duration(row.seconds)} of one core")
+        plain = cli_text.duration(row.plain)
+        click.echo(f"#          plain Monte Carlo: {plain} (both from typical variances, to a factor of 2)")
+    click.echo(f"# memory  about {cli_text.size(estimated.memory)} a process")
 
 
 def _warn(sentences: Iterable[str]) -> None:

@@ -30,7 +30,7 @@ def progress(now: Progress, seconds: float) -> str:
         text += f" · {now.steps_done} of {now.steps} steps · {now.steps_done / max(seconds, 1e-3):.0f} steps/s"
     if 0.01 < now.work < 1.0:
         text += f" · {duration(seconds * (1.0 - now.work) / now.work)} left"
-    return text
+    return f"{text} · {now.standing}" if now.standing else text
 
 
 def ran(last: Progress, seconds: float) -> str:
@@ -69,6 +69,7 @@ def summary(results: Dataset, path: Path) -> str:
                 lines.append(f"{label.item()} was not reached in {count(absent, 'case')}")
     for name, absent in dataset.unreached(results).items():
         lines.append(f"no state of {name} was reached in {count(absent, 'case')}")
+    lines += results.attrs.get("answer", "").splitlines()
     return "\n".join([*dict.fromkeys(lines), str(path)])
 
 

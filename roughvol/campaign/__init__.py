@@ -5,6 +5,9 @@ Room of the campaign.
 ==============  ====================================================================
 `running`       run a study, or collect what is finished
 `checks`        a study checked before anything is computed
+`ensemble`      rounds of samples until a mean is as accurate as asked
+`answered`      that mean as stored variables and in sentences
+`expected`      what that will cost
 `one_case`      one case: surface, sweep, reduction
 `batch`         cases handed to workers and stored as they end
 `workers`       processes of this machine or of a Dask cluster

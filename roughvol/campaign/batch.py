@@ -46,6 +46,7 @@ class Progress:
     work: float = 0.0
     event: str = ""
     notice: str = ""
+    standing: str = ""  # of an ensemble: its interval against the one asked for
 
 
 OnEvent = Callable[[Progress], None]

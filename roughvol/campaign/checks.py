@@ -87,7 +87,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
         return validity.before(held, case.sweep.target, Sq=math.nan, Sdq=math.nan, L=case.L)
     size = 1.0
     if isinstance(given, GeneratedSurface):
-        surface = surface_of(replace(case, D=max(given.D), m=min(max(given.m), LOOKED_AT)))
+        surface = surface_of(replace(case, D=max(given.D), m=min(max(given.m, default=case.m or 0), LOOKED_AT)))
         size = (given.height or surface.Sq) / surface.Sq
     surface = surface or surface_of(case)
     Sdq = size * texture.Sdq(surface.heights, surface.spacing)

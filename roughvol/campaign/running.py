@@ -10,16 +10,17 @@ from __future__ import annotations
 import contextlib
 import os
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from roughvol._version import __version__
-from roughvol.campaign import validity, workers
+from roughvol.campaign import answered, ensemble, validity, workers
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
 from roughvol.campaign.one_case import FFT
 from roughvol.errors import CampaignError, DatasetError, FolderError
-from roughvol.store import dataset, dimensional, lock, run_folder, same_study, stamped_file
+from roughvol.store import answer, dataset, dimensional, lock, run_folder, same_study, stamped_file
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.store.run_folder import case_file, checkpoint_file, folder_of
 from roughvol.study import Case, Study, load
@@ -79,9 +80,13 @@ def run(
     if scheduler is not None:
         workers.check_address(scheduler)
     surface = check_surfaces(study)
-    folder, cases, text = folder_of(study, out), _cases(study), study.stored()
+    folder, text = folder_of(study, out), study.stored()
+    cases = answer.cases_of(study, folder)
     if jobs is not None and jobs < 1:
         message = f"jobs is {jobs}; allowed: 1 or more"
+        raise CampaignError(message)
+    if only is not None and study.ensemble is not None:
+        message = "only: an ensemble decides itself which cases it needs"
         raise CampaignError(message)
     if only is not None and (not only or set(only) - cases.keys()):
         message = f"only: {', '.join(sorted(set(only) - cases.keys())) or 'nothing'} names no case of this study"
@@ -95,6 +100,10 @@ def run(
             raise FolderError(another)
         stamped_file.store(folder / "study.yaml", text.encode())
         notices, absent = _sorted_out(folder, cases, fresh=wanted if fresh else (), another=another is not None)
+        if study.ensemble is not None:
+            sound = cases.keys() - {case.id for case in absent}
+            rounds = _Rounds(study, folder, sound, notices, on_event, jobs, scheduler, stopping)
+            return rounds.answered()
         missing = [case for case in absent if case.id in wanted]
         left = {case.id for case in absent} - wanted
         cases = {id: case for id, case in cases.items() if id not in left}
@@ -134,7 +143,8 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
         If no case is finished.
     """
     study = study if isinstance(study, Study) else load(study)
-    folder, cases = folder_of(study, out), _cases(study)
+    folder = folder_of(study, out)
+    cases = answer.cases_of(study, folder)
     parts, _, versions = _finished(folder, cases)
     if not parts:
         message = f"no case of {study.name} is finished in {folder}"
@@ -142,8 +152,87 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
     return _combined(parts, cases, study, versions)
 
 
-def _cases(study: Study) -> dict[str, Case]:
-    return {case.id: case for case in study.cases()}
+class _Rounds:
+    """The rounds of an ensemble: its samples are cases of the folder like all others."""
+
+    def __init__(
+        self,
+        study: Study,
+        folder: Path,
+        sound: Collection[str],
+        notices: Sequence[str],
+        on_event: OnEvent | None,
+        jobs: int | None,
+        scheduler: str | None,
+        stopping: Callable[[], bool],
+    ) -> None:
+        self._study, self._folder, self._sound, self._on_event = study, folder, set(sound), on_event
+        self._jobs, self._scheduler, self._stopping = jobs, scheduler, stopping
+        self._cases: dict[str, Case] = {}
+        self._parts: dict[str, Arrays] = {}
+        self._versions: Counter[str] = Counter()
+        self._standing, self._kept = "", 0
+        for notice in notices:
+            self._tell(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
+
+    def answered(self) -> Dataset:
+        """Return the dataset of all samples and the answer, written when it has changed."""
+        found = ensemble.answer(
+            self._study,
+            self._compute,
+            planned=lambda counts: answer.keep_plan(self._folder, counts),
+            on_round=self._judged,
+        )
+        path, said = self._folder / "study.nc", "\n".join(answered.sentences(found))
+        with contextlib.suppress(DatasetError):
+            stored = dataset.read(path)
+            same = stored.attrs.get("study") == self._study.stored() and stored.attrs.get("answer") == said
+            if same and stored.attrs.get("case_ids") == dataset.ids_text(self._cases):
+                os.utime(path)
+                return stored
+        results = _combined(self._parts, self._cases, self._study, self._versions)
+        dataset.write(answer.with_answer(results, answered.variables(found), said), path)
+        return dataset.read(path)
+
+    def _compute(self, cases: Sequence[Case]) -> Mapping[str, Arrays]:
+        """Compute the cases that have no file, and read all."""
+        asked = {case.id: case for case in cases}
+        missing = [case for id, case in asked.items() if id not in self._sound]
+        kept = len(self._cases) + len(asked) - len(missing)
+        self._kept += len(asked) - len(missing)
+        if missing:
+            Batch(self._folder, self._study.stored(), missing, kept, None, self._tell).through(
+                self._jobs, self._scheduler, self._stopping
+            )
+        else:
+            self._tell(Progress(cases=kept, kept=kept, work=1.0))
+        parts = _all_parts(self._folder, asked, self._stopping, self._versions)
+        self._cases |= asked
+        self._parts |= parts
+        return parts
+
+    def _judged(self, standings: dict[float, list[ensemble.Standing]]) -> None:
+        self._standing = answered.standing(standings)
+        count = len(self._cases)
+        self._tell(Progress(cases=count, kept=self._kept, done=count - self._kept, work=1.0, event=f"{count} samples"))
+
+    def _tell(self, progress: Progress) -> None:
+        if self._on_event is not None:
+            quiet = progress.event if progress.failed or progress.event.endswith("samples") else ""
+            self._on_event(replace(progress, event=quiet, standing=self._standing))
+
+
+def _all_parts(
+    folder: Path, cases: Mapping[str, Case], stopping: Callable[[], bool], versions: Counter[str]
+) -> dict[str, Arrays]:
+    """Return the arrays of cases that are all to be there, and count their versions."""
+    parts, faults, found = _finished(folder, cases, stopping)
+    absent = [f"{case_file(folder, id)} has vanished" for id in cases if id not in parts and id not in faults]
+    if absent or faults:
+        message = "\n".join([*faults.values(), *absent])
+        raise DatasetError(message)
+    versions.update(found)
+    return parts
 
 
 def _sorted_out(
@@ -228,11 +317,8 @@ def _collected(folder: Path, cases: Mapping[str, Case], study: Study, stopping: 
         if stored.attrs.get("study") == study.stored() and stored.attrs.get("case_ids") == dataset.ids_text(cases):
             os.utime(path)  # newer than the study file, for make
             return stored
-    parts, faults, versions = _finished(folder, cases, stopping)
-    absent = [f"{case_file(folder, id)} has vanished" for id in cases if id not in parts and id not in faults]
-    if absent or faults:
-        message = "\n".join([*faults.values(), *absent])
-        raise DatasetError(message)
+    versions: Counter[str] = Counter()
+    parts = _all_parts(folder, cases, stopping, versions)
     dataset.write(_combined(parts, cases, study, versions), path)
     return dataset.read(path)
 

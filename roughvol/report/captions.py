@@ -86,6 +86,9 @@ CAPTIONS: dict[str, str] = {
     "effective medium (left), single critical junction (right). The dashed line is agreement.",
     "seal_map": "Flux along x over its mean at the recorded loads, on a logarithmic scale. The contact is blue; the "
     "circle marks the critical constriction.",
+    # ensembles
+    "ensemble_cost": "Samples (left) and modelled cost (middle) on each refinement m; half-width of the 95 % interval "
+    "over the mean against cost (right), after each round. Dotted lines are plain Monte Carlo, grey lines the request.",
     # speed against accuracy
     "tradeoff_precision": "Largest error of any state against the residual asked for (left) and against the seconds of "
     "a sweep (right). Dashed lines are the certified bounds; an error of zero is drawn at 1e-16.",

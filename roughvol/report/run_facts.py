@@ -194,7 +194,7 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
         sweep = study.sweep
         yield "Sweep", f"{sweep.steps} steps to {sweep.target.label}" if sweep.steps else "none, surfaces alone"
         if sweep.steps:
-            solver = study.solver
+            solver = study.solving
             yield "Solver", f"{solver.method}, residual η/σ at most {solver.tolerance:g}, kernel {solver.kernel}"
     region = str(ds.attrs.get("region", ""))
     if study is not None and study.record.region is not None and region:

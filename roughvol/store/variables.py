@@ -400,6 +400,40 @@ for _dim in STATES:
         )
         for _name in OF_STATE
     }
+# of an ensemble: means over all surfaces, at the states that a study asks for
+_ENSEMBLE = {
+    "ensemble_at": Variable("ensemble_at", "1", "state of the means over all surfaces", "state", "text"),
+    "bound": Variable("bound", "1", "end of an interval", "bound", "text"),
+    "round": Variable("round", "1", "round of samples", "k", "index"),
+    "ensemble_samples": Variable("D m", "1", "samples of the ensemble on each level", "n_m", "count"),
+    "ensemble_sample_cost": Variable("D m", "s", "modelled cost of one sample", "C_m"),
+    "ensemble_cost": Variable("D", "s", "modelled cost of all samples", "C"),
+    "ensemble_plain_cost": Variable("D", "s", "the same for plain Monte Carlo at the accuracy asked for", "C_0"),
+    "ensemble_round_cost": Variable("D round", "s", "modelled cost of the samples up to each round", "C(k)"),
+}
+_OF_MEAN = {  # suffix: dimensions, what it is, symbol
+    "mean": ("D ensemble_at", "mean over all surfaces of the {}", "<{}>"),
+    "interval": ("D ensemble_at bound", "95 % interval of the mean over all surfaces of the {}", "<{}>"),
+    "bias": ("D ensemble_at", "what the resolution leaves of the mean of the {}; missing: no limit", "b({})"),
+    "freedom": ("D ensemble_at", "degrees of freedom of the interval of the {}", "ν({})"),
+    "accuracy_asked": ("D ensemble_at", "half-width asked for of the mean of the {}", "h({})"),
+    "step_error": ("D ensemble_at", "error between steps of the mean of the {}", "ε_k({})"),
+    "solver_error": ("D ensemble_at", "certified error by the solver of the mean of the {}", "η({})"),
+    "level_mean": ("D m ensemble_at", "mean on each level of the {}", "<{}>_m"),
+    "level_variance": ("D m ensemble_at", "variance over surfaces on each level of the {}", "s²({})"),
+    "level_residual": ("D m ensemble_at", "variance left by the next coarser level of the {}", "r²({})"),
+    "level_correlation": ("D m ensemble_at", "correlation with the next coarser level of the {}", "ρ({})"),
+    "level_samples": ("D m ensemble_at", "samples used on each level for the mean of the {}", "n({})"),
+    "round_half_width": ("D ensemble_at round", "half-width of the interval after each round of the {}", "h_k({})"),
+}
+for _name in OF_STATE:
+    _ENSEMBLE |= {
+        f"{_name}_{_suffix}": Variable(
+            _dims, "1", _title.format(VARIABLES[_name].long_name), _symbol.format(VARIABLES[_name].symbol)
+        )
+        for _suffix, (_dims, _title, _symbol) in _OF_MEAN.items()
+    }
+VARIABLES |= _rows("campaign.answered.variables", **_ENSEMBLE)
 FIELDS = frozenset(name for name, row in VARIABLES.items() if row.dims.endswith(" x y"))
 """The large variables, compressed on disk."""
 TIMES = frozenset(name for name, row in VARIABLES.items() if row.units == "s")

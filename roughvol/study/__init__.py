@@ -11,6 +11,7 @@ key, given value and allowed values.
 `treatment`    the treatment of measured heights
 `material`     the section ``material``
 `record`       the section ``record``
+`ensemble`     the section ``ensemble``
 `agreement`    sizes and units of a study compared with its files
 `cases`        the study as a whole, and its cases
 `units`        numbers with a unit

@@ -2,6 +2,10 @@ from .cases import ANSWER_FORMAT as ANSWER_FORMAT
 from .cases import Case as Case
 from .cases import Study as Study
 from .cases import json_schema as json_schema
+from .ensemble import STORED_AS as STORED_AS
+from .ensemble import Accuracy as Accuracy
+from .ensemble import Ensemble as Ensemble
+from .ensemble import levels_below as levels_below
 from .height_file import HEIGHT_FORMATS as HEIGHT_FORMATS
 from .height_file import CounterBody as CounterBody
 from .height_file import HeightFile as HeightFile

@@ -13,10 +13,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, Tag, model_serializer, model_validator
 
 from roughvol.errors import Problem, StudyError
+from roughvol.study import ensemble as ensembles
 from roughvol.study.agreement import resolve
+from roughvol.study.ensemble import Ensemble
 from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
 from roughvol.study.record import SELECTORS, Record
@@ -194,14 +196,31 @@ class Study(Strict):
         description=f"{{{', '.join(Record.model_fields)}}}",
     )
 
+    ensemble: Ensemble | None = Field(
+        default=None, description="{accuracy, at, budget, first_seed}: how accurate the mean over all surfaces is to be"
+    )
+
     _places: Places = PrivateAttr(default_factory=Places)
 
     @model_validator(mode="after")
     def _possible(self) -> Study:
-        problems = [f"{key_text(path)}: {message}" for path, message in conflicts(self.model_dump(mode="json"))]
+        data = self.model_dump(mode="json")
+        if self.ensemble is not None and "seeds" in self.surface.model_fields_set:
+            data["surface"]["seeds"] = []
+        problems = [f"{key_text(path)}: {message}" for path, message in conflicts(data)]
         if problems:
             refuse("{problems}", problems="\n".join(problems))
         return self
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> dict[str, Any]:
+        """Leave out the seeds and the tolerance where an ensemble decides them."""
+        data: dict[str, Any] = handler(self)
+        if self.ensemble is not None:
+            data["surface"].pop("seeds", None)
+            if self.solving != self.solver:  # its tolerance follows from the accuracy, when this is read again as well
+                data["solver"] = {name: data["solver"][name] for name in ("kernel", "method")}
+        return data
 
     @contextlib.contextmanager
     def placing(self) -> Iterator[None]:
@@ -220,13 +239,16 @@ class Study(Strict):
             If a height file cannot be read, or lacks a size or unit that the study does not give.
         """
         surface = self.surface
-        E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solver, self.record
+        E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solving, self.record
         hard = self.material.indentation_hardness
         hardness = None if hard is None else hard / E_star
         if isinstance(surface, GeneratedSurface):
             law, L, unit = surface.midpoint_law, float(surface.L), surface.length_unit
             height = None if hardness is None else surface.height
             product = itertools.product(surface.D, surface.m, surface.seeds)
+            if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
+                finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
+                product = itertools.product(surface.D, ensembles.levels_below(finest), [self.ensemble.first_seed])
             case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
             return tuple(replace(case, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
         with self.placing():
@@ -244,6 +266,22 @@ class Study(Strict):
             notes=measured.notes,
         )
         return (case,)
+
+    @property
+    def solving(self) -> Solver:
+        """The solver in force: of an ensemble as accurate as its request needs, unless the study gives a tolerance."""
+        given = {"accuracy", "rtol", "max_error"} & self.solver.model_fields_set
+        if self.ensemble is None or given:
+            return self.solver
+        return self.solver.model_copy(update={"rtol": self.ensemble.tolerance})
+
+    def sample(self, D: float, m: int, seed: int) -> Case:
+        """Return the case of one surface of an ensemble."""
+        return replace(self._first, D=D, m=m, seed=seed)
+
+    @functools.cached_property
+    def _first(self) -> Case:
+        return self.cases()[0]
 
     def to_yaml(self) -> str:
         """Return the study as YAML with every default; `loads` of it gives an equal study."""
@@ -289,13 +327,14 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     if isinstance(mapping("sweep").get("to"), dict) and sum(value is not None for value in end.values()) != 1:
         yield ("sweep", "to"), f"must name exactly one of {', '.join(names(Target))}"
     yield from _unit_conflicts(surface, mapping("material"), record)
+    yield from ensembles.conflicts(data)
     pressed = [name for name in Record.model_fields if name not in ("heights", "region", "texture")]
     at = mapping("record", "texture").get("at")
     asked: list[KeyPath] = [(name,) for name in pressed if record.get(name) is not None]
     asked += [("texture", "at")] if at not in (None, "last") else []  # texture before load needs no contact
     for path in asked if steps == 0 else ():
         yield ("record", *path), "no contact to record: sweep.steps is 0"
-    selectors = [("record", *path) for path in SELECTORS]
+    selectors = [("ensemble", "at"), *(("record", *path) for path in SELECTORS)]
     levels = [(*keys, kind) for keys in selectors for kind in mapping(*keys)]
     for keys in levels if steps != 0 else ():
         kind = keys[-1]

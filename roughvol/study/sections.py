@@ -122,6 +122,18 @@ LengthUnit = Annotated[str, UnitOf("length")]
 UNIT = "unit of L, of the heights and of stored lengths; default: none"
 
 
+class _Auto:
+    """Accept the word 'auto', which is read as no number at all, and say so in the JSON schema."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_wrap_validator_function(
+            lambda value, inner: () if value in ("auto", ()) else inner(value), handler(source)
+        )
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [{"const": "auto"}, handler(schema["schema"])]}
+
+
 class Strict(BaseModel):
     """A frozen record without unknown keys."""
 
@@ -136,7 +148,9 @@ class GeneratedSurface(Strict):
     """Surfaces by random midpoint displacement; every combination of D, m and seed is a case."""
 
     D: Many[Dimension] = Field(description="fractal dimension of the generated surface, 2 < D < 3; a number or a list")
-    m: Many[Refinement] = Field(description="2^m + 1 nodes per side, whole, 1 <= m <= 13; a number or a list")
+    m: Annotated[Many[Refinement], _Auto()] = Field(
+        description="2^m + 1 nodes per side, whole, 1 <= m <= 13; a number or a list; 'auto' for an ensemble"
+    )
     L: Length = Field(default=100.0, description="lateral size, L > 0, as 100 or 100 um")
     seeds: Many[Seed] = Field(
         default=10,
@@ -165,6 +179,12 @@ class GeneratedSurface(Strict):
         if self.Sq is None or given is None or self.length_unit is None:
             return self.Sq
         return float(self.Sq) * factor(given, self.length_unit)
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> dict[str, Any]:
+        """Write 'auto' where an ensemble chooses m."""
+        data: dict[str, Any] = handler(self)
+        return data if self.m else data | {"m": "auto"}
 
     @field_validator("seeds", mode="before")
     @classmethod

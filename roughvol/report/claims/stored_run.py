@@ -62,7 +62,7 @@ class Run:
     @property
     def rtol(self) -> float:
         """Largest residual η/σ that the solver was allowed to leave."""
-        return self.study.solver.tolerance if self.study else math.inf
+        return self.study.solving.tolerance if self.study else math.inf
 
     @property
     def scaled(self) -> bool:

@@ -1,0 +1,56 @@
+"""The figure of an ensemble: one line for each D, beside that of plain Monte Carlo."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from xarray import Dataset
+
+from roughvol.errors import DatasetError
+from roughvol.report.captions import CAPTIONS
+from roughvol.report.figures import selection
+from roughvol.report.figures.ensembles import FIGURES, missing
+
+LEVELS, ROUNDS = 3, 4
+
+
+@pytest.fixture
+def results() -> Dataset:
+    dims = ("D", "ensemble_at")
+    half = 0.1 / np.arange(1, ROUNDS + 1) ** 0.5
+    return Dataset(
+        {
+            "ensemble_samples": (("D", "m"), [[400.0, 50.0, 5.0], [300.0, 60.0, 9.0]]),
+            "ensemble_sample_cost": (("D", "m"), [[0.02, 0.03, 0.1]] * 2),
+            "ensemble_plain_cost": (("D",), [90.0, 60.0]),
+            "ensemble_round_cost": (("D", "round"), [np.arange(1.0, ROUNDS + 1)] * 2),
+            "free_volume_mean": (dims, [[1.5], [1.7]]),
+            "free_volume_accuracy_asked": (dims, [[0.05], [0.05]]),
+            "free_volume_interval": ((*dims, "bound"), [[[1.45, 1.55]], [[1.65, 1.75]]]),
+            "free_volume_level_variance": (("D", "m", "ensemble_at"), np.full((2, LEVELS, 1), 0.04)),
+            "free_volume_round_half_width": ((*dims, "round"), [[half], [half]]),
+        },
+        coords={
+            "D": [2.2, 2.5],
+            "m": [4, 5, 6],
+            "bound": ["lower", "upper"],
+            "ensemble_at": np.array(["pressure=0.3"], dtype=object),
+        },
+    )
+
+
+def test_samples_and_costs_are_those_of_the_dataset(results: Dataset) -> None:
+    samples, costs, narrowing = FIGURES["ensemble_cost"](results).axes
+    np.testing.assert_allclose(samples.lines[0].get_ydata(), [400.0, 50.0, 5.0])
+    np.testing.assert_allclose(costs.lines[0].get_ydata(), [8.0, 1.5, 0.5])
+    widths, plain, _ = narrowing.lines[:3]
+    np.testing.assert_allclose(widths.get_ydata()[0], 100.0 * 0.1 / 1.5)
+    np.testing.assert_allclose(plain.get_ydata() * plain.get_xdata() ** 0.5, 100 * 1.96 * (0.04 * 0.1) ** 0.5 / 1.5)
+
+
+def test_it_is_found_by_name_and_needs_an_ensemble(results: Dataset) -> None:
+    assert selection.drawable(results, ["ensemble_cost"]) == ["ensemble_cost"]
+    assert "ensemble_cost" in CAPTIONS
+    assert "section 'ensemble'" in str(missing("ensemble_cost", Dataset()))
+    with pytest.raises(DatasetError, match="section 'ensemble'"):
+        FIGURES["ensemble_cost"](Dataset())

@@ -1,0 +1,91 @@
+"""The section ``ensemble``: what may be asked for, and what does not go together with it."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+from roughvol.errors import StudyError
+from roughvol.study import loads
+
+SURFACE = "surface: {D: 2.5, m: 7}\n"
+ASKED = "ensemble: {accuracy: {free_volume: 1 %}, at: {pressure: [0.1, 0.3]}}\n"
+
+
+def _refused(text: str) -> str:
+    with pytest.raises(StudyError) as caught:
+        loads(text, file="one.yaml")
+    return str(caught.value)
+
+
+def test_a_study_with_an_ensemble_reads_its_own_text() -> None:
+    study = loads(SURFACE + "ensemble: {accuracy: {free_volume: 1 %, pressure: 0.02}, at: last, budget: 90 min}\n")
+    assert loads(study.to_yaml()) == study
+    assert loads(study.stored(), stored=True) == study
+    assert pickle.loads(pickle.dumps(study)) == study
+    assert study.ensemble is not None
+    assert study.ensemble.budget == 5400.0
+    asked = study.ensemble.accuracy.named
+    assert (asked["free_volume"], asked["free_volume"].relative) == (0.01, True)
+    assert (asked["pressure"], asked["pressure"].relative) == (0.02, False)
+    assert asked["free_volume"].of(-3.0) == 0.03
+    assert asked["pressure"].of(-3.0) == 0.02
+    assert "seeds" not in study.to_yaml()
+
+
+def test_a_study_without_one_has_its_seeds() -> None:
+    assert loads(SURFACE).ensemble is None
+    assert len(loads(SURFACE).cases()) == 10
+
+
+def test_cases_are_one_sample_of_each_level() -> None:
+    study = loads(SURFACE + ASKED)
+    assert [case.m for case in study.cases()] == [4, 5, 6, 7]
+    assert study.sample(2.5, 6, 0) == study.cases()[2]
+    assert [case.m for case in loads(SURFACE.replace("7", "3") + ASKED).cases()] == [1, 2, 3]
+    assert [case.m for case in loads(SURFACE.replace("7", "auto") + ASKED).cases()] == [4, 5, 6, 7]
+
+
+@pytest.mark.parametrize(("accuracy", "rtol"), [("1 %", 1e-4), ("0.9 %", 1e-5), ("20 %", 1e-3), ("0.05", 1e-4)])
+def test_the_solver_is_as_accurate_as_the_request_needs(accuracy: str, rtol: float) -> None:
+    text = SURFACE + ASKED.replace("1 %", accuracy)
+    assert loads(text).cases()[0].solver.tolerance == pytest.approx(rtol)
+    assert loads(text + "solver: {rtol: 1.0e-8}").cases()[0].solver.tolerance == 1e-8
+    punch = loads(text + "solver: {kernel: punch}")
+    assert punch.cases()[0].solver.tolerance == pytest.approx(rtol)
+    assert punch.cases()[0].solver.kernel == "punch"
+    assert loads(punch.stored(), stored=True).cases() == punch.cases()
+
+
+def test_stored_names_of_quantities_are_understood() -> None:
+    assert loads(SURFACE + ASKED.replace("free_volume", "contact_area_fraction")).ensemble == (
+        loads(SURFACE + ASKED.replace("free_volume", "contact_area")).ensemble
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (SURFACE.replace("7", "7, seeds: 3") + ASKED, "one.yaml:1: surface.seeds: cannot be given beside 'ensemble'"),
+        (SURFACE.replace("7", "[6, 7]") + ASKED, "one.yaml:1: surface.m: must be one number"),
+        (SURFACE.replace("7", "auto"), "one.yaml:1: surface.m: 'auto' needs the section 'ensemble'"),
+        (SURFACE + ASKED.replace("free_volume", "free_volum"), "did you mean 'free_volume'?"),
+        (
+            SURFACE + ASKED.replace("1 %", "1 percent"),
+            "one.yaml:2: ensemble.accuracy.free_volume: must be a number > 0",
+        ),
+        (SURFACE + ASKED.replace("1 %", "60 %"), "must be 0.001 % to 50 %, given '60 %'"),
+        (SURFACE + ASKED.replace("1 %", "0"), "must be > 0, given 0"),
+        (SURFACE + ASKED.replace("free_volume", "pressure"), "is given by ensemble.at.pressure"),
+        (SURFACE + "ensemble: {accuracy: {separation: 1 %}}", "is the same on every surface at the last step"),
+        (SURFACE + "ensemble: {at: last}", "ensemble.accuracy: missing"),
+        (SURFACE + "ensemble: {accuracy: {}}", "names no quantity: free_volume, contact_area"),
+        (SURFACE + ASKED.replace("}}", "}, budget: 10}"), "ensemble.budget: must be a number > 0 with s or min"),
+        (SURFACE + ASKED + "sweep: {steps: 0}", "there is no contact to average"),
+        (SURFACE + ASKED + "sweep: {to: {pressure: 0.2}}", "ensemble.at.pressure[1]: 0.3 is not reached"),
+        ("surface: {file: x.npy, L: 1}\n" + ASKED, "ensemble: needs generated surfaces"),
+    ],
+)
+def test_what_does_not_go_together_is_refused_with_its_place(text: str, words: str) -> None:
+    assert words in _refused(text)
