@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from roughvol.errors import RoughvolError
-from roughvol.observables.at_state import at_state
 from roughvol.report.claims.needs import PAPER_D as PAPER_D
 from roughvol.report.claims.needs import PAPER_M as PAPER_M
 from roughvol.report.claims.needs import Needs, fit, refusals
@@ -205,11 +204,16 @@ def nearest(values: Sequence[float], wish: float) -> float:
 
 
 def at(x: Array, y: Array, points: Array) -> Array:
-    """Return y of each surface at points of x, by `at_state`, NaN beyond the steps of that surface.
+    """Return y of each surface at points of x, linear between steps, NaN beyond the steps of that surface.
 
     ``x``, ``y`` : (surfaces, steps), x rising or falling along a row; the result is (surfaces, points).
     """
-    return np.array([at_state(abscissa, ordinate, points) for abscissa, ordinate in zip(x, y, strict=True)])
+    rows = []
+    for abscissa, ordinate in zip(x, y, strict=True):
+        known = np.isfinite(abscissa) & np.isfinite(ordinate)
+        order = np.argsort(abscissa[known], kind="stable")
+        rows.append(np.interp(points, abscissa[known][order], ordinate[known][order], left=np.nan, right=np.nan))
+    return np.array(rows)
 
 
 def common(curves: Sequence[Array]) -> Array:
