@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 import signal
@@ -24,8 +25,9 @@ from roughvol.campaign.running import collect, run
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.errors import CampaignError, ContactError, DatasetError, FolderError, RoughvolError, StudyError
-from roughvol.store import dataset
+from roughvol.store import checkpoint, dataset
 from roughvol.store.dataset import Dataset
+from roughvol.store.run_folder import checkpoint_file
 from roughvol.store.run_status import status
 from roughvol.study import Study, loads
 from roughvol.surfaces.texture import summit_plane
@@ -385,6 +387,24 @@ def test_ctrl_c_ends_a_run_with_one_message_and_it_goes_on_later(tmp_path: Path)
     assert "Traceback" not in errors
     assert errors.splitlines()[-1].startswith("interrupted; finished cases are kept")
     _finish_and_check(run_folder)
+
+
+def test_a_long_case_that_is_asked_to_stop_is_finished_by_the_next_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checkpoint, "NODES", 0)
+    study = loads("name: s\nsurface: {D: 2.4, m: 3, seeds: 1}\nsweep: {steps: 6}\n")
+    (case,) = study.cases()
+    asked = itertools.count()
+    with pytest.raises(KeyboardInterrupt):
+        run(study, out=tmp_path / "run", jobs=1, stopping=lambda: next(asked) >= 3)  # once before it, then each step
+    assert _files(tmp_path / "run") == {}
+    assert checkpoint_file(tmp_path / "run", case.id).exists()
+    found = status(study, tmp_path / "run")
+    assert (len(found.done), len(found.missing), len(found.failed)) == (0, 1, 0)
+    result = run(study, out=tmp_path / "run", jobs=1)
+    assert not checkpoint_file(tmp_path / "run", case.id).exists()
+    xr.testing.assert_identical(_values(result), _values(run(study, out=tmp_path / "whole", jobs=1)))
 
 
 def test_cases_asked_for_that_are_none_of_the_study_are_refused(tmp_path: Path) -> None:
