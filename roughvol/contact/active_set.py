@@ -2,6 +2,8 @@
 
 This is the page of the solver. Equation numbers are those of docs/solver.md. With pressures q, overlap b = h + Δ, gap
 w = K q - b and all lengths over σ, the contact is the solution of q ≥ 0, w ≥ 0, q w = 0 on every element.
+
+A surface that yields has q ≤ Q as well, and w ≤ 0 where q = Q: equation (16). Q is infinite in elastic contact.
 """
 
 from __future__ import annotations
@@ -22,6 +24,9 @@ from roughvol.errors import ConvergenceError
 from roughvol.typing import Array, Index
 
 
+_NONE: Index = np.empty(0, dtype=np.intp)
+
+
 class Mode(Enum):
     """Precision of a round of iterations. Each round starts from the true gap that the last one left.
 
@@ -38,13 +43,15 @@ class Mode(Enum):
 class Start:
     """The candidates for contact, and the start of the iteration on them.
 
-    The rates of q and K q with indentation give the preconditioner the answer to a uniform indentation (14).
+    The rates of q and K q with indentation give the preconditioner the answer to a uniform indentation (14). Elements
+    held at the limit Q take no part in the iteration; w counts their pressure.
     """
 
     candidates: Index
     q: Array
     w: Array
     rates: Rates | None
+    held: Index
 
 
 def solve_indentation(
@@ -84,12 +91,13 @@ def solve_indentation(
     rounds = problem.tuning.rounds
     for mode in [Mode.SWIFT, Mode.CAREFUL, *[Mode.EXACT] * rounds][:rounds]:
         if start.candidates.size <= problem.tuning.dense_up_to:
-            q, steps = _factorised(problem, indentation, start.candidates), 1
+            q, steps = _factorised(problem, indentation, start), 1
         else:
             q, steps = conjugate_gradients(problem, indentation, start, rtol, mode)
         iterations += steps
         advance = indentation - latest.indentation
-        state, residual = problem.verified(indentation, start.candidates, q, next_advance=advance)  # (2)
+        elements, q = _with_held(start, q, problem.limit)
+        state, residual = problem.verified(indentation, elements, q, next_advance=advance)  # (2)
         if residual <= rtol:
             return state, iterations, residual
         start = _corrected(problem, state, latest)
@@ -100,7 +108,7 @@ def solve_indentation(
 def conjugate_gradients(
     problem: Problem, indentation: float, start: Start, rtol: float, mode: Mode
 ) -> tuple[Array, int]:
-    """Minimise the energy over q ≥ 0 on the candidates, by preconditioned conjugate gradients with bounds.
+    """Minimise the energy over 0 ≤ q ≤ Q on the candidates, by preconditioned conjugate gradients with bounds.
 
     q and w have 64 bits. Residuals, directions and their convolutions may have 32: the error of a step is a share of
     the step, and steps shrink. The verification measures the errors that add up in w.
@@ -119,7 +127,7 @@ def conjugate_gradients(
     Returns
     -------
     q : array (n,)
-        Scaled pressures ≥ 0 on the candidates.
+        Scaled pressures, 0 ≤ q ≤ Q, on the candidates.
     iterations : int
         Iterations taken.
 
@@ -130,17 +138,25 @@ def conjugate_gradients(
     """
     tuning, half_space, elements = problem.tuning, problem.half_space, start.candidates
     single = problem.single(rtol) and mode is not Mode.EXACT
-    tolerance = tuning.safety * rtol
+    tolerance, limit = tuning.safety * rtol, problem.limit
+    yields = limit < np.inf
     q, w = start.q.copy(), start.w.copy()
     # First free set: (6) without the elements that M⁻¹ expects lifted clear. The verification finds a wrong guess.
-    inverse, free = approximate_inverse(half_space.influence, half_space.shape, elements, q, w, start.rates, tuning)
+    free = (q > 0.0) | (w < 0.0)
+    if yields:
+        free &= (q < limit) | (w > 0.0)
+    inverse, free = approximate_inverse(
+        half_space.influence, half_space.shape, elements, q, w, free, start.rates, tuning
+    )
     direction: NDArray[Any] = np.zeros(q.size, dtype=np.float32 if single else np.float64)
     r_before, rz, step, residual = direction.copy(), 1.0, 0.0, np.inf  # without effect: the first direction is z
     for iteration in range(tuning.iterations):
         if iteration % tuning.cut_every == 0:
-            _project(problem, elements, q, w, single)  # (5) project on q ≥ 0: may cost a convolution
+            _project(problem, elements, q, w, single)  # (5) project on 0 ≤ q ≤ Q: may cost a convolution
         if iteration:
             free = (q != 0.0) | (w < 0.0)  # (6) free set: q < 0 stays in it until the next projection
+            if yields:
+                free &= (q != limit) | (w > 0.0)
         r = np.negative(w, out=np.empty_like(direction), casting="same_kind")
         r *= free  # (7) residual
         residual_before, residual = residual, float(np.abs(r).max())
@@ -150,6 +166,8 @@ def conjugate_gradients(
             return q, iteration
         z = inverse(r)  # (8) precondition
         z *= free & ((q > 0.0) | (z >= 0.0))  # (9) bounds: no tensile direction at q ≤ 0
+        if yields:
+            z *= (q < limit) | (z <= 0.0)
         rz_before, rz = rz, float(r @ z)
         if not rz > 0.0:
             break
@@ -158,7 +176,7 @@ def conjugate_gradients(
         direction *= free
         reduction = residual_before / residual  # by the previous step
         if mode is Mode.SWIFT and iteration and residual <= tolerance * min(tuning.last_step, reduction):
-            return np.maximum(q + step * direction, 0.0), iteration  # (12) one more step of the previous length
+            return np.clip(q + step * direction, 0.0, limit), iteration  # (12) one more step of the previous length
         response = half_space.displacement_at(elements, direction, single=single)
         step = float(r @ direction) / float(direction @ response)  # (11) exact step
         q += step * direction
@@ -169,48 +187,67 @@ def conjugate_gradients(
 
 
 def _project(problem: Problem, elements: Index, q: Array, w: Array, single: bool) -> bool:
-    """Set w to w - K min(q, 0) and q to max(q, 0), in place, and return whether any q was negative."""
-    if not q.min(initial=0.0) < 0.0:
+    """Set q to its projection on 0 ≤ q ≤ Q and w accordingly, in place, and return whether any q has changed."""
+    if q.min(initial=0.0) >= 0.0 and not q.max(initial=0.0) > problem.limit:
         return False
-    negative = np.flatnonzero(q < 0.0)
-    displacement = problem.superposition.displacement(elements, negative, q[negative], single=single)
+    outside = np.flatnonzero((q < 0.0) | (q > problem.limit))
+    excess = q[outside] - np.clip(q[outside], 0.0, problem.limit)
+    displacement = problem.superposition.displacement(elements, outside, excess, single=single)
     if displacement is None:  # too many for a sum
-        displacement = problem.half_space.displacement_at(elements, np.minimum(q, 0.0), single=single)
+        field = np.zeros(q.size)
+        field[outside] = excess
+        displacement = problem.half_space.displacement_at(elements, field, single=single)
     w -= displacement
-    q[negative] = 0.0
+    q[outside] = np.clip(q[outside], 0.0, problem.limit)
     return True
 
 
-def _factorised(problem: Problem, indentation: float, elements: Index) -> Array:
-    """Return q ≥ 0 on few elements, by Cholesky factorisations.
+def _with_held(start: Start, q: Array, limit: float) -> tuple[Index, Array]:
+    """Return the candidates and the elements held at the limit in increasing order, with q."""
+    if not start.held.size:
+        return start.candidates, q
+    elements = np.concatenate((start.candidates, start.held))
+    order = np.argsort(elements)
+    return elements[order], np.concatenate((q, np.full(start.held.size, limit)))[order]
 
-    Tensile elements leave the contact set, penetrating ones come back, until neither is left.
+
+def _factorised(problem: Problem, indentation: float, start: Start) -> Array:
+    """Return 0 ≤ q ≤ Q on few elements, by Cholesky factorisations.
+
+    Tensile elements leave the contact set, penetrating ones come back, until neither is left. Elements above the limit
+    are set to it, and freed where a gap opens.
 
     Raises
     ------
     ConvergenceError
         If the contact set does not settle.
     """
+    elements, limit = start.candidates, problem.limit
     matrix = influence_matrix(problem.half_space.influence, elements)
-    b = problem.heights[elements] + indentation
+    b = matrix @ start.q - start.w if start.held.size else problem.heights[elements] + indentation
     q = np.zeros(b.size)
-    active = np.ones(b.size, dtype=bool)
+    active, yielded = np.ones(b.size, dtype=bool), np.zeros(b.size, dtype=bool)
     for _ in range(100 + b.size):
         index = np.flatnonzero(active)
         q[:] = 0.0
+        q[yielded] = limit
         if index.size:
             block = matrix if index.size == b.size else matrix[np.ix_(index, index)]
             factor = linalg.cho_factor(block, lower=True, check_finite=False)
-            q[index] = linalg.cho_solve(factor, b[index], check_finite=False)
-        tensile = q < -TENSILE * q.max(initial=0.0)
-        if tensile.any():
-            active &= ~tensile
+            right = b[index] - limit * matrix[np.ix_(index, yielded)].sum(axis=1) if yielded.any() else b[index]
+            q[index] = linalg.cho_solve(factor, right, check_finite=False)
+        tensile, over = q < -TENSILE * q.max(initial=0.0), active & (q > limit)
+        if tensile.any() or over.any():
+            active &= ~(tensile | over)
+            yielded |= over
             continue
         w = matrix @ q - b
-        penetrating = ~active & (w < -TENSILE * np.abs(b).max())
-        if not penetrating.any():
-            return np.maximum(q, 0.0)
-        active |= penetrating
+        margin = TENSILE * np.abs(b).max()
+        back = (~active & ~yielded & (w < -margin)) | (yielded & (w > margin))
+        if not back.any():
+            return np.clip(q, 0.0, limit)
+        active |= back
+        yielded &= ~back
     message = f"the contact set of {b.size} candidates did not settle"
     raise ConvergenceError(
         message, indentation=indentation, iterations=100 + b.size, residual=float(np.abs(w[active]).max(initial=0.0))
@@ -228,20 +265,32 @@ def _predict(problem: Problem, indentation: float, latest: State, previous: Stat
     """
     if previous is None:
         candidates = np.flatnonzero(problem.heights > -indentation)
-        return Start(candidates, np.zeros(candidates.size), -indentation - problem.heights[candidates], None)
+        return Start(candidates, np.zeros(candidates.size), -indentation - problem.heights[candidates], None, _NONE)
+    if latest.indentation < min(previous.indentation, indentation):  # indentations have turned
+        latest, previous = previous, latest
     advance = indentation - latest.indentation
     theta = advance / (latest.indentation - previous.indentation)
     # Beyond both states a gap larger than the advance stays open: no gap falls faster than the surfaces approach.
     # Between them, as in a search, the contact of the latest state holds the contact at this indentation.
-    candidates, gap = latest.within(max(0.0, advance))
+    # Where Δ falls, the contact of the state before takes part: the secant has tension on the elements that have left.
+    falls = previous.indentation > latest.indentation
+    candidates, gap = latest.within(max(0.0, advance, previous.indentation - latest.indentation))
     w = gap + theta * (gap - previous.gap(candidates))
-    predicted = (w if theta > 0.0 else gap) < 0.0
-    predicted[problem.positions(candidates, latest.elements)[0]] = True  # (3) contact stays: it is among the candidates
+    # Gaps are not convex while a surface yields: elements near contact take part as well.
+    margin = problem.tuning.yield_margin * max(0.0, advance) if problem.limit < np.inf else 0.0
+    predicted = (w if theta > 0.0 else gap) < margin
+    contact = previous if falls else latest
+    predicted[problem.positions(candidates, contact.elements)[0]] = True  # (3) contact is among the candidates
     candidates, w = candidates[predicted], w[predicted]
+    held = _NONE
+    if problem.limit < np.inf:
+        q, earlier = problem.pressures(candidates, latest, previous)
+        stay = (np.minimum(q, earlier) >= problem.limit) & (w < 0.0)
+        held, candidates, w = candidates[stay], candidates[~stay], w[~stay]
     q, rates = _rates(problem, candidates, latest, previous)
     q += advance * rates[0]  # (4) secant
     _project(problem, candidates, q, w, single)  # (5)
-    return Start(candidates, q, w, rates)
+    return Start(candidates, q, w, rates, held)
 
 
 def _corrected(problem: Problem, state: State, latest: State) -> Start:
@@ -250,11 +299,15 @@ def _corrected(problem: Problem, state: State, latest: State) -> Start:
     mask = w < 0.0  # `within` may return more
     mask[problem.positions(candidates, state.elements)[0]] = True
     candidates, w = candidates[mask], w[mask]
+    held = _NONE
+    if problem.limit < np.inf:
+        stay = (problem.pressures(candidates, state)[0] >= problem.limit) & (w < 0.0)
+        held, candidates, w = candidates[stay], candidates[~stay], w[~stay]
     if state.indentation > latest.indentation:  # rates need two states in order
         q, rates = _rates(problem, candidates, state, latest)
-        return Start(candidates, q, w, rates)
+        return Start(candidates, q, w, rates, held)
     (q,) = problem.pressures(candidates, state)
-    return Start(candidates, q, w, None)
+    return Start(candidates, q, w, None, held)
 
 
 def _rates(problem: Problem, candidates: Index, latest: State, previous: State) -> tuple[Array, Rates]:
@@ -262,7 +315,8 @@ def _rates(problem: Problem, candidates: Index, latest: State, previous: State) 
     q, earlier = problem.pressures(candidates, latest, previous)
     # Contacts may fail to be nested: for another kernel than Love's, or by rounding. An element that has lost contact
     # gets the rate 0, and the extrapolated w differs from K q - b there until the verification.
-    pressure = np.where(q > 0.0, q - earlier, 0.0)
+    falls = previous.indentation > latest.indentation
+    pressure = q - earlier if falls else np.where(q > 0.0, q - earlier, 0.0)
     displacement = latest.touch_at[candidates] - previous.touch_at[candidates]
     advance = latest.indentation - previous.indentation
     return q, (pressure / advance, displacement / advance)

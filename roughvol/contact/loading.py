@@ -7,6 +7,9 @@ the rigid overlap ū = Δ - (z_max - z) and the displacement u = H p, pressures 
 
 It has exactly one solution, as H is positive definite. `problem` scales all lengths by the root mean square height σ.
 
+A surface of hardness p_m has p ≤ p_m as well. Where p = p_m, an overlap -g ≥ 0 may be left: it becomes a plastic
+displacement of the surface, and stays (Almqvist et al., J. Tribol. 129 (2007) 499-507).
+
 The residual is η/σ = max( max |w| where p > 0,  max -w where ū > 0 ), w the computed gap over σ, on the whole grid.
 One convolution in double precision gives it after the iteration has ended. A pressure p ≥ 0 with residual η is the
 *exact* solution for heights changed by at most η. Hence F(Δ - η) ≤ F ≤ F(Δ + η) for the load, and |δV*| ≤ η/σ for the
@@ -25,7 +28,7 @@ import numpy as np
 from roughvol.contact.active_set import solve_indentation
 from roughvol.contact.paper_algorithm import solve_paper
 from roughvol.contact.problem import LIGHT, LIGHT_ROUGH, TENSILE, Problem, check_rtol
-from roughvol.contact.state import Compliance, Contact, State
+from roughvol.contact.state import Compliance, Contact, Leg, State
 from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
@@ -41,6 +44,7 @@ def solve(
     *,
     rtol: float = 1e-6,
     method: str = "fast",
+    hardness: float | None = None,
     tuning: Tuning = TUNING,
 ) -> Contact:
     """Return the contact at one indentation, started from the rigid overlap.
@@ -57,6 +61,8 @@ def solve(
         Bound of the residual η/σ, 0 < rtol ≤ 1; equation (2) of docs/solver.md.
     method : {"fast", "paper"}
         "paper" is the paper's Algorithm 1 on dense matrices, for at most 65 × 65 elements.
+    hardness : float, optional
+        Largest pressure H L/(E* σ), in the unit of p*. Default: elastic contact.
     tuning : Tuning
         Constants.
 
@@ -72,7 +78,8 @@ def solve(
     ConvergenceError
         If the residual is not reached.
     """
-    return next(sweep(surface, half_space, [indentation], rtol=rtol, method=method, tuning=tuning))
+    options: dict[str, Any] = {"rtol": rtol, "method": method, "hardness": hardness, "tuning": tuning}
+    return next(sweep(surface, half_space, [indentation], **options))
 
 
 def sweep(
@@ -84,18 +91,22 @@ def sweep(
     method: str = "fast",
     precision: str = "mixed",
     pressure_error: float | None = None,
+    hardness: float | None = None,
     resume: Iterable[Mapping[str, Any]] = (),
     tuning: Tuning = TUNING,
 ) -> Iterator[Contact]:
-    """Yield the contact at each of several increasing indentations, started from the last two.
+    """Yield the contact at each of several indentations, started from the last two.
+
+    Where indentations turn from rising to falling, or back, a leg of the path ends. A surface with a hardness goes on
+    with the plastic displacement left by this state.
 
     Parameters
     ----------
     surface, half_space
         As in `solve`.
     indentations : iterable of float
-        Δ/σ, increasing.
-    rtol, method
+        Δ/σ, each different from the one before.
+    rtol, method, hardness
         As in `solve`.
     precision : {"mixed", "double"}
         Precision of the convolutions inside the iteration: "mixed" has 32 bits where this loses no digit. The residual
@@ -103,8 +114,8 @@ def sweep(
     pressure_error : float, optional
         Bound of the relative error of p* at every state, 0 < pressure_error ≤ 0.1, in addition to `rtol`.
     resume : iterable of dict
-        `Contact.state` of the last two contacts of an interrupted sweep. The states that follow are the same to the
-        last bit.
+        `Contact.state` of the last two contacts of an interrupted sweep with the same hardness. The states that follow
+        are the same to the last bit.
     tuning : Tuning
         Constants.
 
@@ -116,37 +127,43 @@ def sweep(
     Raises
     ------
     ContactError
-        If an argument is out of range, the shapes differ, or an indentation does not increase.
+        If an argument is out of range, the shapes differ, or an indentation is that of the state before.
     ConvergenceError
         If the residual is not reached.
     """
-    problem = Problem(surface, half_space, precision, tuning)
+    problem = Problem(surface, half_space, precision, tuning, hardness)
     check_rtol(rtol)
     solve_one = _method(method)
+    if hardness is not None and method != "fast":
+        message = f"method {method!r} has no hardness; allowed: 'fast'"
+        raise ContactError(message)
     if pressure_error is not None and not 0 < pressure_error <= 0.1:
         message = f"pressure_error is {pressure_error}; allowed: 0 < pressure_error <= 0.1"
         raise ContactError(message)
-    previous: State | None = None
-    latest = problem.untouched()
-    last = -np.inf
-    for state in resume:
-        previous, latest = latest, State(**state)
-        last = latest.indentation
-    for indentation in indentations:
-        if not (np.isfinite(indentation) and indentation > last):
-            at_last = f" (the last was {last:g})" if np.isfinite(last) else ""
-            message = f"indentation is {indentation}; allowed: finite and increasing{at_last}"
+    problem, latest, previous, error = _resumed(problem, resume)
+    rising, last = previous is None or latest.indentation > previous.indentation, latest.indentation
+    started = previous is not None
+    for indentation in map(float, indentations):
+        if not np.isfinite(indentation) or (started and indentation == last):
+            at_last = f" and not {last:g}, that of the state before" if started else ""
+            message = f"indentation is {indentation}; allowed: finite{at_last}"
             raise ContactError(message)
+        if started and rising != (indentation > last):  # a leg ends
+            rising = not rising
+            leg = Leg(problem.limit, problem.leg.plastic_under(latest), error)
+            problem, latest, previous = _turned(problem, leg, latest, previous)
+        started = True
         tolerance = rtol
-        if pressure_error is not None and indentation > 0:
-            least = problem.least_pressure(float(indentation), latest)
+        if pressure_error is not None and indentation > problem.touch:
+            least = problem.least_pressure(indentation, latest)
             tolerance = min(rtol, pressure_error * least / problem.expected_stiffness(latest, previous))
-        problem.check_reachable(float(indentation), tolerance)
-        last = float(indentation)
-        if indentation <= 0:
-            yield problem.record(problem.untouched(indentation), problem.counts(), 0, 0.0)
+        problem.check_reachable(indentation, tolerance)
+        last = indentation
+        if indentation <= problem.touch:
+            latest, previous = problem.untouched(indentation), None
+            yield problem.record(latest, problem.counts(), 0, 0.0)
             continue
-        tolerance = min(tolerance, LIGHT * last)
+        tolerance = min(tolerance, LIGHT * (last - problem.touch))
         counts = problem.counts()
         solved, iterations, residual = solve_one(problem, last, latest, previous, tolerance)
         contact = problem.record(solved, counts, iterations, residual, latest)
@@ -157,7 +174,29 @@ def sweep(
             iterations += more
             contact = problem.record(solved, counts, iterations, residual, latest)
         yield contact
-        previous, latest = latest, solved
+        previous, latest, error = latest, solved, contact.residual
+
+
+def _resumed(problem: Problem, states: Iterable[Mapping[str, Any]]) -> tuple[Problem, State, State | None, float]:
+    """Return the problem on the last leg, its last two states, and the error of the last one."""
+    latest, previous, error = problem.untouched(), None, 0.0
+    for state in states:
+        held = dict(state)
+        leg = Leg(problem.limit, held.pop("plastic", None), held.pop("carried", 0.0))
+        error = held.pop("residual", 0.0)
+        problem, latest, _ = _turned(problem, leg, latest, None)
+        previous, latest = latest, State(**held)
+    return problem, latest, previous if latest.elements.size else None, error
+
+
+def _turned(
+    problem: Problem, leg: Leg, latest: State, previous: State | None
+) -> tuple[Problem, State, State | None]:
+    """Return the problem at the start of a leg, with the states before it."""
+    if leg.plastic is problem.leg.plastic:
+        return problem, latest, previous
+    lowered = problem.on(leg)
+    return lowered, lowered.moved(latest, problem), previous and lowered.moved(previous, problem)
 
 
 class Trials:

@@ -21,6 +21,7 @@ def approximate_inverse(
     elements: Index,
     pressure: Array,
     gap: Array,
+    free: Mask,
     rates: Rates | None,
     tuning: Tuning = TUNING,
 ) -> tuple[Map, Mask]:
@@ -39,6 +40,8 @@ def approximate_inverse(
         Flat indices, increasing.
     pressure, gap : array (n,)
         q and w at the start, scaled.
+    free : array (n,) of bool
+        Elements that may change their pressure.
     rates : pair of array (n,), or None
         Pressure and displacement per unit of further indentation. Without them the far field is not corrected.
     tuning : Tuning
@@ -51,7 +54,6 @@ def approximate_inverse(
     free : array (n,) of bool
         Elements expected in contact.
     """
-    free = (pressure > 0.0) | (gap < 0.0)
     if rates is None:
         return near_field(influence, shape[1], elements, tuning.near_reach), free
     rate, displacement = rates

@@ -1,17 +1,21 @@
 """The scaled contact problem: convolution, verification and record of a state, without any iteration.
 
+Pressures have an upper bound, the limit, on a surface that yields. The overlap left on elements at the limit is a plastic
+displacement of the surface, ≥ 0, that stays. States on the way up keep the heights of the start of their leg.
+
 Symbols and equations are those of docs/solver.md.
 """
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.contact.few_loads import Superposition
-from roughvol.contact.state import Compliance, Contact, State
+from roughvol.contact.state import Compliance, Contact, Leg, State
 from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
@@ -57,15 +61,31 @@ class Problem:
         Precision of the convolutions inside the iteration.
     tuning : Tuning
         Constants.
+    hardness : float, optional
+        H L/(E* σ), the largest pressure in the unit of p*. Default: none, the contact is elastic.
+
+    Attributes
+    ----------
+    heights : array (nodes,)
+        h at the start of the leg, flat: less the plastic displacement so far.
+    limit : float
+        Largest q; infinite in elastic contact.
+    leg : Leg
+        Plastic displacement at the start of the leg, and its error.
 
     Raises
     ------
     ContactError
-        If the shapes differ, or the precision is unknown.
+        If the shapes differ, the precision is unknown, or the hardness is not positive.
     """
 
     def __init__(
-        self, surface: Surface, half_space: Compliance, precision: str = "mixed", tuning: Tuning = TUNING
+        self,
+        surface: Surface,
+        half_space: Compliance,
+        precision: str = "mixed",
+        tuning: Tuning = TUNING,
+        hardness: float | None = None,
     ) -> None:
         if surface.shape != half_space.shape:
             message = f"the surface has shape {surface.shape}, the half space {half_space.shape}"
@@ -73,7 +93,12 @@ class Problem:
         if precision not in PRECISIONS:
             message = f"precision is {precision!r}; allowed: {', '.join(PRECISIONS)}"
             raise ContactError(message)
+        if hardness is not None and not hardness > 0.0:
+            message = f"hardness is {hardness}; allowed: hardness > 0, in the unit of p*"
+            raise ContactError(message)
         self.half_space, self.shape, self.tuning = half_space, surface.shape, tuning
+        self.limit = np.inf if hardness is None else hardness / (np.pi * (self.shape[0] - 1))
+        self.leg = Leg(self.limit)
         self._mixed = precision == "mixed"
         self.superposition = Superposition(half_space.influence, tuning)
         self._position = np.full(surface.heights.size, -1, dtype=np.int32)  # restored by `positions`
@@ -81,8 +106,24 @@ class Problem:
         heights = surface.heights - surface.heights.max()
         height_range = -heights.min()
         heights = heights / (height_range or 1.0)
-        self.heights = (heights / (heights.std() or 1.0)).ravel()
+        self.heights = self._virgin = (heights / (heights.std() or 1.0)).ravel()
         self.mean_height = float(self.heights.mean())
+
+    @cached_property
+    def touch(self) -> float:
+        """Δ/σ at the first touch: 0 before any plastic displacement."""
+        return 0.0 - float(self.heights.max())
+
+    def on(self, leg: Leg) -> Problem:
+        """Return the problem on the virgin surface less the plastic displacement of a leg."""
+        problem = copy.copy(self)
+        problem.__dict__.pop("touch", None)
+        problem.leg, problem.heights = leg, self._virgin if leg.plastic is None else self._virgin - leg.plastic
+        return problem
+
+    def moved(self, state: State, before: Problem) -> State:
+        """Return a state of the problem before with its gaps to the heights of this one."""
+        return State(state.indentation, state.elements, state.pressure, state.touch_at + (before.heights - self.heights))
 
     def single(self, rtol: float) -> bool:
         """Return whether directions are convolved in single precision."""
@@ -135,14 +176,16 @@ class Problem:
         K s = 1 + δw/δΔ. Where this is below 1, a pressure of (1 - K s)/K(0, 0) is added.
         """
         elements, gap = state.within(2.0 * residual)
-        brink = np.flatnonzero(gap <= 2.0 * residual)
+        brink = gap <= 2.0 * residual
+        brink[self.positions(elements, state.elements[state.pressure >= self.limit])[0]] = False  # no stiffness left
         elements, gap = elements[brink], gap[brink]
         if self.positions(elements, previous.elements)[0].min(initial=0) < 0:
             elements = np.union1d(elements, previous.elements)
             gap = state.gap(elements)
-        short = np.maximum(previous.gap(elements) - gap, 0.0).sum()
-        force = state.pressure.sum() - previous.pressure.sum() + short / self.half_space.influence[0, 0]
-        secant = self._starred(force / (state.indentation - previous.indentation))
+        advance = state.indentation - previous.indentation
+        short = np.maximum(np.copysign(1.0, advance) * (previous.gap(elements) - gap), 0.0).sum()
+        force = abs(state.pressure.sum() - previous.pressure.sum()) + short / self.half_space.influence[0, 0]
+        secant = self._starred(force / abs(advance))
         return secant if secant <= self.stiffest else self.stiffest  # also where it is NaN: a step lost in rounding
 
     def expected_stiffness(self, latest: State, previous: State | None) -> float:
@@ -167,15 +210,17 @@ class Problem:
         return float(0.999 / np.linalg.inv(near).diagonal().max())
 
     def depth(self, contact: Contact) -> Array:
-        """Return x on every element, flat: c q in contact, -w elsewhere."""
+        """Return x on every element, flat: c q in contact, -w elsewhere; c q - w at the limit."""
         x = -contact._state.gap()
-        x[contact._elements] = self.firmness * contact._pressure
+        overlap = np.where(contact._pressure >= self.limit, x[contact._elements], 0.0)
+        x[contact._elements] = self.firmness * contact._pressure + overlap
         return x
 
     def least_pressure(self, indentation: float, latest: State) -> float:
         """Return a lower bound of p* at an indentation: that of the latest state, or of the highest element alone."""
-        alone = indentation / float(self.half_space.influence[0, 0])
-        q = max(float(latest.pressure.sum()) if latest.pressure.size else 0.0, alone)
+        alone = min((indentation - self.touch) / float(self.half_space.influence[0, 0]), self.limit)
+        rising = latest.pressure.size and indentation >= latest.indentation
+        q = max(float(latest.pressure.sum()) if rising else 0.0, alone)
         # the pressure of the latest state has an error of up to a tenth, see `sweep`
         return 0.9 * float(np.pi * (self.shape[0] - 1)) * q / self.heights.size
 
@@ -194,8 +239,14 @@ class Problem:
         state = State(indentation, elements, q, self.half_space.displacement_above(self.heights, elements, q))
         # w < 0 only where b > 0, as K is positive
         reach = abs(next_advance) * (1.0 + 1e-6)  # the next one may be larger by rounding
-        deepest = -float(state.within(reach)[1].min(initial=0.0))
-        return state, max(float(np.abs(state.gap(elements)).max(initial=0.0)), deepest)
+        near, gap = state.within(reach)
+        open_gap = state.gap(elements)
+        if self.limit < np.inf:  # at the limit an overlap is no error
+            yielded = q >= self.limit
+            gap = gap.copy()
+            gap[self.positions(near, elements[yielded])[0]] = 0.0
+            open_gap[yielded] = np.maximum(open_gap[yielded], 0.0)
+        return state, max(float(np.abs(open_gap).max(initial=0.0)), -float(gap.min(initial=0.0)))
 
     def record(
         self,
@@ -217,15 +268,17 @@ class Problem:
         mean_displacement = float(self.half_space.total_compliance.ravel()[elements] @ pressure) / size
         full = elements.size == size
         done = self.counts()
+        residual += self.leg.carried
         stiffness = self.stiffness_bound(state, residual, previous) if previous else self.stiffest
         mean_pressure = float(np.pi * (self.shape[0] - 1) * (pressure.sum() / size))
-        unloaded = np.inf if state.indentation > 0.0 else 0.0  # p* = 0 is exact before the touch alone
+        unloaded = np.inf if state.indentation > self.touch else 0.0  # p* = 0 is exact before the touch alone
+        plastic_volume, plastic_area = self.leg.yielded(state)
         return Contact(
             indentation=state.indentation,
             separation=separation,
             contact_area_fraction=elements.size / size,
             mean_pressure=mean_pressure,
-            free_volume=0.0 if full else max(separation + mean_displacement, 0.0),
+            free_volume=0.0 if full else max(separation + mean_displacement + plastic_volume, 0.0),
             iterations=iterations,
             convolutions=done[0] - counts[0],
             convolutions_fp32=done[1] - counts[1],
@@ -233,7 +286,10 @@ class Problem:
             mean_pressure_bound=stiffness * residual / mean_pressure if mean_pressure > 0.0 else unloaded,
             converged=bool(np.isfinite(residual)),
             shape=self.shape,
+            plastic_volume=plastic_volume,
+            plastic_area_fraction=plastic_area,
             _elements=elements,
             _pressure=pressure,
             _state=state,
+            _leg=self.leg,
         )

@@ -65,7 +65,8 @@ class Contact:
         Convolutions of the solve, verification included, by precision. Unit: one on the full grid. A convolution over
         a part of the grid counts by its share.
     residual : float
-        η/σ, equation (2) of docs/solver.md; a bound of the error of the free volume. NaN in a state not solved.
+        η/σ, equation (2) of docs/solver.md; a bound of the error of the free volume. NaN in a state not solved. On a
+        surface that has yielded before, the residuals of the states that left it are added.
     mean_pressure_bound : float
         Bound of the relative error of p*: the residual times a bound of the stiffness. Infinite without any pressure
         after the touch.
@@ -73,6 +74,10 @@ class Contact:
         The residual is below the tolerance, and below Δ/(100 σ).
     shape : (int, int)
         Rows and columns of the grid.
+    plastic_volume : float
+        Mean plastic displacement over σ, ≥ 0; 0 in elastic contact.
+    plastic_area_fraction : float
+        Elements that have yielded, now or before, over all elements.
     """
 
     indentation: float
@@ -87,9 +92,12 @@ class Contact:
     mean_pressure_bound: float
     converged: bool
     shape: tuple[int, int]
+    plastic_volume: float
+    plastic_area_fraction: float
     _elements: Index = field(repr=False)
     _pressure: Array = field(repr=False)  # q on the elements
     _state: State = field(repr=False)
+    _leg: Leg = field(repr=False)
 
     def pressure(self) -> Array:
         """Return the pressure p L/(E* σ) ≥ 0, shape of the surface."""
@@ -111,7 +119,53 @@ class Contact:
 
     def state(self) -> dict[str, Any]:
         """Return the numbers and arrays from which `sweep` goes on (``resume``)."""
-        return {name: getattr(self._state, name) for name in ("indentation", "elements", "pressure", "touch_at")}
+        state = {name: getattr(self._state, name) for name in ("indentation", "elements", "pressure", "touch_at")}
+        if self._leg.limit == np.inf:
+            return state
+        return state | {"plastic": self._leg.plastic, "carried": self._leg.carried, "residual": self.residual}
+
+    def plastic_displacement(self) -> Array:
+        """Return the plastic displacement over σ ≥ 0, shape of the surface: its depth below the virgin heights."""
+        plastic = self._leg.plastic_under(self._state)
+        return np.zeros(self.shape) if plastic is None else plastic.reshape(self.shape).copy()
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """What a leg of a path begins with on a surface that may yield.
+
+    Attributes
+    ----------
+    limit : float
+        Largest q; infinite in elastic contact.
+    plastic : array (nodes,) or None
+        Plastic displacement over σ, flat; None before any.
+    carried : float
+        Bound of the error of `plastic`: the residuals of the states that left it.
+    """
+
+    limit: float = np.inf
+    plastic: Array | None = None
+    carried: float = 0.0
+
+    def plastic_under(self, state: State) -> Array | None:
+        """Return the plastic displacement under a state: that of the leg, and the overlaps of elements at the limit."""
+        elements = state.elements[state.pressure >= self.limit]
+        if not elements.size:
+            return self.plastic
+        plastic = np.zeros(state.touch_at.size) if self.plastic is None else self.plastic.copy()
+        plastic[elements] += np.maximum(-state.gap(elements), 0.0)
+        return plastic
+
+    def yielded(self, state: State) -> tuple[float, float]:
+        """Return the mean plastic displacement under a state, and the share of elements that have yielded."""
+        if self.limit == np.inf:
+            return 0.0, 0.0
+        before = np.zeros(state.touch_at.size) if self.plastic is None else self.plastic
+        elements = state.elements[state.pressure >= self.limit]
+        overlap = np.maximum(-state.gap(elements), 0.0).sum()
+        area = np.count_nonzero(before) + np.count_nonzero(before[elements] == 0.0)
+        return float(before.sum() + overlap) / before.size, area / before.size
 
 
 @dataclass

@@ -35,6 +35,8 @@ class Tuning:
         Iterations between two cuts of negative pressures.
     sum_terms : float
         Most terms per node of the grid, for a sum in place of the convolution of cut pressures.
+    yield_margin : float
+        Gap predicted on a surface that yields, up to which an element is a candidate, over the advance.
     safety : float
         Residual that ends the iteration, as a share of the tolerance. The verification finds a little more.
     last_step : float
@@ -73,6 +75,7 @@ class Tuning:
     lifted_rounds: int = 3
     cut_every: int = 2
     sum_terms: float = 5.0
+    yield_margin: float = 0.2
     safety: float = 0.9
     last_step: float = 4.0
     iterations: int = 2000
