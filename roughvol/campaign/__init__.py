@@ -9,6 +9,7 @@ Room of the campaign.
 `answered`      that mean as stored variables and in sentences
 `expected`      what that will cost
 `one_case`      one case: surface, sweep, reduction
+`path`          indentations of the legs of a sweep
 `batch`         cases handed to workers and stored as they end
 `workers`       processes of this machine or of a Dask cluster
 `resources`     cores, memory and disk

@@ -7,23 +7,21 @@ import time
 from collections.abc import Callable, MutableMapping
 from pathlib import Path
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
+from roughvol.campaign import path
 from roughvol.contact import convolution
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.contact.search import first_indentation, indentation_for
-from roughvol.errors import ContactError
 from roughvol.observables import reduction
-from roughvol.observables.levels import end_of
+from roughvol.observables.levels import options_of
 from roughvol.observables.reduction import Reduction, Values
 from roughvol.store import checkpoint as checkpoints
 from roughvol.store import dataset
 from roughvol.store.checkpoint import Checkpoint
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case
-from roughvol.surfaces import measured, texture
+from roughvol.surfaces import measured
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 
@@ -112,19 +110,9 @@ def _swept(
     state = checkpoint.load() if checkpoint else None
     if state is not None:
         reduced.restore(state["reduction"], state["states"])
-    last = state["last"] if state else last_indentation(case, surface, half_space)
-    indentations = last * np.arange(1, case.sweep.steps + 1) / case.sweep.steps
-    left = indentations[reduced.steps :]
-    solver = case.solver
-    contacts = sweep(
-        surface,
-        half_space,
-        left,
-        rtol=solver.tolerance,
-        method=solver.method,
-        pressure_error=solver.pressure_error,
-        resume=reduced.states,
-    )
+    ends: list[float] = list(state["ends"]) if state else []
+    left = path.indentations(case, surface, half_space, reduced, ends)
+    contacts = sweep(surface, half_space, left, resume=reduced.states, **options_of(case, surface))
     for contact in contacts:
         reduced.follow(contact)
         if on_step is not None:
@@ -132,7 +120,7 @@ def _swept(
         if checkpoint is not None:
             stopped = stopping()
             if stopped or checkpoint.due():
-                checkpoint.save({"last": last, "states": reduced.states, "reduction": reduced.state()})
+                checkpoint.save({"ends": ends, "states": reduced.states, "reduction": reduced.state()})
             if stopped:
                 raise Stopped
     return reduced.values()
@@ -172,45 +160,3 @@ def _half_space(shape: tuple[int, int], kernel: str, threads: int, held: HalfSpa
         held.clear()  # one at a time: it is the largest thing in memory
         held[key] = HalfSpace(shape, kernel=kernel, threads=threads)
     return held[key]
-
-
-def last_indentation(case: Case, surface: Surface, half_space: HalfSpace) -> float:
-    """Return Δ/σ at the end of the sweep: on a plane, at a value given, or where the search for one ends.
-
-    Parameters
-    ----------
-    case : Case
-        Its target, solver and region.
-    surface : Surface
-        The whole surface.
-    half_space : HalfSpace
-        Of the shape of the surface.
-
-    Returns
-    -------
-    float
-        Δ/σ [1].
-
-    Raises
-    ------
-    ContactError
-        If the sweep would end before first touch.
-    """
-    target, scale = case.sweep.target, surface.unit
-    value = target.value or 0.0
-    rtol, method = min(case.solver.tolerance, case.solver.pressure_error or 1.0), case.solver.method
-    predicate = end_of(case)
-    if predicate is not None:
-        return first_indentation(surface, half_space, predicate, rtol=rtol, method=method)
-    if target.kind in ("contact_area", "pressure"):
-        return indentation_for(surface, half_space, target.kind, value, rtol=rtol, method=method)
-    if target.kind == "indentation":
-        return value
-    if target.kind == "summit-plane":
-        end = (surface.z_max - texture.summit_plane(surface.heights)) / scale
-    else:  # d/σ = value; 0 on the mean plane
-        end = (surface.z_max - surface.mean_height) / scale - value
-    if not end > 0.0:
-        message = f"a sweep to {target.label} would end at Δ/σ = {end:.6g}; allowed: beyond first touch, Δ/σ > 0"
-        raise ContactError(message)
-    return end

@@ -29,7 +29,8 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from roughvol.campaign.one_case import FFT, last_indentation, surface_of
+from roughvol.campaign.one_case import FFT, surface_of
+from roughvol.campaign.path import last_indentation
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, sweep
 from roughvol.errors import ContactError

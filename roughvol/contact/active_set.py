@@ -23,7 +23,6 @@ from roughvol.contact.state import State
 from roughvol.errors import ConvergenceError
 from roughvol.typing import Array, Index
 
-
 _NONE: Index = np.empty(0, dtype=np.intp)
 
 
@@ -242,7 +241,7 @@ def _factorised(problem: Problem, indentation: float, start: Start) -> Array:
             yielded |= over
             continue
         w = matrix @ q - b
-        margin = TENSILE * np.abs(b).max()
+        margin = TENSILE * np.abs(b).max(initial=0.0)
         back = (~active & ~yielded & (w < -margin)) | (yielded & (w > margin))
         if not back.any():
             return np.clip(q, 0.0, limit)

@@ -181,17 +181,21 @@ def _resumed(problem: Problem, states: Iterable[Mapping[str, Any]]) -> tuple[Pro
     """Return the problem on the last leg, its last two states, and the error of the last one."""
     latest, previous, error = problem.untouched(), None, 0.0
     for state in states:
-        held = dict(state)
-        leg = Leg(problem.limit, held.pop("plastic", None), held.pop("carried", 0.0))
-        error = held.pop("residual", 0.0)
+        leg, held, error = _held(problem, state)
         problem, latest, _ = _turned(problem, leg, latest, None)
-        previous, latest = latest, State(**held)
+        previous, latest = latest, held
     return problem, latest, previous if latest.elements.size else None, error
 
 
-def _turned(
-    problem: Problem, leg: Leg, latest: State, previous: State | None
-) -> tuple[Problem, State, State | None]:
+def _held(problem: Problem, state: Mapping[str, Any]) -> tuple[Leg, State, float]:
+    """Return the leg, the state and its error, from `Contact.state`."""
+    held = dict(state)
+    leg = Leg(problem.limit, held.pop("plastic", None), held.pop("carried", 0.0))
+    error = held.pop("residual", 0.0)
+    return leg, State(**held), error
+
+
+def _turned(problem: Problem, leg: Leg, latest: State, previous: State | None) -> tuple[Problem, State, State | None]:
     """Return the problem at the start of a leg, with the states before it."""
     if leg.plastic is problem.leg.plastic:
         return problem, latest, previous
@@ -204,13 +208,17 @@ class Trials:
 
     Parameters
     ----------
-    surface, half_space, rtol, method, pressure_error, tuning
+    surface, half_space, rtol, method, pressure_error, hardness, tuning
         As in `solve` and `sweep`.
+    after : dict, optional
+        `Contact.state` on the leg of the trials, for a surface that has yielded before.
+    turned : bool
+        Whether the leg begins at this state, and so with the plastic displacement that it leaves.
 
     Attributes
     ----------
     untouched : Contact
-        The state at first touch, without contact.
+        The state at first touch on this leg, without contact.
     least : Contact or None
         A contact at a smaller indentation than all trials, if one is known; set by the caller.
     """
@@ -223,14 +231,21 @@ class Trials:
         rtol: float = 1e-6,
         method: str = "fast",
         pressure_error: float | None = None,
+        hardness: float | None = None,
+        after: Mapping[str, Any] | None = None,
+        turned: bool = False,
         tuning: Tuning = TUNING,
     ) -> None:
         check_rtol(rtol)
-        self.problem = Problem(surface, half_space, tuning=tuning)
+        self.problem = Problem(surface, half_space, tuning=tuning, hardness=hardness)
+        if after is not None:
+            leg, state, error = _held(self.problem, after)
+            self.problem = self.problem.on(Leg(leg.limit, leg.plastic_under(state), error) if turned else leg)
         self._solve = _method(method)
         self.rtol, self.pressure_error = rtol, pressure_error
         self.least: Contact | None = None
-        self.untouched = self.problem.record(self.problem.untouched(), self.problem.counts(), 0, 0.0)
+        untouched = self.problem.untouched(self.problem.touch)
+        self.untouched = self.problem.record(untouched, self.problem.counts(), 0, 0.0)
 
     def at(self, indentation: float, latest: Contact, previous: Contact | None = None, *, rtol: float = 0.0) -> Contact:
         """Return the contact at an indentation, started from the straight line through two contacts.
@@ -256,7 +271,7 @@ class Trials:
         """
         problem = self.problem
         problem.check_reachable(indentation, max(self.rtol, rtol))
-        tolerance = max(self.tolerance(indentation), min(rtol, LIGHT_ROUGH * indentation))
+        tolerance = max(self.tolerance(indentation), min(rtol, LIGHT_ROUGH * (indentation - problem.touch)))
         counts = problem.counts()
         earlier = previous._state if previous else None
         state, iterations, residual = self._solve(problem, indentation, latest._state, earlier, tolerance)
@@ -264,7 +279,10 @@ class Trials:
 
     def known(self, state: Mapping[str, Any], residual: float) -> Contact:
         """Return the record of a contact solved elsewhere, from its `Contact.state` and its residual η/σ."""
-        return self.problem.record(State(**state), self.problem.counts(), 0, residual)
+        leg, held, _ = _held(self.problem, state)
+        if leg.plastic is not None or self.problem.leg.plastic is not None:
+            held = self.problem.moved(held, self.problem.on(leg))
+        return self.problem.record(held, self.problem.counts(), 0, residual - self.problem.leg.carried)
 
     def tolerance(self, indentation: float) -> float:
         """Return the bound of the residual η/σ at an indentation: at most `rtol`, and Δ/(100 σ).
@@ -272,7 +290,7 @@ class Trials:
         `pressure_error` lowers it to the bound for the stiffest contact, under the pressure of `least` or of the
         highest element alone.
         """
-        bound = min(self.rtol, LIGHT * indentation)
+        bound = min(self.rtol, LIGHT * (indentation - self.problem.touch))
         if self.pressure_error is not None:
             pressure = self.problem.least_pressure(indentation, (self.least or self.untouched)._state)
             bound = min(bound, self.pressure_error * pressure / self.problem.stiffest)
@@ -305,7 +323,8 @@ class Trials:
             x = start + (indentation - one.indentation) * rate - margin
             elements = np.flatnonzero(x > 0.0)
             gap = np.maximum(-x, TENSILE * max(1.0, indentation))
-            state = State(indentation, elements, x[elements] / problem.firmness, gap + indentation)
+            pressure = np.minimum(x[elements] / problem.firmness, problem.limit)
+            state = State(indentation, elements, pressure, gap + indentation)
             return problem.record(state, problem.counts(), 0, np.nan)
 
         return at

@@ -123,7 +123,9 @@ class Problem:
 
     def moved(self, state: State, before: Problem) -> State:
         """Return a state of the problem before with its gaps to the heights of this one."""
-        return State(state.indentation, state.elements, state.pressure, state.touch_at + (before.heights - self.heights))
+        return State(
+            state.indentation, state.elements, state.pressure, state.touch_at + (before.heights - self.heights)
+        )
 
     def single(self, rtol: float) -> bool:
         """Return whether directions are convolved in single precision."""

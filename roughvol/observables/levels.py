@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from roughvol.contact import search
+from roughvol.contact.crossing import state_crossing
 from roughvol.contact.loading import Compliance, Contact, Trials, sweep
 from roughvol.contact.search import TARGETS
 from roughvol.observables import void
+from roughvol.observables.plastic import largest_pressure
 from roughvol.observables.regions import State, within
 from roughvol.study import Case, Level
 from roughvol.surfaces.surface import Surface
@@ -18,7 +21,7 @@ ROUNDING = 1e-9  # relative; a state that misses a level by less reaches it
 
 
 def end_of(case: Case) -> Callable[[Contact], bool] | None:
-    """Return the condition of the last state of a sweep; None where the end does not depend on region or void.
+    """Return the condition of the last state of a sweep, or of its first leg; None where the end does not depend on region or void.
 
     Parameters
     ----------
@@ -30,7 +33,8 @@ def end_of(case: Case) -> Callable[[Contact], bool] | None:
     callable or None
         Contact ↦ whether the sweep ends there.
     """
-    kind, value = case.sweep.target.kind, case.sweep.target.value or 0.0
+    target = case.sweep.legs[0].target
+    kind, value = target.kind, target.value or 0.0
     if kind.startswith("percolation"):
         return lambda contact: void.stops_percolating(kind, within(contact, case))
     if case.record.region is None:
@@ -90,7 +94,7 @@ def reached(level: Level, step: int, contact: State, case: Case) -> bool:
 
 
 def is_end(level: Level, step: int, case: Case) -> bool:
-    """Return whether a level is the end of the sweep, at its last step.
+    """Return whether a level is the end of a leg, at its last step; "last" is the end of the last leg.
 
     Parameters
     ----------
@@ -106,7 +110,53 @@ def is_end(level: Level, step: int, case: Case) -> bool:
     bool
         Whether it is the end.
     """
-    return step == case.sweep.steps and level in (LAST, case.sweep.target)
+    ends = dict(zip(itertools.accumulate(leg.steps for leg in case.sweep.legs), case.sweep.legs, strict=True))
+    last = level == LAST and step == case.sweep.steps
+    return last or (step in ends and level == ends[step].target)
+
+
+def options_of(case: Case, surface: Surface) -> dict[str, Any]:
+    """Return the arguments of `sweep` and `Trials` that follow from a case.
+
+    Parameters
+    ----------
+    case : Case
+        Its solver and hardness.
+    surface : Surface
+        The surface pressed.
+
+    Returns
+    -------
+    dict
+        rtol, method, pressure_error and hardness.
+    """
+    solver = case.solver
+    return {
+        "rtol": solver.tolerance,
+        "method": solver.method,
+        "pressure_error": solver.pressure_error,
+        "hardness": largest_pressure(case, surface),
+    }
+
+
+def measure_of(kind: str, case: Case) -> Callable[[Contact], float]:
+    """Return the quantity of a level: A* or p* in the region of the study, or 1 where no void percolates.
+
+    Parameters
+    ----------
+    kind : str
+        contact_area, pressure, or the end of percolation.
+    case : Case
+        Names the region.
+
+    Returns
+    -------
+    callable
+        Contact ↦ float that never falls under more contact.
+    """
+    if kind.startswith("percolation"):
+        return lambda contact: float(void.stops_percolating(kind, within(contact, case)))
+    return lambda contact: float(getattr(within(contact, case), TARGETS[kind]))
 
 
 def at_level(
@@ -150,12 +200,14 @@ def at_level(
     ConvergenceError
         If the state is not solved to the tolerance.
     """
-    solver, value = case.solver, level.value or 0.0
-    options: dict[str, Any] = {
-        "rtol": solver.tolerance,
-        "method": solver.method,
-        "pressure_error": solver.pressure_error,
-    }
+    value = level.value or 0.0
+    options = options_of(case, surface)
+    falls = bool(earlier) and after.indentation < earlier[-1]["indentation"]
+    if level.kind in TARGETS and (case.plastic or falls):
+        trials = Trials(surface, half_space, after=after.state(), **options)
+        start = trials.known(earlier[-1], residual) if earlier else trials.untouched
+        measure, value = measure_of(level.kind, case), value * (1.0 - ROUNDING)
+        return state_crossing(trials, measure, value, start, trials.known(after.state(), after.residual))
     if level.kind in TARGETS:
         name = TARGETS[level.kind]
         trials = Trials(surface, half_space, **options)

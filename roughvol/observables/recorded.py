@@ -201,7 +201,11 @@ def fields_of(record: Record) -> int:
         Number of fields, heights included.
     """
     asked_for = asked_at_states(record)
-    return record.heights + sum(AT_STATES[name].fields * len(levels) for name, levels in asked_for.items())
+    return (
+        record.heights
+        + record.residual_heights
+        + sum(AT_STATES[name].fields * len(levels) for name, levels in asked_for.items())
+    )
 
 
 def searched_levels(case: Case) -> int:

@@ -16,13 +16,14 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact
-from roughvol.observables import deformed
+from roughvol.observables import deformed, plastic
 from roughvol.observables.along_steps import AlongSteps
 from roughvol.observables.levels import at_level, is_end, reached
 from roughvol.observables.pressures import above, central_pressure_ratio
 from roughvol.observables.recorded import AT_STATES, asked_at_states, fields_of
 from roughvol.observables.regions import State, within
 from roughvol.study import Case, Level
+from roughvol.study.sections import Legs
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
@@ -41,6 +42,7 @@ PER_STEP = (
     "mean_pressure_bound",
     "converged",
 )
+PLASTIC = ("plastic_volume", "plastic_area_fraction")
 ABOVE_HARDNESS = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
 OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 
@@ -115,10 +117,11 @@ class Reduction:
     def __init__(self, case: Case, surface: Surface, half_space: Compliance) -> None:
         self._case, self._surface = case, surface
         self._per_step: dict[str, list[Any]] = {name: [] for name in PER_STEP}
-        self._hardness = None
-        if case.hardness is not None:  # as pressures are stored, p L/(E* σ)
-            self._hardness = case.hardness * surface.side / (case.height or surface.unit)
+        self._hardness = None if case.plastic else plastic.starred_hardness(case, surface)
+        if self._hardness is not None:
             self._per_step |= {name: [] for name in ABOVE_HARDNESS}
+        if case.plastic:
+            self._per_step |= {name: [] for name in PLASTIC}
         self._levels = asked_at_states(case.record)
         self._kept: dict[str, dict[str, tuple[int, Values]]] = {name: {} for name in self._levels}
         self._along = AlongSteps(case, surface)
@@ -136,6 +139,11 @@ class Reduction:
         """The last two states, as `Contact.state` returns them."""
         return self._states
 
+    @property
+    def residual(self) -> float:
+        """η/σ of the last state taken in; 0 before any."""
+        return self._per_step["residual"][-1] if self._states else 0.0
+
     def follow(self, whole: Contact) -> None:
         """Take in the next state."""
         contact, step = within(whole, self._case), self.steps + 1
@@ -147,13 +155,15 @@ class Reduction:
                 own = {f"{row.dim}_{name}": getattr(state, name) for name in OF_STATE}
                 self._kept[observable][label] = step, own | row.of_state(self._case, self._surface, state)
                 self._seconds[observable] += time.perf_counter() - started
-        for name in PER_STEP:
+        for name in (*PER_STEP, *(PLASTIC if self._case.plastic else ())):
             self._per_step[name].append(getattr(contact, name))
         if self._hardness is not None:
             for name, share in zip(ABOVE_HARDNESS, above(contact.pressure(), self._hardness), strict=True):
                 self._per_step[name].append(share)
         if step == self._case.sweep.steps and min(whole.shape) > 3:  # 3 nodes have one in the middle
             self._along.values["central_pressure_ratio"] = central_pressure_ratio(whole)
+        if step == self._case.sweep.steps and self._case.plastic:
+            self._along.values |= plastic.residual(self._case, self._surface, whole)
         self._states = [*self._states, whole.state()][-2:]
 
     def _reached(self, step: int, contact: State) -> dict[Level, list[tuple[str, str]]]:
@@ -171,14 +181,16 @@ class Reduction:
             return whole
         half_space = self._half_space
         before = half_space.convolutions + half_space.convolutions_fp32
-        residual = self._per_step["residual"][-1] if self._states else 0.0
-        state = at_level(level, self._case, self._surface, half_space, self._states, residual, whole)
+        state = at_level(level, self._case, self._surface, half_space, self._states, self.residual, whole)
         self._convolutions += half_space.convolutions + half_space.convolutions_fp32 - before
         return state
 
     def values(self) -> Values:
         """Return the values by stored name."""
+        sweep = self._case.sweep
         values: Values = {**self._per_step, **self._along.values, "step": np.arange(1, self._case.sweep.steps + 1)}
+        if isinstance(sweep, Legs):
+            values["leg"] = np.repeat(np.arange(1, len(sweep.legs) + 1), [leg.steps for leg in sweep.legs])
         if seconds := {**self._along.seconds, **self._seconds}:
             values |= {"observable": list(seconds), "observable_time": list(seconds.values())}
         for name, by_label in self._levels.items():

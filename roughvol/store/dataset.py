@@ -49,6 +49,7 @@ __all__ = ["VARIABLES", "Arrays", "Dataset", "Variable", "build", "combine", "pr
 
 Arrays = dict[str, tuple[tuple[str, ...], NDArray[Any]]]  # dimensions and values of variables by name
 
+COORDS = ("L", "leg")  # coordinates beside those of the dimensions
 SMALL = 1 << 20  # bytes of values up to which the file of a case is netCDF-3
 REFERENCE = (
     "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, "
@@ -366,7 +367,7 @@ def _described(dataset: Dataset) -> Dataset:
     for name, variable in dataset.variables.items():
         row = VARIABLES[str(name)]
         variable.attrs = {"units": row.units.replace("length", unit), "long_name": row.long_name, "symbol": row.symbol}
-    return dataset.set_coords([str(name) for name in dataset.variables if name == "L" or _is_dim(str(name))])
+    return dataset.set_coords([str(name) for name in dataset.variables if name in COORDS or _is_dim(str(name))])
 
 
 def _encoding(dataset: Dataset) -> dict[str, dict[str, Any]]:

@@ -63,6 +63,10 @@ VARIABLES |= _rows(
     y=Variable("y", "1", "position along the second axis over L", "y/L"),
 )
 VARIABLES |= _rows(
+    "study.sections.Legs.legs",
+    leg=Variable("step", "1", "leg of the path, from 1", "leg", "index"),
+)
+VARIABLES |= _rows(
     "study.record.Select.levels",
     field_at=Variable("field_at", "1", "state at which fields are kept", "state", "text"),
     density_at=Variable("density_at", "1", "state of the density of element volumes", "state", "text"),
@@ -178,7 +182,19 @@ VARIABLES |= _rows(
     mean_pressure_bound=Variable("... step", "1", "certified bound of the relative error of p*", "|δp*|/p*"),
     converged=Variable("... step", "1", "the state was solved and met its residual", "converged", "flag"),
 )
-# where the study gives a hardness
+# where pressures end at a hardness
+VARIABLES |= _rows(
+    "contact.state.Contact.{name}",
+    plastic_volume=Variable("... step", "1", "mean plastic displacement over Sq", "u_pl/σ"),
+    plastic_area_fraction=Variable("... step", "1", "fraction of elements that have yielded", "A_pl*"),
+)
+VARIABLES |= _rows(
+    "observables.plastic.residual",
+    residual_heights=Variable(
+        "... x y", "length", "heights less the plastic displacement, at the end of the path", "z - u_pl", height_power=1
+    ),
+)
+# where a hardness is given for comparison alone
 VARIABLES |= _rows(
     "observables.pressures.above",
     contact_above_hardness_fraction=Variable(
@@ -377,6 +393,13 @@ for _name in (*_WHOLE, *(name for name, row in VARIABLES.items() if row.source =
         dims=_row.dims.replace("...", "... texture_at"),
         long_name=f"{_row.long_name}, of the deformed surface under load",
         symbol=f"{_row.symbol}(load)",
+        source=_row.source.replace("surface.Surface", "texture"),
+        observable="texture",
+    )
+    VARIABLES[f"{_name}_residual"] = replace(
+        _row,
+        long_name=f"{_row.long_name}, of the surface left by plastic displacement",
+        symbol=f"{_row.symbol}(residual)",
         source=_row.source.replace("surface.Surface", "texture"),
         observable="texture",
     )

@@ -25,6 +25,7 @@ from roughvol.study.record import SELECTORS, Record
 from roughvol.study.sections import (
     PAPER_MAX_M,
     GeneratedSurface,
+    Legs,
     Solver,
     Strict,
     Sweep,
@@ -33,6 +34,7 @@ from roughvol.study.sections import (
     names,
     refuse,
     tag_surface,
+    tag_sweep,
     whole,
 )
 from roughvol.study.treatment import steps
@@ -54,7 +56,7 @@ class Case:
 
     L: float
     E_star: float
-    sweep: Sweep
+    sweep: Sweep | Legs
     solver: Solver
     record: Record
     D: float | None = None
@@ -65,6 +67,7 @@ class Case:
     treatment: Treatment = UNTREATED
     length_unit: str | None = None  # of L, the heights and all stored lengths; None for an arbitrary one
     hardness: float | None = None  # over E*
+    plastic: bool = False  # pressures end at the hardness
     height: float | None = None  # Sq of the heights, where there is a hardness to compare with
     notes: tuple[str, ...] = ()  # on size and units of the files, for the user
 
@@ -85,7 +88,11 @@ class Case:
         key: dict[str, Any] = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},
-            "record": self.record.model_dump(mode="json", exclude={"dimensional"}),
+            # cases that do not ask for residual heights keep their id
+            "record": self.record.model_dump(
+                mode="json",
+                exclude={"dimensional"} if self.record.residual_heights else {"dimensional", "residual_heights"},
+            ),
         }
         if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
             return key | {"sweep": {"steps": 0}}
@@ -99,7 +106,11 @@ class Case:
                 "method": solver.method,
             },
             # Rounded: the same in any unit.
-            "material": {"hardness": None if hardness is None else float(f"{hardness:.12g}"), "Sq": self.height},
+            "material": {
+                "hardness": None if hardness is None else float(f"{hardness:.12g}"),
+                "Sq": self.height,
+                **({"plastic": True} if self.plastic else {}),  # cases without it keep their id
+            },
         }
 
     @property
@@ -186,7 +197,11 @@ class Study(Strict):
         Annotated[ContactModulus, Tag("<modulus>")] | Annotated[YoungPoisson, Tag("<young>")],
         Discriminator(tag_material),
     ] = Field(default=ContactModulus(), description="{E_star} or {E, nu}, optionally hardness")
-    sweep: Sweep = Field(default=Sweep(), description="{steps, to}: number of steps and last state")
+    sweep: Annotated[Annotated[Sweep, Tag("<sweep>")] | Annotated[Legs, Tag("<path>")], Discriminator(tag_sweep)] = (
+        Field(
+            default=Sweep(), description="{steps, to}: number of steps and last state; or a list of legs, up and down"
+        )
+    )
     solver: Annotated[Solver, Word("paper", (("method", "paper"),))] = Field(
         default=Solver(),
         description="{accuracy, rtol or max_error, kernel, method}; 'paper' is short for {method: paper}",
@@ -250,6 +265,7 @@ class Study(Strict):
                 finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
                 product = itertools.product(surface.D, ensembles.levels_below(finest), [self.ensemble.first_seed])
             case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
+            case = replace(case, plastic=hardness is not None and self.material.plastic)
             return tuple(replace(case, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
         with self.placing():
             measured = resolve(surface)
@@ -263,6 +279,7 @@ class Study(Strict):
             treatment=measured.treatment,
             length_unit=measured.unit,
             hardness=hardness,
+            plastic=hardness is not None and self.material.plastic,
             notes=measured.notes,
         )
         return (case,)
@@ -315,42 +332,59 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
             section = section.get(part) if isinstance(section, dict) else None
         return section if isinstance(section, dict) else {}
 
-    surface, record, steps = mapping("surface"), mapping("record"), mapping("sweep").get("steps", 60)
+    surface, record = mapping("surface"), mapping("record")
+    sweep = data.get("sweep")
+    path = isinstance(sweep, list | tuple)
+    legs = [leg if isinstance(leg, dict) else {} for leg in sweep] if path else [mapping("sweep")]
+    ends = [leg["to"] if isinstance(leg.get("to"), dict) else {} for leg in legs]
+    steps = sum(number for leg in legs for _, number in _numbers(leg.get("steps", 60)))
 
     if "paper" in (data.get("solver"), mapping("solver").get("method")):
-        for path, m in _numbers(surface.get("m"), "surface", "m"):
+        for place, m in _numbers(surface.get("m"), "surface", "m"):
             if m > PAPER_MAX_M:
-                yield path, f"solver method 'paper' is dense and takes m <= {PAPER_MAX_M}, given {number_text(m)}"
+                yield place, f"solver method 'paper' is dense and takes m <= {PAPER_MAX_M}, given {number_text(m)}"
     yield from _file_conflicts(surface, mapping("surface", "against"))
 
-    end = mapping("sweep", "to")
-    if isinstance(mapping("sweep").get("to"), dict) and sum(value is not None for value in end.values()) != 1:
-        yield ("sweep", "to"), f"must name exactly one of {', '.join(names(Target))}"
+    for index, (leg, end) in enumerate(zip(legs, ends, strict=True)):
+        if isinstance(leg.get("to"), dict) and sum(value is not None for value in end.values()) != 1:
+            yield ("sweep", *([index] if path else []), "to"), f"must name exactly one of {', '.join(names(Target))}"
+    if path:
+        yield from _path_conflicts(data, legs, ends)
+    if "paper" in (data.get("solver"), mapping("solver").get("method")):
+        material = mapping("material")
+        if material.get("hardness") is not None and material.get("plastic") is not False:
+            yield ("solver",), "solver method 'paper' takes no hardness; allowed: material.plastic: false"
     yield from _unit_conflicts(surface, mapping("material"), record)
     yield from ensembles.conflicts(data)
-    pressed = [name for name in Record.model_fields if name not in ("heights", "region", "texture")]
+    material = mapping("material")
+    if record.get("residual_heights") is True and (
+        material.get("hardness") is None or material.get("plastic") is False
+    ):
+        yield ("record", "residual_heights"), "no plastic displacement: give material.hardness"
+    pressed = [name for name in Record.model_fields if name not in ("heights", "residual_heights", "region", "texture")]
     at = mapping("record", "texture").get("at")
     asked: list[KeyPath] = [(name,) for name in pressed if record.get(name) is not None]
     asked += [("texture", "at")] if at not in (None, "last") else []  # texture before load needs no contact
-    for path in asked if steps == 0 else ():
-        yield ("record", *path), "no contact to record: sweep.steps is 0"
+    for keys in asked if steps == 0 else ():
+        yield ("record", *keys), "no contact to record: sweep.steps is 0"
     selectors = [("ensemble", "at"), *(("record", *path) for path in SELECTORS)]
     levels = [(*keys, kind) for keys in selectors for kind in mapping(*keys)]
     for keys in levels if steps != 0 else ():
         kind = keys[-1]
-        for _, last in _numbers(steps if kind == "step" else end.get(kind)):
-            sign = -1 if kind == "separation" else 1  # the separation falls on the way
-            for path, level in _numbers(mapping(*keys[:-1])[kind], *keys):
+        sign = -1 if kind == "separation" else 1  # the separation falls on the way
+        farthest = [last for end in ends for _, last in _numbers(steps if kind == "step" else end.get(kind))]
+        for last in [max(farthest, key=lambda last: sign * last)] if len(farthest) == len(ends) else []:
+            for place, level in _numbers(mapping(*keys[:-1])[kind], *keys):
                 if sign * (level - last) > 1e-9 * max(1.0, abs(last)):
-                    yield path, f"{number_text(level)} is not reached: the sweep ends at {kind} {number_text(last)}"
+                    yield place, f"{number_text(level)} is not reached: the sweep ends at {kind} {number_text(last)}"
 
     lists = [("surface", "D"), ("surface", "m"), ("surface", "seeds"), ("record", "box_counting", "thresholds")]
     lists += [("record", "region_widths", "shares")]
     for keys in (*lists, *levels):
         seen: set[float] = set()
-        for path, number in _numbers(mapping(*keys[:-1]).get(keys[-1]), *keys):
+        for place, number in _numbers(mapping(*keys[:-1]).get(keys[-1]), *keys):
             if number in seen:
-                yield path, f"duplicate value {number_text(number)}"
+                yield place, f"duplicate value {number_text(number)}"
             seen.add(number)
     seeds = whole(surface.get("seeds", 10))
     counts = [len(list(_numbers(surface.get(name)))) for name in ("D", "m", "seeds")]
@@ -412,6 +446,20 @@ def _unit_conflicts(
         transport = record.get("transport")
         if needs and not (isinstance(transport, dict) and transport.get(needs) is not None):
             yield ("record", "dimensional", name), f"needs record.transport.{needs}"
+
+
+def _path_conflicts(
+    data: dict[str, Any], legs: list[dict[str, Any]], ends: list[dict[str, Any]]
+) -> Iterator[tuple[KeyPath, str]]:
+    """Yield the conflicts between the legs of a path."""
+    if data.get("ensemble") is not None:
+        yield ("sweep",), "an ensemble takes one sweep, {steps, to}, and no list of legs"
+    for kind in ("pressure", "indentation"):
+        if ends and ends[0].get(kind) == 0:
+            yield ("sweep", 0, "to", kind), "must be > 0 on the first leg, which begins at first touch"
+    for index in range(1, len(legs)):
+        if legs[index].get("to", "mean-plane") == legs[index - 1].get("to", "mean-plane"):
+            yield ("sweep", index, "to"), "is the end of the leg before: the leg has no length"
 
 
 def _numbers(value: Any, *path: str | int) -> Iterator[tuple[KeyPath, float]]:

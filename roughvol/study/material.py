@@ -10,14 +10,16 @@ from roughvol.study.sections import Strict
 from roughvol.study.units import Pressure, in_unit, unit_of
 
 PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
-_HARDNESS = "hardness, > 0, in the unit of the modulus, or as 2 GPa"
+_HARDNESS = "hardness, > 0, in the unit of the modulus, or as 2 GPa: the largest contact pressure; default: elastic"
+_PLASTIC = "true: pressures end at the hardness; false: contact is elastic, and the share above the hardness is stored"
 
 
 class ContactModulus(Strict):
-    """The material by its contact modulus E*; starred results do not depend on it."""
+    """The material by its contact modulus E*; starred results of elastic contact do not depend on it."""
 
     E_star: Pressure = Field(default=1.0, description="contact modulus E/(1-nu^2), > 0, as 1 or 100 GPa")
     hardness: Pressure | None = Field(default=None, description=_HARDNESS)
+    plastic: bool = Field(default=True, description=_PLASTIC)
 
     @property
     def contact_modulus(self) -> float:
@@ -51,6 +53,7 @@ class YoungPoisson(Strict):
         default=None, description="{E, nu} of the other body: 1/E* = (1-nu^2)/E + (1-nu2^2)/E2; default: rigid"
     )
     hardness: Pressure | None = Field(default=None, description=_HARDNESS)
+    plastic: bool = Field(default=True, description=_PLASTIC)
 
     @property
     def contact_modulus(self) -> float:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, RootModel, ValidationError
 
 from roughvol.errors import Problem, StudyError
 from roughvol.study.cases import Places, Study, conflicts
@@ -171,7 +171,7 @@ def _about(path: KeyPath) -> str:
 
 def _unknown(path: KeyPath, data: Any) -> tuple[str, str | None]:
     """Return the message for an unknown key, and the key probably meant."""
-    key, models = str(path[-1]), _MODELS[path[:-1]]
+    key, models = str(path[-1]), _MODELS[tuple(part for part in path[:-1] if isinstance(part, str))]
     known = names(*models)
     if key in known:  # a key of the other form of the mapping
         for part in path[:-1]:
@@ -189,7 +189,9 @@ def _models(*models: type[BaseModel], path: KeyPath = ()) -> Iterator[tuple[KeyP
     """Yield the key path of every mapping with its possible models."""
 
     def inside(annotation: Any) -> Iterator[type[BaseModel]]:
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        if isinstance(annotation, type) and issubclass(annotation, RootModel):
+            yield from inside(annotation.model_fields["root"].annotation)
+        elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
             yield annotation
         for argument in get_args(annotation):
             yield from inside(argument)

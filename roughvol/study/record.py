@@ -242,6 +242,9 @@ class Record(Strict):
     """Quantities stored beside the numbers of every step."""
 
     heights: bool = Field(default=False, description="store the heights: true or false")
+    residual_heights: bool = Field(
+        default=False, description="store the heights left by plastic displacement, at the end: true or false"
+    )
     fields_at: Selector | None = Field(default=None, description=f"gap and pressure as fields: {_STATES}")
     box_counting: BoxCounting | None = Field(default=None, description="box counting; {}: defaults")
     volume_density: VolumeDensity | None = Field(

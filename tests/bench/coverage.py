@@ -18,7 +18,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from roughvol.campaign import ensemble
-from roughvol.campaign.one_case import last_indentation, surface_of
+from roughvol.campaign.one_case import surface_of
+from roughvol.campaign.path import last_indentation
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.study import Case, Study, loads
