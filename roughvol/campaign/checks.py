@@ -13,7 +13,7 @@ from roughvol.campaign.one_case import surface_of
 from roughvol.errors import DatasetError
 from roughvol.observables import regions
 from roughvol.store import dimensional, run_folder
-from roughvol.study import Case, GeneratedSurface, Study
+from roughvol.study import Case, MadeSurface, Study
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
@@ -46,12 +46,12 @@ def check_surfaces(study: Study) -> Surface | None:
         If the study asks for units it does not define, or for regions of too few elements.
     """
     given = study.surface
-    if isinstance(given, GeneratedSurface):
+    if isinstance(given, MadeSurface):
         cases = study.cases()
         with study.placing():
             dimensional.check(cases[0])
-            for m, case in {case.m: case for case in cases if case.m is not None}.items():
-                regions.check(case, (2**m + 1, 2**m + 1))
+            for nodes, case in {case.nodes_per_side: case for case in cases}.items():
+                regions.check(case, (nodes or 0, nodes or 0))
         return None
     files = [Path(body.file) for body in given.bodies]
     here = all(file.suffix.lower() in READ_HERE for file in files)
@@ -86,8 +86,10 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
     if not held.scaled:
         return validity.before(held, case.sweep.target, Sq=math.nan, Sdq=math.nan, L=case.L)
     size = 1.0
-    if isinstance(given, GeneratedSurface):
-        surface = surface_of(replace(case, D=max(given.D), m=min(max(given.m, default=case.m or 0), LOOKED_AT)))
+    if isinstance(given, MadeSurface):
+        surface = surface_of(
+            replace(case, D=max(given.dimensions), m=min(max(given.m, default=case.m or 0), LOOKED_AT))
+        )
         size = (given.height or surface.Sq) / surface.Sq
     surface = surface or surface_of(case)
     Sdq = size * texture.Sdq(surface.heights, surface.spacing)

@@ -198,7 +198,8 @@ def _level(shape: tuple[int, int]) -> float:
 
 
 def _shape(case: Case) -> tuple[int, int]:
-    return _measured_shape(replace(case, solver=Solver())) if case.m is None else (2**case.m + 1, 2**case.m + 1)
+    nodes = case.nodes_per_side
+    return _measured_shape(replace(case, solver=Solver())) if nodes is None else (nodes, nodes)
 
 
 @functools.lru_cache(maxsize=8)

@@ -24,7 +24,7 @@ from roughvol.observables.at_state import at_state, error_between_steps
 from roughvol.observables.multilevel import Link, Mean
 from roughvol.observables.refinement import WeakError
 from roughvol.store.dataset import Arrays
-from roughvol.study import STORED_AS, Accuracy, Case, Ensemble, GeneratedSurface, Level, Study, levels_below
+from roughvol.study import STORED_AS, Accuracy, Case, Ensemble, Level, MadeSurface, Study, levels_below
 from roughvol.study.ensemble import AUTO_FROM, AUTO_TO
 from roughvol.study.yaml_text import number_text
 from roughvol.typing import Array
@@ -141,14 +141,14 @@ class Ensembles:
         return levels_below(self.m)
 
     @property
-    def _surface(self) -> GeneratedSurface:
-        assert isinstance(self.study.surface, GeneratedSurface)
+    def _surface(self) -> MadeSurface:
+        assert isinstance(self.study.surface, MadeSurface)
         return self.study.surface
 
     @property
     def dimensions(self) -> tuple[float, ...]:
         """All D."""
-        return self._surface.D
+        return self._surface.dimensions
 
     def have(self, D: float) -> list[int]:
         """Return the samples of each level."""
@@ -355,7 +355,7 @@ def answer(
         If the accuracy is out of reach.
     """
     assert study.ensemble is not None
-    assert isinstance(study.surface, GeneratedSurface)
+    assert isinstance(study.surface, MadeSurface)
     finest = study.surface.m
     state = Ensembles(study, finest[0] if finest else AUTO_FROM)
     began, budget = clock(), study.ensemble.budget

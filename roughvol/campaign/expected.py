@@ -15,7 +15,7 @@ from roughvol.campaign import cost, ensemble
 from roughvol.campaign.ensemble import SINGLE
 from roughvol.observables import allocation
 from roughvol.observables.multilevel import Link
-from roughvol.study import GeneratedSurface, Study, levels_below
+from roughvol.study import MadeSurface, Study, levels_below
 from roughvol.study.ensemble import AUTO_FROM
 
 MEASURED_D = (2.2, 2.5, 2.8)
@@ -40,12 +40,12 @@ class Expected:
 def expected(study: Study) -> list[Expected]:
     """Return what the ensemble of a study is expected to take; with `m: auto`, on its first resolution."""
     surface = study.surface
-    assert isinstance(surface, GeneratedSurface)
+    assert isinstance(surface, MadeSurface)
     levels = levels_below(surface.m[0] if surface.m else AUTO_FROM)
     costs = [_seconds(study, m) for m in levels]
     pilot = list(ensemble.pilot(levels).values())
     found = []
-    for D in surface.D:
+    for D in surface.dimensions:
         samples, plain = list(pilot), costs[-1]
         for target in ensemble.targets_of(study.ensemble) if study.ensemble else ():
             share, first, rate = (float(np.interp(D, MEASURED_D, row)) for row in SPREADS[target.quantity])

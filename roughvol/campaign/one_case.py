@@ -13,6 +13,7 @@ from roughvol.campaign import path
 from roughvol.contact import convolution
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
+from roughvol.errors import SurfaceError
 from roughvol.observables import reduction
 from roughvol.observables.levels import options_of
 from roughvol.observables.reduction import Reduction, Values
@@ -23,6 +24,7 @@ from roughvol.store.dataset import Dataset
 from roughvol.study import Case
 from roughvol.surfaces import measured
 from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.surfaces.spectrum import power_law_surface
 from roughvol.surfaces.surface import Surface
 
 HalfSpaces = MutableMapping[tuple[tuple[int, int], str, int], HalfSpace]
@@ -88,6 +90,11 @@ def run_case(
             values |= {"outliers_removed": surface.outliers, "peak_height": surface.peak}
             values["peak_height_before"] = surface.peak_before
         if case.sweep.steps > 0:
+            if surface.periodic:
+                message = (
+                    "the surface is periodic, and the half space is not: give sweep: {steps: 0}, or periodic: false"
+                )
+                raise SurfaceError(message)
             held = {} if half_spaces is None else half_spaces
             half_space = _half_space(surface.shape, case.solver.kernel, threads, held)
             large = checkpoint is not None and math.prod(surface.shape) >= checkpoints.NODES
@@ -132,7 +139,7 @@ def surface_of(case: Case) -> Surface:
     Parameters
     ----------
     case : Case
-        Its D, m, seed and law, or its files.
+        Its D, m, seed and law or spectrum, or its files.
 
     Returns
     -------
@@ -150,6 +157,9 @@ def surface_of(case: Case) -> Surface:
     assert case.D is not None
     assert case.m is not None
     assert case.seed is not None
+    if case.spectrum is not None:
+        with threadpool_limits(1):
+            return power_law_surface(case.spectrum, 3.0 - case.D, 2**case.m, side=case.L, seed=case.seed)
     assert case.midpoint_law is not None
     return random_midpoint_displacement(case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from roughvol.campaign.one_case import surface_of
-from roughvol.study import Case, GeneratedSurface, Study, treatment
+from roughvol.study import Case, MadeSurface, Study, treatment
 from roughvol.surfaces import measured, texture
 from roughvol.surfaces.body import Body
 from roughvol.surfaces.files import reading
@@ -28,7 +28,7 @@ def shown(study: Study, measured: Surface | None) -> Surface | None:
     Surface or None
         None if it is generated and finer than `LARGEST_M`.
     """
-    if measured is not None or not isinstance(study.surface, GeneratedSurface):
+    if measured is not None or not isinstance(study.surface, MadeSurface):
         return measured
     case = study.cases()[0]
     if case.m is None or case.m > LARGEST_M:

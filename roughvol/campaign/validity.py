@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from roughvol.study import GeneratedSurface, Level, Study, convert
+from roughvol.study import Level, MadeSurface, Study, convert
 from roughvol.study.units import in_unit, unit_of
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def setting(study: Study) -> Setting:
     wanted, unit = record.dimensional, material.unit
     leak = wanted.leak_rate if wanted is not None else None
     drop = in_unit(leak.pressure_drop, unit) if leak is not None and unit is not None else None
-    scaled = not isinstance(surface, GeneratedSurface) or bool(surface.height or surface.length_unit)
+    scaled = not isinstance(surface, MadeSurface) or bool(surface.height or surface.length_unit)
     asks = record.transport is not None or wanted is not None or unit is not None
     return Setting(
         modulus=material.contact_modulus,
@@ -106,8 +106,8 @@ def setting(study: Study) -> Setting:
         drop=math.nan if drop is None else drop / material.contact_modulus,
         scaled=scaled,
         patch=asks and record.region is None and record.region_widths is None,
-        measured=not isinstance(surface, GeneratedSurface),
-        cleaned=not isinstance(surface, GeneratedSurface) and surface.outliers is not None,
+        measured=not isinstance(surface, MadeSurface),
+        cleaned=not isinstance(surface, MadeSurface) and surface.outliers is not None,
     )
 
 

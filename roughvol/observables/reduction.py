@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact
-from roughvol.observables import deformed, plastic
+from roughvol.observables import deformed, plastic, waves
 from roughvol.observables.along_steps import AlongSteps
 from roughvol.observables.levels import at_level, is_end, reached
 from roughvol.observables.pressures import above, central_pressure_ratio
@@ -68,11 +68,14 @@ def of_surface(case: Case, surface: Surface) -> Values:
     rows, columns = surface.shape
     values |= {"nodes_x": rows, "nodes_y": columns}
     if fields_of(case.record) > 0:
-        values |= {"x": np.arange(rows) / (rows - 1), "y": np.arange(columns) / (rows - 1)}
+        intervals = rows - (not surface.periodic)
+        values |= {"x": np.arange(rows) / intervals, "y": np.arange(columns) / intervals}
     if case.record.heights:
         values["heights"] = heights
     if case.record.texture is not None:
         values |= deformed.before_load(case, surface)
+    if case.record.psd:
+        values |= waves.of_surface(surface)
     return values
 
 

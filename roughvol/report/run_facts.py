@@ -16,7 +16,7 @@ from xarray import DataArray, Dataset
 
 from roughvol.report.claims import Run
 from roughvol.store.variables import VARIABLES
-from roughvol.study import HeightFile
+from roughvol.study import HeightFile, SpectralSurface
 from roughvol.typing import Array
 
 STATES = 24  # rows of a table of states; a longer sweep is shown at even steps, its first and last state among them
@@ -120,7 +120,10 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
     """Yield the surface."""
     ds, unit = run.dataset, _unit(run.dataset)
     if "case" not in ds.dims:
-        yield "Surfaces", f"random midpoint displacement, law {run.law or 'unknown'}, {run.seeds} of each D and m"
+        if run.study and isinstance(run.study.surface, SpectralSurface):
+            yield "Surfaces", f"random fields with a power-law spectrum, {run.seeds} of each D and m"
+        else:
+            yield "Surfaces", f"random midpoint displacement, law {run.law or 'unknown'}, {run.seeds} of each D and m"
         yield "L", f"{number(run.L)}{unit}"
         return
     yield "File", ", ".join(map(str, ds["case"].values.tolist()))

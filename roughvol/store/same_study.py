@@ -59,7 +59,7 @@ def differences(old: Study, new: Study) -> list[str]:
     """Return the settings that change the answer of a shared case, or of all if none is shared; a line each."""
     before, after = (dict(_flat(study.model_dump(mode="json", context={"stored": True}))) for study in (old, new))
     lines, shared = [], True
-    axes = ("surface.D", "surface.m", "surface.seeds")
+    axes = ("surface.D", "surface.H", "surface.m", "surface.n", "surface.seeds")
     for name in axes:
         if name in before and name in after:
             gone = [value for value in before[name] if value not in after[name]]

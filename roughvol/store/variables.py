@@ -376,6 +376,28 @@ VARIABLES |= _rows(
     "observables.deformed.lags",
     lag=Variable("lag", "1", "distance of two nodes in elements", "l/δ", "index"),
 )
+# spectrum, where a study asks for it: of the whole undeformed surface
+VARIABLES |= _rows(
+    "surfaces.psd.spectral",
+    "",
+    wave=Variable("wave", "1", "ring of wave numbers, q L/2π", "qL/2π", "index"),
+    psd=Variable("... wave", "length^4", "radially averaged power spectral density", "C^iso(q)", height_power=2),
+    rms_height=Variable("...", "length", "root mean square height of all waves", "h_rms", height_power=1),
+    rms_slope=Variable("...", "1", "root mean square slope of all waves", "h'_rms", height_power=1),
+    rms_curvature=Variable(
+        "...", "length^-1", "root mean square of the mean curvature of all waves", "h''_rms", height_power=1
+    ),
+    rms_height_below=Variable(
+        "... wave", "length", "root mean square height of the waves up to the ring", "h_rms(q)", height_power=1
+    ),
+    rms_slope_below=Variable(
+        "... wave", "1", "root mean square slope of the waves up to the ring", "h'_rms(q)", height_power=1
+    ),
+    rms_curvature_below=Variable(
+        "... wave", "length^-1", "root mean square curvature of the waves up to the ring", "h''_rms(q)", height_power=1
+    ),
+    nayak_parameter=Variable("...", "1", "Nayak's parameter m_0 m_4/m_2^2", "α"),
+)
 _WHOLE = ("Sq", "Sdq", "hurst_measured")  # stored of the whole surface in any case
 for _name in _WHOLE:
     _row = VARIABLES[_name]

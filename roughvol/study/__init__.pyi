@@ -30,6 +30,8 @@ from .sections import Level as Level
 from .sections import Solver as Solver
 from .sections import Sweep as Sweep
 from .sections import Target as Target
+from .spectral import MadeSurface as MadeSurface
+from .spectral import SpectralSurface as SpectralSurface
 from .treatment import Crop as Crop
 from .treatment import Outliers as Outliers
 from .units import convert as convert

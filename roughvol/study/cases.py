@@ -17,6 +17,7 @@ from pydantic import Discriminator, Field, PrivateAttr, Tag, model_serializer, m
 
 from roughvol.errors import Problem, StudyError
 from roughvol.study import ensemble as ensembles
+from roughvol.study import spectral
 from roughvol.study.agreement import resolve
 from roughvol.study.ensemble import Ensemble
 from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
@@ -33,17 +34,19 @@ from roughvol.study.sections import (
     Word,
     names,
     refuse,
-    tag_surface,
     tag_sweep,
     whole,
 )
+from roughvol.study.spectral import MadeSurface, SpectralSurface
 from roughvol.study.treatment import steps
 from roughvol.study.units import has_unit, length_unit
 from roughvol.study.yaml_text import KeyPath, key_text, number_text, write
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
+from roughvol.surfaces.power_law import Spectrum
 
 ANSWER_FORMAT = 3  # part of every case id: raise it when equal settings no longer give equal stored numbers
 MAX_CASES = 100_000
+UNPRESSED = ("heights", "residual_heights", "region", "texture", "psd")  # records that need no contact
 SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")
 
 
@@ -51,7 +54,8 @@ SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")
 class Case:
     """One surface pressed once: the picklable input of `campaign.run_case`.
 
-    A generated surface has ``D``, ``m``, ``seed`` and ``midpoint_law``, a measured one ``bodies`` and ``treatment``.
+    A generated surface has ``D``, ``m``, ``seed`` and ``midpoint_law``, or ``spectrum`` instead of the last. A measured
+    one has ``bodies`` and ``treatment``.
     """
 
     L: float
@@ -63,6 +67,7 @@ class Case:
     m: int | None = None
     seed: int | None = None
     midpoint_law: Literal["std", "variance"] | None = None
+    spectrum: Spectrum | None = None  # with H = 3 - D and n = 2^m
     bodies: tuple[Body, ...] = ()  # whose heights come from files: none, one, or two facing each other
     treatment: Treatment = UNTREATED
     length_unit: str | None = None  # of L, the heights and all stored lengths; None for an arbitrary one
@@ -83,15 +88,18 @@ class Case:
             # Heights with a unit of their own are converted to that of the study.
             unit = self.length_unit if any(body.numbers_in for body in self.bodies) else None
             surface = {"bodies": [body.key for body in self.bodies], "treatment": self.treatment.key, "unit": unit}
+        elif self.spectrum is not None:
+            surface = {"D": self.D, "m": self.m, "seed": self.seed, "spectrum": self.spectrum.key}
         else:
             surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
         key: dict[str, Any] = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},
-            # cases that do not ask for residual heights keep their id
+            # cases that do not ask for residual heights or a spectrum keep their id
             "record": self.record.model_dump(
                 mode="json",
-                exclude={"dimensional"} if self.record.residual_heights else {"dimensional", "residual_heights"},
+                exclude={"dimensional"}
+                | {name for name in ("residual_heights", "psd") if not getattr(self.record, name)},
             ),
         }
         if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
@@ -117,6 +125,13 @@ class Case:
     def file(self) -> Path | None:
         """The file of the first body, None for a generated surface."""
         return self.bodies[0].file if self.bodies else None
+
+    @property
+    def nodes_per_side(self) -> int | None:
+        """Nodes per side of a surface that is made, None for one from files."""
+        if self.m is None:
+            return None
+        return 2**self.m + (self.spectrum is None or not self.spectrum.periodic)
 
     @functools.cached_property
     def key_text(self) -> str:
@@ -190,9 +205,14 @@ class Study(Strict):
         "default: that of the study file",
     )
     surface: Annotated[
-        Annotated[GeneratedSurface, Tag("<generated>")] | Annotated[HeightFile, Tag("<file>")],
-        Discriminator(tag_surface),
-    ] = Field(description="{D, m, L, seeds, midpoint_law} for generated surfaces, or {file, L, variable}")
+        Annotated[GeneratedSurface, Tag("<generated>")]
+        | Annotated[SpectralSurface, Tag("<spectrum>")]
+        | Annotated[HeightFile, Tag("<file>")],
+        Discriminator(spectral.tag_surface),
+    ] = Field(
+        description="{D, m, L, seeds, midpoint_law} for generated surfaces, {H, n, rolloff, cut, L, seeds} for those "
+        "with a spectrum, or {file, L, variable}"
+    )
     material: Annotated[
         Annotated[ContactModulus, Tag("<modulus>")] | Annotated[YoungPoisson, Tag("<young>")],
         Discriminator(tag_material),
@@ -257,16 +277,22 @@ class Study(Strict):
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solving, self.record
         hard = self.material.indentation_hardness
         hardness = None if hard is None else hard / E_star
-        if isinstance(surface, GeneratedSurface):
-            law, L, unit = surface.midpoint_law, float(surface.L), surface.length_unit
+        if isinstance(surface, MadeSurface):
+            L, unit = float(surface.L), surface.length_unit
             height = None if hardness is None else surface.height
-            product = itertools.product(surface.D, surface.m, surface.seeds)
+            product = itertools.product(surface.dimensions, surface.m, surface.seeds)
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
                 finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
-                product = itertools.product(surface.D, ensembles.levels_below(finest), [self.ensemble.first_seed])
+                product = itertools.product(
+                    surface.dimensions, ensembles.levels_below(finest), [self.ensemble.first_seed]
+                )
             case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
             case = replace(case, plastic=hardness is not None and self.material.plastic)
-            return tuple(replace(case, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
+            if isinstance(surface, SpectralSurface):
+                case = replace(case, spectrum=surface.spectrum)
+            else:
+                case = replace(case, midpoint_law=surface.midpoint_law)
+            return tuple(replace(case, D=D, m=m, seed=seed) for D, m, seed in product)
         with self.placing():
             measured = resolve(surface)
         case = Case(
@@ -344,6 +370,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
             if m > PAPER_MAX_M:
                 yield place, f"solver method 'paper' is dense and takes m <= {PAPER_MAX_M}, given {number_text(m)}"
     yield from _file_conflicts(surface, mapping("surface", "against"))
+    yield from spectral.conflicts(data)
 
     for index, (leg, end) in enumerate(zip(legs, ends, strict=True)):
         if isinstance(leg.get("to"), dict) and sum(value is not None for value in end.values()) != 1:
@@ -361,7 +388,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         material.get("hardness") is None or material.get("plastic") is False
     ):
         yield ("record", "residual_heights"), "no plastic displacement: give material.hardness"
-    pressed = [name for name in Record.model_fields if name not in ("heights", "residual_heights", "region", "texture")]
+    pressed = [name for name in Record.model_fields if name not in UNPRESSED]
     at = mapping("record", "texture").get("at")
     asked: list[KeyPath] = [(name,) for name in pressed if record.get(name) is not None]
     asked += [("texture", "at")] if at not in (None, "last") else []  # texture before load needs no contact
@@ -378,7 +405,14 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
                 if sign * (level - last) > 1e-9 * max(1.0, abs(last)):
                     yield place, f"{number_text(level)} is not reached: the sweep ends at {kind} {number_text(last)}"
 
-    lists = [("surface", "D"), ("surface", "m"), ("surface", "seeds"), ("record", "box_counting", "thresholds")]
+    lists = [
+        ("surface", "D"),
+        ("surface", "H"),
+        ("surface", "m"),
+        ("surface", "n"),
+        ("surface", "seeds"),
+        ("record", "box_counting", "thresholds"),
+    ]
     lists += [("record", "region_widths", "shares")]
     for keys in (*lists, *levels):
         seen: set[float] = set()
@@ -387,7 +421,8 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
                 yield place, f"duplicate value {number_text(number)}"
             seen.add(number)
     seeds = whole(surface.get("seeds", 10))
-    counts = [len(list(_numbers(surface.get(name)))) for name in ("D", "m", "seeds")]
+    axes = (("D", "H"), ("m", "n"), ("seeds",))
+    counts = [sum(len(list(_numbers(surface.get(name)))) for name in axis) for axis in axes]
     cases = counts[0] * counts[1] * (seeds if isinstance(seeds, int) else counts[2])
     if cases > MAX_CASES:
         yield ("surface",), f"makes {cases} cases (D times m times seeds); allowed: at most {MAX_CASES}"

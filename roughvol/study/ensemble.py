@@ -248,8 +248,9 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         return
     if "seeds" in surface:
         yield ("surface", "seeds"), "cannot be given beside 'ensemble', which decides how many: leave it out"
-    if isinstance(surface.get("m"), list) and len(surface["m"]) > 1:
-        yield ("surface", "m"), "must be one number beside 'ensemble': the finest resolution, or 'auto'"
+    for name, other in (("m", ", or 'auto'"), ("n", "")):
+        if isinstance(surface.get(name), list) and len(surface[name]) > 1:
+            yield ("surface", name), f"must be one number beside 'ensemble': the finest resolution{other}"
     sweep = data.get("sweep") if isinstance(data.get("sweep"), dict) else {}
     if sweep is not None and sweep.get("steps") == 0:
         yield ("ensemble",), "there is no contact to average, since sweep.steps is 0"

@@ -255,6 +255,11 @@ class Record(Strict):
         description="texture before load and of the deformed surface (Sa, Ssk, Sku, Sp, Sv, Sz, Svi, Sbi, material "
         "ratio, structure function): true, false or {at: states}",
     )
+    psd: bool = Field(
+        default=False,
+        description="power spectral density of the undeformed surface, root mean square height, slope and curvature by "
+        "scale, and Nayak's parameter: true or false",
+    )
     transport: Transport | None = Field(
         default=None,
         description="quantities of the void, each with its states",

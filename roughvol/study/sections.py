@@ -141,8 +141,19 @@ class Strict(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-def _count_in_schema(schema: dict[str, Any]) -> None:
+def count_in_schema(schema: dict[str, Any]) -> None:
+    """Write the bounds of a number of seeds into a JSON schema."""
     schema["anyOf"][0] = {"type": "integer", "minimum": 1, "maximum": MAX_SEEDS}  # a number of seeds
+
+
+def counted(value: Any) -> Any:
+    """Return the seeds 0 … n - 1 for a number n of seeds, other values unchanged."""
+    value = whole(value)
+    if not isinstance(value, int) or isinstance(value, bool):
+        return value
+    if not 1 <= value <= MAX_SEEDS:
+        refuse("a number of seeds must be 1 to {most}", most=str(MAX_SEEDS))
+    return tuple(range(value))
 
 
 class GeneratedSurface(Strict):
@@ -156,7 +167,7 @@ class GeneratedSurface(Strict):
     seeds: Many[Seed] = Field(
         default=10,
         validate_default=True,
-        json_schema_extra=_count_in_schema,
+        json_schema_extra=count_in_schema,
         description=f"number of seeds, 1 to {MAX_SEEDS} (10: seeds 0 to 9), or a list of seeds >= 0",
     )
     midpoint_law: Literal["std", "variance"] = Field(
@@ -187,15 +198,12 @@ class GeneratedSurface(Strict):
         data: dict[str, Any] = handler(self)
         return data if self.m else data | {"m": "auto"}
 
-    @field_validator("seeds", mode="before")
-    @classmethod
-    def _counted(cls, value: Any) -> Any:
-        value = whole(value)
-        if not isinstance(value, int) or isinstance(value, bool):
-            return value
-        if not 1 <= value <= MAX_SEEDS:
-            refuse("a number of seeds must be 1 to {most}", most=str(MAX_SEEDS))
-        return tuple(range(value))
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """All D."""
+        return self.D
+
+    _count = field_validator("seeds", mode="before")(counted)
 
 
 @dataclass(frozen=True)

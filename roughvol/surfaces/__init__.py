@@ -5,6 +5,8 @@ Room of the surfaces. It knows no study, no solver and no results.
 =================  =================================================================
 `surface`          the record of a surface: heights, spacing, Sq
 `midpoint`         fractal surfaces by random midpoint displacement
+`power_law`        the spectrum of a surface as a record, its moments
+`spectrum`         random surfaces with a power-law spectrum
 `measured`         surfaces from files: read, treated, two bodies added
 `body`             one measured body and its treatment, as records
 `files`            readers of height maps, one for each kind of content
@@ -12,6 +14,7 @@ Room of the surfaces. It knows no study, no solver and no results.
 `outliers`         single heights far from their neighbours
 `lattice`          block means, and oblong pixels made square
 `texture`          ISO 25178-2 numbers, summits, Hurst exponents
+`psd`              power spectral density, Nayak's parameter
 `length_units`     units of length and their factors
 =================  =================================================================
 """

@@ -34,6 +34,8 @@ class Surface:
         How many measured heights were taken out as outliers.
     peak_before : float, optional
         `peak` of the surface with its outliers, where outliers were looked for.
+    periodic : bool
+        Whether the heights are one period of a surface, without a repeated edge.
 
     Raises
     ------
@@ -47,6 +49,7 @@ class Surface:
     filled: int = 0
     outliers: int = 0
     peak_before: float | None = None
+    periodic: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "heights", _checked_heights(self.heights))
@@ -54,7 +57,8 @@ class Surface:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle through the constructor: a plain pickle would bring the heights back writable."""
-        return (Surface, (self.heights, self.spacing, self.filled, self.outliers, self.peak_before))
+        own = (self.heights, self.spacing, self.filled, self.outliers, self.peak_before, self.periodic)
+        return (Surface, own)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -64,8 +68,8 @@ class Surface:
 
     @property
     def side(self) -> float:
-        """Length of the first axis, L = δ (rows - 1) [length]."""
-        return self.spacing * (self.shape[0] - 1)
+        """Length of the first axis, L = δ (rows - 1), or δ rows if periodic [length]."""
+        return self.spacing * (self.shape[0] - (not self.periodic))
 
     @cached_property
     def z_max(self) -> float:
@@ -97,7 +101,7 @@ class Surface:
 
     def scaled(self, Sq: float) -> Surface:
         """Return the surface with its heights multiplied so that their root mean square is ``Sq`` [length]."""
-        return Surface(self.heights * (Sq / self.Sq), self.spacing)
+        return Surface(self.heights * (Sq / self.Sq), self.spacing, periodic=self.periodic)
 
     @property
     def peak(self) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.errors import StudyError
-from roughvol.study import GeneratedSurface, Study, loads
+from roughvol.study import GeneratedSurface, SpectralSurface, Study, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
@@ -52,6 +52,8 @@ class Run:
         """Where the heights come from if they were not made, empty if they were."""
         if self.generated is not None:
             return ""
+        if self.study is not None and isinstance(self.study.surface, SpectralSurface):
+            return "surfaces with a spectrum"
         return "heights from a file" if "case" in self.dataset.dims else "its study cannot be read again"
 
     @property

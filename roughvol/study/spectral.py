@@ -1,0 +1,203 @@
+"""The section ``surface`` of random surfaces with a power-law spectrum (roll-off and cut-off wavelengths)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, ValidationError, field_validator, model_serializer
+
+from roughvol.study import sections
+from roughvol.study.sections import (
+    MAX_SEEDS,
+    UNIT,
+    Dimension,
+    GeneratedSurface,
+    LengthUnit,
+    Many,
+    Positive,
+    Seed,
+    Strict,
+    Whole,
+    refuse,
+)
+from roughvol.study.units import Length, has_unit, length_unit, unit_of
+from roughvol.study.yaml_text import KeyPath, number_text
+from roughvol.surfaces.length_units import factor
+from roughvol.surfaces.power_law import Spectrum
+
+OWN = ("H", "n", "rolloff", "cut", "shortest", "slope", "Ssk", "anisotropy", "phases")  # keys of no other surface
+FEWEST, MOST = 8, 8192  # nodes per side
+STEEPEST = 3.0  # skewness
+
+
+def _power_of_two(value: int) -> int:
+    if value & (value - 1):
+        refuse("must be a power of two, {low} to {high}", low=str(FEWEST), high=str(MOST))
+    return value
+
+
+Hurst = Annotated[float, Field(gt=0, lt=1)]
+Nodes = Annotated[Whole, Field(ge=FEWEST, le=MOST), AfterValidator(_power_of_two)]
+
+
+class SpectralSurface(Strict):
+    """Random surfaces with a power-law spectrum; every combination of H, n and seed is a case."""
+
+    H: Many[Hurst] = Field(default=(), description="Hurst exponent, 0 < H < 1; a number or a list")
+    D: Many[Dimension] = Field(default=(), description="fractal dimension instead of H, D = 3 - H, 2 < D < 3")
+    n: Many[Nodes] = Field(
+        description=f"nodes per side of the period, a power of two, {FEWEST} to {MOST}; a number or a list"
+    )
+    rolloff: Annotated[float, Field(ge=1)] = Field(
+        default=1.0, description="L over the roll-off wavelength λ_r, >= 1; 1: a power law up to L"
+    )
+    cut: Annotated[float, Field(gt=1)] | None = Field(
+        default=None,
+        description="L over the short cut-off wavelength λ_s, > rolloff, at most half the largest n; "
+        "default: half the largest n",
+    )
+    shortest: Length | None = Field(
+        default=None, description="λ_s instead of cut: a share of L as 0.01, or a length with its unit as 1 um"
+    )
+    Sq: Length | None = Field(
+        default=None,
+        description="root mean square height of the period, > 0, with its unit or in that of L; default: 1",
+    )
+    slope: Positive | None = Field(default=None, description="root mean square slope of the period instead of Sq, > 0")
+    Ssk: Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)] | None = Field(
+        default=None, description=f"skewness of the heights, -{STEEPEST:g} to {STEEPEST:g}; default: Gaussian heights"
+    )
+    anisotropy: Annotated[float, Field(ge=1)] = Field(
+        default=1.0, description="wavelengths along x over those along y, >= 1 and < cut"
+    )
+    phases: Literal["gaussian", "random"] = Field(
+        default="gaussian",
+        description="'gaussian': random amplitudes and phases; 'random': amplitudes as the spectrum, random phases",
+    )
+    L: Length = Field(default=100.0, description="length of the period, L > 0, as 100 or 100 um")
+    seeds: Many[Seed] = Field(
+        default=10,
+        validate_default=True,
+        json_schema_extra=sections.count_in_schema,
+        description=f"number of seeds, 1 to {MAX_SEEDS} (10: seeds 0 to 9), or a list of seeds >= 0",
+    )
+    unit: LengthUnit | None = Field(default=None, description=UNIT)
+    periodic: bool = Field(
+        default=False,
+        description="true: one period, n x n elements without an edge; false: a free patch, the period with its edge "
+        "repeated, (n + 1) x (n + 1) nodes",
+    )
+
+    _count = field_validator("seeds", mode="before")(sections.counted)
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> dict[str, Any]:
+        """Leave out the keys that were not given and have no default."""
+        data: dict[str, Any] = handler(self)
+        left_out = ("H", "D", "cut", "shortest", "Sq", "slope", "Ssk")
+        return {name: value for name, value in data.items() if name not in left_out or value not in (None, (), [])}
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """All D, 3 - H."""
+        return self.D or tuple(round(3.0 - H, 12) for H in self.H)  # the same surface by either name
+
+    @property
+    def m(self) -> tuple[int, ...]:
+        """Levels, log2 n."""
+        return tuple(n.bit_length() - 1 for n in self.n)
+
+    @property
+    def length_unit(self) -> str | None:
+        """Unit of all lengths; None for an arbitrary one."""
+        return unit_of(self.L) or self.unit
+
+    @property
+    def height(self) -> float | None:
+        """None: the heights are made with their Sq and not scaled afterwards."""
+        return None
+
+    @property
+    def shortest_ratio(self) -> float:
+        """L over λ_s."""
+        if self.cut is not None:
+            return float(self.cut)
+        if self.shortest is None:
+            return max(self.n) / 2.0
+        if unit_of(self.shortest) is None:
+            return 1.0 / float(self.shortest)
+        return float(self.L) / self._in_unit(self.shortest)
+
+    @property
+    def spectrum(self) -> Spectrum:
+        """The spectrum of all cases."""
+        return Spectrum(
+            rolloff=float(self.rolloff),
+            cut=self.shortest_ratio,
+            Sq=1.0 if self.Sq is None else self._in_unit(self.Sq),
+            slope=self.slope,
+            Ssk=self.Ssk,
+            anisotropy=float(self.anisotropy),
+            phases=self.phases,
+            periodic=self.periodic,
+        )
+
+    def _in_unit(self, length: float) -> float:
+        """Return a length in the unit of L."""
+        given = unit_of(length)
+        if given is None or self.length_unit is None:
+            return float(length)
+        return float(length) * factor(given, self.length_unit)
+
+
+MadeSurface = GeneratedSurface | SpectralSurface
+"""Surfaces that are made and not measured."""
+
+
+def tag_surface(value: Any) -> str:
+    """Return the tag of `SpectralSurface` for its own keys, else that of `sections.tag_surface`."""
+    if isinstance(value, SpectralSurface):
+        return "<spectrum>"
+    if isinstance(value, dict) and not {"file", "m", "midpoint_law"} & value.keys() and {*OWN} & value.keys():
+        return "<spectrum>"
+    return sections.tag_surface(value)
+
+
+def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield what does not go together in the section ``surface``, on plain data: key path and message."""
+    given = data.get("surface")
+    if not isinstance(given, dict) or tag_surface(given) != "<spectrum>":
+        return
+    given = {name: value for name, value in given.items() if value is not None and value != []}
+    if "H" not in given and "D" not in given:
+        yield ("surface", "H"), "missing: give the Hurst exponent H, or D = 3 - H"
+    for name, other in (("D", "H"), ("shortest", "cut"), ("slope", "Sq")):
+        if name in given and other in given:
+            yield ("surface", name), f"excluded by '{other}': give one of them"
+    own = length_unit(given.get("L")) or given.get("unit")
+    if has_unit(given.get("shortest")) and own is None:
+        message = f"has a unit ({given['shortest']}) and L has none: give L with its unit, as L: 100 um"
+        yield ("surface", "shortest"), message
+        return
+    try:
+        surface = SpectralSurface.model_validate({name: value for name, value in given.items() if name != "seeds"})
+    except ValidationError:
+        return
+    cut, most = surface.shortest_ratio, max(surface.n) / 2.0
+    key = ("surface", "shortest" if "shortest" in given else "cut" if "cut" in given else "n")
+    if cut <= surface.rolloff:
+        yield key, f"L/λ_s is {number_text(cut)}; allowed: more than rolloff, {number_text(surface.rolloff)}"
+    elif cut > most * (1.0 + 1e-9):
+        yield key, f"L/λ_s is {number_text(cut)}; allowed: at most half the largest n, {number_text(most)}"
+    elif surface.anisotropy >= cut:
+        yield ("surface", "anisotropy"), f"must be less than L/λ_s, {number_text(cut)}: no wave along x is left"
+    if (data.get("solver") == "paper" or _named(data, "solver", "method") == "paper") and max(surface.m) > 6:
+        yield ("surface", "n"), "solver method 'paper' is dense and takes n <= 64"
+    if surface.periodic and _named(data, "sweep", "steps") != 0:
+        yield ("surface", "periodic"), "no periodic half space to press on: give sweep: {steps: 0}, or periodic: false"
+
+
+def _named(data: dict[str, Any], section: str, key: str) -> Any:
+    inside = data.get(section)
+    return inside.get(key) if isinstance(inside, dict) else None

@@ -1,0 +1,114 @@
+"""The power-law spectrum of a surface as a plain record, and its moments in closed form; loads without numpy.
+
+Conventions: q = 2π/λ are wave numbers, k = q L/(2π) = L/λ their ratios to the lowest one of a period L. The isotropic
+power spectral density is (Persson et al. 2005; Jacobs, Junge & Pastewka 2017; the Contact-Mechanics Challenge 2017)
+
+    C(q) = C0                        q_L ≤ q < q_r     plateau
+    C(q) = C0 (q/q_r)^(-2-2H)        q_r ≤ q < q_s     self-affine
+    C(q) = 0                         elsewhere
+
+with λ_L = L the period, λ_r the roll-off wavelength, λ_s the short cut-off wavelength, and H = 3 - D. The mean square
+of the height is ∫ q C(q) dq/(2π), and a derivative adds a factor q².
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Phases = Literal["gaussian", "random"]
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """A power law between two wavelengths, its amplitude, and how the waves are drawn.
+
+    Attributes
+    ----------
+    rolloff : L/λ_r ≥ 1; 1 for a power law without a plateau.
+    cut : L/λ_s > rolloff.
+    Sq : root mean square height of the period [length].
+    slope : root mean square slope h'_rms of the period [1], instead of Sq.
+    Ssk : skewness of the heights, None for Gaussian ones.
+    anisotropy : wavelengths along x over those along y, ≥ 1.
+    phases : "gaussian": amplitudes and phases are random. "random": the phases alone, amplitudes follow C(q).
+    periodic : one period without a repeated edge; else a patch with it.
+    """
+
+    rolloff: float
+    cut: float
+    Sq: float = 1.0
+    slope: float | None = None
+    Ssk: float | None = None
+    anisotropy: float = 1.0
+    phases: Phases = "gaussian"
+    periodic: bool = True
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """Everything that changes the heights, as plain data; rounded, so that it is the same in any unit."""
+        rounded = {name: float(f"{v:.12g}") if isinstance(v, float) else v for name, v in vars(self).items()}
+        return rounded if self.slope is None else rounded | {"Sq": None}
+
+
+def moment(spectrum: Spectrum, hurst: float, order: int) -> float:
+    """Return a moment of the isotropic spectrum, ∫ k^order k C(k) dk from 1 to L/λ_s, in units of C0.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Roll-off and cut-off.
+    hurst : float
+        H, 0 < H < 1.
+    order : int
+        0 for the heights, 2 for the slopes, 4 for the curvatures.
+
+    Returns
+    -------
+    float
+        Moment [1].
+    """
+    rolloff, cut = spectrum.rolloff, spectrum.cut
+    plateau = (rolloff ** (order + 2) - 1.0) / (order + 2)
+    power = order - 2.0 * hurst
+    falling = math.log(cut / rolloff) if power == 0.0 else ((cut / rolloff) ** power - 1.0) / power
+    return plateau + rolloff ** (order + 2) * falling
+
+
+def slope_per_height(spectrum: Spectrum, hurst: float) -> float:
+    """Return h'_rms/h_rms times L of the isotropic spectrum, 2π √(M₂/M₀) with `moment` M.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Roll-off and cut-off.
+    hurst : float
+        H, 0 < H < 1.
+
+    Returns
+    -------
+    float
+        h'_rms L/h_rms [1].
+    """
+    return 2.0 * math.pi * math.sqrt(moment(spectrum, hurst, 2) / moment(spectrum, hurst, 0))
+
+
+def nayak(spectrum: Spectrum, hurst: float) -> float:
+    """Return Nayak's parameter of the isotropic spectrum, α = m₀ m₄/m₂² = (3/2) M₀ M₄/M₂² ≥ 3/2 (Nayak 1971).
+
+    m are the moments of a profile: m₀ = h_rms², m₂ = h'_rms²/2, m₄ = (3/8) mean((∇²h)²). M is `moment`.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Roll-off and cut-off.
+    hurst : float
+        H, 0 < H < 1.
+
+    Returns
+    -------
+    float
+        α [1].
+    """
+    return 1.5 * moment(spectrum, hurst, 0) * moment(spectrum, hurst, 4) / moment(spectrum, hurst, 2) ** 2

@@ -1,0 +1,108 @@
+"""Power spectral density of a height field, root mean squares by scale, and Nayak's parameter.
+
+Conventions (Jacobs, Junge & Pastewka 2017): z(x) are heights about their mean on an area A, q are wave vectors. The
+transform is z̃(q) = ∫ z exp(-i q·x) d²x, the density C(q) = |z̃|²/A [length⁴], and C^iso(q) its mean over directions.
+
+    h_rms² = ∫ q C^iso dq/(2π),   h'_rms² = ∫ q³ C^iso dq/(2π),   h''_rms² = ∫ q⁵ C^iso dq/(8π)
+
+h'_rms is the root mean square of |∇z|, h''_rms that of the mean curvature ∇²z/2. Here the integrals are sums over all
+waves of the grid, and C^iso is a mean over rings k - ½ ≤ q L/(2π) < k + ½ with L the length of the first axis.
+
+A periodic field has these waves exactly. Another field is multiplied by a Hann window first, of unit mean square: its
+numbers are estimates, since the rim counts little and neighbouring waves mix.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from roughvol.surfaces.surface import Surface
+from roughvol.typing import Array, Index
+
+
+@dataclass(frozen=True, eq=False)
+class Spectral:
+    """The radial spectrum of a surface, and what follows from it.
+
+    Attributes
+    ----------
+    wave : ndarray of int, shape (rings,)
+        q L/(2π) of the rings, 1 … L/(2δ).
+    psd : ndarray, shape (rings,)
+        C^iso [length⁴]; NaN for a ring without a wave.
+    rms_height, rms_slope, rms_curvature : float
+        h_rms [length], h'_rms [1] and h''_rms [1/length] of all waves.
+    rms_height_below, rms_slope_below, rms_curvature_below : ndarray, shape (rings,)
+        The same of the waves up to each ring: of the surface seen at a resolution.
+    nayak : float
+        α = m₀ m₄/m₂² = 6 (h_rms h''_rms)²/h'_rms⁴ [1], of the isotropic surface with these numbers; NaN if flat.
+    """
+
+    wave: Index
+    psd: Array
+    rms_height: float
+    rms_slope: float
+    rms_curvature: float
+    rms_height_below: Array
+    rms_slope_below: Array
+    rms_curvature_below: Array
+    nayak: float
+
+
+def spectral(surface: Surface) -> Spectral:
+    """Return the radial power spectral density of a surface, its root mean squares by scale, and Nayak's parameter.
+
+    Parameters
+    ----------
+    surface : Surface
+        Periodic, for exact numbers, or a patch, for those under a Hann window.
+
+    Returns
+    -------
+    Spectral
+        See the conventions of the module.
+    """
+    (rows, columns), spacing, unit = surface.shape, surface.spacing, surface.unit
+    z = (surface.heights - surface.mean_height) / unit  # of any scale, so that no square underflows
+    if not surface.periodic:
+        window = np.outer(_hann(rows), _hann(columns))
+        window /= math.sqrt(float(np.mean(window**2)))
+        z = window * (z - float((window * z).sum() / window.sum()))
+    power = np.abs(np.fft.rfft2(z, norm="forward")) ** 2
+    power[0, 0] = 0.0
+    conjugates = np.full(power.shape[1], 2.0)  # waves of the other half plane have the same power
+    conjugates[0] = 1.0
+    if columns % 2 == 0:
+        conjugates[-1] = 1.0
+    wave = np.hypot(np.fft.fftfreq(rows, spacing)[:, None], np.fft.rfftfreq(columns, spacing)[None, :])
+    ring = np.rint(wave * surface.side).astype(np.int64).ravel()
+    counts = np.broadcast_to(conjugates, power.shape)
+    moments = [np.bincount(ring, (power * counts * (2.0 * math.pi * wave) ** order).ravel()) for order in (0, 2, 4)]
+    numbers = np.bincount(ring, counts.ravel())
+    last = math.floor(surface.side / (2.0 * spacing) + 1e-9)  # the shortest wave along an axis
+    shown = slice(1, last + 1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        density = moments[0][shown] / numbers[shown] * (rows * columns * spacing * spacing) * unit * unit
+    below = [
+        unit * np.sqrt(np.cumsum(one)[shown] * share) for one, share in zip(moments, (1.0, 1.0, 0.25), strict=True)
+    ]
+    m0, m2, m4 = (float(one.sum()) for one in moments)
+    return Spectral(
+        wave=np.arange(1, last + 1, dtype=np.intp),
+        psd=density,
+        rms_height=unit * math.sqrt(m0),
+        rms_slope=unit * math.sqrt(m2),
+        rms_curvature=unit * 0.5 * math.sqrt(m4),
+        rms_height_below=below[0],
+        rms_slope_below=below[1],
+        rms_curvature_below=below[2],
+        nayak=1.5 * m0 * m4 / (m2 * m2) if m2 > 0.0 else math.nan,
+    )
+
+
+def _hann(nodes: int) -> Array:
+    """Return the Hann window on nodes, with its zeros half a spacing outside of them."""
+    return np.sin(math.pi * (np.arange(nodes) + 0.5) / nodes) ** 2
