@@ -12,6 +12,7 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `levels`         the states at which an observable is taken
 `along_steps`    observables stored along the steps
 `deformed`       texture before load and under load
+`waves`          power spectral density of the undeformed surface
 `plastic`        hardness in the unit of p*, the residual surface and its texture
 `pressures`      shares above the hardness, the pressure in the middle
 `free_volume`    element volumes, their total, density and domains

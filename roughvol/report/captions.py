@@ -89,6 +89,9 @@ CAPTIONS: dict[str, str] = {
     # ensembles
     "ensemble_cost": "Samples (left) and modelled cost (middle) on each refinement m; half-width of the 95 % interval "
     "over the mean against cost (right), after each round. Dotted lines are plain Monte Carlo, grey lines the request.",
+    # the spectrum of the surfaces
+    "psd": "Left: radially averaged power spectral density of the undeformed surfaces by fractal dimension D; the "
+    "dashed line is the law of the study. Right: root mean square slope of the waves up to each wave number.",
     # speed against accuracy
     "tradeoff_precision": "Largest error of any state against the residual asked for (left) and against the seconds of "
     "a sweep (right). Dashed lines are the certified bounds; an error of zero is drawn at 1e-16.",

@@ -112,3 +112,31 @@ def nayak(spectrum: Spectrum, hurst: float) -> float:
         α [1].
     """
     return 1.5 * moment(spectrum, hurst, 0) * moment(spectrum, hurst, 4) / moment(spectrum, hurst, 2) ** 2
+
+
+def density(spectrum: Spectrum, hurst: float, side: float, wave: float) -> float:
+    """Return the isotropic power spectral density of the law, C(q) with C0 = h_rms² L²/(2π M₀) and M₀ the `moment`.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Roll-off, cut-off and amplitude; the anisotropy is left out.
+    hurst : float
+        H, 0 < H < 1.
+    side : float
+        Length L of the period [length].
+    wave : float
+        k = q L/(2π) > 0.
+
+    Returns
+    -------
+    float
+        C(q) [length⁴].
+    """
+    if not 1.0 <= wave < spectrum.cut:
+        return 0.0
+    height = spectrum.Sq
+    if spectrum.slope is not None:
+        height = spectrum.slope * side / slope_per_height(spectrum, hurst)
+    plateau = (height * side) ** 2 / (2.0 * math.pi * moment(spectrum, hurst, 0))
+    return float(plateau * max(wave / spectrum.rolloff, 1.0) ** (-2.0 - 2.0 * hurst))

@@ -1,0 +1,76 @@
+"""The figure of the power spectral density, with the law asked for, and of the slope by scale.
+
+``FIGURES["psd"](ds)`` is a matplotlib ``Figure`` of the dataset of a study with ``record: {psd: true}``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from xarray import Dataset
+
+from roughvol.report.figures.families import Family, families
+from roughvol.report.figures.origin import Draw, lacking, register, study_of
+from roughvol.report.figures.style import GREY, PAGE, Drawing, axes, legend, marked, unit_of
+from roughvol.study import SpectralSurface
+from roughvol.surfaces.power_law import density
+from roughvol.typing import Array
+
+FIGURES: dict[str, Draw] = {}
+NEEDED = ("psd", "rms_slope_below")
+
+
+def missing(name: str, ds: Dataset) -> str | None:
+    """Return why a figure cannot be drawn from a dataset, or None if it can."""
+    if "psd" not in ds:
+        return f"{name} needs the power spectral density: add record: {{psd: true}}"
+    return lacking(name, ds, NEEDED)
+
+
+def _figure(draw: Draw) -> Draw:
+    return register(draw, FIGURES, missing)
+
+
+@_figure
+def psd(ds: Dataset) -> Drawing:
+    """Draw the radial power spectral density C^iso, and the root mean square slope of the waves up to each one.
+
+    Means of the squares over the surfaces of each D, at the finest m. Dashed: the law of a study with a spectrum.
+    To see: a plateau up to L/λ_r, then a line of slope -2 - 2H up to L/λ_s; the slope grows up to the shortest wave.
+    """
+    fig, (left, right) = axes(PAGE, 3.0, 2)
+    members, title = families(ds, "D", *NEEDED)
+    for order, family in enumerate(members):
+        wave = family.data["wave"].values
+        every = marked(wave.size, order)
+        left.loglog(wave, _mean(family, "psd", 1.0), label=family.label, markevery=every, **family.look)
+        right.loglog(wave, _mean(family, "rms_slope_below", 2.0), label=family.label, markevery=every, **family.look)
+        if asked := _asked(ds, family):
+            left.loglog(wave, asked, color=GREY, ls="--", lw=0.8, zorder=0)
+    fourth = unit_of(ds, "psd")
+    left.set(xlabel=r"wave number $qL/2\pi$", ylabel=rf"$C^{{\mathrm{{iso}}}}$ [{fourth}]")
+    right.set(xlabel=r"waves up to $qL/2\pi$", ylabel=r"root mean square slope $h'_{\mathrm{rms}}$")
+    for ax in (left, right):
+        ax.grid(visible=True)
+        legend(ax, title)
+    shown = {"surfaces": sorted({float(family.surfaces) for family in members})}
+    if "D" in ds.dims:
+        shown |= {"D": [family.value for family in members], "m": [float(members[0].data["m"])]}
+    fig.shown = shown
+    return fig
+
+
+def _mean(family: Family, name: str, power: float) -> Array:
+    """Return the mean of a power over the surfaces, and its root; NaN where it vanishes, for a logarithmic axis."""
+    values = family.data[name].transpose("seed", "wave").values ** power
+    mean: Array = values.mean(axis=0) ** (1.0 / power)
+    return np.where(mean > 0.0, mean, np.nan)
+
+
+def _asked(ds: Dataset, family: Family) -> list[float]:
+    """Return the law that a study asks for at the waves, empty without one."""
+    study = study_of(ds)
+    if study is None or not isinstance(study.surface, SpectralSurface) or study.surface.anisotropy > 1.0:
+        return []
+    spectrum, side = study.surface.spectrum, float(ds["L"])
+    values = [density(spectrum, 3.0 - family.value, side, float(k)) for k in family.data["wave"].values]
+    return [value or float("nan") for value in values]
