@@ -40,7 +40,8 @@ def power_law_surface(spectrum: Spectrum, hurst: float, n: int, *, side: float =
     A skewness is given by a translation field: a monotone transform of the Gaussian field, whose waves then get their
     amplitudes back. The spectrum is exactly that of the Gaussian field of the same seed. The skewness is exact to 1e-8
     on the grid of the smallest power of two n ≥ 2 L/λ_s. The rest of the height distribution is near Pearson's type III
-    and not exactly it: the kurtosis is (3 + 1.5 Ssk²) to about 15 % for abs(Ssk) ≤ 1.
+    and not exactly it: the mean kurtosis is 3 + 1.5 Ssk² to 10 % for
+    abs(Ssk) ≤ 1.
 
     Parameters
     ----------

@@ -17,6 +17,7 @@ from roughvol.typing import Array
 
 FIGURES: dict[str, Draw] = {}
 NEEDED = ("psd", "rms_slope_below")
+ROUNDING = 1e-24  # of the largest density: waves beyond L/λ_s are zero but for rounding
 
 
 def missing(name: str, ds: Dataset) -> str | None:
@@ -60,10 +61,10 @@ def psd(ds: Dataset) -> Drawing:
 
 
 def _mean(family: Family, name: str, power: float) -> Array:
-    """Return the mean of a power over the surfaces, and its root; NaN where it vanishes, for a logarithmic axis."""
+    """Return the mean of a power over the surfaces, and its root; NaN where only rounding is left of it."""
     values = family.data[name].transpose("seed", "wave").values ** power
     mean: Array = values.mean(axis=0) ** (1.0 / power)
-    return np.where(mean > 0.0, mean, np.nan)
+    return np.where(mean > ROUNDING * np.nanmax(mean), mean, np.nan)
 
 
 def _asked(ds: Dataset, family: Family) -> list[float]:

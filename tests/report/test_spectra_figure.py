@@ -1,0 +1,57 @@
+"""The figure of the power spectral density: lines of the dataset, and the law of the study."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from roughvol.campaign.one_case import run_case
+from roughvol.errors import DatasetError
+from roughvol.report.figures import selection
+from roughvol.report.figures.spectra import FIGURES
+from roughvol.store import dataset
+from roughvol.study import loads
+from roughvol.surfaces.power_law import density
+
+TEXT = """
+name: waves
+surface: {H: [0.3, 0.8], rolloff: 4, cut: 12, n: [16, 32], L: 100 um, seeds: 3, periodic: true, phases: random}
+sweep: {steps: 0}
+"""
+
+
+def results(text: str) -> dataset.Dataset:
+    study = loads(text)
+    parts = [run_case(case, study=study.stored()) for case in study.cases()]
+    return dataset.combine(parts, parts[0].attrs)
+
+
+def test_lines_are_the_means_of_the_finest_grid_and_the_law() -> None:
+    ds = results(TEXT + "record: {psd: true}")
+    figure = FIGURES["psd"](ds)
+    left, right = figure.axes
+    assert len(left.lines) == 4
+    assert len(right.lines) == 2
+    for line, law, D in zip(left.lines[::2], left.lines[1::2], (2.2, 2.7), strict=True):
+        wanted = ds["psd"].sel(D=D, m=5).mean("seed").values
+        np.testing.assert_allclose(line.get_ydata()[:11], wanted[:11])
+        assert np.isnan(line.get_ydata()[-1])  # nothing but rounding beyond the cut
+        spectrum = loads(TEXT).cases()[0].spectrum
+        assert spectrum is not None
+        np.testing.assert_allclose(law.get_ydata()[:11], [density(spectrum, 3 - D, 100.0, k) for k in range(1, 12)])
+        np.testing.assert_allclose(law.get_ydata()[:10], wanted[:10], rtol=0.2)
+    assert "um" not in left.get_ylabel()
+    assert "µm" in left.get_ylabel()
+
+
+def test_it_needs_the_record_and_is_found_by_name() -> None:
+    ds = results(TEXT)
+    with pytest.raises(DatasetError, match=r"add record: \{psd: true\}"):
+        selection.drawable(ds, ["psd"])
+    cases = loads(TEXT).cases()
+    assert set(selection.needed(["psd"], cases)) == {case.id for case in cases if case.m == 5}
+
+
+def test_midpoint_surfaces_have_no_law() -> None:
+    ds = results("surface: {D: 2.3, m: 4, seeds: 2}\nsweep: {steps: 0}\nrecord: {psd: true}")
+    assert len(FIGURES["psd"](ds).axes[0].lines) == 1

@@ -1,0 +1,226 @@
+"""The section ``surface`` with a spectrum: what is read, what is refused, which cases come out, and what they store."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from roughvol.campaign import checks, cost, resources
+from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.cli import main
+from roughvol.errors import StudyError, SurfaceError
+from roughvol.store import same_study
+from roughvol.study import Case, SpectralSurface, json_schema, loads
+from roughvol.surfaces import texture
+from roughvol.surfaces.power_law import Spectrum
+
+STUDY = "surface: {H: 0.8, rolloff: 4, n: 32, seeds: 2}\n"
+
+
+def cases(text: str) -> tuple[Case, ...]:
+    return loads(text).cases()
+
+
+def problems(text: str) -> dict[str, str]:
+    with pytest.raises(StudyError) as caught:
+        loads(text, "a.yaml")
+    assert all(problem.line is not None for problem in caught.value.problems)
+    return {problem.key: problem.message for problem in caught.value.problems}
+
+
+def test_the_keys_of_the_issue_are_read() -> None:
+    text = (
+        "surface: {H: 0.8, rolloff: 8, shortest: 0.01, Sq: 1 um, Ssk: -1.0, anisotropy: 2.0, phases: random, "
+        "seeds: 10, n: 1024, L: 100 um, periodic: true}\nsweep: {steps: 0}"
+    )
+    study = loads(text)
+    assert isinstance(study.surface, SpectralSurface)
+    assert study.surface.spectrum == Spectrum(8.0, 100.0, 1.0, None, -1.0, 2.0, "random", True)
+    first, *others = study.cases()
+    assert (first.D, first.m, first.seed, first.L, first.length_unit) == (2.2, 10, 0, 100.0, "um")
+    assert len(others) == 9
+    assert loads(study.to_yaml()) == study
+    assert loads(study.stored(), stored=True) == study
+
+
+def test_every_combination_is_a_case_with_D_and_m() -> None:
+    made = cases("surface: {H: [0.2, 0.8], rolloff: 2, n: [16, 64], seeds: [5, 3]}")
+    assert [(case.D, case.m, case.seed) for case in made] == list(itertools.product((2.8, 2.2), (4, 6), (5, 3)))
+    assert len({case.id for case in made}) == 8
+    assert {case.spectrum.cut for case in made if case.spectrum} == {32.0}  # of the finest grid: levels are nested
+    assert made[0].id.startswith("D2.80_m4_s005-")
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("H: 0.8", "D: 2.2"),
+        ("H: 0.8, cut: 16", "H: 0.8"),
+        ("H: 0.8, cut: 10", "H: 0.8, shortest: 0.1"),
+        ("H: 0.8, cut: 10, L: 100 um, Sq: 1 um", "H: 0.8, shortest: 10 um, L: 100 um, Sq: 1000 nm"),
+        ("H: 0.8, cut: 10, L: 100 um", "H: 0.8, cut: 10.0, L: 100, unit: um, Sq: 1"),
+    ],
+)
+def test_the_same_surface_by_other_keys_is_the_same_case(one: str, other: str) -> None:
+    ids = [
+        [case.id for case in cases(f"surface: {{{keys}, rolloff: 2, n: 32, seeds: 1}}\nsweep: {{steps: 0}}")]
+        for keys in (one, other)
+    ]
+    assert ids[0] == ids[1]
+
+
+@pytest.mark.parametrize("change", ["rolloff: 3", "cut: 12", "Sq: 2", "slope: 0.1", "Ssk: 0", "anisotropy: 2",
+                                    "phases: random", "periodic: true"])  # fmt: skip
+def test_what_changes_the_surface_changes_the_id(change: str) -> None:
+    keys = {"H": "0.8", "rolloff": "2", "n": "32", "seeds": "1"}
+    name, value = change.split(": ")
+    texts = [", ".join(f"{k}: {v}" for k, v in one.items()) for one in (keys, keys | {name: value})]
+    first, second = (cases(f"surface: {{{text}}}\nsweep: {{steps: 0}}")[0].id for text in texts)
+    assert first != second
+
+
+def test_cases_without_a_spectrum_keep_their_keys() -> None:
+    (case,) = cases("surface: {D: 2.3, m: 4, seeds: 1}")
+    assert set(case.key["surface"]) == {"L", "D", "m", "seed", "midpoint_law"}
+    assert "psd" not in case.key["record"]
+    (asking,) = cases("surface: {D: 2.3, m: 4, seeds: 1}\nrecord: {psd: true}")
+    assert asking.key["record"]["psd"] is True
+    assert asking.id != case.id
+
+
+@pytest.mark.parametrize(
+    ("keys", "key", "message"),
+    [
+        ("rolloff: 2, n: 32", "surface.H", "missing: give the Hurst exponent H, or D = 3 - H"),
+        ("H: 0.8, D: 2.2, n: 32", "surface.D", "excluded by 'H'"),
+        ("H: 1, n: 32", "surface.H", "must be < 1, given 1"),
+        ("H: 0.8, cut: 8", "surface.n", "missing"),
+        ("H: 0.8, n: 100", "surface.n", "must be a power of two, 8 to 8192, given 100"),
+        ("H: 0.8, n: 4", "surface.n", "must be >= 8"),
+        ("H: 0.8, n: [32, 32]", "surface.n[1]", "duplicate value 32"),
+        ("H: [0.8, 0.8], n: 32", "surface.H[1]", "duplicate value 0.8"),
+        ("H: 0.8, n: 32, cut: 8, shortest: 0.1", "surface.shortest", "excluded by 'cut'"),
+        ("H: 0.8, n: 32, Sq: 1, slope: 0.1", "surface.slope", "excluded by 'Sq'"),
+        ("H: 0.8, n: 32, cut: 17", "surface.cut", "L/λ_s is 17; allowed: at most half the largest n, 16"),
+        ("H: 0.8, n: 32, shortest: 0.01", "surface.shortest", "L/λ_s is 100; allowed: at most half the largest n, 16"),
+        ("H: 0.8, n: 32, shortest: 1 um", "surface.shortest", "has a unit (1 um) and L has none"),
+        ("H: 0.8, n: 32, Sq: 1 um", "surface.Sq", "has a unit (1 um) and L has none"),
+        ("H: 0.8, n: 32, rolloff: 16", "surface.n", "L/λ_s is 16; allowed: more than rolloff, 16"),
+        ("H: 0.8, n: 32, rolloff: 0.5", "surface.rolloff", "must be >= 1"),
+        ("H: 0.8, n: 32, anisotropy: 16", "surface.anisotropy", "must be less than L/λ_s, 16"),
+        ("H: 0.8, n: 32, Ssk: 5", "surface.Ssk", "must be <= 3"),
+        ("H: 0.8, n: 32, phases: fixed", "surface.phases", "must be 'gaussian' or 'random'"),
+        ("H: 0.8, n: 32, rollof: 4", "surface.rollof", "did you mean 'rolloff'?"),
+        ("H: 0.8, n: 32, m: 5", "surface.H", "excluded by 'm'"),
+        ("H: 0.8, n: 32, file: a.npy", "surface.n", "excluded by"),
+        ("H: 0.8, n: 32, midpoint_law: std", "surface.H", "excluded by"),
+        ("H: 0.8, n: 32, periodic: true", "surface.periodic", "no periodic half space to press on"),
+        ("H: 0.8, n: 32, seeds: 0", "surface.seeds", "a number of seeds must be 1 to"),
+    ],
+)
+def test_each_fault_is_one_message_at_its_place(keys: str, key: str, message: str) -> None:
+    found = problems(f"name: a\nsurface: {{{keys}}}\n")
+    assert message in found[key]
+
+
+def test_the_paper_solver_takes_small_grids_only() -> None:
+    assert "takes n <= 64" in problems("surface: {H: 0.8, n: 128}\nsolver: paper")["surface.n"]
+    assert loads("surface: {H: 0.8, n: 64}\nsolver: paper")
+
+
+def test_the_schema_has_the_section() -> None:
+    keys = json_schema()["$defs"]["SpectralSurface"]["properties"]
+    assert {"H", "D", "n", "rolloff", "cut", "shortest", "Sq", "slope", "Ssk", "anisotropy", "phases"} <= keys.keys()
+
+
+def test_an_ensemble_has_nested_levels_of_one_spectrum() -> None:
+    text = "surface: {H: 0.8, rolloff: 4, n: 64}\nsweep: {steps: 4, to: {pressure: 0.3}}\n"
+    study = loads(text + "ensemble: {accuracy: {free_volume: 20 %}, at: {pressure: [0.2]}}")
+    assert [case.m for case in study.cases()] == [4, 5, 6]
+    coarse, fine = (surface_of(study.sample(2.2, m, 7)) for m in (5, 6))
+    transforms = [np.fft.rfft2(one.heights[:-1, :-1], norm="forward") for one in (coarse, fine)]
+    np.testing.assert_allclose(transforms[0][:10, :10], transforms[1][:10, :10], atol=1e-14)
+    found = problems(text.replace("n: 64", "n: [32, 64]") + "ensemble: {accuracy: {free_volume: 20 %}}")
+    assert "must be one number beside 'ensemble': the finest resolution" in found["surface.n"]
+    assert "beside 'ensemble'" in problems(text.replace("n: 64", "n: 64, seeds: 2") + "ensemble: "
+                                           "{accuracy: {free_volume: 20 %}}")["surface.seeds"]  # fmt: skip
+
+
+# What is stored
+
+
+def test_a_patch_is_pressed() -> None:
+    text = STUDY + "sweep: {steps: 2, to: {pressure: 0.3}}\nrecord: {psd: true, heights: true}"
+    result = run_case(cases(text)[1]).squeeze()
+    assert result["mean_pressure"].values[-1] == pytest.approx(0.3, rel=1e-3)
+    assert (float(result["nodes_x"]), result["heights"].shape) == (33.0, (33, 33))
+    assert result["x"].values[[0, -1]].tolist() == [0.0, 1.0]
+    assert float(result["D"]) == 2.2
+
+
+def test_a_periodic_surface_is_stored_with_its_exact_spectrum() -> None:
+    text = "surface: {H: 0.8, rolloff: 4, n: 32, Sq: 2 um, L: 100 um, seeds: 1, periodic: true}\nsweep: {steps: 0}\n"
+    study = loads(text + "record: {psd: true, heights: true, texture: true}")
+    result = run_case(study.cases()[0]).squeeze()
+    assert float(result["Sq"]) == pytest.approx(2.0, rel=1e-12)
+    assert float(result["rms_height"]) == pytest.approx(2.0, rel=1e-12)
+    assert result["wave"].values.tolist() == list(range(1, 17))
+    assert result["psd"].attrs["units"] == "um^4"
+    assert result["rms_curvature"].attrs["units"] == "um^-1"
+    assert result["x"].values[-1] == pytest.approx(31 / 32)
+    q = 2.0 * np.pi * result["wave"].values / 100.0
+    assert float(np.sum(q * result["psd"]) * q[0] / (2.0 * np.pi)) == pytest.approx(4.0, rel=0.1)
+    assert json.loads(result.attrs["case"])["surface"]["spectrum"]["periodic"] is True
+
+
+def test_a_periodic_surface_is_not_pressed_on_a_free_half_space() -> None:
+    from dataclasses import replace
+
+    case = cases(STUDY)[0]
+    assert case.spectrum is not None
+    with pytest.raises(SurfaceError, match="the surface is periodic"):
+        run_case(replace(case, spectrum=replace(case.spectrum, periodic=True)))
+
+
+def test_generated_and_measured_surfaces_have_a_spectrum_as_well() -> None:
+    (case,) = cases("surface: {D: 2.3, m: 5, seeds: 1}\nsweep: {steps: 0}\nrecord: {psd: true}")
+    result = run_case(case).squeeze()
+    assert 0.0 < float(result["rms_slope"]) < 2.0 * texture.Sdq(surface_of(case).heights, surface_of(case).spacing)
+
+
+def test_sizes_and_costs_are_those_of_its_nodes() -> None:
+    free, *_ = cases(STUDY)
+    periodic, *_ = cases("surface: {H: 0.8, rolloff: 4, n: 32, seeds: 2, periodic: true}\nsweep: {steps: 0}")
+    assert (free.nodes_per_side, periodic.nodes_per_side) == (33, 32)
+    assert (resources.nodes_of(free, None), resources.nodes_of(periodic, None)) == (33**2, 32**2)
+    assert cost._shape(free) == (33, 33)
+    assert checks.check_surfaces(loads(STUDY)) is None
+
+
+def test_another_spectrum_is_another_study() -> None:
+    old, more = loads(STUDY), loads(STUDY.replace("seeds: 2", "seeds: 3"))
+    assert same_study.differences(old, more) == []
+    (line,) = same_study.differences(old, loads(STUDY.replace("rolloff: 4", "rolloff: 5")))
+    assert line == "surface.rolloff: 4.0 → 5.0"
+    lines = same_study.differences(old, loads(STUDY.replace("H: 0.8", "H: 0.7")))
+    assert lines[0] == "surface.H: no longer 0.8"
+
+
+def test_the_commands_work_with_a_spectrum(tmp_path: Any) -> None:
+    (tmp_path / "s.yaml").write_text(STUDY + "sweep: {steps: 1, to: {pressure: 0.1}}\nrecord: {psd: true}\n")
+    runner = CliRunner()
+    out = ["--out", str(tmp_path / "run"), "--jobs", "1"]
+    shown = runner.invoke(main, ["check", str(tmp_path / "s.yaml")], catch_exceptions=False)
+    assert "surface 33 x 33 nodes" in shown.output
+    assert runner.invoke(main, ["run", str(tmp_path / "s.yaml"), *out], catch_exceptions=False).exit_code == 0
+    plot = ["plot", str(tmp_path / "run"), "psd", "--out", str(tmp_path / "figures")]
+    assert runner.invoke(main, plot, catch_exceptions=False).exit_code == 0
+    assert (tmp_path / "figures" / "psd.png").stat().st_size > 10_000
+    report = runner.invoke(main, ["report", str(tmp_path / "run"), "--out", str(tmp_path / "report")])
+    assert report.exit_code == 0
+    assert "power-law spectrum" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")

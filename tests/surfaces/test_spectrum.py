@@ -1,0 +1,326 @@
+"""Surfaces with a spectrum: the density, the amplitude, the nested grids, the skewness; and what measures them."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from roughvol.errors import SurfaceError
+from roughvol.surfaces import power_law, texture
+from roughvol.surfaces.power_law import Spectrum
+from roughvol.surfaces.psd import spectral
+from roughvol.surfaces.spectrum import power_law_surface
+from roughvol.surfaces.surface import Surface
+
+LAW = Spectrum(rolloff=4.0, cut=32.0, Sq=2.0)
+SIDE = 50.0
+
+
+def made(spectrum: Spectrum = LAW, hurst: float = 0.8, n: int = 64, seed: int = 0, side: float = SIDE) -> Surface:
+    return power_law_surface(spectrum, hurst, n, side=side, seed=seed)
+
+
+def waves_of(surface: Surface) -> dict[tuple[int, int], complex]:
+    """Amplitude of every wave of a periodic surface, one by one."""
+    n = surface.shape[0]
+    transform = np.fft.fft2(surface.heights) / surface.heights.size
+    numbers = range(-n // 2, n // 2)
+    return {(i, j): complex(transform[i, j]) for i in numbers for j in numbers}
+
+
+def law_of(i: int, j: int, spectrum: Spectrum, hurst: float) -> float:
+    """The law in words of its docstring, of one wave, in units of its plateau."""
+    k = math.sqrt((spectrum.anisotropy * i) ** 2 + j**2)
+    if (i, j) == (0, 0) or k >= spectrum.cut:
+        return 0.0
+    return 1.0 if k < spectrum.rolloff else (k / spectrum.rolloff) ** (-2.0 - 2.0 * hurst)
+
+
+@pytest.mark.parametrize("anisotropy", [1.0, 3.0])
+@pytest.mark.parametrize("hurst", [0.2, 0.9])
+def test_with_random_phases_every_wave_has_the_amplitude_of_the_law(hurst: float, anisotropy: float) -> None:
+    spectrum = replace(LAW, phases="random", anisotropy=anisotropy)
+    waves = waves_of(made(spectrum, hurst))
+    law = {k: law_of(*k, spectrum, hurst) for k in waves}
+    scale = LAW.Sq**2 / sum(law.values())
+    for k, wave in waves.items():
+        assert abs(wave) ** 2 == pytest.approx(scale * law[k], rel=1e-9, abs=1e-28)
+
+
+def test_the_mean_density_of_gaussian_fields_is_the_law() -> None:
+    seeds, n = 300, 32
+    spectrum = replace(LAW, cut=16.0)
+    mean = np.mean([spectral(made(spectrum, n=n, seed=seed)).psd for seed in range(seeds)], axis=0)
+    exact = spectral(made(replace(spectrum, phases="random"), n=n)).psd
+    numbers = 2.0 * math.pi * np.arange(1, n // 2)  # about as many waves in a ring
+    # scaling every surface to Sq takes part of the scatter of the low rings; five deviations of the mean are allowed
+    assert np.all(np.abs(mean / exact - 1.0)[: n // 2 - 1] < 5.0 * np.sqrt(2.0 / (seeds * numbers)))
+
+
+def test_real_and_imaginary_parts_are_normal() -> None:
+    from scipy import stats
+
+    surface = made(n=64)
+    values = np.array([wave / math.sqrt(law_of(i, j, LAW, 0.8)) for (i, j), wave in waves_of(surface).items()
+                       if j > 0 and law_of(i, j, LAW, 0.8) > 0])  # fmt: skip
+    both = np.concatenate([values.real, values.imag])
+    assert stats.kstest(both / both.std(), "norm").pvalue > 0.01
+
+
+@pytest.mark.parametrize("phases", ["gaussian", "random"])
+@pytest.mark.parametrize("Ssk", [None, -1.0])
+def test_the_root_mean_square_is_exact(phases: Any, Ssk: float | None) -> None:
+    for hurst, seed in ((0.1, 0), (0.9, 5)):
+        surface = made(replace(LAW, phases=phases, Ssk=Ssk), hurst, seed=seed)
+        assert surface.Sq == pytest.approx(2.0, rel=1e-12)
+        assert abs(surface.mean_height) < 1e-12
+
+
+def test_the_slope_is_the_one_asked_for_and_that_of_a_gradient_by_waves() -> None:
+    surface = made(replace(LAW, slope=0.3))
+    q = 2.0 * math.pi * np.fft.fftfreq(64, surface.spacing)
+    transform = np.fft.fft2(surface.heights)
+    gradients = [np.fft.ifft2(1j * q[:, None] * transform), np.fft.ifft2(1j * q[None, :] * transform)]
+    assert math.sqrt(sum(float(np.mean(np.abs(one) ** 2)) for one in gradients)) == pytest.approx(0.3, rel=1e-10)
+    assert spectral(surface).rms_slope == pytest.approx(0.3, rel=1e-10)
+
+
+def test_the_slope_is_the_integral_of_the_density() -> None:
+    spectrum = Spectrum(rolloff=16.0, cut=128.0, Sq=2.0, phases="random")
+    for hurst in (0.3, 0.8):
+        found = spectral(made(spectrum, hurst, n=256))
+        wanted = 2.0 * power_law.slope_per_height(spectrum, hurst) / SIDE
+        assert found.rms_slope == pytest.approx(wanted, rel=0.01)  # a sum over waves for an integral
+        q = 2.0 * math.pi / SIDE * found.wave
+        by_rings = math.sqrt(float(np.sum(q**3 * found.psd)) * (q[1] - q[0]) / (2.0 * math.pi))
+        assert found.rms_slope == pytest.approx(by_rings, rel=0.01)
+        at = [power_law.density(spectrum, hurst, SIDE, float(k)) for k in found.wave[20:120]]
+        np.testing.assert_allclose(found.psd[20:120], at, rtol=0.03)
+
+
+@pytest.mark.parametrize("Ssk", [None, -0.8])
+@pytest.mark.parametrize("phases", ["gaussian", "random"])
+def test_coarse_grids_are_the_same_field_with_the_high_waves_cut(phases: Any, Ssk: float | None) -> None:
+    spectrum = replace(LAW, phases=phases, Ssk=Ssk, anisotropy=1.5)
+    finest = waves_of(made(spectrum, n=128))
+    for n in (8, 16, 32, 64):
+        for (i, j), wave in waves_of(made(spectrum, n=n)).items():
+            low = math.hypot(i, j) < n / 2
+            assert abs(wave - (finest[i, j] if low else 0.0)) < 1e-12
+
+
+def test_a_seed_has_the_same_low_waves_whatever_the_cut_and_the_exponent() -> None:
+    """Matched pairs: phases and normal numbers are the same wave by wave."""
+    few, many = waves_of(made(replace(LAW, cut=8.0), 0.8)), waves_of(made(LAW, 0.3))
+    relative = [
+        (few[k] / math.sqrt(law_of(*k, replace(LAW, cut=8.0), 0.8)))
+        / (many[k] / math.sqrt(law_of(*k, LAW, 0.3)))
+        for k in few
+        if law_of(*k, replace(LAW, cut=8.0), 0.8) > 0.0
+    ]  # fmt: skip
+    np.testing.assert_allclose(np.array(relative) / relative[0].real, 1.0, rtol=1e-9)
+    assert abs(many[1, 0] - waves_of(made(LAW, 0.3, seed=1))[1, 0]) > 1e-3
+
+
+def test_the_stream_of_a_seed_does_not_change() -> None:
+    """Digits of the random stream: a change here changes every surface of every seed."""
+    normal = np.random.Generator(np.random.PCG64(7)).standard_normal((4, 2))
+    spectrum = Spectrum(rolloff=1.0, cut=1.3)  # the four waves of the first ring that are inside, less their conjugates
+    waves = waves_of(made(spectrum, n=8, seed=7))
+    drawn = normal[:, 0] + 1j * normal[:, 1]
+    # order of a ring: (i, r) for i = -r … r, then (r, j) for j = 0 … r - 1
+    np.testing.assert_allclose(waves[0, 1] / waves[1, 0], drawn[1] / drawn[3], rtol=1e-12)
+
+
+@pytest.mark.parametrize("Ssk", [-1.0, -0.3, 0.0, 0.5, 1.0])
+def test_the_skewness_is_met_and_the_spectrum_is_kept(Ssk: float) -> None:
+    kurtosis = []
+    for seed in range(5):
+        plain = made(replace(LAW, rolloff=8.0, cut=64.0), n=128, seed=seed)
+        surface = made(replace(LAW, rolloff=8.0, cut=64.0, Ssk=Ssk), n=128, seed=seed)
+        assert texture.Ssk(surface.heights) == pytest.approx(Ssk, abs=1e-8)
+        moduli = [np.abs(np.fft.rfft2(one.heights, norm="forward")) for one in (plain, surface)]
+        np.testing.assert_allclose(*moduli, atol=1e-13)
+        kurtosis.append(texture.Sku(surface.heights))
+    assert np.mean(kurtosis) == pytest.approx(3.0 + 1.5 * Ssk**2, rel=0.1)  # Pearson's type III
+
+
+def test_a_finer_grid_has_nearly_the_skewness() -> None:
+    spectrum = Spectrum(rolloff=8.0, cut=32.0, Ssk=-1.0)
+    assert texture.Ssk(made(spectrum, n=256).heights) == pytest.approx(-1.0, abs=0.02)
+
+
+def test_a_skewness_out_of_reach_is_refused_with_what_is_possible() -> None:
+    with pytest.raises(SurfaceError, match=r"Ssk = 2.9 is out of reach of these waves; allowed: -\d.\d\d to \d.\d\d"):
+        made(Spectrum(rolloff=1.0, cut=3.0, Ssk=2.9))
+
+
+def test_anisotropy_stretches_the_waves_along_x() -> None:
+    surface = made(replace(LAW, anisotropy=4.0, rolloff=8.0, phases="random"))
+    x, y = (float(np.mean(np.square(np.diff(surface.heights, axis=axis)))) for axis in (0, 1))
+    assert math.sqrt(y / x) == pytest.approx(4.0, rel=0.25)
+
+
+def test_a_patch_is_the_period_with_its_edge_repeated() -> None:
+    period, patch = made(), made(replace(LAW, periodic=False))
+    assert (period.periodic, patch.periodic) == (True, False)
+    assert (period.shape, patch.shape) == ((64, 64), (65, 65))
+    assert period.side == patch.side == pytest.approx(SIDE)
+    np.testing.assert_array_equal(patch.heights[:-1, :-1], period.heights)
+    np.testing.assert_array_equal(patch.heights[-1], patch.heights[0])
+    np.testing.assert_array_equal(patch.heights[:, -1], patch.heights[:, 0])
+
+
+def test_a_periodic_surface_survives_pickling() -> None:
+    again = pickle.loads(pickle.dumps(made()))
+    assert again.periodic
+    assert again.side == pytest.approx(SIDE)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"rolloff": 0.5}, "rolloff = L/λ_r must be >= 1"),
+        ({"cut": 4.0}, "cut = L/λ_s must be > rolloff = 4"),
+        ({"cut": math.inf}, "cut = L/λ_s must be > rolloff = 4"),
+        ({"anisotropy": 0.5}, "anisotropy must be >= 1"),
+        ({"anisotropy": 40.0}, "and < cut = 32"),
+        ({"phases": "none"}, "phases must be 'gaussian' or 'random'"),
+        ({"Sq": 0.0}, "Sq must be finite and positive"),
+        ({"slope": -1.0}, "slope must be finite and positive"),
+        ({"Ssk": math.nan}, "Ssk must be finite"),
+    ],
+)
+def test_what_lies_outside_its_interval_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SurfaceError, match=message):
+        made(replace(LAW, **changes))
+
+
+@pytest.mark.parametrize(("hurst", "n", "seed"), [(0.0, 64, 0), (1.0, 64, 0), (0.5, 63, 0), (0.5, 4, 0), (0.5, 64, -1)])
+def test_exponent_nodes_and_seed_are_checked(hurst: float, n: int, seed: int) -> None:
+    with pytest.raises(SurfaceError):
+        made(LAW, hurst, n, seed)
+
+
+# Closed forms
+
+
+def law(k: float, spectrum: Spectrum, hurst: float) -> float:
+    return max(k / spectrum.rolloff, 1.0) ** (-2.0 - 2.0 * hurst)
+
+
+@pytest.mark.parametrize("hurst", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("rolloff", [1.0, 6.0])
+def test_moments_are_the_integrals_of_the_law(rolloff: float, hurst: float) -> None:
+    spectrum = Spectrum(rolloff=rolloff, cut=40.0, Sq=3.0)
+    for order in (0, 2, 4):
+        wanted = integrate.quad(lambda k, p=order: k ** (p + 1) * law(k, spectrum, hurst), 1.0, 40.0, points=[rolloff])
+        assert power_law.moment(spectrum, hurst, order) == pytest.approx(wanted[0], rel=1e-8)
+
+    def height(k: float) -> float:
+        return k * power_law.density(spectrum, hurst, SIDE, k) * (2.0 * math.pi / SIDE) ** 2 / (2.0 * math.pi)
+
+    total = integrate.quad(height, 1.0, 40.0, points=[rolloff])[0]
+    assert math.sqrt(total) == pytest.approx(3.0, rel=1e-8)
+
+
+def test_moments_are_continuous_where_a_power_vanishes() -> None:
+    values = [power_law.moment(LAW, hurst, 1) for hurst in (0.5 - 1e-7, 0.5, 0.5 + 1e-7)]
+    np.testing.assert_allclose(values, values[1], rtol=1e-5)
+
+
+def test_nayaks_parameter_of_one_ring_is_three_halves_and_that_of_a_power_law_is_known() -> None:
+    assert power_law.nayak(Spectrum(rolloff=1e3, cut=1e3 * (1 + 1e-9)), 0.8) == pytest.approx(
+        1.5 * (1 / 2) * (1 / 6) * 16
+    )
+    for hurst in (0.3, 0.8):  # rolloff 1, ζ = cut: as Yastrebov, Anciaux and Molinari (2015)
+        zeta = 64.0
+        known = (
+            1.5
+            * (1 - hurst) ** 2
+            / (hurst * (hurst - 2))
+            * (zeta ** (-2 * hurst) - 1)
+            * (zeta ** (4 - 2 * hurst) - 1)
+            / (zeta ** (2 - 2 * hurst) - 1) ** 2
+        )
+        assert power_law.nayak(Spectrum(rolloff=1.0, cut=zeta), hurst) == pytest.approx(known, rel=1e-10)
+
+
+def test_nayaks_parameter_of_a_surface_is_that_of_its_law() -> None:
+    spectrum = Spectrum(rolloff=8.0, cut=128.0, phases="random")
+    for hurst in (0.3, 0.8):
+        found = spectral(made(spectrum, hurst, n=256)).nayak
+        assert found == pytest.approx(power_law.nayak(spectrum, hurst), rel=0.01)
+
+
+# The measured density
+
+
+def test_a_single_wave_has_its_power_in_its_ring() -> None:
+    x = 2.0 * math.pi * np.arange(32) / 32
+    surface = Surface(3.0 * np.cos(4.0 * x)[:, None] + np.zeros((32, 48)), 0.5, periodic=True)
+    found, q = spectral(surface), 2.0 * math.pi * 4.0 / 16.0
+    assert found.rms_height == pytest.approx(3.0 / math.sqrt(2.0))
+    assert found.rms_slope == pytest.approx(q * 3.0 / math.sqrt(2.0))
+    assert found.rms_curvature == pytest.approx(0.5 * q * q * 3.0 / math.sqrt(2.0))
+    assert found.nayak == pytest.approx(1.5)
+    assert np.flatnonzero(found.psd > 1e-12).tolist() == [3]
+    assert (found.rms_height_below > 1.0).tolist() == [False] * 3 + [True] * 13
+    np.testing.assert_allclose(found.rms_slope_below[3:], found.rms_slope)
+
+
+@pytest.mark.parametrize("shape", [(16, 16), (15, 16), (16, 15), (15, 17), (9, 30)])
+def test_the_density_is_the_mean_over_directions_of_a_plain_sum(shape: tuple[int, int]) -> None:
+    heights = np.random.default_rng(1).standard_normal(shape)
+    surface, spacing = Surface(heights, 0.25, periodic=True), 0.25
+    rings: dict[int, list[float]] = {}
+    area = heights.size * spacing**2
+    for i in range(-(shape[0] // 2), (shape[0] + 1) // 2):
+        for j in range(-(shape[1] // 2), (shape[1] + 1) // 2):
+            phase = np.add.outer(i * np.arange(shape[0]) / shape[0], j * np.arange(shape[1]) / shape[1])
+            amplitude = spacing**2 * np.sum((heights - heights.mean()) * np.exp(-2j * np.pi * phase))
+            ring = round(math.hypot(i / (shape[0] * spacing), j / (shape[1] * spacing)) * surface.side)
+            rings.setdefault(ring, []).append(abs(amplitude) ** 2 / area)
+    found = spectral(surface)
+    for ring, value in zip(found.wave.tolist(), found.psd, strict=True):
+        if ring in rings:
+            assert value == pytest.approx(np.mean(rings[ring]), rel=1e-9)
+        else:
+            assert math.isnan(value)
+    assert found.rms_height == pytest.approx(surface.Sq)
+
+
+def test_a_window_gives_the_density_of_a_patch() -> None:
+    """White noise is flat, and of the same level, under a window; a tilt of the rim does not leak into short waves."""
+    noise = np.random.default_rng(2).standard_normal((129, 129))
+    patch, period = Surface(noise, 1.0), Surface(noise, 1.0, periodic=True)
+    assert np.mean(spectral(patch).psd[8:]) == pytest.approx(np.mean(spectral(period).psd[8:]), rel=0.06)
+    ramp = np.linspace(0.0, 1.0, 129)[:, None] + np.zeros((129, 129))
+    leaks = [spectral(Surface(ramp, 1.0, periodic=periodic)).psd[30] for periodic in (False, True)]
+    assert leaks[0] < 1e-4 * leaks[1]
+
+
+def test_a_patch_of_a_rolled_off_surface_has_about_its_numbers() -> None:
+    spectrum = Spectrum(rolloff=16.0, cut=64.0, phases="random")
+    period, patch = (spectral(made(replace(spectrum, periodic=periodic), n=128)) for periodic in (True, False))
+    assert patch.rms_slope == pytest.approx(period.rms_slope, rel=0.1)
+    assert patch.nayak == pytest.approx(period.nayak, rel=0.15)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e140])
+def test_heights_of_any_scale_have_a_spectrum(scale: float) -> None:
+    surface, other = made(), Surface(made().heights * scale, SIDE / 64, periodic=True)
+    assert spectral(other).rms_slope == pytest.approx(scale * spectral(surface).rms_slope, rel=1e-12)
+    assert spectral(other).nayak == pytest.approx(spectral(surface).nayak, rel=1e-12)
+
+
+def test_a_flat_surface_has_no_waves() -> None:
+    found = spectral(Surface(np.ones((8, 8)), 1.0))
+    assert (found.rms_height, found.rms_slope, found.rms_curvature) == (0.0, 0.0, 0.0)
+    assert math.isnan(found.nayak)
