@@ -16,6 +16,7 @@ from roughvol.study import Case
 # Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/cluster.md).
 PROCESS_BYTES = 2e8  # of a process after its imports
 SURFACE_BYTES, NODE_BYTES = 50, 280  # per node: of a surface alone; of half space and solver
+SKEWED_BYTES = 25  # per node, in addition: while heights get their skewness
 CHANNEL_BYTES, FLOW_BYTES = 200, 1300  # per node, in addition: of a search for the last channel; of a flow
 FIELD_BYTES = 16  # per node and stored field
 FILE_BYTES = 1.2e5  # of the file of a case without fields
@@ -47,7 +48,8 @@ def free_disk(folder: Path) -> float | None:
 def memory_of(case: Case, nodes: int) -> float:
     """Return the bytes of memory that a process needs for a case of that many nodes."""
     if case.sweep.steps == 0:
-        return PROCESS_BYTES + nodes * (SURFACE_BYTES + FIELD_BYTES * fields_of(case))
+        skewed = case.spectrum is not None and case.spectrum.Ssk is not None
+        return PROCESS_BYTES + nodes * (SURFACE_BYTES + SKEWED_BYTES * skewed + FIELD_BYTES * fields_of(case))
     transport, widths = case.record.transport, case.record.region_widths
     flows = [transport.transmissivity, transport.diffusivity, transport.flux_at] if transport else []
     flows += [widths.transmissivity] if widths else []

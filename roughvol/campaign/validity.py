@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from roughvol.study import Level, MadeSurface, Study, convert
+from roughvol.study import Level, MadeSurface, SpectralSurface, Study, convert
 from roughvol.study.units import in_unit, unit_of
 
 if TYPE_CHECKING:
@@ -94,7 +94,8 @@ def setting(study: Study) -> Setting:
     wanted, unit = record.dimensional, material.unit
     leak = wanted.leak_rate if wanted is not None else None
     drop = in_unit(leak.pressure_drop, unit) if leak is not None and unit is not None else None
-    scaled = not isinstance(surface, MadeSurface) or bool(surface.height or surface.length_unit)
+    scaled = not isinstance(surface, MadeSurface) or bool(surface.Sq or surface.length_unit)
+    scaled = scaled or (isinstance(surface, SpectralSurface) and surface.slope is not None)
     asks = record.transport is not None or wanted is not None or unit is not None
     return Setting(
         modulus=material.contact_modulus,

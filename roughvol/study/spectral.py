@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
@@ -127,7 +128,8 @@ class SpectralSurface(Strict):
             return max(self.n) / 2.0
         if unit_of(self.shortest) is None:
             return 1.0 / float(self.shortest)
-        return float(self.L) / self._in_unit(self.shortest)
+        length = self._in_unit(self.shortest)
+        return float(self.L) / length if length > 0.0 else math.inf  # too small for a float in the unit of L
 
     @property
     def spectrum(self) -> Spectrum:

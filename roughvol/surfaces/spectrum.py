@@ -11,6 +11,7 @@ first: levels of an ensemble are nested. None of them gives a skewness with an e
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -27,6 +28,7 @@ Waves = NDArray[np.complex128]  # shape (2R + 1, R + 1): rows i = 0 … R, -R �
 LARGEST_N = 2**13
 STRONGEST = 3.0  # parameter of the translation; beyond, the skewness of most fields no longer grows
 REPEATED = 2  # translations
+NEAR = 0.5
 SKEWNESS_ERROR = 1e-8
 
 
@@ -40,8 +42,8 @@ def power_law_surface(spectrum: Spectrum, hurst: float, n: int, *, side: float =
     A skewness is given by a translation field: a monotone transform of the Gaussian field, whose waves then get their
     amplitudes back. The spectrum is exactly that of the Gaussian field of the same seed. The skewness is exact to 1e-8
     on the grid of the smallest power of two n ≥ 2 L/λ_s. The rest of the height distribution is near Pearson's type III
-    and not exactly it: the mean kurtosis is 3 + 1.5 Ssk² to 10 % for
-    abs(Ssk) ≤ 1.
+    and not exactly it: the mean kurtosis is 3 + 1.5 Ssk² to 10 %
+    for abs(Ssk) ≤ 1.
 
     Parameters
     ----------
@@ -156,14 +158,18 @@ def skewed(waves: Waves, spectrum: Spectrum) -> Waves:
             turned = _with_moduli(_off_grid(_translation(_on_grid(turned, n) / deviation, parameter), waves), moduli)
         return turned
 
+    @functools.cache
     def excess(parameter: float) -> float:
         return float(np.mean((_on_grid(translated(parameter), n) / deviation) ** 3)) - wanted
 
-    low, high = excess(-STRONGEST), excess(STRONGEST)
-    if not low <= 0.0 <= high:
-        message = f"Ssk = {wanted:g} is out of reach of these waves; allowed: {low + wanted:.2f} to {high + wanted:.2f}"
+    below, above = max(wanted - NEAR, -STRONGEST), min(wanted + NEAR, STRONGEST)  # most often the parameter is there
+    if not excess(below) <= 0.0 <= excess(above):
+        below, above = -STRONGEST, STRONGEST
+    if not excess(below) <= 0.0 <= excess(above):
+        low, high = wanted + excess(below), wanted + excess(above)
+        message = f"Ssk = {wanted:g} is out of reach of these waves; allowed: {low:.2f} to {high:.2f}"
         raise SurfaceError(message)
-    found = optimize.brentq(excess, -STRONGEST, STRONGEST, xtol=1e-12, rtol=1e-12)
+    found = optimize.brentq(excess, below, above, xtol=1e-11, rtol=1e-11)
     if abs(excess(found)) > SKEWNESS_ERROR:  # pragma: no cover, the skewness is continuous in s
         message = f"Ssk = {wanted:g} was not met: {excess(found) + wanted:g}"
         raise SurfaceError(message)

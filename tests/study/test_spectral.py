@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from roughvol.campaign import checks, cost, resources
 from roughvol.campaign.one_case import run_case, surface_of
@@ -126,6 +130,17 @@ def test_cases_without_a_spectrum_keep_their_keys() -> None:
 def test_each_fault_is_one_message_at_its_place(keys: str, key: str, message: str) -> None:
     found = problems(f"name: a\nsurface: {{{keys}}}\n")
     assert message in found[key]
+
+
+VALUES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just("1e-320 pm")
+KEYS = st.sampled_from([*SpectralSurface.model_fields, "m", "file", "midpoint_law", "x"])
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(st.dictionaries(KEYS, VALUES | st.lists(VALUES, max_size=2), max_size=5))
+def test_any_value_is_a_study_or_a_study_error(changes: dict[str, Any]) -> None:
+    with contextlib.suppress(StudyError):
+        loads(yaml.safe_dump({"surface": {"H": 0.8, "n": 32} | changes, "sweep": {"steps": 0}}))
 
 
 def test_the_paper_solver_takes_small_grids_only() -> None:
