@@ -4,9 +4,10 @@ Conventions: the field is z(x) = Σ c_k exp(2πi k·x/L) over wave vectors k = (
 conjugate of c_k. The waves are those of `power_law`, k_e < L/λ_s with k_e = √((ε i)² + j²) and ε the anisotropy. A grid
 of n × n nodes, L/n apart, holds the waves of |k| < n/2: coarser grids are the same field with the high waves cut.
 
-SurfaceTopography (``fourier_synthesis``), rfgen and GSTools make such fields too. Their random numbers are drawn for
-the whole grid, so equal seeds on two grids are other surfaces. Here the numbers are drawn wave by wave, low waves
-first: levels of an ensemble are nested. None of them gives a skewness with an exact spectrum either.
+SurfaceTopography (``fourier_synthesis``) and rfgen make such fields too. They draw their random numbers for the whole
+grid, so equal seeds on two grids are other surfaces. GSTools sums modes node by node, for covariance models without a
+roll-off and a cut-off. Here the numbers are drawn wave by wave, low waves first: levels of an ensemble are nested. For
+other height distributions rfgen orders ranks (IAAFT). The transform here is smooth, and gives Ssk itself.
 """
 
 from __future__ import annotations
