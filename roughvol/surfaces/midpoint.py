@@ -21,7 +21,9 @@ LAWS = ("std", "variance")
 INITIAL_SPREAD = 1.0 / 0.3  # the paper's free parameter 1/√0.09, Section 2
 
 
-def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: int = 0, law: str = "std") -> Surface:
+def random_midpoint_displacement(
+    D: float, m: int, *, side: float = 1.0, seed: int = 0, law: str = "std", periodic: bool = False
+) -> Surface:
     """Return a self-affine surface by random midpoint displacement (Peitgen & Saupe 1988; the paper's Section 2).
 
     Level by level, every square gets a centre: the mean of its 4 corners + s_h ξ. Then every edge gets a midpoint: the
@@ -46,11 +48,14 @@ def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: i
         seeds at m - 1 and m are nested bit for bit. Equal seeds at two D are a matched pair.
     law : {"std", "variance"}
         Which quantity is divided by 2^{(3-D)/2} at each half step.
+    periodic : bool
+        Whether to displace one period, on which every midpoint has 4 neighbours. Its stream is another than that of
+        the patch, and as nested. It needs m ≥ 2.
 
     Returns
     -------
     Surface
-        Heights of shape (N, N).
+        Heights of shape (N, N); of a period (N - 1, N - 1), without a repeated edge.
 
     Raises
     ------
@@ -64,6 +69,8 @@ def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: i
     # Generator and bit generator are both named: `default_rng` may change its mind between versions.
     normal = np.random.Generator(np.random.PCG64(seed)).standard_normal
     nodes = 2**m
+    if periodic:
+        return Surface(_period(deviations, m, normal), side / nodes, periodic=True)
     heights = np.zeros((nodes + 1, nodes + 1))
     for level in range(m):
         step = nodes >> level
@@ -78,6 +85,25 @@ def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: i
         heights[half::step, ::step] = heights_x + deviations[2 * level + 1] * noise_x
         heights[::step, half::step] = heights_y + deviations[2 * level + 1] * noise_y
     return Surface(heights, side / nodes)
+
+
+def _period(deviations: list[float], m: int, normal: Callable[[int | tuple[int, int]], Array]) -> Array:
+    """Return one period, node (0, 0) at zero; each level draws its centres, then its edges along x and along y."""
+    nodes = 2**m
+    heights = np.zeros((nodes, nodes))
+    for level in range(m):
+        step = nodes >> level
+        half = step // 2
+        shape = (1 << level, 1 << level)
+        corners = heights[::step, ::step]
+        along_x, along_y = corners + np.roll(corners, -1, axis=0), corners + np.roll(corners, -1, axis=1)
+        centres = 0.25 * (along_x + np.roll(along_x, -1, axis=1)) + deviations[2 * level] * normal(shape)
+        spread = deviations[2 * level + 1]
+        heights[half::step, half::step] = centres
+        # corners is a view: the nodes written here are none of its own
+        heights[half::step, ::step] = 0.25 * (along_x + centres + np.roll(centres, 1, axis=1)) + spread * normal(shape)
+        heights[::step, half::step] = 0.25 * (along_y + centres + np.roll(centres, 1, axis=0)) + spread * normal(shape)
+    return heights
 
 
 def midpoint_levels(m: int) -> Index:

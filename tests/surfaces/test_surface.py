@@ -207,3 +207,37 @@ def test_Sq_does_not_feel_an_offset():
 def test_flat_surface_has_no_roughness(level):
     surface = Surface(np.full((3, 5), level), 1.0)
     assert (surface.Sq, surface.mean_height, surface.z_max) == (0.0, level, level)
+
+
+# One period
+
+
+@pytest.mark.parametrize("law", ["std", "variance"])
+def test_a_period_is_displaced_as_plain_loops_do(law):
+    D, m, n = 2.4, 3, 8
+    stream = iter(np.random.Generator(np.random.PCG64(5)).standard_normal(n * n))
+    z = np.full((n, n), np.nan)
+    z[0, 0] = 0.0
+    for level in range(m):
+        step, half = n >> level, n >> (level + 1)
+        odd, even = range(half, n, step), range(0, n, step)
+        for rows, columns, offsets, half_step in (
+            (odd, odd, [(-half, -half), (-half, half), (half, -half), (half, half)], 2 * level + 1),
+            (odd, even, [(-half, 0), (half, 0), (0, -half), (0, half)], 2 * level + 2),
+            (even, odd, [(-half, 0), (half, 0), (0, -half), (0, half)], 2 * level + 2),
+        ):
+            for i, j in itertools.product(rows, columns):
+                mean = np.mean([z[(i + a) % n, (j + b) % n] for a, b in offsets])
+                z[i, j] = mean + deviation(half_step, D, law) * next(stream)
+    surface = random_midpoint_displacement(D, m, side=2.0, seed=5, law=law, periodic=True)
+    np.testing.assert_allclose(surface.heights, z, rtol=1e-12, atol=1e-14)
+    assert (surface.periodic, surface.side, surface.spacing) == (True, 2.0, 0.25)
+
+
+def test_periods_of_a_seed_are_nested_bit_for_bit():
+    finest = random_midpoint_displacement(2.3, 6, seed=2, periodic=True).heights
+    for m in range(2, 6):
+        every = 2 ** (6 - m)
+        np.testing.assert_array_equal(
+            random_midpoint_displacement(2.3, m, seed=2, periodic=True).heights, finest[::every, ::every]
+        )
