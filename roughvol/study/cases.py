@@ -85,14 +85,13 @@ class Case:
             surface = {"bodies": [body.key for body in self.bodies], "treatment": self.treatment.key, "unit": unit}
         else:
             surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
+        record = self.record.model_dump(mode="json", exclude={"dimensional"})
+        if not self.record.residual_heights:  # cases without them keep their id
+            del record["residual_heights"]
         key: dict[str, Any] = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},
-            # cases that do not ask for residual heights keep their id
-            "record": self.record.model_dump(
-                mode="json",
-                exclude={"dimensional"} if self.record.residual_heights else {"dimensional", "residual_heights"},
-            ),
+            "record": record,
         }
         if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
             return key | {"sweep": {"steps": 0}}
@@ -199,7 +198,8 @@ class Study(Strict):
     ] = Field(default=ContactModulus(), description="{E_star} or {E, nu}, optionally hardness")
     sweep: Annotated[Annotated[Sweep, Tag("<sweep>")] | Annotated[Legs, Tag("<path>")], Discriminator(tag_sweep)] = (
         Field(
-            default=Sweep(), description="{steps, to}: number of steps and last state; or a list of legs, up and down"
+            default=Sweep(),
+            description="{steps, to}: number of steps and last state; or a list of these, legs up and down",
         )
     )
     solver: Annotated[Solver, Word("paper", (("method", "paper"),))] = Field(
@@ -335,7 +335,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     surface, record = mapping("surface"), mapping("record")
     sweep = data.get("sweep")
     path = isinstance(sweep, list | tuple)
-    legs = [leg if isinstance(leg, dict) else {} for leg in sweep] if path else [mapping("sweep")]
+    legs = [leg if isinstance(leg, dict) else {} for leg in sweep or ()] if path else [mapping("sweep")]
     ends = [leg["to"] if isinstance(leg.get("to"), dict) else {} for leg in legs]
     steps = sum(number for leg in legs for _, number in _numbers(leg.get("steps", 60)))
 
@@ -350,17 +350,14 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
             yield ("sweep", *([index] if path else []), "to"), f"must name exactly one of {', '.join(names(Target))}"
     if path:
         yield from _path_conflicts(data, legs, ends)
-    if "paper" in (data.get("solver"), mapping("solver").get("method")):
-        material = mapping("material")
-        if material.get("hardness") is not None and material.get("plastic") is not False:
-            yield ("solver",), "solver method 'paper' takes no hardness; allowed: material.plastic: false"
     yield from _unit_conflicts(surface, mapping("material"), record)
     yield from ensembles.conflicts(data)
     material = mapping("material")
-    if record.get("residual_heights") is True and (
-        material.get("hardness") is None or material.get("plastic") is False
-    ):
+    yields = material.get("hardness") is not None and material.get("plastic") is not False
+    if record.get("residual_heights") is True and not yields:
         yield ("record", "residual_heights"), "no plastic displacement: give material.hardness"
+    if yields and "paper" in (data.get("solver"), mapping("solver").get("method")):
+        yield ("solver",), "solver method 'paper' takes no hardness; allowed: material.plastic: false"
     pressed = [name for name in Record.model_fields if name not in ("heights", "residual_heights", "region", "texture")]
     at = mapping("record", "texture").get("at")
     asked: list[KeyPath] = [(name,) for name in pressed if record.get(name) is not None]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -196,7 +198,7 @@ def test_loading_keeps_contact_and_yield_and_the_free_volume_has_its_bound(seed,
     half_space = HalfSpace(surface.shape)
     path = np.linspace(0.0, 3.0, 7)[1:]
     exact = list(sweep(surface, half_space, path, rtol=1e-11, hardness=hardness))
-    for before, after in zip(exact, exact[1:], strict=False):
+    for before, after in itertools.pairwise(exact):
         assert not (before.contact() & ~after.contact()).any()
         assert ((after.plastic_displacement() - before.plastic_displacement()) >= -1e-10).all()
         assert (after.pressure() - before.pressure() >= -1e-7).all()
