@@ -20,6 +20,8 @@ from roughvol.report.drawings import Drawing, drawings, drawings_of
 from roughvol.report.html import Html, box, figure_html, fold, items, join, pairs, table, tag
 from roughvol.report.model import CITE, MARKS, Report, agreement, criterion, facts_of, heading, span
 from roughvol.report.style import CSS
+from roughvol.report.yielding import HEAD as HEAD_OF_YIELDING
+from roughvol.report.yielding import NOTE as NOTE_OF_YIELDING
 
 DECISIONS = (
     "Heights and gaps: rigid overlap ū = Δ - (z_max - z), so that the highest point touches first; the paper's Δ - ξ "
@@ -62,7 +64,7 @@ def to_html(report: Report) -> str:
         parts += [tag("h2", "Further figures", id="figures"), tag("div", *figures.values(), kind="figures")]
     for number, run in enumerate(report.own, start=1):
         parts.append(run_section(run_facts.facts(run), list(drawings_of(run)), f"run-{number}"))
-    parts += [_estimates(report), _decisions(report), _runs(report), _citation()]
+    parts += [_estimates(report), _yielding(report), _decisions(report), _runs(report), _citation()]
     body = "\n".join(parts)
     return (
         "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
@@ -78,6 +80,8 @@ def _head(report: Report) -> Html:
     links += [("seeds", "Monte Carlo")] * bool(report.seeds) + [("claims", "Claims")] * bool(report.computed)
     links += [(f"run-{number}", run.name) for number, run in enumerate(report.own, start=1)]
     links += [("estimates", "Quick estimates")] * bool(report.estimates)
+    if report.yielding:
+        links.append(("yielding", "Yield"))
     links += [("decisions", "Decisions")] * bool(report.computed) + [("runs", "Runs"), ("cite", "How to cite")]
     nav = Html(" · ".join(tag("a", words, href=f"#{anchor}") for anchor, words in links))
     lead, chips = "The free volume between rough surfaces in elastic contact.", Html()
@@ -186,6 +190,15 @@ def _estimates(report: Report) -> Html:
     words += "lubrication equation on the same gap, all surfaces and both directions of a run together."
     title = tag("h2", "How wrong the quick estimates of leakage are", id="estimates")
     return join(title, tag("p", words), box(table(HEAD, (ratio.cells for ratio in report.estimates))))
+
+
+def _yielding(report: Report) -> Html:
+    parts = []
+    for number, comparison in enumerate(report.yielding):
+        anchor = {"id": "yielding"} if number == 0 else {}
+        parts.append(join(tag("h2", comparison.title, **anchor), tag("p", NOTE_OF_YIELDING)))
+        parts.append(box(table(HEAD_OF_YIELDING, comparison.rows)))
+    return Html("\n".join(parts))
 
 
 def _claim(claim: Claim, figures: dict[str, Html]) -> Html:

@@ -15,6 +15,9 @@ import numpy as np
 from xarray import DataArray, Dataset
 
 from roughvol.report.claims import Run
+from roughvol.report.figures.origin import first_leg
+from roughvol.report.tables import Table, number
+from roughvol.report.yielding import hysteresis
 from roughvol.store.variables import VARIABLES
 from roughvol.study import HeightFile
 from roughvol.typing import Array
@@ -33,6 +36,8 @@ COLUMNS = (  # of a table of states, where they are stored or follow from what i
     "separation",
     "mean_plane_separation",
     "load_above_hardness_fraction",
+    "plastic_volume",
+    "plastic_area_fraction",
     "open_x",
     "open_y",
     "critical_opening_x",
@@ -43,16 +48,6 @@ COLUMNS = (  # of a table of states, where they are stored or follow from what i
     "leak_rate_y",
 )
 LOADS = ("nominal_pressure", P)
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of text under a head, with a sentence above."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -81,14 +76,11 @@ def facts(run: Run) -> Facts:
     if "step" in ds.sizes and P in ds:
         ds = _derived(run)
         groups = list(_groups(ds))
-        tables += _closing(groups)
+        tables += _closing([(name, first_leg(group)) for name, group in groups])
+        for name, group in groups:
+            tables += hysteresis(group, name if len(groups) > 1 else "")
         tables += [table for name, group in groups if (table := _states(name, group, several=len(groups) > 1))]
     return Facts(run.name, _title(run), tuple(_map(run)), tuple(_loading(run)), warnings, tuple(tables))
-
-
-def number(value: float) -> str:
-    """Return a number in four digits, as 0.06103 or 2.2e-05; a dash where there is none."""
-    return f"{value:.4g}".replace("e-0", "e-").replace("e+0", "e") if math.isfinite(value) else "–"
 
 
 def _title(run: Run) -> str:
@@ -190,9 +182,11 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
         material, unit = study.material, f" {study.material.unit}" if study.material.unit else ""
         yield "Contact modulus E*", f"{number(material.contact_modulus)}{unit}" + ("" if unit else " (no unit given)")
         if material.indentation_hardness is not None:
-            yield "Hardness", f"{number(material.indentation_hardness)}{unit}"
+            acts = "pressures end there" if material.plastic else "for comparison alone, no yield is computed"
+            yield "Hardness", f"{number(material.indentation_hardness)}{unit}, {acts}"
         sweep = study.sweep
-        yield "Sweep", f"{sweep.steps} steps to {sweep.target.label}" if sweep.steps else "none, surfaces alone"
+        legs = ", ".join(f"{leg.steps} steps to {leg.target.label}" for leg in sweep.legs)
+        yield "Sweep", legs if sweep.steps else "none, surfaces alone"
         if sweep.steps:
             solver = study.solving
             yield "Solver", f"{solver.method}, residual η/σ at most {solver.tolerance:g}, kernel {solver.kernel}"

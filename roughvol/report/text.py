@@ -13,6 +13,7 @@ from roughvol.report.claims import VERDICTS, Claim, plain
 from roughvol.report.claims.leak_estimates import HEAD
 from roughvol.report.model import CITE, MARKS, Report, agreement, criterion, facts_of, heading, span
 from roughvol.report.run_facts import Facts
+from roughvol.report.yielding import HEAD as HEAD_OF_YIELDING
 
 FORMAT = "roughvol claims 1"
 
@@ -64,6 +65,7 @@ def to_json(report: Report) -> str:
         wrong = [{"comparison": flip.name, "one": flip.one, "ten": flip.ten} for flip in flips]
         data["seeds"] = {"run": run.name, "quantities": quantities, "wrong_order": wrong}
     data["surfaces"] = [run_facts.facts(run).plain() for run in report.own]
+    data["yielding"] = [asdict(comparison) for comparison in report.yielding]
     data["estimates"] = [asdict(ratio) for ratio in report.estimates]
     data["runs"] = [facts_of(run) for run in report.runs]
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
@@ -94,6 +96,8 @@ def to_markdown(report: Report) -> str:
     if report.estimates:
         lines += ["", "## How wrong the quick estimates of leakage are", ""]
         lines += _table(HEAD, [ratio.cells for ratio in report.estimates])
+    for comparison in report.yielding:
+        lines += ["", f"## {comparison.title}", "", *_table(HEAD_OF_YIELDING, comparison.rows)]
     if report.computed:
         lines += ["", "## Claims in full"]
         for claim in report.claims:

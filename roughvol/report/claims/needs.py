@@ -107,6 +107,10 @@ class Needs:
 
     def _unlike(self, run: Run) -> Iterable[str]:
         """Yield reasons of kind: law, end of the sweep, solver, records."""
+        if "plastic_volume" in run.dataset:
+            yield "pressures end at a hardness, needs elastic contact"
+        if "leg" in run.dataset:
+            yield "a path of legs, needs one sweep"
         if self.law and run.law != self.law:
             yield f"midpoint law {run.law}, needs {self.law}"
         if self.ends and not any(run.end == end or run.end.startswith(f"{end}=") for end in self.ends):

@@ -137,7 +137,7 @@ def departures(paper: Conditions, ds: Dataset, drawn: Mapping[str, Sequence[floa
         differences.append(f"A* = {', '.join(f'{area:.3g}' for area in areas)}, not {paper.area:g}")
     study = study_of(ds)
     if paper.end and study is not None and study.sweep.steps:
-        label = study.sweep.target.label
+        label = study.sweep.legs[0].target.label
         if label.split("=")[0] not in paper.end:
             differences.append(f"a sweep to {label}")
     return differences
@@ -157,7 +157,18 @@ def lacking(name: str, ds: Dataset, variables: Sequence[str]) -> str | None:
     return None
 
 
-def register(draw: Draw, figures: dict[str, Draw], missing: Callable[[str, Dataset], str | None]) -> Draw:
+def first_leg(ds: Dataset) -> Dataset:
+    """Return the steps of the first leg, where a dataset has a path of several."""
+    return ds.isel(step=ds["leg"].values == 1) if "leg" in ds else ds
+
+
+def register(
+    draw: Draw,
+    figures: dict[str, Draw],
+    missing: Callable[[str, Dataset], str | None],
+    *,
+    every_leg: bool = False,
+) -> Draw:
     """Add a figure to a table by its name, in our style and with its note; return it.
 
     Parameters
@@ -168,6 +179,8 @@ def register(draw: Draw, figures: dict[str, Draw], missing: Callable[[str, Datas
         Table of figures by name.
     missing : callable
         Reason why a dataset cannot be drawn, raised as a `DatasetError`, or None.
+    every_leg : bool
+        Whether all legs of a path are drawn. Default: the first one, which loads the virgin surface.
     """
 
     @functools.wraps(draw)
@@ -176,7 +189,7 @@ def register(draw: Draw, figures: dict[str, Draw], missing: Callable[[str, Datas
         if reason is not None:
             raise DatasetError(reason)
         with mpl.rc_context(STYLE):
-            figure = draw(ds)
+            figure = draw(ds if every_leg else first_leg(ds))
             if "L" in ds:
                 figure.note(origin(draw.__name__, ds, figure.shown))
             return figure
