@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from roughvol.report.tables import Table, number
 from roughvol.typing import Array
 
 P = "mean_pressure"
-FLOWS = ("transmissivity_x", "transmissivity_y", "free_volume", "contact_area_fraction")
+QUANTITIES = ("leak_x", "leak_y", "free_volume", "contact_area_fraction")
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest pressure that both have
 
 
@@ -51,16 +51,16 @@ def hysteresis(group: Dataset, several: str = "") -> Iterator[Table]:
     if "leg" not in group:
         return
     legs = np.unique(group["leg"].values).tolist()
-    names = [name for name in FLOWS if name in group and bool(group[name].notnull().any())]
     if len(legs) < 2:
         return
     curves = {leg: _leg(group, leg) for leg in legs}
-    top = min(float(np.nanmax(curve[P].values)) for curve in curves.values())
+    names = [name for name in QUANTITIES if all(name in c and bool(c[name].notnull().any()) for c in curves.values())]
+    top = _top(curves.values())
     rows = []
     for share in SHARES:
         for name in names:
             values = [_at(curves[leg], name, share * top) for leg in legs]
-            rows.append((number(share * top), _symbol(group, name), *(_mean(value) for value in values)))
+            rows.append((number(share * top), _symbol(curves[legs[0]], name), *(_mean(value) for value in values)))
     title = "On every leg of the path" + (f", {several}" if several else "")
     note = "At equal p*, linear between two steps; a mean over the surfaces that reach it."
     yield Table(title, ("p*", "quantity", *(f"leg {leg}" for leg in legs)), tuple(rows), note)
@@ -92,9 +92,9 @@ def _same_surfaces(one: Run, other: Run) -> bool:
 def _rows(elastic: Run, plastic: Run) -> Iterator[tuple[str, ...]]:
     D, m = max(elastic.D), max(elastic.m)
     hard, soft = (_leg(run.dataset.sel(D=D, m=m), 1) for run in (elastic, plastic))
-    top = min(float(np.nanmax(curve[P].values)) for curve in (hard, soft))
+    top = _top((hard, soft))
     for share in SHARES:
-        for name in (name for name in FLOWS if name in soft and name in hard):
+        for name in (name for name in QUANTITIES if name in soft and name in hard):
             first, second = _at(hard, name, share * top), _at(soft, name, share * top)
             both = np.isfinite(first) & np.isfinite(second)
             if not both.any():
@@ -112,8 +112,20 @@ def _rows(elastic: Run, plastic: Run) -> Iterator[tuple[str, ...]]:
 
 
 def _leg(group: Dataset, leg: int) -> Dataset:
-    """Return the steps of one leg; all of them where there is one sweep."""
-    return group.isel(step=group["leg"].values == leg) if "leg" in group else group
+    """Return the steps of one leg, all of them where there is one sweep, with the leak T* V*³ at a pressure drop."""
+    for axis in "xy":
+        if f"transmissivity_{axis}" in group:
+            leak = group[f"transmissivity_{axis}"] * group["free_volume"] ** 3
+            group = group.assign({f"leak_{axis}": leak.assign_attrs(symbol=f"leak along {axis}, T_{axis}* V*³")})
+    if "leg" not in group:
+        return group
+    steps = np.flatnonzero(group["leg"].values == leg)
+    return group.isel(step=np.arange(max(steps[0] - 1, 0), steps[-1] + 1))  # from the state in which the leg begins
+
+
+def _top(curves: Iterable[Dataset]) -> float:
+    """Return the largest p* that all surfaces reach on all curves."""
+    return min(float(np.nanmin(curve[P].max("step").values)) for curve in curves)
 
 
 def _at(curve: Dataset, name: str, pressure: float) -> Array:
