@@ -91,6 +91,8 @@ def surfaces(ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
         return f"height {'file' if len(names) == 1 else 'files'} {', '.join(names[:SHOWN])}{more}, {side}"
     values = {dim: drawn.get(dim) or ds[dim].values.tolist() for dim in ("D", "m") if dim in ds.dims}
     parts = [f"{dim} = {_numbers(numbers)}" for dim, numbers in values.items()]
+    if "samples" in drawn:
+        return ", ".join([*parts, side, _samples(values["D"], drawn["samples"])])
     counts = sorted({int(count) for count in drawn.get("surfaces", (1,))})
     number = "one surface" if counts == [1] else f"{_numbers(counts)} surfaces"
     several = " of each" if max(map(len, values.values()), default=1) > 1 else ""
@@ -107,7 +109,8 @@ def origin(name: str, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
     ds : Dataset
         What it is drawn from.
     drawn : mapping
-        Values of ``D``, ``m``, ``surfaces`` (how many of each) and ``area`` (A*) that it shows, as far as they apply.
+        Values of ``D``, ``m``, ``surfaces`` (how many of each), ``samples`` (of an ensemble, by D and m) and ``area``
+        (A*) that it shows, as far as they apply.
     """
     run = run_name(ds)
     words = f"Run {run}: {surfaces(ds, drawn)}" if run else surfaces(ds, drawn)
@@ -141,6 +144,15 @@ def departures(paper: Conditions, ds: Dataset, drawn: Mapping[str, Sequence[floa
         if label.split("=")[0] not in paper.end:
             differences.append(f"a sweep to {label}")
     return differences
+
+
+def _samples(D: Sequence[float], counts: Sequence[float]) -> str:
+    """Return in words the samples of an ensemble on each level, by D; ``counts`` runs over D, then m."""
+    levels = len(counts) // len(D)
+    rows = [_numbers(counts[k * levels : (k + 1) * levels]) for k in range(len(D))]
+    if len(D) > 1:
+        rows = [f"{row} (D = {value:g})" for row, value in zip(rows, D, strict=True)]
+    return f"samples by m: {'; '.join(rows)}"
 
 
 def _numbers(values: Sequence[float]) -> str:
