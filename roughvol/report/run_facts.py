@@ -21,8 +21,12 @@ from roughvol.typing import Array
 
 STATES = 24  # rows of a table of states; a longer sweep is shown at even steps, its first and last state among them
 P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"
-LEVELLED = {"none": "as in the file", "mean": "their mean taken off", "tilt": "a plane taken off"}
-LEVELLED |= {"quadratic": "a quadratic taken off"}
+LEVELLED = {
+    "none": "as in the file",
+    "mean": "their mean taken off",
+    "tilt": "a plane taken off",
+    "quadratic": "a quadratic taken off",
+}
 CLOSING = "Where it closes"
 COLUMNS = (  # of a table of states, where they are stored or follow from what is
     "nominal_pressure",
