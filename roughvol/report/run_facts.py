@@ -124,7 +124,7 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
     """Yield the surface."""
     ds, unit = run.dataset, _unit(run.dataset)
     if "case" not in ds.dims:
-        yield "Surfaces", f"random midpoint displacement, law {run.law or 'unknown'}, {run.seeds} of each D and m"
+        yield "Surfaces", f"random midpoint displacement, law {run.law or 'unknown'}, {_computed(run)} of each D and m"
         yield "L", f"{number(run.L)}{unit}"
         return
     yield "File", ", ".join(map(str, ds["case"].values.tolist()))
@@ -151,6 +151,15 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
         yield "Missing heights", f"{share:.2%} of the nodes{count}, filled" if share else "none"
     else:
         yield "Missing heights", "none; a file with missing heights would have been refused"
+
+
+def _computed(run: Run) -> str:
+    """Return how many surfaces of each D and m were computed, as a range where the numbers differ."""
+    if "Sq" not in run.dataset:
+        return str(run.seeds)
+    counts = [run.computed(D=D, m=m) for D in run.D for m in run.m]
+    low, high = min(counts), max(counts)
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def _peak(ds: Dataset) -> float:
@@ -238,7 +247,7 @@ def _derived(run: Run) -> Dataset:
 
 
 def _groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
-    """Yield the surfaces that share a table, along `seed`: each file, or each D at each m."""
+    """Yield the surfaces that share a table, those computed along `seed`: each file, or each D at each m."""
     if "case" in ds.dims:
         for place, label in enumerate(ds["case"].values.tolist()):
             yield str(label), ds.isel(case=place).expand_dims("seed")
@@ -246,8 +255,9 @@ def _groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
     for D in ds["D"].values:
         for m in ds["m"].values:
             group = ds.sel(D=D, m=m)
-            if bool(group[P].notnull().any()):
-                yield f"D = {D:g}, m = {m}", group
+            computed = np.flatnonzero(group[P].notnull().any("step").values)
+            if computed.size:
+                yield f"D = {D:g}, m = {m}", group.isel(seed=computed)
 
 
 def _states(name: str, group: Dataset, *, several: bool) -> Table | None:

@@ -94,7 +94,7 @@ def surfaces(ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
     if "samples" in drawn:
         return ", ".join([*parts, side, _samples(values["D"], drawn["samples"])])
     counts = sorted({int(count) for count in drawn.get("surfaces", (1,))})
-    number = "one surface" if counts == [1] else f"{_numbers(counts)} surfaces"
+    number = "one surface" if counts == [1] else f"{_range(counts)} surfaces"
     several = " of each" if max(map(len, values.values()), default=1) > 1 else ""
     return ", ".join([*parts, side, number + several])
 
@@ -134,7 +134,7 @@ def departures(paper: Conditions, ds: Dataset, drawn: Mapping[str, Sequence[floa
             differences.append(f"{key} = {_numbers(values)}, not {_numbers(wanted)}")
     counts = sorted({int(count) for count in drawn.get("surfaces", ())})
     if paper.surfaces is not None and counts and counts != [paper.surfaces]:
-        differences.append(f"{_numbers(counts)} of each, not {paper.surfaces}")
+        differences.append(f"{_range(counts)} of each, not {paper.surfaces}")
     areas = drawn.get("area", ())
     if paper.area is not None and any(abs(area / paper.area - 1.0) > NEAR for area in areas):
         differences.append(f"A* = {', '.join(f'{area:.3g}' for area in areas)}, not {paper.area:g}")
@@ -153,6 +153,11 @@ def _samples(D: Sequence[float], counts: Sequence[float]) -> str:
     if len(D) > 1:
         rows = [f"{row} (D = {value:g})" for row, value in zip(rows, D, strict=True)]
     return f"samples by m: {'; '.join(rows)}"
+
+
+def _range(counts: Sequence[int]) -> str:
+    low, high = min(counts), max(counts)
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def _numbers(values: Sequence[float]) -> str:
