@@ -92,7 +92,8 @@ CAPTIONS: dict[str, str] = {
     "yielded_map": "Plastic displacement over σ at the end of the path; white elements have not yielded.",
     # ensembles
     "ensemble_cost": "Samples (left) and modelled cost (middle) on each refinement m; half-width of the 95 % interval "
-    "over the mean against cost (right), after each round. Dotted lines are plain Monte Carlo, grey lines the request.",
+    "over the mean against cost (right), after each round. Dotted lines are plain Monte Carlo, "
+    "the grey line is the accuracy asked for.",
     # speed against accuracy
     "tradeoff_precision": "Largest error of any state against the residual asked for (left) and against the seconds of "
     "a sweep (right). Dashed lines are the certified bounds; an error of zero is drawn at 1e-16.",

@@ -16,7 +16,7 @@ from roughvol.errors import DatasetError
 from roughvol.report.claims import ABSENT, CLAIMS, VERDICTS, Check, Claim, Evidence, Lacking, Reading, Run, assess
 from roughvol.report.claims.ambiguities import SERVES, readings
 from roughvol.report.claims.leak_estimates import Ratio, ratios
-from roughvol.report.claims.many_seeds import ENOUGH, Flip, Spread, many_seeds
+from roughvol.report.claims.many_seeds import ENOUGH, ManySeeds, many_seeds
 from roughvol.report.claims.needs import ALONE
 from roughvol.report.yielding import Comparison, comparisons
 from roughvol.store import dataset
@@ -38,7 +38,7 @@ class Report:
     runs: tuple[Run, ...]
     claims: tuple[Claim, ...]
     readings: tuple[Reading, ...]
-    seeds: tuple[Run, list[Spread], list[Flip]] | None
+    seeds: ManySeeds | None
     estimates: tuple[Ratio, ...]
     own: tuple[Run, ...] = ()
     any_size: bool = False

@@ -24,8 +24,12 @@ from roughvol.typing import Array
 
 STATES = 24  # rows of a table of states; a longer sweep is shown at even steps, its first and last state among them
 P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"
-LEVELLED = {"none": "as in the file", "mean": "their mean taken off", "tilt": "a plane taken off"}
-LEVELLED |= {"quadratic": "a quadratic taken off"}
+LEVELLED = {
+    "none": "as in the file",
+    "mean": "their mean taken off",
+    "tilt": "a plane taken off",
+    "quadratic": "a quadratic taken off",
+}
 CLOSING = "Where it closes"
 COLUMNS = (  # of a table of states, where they are stored or follow from what is
     "nominal_pressure",
@@ -112,7 +116,7 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
     """Yield the surface."""
     ds, unit = run.dataset, _unit(run.dataset)
     if "case" not in ds.dims:
-        yield "Surfaces", f"random midpoint displacement, law {run.law or 'unknown'}, {run.seeds} of each D and m"
+        yield "Surfaces", f"random midpoint displacement, law {run.law or 'unknown'}, {_computed(run)} of each D and m"
         yield "L", f"{number(run.L)}{unit}"
         return
     yield "File", ", ".join(map(str, ds["case"].values.tolist()))
@@ -139,6 +143,15 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
         yield "Missing heights", f"{share:.2%} of the nodes{count}, filled" if share else "none"
     else:
         yield "Missing heights", "none; a file with missing heights would have been refused"
+
+
+def _computed(run: Run) -> str:
+    """Return how many surfaces of each D and m were computed, as a range where the numbers differ."""
+    if "Sq" not in run.dataset:
+        return str(run.seeds)
+    counts = [run.computed(D=D, m=m) for D in run.D for m in run.m]
+    low, high = min(counts), max(counts)
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def _peak(ds: Dataset) -> float:
@@ -228,7 +241,7 @@ def _derived(run: Run) -> Dataset:
 
 
 def _groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
-    """Yield the surfaces that share a table, along `seed`: each file, or each D at each m."""
+    """Yield the surfaces that share a table, those computed along `seed`: each file, or each D at each m."""
     if "case" in ds.dims:
         for place, label in enumerate(ds["case"].values.tolist()):
             yield str(label), ds.isel(case=place).expand_dims("seed")
@@ -236,8 +249,9 @@ def _groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
     for D in ds["D"].values:
         for m in ds["m"].values:
             group = ds.sel(D=D, m=m)
-            if bool(group[P].notnull().any()):
-                yield f"D = {D:g}, m = {m}", group
+            computed = np.flatnonzero(group[P].notnull().any("step").values)
+            if computed.size:
+                yield f"D = {D:g}, m = {m}", group.isel(seed=computed)
 
 
 def _states(name: str, group: Dataset, *, several: bool) -> Table | None:

@@ -91,8 +91,10 @@ def surfaces(ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
         return f"height {'file' if len(names) == 1 else 'files'} {', '.join(names[:SHOWN])}{more}, {side}"
     values = {dim: drawn.get(dim) or ds[dim].values.tolist() for dim in ("D", "m") if dim in ds.dims}
     parts = [f"{dim} = {_numbers(numbers)}" for dim, numbers in values.items()]
+    if "samples" in drawn:
+        return ", ".join([*parts, side, _samples(values["D"], drawn["samples"])])
     counts = sorted({int(count) for count in drawn.get("surfaces", (1,))})
-    number = "one surface" if counts == [1] else f"{_numbers(counts)} surfaces"
+    number = "one surface" if counts == [1] else f"{_range(counts)} surfaces"
     several = " of each" if max(map(len, values.values()), default=1) > 1 else ""
     return ", ".join([*parts, side, number + several])
 
@@ -107,7 +109,8 @@ def origin(name: str, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
     ds : Dataset
         What it is drawn from.
     drawn : mapping
-        Values of ``D``, ``m``, ``surfaces`` (how many of each) and ``area`` (A*) that it shows, as far as they apply.
+        Values of ``D``, ``m``, ``surfaces`` (how many of each), ``samples`` (of an ensemble, by D and m) and ``area``
+        (A*) that it shows, as far as they apply.
     """
     run = run_name(ds)
     words = f"Run {run}: {surfaces(ds, drawn)}" if run else surfaces(ds, drawn)
@@ -131,7 +134,7 @@ def departures(paper: Conditions, ds: Dataset, drawn: Mapping[str, Sequence[floa
             differences.append(f"{key} = {_numbers(values)}, not {_numbers(wanted)}")
     counts = sorted({int(count) for count in drawn.get("surfaces", ())})
     if paper.surfaces is not None and counts and counts != [paper.surfaces]:
-        differences.append(f"{_numbers(counts)} of each, not {paper.surfaces}")
+        differences.append(f"{_range(counts)} of each, not {paper.surfaces}")
     areas = drawn.get("area", ())
     if paper.area is not None and any(abs(area / paper.area - 1.0) > NEAR for area in areas):
         differences.append(f"A* = {', '.join(f'{area:.3g}' for area in areas)}, not {paper.area:g}")
@@ -141,6 +144,20 @@ def departures(paper: Conditions, ds: Dataset, drawn: Mapping[str, Sequence[floa
         if label.split("=")[0] not in paper.end:
             differences.append(f"a sweep to {label}")
     return differences
+
+
+def _samples(D: Sequence[float], counts: Sequence[float]) -> str:
+    """Return in words the samples of an ensemble on each level, by D; ``counts`` runs over D, then m."""
+    levels = len(counts) // len(D)
+    rows = [_numbers(counts[k * levels : (k + 1) * levels]) for k in range(len(D))]
+    if len(D) > 1:
+        rows = [f"{row} (D = {value:g})" for row, value in zip(rows, D, strict=True)]
+    return f"samples by m: {'; '.join(rows)}"
+
+
+def _range(counts: Sequence[int]) -> str:
+    low, high = min(counts), max(counts)
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def _numbers(values: Sequence[float]) -> str:
