@@ -141,7 +141,7 @@ class Reduction:
 
     @property
     def residual(self) -> float:
-        """η/σ of the last state taken in; 0 before any."""
+        """Residual η/σ of the last state taken in; 0 before any."""
         return self._per_step["residual"][-1] if self._states else 0.0
 
     def follow(self, whole: Contact) -> None:

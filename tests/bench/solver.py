@@ -58,7 +58,8 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
     last = (surface.z_max - surface.mean_height) / surface.Sq
     steps = case["steps"]
     at = last * np.arange(1, steps + 1) / steps
-    limit = case["hardness"] and case["hardness"] * surface.side / surface.Sq
+    hardness = case.get("hardness")
+    limit = hardness and hardness * surface.side / surface.Sq
     with threadpool_limits(1):
         start = time.perf_counter()
         contacts = [
