@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -12,7 +11,7 @@ from pydantic import ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandl
 from pydantic_core import core_schema
 
 from roughvol.study.sections import AreaFraction, Choice, Level, Many, Positive, Seed, Word, refuse
-from roughvol.study.yaml_text import KeyPath, number_text
+from roughvol.study.yaml_text import number_text
 
 STORED_AS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
 """Names of stored variables where they differ from those of quantities in a study."""
@@ -233,40 +232,3 @@ def levels_below(m: int) -> tuple[int, ...]:
         Resolutions, coarsest first.
     """
     return tuple(range(max(1, min(COARSEST, m - FEWEST_LEVELS + 1)), m + 1))
-
-
-def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
-    """Yield what does not go together with an ensemble, on plain data: key path and message."""
-    surface = data.get("surface") if isinstance(data.get("surface"), dict) else {}
-    given = data.get("ensemble")
-    if surface is not None and surface.get("m") == "auto" and given is None:
-        yield ("surface", "m"), "'auto' needs the section 'ensemble', whose accuracy decides it"
-    if not isinstance(given, dict) or not isinstance(surface, dict):
-        return
-    if "file" in surface:
-        yield ("ensemble",), "needs generated surfaces (surface.D, surface.m): a file of heights is one surface"
-        return
-    if "seeds" in surface:
-        yield ("surface", "seeds"), "cannot be given beside 'ensemble', which decides how many: leave it out"
-    if isinstance(surface.get("m"), list) and len(surface["m"]) > 1:
-        yield ("surface", "m"), "must be one number beside 'ensemble': the finest resolution, or 'auto'"
-    sweep = data.get("sweep") if isinstance(data.get("sweep"), dict) else {}
-    if sweep is not None and sweep.get("steps") == 0:
-        yield ("ensemble",), "there is no contact to average, since sweep.steps is 0"
-    asked = given.get("accuracy") if isinstance(given.get("accuracy"), dict) else {}
-    at = given.get("at") if isinstance(given.get("at"), dict) else {}
-    quantities = {name: {stored: short for short, stored in STORED_AS.items()}.get(name, name) for name in asked or {}}
-    for name, quantity in quantities.items():
-        if at is not None and quantity in at:
-            yield ("ensemble", "accuracy", name), f"is given by ensemble.at.{quantity}: its value there has no scatter"
-        if list(quantities.values()).count(quantity) > 1:
-            yield ("ensemble", "accuracy", name), f"is '{quantity}' by another name: give one of them"
-    end = sweep.get("to", "mean-plane") if sweep else "mean-plane"
-    ends = {"separation"} if end == "mean-plane" else set(end) if isinstance(end, dict) else set()
-    if not at:
-        for name, quantity in quantities.items():
-            if quantity in ends:
-                yield (
-                    ("ensemble", "accuracy", name),
-                    "is the same on every surface at the last step: name states in 'at'",
-                )
