@@ -3,7 +3,9 @@
 Room of the store. It computes nothing.
 
 =====================  =============================================================
+`variable`             a row of the table
 `variables`            the table of every stored variable
+`derived_variables`    rows that follow from others
 `tradeoff_variables`   the table of a stored trade-off
 `dataset`              build, write, read and combine datasets
 `dimensional`          starred numbers in the units of the study
