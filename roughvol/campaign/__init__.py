@@ -10,7 +10,9 @@ Room of the campaign.
 `expected`      what that will cost
 `one_case`      one case: surface, sweep, reduction
 `batch`         cases handed to workers and stored as they end
-`workers`       processes of this machine or of a Dask cluster
+`workers`       tasks handed to processes of this machine or to a cluster
+`cluster`       workers of a Dask cluster
+`task`          a task inside its worker: messages, and the request to end
 `resources`     cores, memory and disk
 `limits`        the limit of a process on its own memory
 `cost`          cases, memory, disk and time of a study, estimated

@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from roughvol._version import __version__
-from roughvol.campaign import answered, ensemble, validity, workers
+from roughvol.campaign import answered, cluster, ensemble, validity
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
 from roughvol.campaign.one_case import FFT
@@ -78,7 +78,7 @@ def run(
     """
     study = study if isinstance(study, Study) else load(study)
     if scheduler is not None:
-        workers.check_address(scheduler)
+        cluster.check_address(scheduler)
     surface = check_surfaces(study)
     folder, text = folder_of(study, out), study.stored()
     cases = answer.cases_of(study, folder)
