@@ -5,9 +5,12 @@ Room of the campaign.
 ==============  ====================================================================
 `running`       run a study, or collect what is finished
 `checks`        a study checked before anything is computed
-`ensemble`      rounds of samples until a mean is as accurate as asked
-`answered`      that mean as stored variables and in sentences
-`expected`      what that will cost
+`ensemble`      rounds of samples until a mean is as accurate as requested
+`samples`       values and modelled cost of each sample
+`estimates`     means, intervals and errors from all samples
+`sampling`      the number of samples on each level in the next round
+`answered`      the means as stored variables and in sentences
+`expected`      expected samples and cost of an ensemble
 `one_case`      one case: surface, sweep, reduction
 `batch`         cases handed to workers and stored as they end
 `workers`       tasks handed to processes of this machine or to a cluster

@@ -35,6 +35,8 @@ class Progress:
         Share of the work done, 0 to 1. A step weighs its expected cost.
     event, notice : str
         A line on a case that has just ended; a line on the run, as a file set aside. Else empty.
+    interval : str
+        Half-width of an ensemble beside the requested one. Else empty.
     """
 
     cases: int
@@ -46,7 +48,7 @@ class Progress:
     work: float = 0.0
     event: str = ""
     notice: str = ""
-    standing: str = ""  # of an ensemble: its interval against the one asked for
+    interval: str = ""
 
 
 OnEvent = Callable[[Progress], None]
