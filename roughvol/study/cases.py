@@ -191,7 +191,7 @@ class Study(Strict):
     )
 
     ensemble: Ensemble | None = Field(
-        default=None, description="{accuracy, at, budget, first_seed}: how accurate the mean over all surfaces is to be"
+        default=None, description="{accuracy, at, budget, first_seed}: accuracy of the mean over all surfaces"
     )
 
     _places: Places = PrivateAttr(default_factory=Places)
