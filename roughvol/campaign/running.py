@@ -173,7 +173,7 @@ class _Rounds:
         self._versions: Counter[str] = Counter()
         self._interval, self._kept = "", 0
         for notice in notices:
-            self._tell(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
+            self._report(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
 
     def results(self) -> Dataset:
         """Return the dataset of all samples and the answer, written when it has changed."""
@@ -196,18 +196,18 @@ class _Rounds:
 
     def _compute(self, cases: Sequence[Case]) -> Mapping[str, Arrays]:
         """Compute the cases that have no file, and read all."""
-        asked = {case.id: case for case in cases}
-        missing = [case for id, case in asked.items() if id not in self._sound]
-        kept = len(self._cases) + len(asked) - len(missing)
-        self._kept += len(asked) - len(missing)
+        by_id = {case.id: case for case in cases}
+        missing = [case for id, case in by_id.items() if id not in self._sound]
+        kept = len(self._cases) + len(by_id) - len(missing)
+        self._kept += len(by_id) - len(missing)
         if missing:
-            Batch(self._folder, self._study.stored(), missing, kept, None, self._tell).through(
+            Batch(self._folder, self._study.stored(), missing, kept, None, self._report).through(
                 self._jobs, self._scheduler, self._stopping
             )
         else:
-            self._tell(Progress(cases=kept, kept=kept, work=1.0))
-        parts = _all_parts(self._folder, asked, self._stopping, self._versions)
-        self._cases |= asked
+            self._report(Progress(cases=kept, kept=kept, work=1.0))
+        parts = _all_parts(self._folder, by_id, self._stopping, self._versions)
+        self._cases |= by_id
         self._parts |= parts
         return parts
 
@@ -215,9 +215,9 @@ class _Rounds:
         """Report the interval that is farthest from its accuracy."""
         self._interval = answered.progress(estimates)
         count = len(self._cases)
-        self._tell(Progress(cases=count, kept=self._kept, done=count - self._kept, work=1.0, event=f"{count} samples"))
+        self._report(Progress(cases=count, kept=self._kept, done=count - self._kept, work=1.0, event=f"{count} samples"))
 
-    def _tell(self, progress: Progress) -> None:
+    def _report(self, progress: Progress) -> None:
         if self._on_event is not None:
             quiet = progress.event if progress.failed or progress.event.endswith("samples") else ""
             self._on_event(replace(progress, event=quiet, interval=self._interval))
