@@ -215,7 +215,8 @@ class _Rounds:
         """Report the interval that is farthest from its accuracy."""
         self._interval = answered.progress(estimates)
         count = len(self._cases)
-        self._report(Progress(cases=count, kept=self._kept, done=count - self._kept, work=1.0, event=f"{count} samples"))
+        done, event = count - self._kept, f"{count} samples"
+        self._report(Progress(cases=count, kept=self._kept, done=done, work=1.0, event=event))
 
     def _report(self, progress: Progress) -> None:
         if self._on_event is not None:
