@@ -13,6 +13,7 @@ key, given value and allowed values.
 `record`       the section ``record``
 `ensemble`     the section ``ensemble``
 `agreement`    sizes and units of a study compared with its files
+`conflicts`    rules across the sections
 `cases`        the study as a whole, and its cases
 `units`        numbers with a unit
 =============  =====================================================================
