@@ -7,6 +7,7 @@ key, given value and allowed values.
 `reading`      from a file to a `Study`, or to all its problems
 `yaml_text`    YAML to plain data and the line of every key
 `sections`     the sections of a study as strict, frozen records
+`legs`         paths of a sweep, up and down
 `height_file`  the section ``surface`` of measured heights
 `treatment`    the treatment of measured heights
 `material`     the section ``material``

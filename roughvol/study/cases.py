@@ -21,18 +21,17 @@ from roughvol.study.agreement import resolve
 from roughvol.study.conflicts import conflicts
 from roughvol.study.ensemble import Ensemble
 from roughvol.study.height_file import HeightFile
+from roughvol.study.legs import Legs, tag_sweep
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
 from roughvol.study.record import Record
 from roughvol.study.sections import (
     GeneratedSurface,
-    Legs,
     Solver,
     Strict,
     Sweep,
     Word,
     refuse,
     tag_surface,
-    tag_sweep,
 )
 from roughvol.study.treatment import steps
 from roughvol.study.yaml_text import key_text, write
