@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 PAPER := gallery effect_of_D effect_of_m morphology
-SEAL := seal seal_map seal_region
+SEAL := seal seal_map seal_region metal_seal metal_seal_elastic
 # Second readings of the paper's ambiguous passages, and more surfaces than it has: for the claims report.
 READINGS := ten_seeds_of_m many_seeds morphology_of_D full_contact first_contact in_plane_scaling \
             reading_variance_law reading_variance_law_D reading_summit_plane

@@ -30,7 +30,7 @@ def progress(now: Progress, seconds: float) -> str:
         text += f" · {now.steps_done} of {now.steps} steps · {now.steps_done / max(seconds, 1e-3):.0f} steps/s"
     if 0.01 < now.work < 1.0:
         text += f" · {duration(seconds * (1.0 - now.work) / now.work)} left"
-    return f"{text} · {now.standing}" if now.standing else text
+    return f"{text} · {now.interval}" if now.interval else text
 
 
 def ran(last: Progress, seconds: float) -> str:

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from tests.bench import solver
+from tests.bench import solver, store
 
 BASELINE = {(r["m"], r["D"], r["rtol"], r["seed"]): r for r in json.loads(solver.BASELINE.read_text(encoding="utf-8"))}
 
@@ -29,3 +29,13 @@ def test_growth_is_reported():
     assert solver.regressions(stored) == []
     worse = [stored[0] | {"fp64": stored[0]["fp64"] + 1.0}, stored[1] | {"m": 99}]
     assert len(solver.regressions(worse)) == 2
+
+
+def test_the_layouts_of_the_store_are_measured(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    store.layouts(8)
+    rows = capsys.readouterr().out.splitlines()[2:]
+    sizes = {row.split("|")[1].strip(): int(row.split("|")[2]) for row in rows}
+    assert len(sizes) == 4
+    assert sizes["now: netCDF-3 (64-bit offset), read by scipy"] < sizes["netCDF-4"]
+    assert not list(tmp_path.iterdir())

@@ -5,13 +5,18 @@ Room of the campaign.
 ==============  ====================================================================
 `running`       run a study, or collect what is finished
 `checks`        a study checked before anything is computed
-`ensemble`      rounds of samples until a mean is as accurate as asked
-`answered`      that mean as stored variables and in sentences
-`expected`      what that will cost
+`ensemble`      rounds of samples until a mean is as accurate as requested
+`samples`       values and modelled cost of each sample
+`estimates`     means, intervals and errors from all samples
+`sampling`      the number of samples on each level in the next round
+`answered`      the means as stored variables and in sentences
+`expected`      expected samples and cost of an ensemble
 `one_case`      one case: surface, sweep, reduction
 `path`          indentations of the legs of a sweep
 `batch`         cases handed to workers and stored as they end
-`workers`       processes of this machine or of a Dask cluster
+`workers`       tasks handed to processes of this machine or to a cluster
+`cluster`       workers of a Dask cluster
+`task`          a task inside its worker: messages, and the request to end
 `resources`     cores, memory and disk
 `limits`        the limit of a process on its own memory
 `cost`          cases, memory, disk and time of a study, estimated

@@ -3,70 +3,97 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from roughvol.campaign.ensemble import Answer, Standing
+from roughvol.campaign.ensemble import Answer, Estimates
+from roughvol.campaign.estimates import SMALLEST, MeanEstimate
 from roughvol.store.answer import BOUNDS
 from roughvol.store.variables import VARIABLES
-from roughvol.study import levels_below
+
+INTERPOLATION_SHARE = 0.1  # largest error between steps without a remark, as a share of the accuracy
 
 Values = dict[str, tuple[tuple[str, ...], Any]]
 
 
 def variables(answer: Answer) -> Values:
-    """Return what `store.answer.with_answer` stores of an answer: dimensions and values by name."""
-    ensembles = answer.ensembles
-    dimensions, levels = sorted(ensembles.dimensions), ensembles.levels
-    states = list(dict.fromkeys(target.state.label for target in ensembles.targets))
-    rounds = max(len(each) for each in answer.rounds.values())
-    values: Values = {
-        "ensemble_at": (("ensemble_at",), np.array(states, dtype=object)),
-        "bound": (("bound",), np.array(BOUNDS, dtype=object)),
-        "round": (("round",), np.arange(rounds)),
-        "ensemble_samples": (("D", "m"), [ensembles.have(D) for D in dimensions]),
-        "ensemble_sample_cost": (("D", "m"), [answer.standings[D][0].costs for D in dimensions]),
-        "ensemble_cost": (("D",), [ensembles.cost(D) for D in dimensions]),
-        "ensemble_plain_cost": (("D",), [max(one.plain_cost for one in answer.standings[D]) for D in dimensions]),
-        "ensemble_round_cost": (
-            ("D", "round"),
-            [_padded([cost for cost, _ in answer.rounds[D]], rounds) for D in dimensions],
-        ),
-    }
-    shape = {"D": len(dimensions), "m": len(levels), "ensemble_at": len(states), "bound": 2, "round": rounds}
+    """Return an answer as stored variables.
+
+    Parameters
+    ----------
+    answer : Answer
+        From `ensemble.estimate_means`.
+
+    Returns
+    -------
+    dict
+        Dimensions and values by the name in `store.variables.VARIABLES`.
+    """
+    table = answer.samples
+    dimensions = sorted(table.dimensions)
+    states = list(dict.fromkeys(target.state.label for target in table.targets))
+    rounds = max(len(history) for history in answer.rounds.values())
+    sizes = {"D": len(dimensions), "m": len(table.levels), "ensemble_at": len(states), "bound": 2, "round": rounds}
+    values = _coordinates(states, rounds) | _costs(answer, dimensions, rounds)
     for row, D in enumerate(dimensions):
-        for number, one in enumerate(answer.standings[D]):
-            column = states.index(one.target.state.label)
-            halves = _padded([each[number] for _, each in answer.rounds[D]], rounds)
-            for suffix, value in (_of(one) | {"round_half_width": halves}).items():
-                name = f"{one.target.stored}_{suffix}"
+        for number, estimate in enumerate(answer.estimates[D]):
+            column = states.index(estimate.target.state.label)
+            half_widths = _padded([history[number] for _, history in answer.rounds[D]], rounds)
+            for suffix, value in (_values_of(estimate) | {"round_half_width": half_widths}).items():
+                name = f"{estimate.target.stored}_{suffix}"
                 dims = tuple(VARIABLES[name].dims.split())
                 if name not in values:
-                    values[name] = (dims, np.full([shape[dim] for dim in dims], np.nan))
-                place = tuple({"D": row, "ensemble_at": column}.get(dim, slice(None)) for dim in dims)
-                values[name][1][place] = value
+                    values[name] = (dims, np.full([sizes[dim] for dim in dims], np.nan))
+                index = tuple({"D": row, "ensemble_at": column}.get(dim, slice(None)) for dim in dims)
+                values[name][1][index] = value
     return values
 
 
-def _of(one: Standing) -> dict[str, Any]:
-    levels = range(len(one.costs))
-    used = {link.level: float(link.samples) for link in one.mean.links}
-    low, high = one.mean.value - one.mean.half_width, one.mean.value + one.mean.half_width
+def _coordinates(states: Sequence[str], rounds: int) -> Values:
     return {
-        "mean": one.mean.value,
-        "interval": [low, high],
-        "bias": one.weak.bias,
-        "freedom": one.mean.freedom,
-        "accuracy_asked": one.wanted,
-        "step_error": one.between,
-        "solver_error": one.solver,
-        "level_mean": one.level_means,
-        "level_variance": one.level_variances,
-        "level_residual": one.residuals,
-        "level_correlation": [math.nan, *one.correlations],
-        "level_samples": [used.get(k, 0.0) for k in levels],
+        "ensemble_at": (("ensemble_at",), np.array(states, dtype=object)),
+        "bound": (("bound",), np.array(BOUNDS, dtype=object)),
+        "round": (("round",), np.arange(rounds)),
+    }
+
+
+def _costs(answer: Answer, dimensions: Sequence[float], rounds: int) -> Values:
+    """Return the number of samples on each level, and the modelled costs."""
+    table, estimates = answer.samples, answer.estimates
+    by_round = [_padded([cost for cost, _ in answer.rounds[D]], rounds) for D in dimensions]
+    return {
+        "ensemble_samples": (("D", "m"), [table.counts(D) for D in dimensions]),
+        "ensemble_sample_cost": (("D", "m"), [estimates[D][0].costs for D in dimensions]),
+        "ensemble_cost": (("D",), [table.cost(D) for D in dimensions]),
+        "ensemble_plain_cost": (("D",), [_plain_cost(estimates[D]) for D in dimensions]),
+        "ensemble_round_cost": (("D", "round"), by_round),
+    }
+
+
+def _plain_cost(estimates: Sequence[MeanEstimate]) -> float:
+    """Return the modelled seconds of plain Monte Carlo for all means at one D, from common samples."""
+    return max(estimate.plain_cost for estimate in estimates)
+
+
+def _values_of(estimate: MeanEstimate) -> dict[str, Any]:
+    """Return the values of one mean by the suffix of their names."""
+    mean = estimate.mean
+    samples = {link.level: float(link.samples) for link in mean.links}
+    return {
+        "mean": mean.value,
+        "interval": [mean.value - mean.half_width, mean.value + mean.half_width],
+        "bias": estimate.weak_error.bias,
+        "freedom": mean.freedom,
+        "accuracy_asked": estimate.requested,
+        "step_error": estimate.interpolation_error,
+        "solver_error": estimate.solver_error,
+        "level_mean": estimate.level_means,
+        "level_variance": estimate.level_variances,
+        "level_residual": estimate.residual_variances,
+        "level_correlation": [math.nan, *estimate.correlations],
+        "level_samples": [samples.get(level, 0.0) for level in range(len(estimate.costs))],
     }
 
 
@@ -75,75 +102,124 @@ def _padded(values: Sequence[float], length: int) -> list[float]:
 
 
 def sentences(answer: Answer) -> list[str]:
-    """Return the answer: a line for each mean with its whole error, and for each D what it cost."""
-    m = answer.ensembles.m
-    lines = []
-    for D, each in answer.standings.items():
-        lines += [sentence(one, D, m) for one in each]
-    for D, each in answer.standings.items():
-        have = dict(zip(levels_below(m), answer.ensembles.have(D), strict=True))
-        cost, plain = answer.ensembles.cost(D), max(one.plain_cost for one in each)
-        unused = [level for level in range(len(have)) if not any(level in one.plan.levels for one in each)]
-        text = (
-            f"D = {D:g}: {', '.join(f'{n} samples at m = {level}' for level, n in have.items())}; "
-            f"{duration(cost)} of one core by the cost model, plain Monte Carlo {duration(plain)}"
-        )
-        if plain <= cost:
-            text += "; levels do not pay here"
-        elif unused:
-            text += f"; no use of m = {', '.join(str(list(have)[level]) for level in unused)}"
-        lines.append(text)
-        lines += [advice for one in each if (advice := _between_advice(one))]
-    if answer.stopped:
-        lines.append(answer.stopped)
-    return list(dict.fromkeys(lines))
+    """Return an answer in sentences.
+
+    Parameters
+    ----------
+    answer : Answer
+        From `ensemble.estimate_means`.
+
+    Returns
+    -------
+    list of str
+        A line for each mean with all its errors, then samples and costs for each D.
+    """
+    finest, levels = answer.samples.finest, answer.samples.levels
+    lines = [sentence(estimate, D, finest) for D, estimates in answer.estimates.items() for estimate in estimates]
+    for D, estimates in answer.estimates.items():
+        lines.append(_cost_sentence(D, levels, answer.samples.counts(D), answer.samples.cost(D), estimates))
+        lines += [_interpolation_remark(estimate) for estimate in estimates]
+    lines.append(answer.stopped)
+    return list(dict.fromkeys(filter(None, lines)))
 
 
-def sentence(one: Standing, D: float, m: int) -> str:
-    """Return a mean and its whole error in one line."""
-    symbol = VARIABLES[one.target.stored].symbol
-    at = "the last step" if one.target.state.value is None else one.target.state.label.replace("=", " = ")
-    if one.weak.converges:
-        resolution = f"resolution {_share(one, one.weak.bias)}"
+def sentence(estimate: MeanEstimate, D: float, m: int) -> str:
+    """Return a mean and its errors in one line.
+
+    Parameters
+    ----------
+    estimate : MeanEstimate
+        The mean.
+    D : float
+        Fractal dimension.
+    m : int
+        Finest level.
+
+    Returns
+    -------
+    str
+        Value, interval, and the errors by resolution, interpolation and solver.
+    """
+    target, mean, weak_error = estimate.target, estimate.mean, estimate.weak_error
+    state = "the last step" if target.state.value is None else target.state.label.replace("=", " = ")
+    if weak_error.converges:
+        resolution = f"resolution {_relative(estimate, weak_error.bias)}"
     else:
         resolution = f"resolution: does not converge with m, this is the value at m = {m}"
-    solver = f"solver {_share(one, one.solver)} certified" if one.solver > 0.0 else "solver not certified"
-    held = "" if one.holds else f"; asked for ± {one.target.accuracy}"
+    certified = estimate.solver_error > 0.0
+    solver = f"solver {_relative(estimate, estimate.solver_error)} certified" if certified else "solver not certified"
+    request = "" if estimate.reached else f"; asked for ± {target.accuracy}"
     return (
-        f"mean {symbol} at {at}, D = {D:g}, m = {m}: {one.mean.value:.5g} ± {_share(one, one.mean.half_width)} "
-        f"(seeds, 95 % t interval, {one.mean.freedom:.0f} degrees of freedom), {resolution}, "
-        f"between steps {_share(one, one.between)}, {solver}{held}"
+        f"mean {VARIABLES[target.stored].symbol} at {state}, D = {D:g}, m = {m}: "
+        f"{mean.value:.5g} ± {_relative(estimate, mean.half_width)} "
+        f"(seeds, 95 % t interval, {mean.freedom:.0f} degrees of freedom), {resolution}, "
+        f"between steps {_relative(estimate, estimate.interpolation_error)}, {solver}{request}"
     )
 
 
-BETWEEN = 0.1  # of the accuracy: the most that the interpolation between steps should take
+def _cost_sentence(
+    D: float, levels: Sequence[int], counts: Sequence[int], cost: float, estimates: Sequence[MeanEstimate]
+) -> str:
+    """Return the samples on each level and the modelled costs in one line."""
+    samples = ", ".join(f"{number} samples at m = {m}" for m, number in zip(levels, counts, strict=True))
+    plain = _plain_cost(estimates)
+    text = f"D = {D:g}: {samples}; {duration(cost)} of one core by the cost model, plain Monte Carlo {duration(plain)}"
+    used = {level for estimate in estimates for level in estimate.plan.levels}
+    unused = [str(m) for level, m in enumerate(levels) if level not in used]
+    if plain <= cost:
+        return f"{text}; levels do not pay here"
+    return f"{text}; no use of m = {', '.join(unused)}" if unused else text
 
 
-def _between_advice(one: Standing) -> str:
-    if one.between <= BETWEEN * one.wanted:
+def _interpolation_remark(estimate: MeanEstimate) -> str:
+    if estimate.interpolation_error <= INTERPOLATION_SHARE * estimate.requested:
         return ""
-    return f"the error between steps of {one.target.quantity} passes a tenth of the accuracy: take more sweep.steps"
+    quantity = estimate.target.quantity
+    return f"the error between steps of {quantity} passes a tenth of the accuracy: take more sweep.steps"
 
 
-def _share(one: Standing, value: float) -> str:
-    """Return an error relative to the mean or absolute, as the accuracy is."""
-    if not one.target.accuracy.relative:
-        return f"{value:.2g}"
-    return f"{100.0 * value / abs(one.mean.value):.2g} %" if one.mean.value else "inf %"
+def _relative(estimate: MeanEstimate, error: float) -> str:
+    """Return an error relative to the mean if the accuracy is relative, else as it is."""
+    if not estimate.target.accuracy.relative:
+        return f"{error:.2g}"
+    mean = abs(estimate.mean.value)
+    return f"{100.0 * error / mean:.2g} %" if mean else "inf %"
 
 
-def standing(standings: Mapping[float, Sequence[Standing]]) -> str:
-    """Return the mean that is farthest from its accuracy, for a line of progress."""
-    D, one = max(
-        ((D, one) for D, each in standings.items() for one in each),
-        key=lambda pair: pair[1].mean.half_width / max(pair[1].wanted, 1e-300),
+def progress(estimates: Estimates) -> str:
+    """Return the mean with the largest half-width over its accuracy, for a line of progress.
+
+    Parameters
+    ----------
+    estimates : dict
+        Estimates of a round, by D.
+
+    Returns
+    -------
+    str
+        Symbol, D, half-width and accuracy.
+    """
+    D, worst = max(
+        ((D, estimate) for D, row in estimates.items() for estimate in row),
+        key=lambda pair: pair[1].mean.half_width / max(pair[1].requested, SMALLEST),
     )
-    symbol = VARIABLES[one.target.stored].symbol
-    return f"{symbol} at D = {D:g} ± {_share(one, one.mean.half_width)} of ± {one.target.accuracy}"
+    symbol = VARIABLES[worst.target.stored].symbol
+    return f"{symbol} at D = {D:g} ± {_relative(worst, worst.mean.half_width)} of ± {worst.target.accuracy}"
 
 
 def duration(seconds: float) -> str:
-    """Return a time as it is read."""
+    """Return a time in a readable unit.
+
+    Parameters
+    ----------
+    seconds : float
+        Time in seconds.
+
+    Returns
+    -------
+    str
+        Three digits, in s, min, h or days.
+    """
     for limit, unit, size in ((100.0, "s", 1.0), (6000.0, "min", 60.0), (3e5, "h", 3600.0)):
         if seconds < limit:
             return f"{seconds / size:.3g} {unit}"

@@ -35,6 +35,8 @@ class Progress:
         Share of the work done, 0 to 1. A step weighs its expected cost.
     event, notice : str
         A line on a case that has just ended; a line on the run, as a file set aside. Else empty.
+    interval : str
+        Half-width of an ensemble beside the requested one. Else empty.
     """
 
     cases: int
@@ -46,17 +48,31 @@ class Progress:
     work: float = 0.0
     event: str = ""
     notice: str = ""
-    standing: str = ""  # of an ensemble: its interval against the one asked for
+    interval: str = ""
 
 
 OnEvent = Callable[[Progress], None]
 
-_Task = tuple[Case, str, int, Path, str | None, Surface | None]
+Task = tuple[Case, str, int, Path, str | None, Surface | None]
 _held: HalfSpaces = {}  # of a worker process: the half space of its last case
 
 
-def _work(task: _Task, tell: workers.Tell) -> bytes | None:
-    """Return the file of a case, None if it was stopped and has stored its steps."""
+def run_task(task: Task, tell: workers.Tell) -> bytes | None:
+    """Run one case in a worker.
+
+    Parameters
+    ----------
+    task : tuple
+        The case, the study as text, the threads, the path of the checkpoint, the mark of the lock of the folder (None
+        on this machine), and the surface of a height file.
+    tell : callable
+        Receives the id of the case and the number of finished steps.
+
+    Returns
+    -------
+    bytes or None
+        Content of the file of the case; None if the case was stopped and has stored its steps.
+    """
     case, text, threads, checkpoint, mark, surface = task
     # On another machine the path may be another folder: the lock is the same only in the folder of this run.
     shared = mark is None or lock.mark(checkpoint.parent.parent) == mark != ""
@@ -118,12 +134,12 @@ class Batch:
             processes = self._limited(processes)
         threads = 1 if scheduler else max(1, jobs // processes)  # other cores work inside the convolutions
         folder, mark = self._folder.resolve(), lock.mark(self._folder) if scheduler else None
-        tasks: list[_Task] = [
+        tasks: list[Task] = [
             (case, self._text, threads, checkpoint_file(folder, case.id), mark, self._surface) for case in self._cases
         ]
         try:
             workers.each(
-                _work,
+                run_task,
                 tasks,
                 jobs=processes,
                 on_begin=self._begun,
@@ -149,7 +165,7 @@ class Batch:
             self._tell(notice=sentence)
         return fitting
 
-    def _begun(self, task: _Task) -> None:
+    def _begun(self, task: Task) -> None:
         self._reached[task[0].id] = 0
         self._note()
 
@@ -159,7 +175,7 @@ class Batch:
             self._tell()
             self._note()
 
-    def _ended(self, task: _Task, result: bytes | None, error: BaseException | None) -> None:
+    def _ended(self, task: Task, result: bytes | None, error: BaseException | None) -> None:
         case = task[0]
         if error is None and result is None:  # stopped on the way
             return

@@ -84,7 +84,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
     if case.sweep.steps == 0:
         return []
     if not held.scaled:
-        return validity.before(held, case.sweep.target, Sq=math.nan, Sdq=math.nan, L=case.L)
+        return validity.before(held, case.sweep.legs[0].target, Sq=math.nan, Sdq=math.nan, L=case.L)
     size = 1.0
     if isinstance(given, MadeSurface):
         surface = surface_of(
@@ -94,7 +94,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
     surface = surface or surface_of(case)
     Sdq = size * texture.Sdq(surface.heights, surface.spacing)
     return validity.peak(held, surface.peak) + validity.before(
-        held, case.sweep.target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side
+        held, case.sweep.legs[0].target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side
     )
 
 

@@ -144,9 +144,8 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
 def _seconds(case: Case, shape: tuple[int, int]) -> float:
     if case.sweep.steps == 0:
         return CASE_OVERHEAD
-    searched = case.sweep.target.kind in ("contact_area", "pressure") or case.sweep.target.value is None
-    searched = searched and not case.sweep.target.kind.endswith("plane")
-    steps = case.sweep.steps + (SEARCH if searched else 0) + LEVEL * searched_levels(case)
+    searched = sum(leg.target.kind.startswith(("contact_area", "pressure", "percolation")) for leg in case.sweep.legs)
+    steps = case.sweep.steps + SEARCH * searched + LEVEL * searched_levels(case)
     step = seconds_per_step(shape, case.solver.tolerance, seconds_per_convolution(shape, case.solver.kernel))
     return CASE_OVERHEAD + sum(_observable_seconds(case, shape).values()) + steps * step
 

@@ -1,7 +1,7 @@
-"""What an ensemble will cost, before it is run: samples on each level, and plain Monte Carlo beside it.
+"""The expected samples and cost of an ensemble before it runs, and the cost of plain Monte Carlo.
 
-The variances are those of sweeps to the mean plane at p* = 0.3 (D = 2.2, 2.5, 2.8; m = 4 … 9; 16 to 400 seeds). Between
-these D they are interpolated. At other states they differ by a factor of two, and so do the costs.
+The variances are of sweeps to the mean plane at p* = 0.3 (16 to 400 seeds, m = 4 … 9), interpolated in D. At other
+states they differ by a factor of two, and so does the cost.
 """
 
 from __future__ import annotations
@@ -11,25 +11,71 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roughvol.campaign import cost, ensemble
-from roughvol.campaign.ensemble import SINGLE
+from roughvol.campaign import cost, samples
+from roughvol.campaign.sampling import PILOT, pilot
 from roughvol.observables import allocation
 from roughvol.observables.multilevel import Link
 from roughvol.study import MadeSurface, Study, levels_below
 from roughvol.study.ensemble import AUTO_FROM
 
-MEASURED_D = (2.2, 2.5, 2.8)
-# Spread of one surface over the mean; share of the variance at m = 5 that m = 4 leaves; how often that halves by level
-LIKE_VOLUME = ((0.167, 0.124, 0.075), (0.05, 0.13, 0.37), (2.2, 2.1, 1.5))
-LIKE_AREA = ((0.315, 0.21, 0.107), (0.29, 0.50, 0.90), (1.7, 1.4, 0.8))
-SPREADS = {"free_volume": LIKE_VOLUME, "separation": LIKE_VOLUME, "indentation": LIKE_VOLUME}
-SPREADS |= {"contact_area": LIKE_AREA, "pressure": LIKE_AREA}
+
+@dataclass(frozen=True)
+class Scatter:
+    """The scatter of a quantity over surfaces, at each of `MEASURED_D`.
+
+    Attributes
+    ----------
+    spread : tuple of float
+        Standard deviation over the mean.
+    residual : tuple of float
+        Residual variance of m = 5 about its regression on m = 4, over the variance.
+    decay : tuple of float
+        Number of halvings of the residual variance from level to level.
+    """
+
+    spread: tuple[float, ...]
+    residual: tuple[float, ...]
+    decay: tuple[float, ...]
+
+    def at(self, D: float) -> tuple[float, float, float]:
+        """Return spread, residual and decay at one D."""
+        rows = (self.spread, self.residual, self.decay)
+        spread, residual, decay = (float(np.interp(D, MEASURED_D, row)) for row in rows)
+        return spread, residual, decay
+
+
+MEASURED_D = (2.2, 2.5, 2.8)  # D of all values of `Scatter`
+OF_VOLUME = Scatter((0.167, 0.124, 0.075), (0.05, 0.13, 0.37), (2.2, 2.1, 1.5))  # V* at given p*
+OF_AREA = Scatter((0.315, 0.21, 0.107), (0.29, 0.50, 0.90), (1.7, 1.4, 0.8))  # A* at given p*
+SCATTER = {
+    "free_volume": OF_VOLUME,
+    "separation": OF_VOLUME,
+    "indentation": OF_VOLUME,
+    "contact_area": OF_AREA,
+    "pressure": OF_AREA,
+}
+"""The measured scatter that each quantity is assumed to have."""
 MEANS = {"free_volume": 1.5, "separation": 1.0, "indentation": 2.0, "contact_area": 0.01, "pressure": 0.5}
+"""Typical means, for absolute accuracies."""
+LARGEST_RESIDUAL = 0.9  # largest residual variance over the variance
+FREEDOM = 99.0  # degrees of freedom of the assumed variances
 
 
 @dataclass(frozen=True)
 class Expected:
-    """The ensemble of one D: samples by m, seconds of one core, and those of plain Monte Carlo."""
+    """The expected ensemble of one D.
+
+    Attributes
+    ----------
+    D : float
+        Fractal dimension.
+    samples : dict
+        Number of samples by m.
+    seconds : float
+        Modelled seconds of one core.
+    plain : float
+        Modelled seconds of plain Monte Carlo.
+    """
 
     D: float
     samples: dict[int, int]
@@ -38,41 +84,53 @@ class Expected:
 
 
 def expected(study: Study) -> list[Expected]:
-    """Return what the ensemble of a study is expected to take; with `m: auto`, on its first resolution."""
+    """Return the expected samples and costs of an ensemble; with ``m: auto``, of its first resolution.
+
+    Parameters
+    ----------
+    study : Study
+        With generated surfaces.
+
+    Returns
+    -------
+    list of Expected
+        One for each D.
+    """
     surface = study.surface
     assert isinstance(surface, MadeSurface)
     levels = levels_below(surface.m[0] if surface.m else AUTO_FROM)
     costs = [_seconds(study, m) for m in levels]
-    pilot = list(ensemble.pilot(levels).values())
-    found = []
-    for D in surface.dimensions:
-        samples, plain = list(pilot), costs[-1]
-        for target in ensemble.targets_of(study.ensemble) if study.ensemble else ():
-            share, first, rate = (float(np.interp(D, MEASURED_D, row)) for row in SPREADS[target.quantity])
-            links = _links(levels, first, rate)
-            half = float(target.accuracy) / share
-            if not target.accuracy.relative:
-                half /= MEANS[target.quantity]
-            plan = allocation.plan(links, costs, pilot, half)
-            for level, n in zip(plan.levels, plan.samples, strict=True):
-                samples[level] = max(samples[level], n)
-            plain = max(plain, allocation.plain_cost(1.0, costs[-1], half))
-        total = sum(n * seconds for n, seconds in zip(samples, costs, strict=True))
-        found.append(Expected(D, dict(zip(levels, samples, strict=True)), total, plain))
-    return found
+    return [_of_dimension(study, D, levels, costs) for D in surface.dimensions]
 
 
-def _links(levels: tuple[int, ...], first: float, rate: float) -> dict[tuple[int, int], Link]:
-    """Return links between adjacent levels, of a quantity that has variance 1 on each."""
-    links = {(k, -1): Link(k, -1, ensemble.PILOT, 0.0, 1.0, 99.0) for k in range(len(levels))}
-    for k, m in list(enumerate(levels))[1:]:
-        share = min(first * 2.0 ** (-rate * (m - 5)), 0.9)
-        links[k, k - 1] = Link(k, k - 1, ensemble.PILOT, math.sqrt(1.0 - share), share, 99.0)
+def _of_dimension(study: Study, D: float, levels: tuple[int, ...], costs: list[float]) -> Expected:
+    first = list(pilot(levels).values())
+    counts, plain = list(first), costs[-1]
+    for target in samples.targets_of(study.ensemble) if study.ensemble else ():
+        spread, residual, decay = SCATTER[target.quantity].at(D)
+        half_width = float(target.accuracy) / spread  # of a quantity with variance 1
+        if not target.accuracy.relative:
+            half_width /= MEANS[target.quantity]
+        plan = allocation.plan(_links(levels, residual, decay), costs, first, half_width)
+        for level, number in zip(plan.levels, plan.samples, strict=True):
+            counts[level] = max(counts[level], number)
+        plain = max(plain, allocation.plain_cost(1.0, costs[-1], half_width))
+    seconds = sum(number * cost for number, cost in zip(counts, costs, strict=True))
+    return Expected(D, dict(zip(levels, counts, strict=True)), seconds, plain)
+
+
+def _links(levels: tuple[int, ...], residual: float, decay: float) -> dict[tuple[int, int], Link]:
+    """Return links between adjacent levels, of a quantity with variance 1 on each level."""
+    links = {(level, -1): Link(level, -1, PILOT, 0.0, 1.0, FREEDOM) for level in range(len(levels))}
+    for level, m in list(enumerate(levels))[1:]:
+        share = min(residual * 2.0 ** (-decay * (m - 5)), LARGEST_RESIDUAL)
+        links[level, level - 1] = Link(level, level - 1, PILOT, math.sqrt(1.0 - share), share, FREEDOM)
     return links
 
 
 def _seconds(study: Study, m: int) -> float:
+    """Return the modelled seconds of a sample: the first convolution of a step is in double precision."""
     nodes, case = 2**m + 1, study.cases()[0]
-    units = cost.convolutions_per_step((nodes, nodes), case.solver.tolerance)
-    units = 1.0 + SINGLE * (units - 1.0)
-    return ensemble.seconds_of(m, case.sweep.steps, units * case.sweep.steps)
+    convolutions = cost.convolutions_per_step((nodes, nodes), case.solver.tolerance)
+    units = 1.0 + samples.SINGLE * (convolutions - 1.0)
+    return samples.seconds_of(m, case.sweep.steps, units * case.sweep.steps)

@@ -55,7 +55,7 @@ def memory_of(case: Case, nodes: int) -> float:
     flows += [widths.transmissivity] if widths else []
     per_node = NODE_BYTES + FIELD_BYTES * fields_of(case)
     per_node += FLOW_BYTES * any(flow is not None for flow in flows)
-    per_node += CHANNEL_BYTES * case.sweep.target.kind.startswith("percolation")
+    per_node += CHANNEL_BYTES * any(leg.target.kind.startswith("percolation") for leg in case.sweep.legs)
     return PROCESS_BYTES + nodes * per_node
 
 

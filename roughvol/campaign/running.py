@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from roughvol._version import __version__
-from roughvol.campaign import answered, ensemble, validity, workers
+from roughvol.campaign import answered, cluster, ensemble, validity
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
 from roughvol.campaign.one_case import FFT
@@ -78,7 +78,7 @@ def run(
     """
     study = study if isinstance(study, Study) else load(study)
     if scheduler is not None:
-        workers.check_address(scheduler)
+        cluster.check_address(scheduler)
     surface = check_surfaces(study)
     folder, text = folder_of(study, out), study.stored()
     cases = answer.cases_of(study, folder)
@@ -103,7 +103,7 @@ def run(
         if study.ensemble is not None:
             sound = cases.keys() - {case.id for case in absent}
             rounds = _Rounds(study, folder, sound, notices, on_event, jobs, scheduler, stopping)
-            return rounds.answered()
+            return rounds.results()
         missing = [case for case in absent if case.id in wanted]
         left = {case.id for case in absent} - wanted
         cases = {id: case for id, case in cases.items() if id not in left}
@@ -153,7 +153,7 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
 
 
 class _Rounds:
-    """The rounds of an ensemble: its samples are cases of the folder like all others."""
+    """The rounds of an ensemble, whose samples are cases of the folder."""
 
     def __init__(
         self,
@@ -171,55 +171,57 @@ class _Rounds:
         self._cases: dict[str, Case] = {}
         self._parts: dict[str, Arrays] = {}
         self._versions: Counter[str] = Counter()
-        self._standing, self._kept = "", 0
+        self._interval, self._kept = "", 0
         for notice in notices:
-            self._tell(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
+            self._report(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
 
-    def answered(self) -> Dataset:
+    def results(self) -> Dataset:
         """Return the dataset of all samples and the answer, written when it has changed."""
-        found = ensemble.answer(
+        means = ensemble.estimate_means(
             self._study,
             self._compute,
-            planned=lambda counts: answer.keep_plan(self._folder, counts),
-            on_round=self._judged,
+            on_plan=lambda counts: answer.store_plan(self._folder, counts),
+            on_round=self._rounded,
         )
-        path, said = self._folder / "study.nc", "\n".join(answered.sentences(found))
+        path, text = self._folder / "study.nc", "\n".join(answered.sentences(means))
         with contextlib.suppress(DatasetError):
             stored = dataset.read(path)
-            same = stored.attrs.get("study") == self._study.stored() and stored.attrs.get("answer") == said
+            same = stored.attrs.get("study") == self._study.stored() and stored.attrs.get("answer") == text
             if same and stored.attrs.get("case_ids") == dataset.ids_text(self._cases):
                 os.utime(path)
                 return stored
         results = _combined(self._parts, self._cases, self._study, self._versions)
-        dataset.write(answer.with_answer(results, answered.variables(found), said), path)
+        dataset.write(answer.with_answer(results, answered.variables(means), text), path)
         return dataset.read(path)
 
     def _compute(self, cases: Sequence[Case]) -> Mapping[str, Arrays]:
         """Compute the cases that have no file, and read all."""
-        asked = {case.id: case for case in cases}
-        missing = [case for id, case in asked.items() if id not in self._sound]
-        kept = len(self._cases) + len(asked) - len(missing)
-        self._kept += len(asked) - len(missing)
+        by_id = {case.id: case for case in cases}
+        missing = [case for id, case in by_id.items() if id not in self._sound]
+        kept = len(self._cases) + len(by_id) - len(missing)
+        self._kept += len(by_id) - len(missing)
         if missing:
-            Batch(self._folder, self._study.stored(), missing, kept, None, self._tell).through(
+            Batch(self._folder, self._study.stored(), missing, kept, None, self._report).through(
                 self._jobs, self._scheduler, self._stopping
             )
         else:
-            self._tell(Progress(cases=kept, kept=kept, work=1.0))
-        parts = _all_parts(self._folder, asked, self._stopping, self._versions)
-        self._cases |= asked
+            self._report(Progress(cases=kept, kept=kept, work=1.0))
+        parts = _all_parts(self._folder, by_id, self._stopping, self._versions)
+        self._cases |= by_id
         self._parts |= parts
         return parts
 
-    def _judged(self, standings: dict[float, list[ensemble.Standing]]) -> None:
-        self._standing = answered.standing(standings)
+    def _rounded(self, estimates: ensemble.Estimates) -> None:
+        """Report the interval that is farthest from its accuracy."""
+        self._interval = answered.progress(estimates)
         count = len(self._cases)
-        self._tell(Progress(cases=count, kept=self._kept, done=count - self._kept, work=1.0, event=f"{count} samples"))
+        done, event = count - self._kept, f"{count} samples"
+        self._report(Progress(cases=count, kept=self._kept, done=done, work=1.0, event=event))
 
-    def _tell(self, progress: Progress) -> None:
+    def _report(self, progress: Progress) -> None:
         if self._on_event is not None:
             quiet = progress.event if progress.failed or progress.event.endswith("samples") else ""
-            self._on_event(replace(progress, event=quiet, standing=self._standing))
+            self._on_event(replace(progress, event=quiet, interval=self._interval))
 
 
 def _all_parts(

@@ -80,6 +80,7 @@ class Setting:
     shown: str = "MPa"  # unit of pressures in sentences
     hardness: float | None = None  # in `unit`
     hardness_text: str = ""
+    yields: bool = False  # pressures end at the hardness
     drop_text: str | None = None  # pressure drop of a leak rate
     drop: float = math.nan  # over E*; NaN for a modulus without a unit
     scaled: bool = False  # the ratio of heights to L is that of a real surface
@@ -103,6 +104,7 @@ def setting(study: Study) -> Setting:
         shown=(wanted.pressure if wanted is not None else None) or "MPa",
         hardness=material.indentation_hardness,
         hardness_text=_written(material.hardness, unit),
+        yields=material.hardness is not None and material.plastic,
         drop_text=str(leak.pressure_drop) if leak is not None else None,
         drop=math.nan if drop is None else drop / material.contact_modulus,
         scaled=scaled,
@@ -147,7 +149,7 @@ def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float) ->
     if end > HIGHEST:
         text = f"nominal pressure will be about {end:.2g} E* at the end (limit {HIGHEST}): strains are not small"
         findings.append(Finding("nominal_pressure", text, HIGHEST, SMALL_STRAINS))
-    if given.hardness is not None and scale > 0.0:
+    if given.hardness is not None and not given.yields and scale > 0.0:
         x = given.hardness / given.modulus / scale
         contact = math.exp(-0.5 * x * x)
         load = contact * x * math.sqrt(2.0 / math.pi) + math.erfc(x / math.sqrt(2.0))

@@ -1,4 +1,4 @@
-"""Worker processes of this machine or of a Dask cluster, behind one loop.
+"""Tasks handed to workers in one loop: processes of this machine, a Dask cluster, or the caller itself.
 
 Results come back to the caller, which alone needs the file system of the results. A worker sends messages, ends with
 its parent, and leaves Ctrl-C to it.
@@ -11,17 +11,12 @@ functions run here come from importable modules, so ``__main__`` is hidden while
 from __future__ import annotations
 
 import contextlib
-import math
 import multiprocessing
 import os
-import queue
-import re
 import signal
 import sys
 import threading
-import time
 import types
-import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
@@ -29,43 +24,19 @@ from concurrent.futures.process import BrokenProcessPool as Lost
 from contextvars import ContextVar
 from typing import Any, TypeVar
 
+from roughvol.campaign.cluster import Cluster
+from roughvol.campaign.task import Tell, end_at, stop_asked, thinned
 from roughvol.errors import CampaignError
 
 __all__ = ["Lost", "Tell", "each", "first_interrupt", "in_this_process", "stop_asked"]
 
 Task = TypeVar("Task")
-Tell = Callable[[Any], None]
 
 POLL = 0.1  # seconds between two looks at the messages
-REPORT_EVERY = 0.2  # seconds between two messages of one task
 LIVES = 2  # processes that may die of a task before it is given up
-CONNECT = 30  # seconds to reach a scheduler
-GONE = 300.0  # seconds without any worker before a scheduler is given up, once it has had one
-COUNT_EVERY = 1.0  # seconds between two questions to a scheduler
-_ADDRESS = re.compile(r"(?:[a-z]+://)?(?:\[[0-9A-Fa-f:.%a-z]+\]|[^\s/:\[\]]+):(?P<port>[0-9]{1,5})/?")
 
-# Set once in a worker: the way to the parent, and an event that asks the task to end early.
-_messages: Any = None
-_stop: Any = None
+_messages: Any = None  # of a worker process, set at its start: the queue to the parent
 _computes_here: ContextVar[bool] = ContextVar("computes_here", default=False)  # set by in_this_process
-_one_at_a_time = threading.Lock()  # threads of a Dask worker cannot share netCDF or a half space
-
-
-def check_address(scheduler: str) -> None:
-    """Refuse an impossible address of a Dask scheduler before a connection is tried.
-
-    Raises
-    ------
-    CampaignError
-        Unless it is ``host:port`` or ``protocol://host:port``.
-    """
-    match = _ADDRESS.fullmatch(scheduler)
-    if match is None or not 0 < int(match["port"]) < 1 << 16:
-        message = (
-            f"the scheduler's address is {scheduler!r}; "
-            "allowed: host:port or protocol://host:port, as in tcp://127.0.0.1:8786"
-        )
-        raise CampaignError(message)
 
 
 def each(
@@ -107,9 +78,9 @@ def each(
     A process that dies costs only its own task. Tasks that ran with it run again, one at a time, to find the one that
     killed it. A task that has killed `LIVES` processes ends with `Lost`; on a cluster, with the exception of Dask.
     """
-    pool: _Processes | _Cluster | _Here
+    pool: _Processes | Cluster | _Here
     if scheduler is not None:
-        pool = _Cluster(scheduler)
+        pool = Cluster(scheduler)
     else:
         pool = _Here(stopping) if _computes_here.get() else _Processes(jobs)
     waiting, suspects = deque(range(len(tasks))), deque[int]()
@@ -263,15 +234,14 @@ class _Here:
         return 1
 
     def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
-        global _stop
         future: Future[Any] = Future()
-        before, _stop = _stop, self
+        before = end_at(self)
         try:
-            future.set_result(function(task, _thinned(self._told.append)))
+            future.set_result(function(task, thinned(self._told.append)))
         except Exception as error:  # an interrupt is no error of the task: it ends `each`
             future.set_exception(error)
         finally:
-            _stop = before
+            end_at(before)
         return future
 
     def is_set(self) -> bool:
@@ -295,125 +265,15 @@ class _Here:
         """Do nothing: no worker is left."""
 
 
-class _Cluster:
-    """Workers of a Dask scheduler, which come and go; the interface is that of `_Processes`."""
-
-    fall_together = False
-
-    def __init__(self, address: str) -> None:
-        try:
-            from distributed import Client, Event
-        except ImportError as error:
-            message = "a scheduler needs dask.distributed: pip install 'roughvol[cluster]'"
-            raise CampaignError(message) from error
-        check_address(address)
-        try:
-            self._client = Client(address, timeout=CONNECT, set_as_default=False)
-        except (OSError, ValueError, RuntimeError) as error:
-            message = f"no scheduler answers at {address}: {error}"
-            raise CampaignError(message) from error
-        self._executor = self._client.get_executor(pure=False)
-        self._run = f"roughvol-{uuid.uuid4().hex}"  # name of the messages, and of the event that stops
-        self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._client.subscribe_topic(self._run, lambda event: self._inbox.put(event[1]))
-        self._stop = Event(self._run, client=self._client)
-        self._width, self._threads, self._counted = 1, 0, -math.inf
-        self._last_seen: float | None = None  # of any worker; the first may come late, as from a batch system
-
-    def width(self) -> int:
-        if time.monotonic() - self._counted > COUNT_EVERY:
-            self._threads = sum(self._client.nthreads().values())
-            self._width = max(2 * self._threads, 1)  # one task at work and one waiting
-            self._counted = time.monotonic()
-        return self._width
-
-    def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
-        return self._executor.submit(_call_there, function, task, self._run)
-
-    def messages(self) -> Iterator[Any]:
-        while not self._inbox.empty():
-            message = self._inbox.get()
-            yield tuple(message) if isinstance(message, list) else message  # tuples may arrive as lists
-
-    def stop(self) -> None:
-        self._stop.set()
-
-    def renew(self) -> None:
-        pass
-
-    def check(self) -> None:
-        self.width()
-        now = time.monotonic()
-        if self._threads:
-            self._last_seen = now
-        elif self._last_seen is not None and now - self._last_seen > GONE:
-            message = (
-                f"the scheduler has had no worker for {GONE:.0f} s, after it had some; "
-                "what is finished is kept, run again to go on"
-            )
-            raise CampaignError(message)
-
-    def close(self, *, at_once: bool) -> None:
-        with contextlib.suppress(Exception):
-            if at_once:
-                self._stop.set()  # running tasks have no one left to report to
-            self._executor.shutdown(wait=not at_once)
-            self._client.unsubscribe_topic(self._run)
-        self._client.close()
-
-
-class _StopThere:
-    """The event that stops a task on a cluster: polled rarely, and unset if the scheduler does not answer."""
-
-    def __init__(self, run: str) -> None:
-        from distributed import Event, get_client
-
-        self._event, self._polled, self._set = Event(run, client=get_client()), -math.inf, False
-
-    def is_set(self) -> bool:
-        if not self._set and time.monotonic() - self._polled > COUNT_EVERY:
-            with contextlib.suppress(Exception):
-                self._set = bool(self._event.is_set())
-            self._polled = time.monotonic()
-        return self._set
-
-
-def _call_there(function: Callable[[Task, Tell], Any], task: Task, run: str) -> Any:
-    global _stop
-    from distributed import get_worker
-
-    worker = get_worker()
-    with _one_at_a_time:
-        _stop = _StopThere(run)
-        return None if _stop.is_set() else function(task, _thinned(lambda message: worker.log_event(run, message)))
-
-
-def stop_asked() -> bool:
-    """Return, in a worker, whether its task is asked to end early."""
-    return _stop is not None and bool(_stop.is_set())
-
-
 def _call(function: Callable[[Task, Tell], Any], task: Task) -> Any:
-    return function(task, _thinned(_messages.put))
-
-
-def _thinned(tell: Tell) -> Tell:
-    """Return a function that drops messages sent too soon after another."""
-    last = 0.0
-
-    def rarely(message: Any) -> None:
-        nonlocal last
-        if time.monotonic() - last >= REPORT_EVERY:
-            last = time.monotonic()
-            tell(message)
-
-    return rarely
+    return function(task, thinned(_messages.put))
 
 
 def _begin(messages: Any, stop: Any) -> None:
     """Initialise a worker process."""
-    global _messages, _stop  # queues and events pass to a process only at its start
-    _messages, _stop = messages, stop
+    global _messages  # queues and events pass to a process only at its start
+    _messages = messages
+    end_at(stop)
     threading.Thread(target=_leave_with_parent, daemon=True).start()
 
 

@@ -1,7 +1,7 @@
 """The state at which a quantity crosses a value on a leg of a path, rising or falling, elastic or not.
 
-The bounds of `search` need gaps that are convex in the indentation. Gaps are not while a surface yields. Here two solved
-states bracket the value, and every trial is solved to the tolerance of the leg.
+The bounds of `search` need gaps that are convex in the indentation, and gaps are not while a surface yields. Here two
+solved states bracket the value, and every trial is solved to the tolerance of the leg.
 """
 
 from __future__ import annotations

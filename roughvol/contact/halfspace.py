@@ -205,6 +205,11 @@ class HalfSpace:
         )
         return _Window(engine, elements.copy(), share, engine.positions(row - first[0], column - first[1]))
 
+    @property
+    def window_points(self) -> int:
+        """Points of the transforms kept for windows, at most those of the full grid."""
+        return sum(engine.size for key, engine in self._engines.items() if key[:2] != self._halves)
+
     def _engine(self, halves: tuple[int, int], precision: str) -> Convolution:
         """Return the convolution of given half transform lengths. Windows are kept up to the points of the grid."""
         key = (*halves, precision)
@@ -215,13 +220,11 @@ class HalfSpace:
             shape = (min(halves[0] + 1, self.shape[0]), min(halves[1] + 1, self.shape[1]))
             engine = Convolution(shape, spectrum, np.dtype(precision), self.threads, self._tuning)
             if not whole:
-                windows = [kept for kept in self._engines if kept[:2] != self._halves]
                 room = 4 * self._halves[0] * self._halves[1] - engine.size
-                held = sum(self._engines[kept].size for kept in windows)
-                for old in windows:  # least recently used first
-                    if held <= room:
+                for old in [kept for kept in self._engines if kept[:2] != self._halves]:  # least recently used first
+                    if self.window_points <= room:
                         break
-                    held -= self._engines.pop(old).size
+                    del self._engines[old]
         self._engines[key] = engine  # the most recently used comes last
         return engine
 

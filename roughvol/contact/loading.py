@@ -106,13 +106,15 @@ def sweep(
         As in `solve`.
     indentations : iterable of float
         Δ/σ, each different from the one before.
-    rtol, method, hardness
+    rtol, method
         As in `solve`.
     precision : {"mixed", "double"}
         Precision of the convolutions inside the iteration: "mixed" has 32 bits where this loses no digit. The residual
         is in double precision with both.
     pressure_error : float, optional
         Bound of the relative error of p* at every state, 0 < pressure_error ≤ 0.1, in addition to `rtol`.
+    hardness
+        As in `solve`.
     resume : iterable of dict
         `Contact.state` of the last two contacts of an interrupted sweep with the same hardness. The states that follow
         are the same to the last bit.
@@ -208,12 +210,14 @@ class Trials:
 
     Parameters
     ----------
-    surface, half_space, rtol, method, pressure_error, hardness, tuning
+    surface, half_space, rtol, method, pressure_error, hardness
         As in `solve` and `sweep`.
     after : dict, optional
         `Contact.state` on the leg of the trials, for a surface that has yielded before.
     turned : bool
         Whether the leg begins at this state, and so with the plastic displacement that it leaves.
+    tuning
+        As in `solve`.
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """The scaled contact problem: convolution, verification and record of a state, without any iteration.
 
-Pressures have an upper bound, the limit, on a surface that yields. The overlap left on elements at the limit is a plastic
-displacement of the surface, ≥ 0, that stays. States on the way up keep the heights of the start of their leg.
+Pressures have an upper bound, the limit, on a surface that yields. The overlap left on elements at the limit is a
+plastic displacement of the surface, ≥ 0, that stays. All states of a leg have the heights of its start.
 
 Symbols and equations are those of docs/solver.md.
 """

@@ -21,9 +21,9 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `void`           the transport that a study asks for, state by state
 `regions`        a part of the surface, and central squares
 `at_state`       quantities of a sweep at a given state, between its steps
-`multilevel`     means over an ensemble, from samples on several levels
-`allocation`     the samples that each level needs, at the least cost
-`refinement`     whether a mean converges with m, and what is left
+`multilevel`     multilevel estimators of the mean over an ensemble
+`allocation`     the optimal number of samples on each level
+`refinement`     the bias of a mean by the resolution
 ===============  ===================================================================
 """
 

@@ -1,40 +1,54 @@
-"""How many samples each level of resolution needs for an accuracy, at the least cost.
+"""The optimal number of samples on each level: least cost for a given accuracy of a multilevel estimator.
 
-Symbols: C_l cost of one sample of level l; s_l² residual variance of a link (see `multilevel`); β_l the product of the
-slopes of the finer links, so that β_l² s_l²/n_l is what level l adds to the variance of the answer. For a given sum of
-these the cost Σ n_l C_l is least at n_l ∝ |β_l| s_l/√C_l (Giles 2008; Peherstorfer, Willcox & Gunzburger, SIAM J. Sci.
-Comput. 38 (2016) A3163). Samples that exist cost nothing more, and count as a lower bound.
+Symbols: C_l cost of one sample of level l; s_l² residual variance of a link (see `multilevel`); β_l product of the
+slopes of the finer links. Level l contributes β_l² s_l²/n_l to the variance of the estimator. For a given sum of these
+the cost Σ n_l C_l is least at n_l ∝ |β_l| s_l/√C_l (Giles, Oper. Res. 56 (2008) 607; Peherstorfer, Willcox &
+Gunzburger, SIAM J. Sci. Comput. 38 (2016) A3163). Existing samples are free, and a lower bound.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from roughvol.observables.multilevel import Link
 
-NORMAL = 1.96  # the t quantile of many degrees of freedom
-AIM = 0.97  # of the accuracy, so that a last round is seldom short by a few samples
-PAYS = 0.97  # cost of a chain over that of one with more levels, from which on a level is left out
+NORMAL = 1.96  # Student's quantile for many degrees of freedom
+AIM = 0.97  # planned half-width over the requested one
+PAYS = 0.97  # least cost over that of a longer chain which is still preferred
+MOST = 10**7  # largest planned number of samples
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A chain of levels, the samples it needs on each of them, and the cost of all samples."""
+    """A chain of levels and its samples.
+
+    Attributes
+    ----------
+    levels : tuple of int
+        Indices of the levels, coarsest first.
+    samples : tuple of int, length levels
+        Number of samples of each level of the chain.
+    cost : float
+        Cost of all samples, those of other levels included.
+    """
 
     levels: tuple[int, ...]
     samples: tuple[int, ...]
     cost: float
 
 
-def plan(links: Mapping[tuple[int, int], Link], costs: Sequence[float], have: Sequence[int], half_width: float) -> Plan:
+def plan(
+    links: Mapping[tuple[int, int], Link], costs: Sequence[float], existing: Sequence[int], half_width: float
+) -> Plan:
     """Return the cheapest chain that ends at the finest level, with its samples.
 
-    A level that does not pay is left out. The plain mean of the finest level is one of the chains.
+    All chains are compared, plain Monte Carlo on the finest level among them. Of chains with nearly the same cost, the
+    longest is taken.
 
     Parameters
     ----------
@@ -42,72 +56,137 @@ def plan(links: Mapping[tuple[int, int], Link], costs: Sequence[float], have: Se
         From `multilevel.links_of`.
     costs : sequence of float
         C of every level.
-    have : sequence of int
-        Samples that exist; the plan has no fewer.
+    existing : sequence of int
+        Samples of every level; the plan has no fewer.
     half_width : float
-        Half-width of the 95 % interval asked for, > 0.
+        Requested half-width of the 95 % interval, > 0.
 
     Returns
     -------
     Plan
-        Of the chain.
+        Levels, samples and cost of the chain.
     """
-    finest = len(costs) - 1
-    found = []
-    for count in range(finest + 1):
-        for coarser in itertools.combinations(range(finest), count):
-            levels = (*coarser, finest)
-            pairs = [(level, parent) for parent, level in itertools.pairwise((-1, *levels))]
+    candidates = []
+    for chain in _chains(links, len(costs) - 1):
+        levels = tuple(link.level for link in chain)
+        chain_costs, lower_bounds = [costs[level] for level in levels], [existing[level] for level in levels]
+        samples = allocated(chain, chain_costs, lower_bounds, half_width)
+        candidates.append(Plan(levels, samples, _cost(levels, samples, costs, existing)))
+    least = min(candidate.cost for candidate in candidates)
+    cheap = [candidate for candidate in candidates if candidate.cost * PAYS <= least]
+    return max(cheap, key=lambda candidate: (len(candidate.levels), -candidate.cost, candidate.levels))
+
+
+def _chains(links: Mapping[tuple[int, int], Link], finest: int) -> Iterator[list[Link]]:
+    """Yield all chains that end at the finest level, as links from coarse to fine."""
+    for length in range(finest + 1):
+        for coarser in itertools.combinations(range(finest), length):
+            pairs = [(level, parent) for parent, level in itertools.pairwise((-1, *coarser, finest))]
             if all(pair in links for pair in pairs):
-                chosen = [links[pair] for pair in pairs]
-                samples = allocated(chosen, [costs[level] for level in levels], [have[k] for k in levels], half_width)
-                total = _cost(levels, samples, costs, have)
-                found.append(Plan(levels, samples, total))
-    least = min(one.cost for one in found)
-    fitting = [one for one in found if one.cost * PAYS <= least]
-    return max(fitting, key=lambda one: (len(one.levels), -one.cost, one.levels))
+                yield [links[pair] for pair in pairs]
 
 
-def allocated(links: Sequence[Link], costs: Sequence[float], have: Sequence[int], half_width: float) -> tuple[int, ...]:
-    """Return the samples of each level of a chain for an accuracy, none fewer than exist or than a finer level has."""
-    slopes = [link.slope for link in links]
-    shares = [math.prod(slopes[k + 1 :]) ** 2 * link.variance for k, link in enumerate(links)]
+def allocated(
+    links: Sequence[Link], costs: Sequence[float], existing: Sequence[int], half_width: float
+) -> tuple[int, ...]:
+    """Return the optimal samples of each level of a chain (Giles 2008, with existing samples as lower bounds).
+
+    Levels whose optimum is below their existing samples keep these, and the others are allocated anew.
+
+    Parameters
+    ----------
+    links : sequence of Link
+        Links of the chain, coarsest first.
+    costs : sequence of float
+        C of each level of the chain.
+    existing : sequence of int
+        Samples of each level of the chain.
+    half_width : float
+        Requested half-width of the 95 % interval, > 0.
+
+    Returns
+    -------
+    tuple of int
+        Samples of each level of the chain, decreasing from coarse to fine.
+    """
+    shares = [weight * link.variance for weight, link in zip(weights(links), links, strict=True)]
     allowed = (AIM * half_width / NORMAL) ** 2
-    samples, free = list(have), set(range(len(links)))
+    samples, free = list(existing), set(range(len(links)))
     while free:
         fixed = sum(shares[k] / samples[k] for k in range(len(links)) if k not in free)
-        left = allowed - fixed
-        scale = sum(math.sqrt(shares[k] * costs[k]) for k in free) / left
-        wanted = {k: scale * math.sqrt(shares[k] / costs[k]) for k in free}
-        enough = {k for k in free if wanted[k] <= have[k]}
+        scale = sum(math.sqrt(shares[k] * costs[k]) for k in free) / (allowed - fixed)
+        optimum = {k: scale * math.sqrt(shares[k] / costs[k]) for k in free}
+        enough = {k for k in free if optimum[k] <= existing[k]}
         for k in free - enough:
-            samples[k] = _whole(wanted[k])
+            samples[k] = _whole(optimum[k])
         if not enough or enough == free:
             break
         free -= enough
-    rising = np.maximum.accumulate(np.maximum(samples, have)[::-1])[::-1]
-    return tuple(int(n) for n in rising)
+    nested = np.maximum.accumulate(np.maximum(samples, existing)[::-1])[::-1]
+    return tuple(int(n) for n in nested)
 
 
 def predicted(links: Sequence[Link], samples: Sequence[int]) -> float:
-    """Return the variance of the answer that a chain would have with so many samples."""
+    """Return the variance of the estimator for given samples of each level.
+
+    Parameters
+    ----------
+    links : sequence of Link
+        Links of the chain, coarsest first.
+    samples : sequence of int
+        n of each level of the chain.
+
+    Returns
+    -------
+    float
+        Σ β_l² s_l²/n_l.
+    """
+    terms = zip(weights(links), links, samples, strict=True)
+    return sum(weight * link.variance / number for weight, link, number in terms)
+
+
+def weights(links: Sequence[Link]) -> list[float]:
+    """Return the weights of the levels of a chain in the variance of the estimator, β_l².
+
+    Parameters
+    ----------
+    links : sequence of Link
+        Links of the chain, coarsest first.
+
+    Returns
+    -------
+    list of float
+        Squared products of the slopes of the finer links; 1 for the finest level.
+    """
     slopes = [link.slope for link in links]
-    return sum(math.prod(slopes[k + 1 :]) ** 2 * link.variance / samples[k] for k, link in enumerate(links))
+    return [math.prod(slopes[k + 1 :]) ** 2 for k in range(len(links))]
 
 
 def plain_cost(variance: float, cost: float, half_width: float) -> float:
-    """Return the cost of the plain mean of one level for an accuracy."""
+    """Return the cost of plain Monte Carlo on one level.
+
+    Parameters
+    ----------
+    variance : float
+        Variance over surfaces.
+    cost : float
+        Cost of one sample.
+    half_width : float
+        Requested half-width of the 95 % interval, > 0.
+
+    Returns
+    -------
+    float
+        Cost of at least one sample.
+    """
     return max(variance * (NORMAL / half_width) ** 2, 1.0) * cost
-
-
-MOST = 10**7
 
 
 def _whole(number: float) -> int:
     return math.ceil(min(number, MOST))
 
 
-def _cost(levels: Sequence[int], samples: Sequence[int], costs: Sequence[float], have: Sequence[int]) -> float:
-    """Return the cost of all samples, those of unused levels included: nested seeds have them on hand."""
+def _cost(levels: Sequence[int], samples: Sequence[int], costs: Sequence[float], existing: Sequence[int]) -> float:
+    """Return the cost of all samples, the existing ones of unused levels included."""
     used = dict(zip(levels, samples, strict=True))
-    return sum(used.get(level, have[level]) * cost for level, cost in enumerate(costs))
+    return sum(used.get(level, existing[level]) * cost for level, cost in enumerate(costs))

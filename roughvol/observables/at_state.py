@@ -1,4 +1,4 @@
-"""Quantities of a sweep at a given state, between its steps."""
+"""Quantities of a sweep at a given state, interpolated between its steps."""
 
 from __future__ import annotations
 
@@ -10,47 +10,46 @@ from roughvol.typing import Array
 
 
 def at_state(state: ArrayLike, quantity: ArrayLike, values: ArrayLike) -> Array:
-    """Return a quantity where the state of a sweep has given values, by monotone cubic interpolation.
+    """Return a quantity at given values of the state, by monotone cubic interpolation.
 
-    Between two steps the curve is the cubic of Fritsch & Butland (1984), which has no extremum that the steps lack.
-    Steps that do not take the state further are left out. Outside the sweep the quantity is NaN: nothing is
-    extrapolated.
+    The curve is the piecewise cubic of Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300. It has no extremum
+    between two steps. Steps that do not advance the state are omitted. Nothing is extrapolated.
 
     Parameters
     ----------
     state : array, shape (steps,)
-        The state at each step, as p*. It may rise or fall; NaN are left out.
+        State at each step, as p*, rising or falling; NaN are omitted.
     quantity : array, shape (steps,)
-        The quantity at each step.
+        Quantity at each step; NaN are omitted.
     values : array, shape (n,)
         Values of the state.
 
     Returns
     -------
-    Array
-        Shape (n,).
+    array, shape (n,)
+        Quantity at each value; NaN outside the sweep.
     """
     x, y = np.asarray(state, dtype=np.float64), np.asarray(quantity, dtype=np.float64)
-    wanted = np.atleast_1d(np.asarray(values, dtype=np.float64))
-    known = np.isfinite(x) & np.isfinite(y)
-    x, y = x[known], y[known]
+    points = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    finite = np.isfinite(x) & np.isfinite(y)
+    x, y = x[finite], y[finite]
     if x.size < 2:
-        return np.where(np.isin(wanted, x), y[:1] if x.size else np.nan, np.nan)
+        return np.where(np.isin(points, x), y[:1] if x.size else np.nan, np.nan)
     if x[-1] < x[0]:
-        x, wanted = -x, -wanted
-    further = np.concatenate([[True], x[1:] > np.maximum.accumulate(x)[:-1]])
-    x, y = x[further], y[further]
+        x, points = -x, -points
+    advancing = np.concatenate([[True], x[1:] > np.maximum.accumulate(x)[:-1]])
+    x, y = x[advancing], y[advancing]
     if x.size < 2:
-        return np.where(wanted == x[0], y[0], np.nan)
-    found: Array = PchipInterpolator(x, y, extrapolate=False)(wanted)
-    return found
+        return np.where(points == x[0], y[0], np.nan)
+    interpolated: Array = PchipInterpolator(x, y, extrapolate=False)(points)
+    return interpolated
 
 
 def error_between_steps(state: ArrayLike, quantity: ArrayLike, values: ArrayLike) -> Array:
-    """Return an estimate of the error of `at_state`: its change when every second step is left out, over three.
+    """Return an estimate of the error of `at_state`: its change without every second step, over three.
 
-    An interpolation of second order would change by three times its error. The cubic has a higher order except near
-    an extremum, so the estimate is on the large side. The last step is always kept.
+    An interpolation of second order changes by three times its error. The cubic has a higher order except near an
+    extremum, so the estimate is rather too large. The last step is always kept.
 
     Parameters
     ----------
@@ -59,11 +58,11 @@ def error_between_steps(state: ArrayLike, quantity: ArrayLike, values: ArrayLike
 
     Returns
     -------
-    Array
-        Shape (n,), signed: the mean over surfaces is the error of the mean.
+    array, shape (n,)
+        Signed errors; their mean over surfaces is the error of the mean.
     """
     x, y = np.asarray(state, dtype=np.float64), np.asarray(quantity, dtype=np.float64)
     half = slice((x.size - 1) % 2, None, 2)
-    rows = np.unique(np.concatenate([[0], np.arange(x.size)[half]])) if x.size else np.arange(0)
-    change: Array = (at_state(x, y, values) - at_state(x[rows], y[rows], values)) / 3.0
+    kept = np.unique(np.concatenate([[0], np.arange(x.size)[half]])) if x.size else np.arange(0)
+    change: Array = (at_state(x, y, values) - at_state(x[kept], y[kept], values)) / 3.0
     return change

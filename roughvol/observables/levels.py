@@ -21,7 +21,7 @@ ROUNDING = 1e-9  # relative; a state that misses a level by less reaches it
 
 
 def end_of(case: Case) -> Callable[[Contact], bool] | None:
-    """Return the condition of the last state of a sweep, or of its first leg; None where the end does not depend on region or void.
+    """Return the condition of the last state of the first leg; None where it does not depend on region or void.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from roughvol.observables.pressures import above, central_pressure_ratio
 from roughvol.observables.recorded import AT_STATES, asked_at_states, fields_of
 from roughvol.observables.regions import State, within
 from roughvol.study import Case, Level
-from roughvol.study.sections import Legs
+from roughvol.study.legs import Legs
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
@@ -144,7 +144,7 @@ class Reduction:
 
     @property
     def residual(self) -> float:
-        """η/σ of the last state taken in; 0 before any."""
+        """Residual η/σ of the last state taken in; 0 before any."""
         return self._per_step["residual"][-1] if self._states else 0.0
 
     def follow(self, whole: Contact) -> None:

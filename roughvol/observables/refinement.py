@@ -1,12 +1,12 @@
-"""Whether a mean converges under refinement, and how far it is from its limit: the weak error of multilevel sums.
+"""The weak error of a multilevel estimator: the bias by the resolution, and whether a mean converges at all.
 
-Symbols: μ_l the mean on level l, e_l = μ_l - μ_{l-1}. If |e_l| ~ 2^(-α l), what is left beyond the finest level M is
+Symbols: μ_l mean on level l; e_l = μ_l - μ_{l-1}. If |e_l| ~ 2^(-α l), the bias of the finest level M is
 
     Σ e_l over l > M ≈ max over the last three levels of |e_l| 2^(-α (M - l)) / (2^α - 1)          (Giles 2008).
 
-A quantity that falls by the same factor on every level, as A* does, has no limit but zero. Its e_l shrink as well, in
-proportion to μ_l, and what is left is μ_M itself. So α is the rate of the *relative* steps |e_l/μ_l|, and a mean whose
-estimated rest is a sizeable share of itself counts as one without a limit.
+A quantity that falls by the same factor on every level, as A* does, has no limit but zero. Its e_l decrease in
+proportion to μ_l, and its bias is μ_M itself. Hence α is the rate of the *relative* steps |e_l/μ_l|. A mean with a bias
+above a share `SIZEABLE` of itself is taken as divergent.
 """
 
 from __future__ import annotations
@@ -17,26 +17,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SIGNIFICANT = 2.0  # standard errors from which on a step is more than noise
-LEAST_RATE = -0.25  # α below which the relative steps grow
-SIZEABLE = 0.2  # share of the mean that the rest may be; A*, whose relative steps stay near 0.2, comes to 0.5
-FLATTEST = 0.5  # α of the extrapolation at the least, as Giles takes it, so that noise cannot blow it up
-WINDOW = 5  # of the finest steps; coarser ones are not yet in the regime of a power law
-LOOKED_BACK = 3  # steps that the largest is taken of
+SIGNIFICANT = 2.0  # standard errors above which a step is significant
+LEAST_RATE = -0.25  # smallest α of a mean that converges
+SIZEABLE = 0.2  # largest bias of a mean that converges, as a share of it; A* has 0.5
+FLATTEST = 0.5  # smallest α of the extrapolation, as in Giles (2008)
+UNKNOWN_RATE = 1.0  # α of the extrapolation without a fit
+WINDOW = 5  # number of steps fitted, the finest ones
+LOOKED_BACK = 3  # number of steps extrapolated, the finest ones
+FIT_NOISE = 0.1  # error added in the fit to log2 of each step, for departures from a power law
 
 
 @dataclass(frozen=True)
 class WeakError:
-    """What is left of the resolution.
+    """The bias by the resolution.
 
     Attributes
     ----------
     bias : float
-        Estimate of |μ_∞ - μ_M|; NaN if there is no limit.
+        Estimate of |μ_∞ - μ_M|; NaN without a limit.
     rate : float
-        α of the relative steps; NaN where fewer than two steps rise above their noise.
+        α of the relative steps; NaN for fewer than two significant steps.
     converges : bool
-        Whether the steps shrink.
+        Whether the mean has a limit.
     """
 
     bias: float
@@ -45,40 +47,39 @@ class WeakError:
 
 
 def weak_error(means: Sequence[float], steps: Sequence[float], noise: Sequence[float]) -> WeakError:
-    """Return the error that the resolution leaves.
+    """Return the bias by the resolution (Giles, Oper. Res. 56 (2008) 607).
 
     Parameters
     ----------
     means : sequence of float, length levels
         μ, coarsest first.
     steps : sequence of float, length levels - 1
-        e, from seeds that both levels have.
+        e, from seeds in common.
     noise : sequence of float, length levels - 1
         Standard error of each step.
 
     Returns
     -------
     WeakError
-        Steps that are all noise count as converged: the bias is then that of the noise.
+        Without a significant step the mean counts as converged, and the bias is that of the noise.
     """
     size = np.abs(np.asarray(steps, dtype=np.float64))[-WINDOW:]
     spread = np.asarray(noise, dtype=np.float64)[-WINDOW:]
     scale = np.abs(np.asarray(means, dtype=np.float64))[1:][-WINDOW:]
     if not size.size:
         return WeakError(math.nan, math.nan, False)
-    seen = size > SIGNIFICANT * spread
+    significant = size > SIGNIFICANT * spread
     rate, converges = math.nan, True
-    if seen.sum() >= 2 and np.all(scale[seen] > 0.0):
-        place = np.flatnonzero(seen)
-        logs = np.log2(size[seen] / scale[seen])
-        weights = 1.0 / np.hypot(spread[seen] / size[seen] / math.log(2.0), 0.1)
-        rate = -float(np.polyfit(place, logs, 1, w=weights)[0])
+    if significant.sum() >= 2 and np.all(scale[significant] > 0.0):
+        logs = np.log2(size[significant] / scale[significant])
+        weights = 1.0 / np.hypot(spread[significant] / size[significant] / math.log(2.0), FIT_NOISE)
+        rate = -float(np.polyfit(np.flatnonzero(significant), logs, 1, w=weights)[0])
         converges = rate > LEAST_RATE
-    alpha = max(rate, FLATTEST) if math.isfinite(rate) else 1.0
-    back = np.arange(size.size)[::-1]
-    recent = back < LOOKED_BACK
-    known = np.where(seen, size, np.minimum(size + spread, SIGNIFICANT * spread))
-    left = float(np.max((known * 2.0 ** (-alpha * back))[recent]) / (2.0**alpha - 1.0))
-    if not converges or left > SIZEABLE * abs(means[-1]):
+    alpha = max(rate, FLATTEST) if math.isfinite(rate) else UNKNOWN_RATE
+    levels_above = np.arange(size.size)[::-1]
+    bound = np.where(significant, size, np.minimum(size + spread, SIGNIFICANT * spread))
+    at_finest = (bound * 2.0 ** (-alpha * levels_above))[levels_above < LOOKED_BACK]
+    bias = float(np.max(at_finest) / (2.0**alpha - 1.0))
+    if not converges or bias > SIZEABLE * abs(means[-1]):
         return WeakError(math.nan, rate, False)
-    return WeakError(left, rate, True)
+    return WeakError(bias, rate, True)

@@ -86,9 +86,14 @@ CAPTIONS: dict[str, str] = {
     "effective medium (left), single critical junction (right). The dashed line is agreement.",
     "seal_map": "Flux along x over its mean at the recorded loads, on a logarithmic scale. The contact is blue; the "
     "circle marks the critical constriction.",
+    # paths and yield
+    "path_loops": "Contact area A*, free volume V*, and leak or plastic volume against pressure p* on every leg of the "
+    "path, by fractal dimension D. A dash pattern is a leg.",
+    "yielded_map": "Plastic displacement over σ at the end of the path; white elements have not yielded.",
     # ensembles
     "ensemble_cost": "Samples (left) and modelled cost (middle) on each refinement m; half-width of the 95 % interval "
-    "over the mean against cost (right), after each round. Dotted lines are plain Monte Carlo, grey lines the request.",
+    "over the mean against cost (right), after each round. Dotted lines are plain Monte Carlo, "
+    "the grey line is the accuracy asked for.",
     # the spectrum of the surfaces
     "psd": "Left: radially averaged power spectral density of the undeformed surfaces by fractal dimension D; the "
     "dashed line is the law of the study. Right: root mean square slope of the waves up to each wave number.",

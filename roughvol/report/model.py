@@ -16,8 +16,9 @@ from roughvol.errors import DatasetError
 from roughvol.report.claims import ABSENT, CLAIMS, VERDICTS, Check, Claim, Evidence, Lacking, Reading, Run, assess
 from roughvol.report.claims.ambiguities import SERVES, readings
 from roughvol.report.claims.leak_estimates import Ratio, ratios
-from roughvol.report.claims.many_seeds import ENOUGH, Flip, Spread, many_seeds
+from roughvol.report.claims.many_seeds import ENOUGH, ManySeeds, many_seeds
 from roughvol.report.claims.needs import ALONE
+from roughvol.report.yielding import Comparison, comparisons
 from roughvol.store import dataset
 
 CITE = (
@@ -29,7 +30,7 @@ MARKS = {True: "met", None: "undecided", False: "not met"}
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Results that the page shows: claims, second readings, few seeds, estimates of leakage, and the runs.
+    """Results that the page shows: claims, second readings, few seeds, estimates of leakage, yield, and the runs.
 
     ``own`` are the runs that do not serve the paper; each is reported for itself.
     """
@@ -37,10 +38,11 @@ class Report:
     runs: tuple[Run, ...]
     claims: tuple[Claim, ...]
     readings: tuple[Reading, ...]
-    seeds: tuple[Run, list[Spread], list[Flip]] | None
+    seeds: ManySeeds | None
     estimates: tuple[Ratio, ...]
     own: tuple[Run, ...] = ()
     any_size: bool = False
+    yielding: tuple[Comparison, ...] = ()
 
     @property
     def evidence(self) -> Evidence:
@@ -96,7 +98,8 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
     used = {name for claim in claims for name in claim.source}
     used |= {run.name for needs in (*SERVES, ENOUGH, *ALONE) for run in evidence.fit(needs)}
     own = tuple(run for run in runs if run.name not in used)
-    return Report(runs, claims, tuple(readings(evidence)), many, tuple(ratios(evidence)), own, any_size)
+    yielding = tuple(comparisons(runs))
+    return Report(runs, claims, tuple(readings(evidence)), many, tuple(ratios(evidence)), own, any_size, yielding)
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:

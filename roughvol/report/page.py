@@ -20,6 +20,8 @@ from roughvol.report.drawings import Drawing, drawings, drawings_of
 from roughvol.report.html import Html, box, figure_html, fold, items, join, pairs, table, tag
 from roughvol.report.model import CITE, MARKS, Report, agreement, criterion, facts_of, heading, span
 from roughvol.report.style import CSS
+from roughvol.report.yielding import HEAD as HEAD_OF_YIELDING
+from roughvol.report.yielding import NOTE as NOTE_OF_YIELDING
 
 DECISIONS = (
     "Heights and gaps: rigid overlap ū = Δ - (z_max - z), so that the highest point touches first; the paper's Δ - ξ "
@@ -62,7 +64,7 @@ def to_html(report: Report) -> str:
         parts += [tag("h2", "Further figures", id="figures"), tag("div", *figures.values(), kind="figures")]
     for number, run in enumerate(report.own, start=1):
         parts.append(run_section(run_facts.facts(run), list(drawings_of(run)), f"run-{number}"))
-    parts += [_estimates(report), _decisions(report), _runs(report), _citation()]
+    parts += [_estimates(report), _yielding(report), _decisions(report), _runs(report), _citation()]
     body = "\n".join(parts)
     return (
         "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
@@ -74,19 +76,41 @@ def to_html(report: Report) -> str:
 
 
 def _head(report: Report) -> Html:
-    links = [("verdicts", "Verdicts")] * bool(report.computed) + [("readings", "Ambiguities")] * bool(report.readings)
-    links += [("seeds", "Monte Carlo")] * bool(report.seeds) + [("claims", "Claims")] * bool(report.computed)
-    links += [(f"run-{number}", run.name) for number, run in enumerate(report.own, start=1)]
-    links += [("estimates", "Quick estimates")] * bool(report.estimates)
-    links += [("decisions", "Decisions")] * bool(report.computed) + [("runs", "Runs"), ("cite", "How to cite")]
-    nav = Html(" · ".join(tag("a", words, href=f"#{anchor}") for anchor, words in links))
-    lead, chips = "The free volume between rough surfaces in elastic contact.", Html()
+    links = [tag("a", title, href=f"#{anchor}") for anchor, title in _sections(report)]
+    nav = tag("nav", Html(" · ".join(links)))
+    lead = "The free volume between rough surfaces in elastic contact"
     if report.computed:
-        lead = lead[:-1] + ": the claims of Paggi & He (2015) beside what was computed."
-        counts = [(verdict, count) for verdict, count in report.counts().items() if count]
-        lines = [tag("li", tag("b", str(count)), f" {verdict}", kind=SLUGS[verdict]) for verdict, count in counts]
-        chips = tag("ul", *lines, kind="chips")
-    return tag("header", tag("h1", heading(report)), tag("p", lead, kind="lead"), chips, tag("nav", nav))
+        lead += ": the claims of Paggi & He (2015) beside what was computed"
+    return tag("header", tag("h1", heading(report)), tag("p", f"{lead}.", kind="lead"), _chips(report), nav)
+
+
+def _sections(report: Report) -> list[tuple[str, str]]:
+    """Return anchor and title of each section of the page, in their order; those without content are left out."""
+    own = [(f"run-{number}", run.name, True) for number, run in enumerate(report.own, start=1)]
+    sections = [
+        ("verdicts", "Verdicts", bool(report.computed)),
+        ("readings", "Ambiguities", bool(report.readings)),
+        ("seeds", "Monte Carlo", report.seeds is not None),
+        ("claims", "Claims", bool(report.computed)),
+        *own,
+        ("estimates", "Quick estimates", bool(report.estimates)),
+        ("yielding", "Yield", bool(report.yielding)),
+        ("decisions", "Decisions", bool(report.computed)),
+        ("runs", "Runs", True),
+        ("cite", "How to cite", True),
+    ]
+    return [(anchor, title) for anchor, title, has_content in sections if has_content]
+
+
+def _chips(report: Report) -> Html:
+    """Return the number of claims by verdict; empty if none was computed."""
+    if not report.computed:
+        return Html()
+    lines = []
+    for verdict, count in report.counts().items():
+        if count:
+            lines.append(tag("li", tag("b", str(count)), f" {verdict}", kind=SLUGS[verdict]))
+    return tag("ul", *lines, kind="chips")
 
 
 def _verdicts(report: Report) -> Html:
@@ -166,16 +190,24 @@ def _readings(report: Report) -> Html:
 def _seeds(report: Report, figures: dict[str, Html]) -> Html:
     if not report.seeds:
         return Html()
-    run, spreads, flips = report.seeds
+    run = report.seeds.run
     title = tag("h2", "Monte Carlo: how far ten surfaces can mislead", id="seeds")
     words = "The paper takes ten surfaces for each set of parameters, and one for the effect of m. "
     words += f"Here {run.seeds} are known (run {run.name}), and {FEW} or one are drawn from them."
-    head = ["Quantity", "mean of all", "95 % of single surfaces", "95 % of means of ten"]
-    head += ["t interval of ten misses the mean"]
-    spread_rows = [(s.name, str(s.many), span(s.one), span(s.ten), f"{s.missed:.1%}") for s in spreads]
+    spread_head = (
+        "Quantity",
+        "mean of all",
+        "95 % of single surfaces",
+        "95 % of means of ten",
+        "t interval of ten misses the mean",
+    )
+    spread_rows = [
+        (spread.name, str(spread.many), span(spread.one), span(spread.ten), f"{spread.missed:.1%}")
+        for spread in report.seeds.spreads
+    ]
     flip_head = ("Comparison of independent surfaces", "wrong order with one each", "with ten each")
-    flip_rows = [(flip.name, f"{flip.one:.1%}", f"{flip.ten:.1%}") for flip in flips]
-    tables = (box(table(head, spread_rows)), box(table(flip_head, flip_rows)))
+    flip_rows = [(flip.name, f"{flip.one:.1%}", f"{flip.ten:.1%}") for flip in report.seeds.flips]
+    tables = (box(table(spread_head, spread_rows)), box(table(flip_head, flip_rows)))
     return join(title, tag("p", words), *tables, figures.pop("seeds", Html()))
 
 
@@ -188,6 +220,15 @@ def _estimates(report: Report) -> Html:
     return join(title, tag("p", words), box(table(HEAD, (ratio.cells for ratio in report.estimates))))
 
 
+def _yielding(report: Report) -> Html:
+    parts = []
+    for number, comparison in enumerate(report.yielding):
+        anchor = {"id": "yielding"} if number == 0 else {}
+        parts.append(join(tag("h2", comparison.title, **anchor), tag("p", NOTE_OF_YIELDING)))
+        parts.append(box(table(HEAD_OF_YIELDING, comparison.rows)))
+    return Html("\n".join(parts))
+
+
 def _claim(claim: Claim, figures: dict[str, Html]) -> Html:
     rows = []
     for check in claim.checks:
@@ -197,7 +238,7 @@ def _claim(claim: Claim, figures: dict[str, Html]) -> Html:
     rows += [tag("tr", tag("td"), tag("td"), *_number_cells(number)) for number in claim.numbers]
     checks = box(table(("", "Criterion", "Number", "95 % interval", "n"), rows, kind="checks"))
     method = [tag("p", " ".join(part.split())) for part in claim.method.split("\n\n")]
-    source = [tag("p", f"From: {', '.join(claim.source)}", kind="source")] * bool(claim.source)
+    source = tag("p", f"From: {', '.join(claim.source)}", kind="source") if claim.source else Html()
     return tag(
         "section",
         tag("h3", f"{claim.id}. {claim.title} ", _badge(claim)),
@@ -205,7 +246,7 @@ def _claim(claim: Claim, figures: dict[str, Html]) -> Html:
         tag("blockquote", claim.sentence),
         tag("p", claim.why),
         fold("Criteria and numbers", checks) if claim.checks else Html(),
-        fold("How it is judged, and why so", *method, *source, _refused(claim)),
+        fold("How it is judged, and why so", *method, source, _refused(claim)),
         tag("div", *(figures.pop(name) for name in claim.figures if name in figures), kind="figures"),
         tag("p", tag("a", "↑ verdicts", href="#verdicts"), kind="up"),
         kind="claim",
@@ -235,10 +276,12 @@ def run_section(facts: run_facts.Facts, figures: Sequence[Drawing], anchor: str)
     parts = [tag("h2", facts.name), tag("p", facts.title, kind="place")]
     if facts.warnings:
         parts.append(tag("div", tag("h3", "Warnings"), items(facts.warnings), kind="warnings"))
-    both = [tag("div", tag("h3", t), pairs(p)) for t, p in (("Surface", facts.surface), ("Loading", facts.loading))]
-    parts.append(tag("div", *both, kind="pair"))
+    surface = tag("div", tag("h3", "Surface"), pairs(facts.surface))
+    loading = tag("div", tag("h3", "Loading"), pairs(facts.loading))
+    parts.append(tag("div", surface, loading, kind="pair"))
     for number, rows in enumerate(facts.tables):
-        inner = join(box(table(rows.head, rows.rows)), *[tag("p", rows.note, kind="note")] * bool(rows.note))
+        note = tag("p", rows.note, kind="note") if rows.note else Html()
+        inner = join(box(table(rows.head, rows.rows)), note)
         parts.append(join(tag("h3", rows.title), inner) if number < OPEN else fold(rows.title, inner))
     if figures:
         shown = [figure_html(f"{anchor}-{drawing.name}", drawing) for drawing in figures]
@@ -255,21 +298,41 @@ def _decisions(report: Report) -> Html:
 
 def _runs(report: Report) -> Html:
     facts = [facts_of(run) for run in report.runs]
-    head = ("Run", "surfaces", "time [s], all cases", "states converged", "convolutions per state")
-    rows: list[Any] = []
-    for f in facts:
-        solved = (f"{f['converged']} of {f['states']}", _shown(f["convolutions"]))
-        residual = "" if f["residual"] is None else f"{f['residual']:.1e}"
-        rows.append((f["name"], str(f["cases"]), _shown(f["wall_time"]), *solved, residual))
-    cases, states, converged = (sum(f[name] for f in facts) for name in ("cases", "states", "converged"))
-    total = (str(cases), f"{sum(f['wall_time'] or 0.0 for f in facts):.0f}", f"{converged} of {states}")
-    cells = [tag("td", cell, kind="v") for cell in total]
-    rows.append(tag("tr", tag("td", "all"), *cells, *[tag("td")] * 2, kind="total"))
+    head = (
+        "Run",
+        "surfaces",
+        "time [s], all cases",
+        "states converged",
+        "convolutions per state",
+        "largest residual η/σ",
+    )
+    rows: list[Any] = [_row_of_run(f) for f in facts]
+    rows.append(_row_of_all_runs(facts))
     machines = [tag("li", f"{words}: {', '.join(names)}") for words, names in _machines(facts).items()]
     studies = [fold(f"{f['name']}.yaml, every default written out", tag("pre", f["study"])) for f in facts]
-    versions = (tag("ul", *machines, kind="versions"), tag("h3", "Study files"))
-    shown = box(table((*head, "largest residual η/σ"), rows))
-    return join(tag("h2", "Runs, convergence, versions", id="runs"), shown, *versions, *studies)
+    return join(
+        tag("h2", "Runs, convergence, versions", id="runs"),
+        box(table(head, rows)),
+        tag("ul", *machines, kind="versions"),
+        tag("h3", "Study files"),
+        *studies,
+    )
+
+
+def _row_of_run(f: dict[str, Any]) -> tuple[str, ...]:
+    converged = f"{f['converged']} of {f['states']}"
+    residual = "" if f["residual"] is None else f"{f['residual']:.1e}"
+    return f["name"], str(f["cases"]), _shown(f["wall_time"]), converged, _shown(f["convolutions"]), residual
+
+
+def _row_of_all_runs(facts: Sequence[dict[str, Any]]) -> Html:
+    """Return the sums over all runs; convolutions and residual have none."""
+    cases = sum(f["cases"] for f in facts)
+    seconds = sum(f["wall_time"] or 0.0 for f in facts)
+    states = sum(f["states"] for f in facts)
+    converged = sum(f["converged"] for f in facts)
+    cells = [tag("td", cell, kind="v") for cell in (str(cases), f"{seconds:.0f}", f"{converged} of {states}")]
+    return tag("tr", tag("td", "all"), *cells, tag("td"), tag("td"), kind="total")
 
 
 def _machines(facts: Sequence[dict[str, Any]]) -> dict[str, list[str]]:

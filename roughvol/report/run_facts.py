@@ -15,14 +15,21 @@ import numpy as np
 from xarray import DataArray, Dataset
 
 from roughvol.report.claims import Run
+from roughvol.report.figures.origin import first_leg
+from roughvol.report.tables import Table, number
+from roughvol.report.yielding import hysteresis
 from roughvol.store.variables import VARIABLES
 from roughvol.study import HeightFile, SpectralSurface
 from roughvol.typing import Array
 
 STATES = 24  # rows of a table of states; a longer sweep is shown at even steps, its first and last state among them
 P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"
-LEVELLED = {"none": "as in the file", "mean": "their mean taken off", "tilt": "a plane taken off"}
-LEVELLED |= {"quadratic": "a quadratic taken off"}
+LEVELLED = {
+    "none": "as in the file",
+    "mean": "their mean taken off",
+    "tilt": "a plane taken off",
+    "quadratic": "a quadratic taken off",
+}
 CLOSING = "Where it closes"
 COLUMNS = (  # of a table of states, where they are stored or follow from what is
     "nominal_pressure",
@@ -33,6 +40,8 @@ COLUMNS = (  # of a table of states, where they are stored or follow from what i
     "separation",
     "mean_plane_separation",
     "load_above_hardness_fraction",
+    "plastic_volume",
+    "plastic_area_fraction",
     "open_x",
     "open_y",
     "critical_opening_x",
@@ -43,16 +52,6 @@ COLUMNS = (  # of a table of states, where they are stored or follow from what i
     "leak_rate_y",
 )
 LOADS = ("nominal_pressure", P)
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of text under a head, with a sentence above."""
-
-    title: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -81,14 +80,11 @@ def facts(run: Run) -> Facts:
     if "step" in ds.sizes and P in ds:
         ds = _derived(run)
         groups = list(_groups(ds))
-        tables += _closing(groups)
+        tables += _closing([(name, first_leg(group)) for name, group in groups])
+        for name, group in groups:
+            tables += hysteresis(group, name if len(groups) > 1 else "")
         tables += [table for name, group in groups if (table := _states(name, group, several=len(groups) > 1))]
     return Facts(run.name, _title(run), tuple(_map(run)), tuple(_loading(run)), warnings, tuple(tables))
-
-
-def number(value: float) -> str:
-    """Return a number in four digits, as 0.06103 or 2.2e-05; a dash where there is none."""
-    return f"{value:.4g}".replace("e-0", "e-").replace("e+0", "e") if math.isfinite(value) else "–"
 
 
 def _title(run: Run) -> str:
@@ -120,10 +116,10 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
     """Yield the surface."""
     ds, unit = run.dataset, _unit(run.dataset)
     if "case" not in ds.dims:
+        made = f"random midpoint displacement, law {run.law or 'unknown'}"
         if run.study and isinstance(run.study.surface, SpectralSurface):
-            yield "Surfaces", f"random fields with a power-law spectrum, {run.seeds} of each D and m"
-        else:
-            yield "Surfaces", f"random midpoint displacement, law {run.law or 'unknown'}, {run.seeds} of each D and m"
+            made = "random fields with a power-law spectrum"
+        yield "Surfaces", f"{made}, {_computed(run)} of each D and m"
         yield "L", f"{number(run.L)}{unit}"
         return
     yield "File", ", ".join(map(str, ds["case"].values.tolist()))
@@ -150,6 +146,15 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
         yield "Missing heights", f"{share:.2%} of the nodes{count}, filled" if share else "none"
     else:
         yield "Missing heights", "none; a file with missing heights would have been refused"
+
+
+def _computed(run: Run) -> str:
+    """Return how many surfaces of each D and m were computed, as a range where the numbers differ."""
+    if "Sq" not in run.dataset:
+        return str(run.seeds)
+    counts = [run.computed(D=D, m=m) for D in run.D for m in run.m]
+    low, high = min(counts), max(counts)
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def _peak(ds: Dataset) -> float:
@@ -193,9 +198,11 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
         material, unit = study.material, f" {study.material.unit}" if study.material.unit else ""
         yield "Contact modulus E*", f"{number(material.contact_modulus)}{unit}" + ("" if unit else " (no unit given)")
         if material.indentation_hardness is not None:
-            yield "Hardness", f"{number(material.indentation_hardness)}{unit}"
+            acts = "pressures end there" if material.plastic else "for comparison alone, no yield is computed"
+            yield "Hardness", f"{number(material.indentation_hardness)}{unit}, {acts}"
         sweep = study.sweep
-        yield "Sweep", f"{sweep.steps} steps to {sweep.target.label}" if sweep.steps else "none, surfaces alone"
+        legs = ", ".join(f"{leg.steps} steps to {leg.target.label}" for leg in sweep.legs)
+        yield "Sweep", legs if sweep.steps else "none, surfaces alone"
         if sweep.steps:
             solver = study.solving
             yield "Solver", f"{solver.method}, residual η/σ at most {solver.tolerance:g}, kernel {solver.kernel}"
@@ -237,7 +244,7 @@ def _derived(run: Run) -> Dataset:
 
 
 def _groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
-    """Yield the surfaces that share a table, along `seed`: each file, or each D at each m."""
+    """Yield the surfaces that share a table, those computed along `seed`: each file, or each D at each m."""
     if "case" in ds.dims:
         for place, label in enumerate(ds["case"].values.tolist()):
             yield str(label), ds.isel(case=place).expand_dims("seed")
@@ -245,8 +252,9 @@ def _groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
     for D in ds["D"].values:
         for m in ds["m"].values:
             group = ds.sel(D=D, m=m)
-            if bool(group[P].notnull().any()):
-                yield f"D = {D:g}, m = {m}", group
+            computed = np.flatnonzero(group[P].notnull().any("step").values)
+            if computed.size:
+                yield f"D = {D:g}, m = {m}", group.isel(seed=computed)
 
 
 def _states(name: str, group: Dataset, *, several: bool) -> Table | None:

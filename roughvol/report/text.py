@@ -9,10 +9,12 @@ from typing import Any
 
 from roughvol._version import __version__
 from roughvol.report import run_facts
-from roughvol.report.claims import VERDICTS, Claim, plain
+from roughvol.report.claims import VERDICTS, Claim, Reading, plain
 from roughvol.report.claims.leak_estimates import HEAD
+from roughvol.report.claims.many_seeds import ManySeeds
 from roughvol.report.model import CITE, MARKS, Report, agreement, criterion, facts_of, heading, span
 from roughvol.report.run_facts import Facts
+from roughvol.report.yielding import HEAD as HEAD_OF_YIELDING
 
 FORMAT = "roughvol claims 1"
 
@@ -44,9 +46,9 @@ def _lines(facts: Facts) -> Iterator[str]:
     for table in facts.tables:
         if table.title == run_facts.CLOSING:
             yield f"  {table.title}"
-            yield from (
-                "    " + ", ".join(f"{h} {c}" for h, c in zip(table.head, row, strict=True)) for row in table.rows
-            )
+            for row in table.rows:
+                cells = [f"{head} {cell}" for head, cell in zip(table.head, row, strict=True)]
+                yield f"    {', '.join(cells)}"
     yield from (f"  warning: {line}" for line in facts.warnings)
 
 
@@ -59,51 +61,77 @@ def to_json(report: Report) -> str:
     data["claims"] = plain(report.claims)
     data["readings"] = plain(report.readings)
     if report.seeds:
-        run, spreads, flips = report.seeds
-        quantities = [plain(s.many) | {"one": list(s.one), "ten": list(s.ten), "missed": s.missed} for s in spreads]
-        wrong = [{"comparison": flip.name, "one": flip.one, "ten": flip.ten} for flip in flips]
-        data["seeds"] = {"run": run.name, "quantities": quantities, "wrong_order": wrong}
+        data["seeds"] = _plain_seeds(report.seeds)
     data["surfaces"] = [run_facts.facts(run).plain() for run in report.own]
+    data["yielding"] = [asdict(comparison) for comparison in report.yielding]
     data["estimates"] = [asdict(ratio) for ratio in report.estimates]
     data["runs"] = [facts_of(run) for run in report.runs]
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
+def _plain_seeds(seeds: ManySeeds) -> dict[str, Any]:
+    """Return the results of few surfaces as plain data for JSON."""
+    quantities = []
+    for spread in seeds.spreads:
+        few = {"one": list(spread.one), "ten": list(spread.ten), "missed": spread.missed}
+        quantities.append(plain(spread.many) | few)
+    wrong = [{"comparison": flip.name, "one": flip.one, "ten": flip.ten} for flip in seeds.flips]
+    return {"run": seeds.run.name, "quantities": quantities, "wrong_order": wrong}
+
+
 def to_markdown(report: Report) -> str:
     """Return the report for reading in a terminal."""
     lines = [f"# {heading(report)}", "", CITE]
-    counts = _counts(report)
     if report.computed:
         rows = [_row(claim) for claim in report.claims]
-        lines += ["", *_table(("", "verdict", "claim", "why", "run", "refused"), rows), "", f"{counts}."]
+        lines += ["", *_table(("", "verdict", "claim", "why", "run", "refused"), rows)]
+        lines += ["", f"{_counts(report)}."]
     for run in report.own:
         lines += _section(run_facts.facts(run))
     if report.readings:
         lines += ["", "## Where the text is ambiguous"]
-    for reading in report.readings:
-        lines += ["", f"### {reading.topic}", "", f"{reading.passage}. Paper: {reading.paper}. {reading.decided}", ""]
-        cells = [(row.reading, str(row.number), agreement(row.agrees)) for row in reading.rows]
-        lines += _table(("reading", reading.quantity, "agrees"), cells)
+        for reading in report.readings:
+            lines += _reading(reading)
     if report.seeds:
-        run, spreads, flips = report.seeds
-        lines += ["", f"## How far ten surfaces can mislead ({run.seeds} surfaces, {run.name})", ""]
-        quantities = [(s.name, str(s.many), span(s.one), span(s.ten)) for s in spreads]
-        lines += _table(("quantity", "all", "95 % of single surfaces", "95 % of means of ten"), quantities)
-        flipped = [(flip.name, f"{flip.one:.1%}", f"{flip.ten:.1%}") for flip in flips]
-        lines += ["", *_table(("comparison", "wrong with one surface each", "with ten"), flipped)]
+        lines += _seeds(report.seeds)
     if report.estimates:
         lines += ["", "## How wrong the quick estimates of leakage are", ""]
         lines += _table(HEAD, [ratio.cells for ratio in report.estimates])
+    for comparison in report.yielding:
+        lines += ["", f"## {comparison.title}", "", *_table(HEAD_OF_YIELDING, comparison.rows)]
     if report.computed:
         lines += ["", "## Claims in full"]
         for claim in report.claims:
             lines += _in_full(claim)
-    states: list[Sequence[str]] = []
-    for facts in map(facts_of, report.runs):
-        row = [str(facts[name]) for name in ("name", "cases", "wall_time", "states")]
-        states.append((*row, f"{facts['residual'] or 0:.1e}"))
-    lines += ["", "## Runs", "", *_table(("run", "cases", "wall time [s]", "states", "largest residual"), states)]
+    lines += _runs(report)
     return "\n".join(lines) + "\n"
+
+
+def _reading(reading: Reading) -> list[str]:
+    """Return the lines of an ambiguous passage."""
+    lines = ["", f"### {reading.topic}", ""]
+    lines += [f"{reading.passage}. Paper: {reading.paper}. {reading.decided}", ""]
+    rows = [(row.reading, str(row.number), agreement(row.agrees)) for row in reading.rows]
+    return lines + _table(("reading", reading.quantity, "agrees"), rows)
+
+
+def _seeds(seeds: ManySeeds) -> list[str]:
+    """Return the lines on results of few surfaces."""
+    lines = ["", f"## How far ten surfaces can mislead ({seeds.run.seeds} surfaces, {seeds.run.name})", ""]
+    spreads = [(spread.name, str(spread.many), span(spread.one), span(spread.ten)) for spread in seeds.spreads]
+    lines += _table(("quantity", "all", "95 % of single surfaces", "95 % of means of ten"), spreads)
+    flips = [(flip.name, f"{flip.one:.1%}", f"{flip.ten:.1%}") for flip in seeds.flips]
+    return [*lines, "", *_table(("comparison", "wrong with one surface each", "with ten"), flips)]
+
+
+def _runs(report: Report) -> list[str]:
+    """Return the lines on cost and convergence of every run."""
+    rows = []
+    for run in report.runs:
+        facts = facts_of(run)
+        counts = [str(facts[name]) for name in ("name", "cases", "wall_time", "states")]
+        rows.append([*counts, f"{facts['residual'] or 0:.1e}"])
+    return ["", "## Runs", "", *_table(("run", "cases", "wall time [s]", "states", "largest residual"), rows)]
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
@@ -131,15 +159,23 @@ def _in_full(claim: Claim) -> list[str]:
         rows = [(criterion(check), MARKS[check.met], str(check.number or "")) for check in claim.checks]
         lines += ["", *_table(("criterion", "", "number"), rows)]
     lines += [f"- {number.name}: {number}" for number in claim.numbers]
-    lines += ["", f"Run: {', '.join(claim.source)}."] * bool(claim.source)
-    return lines + ["", "Refused:", ""] * bool(claim.refused) + [f"- {name}: {why}" for name, why in claim.refused]
+    if claim.source:
+        lines += ["", f"Run: {', '.join(claim.source)}."]
+    if claim.refused:
+        lines += ["", "Refused:", ""]
+        lines += [f"- {name}: {why}" for name, why in claim.refused]
+    return lines
 
 
 def _section(facts: Facts) -> list[str]:
     """Return a run of its own."""
     lines = ["", f"## {facts.name}: {facts.title}", ""]
-    lines += [f"- Warning: {line}" for line in facts.warnings] + [""] * bool(facts.warnings)
+    if facts.warnings:
+        lines += [*(f"- Warning: {line}" for line in facts.warnings), ""]
     lines += [f"- {name}: {value}" for name, value in (*facts.surface, *facts.loading)]
     for table in facts.tables:
-        lines += ["", f"### {table.title}", "", *[table.note, ""] * bool(table.note), *_table(table.head, table.rows)]
+        lines += ["", f"### {table.title}", ""]
+        if table.note:
+            lines += [table.note, ""]
+        lines += _table(table.head, table.rows)
     return lines

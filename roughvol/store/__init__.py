@@ -3,7 +3,9 @@
 Room of the store. It computes nothing.
 
 =====================  =============================================================
+`variable`             a row of the table
 `variables`            the table of every stored variable
+`derived_variables`    rows that follow from others
 `tradeoff_variables`   the table of a stored trade-off
 `dataset`              build, write, read and combine datasets
 `dimensional`          starred numbers in the units of the study
@@ -11,7 +13,7 @@ Room of the store. It computes nothing.
 `lock`                 one process at a time in a folder
 `same_study`           whether a folder holds the results of a study
 `run_status`           finished, missing, failed and damaged cases
-`answer`               the answer of an ensemble, and the plan of its samples
+`answer`               the answer of an ensemble, and its planned samples
 `checkpoint`           the finished steps of a long sweep
 `stamped_file`         files that are whole or absent, with a checksum
 =====================  =============================================================

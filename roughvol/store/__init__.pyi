@@ -2,5 +2,5 @@ from . import dataset as dataset
 from .run_folder import folder_of as folder_of
 from .run_status import Status as Status
 from .run_status import status as status
+from .variable import Variable as Variable
 from .variables import VARIABLES as VARIABLES
-from .variables import Variable as Variable

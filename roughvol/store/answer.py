@@ -1,4 +1,4 @@
-"""The answer of an ensemble beside its cases in one dataset, and the plan of its samples in the folder of a run."""
+"""The answer of an ensemble in its dataset, and the planned numbers of samples in the folder of a run."""
 
 from __future__ import annotations
 
@@ -20,40 +20,87 @@ BOUNDS = ("lower", "upper")
 
 
 def plan_file(folder: Path) -> Path:
-    """Return where a run keeps the samples that its ensemble wants."""
+    """Return the path of the planned numbers of samples.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of a run.
+
+    Returns
+    -------
+    path
+        A JSON file.
+    """
     return folder / "ensemble.json"
 
 
-def keep_plan(folder: Path, counts: Mapping[float, Mapping[int, int]]) -> None:
-    """Store how many samples each D and level are to have, for `cases_of`."""
+def store_plan(folder: Path, counts: Mapping[float, Mapping[int, int]]) -> None:
+    """Store the planned numbers of samples for `cases_of`.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of a run.
+    counts : mapping
+        Number of samples by D and m.
+    """
     content = {repr(D): {str(m): n for m, n in samples.items()} for D, samples in counts.items()}
     stamped_file.store(plan_file(folder), json.dumps(content, indent=1).encode())
 
 
 def cases_of(study: Study, folder: Path) -> dict[str, Case]:
-    """Return the cases of a study by id; those of an ensemble are the samples that the latest plan has."""
-    cases = study.cases()
-    if study.ensemble is not None:
-        first, plan = study.ensemble.first_seed, run_folder.small_json(plan_file(folder))
-        wanted = {case.D: {case.m: 1} for case in cases}
-        for D in wanted:
-            samples = plan.get(repr(D))
-            for m, n in samples.items() if isinstance(samples, dict) else ():
-                if m.isdigit() and isinstance(n, int):
-                    wanted[D][int(m)] = n
-        cases = tuple(
-            study.sample(D, m, first + seed)
-            for D, samples in wanted.items()
-            if D is not None
-            for m, n in samples.items()
-            if m is not None
-            for seed in range(n)
-        )
-    return {case.id: case for case in cases}
+    """Return the cases of a study; of an ensemble, the samples of its latest plan.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    folder : path
+        Folder of a run.
+
+    Returns
+    -------
+    dict
+        Cases by id.
+    """
+    if study.ensemble is None:
+        return {case.id: case for case in study.cases()}
+    first, plan = study.ensemble.first_seed, run_folder.small_json(plan_file(folder))
+    counts = {case.D: {case.m: 1} for case in study.cases()}
+    for D, levels in counts.items():
+        planned = plan.get(repr(D))
+        for m, number in planned.items() if isinstance(planned, dict) else ():
+            if m.isdigit() and isinstance(number, int):
+                levels[int(m)] = number
+    samples = (
+        study.sample(D, m, first + seed)
+        for D, levels in counts.items()
+        if D is not None
+        for m, number in levels.items()
+        if m is not None
+        for seed in range(number)
+    )
+    return {case.id: case for case in samples}
 
 
 def with_answer(results: Dataset, values: Mapping[str, tuple[tuple[str, ...], Any]], sentences: str) -> Dataset:
-    """Return a dataset with the variables of an answer, each given as dimensions and values, and its sentences."""
+    """Return a dataset with the variables and the sentences of an answer.
+
+    Parameters
+    ----------
+    results : Dataset
+        Cases of the study.
+    values : mapping
+        Dimensions and values by the name of the variable.
+    sentences : str
+        Text of the attribute ``answer``.
+
+    Returns
+    -------
+    Dataset
+        The same dataset with both.
+    """
     for name, (dims, array) in values.items():
         row = VARIABLES[name]
         results[name] = (dims, np.asarray(array, dtype=DTYPES[row.kind]))

@@ -41,7 +41,8 @@ from roughvol._version import __version__
 from roughvol.errors import DatasetError
 from roughvol.store import stamped_file
 from roughvol.store.stamped_file import FORMAT
-from roughvol.store.variables import ALONG, DTYPES, FIELDS, MISSING, TIMES, VARIABLES, Variable
+from roughvol.store.variable import Variable
+from roughvol.store.variables import ALONG, DTYPES, FIELDS, MISSING, TIMES, VARIABLES
 from roughvol.study import Case, Region
 from roughvol.surfaces.body import Body
 

@@ -7,6 +7,7 @@ key, given value and allowed values.
 `reading`      from a file to a `Study`, or to all its problems
 `yaml_text`    YAML to plain data and the line of every key
 `sections`     the sections of a study as strict, frozen records
+`legs`         paths of a sweep, up and down
 `height_file`  the section ``surface`` of measured heights
 `spectral`     the section ``surface`` of surfaces with a spectrum
 `treatment`    the treatment of measured heights
@@ -14,6 +15,7 @@ key, given value and allowed values.
 `record`       the section ``record``
 `ensemble`     the section ``ensemble``
 `agreement`    sizes and units of a study compared with its files
+`conflicts`    rules across the sections
 `cases`        the study as a whole, and its cases
 `units`        numbers with a unit
 =============  =====================================================================

@@ -1,4 +1,4 @@
-"""A study, its cases, and the rules that join its sections."""
+"""A study as a whole, and its cases."""
 
 from __future__ import annotations
 
@@ -19,35 +19,27 @@ from roughvol.errors import Problem, StudyError
 from roughvol.study import ensemble as ensembles
 from roughvol.study import spectral
 from roughvol.study.agreement import resolve
+from roughvol.study.conflicts import conflicts
 from roughvol.study.ensemble import Ensemble
-from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
+from roughvol.study.height_file import HeightFile
+from roughvol.study.legs import Legs, tag_sweep
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
-from roughvol.study.record import SELECTORS, Record
+from roughvol.study.record import Record
 from roughvol.study.sections import (
-    PAPER_MAX_M,
     GeneratedSurface,
-    Legs,
     Solver,
     Strict,
     Sweep,
-    Target,
     Word,
-    names,
     refuse,
-    tag_sweep,
-    whole,
 )
 from roughvol.study.spectral import MadeSurface, SpectralSurface
 from roughvol.study.treatment import steps
-from roughvol.study.units import has_unit, length_unit
-from roughvol.study.yaml_text import KeyPath, key_text, number_text, write
+from roughvol.study.yaml_text import key_text, write
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
 from roughvol.surfaces.power_law import Spectrum
 
 ANSWER_FORMAT = 3  # part of every case id: raise it when equal settings no longer give equal stored numbers
-MAX_CASES = 100_000
-UNPRESSED = ("heights", "residual_heights", "region", "texture", "psd")  # records that need no contact
-SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")
 
 
 @dataclass(frozen=True)
@@ -92,15 +84,14 @@ class Case:
             surface = {"D": self.D, "m": self.m, "seed": self.seed, "spectrum": self.spectrum.key}
         else:
             surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
+        record = self.record.model_dump(mode="json", exclude={"dimensional"})
+        for name in ("residual_heights", "psd"):
+            if not record[name]:  # cases without it keep their id
+                del record[name]
         key: dict[str, Any] = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},
-            # cases that do not ask for residual heights or a spectrum keep their id
-            "record": self.record.model_dump(
-                mode="json",
-                exclude={"dimensional"}
-                | {name for name in ("residual_heights", "psd") if not getattr(self.record, name)},
-            ),
+            "record": record,
         }
         if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
             return key | {"sweep": {"steps": 0}}
@@ -219,7 +210,8 @@ class Study(Strict):
     ] = Field(default=ContactModulus(), description="{E_star} or {E, nu}, optionally hardness")
     sweep: Annotated[Annotated[Sweep, Tag("<sweep>")] | Annotated[Legs, Tag("<path>")], Discriminator(tag_sweep)] = (
         Field(
-            default=Sweep(), description="{steps, to}: number of steps and last state; or a list of legs, up and down"
+            default=Sweep(),
+            description="{steps, to}: number of steps and last state; or a list of these, legs up and down",
         )
     )
     solver: Annotated[Solver, Word("paper", (("method", "paper"),))] = Field(
@@ -232,7 +224,7 @@ class Study(Strict):
     )
 
     ensemble: Ensemble | None = Field(
-        default=None, description="{accuracy, at, budget, first_seed}: how accurate the mean over all surfaces is to be"
+        default=None, description="{accuracy, at, budget, first_seed}: accuracy of the mean over all surfaces"
     )
 
     _places: Places = PrivateAttr(default_factory=Places)
@@ -347,157 +339,3 @@ def json_schema() -> dict[str, Any]:
         Schema with the descriptions of all keys, for completion and checks in editors.
     """
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Study.model_json_schema()}
-
-
-def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
-    """Yield key path and message of each conflict between keys, from plain data that may have other faults."""
-
-    def mapping(*path: str) -> dict[str, Any]:
-        section: Any = data
-        for part in path:
-            section = section.get(part) if isinstance(section, dict) else None
-        return section if isinstance(section, dict) else {}
-
-    surface, record = mapping("surface"), mapping("record")
-    sweep = data.get("sweep")
-    path = isinstance(sweep, list | tuple)
-    legs = [leg if isinstance(leg, dict) else {} for leg in sweep] if path else [mapping("sweep")]
-    ends = [leg["to"] if isinstance(leg.get("to"), dict) else {} for leg in legs]
-    steps = sum(number for leg in legs for _, number in _numbers(leg.get("steps", 60)))
-
-    if "paper" in (data.get("solver"), mapping("solver").get("method")):
-        for place, m in _numbers(surface.get("m"), "surface", "m"):
-            if m > PAPER_MAX_M:
-                yield place, f"solver method 'paper' is dense and takes m <= {PAPER_MAX_M}, given {number_text(m)}"
-    yield from _file_conflicts(surface, mapping("surface", "against"))
-    yield from spectral.conflicts(data)
-
-    for index, (leg, end) in enumerate(zip(legs, ends, strict=True)):
-        if isinstance(leg.get("to"), dict) and sum(value is not None for value in end.values()) != 1:
-            yield ("sweep", *([index] if path else []), "to"), f"must name exactly one of {', '.join(names(Target))}"
-    if path:
-        yield from _path_conflicts(data, legs, ends)
-    if "paper" in (data.get("solver"), mapping("solver").get("method")):
-        material = mapping("material")
-        if material.get("hardness") is not None and material.get("plastic") is not False:
-            yield ("solver",), "solver method 'paper' takes no hardness; allowed: material.plastic: false"
-    yield from _unit_conflicts(surface, mapping("material"), record)
-    yield from ensembles.conflicts(data)
-    material = mapping("material")
-    if record.get("residual_heights") is True and (
-        material.get("hardness") is None or material.get("plastic") is False
-    ):
-        yield ("record", "residual_heights"), "no plastic displacement: give material.hardness"
-    pressed = [name for name in Record.model_fields if name not in UNPRESSED]
-    at = mapping("record", "texture").get("at")
-    asked: list[KeyPath] = [(name,) for name in pressed if record.get(name) is not None]
-    asked += [("texture", "at")] if at not in (None, "last") else []  # texture before load needs no contact
-    for keys in asked if steps == 0 else ():
-        yield ("record", *keys), "no contact to record: sweep.steps is 0"
-    selectors = [("ensemble", "at"), *(("record", *path) for path in SELECTORS)]
-    levels = [(*keys, kind) for keys in selectors for kind in mapping(*keys)]
-    for keys in levels if steps != 0 else ():
-        kind = keys[-1]
-        sign = -1 if kind == "separation" else 1  # the separation falls on the way
-        farthest = [last for end in ends for _, last in _numbers(steps if kind == "step" else end.get(kind))]
-        for last in [max(farthest, key=lambda last: sign * last)] if len(farthest) == len(ends) else []:
-            for place, level in _numbers(mapping(*keys[:-1])[kind], *keys):
-                if sign * (level - last) > 1e-9 * max(1.0, abs(last)):
-                    yield place, f"{number_text(level)} is not reached: the sweep ends at {kind} {number_text(last)}"
-
-    lists = [
-        ("surface", "D"),
-        ("surface", "H"),
-        ("surface", "m"),
-        ("surface", "n"),
-        ("surface", "seeds"),
-        ("record", "box_counting", "thresholds"),
-    ]
-    lists += [("record", "region_widths", "shares")]
-    for keys in (*lists, *levels):
-        seen: set[float] = set()
-        for place, number in _numbers(mapping(*keys[:-1]).get(keys[-1]), *keys):
-            if number in seen:
-                yield place, f"duplicate value {number_text(number)}"
-            seen.add(number)
-    seeds = whole(surface.get("seeds", 10))
-    axes = (("D", "H"), ("m", "n"), ("seeds",))
-    counts = [sum(len(list(_numbers(surface.get(name)))) for name in axis) for axis in axes]
-    cases = counts[0] * counts[1] * (seeds if isinstance(seeds, int) else counts[2])
-    if cases > MAX_CASES:
-        yield ("surface",), f"makes {cases} cases (D times m times seeds); allowed: at most {MAX_CASES}"
-
-
-def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
-    """Yield conflicts between the keys of height files and the formats of these files."""
-    bodies: list[tuple[KeyPath, dict[str, Any]]] = [(("surface",), surface), (("surface", "against"), against)]
-    suffixes = {path: Path(str(body["file"])).suffix.lower() for path, body in bodies if "file" in body}
-    for path, body in bodies:
-        suffix = suffixes.get(path, "")
-        if body.get("variable") is not None and suffix in HEIGHT_FORMATS and suffix not in SEVERAL_ARRAYS:
-            yield (*path, "variable"), f"a {suffix} file holds one array without a name: omit 'variable'"
-    if "file" not in surface or not set(suffixes.values()) <= {*BARE_FORMATS}:
-        return  # other formats may have sizes and units
-    if surface.get("L") is None and surface.keys() <= HeightFile.model_fields.keys():
-        yield ("surface", "L"), f"missing, and the file has no size ({HeightFile.model_fields['L'].description})"
-    if surface.get("unit") is not None or length_unit(surface.get("L")) is not None:
-        return
-    crop = surface["crop"] if isinstance(surface.get("crop"), dict) else {}
-    lengths: list[tuple[KeyPath, Any]] = [(("low_pass",), surface.get("low_pass"))]
-    lengths += [
-        (("crop", axis), position)
-        for axis, positions in crop.items()
-        if isinstance(positions, list)
-        for position in positions
-    ]
-    for key, length in lengths:
-        if has_unit(length):
-            yield ("surface", *key), f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
-
-
-def _unit_conflicts(
-    surface: dict[str, Any], material: dict[str, Any], record: dict[str, Any]
-) -> Iterator[tuple[KeyPath, str]]:
-    """Yield units that are missing or given twice."""
-    own, unit = length_unit(surface.get("L")), surface.get("unit")
-    has_length = own is not None or unit is not None
-    if own is not None and unit not in (None, own):
-        yield ("surface", "unit"), f"L has a unit already ({surface['L']}): omit 'unit'"
-    if has_unit(surface.get("Sq")) and not has_length:
-        yield ("surface", "Sq"), f"has a unit ({surface['Sq']}) and L has none: give L with its unit, as L: 100 um"
-    modulus = material.get("E_star", material.get("E"))
-    if has_unit(material.get("hardness")) and not has_unit(modulus):
-        yield ("material", "hardness"), "has a unit and the modulus has none: give both with units, or none"
-    other = material.get("against")
-    if isinstance(other, dict) and has_unit(other.get("E")) and not has_unit(modulus):
-        yield ("material", "against", "E"), "has a unit and that of the first body has none: give both with units"
-    wanted = record.get("dimensional")
-    for name in [key for key, value in wanted.items() if value is not None] if isinstance(wanted, dict) else ():
-        if name == "pressure" and not has_unit(modulus):
-            yield ("record", "dimensional", name), "needs the modulus with its unit, as material: {E_star: 100 GPa}"
-        if name != "pressure" and not has_length and surface.get("file") is None:
-            yield ("record", "dimensional", name), "needs the unit of length, as surface: {L: 100 um}"
-        needs = {"leak_rate": "transmissivity", "critical_gap": "constriction"}.get(name)
-        transport = record.get("transport")
-        if needs and not (isinstance(transport, dict) and transport.get(needs) is not None):
-            yield ("record", "dimensional", name), f"needs record.transport.{needs}"
-
-
-def _path_conflicts(
-    data: dict[str, Any], legs: list[dict[str, Any]], ends: list[dict[str, Any]]
-) -> Iterator[tuple[KeyPath, str]]:
-    """Yield the conflicts between the legs of a path."""
-    if data.get("ensemble") is not None:
-        yield ("sweep",), "an ensemble takes one sweep, {steps, to}, and no list of legs"
-    for kind in ("pressure", "indentation"):
-        if ends and ends[0].get(kind) == 0:
-            yield ("sweep", 0, "to", kind), "must be > 0 on the first leg, which begins at first touch"
-    for index in range(1, len(legs)):
-        if legs[index].get("to", "mean-plane") == legs[index - 1].get("to", "mean-plane"):
-            yield ("sweep", index, "to"), "is the end of the leg before: the leg has no length"
-
-
-def _numbers(value: Any, *path: str | int) -> Iterator[tuple[KeyPath, float]]:
-    """Yield the numbers of a number or a list, each with its key path."""
-    items = [((*path, index), item) for index, item in enumerate(value)] if isinstance(value, list) else [(path, value)]
-    yield from ((where, item) for where, item in items if isinstance(item, int | float) and not isinstance(item, bool))

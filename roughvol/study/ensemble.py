@@ -1,10 +1,9 @@
-"""The section ``ensemble``: how accurate the mean over all surfaces is to be, instead of how many seeds to take."""
+"""The section ``ensemble``: the accuracy of the mean over all surfaces, in place of a number of seeds."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -12,22 +11,26 @@ from pydantic import ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandl
 from pydantic_core import core_schema
 
 from roughvol.study.sections import AreaFraction, Choice, Level, Many, Positive, Seed, Word, refuse
-from roughvol.study.yaml_text import KeyPath, number_text
+from roughvol.study.yaml_text import number_text
 
 STORED_AS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
 """Names of stored variables where they differ from those of quantities in a study."""
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "days": 86400.0}
-TIGHTEST, WIDEST = 1e-5, 0.5  # of an accuracy: beyond, no campaign ends; and no interval means anything
-PER_REQUEST = 1e-2  # residual of the solver over the accuracy asked for
-LOOSEST, TIGHTEST_RTOL = 1e-3, 1e-9
-COARSEST = 4  # level on which a sweep takes as long as its file: a coarser one would save nothing
-FEWEST_LEVELS = 3  # beside and below a coarse m, to see whether its means converge
-AUTO_FROM, AUTO_TO = 7, 12  # resolutions that `m: auto` looks at
+"""Units of a budget in seconds."""
+TIGHTEST = 1e-5  # smallest relative accuracy
+WIDEST = 0.5  # largest relative accuracy
+RTOL_SHARE = 1e-2  # residual of the solver over the accuracy
+TIGHTEST_RTOL = 1e-9  # smallest residual of the solver
+LOOSEST_RTOL = 1e-3  # largest residual of the solver
+COARSEST = 4  # m of the coarsest level; there a sweep takes as long as its file
+FEWEST_LEVELS = 3  # levels that show whether a mean converges
+AUTO_FROM = 7  # smallest finest level of `m: auto`
+AUTO_TO = 12  # largest finest level of `m: auto`
 
 
 class Accuracy(float):
-    """A half-width that is absolute, or relative to the mean as 1 %."""
+    """A half-width of an interval: absolute, or relative to the mean as 1 %."""
 
     relative: bool
 
@@ -42,17 +45,17 @@ class Accuracy(float):
         return float(self), self.relative
 
     def __str__(self) -> str:
-        """Return it as it would be in a study."""
+        """Return the text of a study."""
         return f"{number_text(round(100.0 * self, 12))} %" if self.relative else number_text(float(self))
 
     def of(self, mean: float) -> float:
-        """Return the half-width that is asked for about a mean."""
+        """Return the absolute half-width for a mean."""
         return float(self) * abs(mean) if self.relative else float(self)
 
 
 @dataclass(frozen=True)
 class _Text:
-    """Read a number, or text of a number and a unit, and say so in the JSON schema."""
+    """A number, or text of a number and a unit, for pydantic and the JSON schema."""
 
     units: tuple[str, ...]
     bare: bool
@@ -73,14 +76,11 @@ class _Text:
     def _parts(self, value: Any) -> tuple[float, str | None]:
         if self.bare and isinstance(value, int | float) and not isinstance(value, bool):
             return float(value), None
-        found = (
-            re.fullmatch(r"([0-9]+\.?[0-9]*(?:e[-+]?[0-9]+)?)\s*(\S+)", value.strip())
-            if isinstance(value, str)
-            else None
-        )
-        if found is None or found[2] not in self.units:
+        text = value.strip() if isinstance(value, str) else ""
+        parts = re.fullmatch(r"([0-9]+\.?[0-9]*(?:e[-+]?[0-9]+)?)\s*(\S+)", text)
+        if parts is None or parts[2] not in self.units:
             refuse("must be {form}", form=self._form)
-        return float(found[1]), found[2]
+        return float(parts[1]), parts[2]
 
     @property
     def _form(self) -> str:
@@ -106,7 +106,7 @@ class _AccuracyText(_Text):
 
 
 class Budget(float):
-    """Seconds, with the text that they were given as."""
+    """A time in seconds, with its text in the study."""
 
     text: str
 
@@ -121,7 +121,7 @@ class Budget(float):
         return float(self), self.text
 
     def __str__(self) -> str:
-        """Return it as it would be in a study."""
+        """Return the text of a study."""
         return self.text
 
 
@@ -139,8 +139,8 @@ HalfWidth = Annotated[Accuracy, _AccuracyText(("%",), bare=True)]
 _HOW = "half-width of the 95 % interval of its mean, relative as 1 % or absolute as 0.01"
 
 
-class Asked(Choice):
-    """The quantities whose means are asked for, each with its accuracy."""
+class Accuracies(Choice):
+    """The quantities to average, each with the accuracy of its mean."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
@@ -160,7 +160,7 @@ class Asked(Choice):
         return {short.get(name, name): accuracy for name, accuracy in value.items()}
 
     @model_validator(mode="after")
-    def _asks_for_something(self) -> Asked:
+    def _not_empty(self) -> Accuracies:
         if not self.named:
             refuse("names no quantity: {known}", known=", ".join(type(self).model_fields))
         return self
@@ -171,7 +171,7 @@ class Asked(Choice):
 
 
 class States(Choice):
-    """The states at which the accuracy must hold: the last one, or levels of one or more quantities."""
+    """The states of the means: the last step, or levels of one or more quantities."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
@@ -186,21 +186,23 @@ class States(Choice):
 
     @property
     def levels(self) -> tuple[Level, ...]:
-        """The states one by one; ``Level("last")`` alone if none is named."""
+        """All states; ``Level("last")`` alone if none is named."""
         levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
         return tuple(levels) or (Level("last"),)
 
 
 class Ensemble(Choice):
-    """The mean over all surfaces, to an accuracy; the campaign decides how many seeds on which levels."""
+    """Means over all surfaces to an accuracy; the campaign plans the seeds of each level."""
 
-    accuracy: Asked = Field(description="{free_volume: 1 %}: each quantity with the half-width of its 95 % interval")
+    accuracy: Accuracies = Field(
+        description="{free_volume: 1 %}: each quantity with the half-width of its 95 % interval"
+    )
     at: Annotated[States, Word("last")] = Field(
         default=States(),
-        description="'last', or levels of pressure, separation, contact_area, indentation at which it must hold",
+        description="'last', or levels of pressure, separation, contact_area, indentation at which the means are taken",
     )
     budget: Annotated[Budget, _BudgetText(tuple(SECONDS), bare=False)] | None = Field(
-        default=None, description="time after which no further samples begin, as 10 min; what was reached is reported"
+        default=None, description="time after which no further samples begin, as 10 min"
     )
     first_seed: Seed = Field(default=0, description="first seed; another one gives an independent answer")
 
@@ -211,63 +213,25 @@ class Ensemble(Choice):
 
     @property
     def tolerance(self) -> float:
-        """The residual η/σ that suffices: a hundredth of the accuracy, as a power of ten.
+        """Sufficient residual η/σ of the solver: a hundredth of the accuracy, as a power of ten.
 
-        The power of ten lets a request that is a little tighter use the samples of another.
+        Requests of the same power share their samples.
         """
-        least = PER_REQUEST * min(self.accuracy.named.values())
-        return min(max(10.0 ** math.floor(math.log10(least) + 1e-9), TIGHTEST_RTOL), LOOSEST)
+        least = RTOL_SHARE * min(self.accuracy.named.values())
+        return min(max(10.0 ** math.floor(math.log10(least) + 1e-9), TIGHTEST_RTOL), LOOSEST_RTOL)
 
 
 def levels_below(m: int) -> tuple[int, ...]:
-    """Return the resolutions that an ensemble may use.
+    """Return the levels of an ensemble.
 
     Parameters
     ----------
     m : int
-        Finest resolution.
+        Finest level.
 
     Returns
     -------
     tuple of int
-        Resolutions, coarsest first.
+        m of all levels, coarsest first.
     """
     return tuple(range(max(1, min(COARSEST, m - FEWEST_LEVELS + 1)), m + 1))
-
-
-def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
-    """Yield what does not go together with an ensemble, on plain data: key path and message."""
-    surface = data.get("surface") if isinstance(data.get("surface"), dict) else {}
-    given = data.get("ensemble")
-    if surface is not None and surface.get("m") == "auto" and given is None:
-        yield ("surface", "m"), "'auto' needs the section 'ensemble', whose accuracy decides it"
-    if not isinstance(given, dict) or not isinstance(surface, dict):
-        return
-    if "file" in surface:
-        yield ("ensemble",), "needs generated surfaces (surface.D, surface.m): a file of heights is one surface"
-        return
-    if "seeds" in surface:
-        yield ("surface", "seeds"), "cannot be given beside 'ensemble', which decides how many: leave it out"
-    for name, other in (("m", ", or 'auto'"), ("n", "")):
-        if isinstance(surface.get(name), list) and len(surface[name]) > 1:
-            yield ("surface", name), f"must be one number beside 'ensemble': the finest resolution{other}"
-    sweep = data.get("sweep") if isinstance(data.get("sweep"), dict) else {}
-    if sweep is not None and sweep.get("steps") == 0:
-        yield ("ensemble",), "there is no contact to average, since sweep.steps is 0"
-    asked = given.get("accuracy") if isinstance(given.get("accuracy"), dict) else {}
-    at = given.get("at") if isinstance(given.get("at"), dict) else {}
-    quantities = {name: {stored: short for short, stored in STORED_AS.items()}.get(name, name) for name in asked or {}}
-    for name, quantity in quantities.items():
-        if at is not None and quantity in at:
-            yield ("ensemble", "accuracy", name), f"is given by ensemble.at.{quantity}: its value there has no scatter"
-        if list(quantities.values()).count(quantity) > 1:
-            yield ("ensemble", "accuracy", name), f"is '{quantity}' by another name: give one of them"
-    end = sweep.get("to", "mean-plane") if sweep else "mean-plane"
-    ends = {"separation"} if end == "mean-plane" else set(end) if isinstance(end, dict) else set()
-    if not at:
-        for name, quantity in quantities.items():
-            if quantity in ends:
-                yield (
-                    ("ensemble", "accuracy", name),
-                    "is the same on every surface at the last step: name states in 'at'",
-                )

@@ -15,7 +15,8 @@ from typing import Any, get_args
 from pydantic import BaseModel, RootModel, ValidationError
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.cases import Places, Study, conflicts
+from roughvol.study.cases import Places, Study
+from roughvol.study.conflicts import conflicts
 from roughvol.study.sections import names, nearest
 from roughvol.study.yaml_text import (
     MAX_BYTES,

@@ -19,7 +19,6 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
-    RootModel,
     Tag,
     field_validator,
     model_serializer,
@@ -246,7 +245,8 @@ class Target(Choice):
     separation: float | None = Field(default=None, description="end at this d/σ, negative beyond the mean plane")
 
 
-def _tag_to(value: Any) -> str:
+def tag_end(value: Any) -> str:
+    """Return the tag of a state for a mapping or 'percolation', else that of a plane."""
     return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
 
 
@@ -261,10 +261,6 @@ def tag_surface(value: Any) -> str:
     return "<file>" if "file" in value or hints else "<generated>"
 
 
-def _as_tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
 class Sweep(Strict):
     """Number of equal steps of indentation, and the last state."""
 
@@ -274,7 +270,7 @@ class Sweep(Strict):
     to: Annotated[
         Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
         | Annotated[Target, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
-        Discriminator(_tag_to),
+        Discriminator(tag_end),
     ] = Field(
         default="mean-plane",
         description="last state: mean-plane, summit-plane, percolation (no open way left), or one of "
@@ -293,61 +289,6 @@ class Sweep(Strict):
     def legs(self) -> tuple[Sweep, ...]:
         """The legs of the path: this one."""
         return (self,)
-
-
-class LegTarget(Target):
-    """The last state of a leg. Indentation and pressure may fall to zero."""
-
-    indentation: Annotated[float, Field(ge=0)] | None = Field(default=None, description="end at this Δ/σ >= 0")
-    pressure: Annotated[float, Field(ge=0)] | None = Field(
-        default=None, description="end at this p* >= 0; 0 is where contact is lost"
-    )
-
-
-class Leg(Sweep):
-    """A leg of a path: number of equal steps of indentation from the end of the leg before, and the last state."""
-
-    steps: Annotated[Whole, Field(ge=1, le=10_000)] = Field(
-        default=60, description="number of equal steps of indentation on this leg, 1 to 10000"
-    )
-    to: Annotated[
-        Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
-        | Annotated[LegTarget, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
-        Discriminator(_tag_to),
-    ] = Field(
-        default="mean-plane",
-        description="last state of the leg: mean-plane, summit-plane, percolation, or one of {percolation: x|y|both}, "
-        "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}",
-    )
-
-
-class Legs(RootModel[tuple[Leg, ...]]):
-    """A path of legs, up and down."""
-
-    model_config = ConfigDict(strict=True, frozen=True)
-    root: Annotated[tuple[Leg, ...], BeforeValidator(_as_tuple), Field(min_length=1, max_length=100)] = Field(
-        description="list of legs {steps, to}, each from the end of the one before"
-    )
-
-    @property
-    def legs(self) -> tuple[Leg, ...]:
-        """The legs of the path."""
-        return self.root
-
-    @property
-    def steps(self) -> int:
-        """Steps of all legs."""
-        return sum(leg.steps for leg in self.root)
-
-    @property
-    def target(self) -> Level:
-        """Last state of the last leg."""
-        return self.root[-1].target
-
-
-def tag_sweep(value: Any) -> str:
-    """Return the tag of `Legs` for a list of legs, else that of `Sweep`."""
-    return "<path>" if isinstance(value, list | tuple | Legs) else "<sweep>"
 
 
 class MaxError(Choice):

@@ -17,7 +17,7 @@ from unittest import mock
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from roughvol.campaign import ensemble
+from roughvol.campaign import ensemble, samples, sampling
 from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.path import last_indentation
 from roughvol.contact.halfspace import HalfSpace
@@ -62,24 +62,24 @@ def study(m: int, D: float, accuracy: str, *, quantity: str = "free_volume", see
 def reference(m: int, D: float, *, quantity: str, seeds: int = REFERENCE, steps: int = 15) -> float:
     """Return the plain mean of many seeds."""
     one = study(m, D, "1 %", quantity=quantity, steps=steps)
-    targets = ensemble.targets_of(one.ensemble)
+    targets = samples.targets_of(one.ensemble)
     cases = (one.sample(D, m, REFERENCE_SEED + seed) for seed in range(seeds))
-    return float(np.mean([ensemble.sampled(targets, case, compute([case])[case.id]).values[0] for case in cases]))
+    return float(np.mean([samples.sample_of(targets, case, compute([case])[case.id]).values[0] for case in cases]))
 
 
 def measure(m: int, D: float, accuracy: str, studies: int, *, quantity: str, few: bool, seeds: int) -> dict[str, float]:
     """Return the share of intervals that contain the mean, and more of these studies."""
     mean = reference(m, D, quantity=quantity, seeds=seeds)
     inside, finest, errors, held = 0, [], [], 0
-    with mock.patch.object(ensemble, "COSTLY", {m: 4, m - 1: 10} if few else ensemble.COSTLY):
+    with mock.patch.object(sampling, "COSTLY", {m: 4, m - 1: 10} if few else sampling.COSTLY):
         for number in range(studies):
             one = study(m, D, accuracy, quantity=quantity, seed=number * APART)
-            found = ensemble.answer(one, compute)
-            standing = found.standings[D][0]
-            inside += abs(standing.mean.value - mean) <= standing.mean.half_width
-            held += standing.holds
-            finest.append(found.ensembles.have(D)[-1])
-            errors.append(standing.mean.value / mean - 1.0)
+            found = ensemble.estimate_means(one, compute)
+            estimate = found.estimates[D][0]
+            inside += abs(estimate.mean.value - mean) <= estimate.mean.half_width
+            held += estimate.reached
+            finest.append(found.samples.counts(D)[-1])
+            errors.append(estimate.mean.value / mean - 1.0)
     return {
         "m": m,
         "D": D,

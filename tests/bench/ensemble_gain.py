@@ -52,10 +52,10 @@ def measure(m: int, D: float, quantity: str, accuracy: str, pressure: str) -> di
             found[case.id] = dataset.arrays_of(result)
         return found
 
-    answer = ensemble.answer(study, compute)
+    answer = ensemble.estimate_means(study, compute)
     spent = sum(seconds.values())
     targets = []
-    for one in answer.standings[D]:
+    for one in answer.estimates[D]:
         plain = plain_cost(one.level_variances[-1], seconds[m] / samples[m], one.mean.half_width)
         targets.append(
             {
@@ -74,7 +74,7 @@ def measure(m: int, D: float, quantity: str, accuracy: str, pressure: str) -> di
         "quantity": quantity,
         "samples": dict(sorted(samples.items())),
         "ms a sample": {level: round(1e3 * seconds[level] / samples[level], 1) for level in sorted(samples)},
-        "modelled ms": [round(1e3 * cost, 1) for cost in answer.standings[D][0].costs],
+        "modelled ms": [round(1e3 * cost, 1) for cost in answer.estimates[D][0].costs],
         "rounds": len(answer.rounds[D]),
         "seconds": round(spent, 1),
         "targets": targets,

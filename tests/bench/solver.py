@@ -57,11 +57,14 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
     half_space.spent = 0.0
     last = (surface.z_max - surface.mean_height) / surface.Sq
     steps = case["steps"]
+    at = last * np.arange(1, steps + 1) / steps
+    hardness = case.get("hardness")
+    limit = hardness and hardness * surface.side / surface.Sq
     with threadpool_limits(1):
         start = time.perf_counter()
         contacts = [
             (c.convolutions, c.convolutions_fp32, c.residual, c.contact_area_fraction)
-            for c in sweep(surface, half_space, last * np.arange(1, steps + 1) / steps, rtol=case["rtol"])
+            for c in sweep(surface, half_space, at, rtol=case["rtol"], hardness=limit)
         ]
         seconds = time.perf_counter() - start
     fp64, fp32, residual, area = (np.array(column) for column in zip(*contacts, strict=True))
@@ -101,7 +104,7 @@ def rows(arguments: argparse.Namespace) -> list[dict[str, Any]]:
             for D in arguments.D:
                 for seed in range(arguments.seeds):
                     case = {"m": m, "D": D, "rtol": rtol, "seed": seed, "threads": arguments.threads}
-                    case["steps"] = arguments.steps
+                    case |= {"steps": arguments.steps, "hardness": arguments.hardness}
                     with context.Pool(1) as pool:
                         row = pool.apply(measure, (case,))
                     found.append(row)
@@ -196,6 +199,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--steps", type=int, default=60, help="1: a single solve at d = 0, started from nothing")
+    parser.add_argument("--hardness", type=float, help="H/E*, the largest pressure; default: elastic contact")
     parser.add_argument("--out", type=Path, default=Path("runs/bench"))
     parser.add_argument("--compare", action="store_true", help="fail if a count has grown beyond the baseline")
     parser.add_argument("--store", action="store_true", help="make this the baseline")

@@ -16,6 +16,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 from roughvol.campaign import batch, running, workers
+from roughvol.campaign import cluster as pool
 from roughvol.cli import main
 from roughvol.errors import CampaignError
 from roughvol.store import dataset, run_status
@@ -215,11 +216,11 @@ def test_an_address_that_no_scheduler_can_have_is_refused_at_once(
     "address", ["tcp://127.0.0.1:8786", "localhost:8786", "tls://node-1.example.org:1/", "[::1]:8786"]
 )
 def test_addresses_of_dask_are_accepted(address: str) -> None:
-    workers.check_address(address)
+    pool.check_address(address)
 
 
 def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "CONNECT", 1)
+    monkeypatch.setattr(pool, "CONNECT", 1)
     with pytest.raises(CampaignError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"):
         running.run(loads(TEXT), out=tmp_path, scheduler="tcp://127.0.0.1:9")
 
@@ -227,7 +228,7 @@ def test_no_scheduler_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_a_scheduler_that_has_lost_all_its_workers_is_given_up(
     cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(workers, "GONE", 1.0)
+    monkeypatch.setattr(pool, "GONE", 1.0)
 
     def kill_all(now: batch.Progress) -> None:
         if now.done == 1:

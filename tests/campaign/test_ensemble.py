@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.campaign import answered, ensemble
+from roughvol.campaign import answered, ensemble, samples, sampling
 from roughvol.campaign.batch import Progress
 from roughvol.campaign.running import collect, run
 from roughvol.errors import CampaignError, StudyError
@@ -65,16 +65,16 @@ def _asked(m: object, accuracy: str, more: str = "") -> Study:
 
 def test_the_interval_is_as_narrow_as_asked_and_holds_the_mean() -> None:
     means = {m: 1.0 + 2.0**-m for m in range(4, 10)}
-    found = ensemble.answer(_asked(9, "0.5 %"), _made(means))
-    (one,) = found.standings[2.3]
-    assert one.holds
+    found = ensemble.estimate_means(_asked(9, "0.5 %"), _made(means))
+    (one,) = found.estimates[2.3]
+    assert one.reached
     assert one.mean.half_width <= 0.005 * one.mean.value
     assert abs(one.mean.value - means[9]) <= 2.0 * one.mean.half_width
-    assert_allclose(one.weak.bias, 2.0**-9, rtol=1.0)
-    have = found.ensembles.have(2.3)
+    assert_allclose(one.weak_error.bias, 2.0**-9, rtol=1.0)
+    have = found.samples.counts(2.3)
     used = [have[k] for k in one.plan.levels]
     assert used == sorted(used, reverse=True)
-    assert found.ensembles.cost(2.3) < 0.35 * one.plain_cost
+    assert found.samples.cost(2.3) < 0.35 * one.plain_cost
 
 
 def test_where_levels_do_not_pay_it_costs_no_more_than_plain_monte_carlo_and_the_pilot() -> None:
@@ -88,19 +88,19 @@ def test_where_levels_do_not_pay_it_costs_no_more_than_plain_monte_carlo_and_the
             found |= _made(value, spread=0.0)([case])
         return found
 
-    found = ensemble.answer(_asked(7, "2 %"), unrelated)
-    (one,) = found.standings[2.3]
-    pilot = sum(n * cost for n, cost in zip(ensemble.pilot(range(4, 8)).values(), one.costs, strict=True))
-    assert one.holds
-    assert found.ensembles.cost(2.3) <= 1.5 * one.plain_cost + pilot
+    found = ensemble.estimate_means(_asked(7, "2 %"), unrelated)
+    (one,) = found.estimates[2.3]
+    pilot = sum(n * cost for n, cost in zip(sampling.pilot(range(4, 8)).values(), one.costs, strict=True))
+    assert one.reached
+    assert found.samples.cost(2.3) <= 1.5 * one.plain_cost + pilot
     assert "levels do not pay here" in "\n".join(answered.sentences(found))
 
 
 def test_a_finer_resolution_is_added_until_the_bias_fits() -> None:
     means = {m: 1.0 + 2.0**-m for m in range(4, 13)}
-    found = ensemble.answer(_asked("auto", "0.3 %"), _made(means, spread=0.02))
-    assert found.ensembles.m == 10  # 2^-10 is the first below half of 0.003
-    assert found.standings[2.3][0].weak.bias <= 0.5 * 0.003 * found.standings[2.3][0].mean.value
+    found = ensemble.estimate_means(_asked("auto", "0.3 %"), _made(means, spread=0.02))
+    assert found.samples.finest == 10  # 2^-10 is the first below half of 0.003
+    assert found.estimates[2.3][0].weak_error.bias <= 0.5 * 0.003 * found.estimates[2.3][0].mean.value
 
 
 def test_a_mean_without_a_limit_is_refused_after_the_pilot() -> None:
@@ -111,22 +111,22 @@ def test_a_mean_without_a_limit_is_refused_after_the_pilot() -> None:
         return _made({m: 0.7**m for m in range(4, 13)})(cases)
 
     with pytest.raises(StudyError, match=r"surface.m: 'auto' needs means that converge with m.*-30"):
-        ensemble.answer(_asked("auto", "1 %"), counted)
+        ensemble.estimate_means(_asked("auto", "1 %"), counted)
     assert next(calls) == 1
 
 
 def test_a_mean_without_a_limit_at_a_given_m_says_so() -> None:
-    found = ensemble.answer(_asked(8, "2 %"), _made({m: 0.7**m for m in range(4, 9)}))
+    found = ensemble.estimate_means(_asked(8, "2 %"), _made({m: 0.7**m for m in range(4, 9)}))
     assert "does not converge with m, this is the value at m = 8" in answered.sentences(found)[0]
     assert np.isnan(answered.variables(found)["free_volume_bias"][1]).all()
 
 
 def test_a_budget_ends_it_and_says_what_was_reached() -> None:
     seconds = itertools.count(0.0, 40.0)
-    found = ensemble.answer(
+    found = ensemble.estimate_means(
         _asked(6, "0.1 %", ", budget: 1 min"), _made({4: 1.0, 5: 1.0, 6: 1.0}), clock=lambda: next(seconds)
     )
-    assert not found.standings[2.3][0].holds
+    assert not found.estimates[2.3][0].reached
     said = answered.sentences(found)
     assert "asked for ± 0.1 %" in said[0]
     assert "budget of 1 min" in said[-1]
@@ -134,12 +134,12 @@ def test_a_budget_ends_it_and_says_what_was_reached() -> None:
 
 def test_an_accuracy_out_of_reach_is_an_error() -> None:
     with pytest.raises(CampaignError, match="needs more than 1000000 samples; its mean is"):
-        ensemble.answer(_asked(5, "1e-9"), _made({3: 1.0, 4: 1.0, 5: 1.0}))
+        ensemble.estimate_means(_asked(5, "1e-9"), _made({3: 1.0, 4: 1.0, 5: 1.0}))
 
 
 def test_a_state_that_a_sweep_does_not_reach_is_an_error_of_the_study() -> None:
     with pytest.raises(StudyError, match=r":3: ensemble.at.pressure: 2 is not reached by D = 2.30, m = 3, seed 0"):
-        ensemble.answer(
+        ensemble.estimate_means(
             loads(
                 "surface: {D: 2.3, m: 5}\nsweep: {steps: 8}\n"
                 "ensemble: {accuracy: {free_volume: 1 %}, at: {pressure: 2}}"
@@ -151,10 +151,10 @@ def test_a_state_that_a_sweep_does_not_reach_is_an_error_of_the_study() -> None:
 def test_samples_are_values_at_the_state_between_the_steps() -> None:
     one = study(5, 2.3, "5 %", steps=30)
     case = one.cases()[0]
-    found = ensemble.sampled(ensemble.targets_of(one.ensemble), case, compute([case])[case.id])
+    found = samples.sample_of(samples.targets_of(one.ensemble), case, compute([case])[case.id])
     fine = study(5, 2.3, "5 %", steps=240)
-    exact = ensemble.sampled(
-        ensemble.targets_of(fine.ensemble), fine.cases()[0], compute(fine.cases()[:1])[fine.cases()[0].id]
+    exact = samples.sample_of(
+        samples.targets_of(fine.ensemble), fine.cases()[0], compute(fine.cases()[:1])[fine.cases()[0].id]
     )
     assert_allclose(found.values, exact.values, rtol=1e-4)
     assert found.cost < exact.cost
@@ -202,7 +202,7 @@ def test_a_finished_ensemble_is_found_finished(finished: Path) -> None:
     before = (finished / "study.nc").read_bytes()
     run(loads(TEXT), out=finished, on_event=told.append)
     assert (finished / "study.nc").read_bytes() == before
-    assert "V* at D = 2.3 ±" in told[-1].standing
+    assert "V* at D = 2.3 ±" in told[-1].interval
     state = status(loads(TEXT), finished)
     assert not state.missing
     assert state.strange == 0

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from roughvol.campaign import batch, limits, resources, running
 from roughvol.cli import main
+from roughvol.errors import CampaignError
 from roughvol.study import loads
 
 TEXT = "name: s\nsurface: {D: 2.4, m: 3, seeds: 1}\nsweep: {steps: 2}\n"
@@ -69,7 +70,18 @@ def test_memory_that_runs_out_is_one_line(study: str, monkeypatch: pytest.Monkey
     assert done.exit_code == 1
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: not enough memory (")
-    assert batch._text(error) == "not enough memory"
+
+
+@pytest.mark.parametrize("error", LACKING, ids=lambda error: type(error).__name__)
+def test_memory_that_runs_out_in_a_case_is_its_failure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(batch, "run_case", fail)
+    with pytest.raises(CampaignError, match=r"1 of 1 cases failed\n.*: not enough memory$"):
+        running.run(loads(TEXT), out=tmp_path)
 
 
 @pytest.mark.parametrize("error", [ImportError("no module named x"), OSError(errno.EIO, "x"), RuntimeError("x")])

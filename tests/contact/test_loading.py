@@ -634,9 +634,9 @@ def test_rtol_out_of_range_is_refused(rtol):
         solve(fractal(3), half_space((9, 9)), 1.0, rtol=rtol)
 
 
-@pytest.mark.parametrize("steps", [(1.0, 1.0), (1.0, 2.0, 1.5), (1.0, 0.0), (1.0, -1.0), (-1.0, -2.0)])
-def test_indentations_that_do_not_increase_are_refused(steps):
-    with pytest.raises(ContactError, match=rf"indentation is {steps[-1]}.*increasing.*the last was {steps[-2]:g}"):
+@pytest.mark.parametrize("steps", [(1.0, 1.0), (1.0, 2.0, 1.5, 1.5), (0.0, 0.0), (-1.0, -1.0)])
+def test_an_indentation_twice_is_refused(steps):
+    with pytest.raises(ContactError, match=rf"indentation is {steps[-1]}.*not {steps[-2]:g}, that of the state before"):
         list(sweep(fractal(3), half_space((9, 9)), steps))
 
 
@@ -657,9 +657,9 @@ def test_algorithm_of_the_paper_is_kept_to_small_grids():
 
 
 def test_records_before_an_error_are_still_delivered():
-    contacts = sweep(fractal(3), half_space((9, 9)), [0.5, 1.0, 0.2])
+    contacts = sweep(fractal(3), half_space((9, 9)), [0.5, 1.0, math.nan])
     assert [next(contacts).indentation, next(contacts).indentation] == [0.5, 1.0]
-    with pytest.raises(ContactError, match=r"0\.2.*the last was 1"):
+    with pytest.raises(ContactError, match=r"nan.*finite"):
         next(contacts)
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -196,7 +199,7 @@ def test_loading_keeps_contact_and_yield_and_the_free_volume_has_its_bound(seed,
     half_space = HalfSpace(surface.shape)
     path = np.linspace(0.0, 3.0, 7)[1:]
     exact = list(sweep(surface, half_space, path, rtol=1e-11, hardness=hardness))
-    for before, after in zip(exact, exact[1:], strict=False):
+    for before, after in itertools.pairwise(exact):
         assert not (before.contact() & ~after.contact()).any()
         assert ((after.plastic_displacement() - before.plastic_displacement()) >= -1e-10).all()
         assert (after.pressure() - before.pressure() >= -1e-7).all()
@@ -216,3 +219,23 @@ def test_a_hardness_out_of_range_is_refused(surface, half_space, hardness):
 def test_the_algorithm_of_the_paper_takes_no_hardness(surface, half_space):
     with pytest.raises(ContactError, match="'paper' has no hardness"):
         solve(surface, half_space, 1.0, hardness=1.0, method="paper")
+
+
+REFERENCE = Path(__file__).parents[3] / "shared" / "reference" / "plastic_65.npz"
+
+
+@pytest.mark.skipif(not REFERENCE.is_file(), reason="solved cases of other codes are not part of the repository")
+@pytest.mark.parametrize("hardness", [np.inf, 0.2, 0.05])
+def test_paths_solved_by_another_code_are_met(hardness):
+    with np.load(REFERENCE) as case:
+        surface, rows = Surface(case["z"], float(case["dx"])), case["rows"]
+    rows = rows[rows[:, 0] == hardness]
+    side, height = surface.side, surface.Sq
+    limit = None if np.isinf(hardness) else hardness * side / height
+    contacts = sweep(surface, HalfSpace(surface.shape), rows[:, 2], rtol=1e-10, hardness=limit)
+    for contact, (*_, pressure, area, plastic, gap, largest) in zip(contacts, rows, strict=True):
+        assert contact.mean_pressure * height / side == pytest.approx(pressure, rel=1e-7)
+        assert contact.contact_area_fraction == pytest.approx(area, rel=1e-10)
+        assert contact.plastic_volume * height == pytest.approx(-plastic, rel=1e-7, abs=1e-11)
+        assert contact.free_volume * height == pytest.approx(gap, rel=1e-7)
+        assert contact.pressure().max() * height / side == pytest.approx(largest, rel=1e-7)

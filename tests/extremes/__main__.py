@@ -36,6 +36,7 @@ Values beyond these are errors before any computation. The message has the value
 | grid | at least 3 × 3 | a texture needs an interior |
 | range of heights | 0 (flat), or 1e-290 to 1.8e308 | below, Sq loses its digits; above, the range is no number |
 | heights | finite | NaN and infinite heights are counted, and the first one is named |
+| hardness | > 0, with method `fast` | Algorithm 1 has no upper bound of the pressure |
 | η/σ asked for | at least 4e-16 max(1, Δ/σ) | the gap is the difference of two numbers as large as Δ/σ |
 | method `paper` | m ≤ 6 | dense matrices of 4^m rows |
 """

@@ -299,6 +299,45 @@ def over_precision(choice):
     return Found(found.residual, found.states, "bounds of V* and p* hold")
 
 
+HARDNESSES = {"H/E* 1e-12": 1e-12, "1e-6": 1e-6, "1e-3": 1e-3, "0.05": 0.05, "1": 1.0, "1e6": 1e6}
+
+
+@cells("hardness", HARDNESSES)
+def over_hardness(hardness):
+    surface = fractal(2.4, 5, seed=10)
+    limit = hardness * surface.side / surface.Sq
+    up = mean_plane(surface) * np.arange(1, 6) / 5
+    path = [*up, *up[-2::-1], *up[1:], 1.2 * up[-1]]
+    contacts = list(sweep(surface, half_space(surface.shape), path, rtol=RTOL, hardness=limit))
+    left = np.zeros(surface.shape)  # plastic displacement at the start of the leg
+    for k, contact in enumerate(contacts):
+        yielding(contact, surface, limit, left)
+        if 0 < k < len(path) - 1 and (path[k + 1] > path[k]) != (path[k] > path[k - 1]):
+            left = contact.plastic_displacement()
+    again = next(k for k in range(6, len(path)) if path[k] == up[-1])
+    same([contacts[again]], [contacts[4]], 1e-7)
+    force = np.array([0.0, *(contact.mean_pressure for contact in contacts[:9])])
+    assert np.trapezoid(force, [0.0, *path[:9]]) >= -1e-9
+    return Found(max(contact.residual for contact in contacts), len(contacts), "bounds on p, reloading, work of a loop")
+
+
+def yielding(contact, surface, limit, left) -> None:
+    """Check 0 ≤ p ≤ H, and the gap to the surface that yields."""
+    p, g, plastic = contact.pressure(), contact.gap(), contact.plastic_displacement()
+    at_limit = p >= limit * (1.0 - 1e-12)
+    assert p.max(initial=0.0) <= limit * (1.0 + 1e-12)
+    assert not g[p > 0.0].any()
+    assert (plastic - left >= 0.0).all()
+    assert not (plastic - left)[~at_limit].any()
+    w = summed_displacement(lattice_pressure(contact)) - scaled_overlap(surface, contact.indentation) + left
+    eta = max(np.abs(w[(p > 0.0) & ~at_limit]).max(initial=0.0), w[at_limit].max(initial=0.0))
+    eta = max(eta, -w[p == 0.0].min(initial=0.0))
+    scale = max(1.0, abs(contact.indentation))
+    assert eta <= RTOL + 100 * ROUNDING * scale
+    volume = contact.separation + (w + scaled_overlap(surface, contact.indentation) - left).mean() + plastic.mean()
+    assert abs(contact.free_volume - max(volume, 0.0)) <= 100 * ROUNDING * scale
+
+
 REFUSED = (
     *("η below reach", "D = 2", "D = 3", "m = 0", "m = 15", "NaN", "infinite"),
     *("denormals alone", "heights × 1e-300", "2 × 9"),

@@ -149,7 +149,7 @@ def test_a_parent_has_all_seeds_of_its_level() -> None:
     values = [coarse, middle[:30], fine]
     links = links_of(values)
     assert (2, 1) not in links
-    assert multilevel.ladder(links, 2) == (0, 2)
-    assert multilevel.ladder(links, 1) == (0, 1)
+    assert multilevel.nearest_chain(links, 2) == (0, 2)
+    assert multilevel.nearest_chain(links, 1) == (0, 1)
     assert chain(values, (0, 2)).half_width < plain(fine).half_width
-    assert_allclose(multilevel.variance_of(links, (0, 2)), fine.var(ddof=1), rtol=0.2)
+    assert_allclose(multilevel.level_variance(links, (0, 2)), fine.var(ddof=1), rtol=0.2)

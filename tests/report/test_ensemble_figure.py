@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pytest
 from xarray import Dataset
@@ -46,6 +48,29 @@ def test_samples_and_costs_are_those_of_the_dataset(results: Dataset) -> None:
     widths, plain, _ = narrowing.lines[:3]
     np.testing.assert_allclose(widths.get_ydata()[0], 100.0 * 0.1 / 1.5)
     np.testing.assert_allclose(plain.get_ydata() * plain.get_xdata() ** 0.5, 100 * 1.96 * (0.04 * 0.1) ** 0.5 / 1.5)
+
+
+def test_the_legend_names_each_line_of_the_right_panel(results: Dataset) -> None:
+    (legend,) = FIGURES["ensemble_cost"](results).legends
+    texts = [text.get_text() for text in legend.get_texts()]
+    assert texts == ["$D = 2.2$", "$D = 2.5$", "plain Monte Carlo", "accuracy asked for"]
+
+
+def test_an_axis_of_less_than_a_decade_has_plain_labels(results: Dataset) -> None:
+    results["ensemble_samples"] = ("D", "m"), [[60.0, 50.0, 25.0], [60.0, 40.0, 24.0]]
+    figure = FIGURES["ensemble_cost"](results)
+    figure.savefig(io.BytesIO(), format="png")
+    axis = figure.axes[0].yaxis
+    low, high = axis.get_view_interval()
+    major = [tick.label1.get_text() for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+    minor = [tick.label1.get_text() for tick in axis.get_minor_ticks()]
+    assert major == ["30", "50"]
+    assert not any(minor)
+
+
+def test_the_note_has_the_samples_of_each_level(results: Dataset) -> None:
+    note = FIGURES["ensemble_cost"](results.assign_coords(L=100.0)).get_supxlabel()
+    assert note.replace("\n", " ").endswith("samples by m: 400, 50, 5 (D = 2.2); 300, 60, 9 (D = 2.5).")
 
 
 def test_it_is_found_by_name_and_needs_an_ensemble(results: Dataset) -> None:

@@ -605,6 +605,9 @@ def test_a_figure_says_whether_it_is_the_papers_or_whose_run_it_is() -> None:
     assert "Run mine: D = 2.3, m = 8, L = 100, one surface." in lone
     assert "D = 2.3, not 2.1, 2.9" in lone
     assert "1 of each, not 10" in _note(FIGURES["fig04a"](ds))
+    more = ds.assign_attrs(study=run).isel(seed=[0] * 3).assign_coords(seed=[0, 1, 2])
+    uneven = more.where((more["m"] == 7) | (more["seed"] == 0)).assign_attrs(more.attrs)
+    assert "1 to 3 surfaces of each" in _note(FIGURES["fig04b"](uneven))
     other = ds.assign_attrs(study=run.replace("{steps: 8}", "{steps: 8, to: {pressure: 2}}"))
     assert "a sweep to pressure=2" in _note(FIGURES["fig05"](other))
     scan = _files().assign_attrs(study="name: 'leak'\nsurface: {file: gone.npy, L: 500 um}\n")

@@ -244,6 +244,17 @@ def test_no_run_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         write.assemble([])
 
 
+def test_counts_of_surfaces_are_those_computed(answered: write.Report) -> None:
+    run = answered.runs[0]
+    D, m = run.D[0], run.m[0]
+    left_out = (run.dataset["D"] == D) & (run.dataset["m"] == m) & (run.dataset["seed"] == run.seed_numbers()[-1])
+    part = run.dataset.assign({name: run.dataset[name].where(~left_out) for name in ("Sq", "mean_pressure")})
+    facts = run_facts.facts(dataclasses.replace(run, dataset=part))
+    assert f"{run.seeds - 1} to {run.seeds} of each D and m" in dict(facts.surface)["Surfaces"]
+    notes = {table.title: table.note for table in facts.tables}
+    assert notes[f"States, D = {D:g}, m = {m}"].startswith(f"Mean over {run.seeds - 1} surfaces")
+
+
 @pytest.mark.usefixtures("no_figures")
 def test_a_report_that_cannot_be_written_is_an_error(answered: write.Report, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")

@@ -126,8 +126,8 @@ def test_a_worker_elsewhere_writes_checkpoints_only_into_the_folder_of_its_run(
     with lock.opened(tmp_path):
         mark = lock.mark(tmp_path)
         path = run_folder.checkpoint_file(tmp_path, case.id)
-        batch._work((case, "", 1, path, mark if shared else mark.replace("2", "3"), None), lambda message: None)
-        batch._work((case, "", 1, path.with_name("other"), "", None), lambda message: None)
+        batch.run_task((case, "", 1, path, mark if shared else mark.replace("2", "3"), None), lambda message: None)
+        batch.run_task((case, "", 1, path.with_name("other"), "", None), lambda message: None)
     assert path.exists() is shared
     assert not path.with_name("other").exists()
 

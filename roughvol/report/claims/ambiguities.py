@@ -7,6 +7,7 @@ paper shows one surface), or if the criterion of the claim concerned is met unde
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, FIELD, ONE_D
 from roughvol.report.claims.shape import REACHED, field
 from roughvol.report.claims.statistics import bootstrap, exact, mean, single, slope
 from roughvol.report.claims.stored_run import Run
-from roughvol.report.claims.verdict import Reading, Row, above, below
+from roughvol.report.claims.verdict import Number, Reading, Row, above, below
 from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M, nearest
 
 SMALL_AMPLITUDE = (0.09**-0.25) / (0.09**-0.5)  # initial variance 1/√0.09, over the default standard deviation 1/√0.09
@@ -50,19 +51,14 @@ def readings(evidence: Evidence) -> list[Reading]:
 
 
 def _law(evidence: Evidence) -> Reading:
+    laws = {"std": "standard deviation divided (default)", "variance": "variance divided, as printed"}
     rows = []
-    for law, words in (("std", "standard deviation divided (default)"), ("variance", "variance divided, as printed")):
-        for run in evidence.fit(BY_M.of(A, P, law=law))[:1]:
-            numbers = []
-            for finest in (4, 2):
-                powers, _, used = exponents(run, PAPER_D, finest)
-                span = f"m = {used[0]} to {used[-1]}"
-                numbers.append((span, single(f"n_{law}_{finest}", f"n, {law} law, {span}", powers)))
-            shift = slope(-np.array(run.m[-4:]) * np.log(2.0), [np.log((1.0 + 2.0**-m) ** 2) for m in run.m[-4:]])
-            powers = exponents(run, PAPER_D, 4)[0] + shift
-            name = "area over L² instead of elements"
-            numbers.append((name, single(f"n_{law}_L2", f"n, {law} law, area over L²", powers)))
-            rows += [Row(f"{words}; {text}", n, n.reaches(EXPONENT, EXPONENT_ROUNDING)) for text, n in numbers]
+    for law, words in laws.items():
+        runs = evidence.fit(BY_M.of(A, P, law=law))
+        if not runs:
+            continue
+        for text, number in _exponents_of_law(runs[0], law):
+            rows.append(Row(f"{words}; {text}", number, number.reaches(EXPONENT, EXPONENT_ROUNDING)))
     return Reading(
         "Midpoint law",
         "Sec. 2: “variance σ₁² = σ₀²/2^((3-D)/2)”",
@@ -71,6 +67,19 @@ def _law(evidence: Evidence) -> Reading:
         tuple(rows),
         "The factor divides the standard deviation: only then is the Hurst exponent 3 - D.",
     )
+
+
+def _exponents_of_law(run: Run, law: str) -> Iterator[tuple[str, Number]]:
+    """Yield n over four and two m, and n of the area over L², each with words."""
+    for finest in (4, 2):
+        powers, _, used = exponents(run, PAPER_D, finest)
+        span = f"m = {used[0]} to {used[-1]}"
+        yield span, single(f"n_{law}_{finest}", f"n, {law} law, {span}", powers)
+    powers, _, used = exponents(run, PAPER_D, 4)
+    log_spacing = -np.array(used) * np.log(2.0)
+    log_area = [np.log((1.0 + 2.0**-m) ** 2) for m in used]  # of all elements over L²
+    shifted = powers + slope(log_spacing, log_area)
+    yield "area over L² instead of elements", single(f"n_{law}_L2", f"n, {law} law, area over L²", shifted)
 
 
 def _amplitude(evidence: Evidence) -> Reading:
@@ -141,10 +150,13 @@ def _plane(evidence: Evidence) -> Reading:
     for end, words in planes.items():
         for run in evidence.fit(ONE_D.of(A, finest=PAPER_M, m=(PAPER_M,), ends=(end,)))[:1]:
             m = int(nearest(run.m, PAPER_M))
-            area, name = run.last(A, D=PAPER_D, m=m), f"A* at the end, m = {m}"
-            counts = (("elements", 1.0, "share of elements"), ("L2", (1.0 + 2.0**-m) ** 2, "area over L²"))
-            for key, factor, counted in counts:
-                number = single(f"{end}_{key}", name, factor * area)
+            area = run.last(A, D=PAPER_D, m=m)
+            readings_of_area = (
+                ("elements", "share of elements", area),
+                ("L2", "area over L²", area * (1.0 + 2.0**-m) ** 2),
+            )
+            for key, counted, values in readings_of_area:
+                number = single(f"{end}_{key}", f"A* at the end, m = {m}", values)
                 rows.append(Row(f"{words}; {counted}", number, number.high >= PAPER_A - REACHED))
             separation = np.round(run.last(D_SIGMA, D=PAPER_D, m=m), 9) + 0.0
             rows.append(Row(f"{words}; d/σ there", single(f"{end}_d", f"d/σ at the end, m = {m}", separation)))
@@ -164,13 +176,15 @@ def _counting(evidence: Evidence) -> Reading:
     for run in evidence.fit(BY_M.of(V))[:1]:
         values = np.array([run.last(V, D=PAPER_D, m=m) for m in run.m])
         factor = np.array([[(1.0 + 2.0**-m) ** 2] for m in run.m])
-        sums = [("mean over the elements (default)", "mean", values)]
-        sums += [("V/(L²σ), the literal sum", "sum", values * factor)]
-        for words, key, volumes in sums:
+        sums = (
+            ("mean", "mean over the elements (default)", values),
+            ("sum", "V/(L²σ), the literal sum", values * factor),
+        )
+        for key, words, volumes in sums:
             slopes = [slope(run.m, row) for row in volumes.T]
-            number = mean(f"slope_{key}", "change of V* at d = 0 per m", slopes)
-            rows.append(Row(f"{words}; m = {run.m[0]} to {run.m[-1]}", number, below(number, 0.0)))
-            for m, volume in list(zip(run.m, volumes, strict=True))[:: len(run.m) - 1]:
+            change = mean(f"slope_{key}", "change of V* at d = 0 per m", slopes)
+            rows.append(Row(f"{words}; m = {run.m[0]} to {run.m[-1]}", change, below(change, 0.0)))
+            for m, volume in ((run.m[0], volumes[0]), (run.m[-1], volumes[-1])):
                 number = mean(f"{key}_m{m}", f"V* at d = 0, m = {m}", volume)
                 rows.append(Row(f"{words}; V* at d = 0, m = {m}", number))
     return Reading(

@@ -252,21 +252,29 @@ def volume_at_area(given: Given) -> Outcome:
     along_pressure, _ = band(run, P, run.D, max(run.m))
     wide, relative = _bands(along_area, "A*", run.seeds)
     name = "band in V*(A*) over band in V*(p*)"
-    narrowing = bootstrap(
-        "band_area_over_pressure", name, lambda s: width(along_area, s) / width(along_pressure, s), run.seeds
-    )
+
+    def ratio_of_widths(seeds: Index) -> float:
+        return width(along_area, seeds) / width(along_pressure, seeds)
+
+    narrowing = bootstrap("band_area_over_pressure", name, ratio_of_widths, run.seeds)
     means = along_area.mean(axis=1)
     numbers = [wide]
     for key, k in (("first", 0), ("last", -1)):
         value = (means[:, k].max() - means[:, k].min()) / means[:, k].mean()
         numbers.append(exact(f"band_at_{key}", f"band at A* = {grid[k]:.4f}", value, run.seeds))
-    checks, sources = [Check.below("narrower than the band in V*(p*)", narrowing, 1.0)], [run]
-    checks.append(Check.below("not wider than the scatter of surfaces of one D", relative, 1.0))
-    for other in [many for many in given.runs("many") if many.seeds > run.seeds and len(many.D) > 2][:1]:
-        curves, _ = band(other, A, other.D, max(other.m))
-        name = f"the same of {other.seeds} surfaces, D = {', '.join(f'{D:g}' for D in other.D)}, m = {max(other.m)}"
-        many = bootstrap("band_over_scatter_many", name, functools.partial(_over_scatter, curves), other.seeds)
-        checks.append(Check.below(f"the same with {other.seeds} surfaces of each D", many, 1.0, essential=False))
-        sources.append(other)
+    checks = [
+        Check.below("narrower than the band in V*(p*)", narrowing, 1.0),
+        Check.below("not wider than the scatter of surfaces of one D", relative, 1.0),
+    ]
+    sources = [run]
+    larger = [other for other in given.runs("many") if other.seeds > run.seeds and len(other.D) > 2]
+    if larger:
+        many = larger[0]
+        curves, _ = band(many, A, many.D, max(many.m))
+        dimensions = ", ".join(f"{D:g}" for D in many.D)
+        name = f"the same of {many.seeds} surfaces, D = {dimensions}, m = {max(many.m)}"
+        of_many = bootstrap("band_over_scatter_many", name, functools.partial(_over_scatter, curves), many.seeds)
+        checks.append(Check.below(f"the same with {many.seeds} surfaces of each D", of_many, 1.0, essential=False))
+        sources.append(many)
     why = f"The band is {wide.value:.0%} of V* wide, {narrowing.value:.2f} of that in V*(p*) and "
     return Outcome(checks, f"{why}{relative.value:.2f} of the scatter between surfaces.", sources, numbers)

@@ -65,43 +65,58 @@ def density_by_D(given: Given) -> Outcome:
     """
     run = given.run()
     m = int(nearest(run.m, PAPER_M))
-    checks, numbers = [], []
     data = {D: densities(run, D, m) for D in run.D}
+    checks = []
+    numbers = []
+    inner_peaks = []
     for D, (f, edges) in data.items():
         v, together = pooled(f, edges, COARSE_BINS)
-        rank = float(spearmanr(v, together).statistic)
-        number = exact(f"rank_D{D:g}", f"rank correlation of f with v, D = {D:g}", rank, len(f))
-        checks.append(Check(f"f falls with v at D = {D:g} (rank correlation below -0.9)", rank < -0.9, number))
-        peak, text = int(together.argmax()), f"v of the largest f over v_max, D = {D:g}"
-        number = exact(f"peak_D{D:g}", text, v[peak] / edges.max(), len(f))
-        checks.append(Check(f"f is largest at v = 0 for D = {D:g}", peak == 0, number, essential=False))
+        at_peak = int(together.argmax())
+        rank = exact(
+            f"rank_D{D:g}",
+            f"rank correlation of f with v, D = {D:g}",
+            float(spearmanr(v, together).statistic),
+            len(f),
+        )
+        peak = exact(f"peak_D{D:g}", f"v of the largest f over v_max, D = {D:g}", v[at_peak] / edges.max(), len(f))
         line = exact(f"line_D{D:g}", f"R² of a line, D = {D:g}", straightness(v, together), len(f))
-        checks.append(Check(f"a line fits f at D = {D:g} (R² above 0.9)", line.value > 0.9, line, essential=False))
+        checks += [
+            Check(f"f falls with v at D = {D:g} (rank correlation below -0.9)", rank.value < -0.9, rank),
+            Check(f"f is largest at v = 0 for D = {D:g}", at_peak == 0, peak, essential=False),
+            Check(f"a line fits f at D = {D:g} (R² above 0.9)", line.value > 0.9, line, essential=False),
+        ]
         numbers.append(mean(f"f1_D{D:g}", f"f(1) at D = {D:g}", value_at(f, edges, 1.0)))
+        if at_peak != 0:
+            inner_peaks.append(f"{D:g}")
     for low, high in pairwise(run.D):
-        text, ratios = f"v_max at D = {high:g} over that at {low:g}", data[high][1][:, -1] / data[low][1][:, -1]
-        number = ratio(f"vmax_{low:g}_{high:g}", text, ratios)
-        checks.append(Check.above(f"v_max grows from D = {low:g} to {high:g}", number, 1.0))
-        text, ratios = f"slope of f at D = {high:g} over that at {low:g}", _slopes(*data[high]) / _slopes(*data[low])
-        number = ratio(f"slope_{low:g}_{high:g}", text, ratios)
-        checks.append(Check.below(f"f is flatter at D = {high:g} than at {low:g}", number, 1.0))
+        pair = f"at D = {high:g} over that at {low:g}"
+        largest = ratio(f"vmax_{low:g}_{high:g}", f"v_max {pair}", _largest(*data[high]) / _largest(*data[low]))
+        slopes = ratio(f"slope_{low:g}_{high:g}", f"slope of f {pair}", _slopes(*data[high]) / _slopes(*data[low]))
+        checks.append(Check.above(f"v_max grows from D = {low:g} to {high:g}", largest, 1.0))
+        checks.append(Check.below(f"f is flatter at D = {high:g} than at {low:g}", slopes, 1.0))
     spread = bootstrap("fulcrum", "spread of f(1) over D", lambda s: fulcrum(data, 1.0, s), run.seeds)
     checks.append(Check(f"f(1) spreads by less than {FULCRUM:.0%} over D", spread.value < FULCRUM, spread))
-    best = best_fulcrum(data)
-    numbers.append(exact("best_v", "v at which f depends least on D", best[0], run.seeds))
-    numbers.append(exact("best_spread", "spread of f there", best[1], run.seeds))
-    few = {D: pair for D, pair in data.items() if D <= LOW_D}
-    among = ""
-    if 1 < len(few) < len(data):
-        v_low, least_low = best_fulcrum(few)
+    best_v, least = best_fulcrum(data)
+    numbers.append(exact("best_v", "v at which f depends least on D", best_v, run.seeds))
+    numbers.append(exact("best_spread", "spread of f there", least, run.seeds))
+    why = f"f(1) spreads by {spread.value:.0%} over D (least, {least:.0%}, at v = {best_v:.2g})"
+    smooth = {D: pair for D, pair in data.items() if D <= LOW_D}
+    if 1 < len(smooth) < len(data):
+        v_low, least_low = best_fulcrum(smooth)
         numbers.append(exact("best_v_low", f"v at which f depends least on D ≤ {LOW_D:g}", v_low, run.seeds))
         numbers.append(exact("best_spread_low", "spread of f there", least_low, run.seeds))
         if least_low < FULCRUM:
-            among = f"; for D ≤ {LOW_D:g} alone there is one, {least_low:.0%} at v = {v_low:.2g}"
-    peaks = [f"{D:g}" for D, check in zip(run.D, checks[1 : 3 * len(run.D) : 3], strict=True) if not check.met]
-    least = f"f has a maximum inside for D = {', '.join(peaks)}" if peaks else "f is largest at 0 for every D"
-    why = f"f(1) spreads by {spread.value:.0%} over D (least, {best[1]:.0%}, at v = {best[0]:.2g}){among}; {least}."
+            why += f"; for D ≤ {LOW_D:g} alone there is one, {least_low:.0%} at v = {v_low:.2g}"
+    if inner_peaks:
+        why += f"; f has a maximum inside for D = {', '.join(inner_peaks)}."
+    else:
+        why += "; f is largest at 0 for every D."
     return Outcome(checks, why, [run], numbers)
+
+
+def _largest(f: Array, edges: Array) -> Array:
+    """Return v_max of each surface."""
+    return edges[:, -1]
 
 
 def _slopes(f: Array, edges: Array) -> Array:
@@ -170,7 +185,8 @@ def density_by_m(given: Given) -> Outcome:
     and the largest m rounds to 4 (3.5 to 4.5 decades; other, "up to").
     """
     run = given.run()
-    by_m, (first, last) = moments(run, PAPER_D), (run.m[0], run.m[-1])
+    by_m = moments(run, PAPER_D)
+    first, last = run.m[0], run.m[-1]
     v, f, largest = (np.log10([by_m[m][k] for m in run.m]) for k in range(3))
     line = mean("slope", "slope of the line of means", [slope(x, y) for x, y in zip(v.T, f.T, strict=True)])
     shift_v = mean("decades_v", f"decades between v_max at m = {first} and {last}", largest[0] - largest[-1])
@@ -214,24 +230,28 @@ def shift_per_m(given: Given) -> Outcome:
         Check(f"q = D = {PAPER_D:g}", q.reaches(PAPER_D), q),
         Check("the shift rounds to 0.6", round(shift.value, 1) == 0.6, shift, essential=False),
     ]
-    sources, other = [run], ""
-    for wide in [wide for wide in given.runs("wide") if len(wide.m) > 2][:1]:
+    sources = [run]
+    why = f"q = {q}: the shift is {shift.value:.3f} per m, of which the area of an element makes log₁₀ 4 = 0.602"
+    wide = next((other for other in given.runs("wide") if len(other.m) > 2), None)
+    if wide is not None:
         low, high = wide.D[0], wide.D[-1]
         powers = mean_volume_exponents(wide, high) - mean_volume_exponents(wide, low)
-        number = mean("difference", f"q(D = {high:g}) - q(D = {low:g})", powers)
+        difference = mean("difference", f"q(D = {high:g}) - q(D = {low:g})", powers)
         text = f"q differs by the difference of D, {high - low:.1f}"
-        checks.append(Check(text, number.reaches(high - low), number))
+        checks.append(Check(text, difference.reaches(high - low), difference))
         sources.append(wide)
-        other = f"; between D = {low:g} and {high:g} q changes by {number.value:.2f}, not {high - low:.1f}"
+        why += f"; between D = {low:g} and {high:g} q changes by {difference.value:.2f}, not {high - low:.1f}"
     words = "mean volume of the open elements at m ="
     numbers = [mean(f"mean_volume_m{m}", f"{words} {m} [length³]", volume) for m, volume in volumes.items()]
-    why = f"q = {q}: the shift is {shift.value:.3f} per m, of which the area of an element makes log₁₀ 4 = 0.602"
-    return Outcome(checks, f"{why}{other}.", sources, numbers)
+    return Outcome(checks, f"{why}.", sources, numbers)
 
 
 def mean_volume_exponents(run: Run, D: float) -> Array:
     """Return q of every surface from the mean volume over all elements, v̄ = V* σ δ²."""
-    logs = [np.log2(run.last(V, D=D, m=m) * run.values("Sq", D=D, m=m) * (run.L / 2**m) ** 2) for m in run.m]
+    logs = []
+    for m in run.m:
+        mean_gap = run.last(V, D=D, m=m) * run.values("Sq", D=D, m=m)
+        logs.append(np.log2(mean_gap * (run.L / 2**m) ** 2))
     return -np.array([slope(run.m, row) for row in np.array(logs).T])
 
 

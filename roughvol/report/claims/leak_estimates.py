@@ -56,8 +56,9 @@ def _of(run: Run, name: str) -> Iterator[Ratio]:
     pairs = [(ESTIMATES[name].format(axis), f"transmissivity_{axis}") for axis in "xy"]
     if A not in ds or any(variable not in ds for pair in pairs for variable in pair):
         return
-    area = np.concatenate([ds[A].values.ravel()] * 2)
-    guess, flow = (np.concatenate([ds[pair[k]].values.ravel() for pair in pairs]) for k in (0, 1))
+    area = np.concatenate([ds[A].values.ravel() for _ in pairs])
+    guess = np.concatenate([ds[estimate].values.ravel() for estimate, _ in pairs])
+    flow = np.concatenate([ds[computed].values.ravel() for _, computed in pairs])
     mask = np.isfinite(guess) & np.isfinite(flow) & np.isfinite(area)
     for low, high in pairwise(EDGES):
         inside = mask & (area > low) & (area <= high)

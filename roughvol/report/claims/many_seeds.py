@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,7 +50,15 @@ class Flip:
     n: int
 
 
-def many_seeds(evidence: Evidence) -> tuple[Run, list[Spread], list[Flip]]:
+class ManySeeds(NamedTuple):
+    """The run with the most surfaces, and the scatter of few surfaces drawn from it."""
+
+    run: Run
+    spreads: list[Spread]
+    flips: list[Flip]
+
+
+def many_seeds(evidence: Evidence) -> ManySeeds:
     """Return the scatter of few surfaces, drawn from the run with the most.
 
     Sets of ten are drawn without repetition from all, 5000 times, with a fixed seed.
@@ -67,16 +77,23 @@ def many_seeds(evidence: Evidence) -> tuple[Run, list[Spread], list[Flip]]:
     others = np.array([random.choice(run.seeds, FEW, replace=False) for _ in range(DRAWS)])
     values = dict(_quantities(run))
     spreads = [_spread(key, name, numbers, sets) for key, (name, numbers) in values.items()]
-    m, flips = max(run.m), []
-    for low, high in zip(run.D[:-1], run.D[1:], strict=True):
+    flips = []
+    for low, high in pairwise(run.D):
         for symbol, sign in (("V* at d = 0", 1.0), ("A*/p*", -1.0)):
-            first, second = (values[f"{symbol}_{D:g}"][1] for D in (low, high))
-            wrong = sign * (second[:, np.newaxis] - first) < 0.0
-            apart = ~np.eye(run.seeds, dtype=bool)
-            ten = sign * (second[others].mean(axis=1) - first[sets].mean(axis=1)) < 0.0
-            name = f"{symbol}: D = {high:g} against {low:g}, m = {m}"
-            flips.append(Flip(name, float(wrong[apart].mean()), float(ten.mean()), run.seeds))
-    return run, spreads, flips
+            _, at_low = values[f"{symbol}_{low:g}"]
+            _, at_high = values[f"{symbol}_{high:g}"]
+            name = f"{symbol}: D = {high:g} against {low:g}, m = {max(run.m)}"
+            flips.append(_flip(name, sign * at_low, sign * at_high, sets, others))
+    return ManySeeds(run, spreads, flips)
+
+
+def _flip(name: str, smaller: Array, larger: Array, sets: np.ndarray, others: np.ndarray) -> Flip:
+    """Return how often surfaces of different seeds give the wrong order of two quantities."""
+    seeds = len(smaller)
+    wrong_pairs = larger[:, np.newaxis] < smaller
+    different_seeds = ~np.eye(seeds, dtype=bool)
+    wrong_means = larger[others].mean(axis=1) < smaller[sets].mean(axis=1)
+    return Flip(name, float(wrong_pairs[different_seeds].mean()), float(wrong_means.mean()), seeds)
 
 
 def _quantities(run: Run) -> Iterator[tuple[str, tuple[str, Array]]]:
@@ -96,9 +113,12 @@ def _spread(key: str, name: str, values: Array, sets: np.ndarray) -> Spread:
     many = statistics.mean(key, name, values)
     drawn = values[sets]
     means = drawn.mean(axis=1)
-    half = statistics.student_quantile(FEW) * drawn.std(axis=1, ddof=1) / math.sqrt(FEW)
-    tails = [0.025, 0.975]
-    one, ten = (tuple(float(q) for q in np.quantile(sample, tails)) for sample in (values, means))
-    return Spread(
-        key, name, many, (one[0], one[1]), (ten[0], ten[1]), float((np.abs(means - many.value) > half).mean())
-    )
+    half_widths = statistics.student_quantile(FEW) * drawn.std(axis=1, ddof=1) / math.sqrt(FEW)
+    missed = np.abs(means - many.value) > half_widths
+    return Spread(key, name, many, _middle(values), _middle(means), float(missed.mean()))
+
+
+def _middle(sample: Array) -> tuple[float, float]:
+    """Return the range of the middle 95 % of a sample."""
+    low, high = np.quantile(sample, [0.025, 0.975])
+    return float(low), float(high)

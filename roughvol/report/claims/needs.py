@@ -7,11 +7,13 @@ is smaller, coarser or ends elsewhere answers another question; it is refused, b
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from roughvol.report.paper_rules import PAPER_D, PAPER_M
+from roughvol.report.paper_rules import PAPER_D, PAPER_M, nearest
 from roughvol.store.variables import VARIABLES
 
 if TYPE_CHECKING:
@@ -69,9 +71,9 @@ class Needs:
     seeds: int = 1
     steps: int = 0
     ends: tuple[str, ...] = ()
-    separation: float = float("inf")
+    separation: float = math.inf
     law: str = "std"
-    rtol: float = float("inf")
+    rtol: float = math.inf
     kernel: str = "love"
     L: float = 0.0
     bins: int = 0
@@ -96,7 +98,7 @@ class Needs:
             yield f"m = {_listed(m)}, needs {_listed(self.m)}"
         elif max(m) < self.finest:
             yield f"m = {_listed(m)}, needs m >= {self.finest}"
-        if self.by and not getattr(self, self.by) and {"D": len(D), "m": len(m)}[self.by] < 2:
+        if self._asks_for_several() and {"D": len(D), "m": len(m)}[self.by] < 2:
             yield f"one {self.by}, needs several"
         if run.seeds < self.seeds:
             yield f"{_count(run.seeds, 'surface')} of each kind, needs {self.seeds}"
@@ -107,6 +109,10 @@ class Needs:
 
     def _unlike(self, run: Run) -> Iterable[str]:
         """Yield reasons of kind: law, end of the sweep, solver, records."""
+        if "plastic_volume" in run.dataset:
+            yield "pressures end at a hardness, needs elastic contact"
+        if "leg" in run.dataset:
+            yield "a path of legs, needs one sweep"
         if self.law and run.law != self.law:
             yield f"midpoint law {run.law}, needs {self.law}"
         if self.ends and not any(run.end == end or run.end.startswith(f"{end}=") for end in self.ends):
@@ -123,18 +129,24 @@ class Needs:
         if self.L and run.scaled:
             yield "heights scaled to an Sq, needs them as midpoint displacement makes them"
         for dim, label in self.states:
-            if label not in map(str, run.dataset.coords[dim].values if dim in run.dataset.coords else ()):
+            stored = run.dataset.coords[dim].values if dim in run.dataset.coords else ()
+            if label not in map(str, stored):
                 yield f"nothing recorded at {label}"
+
+    def _asks_for_several(self) -> bool:
+        """Return whether values of ``by`` are compared without being named."""
+        named = {"": (), "D": self.D, "m": self.m}[self.by]
+        return bool(self.by) and not named
 
     def _incomplete(self, run: Run) -> Iterable[str]:
         """Yield reasons of missing cases, where only some of a study were computed."""
-        D = [min(run.D, key=lambda value: abs(value - wanted)) for wanted in self.D] or run.D
-        m = [*self.m, *([max(run.m)] if self.finest else [])] or run.m
-        stored = [(run.computed(D=wanted, m=k), wanted, k) for wanted in D for k in dict.fromkeys(m)]
-        count, wanted, k = min(stored)
+        D_asked = [nearest(run.D, D) for D in self.D] or run.D
+        m_asked = [*self.m, max(run.m)] if self.finest else list(self.m)
+        pairs = itertools.product(D_asked, m_asked or run.m)
+        count, D, m = min((run.computed(D=D, m=m), D, m) for D, m in pairs)
         if count < self.seeds:
-            yield f"{_count(count, 'surface')} of D = {wanted:g}, m = {k} computed, needs {self.seeds}"
-        elif self.separation < float("inf") and run.shallowest > self.separation:
+            yield f"{_count(count, 'surface')} of D = {D:g}, m = {m} computed, needs {self.seeds}"
+        elif run.shallowest > self.separation:
             yield f"d/σ down to {run.shallowest:g}, needs {self.separation:g}"
 
     def of(self, *holds: str, **changes: Any) -> Needs:
@@ -154,16 +166,22 @@ class Needs:
 
     def __str__(self) -> str:
         """Return the configuration in words."""
-        words = [", ".join(symbol(name) for name in self.holds)] if self.holds else []
-        words += [f"D = {_listed(self.D)}"] * bool(self.D) + [f"m = {_listed(self.m)}"] * bool(self.m)
-        words += [f"several {self.by}"] * bool(self.by and not getattr(self, self.by))
-        words += [f"m >= {self.finest}"] * bool(self.finest)
-        words += [f"{self.seeds} surfaces of each kind"] * (self.seeds > 1) + [f"{self.steps} steps"] * bool(self.steps)
-        words += [f"a sweep to {' or '.join(self.ends)}"] * bool(self.ends)
-        words += [f"d/σ down to {self.separation:g}"] * (self.separation < float("inf"))
-        words += [f"midpoint law {self.law}"] * bool(self.law)
-        words += [f"residual up to {self.rtol:g}"] * (self.rtol < float("inf"))
-        words += [f"L = {self.L:g}"] * bool(self.L) + [f"{self.bins} bins"] * bool(self.bins)
+        needs = [
+            (bool(self.holds), ", ".join(symbol(name) for name in self.holds)),
+            (bool(self.D), f"D = {_listed(self.D)}"),
+            (bool(self.m), f"m = {_listed(self.m)}"),
+            (self._asks_for_several(), f"several {self.by}"),
+            (self.finest > 0, f"m >= {self.finest}"),
+            (self.seeds > 1, f"{self.seeds} surfaces of each kind"),
+            (self.steps > 0, f"{self.steps} steps"),
+            (bool(self.ends), f"a sweep to {' or '.join(self.ends)}"),
+            (self.separation < math.inf, f"d/σ down to {self.separation:g}"),
+            (bool(self.law), f"midpoint law {self.law}"),
+            (self.rtol < math.inf, f"residual up to {self.rtol:g}"),
+            (self.L > 0.0, f"L = {self.L:g}"),
+            (self.bins > 0, f"{self.bins} bins"),
+        ]
+        words = [text for is_asked, text in needs if is_asked]
         return "; ".join(words + [f"records at {label}" for _, label in self.states])
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from roughvol.report.claims.evidence import A, Given, Outcome, P, V, claim, require
+from roughvol.report.claims.evidence import A, Given, Lacking, Outcome, P, V, claim, require
 from roughvol.report.claims.needs import BY_D, BY_M, Needs
 from roughvol.report.claims.paper_formulas import critical_radius, plasticity_index
 from roughvol.report.claims.statistics import exact, mean, ratio
@@ -16,6 +18,8 @@ from roughvol.report.claims.verdict import Check, Number
 from roughvol.report.paper_rules import PAPER_M, nearest
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
+
+Shared = tuple[list[float], list[int], list[int]]  # D, m and seeds of two runs
 
 SHARED = 10  # surfaces that two runs of claim 24 must have in common
 _ALL_D = Needs(by="D", D=BY_D.D, seeds=10)  # surfaces alone: no sweep is asked for
@@ -44,18 +48,22 @@ def nested_power_law(given: Given) -> Outcome:
     where it divides the variance, must meet the same tolerance for the claim to hold as printed.
     """
     run = given.run()
-    worst, count = 0, 0
+    wrong, count = 0, 0
     for D in run.D:
         surfaces = [run.surface(D, m, seed=run.seed_numbers()[0]) for m in range(1, max(run.m) + 1)]
         count += len(surfaces)
-        worst += sum(int((f.heights[::2, ::2] != c.heights).sum()) for c, f in pairwise(surfaces))
-        worst += sum(int(np.count_nonzero(s.heights[[0, 0, -1, -1], [0, -1, 0, -1]])) for s in surfaces)
-    nodes = exact("nested", "nodes that differ between m and m - 1, or corners not zero", worst, count)
+        for coarse, fine in pairwise(surfaces):
+            wrong += int((fine.heights[::2, ::2] != coarse.heights).sum())
+        for surface in surfaces:
+            corners = surface.heights[[0, 0, -1, -1], [0, -1, 0, -1]]
+            wrong += int(np.count_nonzero(corners))
+    nodes = exact("nested", "nodes that differ between m and m - 1, or corners not zero", wrong, count)
     numbers, off = _hurst(run, "std")
-    checks = [Check("0 nodes differ between m and m - 1", worst == 0, nodes)]
+    checks = [Check("0 nodes differ between m and m - 1", wrong == 0, nodes)]
     text = f"measured H within {HURST_TOLERANCE:g} of 3 - D for every D (std law)"
     checks.append(Check(text, off.value <= HURST_TOLERANCE, off))
-    sources, literal = [run], "the literal law was not run"
+    sources = [run]
+    literal = "the literal law was not run"
     if runs := given.runs("literal"):
         more, off_literal = _hurst(runs[0], "variance")
         met = off_literal.value <= HURST_TOLERANCE
@@ -127,10 +135,7 @@ def in_plane_scaling(given: Given) -> Outcome:
     is tested as printed: curvature is a second derivative in the plane, and the exponent of ρ ~ λ^n is measured.
     ψ and ρ_c are computed where a study names a hardness, with ρ the radius of the mean curvature of the summits.
     """
-    able = given.runs()
-    pairs = [(a, b, shared) for a in able for b in able if a.L > b.L and (shared := _shared(a, b))]
-    require(pairs, "two runs of the same D, m and seeds at two L")
-    large, small, (D, ms, seeds) = pairs[0]
+    large, small, (D, ms, seeds) = _pair(given.runs())
     label = {"D": D, "m": ms, "seed": seeds}
     off = {v: abs(large.dataset[v].sel(label) - small.dataset[v].sel(label)) for v in (A, P, V)}
     elements = max(float(off[A].sel(m=m).max()) * (2**m + 1) ** 2 for m in ms)
@@ -169,8 +174,21 @@ def _radius(surface: Surface) -> float:
     return texture.summit_radius(surface.heights, surface.spacing)
 
 
-def _shared(a: Run, b: Run) -> tuple[list[float], list[int], list[int]] | None:
-    D, m = sorted({*a.D} & {*b.D}), sorted({*a.m} & {*b.m})
+def _pair(runs: Sequence[Run]) -> tuple[Run, Run, Shared]:
+    """Return the first two runs of equal D, m and seeds, that of the larger L first, and all that they share."""
+    for large, small in itertools.permutations(runs, 2):
+        shared = _shared(large, small)
+        if large.L > small.L and shared:
+            return large, small, shared
+    message = "two runs of the same D, m and seeds at two L"
+    raise Lacking(message)
+
+
+def _shared(a: Run, b: Run) -> Shared | None:
+    """Return D, m and seeds of both runs, None if they are too few or the sweeps differ."""
+    D = sorted({*a.D} & {*b.D})
+    m = sorted({*a.m} & {*b.m})
     seeds = sorted({*a.seed_numbers()} & {*b.seed_numbers()})
-    same = a.study is not None and b.study is not None and a.study.sweep == b.study.sweep
-    return (D, m, seeds) if D and m and len(seeds) >= min(SHARED, a.seeds, b.seeds) and same else None
+    same_sweep = a.study is not None and b.study is not None and a.study.sweep == b.study.sweep
+    enough = bool(D and m) and len(seeds) >= min(SHARED, a.seeds, b.seeds)
+    return (D, m, seeds) if same_sweep and enough else None

@@ -14,7 +14,7 @@ from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, cl
 from roughvol.report.claims.needs import BOXES, BY_D, FIELD, ONE_D
 from roughvol.report.claims.statistics import exact, mean, single, slope, straightness
 from roughvol.report.claims.stored_run import Run
-from roughvol.report.claims.verdict import Check
+from roughvol.report.claims.verdict import Check, Number
 from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M, nearest, nearest_state
 from roughvol.store.dataset import at_state
 from roughvol.typing import Array, Index, Mask
@@ -36,15 +36,17 @@ class Field(NamedTuple):
 
 def field(run: Run) -> Field:
     """Return the recorded state nearest to D = 2.3, m = 7 and A* = 0.1, the paper's."""
-    D, m = nearest(run.D, PAPER_D), int(nearest(run.m, PAPER_M))
+    D = nearest(run.D, PAPER_D)
+    m = int(nearest(run.m, PAPER_M))
     case = run.dataset.sel(D=D, m=m).isel(seed=0)
-    steps = case["field_at_step"].values
-    places = [k for k in range(len(steps)) if steps[k] > 0]
-    require(places, "no recorded field")
-    states = {k: at_state(case, "field_at", k) for k in places}
-    place = nearest_state({k: float(state[A]) for k, state in states.items()})
-    gap = case["gap"].isel(field_at=place).dropna("x", how="all").dropna("y", how="all").transpose("x", "y").values
-    numbers = {name: float(states[place][name]) for name in (A, P, V, D_SIGMA)} | {"Sq": float(case["Sq"])}
+    recorded = np.flatnonzero(case["field_at_step"].values > 0).tolist()
+    require(recorded, "no recorded field")
+    states = {k: at_state(case, "field_at", k) for k in recorded}
+    index = nearest_state({k: float(state[A]) for k, state in states.items()})
+    field_ = case["gap"].isel(field_at=index).dropna("x", how="all").dropna("y", how="all")
+    gap = field_.transpose("x", "y").values
+    numbers = {name: float(states[index][name]) for name in (A, P, V, D_SIGMA)}
+    numbers["Sq"] = float(case["Sq"])
     numbers["spacing"] = run.L / (len(gap) - 1)
     contact = gap == 0.0
     surface = run.surface(D, m, run.seed_numbers()[0])
@@ -70,27 +72,29 @@ def deformed_surface(given: Given) -> Outcome:
     """
     run = given.run()
     state = field(run)
-    area, separation, pressure = (state.numbers[name] for name in (A, D_SIGMA, P))
-    number = exact("area", "A* of the recorded state", area)
+    area = exact("area", "A* of the recorded state", state.numbers[A])
     lowest = exact("lowest_gap", "smallest gap over σ", float(state.gap.min()))
+    separation = exact("separation", "d/σ there", state.numbers[D_SIGMA])
+    pressure = exact("pressure", "p* there", state.numbers[P])
+    near_paper = abs(area.value - PAPER_A) <= REACHED
     on_plane = lowest.value == 0.0 and bool(state.contact.any())
     checks = [
-        Check(f"A* within {REACHED:g} of {PAPER_A:g}", abs(area - PAPER_A) <= REACHED, number),
+        Check(f"A* within {REACHED:g} of {PAPER_A:g}", near_paper, area),
         Check("no gap is negative, and the contact has gap 0", on_plane, lowest),
     ]
-    numbers = [exact("separation", "d/σ there", separation), exact("pressure", "p* there", pressure)]
-    sources, why = [run], f"A* = {area:.3f} is at d/σ = {separation:.2f}, p* = {pressure:.2f}"
-    for sweep in given.runs("sweep")[:1]:
+    sources = [run]
+    why = f"A* = {area.value:.3f} is at d/σ = {separation.value:.2f}, p* = {pressure.value:.2f}"
+    if sweeps := given.runs("sweep"):
+        sweep = sweeps[0]
         m = int(nearest(sweep.m, PAPER_M))
         name = f"A* of one surface on the mean plane, D = {PAPER_D:g}, m = {m}"
         end = single("area_end", name, sweep.last(A, D=PAPER_D, m=m))
-        met = end.high >= PAPER_A - REACHED
-        checks.append(Check("one surface may reach it on the mean plane", met, end, essential=False))
-        why += (
-            f"; on the mean plane surfaces have A* = {end.value:.3f} on average, one in {end.low:.3f} to {end.high:.3f}"
-        )
+        reaches = end.high >= PAPER_A - REACHED
+        checks.append(Check("one surface may reach it on the mean plane", reaches, end, essential=False))
         sources.append(sweep)
-    return Outcome(checks, f"{why}.", sources, numbers)
+        why += f"; on the mean plane surfaces have A* = {end.value:.3f} on average, "
+        why += f"one in {end.low:.3f} to {end.high:.3f}"
+    return Outcome(checks, f"{why}.", sources, [separation, pressure])
 
 
 @claim(
@@ -111,15 +115,17 @@ def volume_map(given: Given) -> Outcome:
     """
     run = given.run()
     state = field(run)
-    total = abs(free_volume(state.gap, 1.0) - state.numbers[V])
     depth = state.heights.max() - state.heights
     open_ = ~state.contact
+    difference = abs(free_volume(state.gap, 1.0) - state.numbers[V])
+    largest = float(state.volumes[state.contact].max(initial=0.0))
     rank = float(spearmanr(state.volumes[open_], depth[open_]).statistic)
-    inside = float(state.volumes[state.contact].max(initial=0.0))
+    total = exact("sum", "difference of Σ v and V*", difference)
+    inside = exact("contact_volume", "largest v in contact", largest)
     correlation = exact("rank_correlation", "rank correlation of v with depth", rank)
     checks = [
-        Check("Σ v is the stored V*", total < 1e-6, exact("sum", "difference of Σ v and V*", total)),
-        Check("v = 0 in contact", inside == 0.0, exact("contact_volume", "largest v in contact", inside)),
+        Check("Σ v is the stored V*", difference < 1e-6, total),
+        Check("v = 0 in contact", largest == 0.0, inside),
         Check("v follows the depth of the valleys (rank correlation above 0.9)", rank > 0.9, correlation),
     ]
     why = f"v correlates with the depth of the undeformed valleys (rank correlation {rank:.3f}; {state.words})."
@@ -139,21 +145,22 @@ def domains(given: Given) -> Outcome:
     run = given.run()
     state = field(run)
     shares = (0.0, 0.1, 0.25, 0.5, 1.0)
-    black = [domain(state.volumes, share * state.volumes.max(), state.contact) for share in shares]
-    nested = all(not (small & ~large).any() for small, large in pairwise(black))
-    numbers = [
-        exact(f"black_{share:g}", f"share of the domain at v_th = {share:g} max v", float(mask.mean()))
-        for share, mask in zip(shares, black, strict=True)
-    ]
-    first, last = numbers[0], numbers[-1]
+    masks = {share: domain(state.volumes, share * state.volumes.max(), state.contact) for share in shares}
+    numbers = {}
+    for share, mask in masks.items():
+        name = f"share of the domain at v_th = {share:g} max v"
+        numbers[share] = exact(f"black_{share:g}", name, float(mask.mean()))
+    is_contact = abs(numbers[0.0].value - state.numbers[A]) < 1e-12
+    is_nested = all(not (small & ~large).any() for small, large in pairwise(masks.values()))
+    is_everything = numbers[1.0].value == 1.0
     checks = [
-        Check("v_th = 0 is the contact: its share is A*", abs(first.value - state.numbers[A]) < 1e-12, first),
-        Check("each domain contains the one before", nested),
-        Check("v_th = max v is everything", last.value == 1.0, last),
+        Check("v_th = 0 is the contact: its share is A*", is_contact, numbers[0.0]),
+        Check("each domain contains the one before", is_nested),
+        Check("v_th = max v is everything", is_everything, numbers[1.0]),
     ]
-    why = f"The domains grow from {first.value:.1%} to {last.value:.0%} of the elements; half of max v has "
-    why += f"{numbers[3].value:.0%}."
-    return Outcome(checks, why, [run], numbers[1:-1])
+    why = f"The domains grow from {numbers[0.0].value:.1%} to {numbers[1.0].value:.0%} of the elements; "
+    why += f"half of max v has {numbers[0.5].value:.0%}."
+    return Outcome(checks, why, [run], [numbers[share] for share in shares[1:-1]])
 
 
 def boxes(run: Run, D: float, m: int, label: str) -> tuple[Index, Array]:
@@ -211,15 +218,18 @@ def straight_box_counts(given: Given) -> Outcome:
     D, m, label = state_of_boxes(run)
     r, counts = boxes(run, D, m, label)
     local = _local_dimension(counts[..., r <= max(r[-1] // 4, 2)])
-    checks, straight, bends = [], [], []
+    checks = []
+    straight = []
+    bends = []
     for k, share in enumerate(run.dataset["threshold"].values.tolist()):
         where = f"at v_th = {share:g} max v"
-        number = mean(f"R2_{share:g}", f"R² {where}", [straightness(np.log(r), row) for row in np.log(counts[:, k])])
-        straight.append(number.value)
-        checks.append(Check(f"R² above {STRAIGHT} {where}", number.value > STRAIGHT, number))
-        number = mean(f"bend_{share:g}", f"range of the local dimension {where}", np.ptp(local[:, k], axis=-1))
-        bends.append(number.value)
-        checks.append(Check.below(f"local dimension constant within 0.1 {where}", number, 0.1, essential=False))
+        of_each = [straightness(np.log(r), row) for row in np.log(counts[:, k])]
+        R2 = mean(f"R2_{share:g}", f"R² {where}", of_each)
+        bend = mean(f"bend_{share:g}", f"range of the local dimension {where}", np.ptp(local[:, k], axis=-1))
+        checks.append(Check(f"R² above {STRAIGHT} {where}", R2.value > STRAIGHT, R2))
+        checks.append(Check.below(f"local dimension constant within 0.1 {where}", bend, 0.1, essential=False))
+        straight.append(R2.value)
+        bends.append(bend.value)
     why = f"R² is {min(straight):.3f} or more, but the local dimension of one curve varies by up to {max(bends):.2f} "
     return Outcome(checks, f"{why}({_words(label)}, D = {D:g}, m = {m}).", [run])
 
@@ -246,34 +256,51 @@ def bounds_of_dimension(given: Given) -> Outcome:
     r, counts = boxes(run, D, m, label)
     thresholds = run.dataset["threshold"].values.tolist()
     require(thresholds[0] == 0.0 and thresholds[-1] == 1.0, "thresholds from 0 to 1")
-    fitted, local = fitted_dimension(r, counts), _local_dimension(counts)
+    fitted = fitted_dimension(r, counts)
+    local = _local_dimension(counts)
     bend = mean("range", "range of the local dimension of the contact", np.ptp(local[:, 0], axis=-1))
     contact = mean("contact", "dimension of the contact", fitted[:, 0])
-    off = float(np.abs(local[:, -1] - 2.0).max())
-    whole = exact("whole", "largest |local dimension - 2| at v_th = max v", off, run.seeds)
+    off_two = float(np.abs(local[:, -1] - 2.0).max())
+    whole = exact("whole", "largest |local dimension - 2| at v_th = max v", off_two, run.seeds)
     checks = [
         Check.above("local dimension of the contact ranges over more than 0.1", bend, 0.1),
         Check.below("dimension of the contact below 2", contact, 2.0),
-        Check("dimension 2 for v_th = max v", off < 1e-12, whole),
+        Check("dimension 2 for v_th = max v", off_two < 1e-12, whole),
     ]
     numbers = []
     for k, (low, high) in enumerate(pairwise(thresholds)):
         name = f"dimension at {high:g} max v less that at {low:g}"
-        number = mean(f"rise_{high:g}", name, fitted[:, k + 1] - fitted[:, k])
-        met = True if number.low >= 0.0 else None if number.high >= 0.0 else False
-        checks.append(Check(f"dimension not smaller at {high:g} max v than at {low:g}", met, number))
+        rise = mean(f"rise_{high:g}", name, fitted[:, k + 1] - fitted[:, k])
+        checks.append(Check(f"dimension not smaller at {high:g} max v than at {low:g}", _not_negative(rise), rise))
         numbers.append(mean(f"fit_{high:g}", f"dimension at v_th = {high:g} max v", fitted[:, k + 1]))
-    outside = total = 0
-    for state in run.dataset["box_at"].values.tolist():
-        _, counts = boxes(run, D, m, state)
-        local = _local_dimension(counts[np.isfinite(counts).all(axis=(1, 2))])
-        outside += int(((local < local[:, :1] - 1e-12) | (local > 2.0 + 1e-12)).sum())
-        total += local.size
-    number = exact("outside", f"local dimensions of {total} below that of the contact or above 2", outside)
-    checks.append(Check("the same at every r", outside == 0, number, essential=False))
+    outside, total = _outside_bounds(run, D, m)
+    name = f"local dimensions of {total} below that of the contact or above 2"
+    checks.append(Check("the same at every r", outside == 0, exact("outside", name, outside), essential=False))
     why = f"The contact has dimension {contact}, v_th = max v exactly 2 ({_words(label)}, D = {D:g}, m = {m}); "
     why += f"{outside} of {total} local dimensions at all states lie outside."
     return Outcome(checks, why, [run], numbers)
+
+
+def _not_negative(number: Number) -> bool | None:
+    """Return whether an interval has no negative part; None if zero is inside it."""
+    if number.low >= 0.0:
+        return True
+    return None if number.high >= 0.0 else False
+
+
+def _outside_bounds(run: Run, D: float, m: int) -> tuple[int, int]:
+    """Return how many local dimensions lie below that of the contact or above 2, and how many there are."""
+    outside = 0
+    total = 0
+    for label in run.dataset["box_at"].values.tolist():
+        _, counts = boxes(run, D, m, label)
+        reached = np.isfinite(counts).all(axis=(1, 2))
+        local = _local_dimension(counts[reached])
+        below = local < local[:, :1] - 1e-12
+        above = local > 2.0 + 1e-12
+        outside += int((below | above).sum())
+        total += local.size
+    return outside, total
 
 
 @claim(
@@ -299,33 +326,38 @@ def contact_dimension(given: Given) -> Outcome:
     for D, label in itertools.product(run.D, labels):
         r, counts = boxes(run, D, m, label)
         dimension[D, label] = fitted_dimension(r, counts[:, zero])
-    pressures = [label for label in labels if label.startswith("pressure=")]
+    pressures = sorted((label for label in labels if label.startswith("pressure=")), key=_level)
     areas = [label for label in labels if label.startswith("contact_area=")]
     require(len(pressures) >= 2, "box counting at two pressures")
-    pressures.sort(key=_level)
-    checks, numbers = [], []
+    lightest, heaviest = pressures[0], pressures[-1]
+    enough = max(2, run.seeds // 2)
+    checks = []
+    numbers = []
     for D in run.D:
-        name = f"rise from p* = {_level(pressures[0]):g} to {_level(pressures[-1]):g}, D = {D:g}"
-        number = mean(f"rise_D{D:g}", name, dimension[D, pressures[-1]] - dimension[D, pressures[0]])
-        checks.append(Check.above(f"rises with pressure at D = {D:g}", number, 0.0))
+        name = f"rise from p* = {_level(lightest):g} to {_level(heaviest):g}, D = {D:g}"
+        rise = mean(f"rise_D{D:g}", name, dimension[D, heaviest] - dimension[D, lightest])
+        checks.append(Check.above(f"rises with pressure at D = {D:g}", rise, 0.0))
     for label in (*pressures, *areas):
         state = _words(label)
         for low, high in pairwise(run.D):
             differences = dimension[high, label] - dimension[low, label]
-            if np.isfinite(differences).sum() < max(2, run.seeds // 2):
+            if np.isfinite(differences).sum() < enough:
                 continue
             name = f"dimension at D = {high:g} less that at {low:g}, {state}"
-            number = mean(f"{label}_{low:g}_{high:g}", name, differences)
+            fall = mean(f"{label}_{low:g}_{high:g}", name, differences)
             text = f"falls from D = {low:g} to {high:g} at {state}"
-            checks.append(Check.below(text, number, 0.0, essential=label in pressures))
+            checks.append(Check.below(text, fall, 0.0, essential=label in pressures))
         for D in run.D:
             if np.isfinite(dimension[D, label]).any():
                 name = f"dimension of the contact, D = {D:g}, {state}"
                 numbers.append(mean(f"dimension_{label}_D{D:g}", name, dimension[D, label]))
-    ends = [numbers[0].value, numbers[len(run.D) * (len(pressures) - 1)].value]
-    equal = [check.met is True for check in checks if not check.essential]
-    why = f"At D = {run.D[0]:g} it rises from {ends[0]:.2f} to {ends[1]:.2f} with pressure and falls with D; at equal "
-    why += f"area {sum(equal)} of {len(equal)} comparisons of neighbouring D still fall."
+    smooth = run.D[0]
+    first = np.nanmean(dimension[smooth, lightest])
+    last = np.nanmean(dimension[smooth, heaviest])
+    at_equal_area = [check for check in checks if not check.essential]
+    falling = sum(check.met is True for check in at_equal_area)
+    why = f"At D = {smooth:g} it rises from {first:.2f} to {last:.2f} with pressure and falls with D; "
+    why += f"at equal area {falling} of {len(at_equal_area)} comparisons of neighbouring D still fall."
     return Outcome(checks, why, [run], numbers)
 
 

@@ -163,12 +163,16 @@ class Reading:
 
 def above(number: Number, limit: float) -> bool | None:
     """Return whether a number lies above a limit, None if its interval contains the limit or there is no number."""
-    return True if number.low > limit else False if number.high <= limit else None
+    if number.low > limit:
+        return True
+    return False if number.high <= limit else None
 
 
 def below(number: Number, limit: float) -> bool | None:
     """Return whether a number lies below a limit, None if its interval contains the limit or there is no number."""
-    return True if number.high < limit else False if number.low >= limit else None
+    if number.high < limit:
+        return True
+    return False if number.low >= limit else None
 
 
 def plain(thing: Any) -> Any:

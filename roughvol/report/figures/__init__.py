@@ -3,6 +3,7 @@
 ==================  ==================================================================
 `paper`             Figs. 1 to 12 of the paper
 `seal`              flow through the gap
+`yielding`          paths of legs, and plastic displacement
 `spectra`           power spectral density, and slope by scale
 `theory`            theories, second readings and many seeds, from several runs
 `work_precision`    speed against accuracy of a trade-off

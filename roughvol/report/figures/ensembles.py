@@ -5,15 +5,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.lines import Line2D
 from xarray import Dataset
 
 from roughvol.report.figures.origin import Draw, register
-from roughvol.report.figures.style import DASHES, PAGE, Drawing, canvas, looks
+from roughvol.report.figures.style import DASHES, GREY, PAGE, Drawing, canvas, looks, plain_ticks
+from roughvol.typing import Array
 
 FIGURES: dict[str, Draw] = {}
 NORMAL = 1.96  # of the 95 % interval of many samples
+LINES = DASHES[:3]  # dots are plain Monte Carlo
 
 
 def missing(name: str, ds: Dataset) -> str | None:
@@ -36,37 +40,60 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     """
     fig = canvas(PAGE, 2.8)
     left, middle, right = fig.subplots(1, 3)
-    dimensions = np.atleast_1d(ds["D"].values)
+    dimensions = ds["D"].values
     levels = ds["m"].values
+    counts = ds["ensemble_samples"].transpose("D", "m").values
     for order, (D, look) in enumerate(zip(dimensions, looks(len(dimensions)), strict=True)):
-        one, line = ds.sel(D=D), DASHES[order % len(DASHES)]
-        samples, each = one["ensemble_samples"].values, one["ensemble_sample_cost"].values
-        left.semilogy(levels, samples, ls=line, label=f"$D = {D:g}$", **look)
-        middle.semilogy(levels, samples * each, ls=line, **look)
-        name, at = _farthest(one)
-        mean = abs(float(one[f"{name}_mean"].sel(ensemble_at=at)))
-        cost = one["ensemble_round_cost"].values
-        half = one[f"{name}_round_half_width"].sel(ensemble_at=at).values / mean
-        right.loglog(cost, 100.0 * half, ls=line, **look)
-        variance = float(one[f"{name}_level_variance"].sel(ensemble_at=at).isel(m=-1))
-        along = np.geomspace(np.nanmin(cost), max(np.nanmax(cost), float(one["ensemble_plain_cost"])), 9)
-        plain = NORMAL * np.sqrt(variance * each[-1] / along) / mean
-        right.loglog(along, 100.0 * plain, ls=":", lw=0.8, color=look["color"])
-        asked = 100.0 * float(one[f"{name}_accuracy_asked"].sel(ensemble_at=at)) / mean
-        right.axhline(asked, lw=0.5, color="0.6", zorder=0)
-    left.set(xlabel="$m$", ylabel="samples", xticks=levels)
-    middle.set(xlabel="$m$", ylabel="cost of the level [s]", xticks=levels)
-    right.set(xlabel="cost [s]", ylabel="half-width of the interval [%]", title="dotted: plain Monte Carlo")
-    for axis in (right.xaxis, right.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(NullFormatter())
-    left.legend()
+        one = ds.sel(D=D)
+        line = LINES[order % len(LINES)]
+        samples = counts[order]
+        left.plot(levels, samples, ls=line, label=f"$D = {D:g}$", **look)
+        middle.plot(levels, samples * one["ensemble_sample_cost"].values, ls=line, **look)
+        _draw_intervals(right, one, line, look)
+    left.set(xlabel="$m$", ylabel="samples", xticks=levels, yscale="log")
+    middle.set(xlabel="$m$", ylabel="cost of the level [s]", xticks=levels, yscale="log")
+    right.set(xlabel="cost [s]", ylabel="half-width of the interval [%]", xscale="log", yscale="log")
+    for axis in (left.yaxis, middle.yaxis, right.xaxis, right.yaxis):
+        plain_ticks(axis, _steps(axis))
+    handles = [
+        *left.get_legend_handles_labels()[0],
+        Line2D([], [], color="k", ls=":", lw=0.8, label="plain Monte Carlo"),
+        Line2D([], [], color=GREY, lw=0.5, label="accuracy asked for"),
+    ]
+    fig.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     for ax in (left, middle, right):
         ax.grid(visible=True)
-    counts = sorted(set(ds["ensemble_samples"].values.ravel().tolist()))
-    fig.shown = {"D": dimensions.tolist(), "m": [float(m) for m in levels], "surfaces": [counts[0], counts[-1]]}
+    fig.shown = {"D": dimensions.tolist(), "m": levels.tolist(), "samples": counts.ravel().tolist()}
     return fig
+
+
+def _draw_intervals(ax: Any, one: Dataset, line: Any, look: dict[str, Any]) -> None:
+    """Draw the half-width of one D against cost, that of plain Monte Carlo, and the request."""
+    name, at = _farthest(one)
+    state = one.sel(ensemble_at=at)
+    percent = 100.0 / abs(float(state[f"{name}_mean"]))
+    cost = one["ensemble_round_cost"].values
+    ax.plot(cost, percent * state[f"{name}_round_half_width"].values, ls=line, **look)
+    end = max(float(np.nanmax(cost)), float(one["ensemble_plain_cost"]))
+    plain_cost = np.geomspace(np.nanmin(cost), end, 9)
+    ax.plot(plain_cost, percent * _plain_half_width(state, name, plain_cost), ls=":", lw=0.8, color=look["color"])
+    ax.axhline(percent * float(state[f"{name}_accuracy_asked"]), lw=0.5, color=GREY, zorder=0)
+
+
+def _plain_half_width(state: Dataset, name: str, cost: Array) -> Array:
+    """Return the half-width of plain Monte Carlo on the finest level for a cost [s]."""
+    finest = state.isel(m=-1)
+    samples = cost / float(finest["ensemble_sample_cost"])
+    return NORMAL * np.sqrt(float(finest[f"{name}_level_variance"]) / samples)
+
+
+def _steps(axis: Any) -> tuple[float, ...]:
+    """Return the multiples of powers of ten that are labelled: the more, the shorter the logarithmic axis."""
+    low, high = axis.get_view_interval()
+    decades = np.log10(high / low)
+    if decades < 1.0:
+        return (1.0, 2.0, 3.0, 5.0, 7.0)
+    return (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
 
 
 def _farthest(one: Dataset) -> tuple[str, str]:

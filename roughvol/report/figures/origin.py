@@ -91,8 +91,10 @@ def surfaces(ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
         return f"height {'file' if len(names) == 1 else 'files'} {', '.join(names[:SHOWN])}{more}, {side}"
     values = {dim: drawn.get(dim) or ds[dim].values.tolist() for dim in ("D", "m") if dim in ds.dims}
     parts = [f"{dim} = {_numbers(numbers)}" for dim, numbers in values.items()]
+    if "samples" in drawn:
+        return ", ".join([*parts, side, _samples(values["D"], drawn["samples"])])
     counts = sorted({int(count) for count in drawn.get("surfaces", (1,))})
-    number = "one surface" if counts == [1] else f"{_numbers(counts)} surfaces"
+    number = "one surface" if counts == [1] else f"{_range(counts)} surfaces"
     several = " of each" if max(map(len, values.values()), default=1) > 1 else ""
     return ", ".join([*parts, side, number + several])
 
@@ -107,7 +109,8 @@ def origin(name: str, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
     ds : Dataset
         What it is drawn from.
     drawn : mapping
-        Values of ``D``, ``m``, ``surfaces`` (how many of each) and ``area`` (A*) that it shows, as far as they apply.
+        Values of ``D``, ``m``, ``surfaces`` (how many of each), ``samples`` (of an ensemble, by D and m) and ``area``
+        (A*) that it shows, as far as they apply.
     """
     run = run_name(ds)
     words = f"Run {run}: {surfaces(ds, drawn)}" if run else surfaces(ds, drawn)
@@ -131,16 +134,30 @@ def departures(paper: Conditions, ds: Dataset, drawn: Mapping[str, Sequence[floa
             differences.append(f"{key} = {_numbers(values)}, not {_numbers(wanted)}")
     counts = sorted({int(count) for count in drawn.get("surfaces", ())})
     if paper.surfaces is not None and counts and counts != [paper.surfaces]:
-        differences.append(f"{_numbers(counts)} of each, not {paper.surfaces}")
+        differences.append(f"{_range(counts)} of each, not {paper.surfaces}")
     areas = drawn.get("area", ())
     if paper.area is not None and any(abs(area / paper.area - 1.0) > NEAR for area in areas):
         differences.append(f"A* = {', '.join(f'{area:.3g}' for area in areas)}, not {paper.area:g}")
     study = study_of(ds)
     if paper.end and study is not None and study.sweep.steps:
-        label = study.sweep.target.label
+        label = study.sweep.legs[0].target.label
         if label.split("=")[0] not in paper.end:
             differences.append(f"a sweep to {label}")
     return differences
+
+
+def _samples(D: Sequence[float], counts: Sequence[float]) -> str:
+    """Return in words the samples of an ensemble on each level, by D; ``counts`` runs over D, then m."""
+    levels = len(counts) // len(D)
+    rows = [_numbers(counts[k * levels : (k + 1) * levels]) for k in range(len(D))]
+    if len(D) > 1:
+        rows = [f"{row} (D = {value:g})" for row, value in zip(rows, D, strict=True)]
+    return f"samples by m: {'; '.join(rows)}"
+
+
+def _range(counts: Sequence[int]) -> str:
+    low, high = min(counts), max(counts)
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def _numbers(values: Sequence[float]) -> str:
@@ -157,7 +174,18 @@ def lacking(name: str, ds: Dataset, variables: Sequence[str]) -> str | None:
     return None
 
 
-def register(draw: Draw, figures: dict[str, Draw], missing: Callable[[str, Dataset], str | None]) -> Draw:
+def first_leg(ds: Dataset) -> Dataset:
+    """Return the steps of the first leg, where a dataset has a path of several."""
+    return ds.isel(step=ds["leg"].values == 1) if "leg" in ds else ds
+
+
+def register(
+    draw: Draw,
+    figures: dict[str, Draw],
+    missing: Callable[[str, Dataset], str | None],
+    *,
+    every_leg: bool = False,
+) -> Draw:
     """Add a figure to a table by its name, in our style and with its note; return it.
 
     Parameters
@@ -168,6 +196,8 @@ def register(draw: Draw, figures: dict[str, Draw], missing: Callable[[str, Datas
         Table of figures by name.
     missing : callable
         Reason why a dataset cannot be drawn, raised as a `DatasetError`, or None.
+    every_leg : bool
+        Whether all legs of a path are drawn. Default: the first one, which loads the virgin surface.
     """
 
     @functools.wraps(draw)
@@ -176,7 +206,7 @@ def register(draw: Draw, figures: dict[str, Draw], missing: Callable[[str, Datas
         if reason is not None:
             raise DatasetError(reason)
         with mpl.rc_context(STYLE):
-            figure = draw(ds)
+            figure = draw(ds if every_leg else first_leg(ds))
             if "L" in ds:
                 figure.note(origin(draw.__name__, ds, figure.shown))
             return figure

@@ -16,7 +16,7 @@ import difflib
 from collections.abc import Callable, Sequence
 
 from roughvol.errors import DatasetError
-from roughvol.report.figures import ensembles, paper, seal, spectra
+from roughvol.report.figures import ensembles, paper, seal, spectra, yielding
 from roughvol.report.figures.paper import NEEDS, Draw
 from roughvol.report.paper_rules import PAPER_D, PAPER_M, nearest, nearest_surface
 from roughvol.store.dataset import Dataset
@@ -27,7 +27,7 @@ Rule = Callable[[Sequence[Case]], list[Case]]
 
 def figures() -> dict[str, tuple[Draw, Callable[[str, Dataset], str | None]]]:
     """Return what draws each figure, and what says why it cannot."""
-    modules = (paper, seal, ensembles, spectra)
+    modules = (paper, seal, yielding, ensembles, spectra)
     return {name: (module.FIGURES[name], module.missing) for module in modules for name in module.FIGURES}
 
 
@@ -99,5 +99,6 @@ _FINEST = 1e9
 _RULES: dict[str, Rule] = {name: {"D": _by_D(_FINEST), "m": _by_m}.get(NEEDS[name][1], _one) for name in paper.FIGURES}
 _RULES |= {"fig05": _by_D(_FINEST), "fig02": _by_D(PAPER_M), "fig12a": _by_D(PAPER_M)}
 _RULES |= {name: _by_D(_FINEST) for name in seal.FIGURES}
+_RULES |= {"path_loops": _by_D(_FINEST), "yielded_map": _one}
 _RULES |= dict.fromkeys(ensembles.FIGURES, list) | dict.fromkeys(spectra.FIGURES, _by_D(_FINEST))
 _RULES |= {"seal_map": _one, "seal_region": lambda cases: _by_m(_by_D(_FINEST)(cases))}

@@ -54,7 +54,7 @@ class Drawing(Figure):
     Attributes
     ----------
     shown : mapping
-        Values of ``D``, ``m``, ``surfaces`` and ``area`` that it shows, for the note on where it comes from.
+        Values of ``D``, ``m``, ``surfaces``, ``samples`` and ``area`` that it shows, for the note on its origin.
     """
 
     shown: Mapping[str, Sequence[float]] = MappingProxyType({})

@@ -117,10 +117,13 @@ def theory_bearing(evidence: Evidence) -> Drawing:
     coarse = common([area])
     grid = np.linspace(coarse[0], coarse[-1], 200)
     fig, ax = axes()
-    curves = [("computed", volume, "k", "-"), ("Eq. 4, Gaussian", gauss * (1.0 - area), ACCENT, "-")]
-    curves += [(r"Gaussian, without $1 - A^{\ast}$", gauss, ACCENT, "--")]
-    curves += [("Eq. 4, own heights", own * (1.0 - area), SECOND, "-")]
-    curves += [(r"own heights, without $1 - A^{\ast}$", own, SECOND, "--")]
+    curves = (
+        ("computed", volume, "k", "-"),
+        ("Eq. 4, Gaussian", gauss * (1.0 - area), ACCENT, "-"),
+        (r"Gaussian, without $1 - A^{\ast}$", gauss, ACCENT, "--"),
+        ("Eq. 4, own heights", own * (1.0 - area), SECOND, "-"),
+        (r"own heights, without $1 - A^{\ast}$", own, SECOND, "--"),
+    )
     for label, values, colour, style in curves:
         ax.plot(grid, at(area, values, grid).mean(axis=0), color=colour, ls=style, label=label)
     ax.set(xlabel=LABELS[A], ylabel=LABELS[V], ylim=(0.0, None))
@@ -266,8 +269,11 @@ def readings_fulcrum(evidence: Evidence) -> Drawing:
     The paper sees it at v = 1 (dotted).
     """
     fig, ax = axes()
-    sources = [("std", "mean-plane", "default"), ("variance", "mean-plane", "variance law")]
-    sources += [("std", "summit-plane", "summit plane")]
+    sources = (
+        ("std", "mean-plane", "default"),
+        ("variance", "mean-plane", "variance law"),
+        ("std", "summit-plane", "summit plane"),
+    )
     volumes = np.linspace(0.02, 2.5, 80)
     drawn: list[Run] = []
     for (law, end, words), look in zip(sources, looks(3), strict=True):

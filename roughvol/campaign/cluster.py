@@ -1,0 +1,141 @@
+"""Workers of a Dask cluster, which come and go, as a pool of `workers.each`."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import queue
+import re
+import threading
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from typing import Any, TypeVar
+
+from roughvol.campaign.task import Tell, end_at, thinned
+from roughvol.errors import CampaignError
+
+Task = TypeVar("Task")
+
+CONNECT = 30  # seconds to reach a scheduler
+GONE = 300.0  # seconds without any worker before a scheduler is given up, once it has had one
+COUNT_EVERY = 1.0  # seconds between two questions to a scheduler
+_ADDRESS = re.compile(r"(?:[a-z]+://)?(?:\[[0-9A-Fa-f:.%a-z]+\]|[^\s/:\[\]]+):(?P<port>[0-9]{1,5})/?")
+_one_at_a_time = threading.Lock()  # threads of a Dask worker cannot share netCDF or a half space
+
+
+def check_address(scheduler: str) -> None:
+    """Refuse an impossible address of a Dask scheduler before a connection is tried.
+
+    Raises
+    ------
+    CampaignError
+        Unless it is ``host:port`` or ``protocol://host:port``.
+    """
+    match = _ADDRESS.fullmatch(scheduler)
+    if match is None or not 0 < int(match["port"]) < 1 << 16:
+        message = (
+            f"the scheduler's address is {scheduler!r}; "
+            "allowed: host:port or protocol://host:port, as in tcp://127.0.0.1:8786"
+        )
+        raise CampaignError(message)
+
+
+class Cluster:
+    """Workers of a Dask scheduler, which come and go; the interface is that of the pools in `workers`."""
+
+    fall_together = False
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client, Event
+        except ImportError as error:
+            message = "a scheduler needs dask.distributed: pip install 'roughvol[cluster]'"
+            raise CampaignError(message) from error
+        check_address(address)
+        try:
+            self._client = Client(address, timeout=CONNECT, set_as_default=False)
+        except (OSError, ValueError, RuntimeError) as error:
+            message = f"no scheduler answers at {address}: {error}"
+            raise CampaignError(message) from error
+        self._executor = self._client.get_executor(pure=False)
+        self._run = f"roughvol-{uuid.uuid4().hex}"  # name of the messages, and of the event that stops
+        self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._client.subscribe_topic(self._run, lambda event: self._inbox.put(event[1]))
+        self._stop = Event(self._run, client=self._client)
+        self._width, self._threads, self._counted = 1, 0, -math.inf
+        self._last_seen: float | None = None  # of any worker; the first may come late, as from a batch system
+
+    def width(self) -> int:
+        """Return the number of tasks to hand over at once."""
+        if time.monotonic() - self._counted > COUNT_EVERY:
+            self._threads = sum(self._client.nthreads().values())
+            self._width = max(2 * self._threads, 1)  # one task at work and one waiting
+            self._counted = time.monotonic()
+        return self._width
+
+    def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
+        """Start a task."""
+        return self._executor.submit(_call_there, function, task, self._run)
+
+    def messages(self) -> Iterator[Any]:
+        """Yield the messages of tasks since the last call."""
+        while not self._inbox.empty():
+            message = self._inbox.get()
+            yield tuple(message) if isinstance(message, list) else message  # tuples may arrive as lists
+
+    def stop(self) -> None:
+        """Ask the tasks begun to end early."""
+        self._stop.set()
+
+    def renew(self) -> None:
+        """Do nothing: the scheduler replaces dead workers."""
+
+    def check(self) -> None:
+        """Raise `CampaignError` if no worker is left."""
+        self.width()
+        now = time.monotonic()
+        if self._threads:
+            self._last_seen = now
+        elif self._last_seen is not None and now - self._last_seen > GONE:
+            message = (
+                f"the scheduler has had no worker for {GONE:.0f} s, after it had some; "
+                "what is finished is kept, run again to go on"
+            )
+            raise CampaignError(message)
+
+    def close(self, *, at_once: bool) -> None:
+        """Leave the scheduler, mid-task if at once."""
+        with contextlib.suppress(Exception):
+            if at_once:
+                self._stop.set()  # running tasks have no caller left
+            self._executor.shutdown(wait=not at_once)
+            self._client.unsubscribe_topic(self._run)
+        self._client.close()
+
+
+class _StopThere:
+    """The event that stops a task on a cluster: polled rarely, and unset if the scheduler does not answer."""
+
+    def __init__(self, run: str) -> None:
+        from distributed import Event, get_client
+
+        self._event, self._polled, self._set = Event(run, client=get_client()), -math.inf, False
+
+    def is_set(self) -> bool:
+        if not self._set and time.monotonic() - self._polled > COUNT_EVERY:
+            with contextlib.suppress(Exception):
+                self._set = bool(self._event.is_set())
+            self._polled = time.monotonic()
+        return self._set
+
+
+def _call_there(function: Callable[[Task, Tell], Any], task: Task, run: str) -> Any:
+    from distributed import get_worker
+
+    worker = get_worker()
+    with _one_at_a_time:
+        flag = _StopThere(run)
+        end_at(flag)
+        return None if flag.is_set() else function(task, thinned(lambda message: worker.log_event(run, message)))

@@ -1,0 +1,169 @@
+"""Estimates of the means of an ensemble: intervals from all levels, errors besides, and the optimal samples."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from roughvol.campaign.samples import SampleTable, Target
+from roughvol.observables import allocation, multilevel, refinement
+from roughvol.observables.allocation import Plan
+from roughvol.observables.multilevel import Link, Mean
+from roughvol.observables.refinement import WeakError
+from roughvol.typing import Array
+
+STOPPING = 3.0  # samples lost by stopping at a narrow interval (see `multilevel`)
+RELIABLE = 60  # samples of a level that determine its variance to 20 %
+SMALLEST = 1e-300  # half-width in place of 0, for a relative accuracy of a mean of 0
+
+
+@dataclass(frozen=True)
+class MeanEstimate:
+    """The estimate of one mean at one D.
+
+    Attributes
+    ----------
+    target : Target
+        Quantity, state and accuracy.
+    mean : Mean
+        Value, variance and degrees of freedom, on the finest level.
+    plan : Plan
+        Optimal chain of levels and its samples.
+    costs : tuple of float, length levels
+        Mean modelled seconds of a sample.
+    links : mapping
+        Regressions between levels, from `multilevel.links_of`.
+    level_means : tuple of float, length levels
+        Mean of each level.
+    correlations : tuple of float, length levels - 1
+        Pearson's ρ of each level with the next coarser one.
+    interpolation_error : float
+        Magnitude of the error between steps.
+    solver_error : float
+        Certified bound; 0 without one.
+    weak_error : WeakError
+        Bias by the resolution.
+    """
+
+    target: Target
+    mean: Mean
+    plan: Plan
+    costs: tuple[float, ...]
+    links: Mapping[tuple[int, int], Link]
+    level_means: tuple[float, ...]
+    correlations: tuple[float, ...]
+    interpolation_error: float
+    solver_error: float
+    weak_error: WeakError
+
+    @property
+    def requested(self) -> float:
+        """Half-width that the study requests."""
+        return self.target.accuracy.of(self.mean.value)
+
+    @property
+    def reached(self) -> bool:
+        """Whether the interval is as narrow as requested."""
+        return self.mean.half_width <= self.requested
+
+    @property
+    def level_variances(self) -> tuple[float, ...]:
+        """Variance over surfaces on each level."""
+        return tuple(multilevel.level_variance(self.links, chain) for chain in self._chains)
+
+    @property
+    def residual_variances(self) -> tuple[float, ...]:
+        """Variance of each level about its regression on the coarser one; all of it on the coarsest."""
+        return tuple(self.links[chain[-1], chain[-2] if len(chain) > 1 else -1].variance for chain in self._chains)
+
+    @property
+    def _chains(self) -> list[tuple[int, ...]]:
+        return [multilevel.nearest_chain(self.links, level) for level in range(len(self.costs))]
+
+    @property
+    def plain_cost(self) -> float:
+        """Modelled seconds of plain Monte Carlo on the finest level, for the same accuracy."""
+        return allocation.plain_cost(self.level_variances[-1], self.costs[-1], max(self.requested, SMALLEST))
+
+
+def estimates_of(table: SampleTable, D: float) -> list[MeanEstimate]:
+    """Return the estimates of all means at one D.
+
+    Parameters
+    ----------
+    table : SampleTable
+        With samples on every level.
+    D : float
+        Fractal dimension.
+
+    Returns
+    -------
+    list of MeanEstimate
+        In the order of ``table.targets``.
+    """
+    costs = tuple(float(np.mean([sample.cost for sample in samples])) for samples in table.of(D))
+    return [_estimate(table, D, number, costs) for number in range(len(table.targets))]
+
+
+def _estimate(table: SampleTable, D: float, number: int, costs: tuple[float, ...]) -> MeanEstimate:
+    target, samples = table.targets[number], table.of(D)
+    values = [np.array([sample.values[number] for sample in level]) for level in samples]
+    links = multilevel.links_of(values)
+    chains = [multilevel.nearest_chain(links, level) for level in range(len(values))]
+    level_means = tuple(multilevel.chain(values, levels, links).value for levels in chains)
+    mean, plan = _mean_and_plan(values, links, costs, target.accuracy.of(level_means[-1]) or SMALLEST)
+    return MeanEstimate(
+        target,
+        mean,
+        plan,
+        costs,
+        links,
+        level_means,
+        tuple(multilevel.correlation(fine, coarse) for coarse, fine in itertools.pairwise(values)),
+        abs(float(np.mean([sample.interpolation_errors[number] for sample in samples[-1]]))),
+        float(np.max([sample.solver_errors[number] for level in samples for sample in level])),
+        _weak_error(values, level_means),
+    )
+
+
+def _mean_and_plan(
+    values: Sequence[Array], links: Mapping[tuple[int, int], Link], costs: Sequence[float], half_width: float
+) -> tuple[Mean, Plan]:
+    """Return the mean by the optimal chain of levels, and the samples of that chain for a half-width."""
+    existing = [level.size for level in values]
+    reliable = _with_reliable_bases(links, existing)
+    plan = allocation.plan(reliable, costs, existing, half_width)
+    mean = multilevel.chain(values, plan.levels, links, STOPPING)
+    if mean.half_width > half_width and plan.samples == tuple(existing[level] for level in plan.levels):
+        # The plan uses the normal quantile, the interval Student's, which is larger: plan for a narrower interval.
+        variance = allocation.predicted(mean.links, [link.samples for link in mean.links])
+        quantile = max(mean.half_width / math.sqrt(variance), allocation.NORMAL)
+        plan = allocation.plan(reliable, costs, existing, half_width * allocation.NORMAL / quantile)
+    return mean, plan
+
+
+def _with_reliable_bases(links: Mapping[tuple[int, int], Link], samples: Sequence[int]) -> dict[tuple[int, int], Link]:
+    """Return links in which a coarsest level of few samples has the variance by regression on coarser levels.
+
+    A variance of ten samples is often too small by chance. The optimal chain would then begin on such a level.
+    """
+    reliable = dict(links)
+    for level, number in enumerate(samples):
+        if number < RELIABLE and (level, -1) in links:
+            variance = multilevel.level_variance(links, multilevel.nearest_chain(links, level))
+            reliable[level, -1] = replace(links[level, -1], variance=variance)
+    return reliable
+
+
+def _weak_error(values: Sequence[Array], level_means: Sequence[float]) -> WeakError:
+    """Return the bias by the resolution, from the differences of adjacent levels on common seeds."""
+    differences = [fine[: coarse.size] - coarse[: fine.size] for coarse, fine in itertools.pairwise(values)]
+    return refinement.weak_error(
+        level_means,
+        [float(difference.mean()) for difference in differences],
+        [float(difference.std(ddof=1)) / math.sqrt(difference.size) for difference in differences],
+    )

@@ -1,0 +1,265 @@
+"""Samples of an ensemble: quantities of single surfaces, by D, level and seed.
+
+A sample is a finished case. Its cost is modelled from the stored counts of convolutions, which are equal on every
+machine. Measured times vary with the load of a machine, and so would the number of samples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from roughvol.errors import Problem, StudyError
+from roughvol.observables.at_state import at_state, error_between_steps
+from roughvol.store.dataset import Arrays
+from roughvol.study import STORED_AS, Accuracy, Case, Ensemble, Level, MadeSurface, Study, levels_below
+from roughvol.study.yaml_text import number_text
+from roughvol.typing import Array
+
+CASE_SECONDS = 0.016  # cost of a case with its file
+STEP_SECONDS = 2.0e-4  # cost of a step without its convolutions
+NODE_SECONDS = 6.0e-9  # cost of a convolution over N² log N, for N nodes per side
+SINGLE = 0.6  # cost of a convolution in single precision over one in double precision
+ITERATIVE_FROM = 6  # smallest m at which a step iterates
+ITERATIVE_SECONDS = 5.0e-4  # additional cost of a step that iterates
+
+SERIES = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
+Counts = dict[float, dict[int, int]]  # D -> m -> number of samples
+
+
+@dataclass(frozen=True)
+class Target:
+    """A mean to estimate: the quantity as named in the study, the state, the accuracy."""
+
+    quantity: str
+    state: Level
+    accuracy: Accuracy
+
+    @property
+    def stored(self) -> str:
+        """Name of the stored variable."""
+        return STORED_AS.get(self.quantity, self.quantity)
+
+
+def targets_of(ensemble: Ensemble) -> list[Target]:
+    """Return the means to estimate, state by state.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        Section of the study.
+
+    Returns
+    -------
+    list of Target
+        All quantities at the first state, then at the second, and so on.
+    """
+    accuracies: dict[str, Accuracy] = ensemble.accuracy.named
+    return [Target(name, state, accuracy) for state in ensemble.at.levels for name, accuracy in accuracies.items()]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The targets on one surface of one level.
+
+    Attributes
+    ----------
+    values : array, shape (targets,)
+        Each quantity at its state.
+    interpolation_errors : array, shape (targets,)
+        Signed errors of the interpolation between steps.
+    solver_errors : array, shape (targets,)
+        Certified bounds of the errors of the solver; 0 without a bound.
+    cost : float
+        Modelled seconds of one core.
+    """
+
+    values: Array
+    interpolation_errors: Array
+    solver_errors: Array
+    cost: float
+
+
+@dataclass
+class SampleTable:
+    """All samples of a study, by D and level, in the order of the seeds.
+
+    Attributes
+    ----------
+    study : Study
+        With generated surfaces and a section ``ensemble``.
+    finest : int
+        m of the finest level.
+    samples : dict
+        Samples by D and m; index s is seed ``first_seed + s``.
+    """
+
+    study: Study
+    finest: int
+    samples: dict[tuple[float, int], list[Sample]] = field(default_factory=dict)
+
+    @cached_property
+    def ensemble(self) -> Ensemble:
+        """Section ``ensemble`` of the study."""
+        assert self.study.ensemble is not None
+        return self.study.ensemble
+
+    @cached_property
+    def targets(self) -> list[Target]:
+        """Means to estimate."""
+        return targets_of(self.ensemble)
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """M of all levels, coarsest first."""
+        return levels_below(self.finest)
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """All D."""
+        assert isinstance(self.study.surface, MadeSurface)
+        return self.study.surface.dimensions
+
+    def of(self, D: float) -> list[list[Sample]]:
+        """Return the samples of one D, level by level, coarsest first."""
+        return [self.samples.get((D, m), []) for m in self.levels]
+
+    def counts(self, D: float) -> list[int]:
+        """Return the number of samples of each level."""
+        return [len(samples) for samples in self.of(D)]
+
+    def cost(self, D: float) -> float:
+        """Return the modelled seconds of all samples of one D."""
+        return sum(sample.cost for samples in self.of(D) for sample in samples)
+
+    def missing(self, counts: Counts) -> list[Case]:
+        """Return the cases of the samples that a plan has and this table lacks."""
+        first = self.ensemble.first_seed
+        return [
+            self.study.sample(D, m, first + seed)
+            for D, planned in counts.items()
+            for m, number in planned.items()
+            for seed in range(len(self.samples.get((D, m), ())), number)
+        ]
+
+    def add(self, case: Case, arrays: Arrays) -> None:
+        """Add the sample of a finished case; cases come in the order of their seeds."""
+        assert case.D is not None
+        assert case.m is not None
+        self.samples.setdefault((case.D, case.m), []).append(sample_of(self.targets, case, arrays))
+
+
+def sample_of(targets: Sequence[Target], case: Case, arrays: Arrays) -> Sample:
+    """Return the sample of a finished case.
+
+    Parameters
+    ----------
+    targets : sequence of Target
+        Means to estimate.
+    case : Case
+        A generated surface.
+    arrays : mapping
+        Stored variables of the case: dimensions and values by name.
+
+    Returns
+    -------
+    Sample
+        One value for each target.
+
+    Raises
+    ------
+    StudyError
+        If the sweep ends before a state.
+    """
+    series = _series(arrays)
+    at_targets = [_value_and_error(series, target, case) for target in targets]
+    return Sample(
+        np.array([value for value, _ in at_targets]),
+        np.array([error for _, error in at_targets]),
+        np.array([_solver_error(arrays, target) for target in targets]),
+        cost_of(case, arrays),
+    )
+
+
+def _series(arrays: Arrays) -> dict[str, Array]:
+    """Return the quantities along the steps, with first touch before the first step."""
+    series = {name: np.concatenate([[0.0], arrays[name][1].reshape(-1)]) for name in SERIES}
+    touch = series["indentation"][1] + series["separation"][1]  # d/σ at first touch, equal to V* there
+    series["separation"][0] = series["free_volume"][0] = touch
+    return series
+
+
+def _value_and_error(series: Mapping[str, Array], target: Target, case: Case) -> tuple[float, float]:
+    """Return a quantity at its state, and the error of the interpolation between steps."""
+    quantity, state = series[target.stored], target.state
+    if state.value is None:
+        return float(quantity[-1]), 0.0
+    along = series[STORED_AS.get(state.kind, state.kind)]
+    value = float(at_state(along, quantity, state.value)[0])
+    if not math.isfinite(value):
+        raise _unreached(state, case, float(along[-1]))
+    return value, float(np.nan_to_num(error_between_steps(along, quantity, state.value)[0]))
+
+
+def _unreached(state: Level, case: Case, last: float) -> StudyError:
+    assert state.value is not None
+    message = (
+        f"{number_text(state.value)} is not reached by {case.label}, whose sweep ends at {state.kind} {last:.4g}: "
+        f"sweep further, as to: {{{state.kind}: {number_text(state.value)}}}"
+    )
+    return StudyError([Problem(message, f"ensemble.at.{state.kind}")])
+
+
+def _solver_error(arrays: Arrays, target: Target) -> float:
+    """Return the largest certified error of a quantity along the steps; 0 without a certificate."""
+    if target.quantity == "free_volume":
+        return float(np.max(arrays["residual"][1]))
+    if target.quantity == "pressure" and "mean_pressure_bound" in arrays:
+        bounds = arrays["mean_pressure_bound"][1].reshape(-1) * arrays["mean_pressure"][1].reshape(-1)
+        return float(np.nanmax(bounds))
+    return 0.0
+
+
+def cost_of(case: Case, arrays: Arrays) -> float:
+    """Return the modelled seconds of a finished case, from its stored counts of convolutions.
+
+    Parameters
+    ----------
+    case : Case
+        A generated surface.
+    arrays : mapping
+        Stored variables of the case: dimensions and values by name.
+
+    Returns
+    -------
+    float
+        Seconds of one core.
+    """
+    assert case.m is not None
+    single, double = (float(np.nansum(arrays[name][1])) for name in ("convolutions_fp32", "convolutions"))
+    return seconds_of(case.m, case.sweep.steps, double + SINGLE * single)
+
+
+def seconds_of(m: int, steps: int, convolutions: float) -> float:
+    """Return the modelled seconds of a sweep.
+
+    Parameters
+    ----------
+    m : int
+        Resolution: 2^m + 1 nodes per side.
+    steps : int
+        Number of steps.
+    convolutions : float
+        Convolutions of the full grid, all steps together, in units of one in double precision.
+
+    Returns
+    -------
+    float
+        Seconds of one core.
+    """
+    nodes, step = 2**m + 1, STEP_SECONDS + ITERATIVE_SECONDS * (m >= ITERATIVE_FROM)
+    return CASE_SECONDS + step * steps + NODE_SECONDS * nodes**2 * math.log(nodes) * convolutions

@@ -1,0 +1,107 @@
+"""Figures of a path of legs and of plastic displacement: ``FIGURES["path_loops"](ds)`` is a ``Figure``.
+
+Curves are by D at the largest m, or by file. A colour is a family, a dash pattern a leg. Several surfaces are drawn by
+the means of both coordinates at every step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.lines import Line2D
+from xarray import Dataset
+
+from roughvol.report.figures.curves import shown
+from roughvol.report.figures.families import families, own, several, single
+from roughvol.report.figures.origin import Draw, lacking, register
+from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing, P, V, canvas, unit_of
+
+FIGURES: dict[str, Draw] = {}
+NEEDS: dict[str, tuple[str, ...]] = {}
+
+# A third panel, where it is stored: variable, label, and whether the axis is logarithmic.
+THIRD = (
+    ("leak_rate_x", "leak rate along $x$", True),
+    ("transmissivity_x", r"transmissivity $T^{\ast}$ along $x$", True),
+    ("plastic_volume", r"plastic volume $\bar{u}_\mathrm{pl}/\sigma$", False),
+)
+
+
+def missing(name: str, ds: Dataset) -> str | None:
+    """Return why figure `name` cannot be drawn from a dataset, or None if it can."""
+    if name == "path_loops" and "leg" not in ds:
+        return (
+            f"{name} needs a path, as sweep: [{{steps: 30, to: {{pressure: 1}}}}, {{steps: 30, to: {{pressure: 0}}}}]"
+        )
+    return lacking(name, ds, NEEDS[name])
+
+
+def _figure(*variables: str) -> Callable[[Draw], Draw]:
+    def add(draw: Draw) -> Draw:
+        NEEDS[draw.__name__] = variables
+        return register(draw, FIGURES, missing, every_leg=True)
+
+    return add
+
+
+@_figure(P, A, V)
+def path_loops(ds: Dataset) -> Drawing:
+    """Draw contact area, free volume, and leak or plastic volume over pressure, leg by leg.
+
+    To see: elastic contact retraces. A surface that has yielded has more contact and less free volume on the way down
+    than at the same pressure on the way up, and leaks less.
+    """
+    some, title = families(ds, "D", P, V)
+    third = next((row for row in THIRD if row[0] in ds and bool(ds[row[0]].notnull().any())), None)
+    names = [(A, LABELS[A], False), (V, LABELS[V], False), *([third] if third else [])]
+    fig = canvas(PAGE, 3.1)
+    panels = fig.subplots(1, len(names))
+    legs = np.unique(ds["leg"].values)
+    for family in some:
+        for leg in legs:
+            begin = int(np.flatnonzero(ds["leg"].values == leg)[0])
+            steps = slice(max(begin - 1, 0), begin + int((ds["leg"] == leg).sum()))
+            means = family.data.isel(step=steps).mean("seed")
+            dash = DASHES[(int(leg) - 1) % len(DASHES)]
+            for ax, (name, _, _) in zip(panels, names, strict=True):
+                computed = means[name].notnull().values
+                x, y = means[P].values[computed], means[name].values[computed]
+                drawn = np.where(y > 0.0, y, np.nan) if name in _LOGARITHMIC else y  # a logarithmic axis has no zero
+                ax.plot(x, drawn, ls=dash, color=family.look["color"])
+    for ax, (name, label, logarithmic) in zip(panels, names, strict=True):
+        unit = unit_of(ds, name) if name == "leak_rate_x" else ""
+        ax.set(xlabel=LABELS[P], ylabel=f"{label} [{unit}]" if unit else label)
+        ax.set_yscale("log" if logarithmic else "linear")
+    handles = [Line2D([], [], color=family.look["color"], label=family.label) for family in some]
+    dashes = [DASHES[(int(leg) - 1) % len(DASHES)] for leg in legs]
+    handles += [Line2D([], [], color=GREY, ls=dash, label=f"leg {leg}") for leg, dash in zip(legs, dashes, strict=True)]
+    number = several(family.surfaces for family in some)
+    words = [title, f"mean of {number} surfaces" if number else ""]
+    fig.legend(handles=handles, title="; ".join(filter(None, words)) or None, loc="outside upper center", ncols=8)
+    fig.shown = shown(some)
+    return fig
+
+
+_LOGARITHMIC = {name for name, _, logarithmic in THIRD if logarithmic}
+
+
+@_figure("heights", "residual_heights")
+def yielded_map(ds: Dataset) -> Drawing:
+    """Draw the plastic displacement of one surface at the end of its path, over σ.
+
+    To see: yield is on the summits of the loaded regions, and flattens them.
+    """
+    case, name = single(ds, "heights", "residual_heights")
+    depth = own(case["heights"] - case["residual_heights"]) / float(case["Sq"])
+    fig = canvas(PAGE * 0.55, 3.4)
+    ax = fig.subplots()
+    yielded = np.where(depth.values > 0.0, depth.values, np.nan)
+    x, y = depth["x"].values, depth["y"].values
+    extent = (x[0], x[-1], y[0], y[-1])
+    image = ax.imshow(yielded.T, origin="lower", extent=extent, cmap="viridis_r", interpolation="none")
+    fig.colorbar(image, ax=ax, label=r"plastic displacement $u_\mathrm{pl}/\sigma$", shrink=0.85)
+    share = float(np.isfinite(yielded).mean())
+    ax.set(xlabel="$x/L$", ylabel="$y/L$", title=f"{name}: yielded on {share:.1%} of the elements, white elsewhere")
+    fig.shown = {"D": [float(case["D"])], "m": [float(case["m"])]} if "D" in case.coords else {}
+    return fig
