@@ -22,6 +22,7 @@ Room of the campaign.
 `cost`          cases, memory, disk and time of a study, estimated
 `understood`    how a study was understood, in words
 `validity`      where a study leaves the model
+`card`          runs behind a leak card
 `tradeoff`      speed against accuracy, measured
 ==============  ====================================================================
 """

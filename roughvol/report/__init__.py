@@ -8,6 +8,9 @@ Room of the report. It reads datasets and computes no contact.
 `paper_rules`   the paper's state and the slope A*/p*, for figures and claims
 `model`         contents of a report, and the words that all its forms share
 `run_facts`     one run in words and tables: surface, loading, states, closing
+`card`          leak card: leak along x and y, closing, error budget
+`card_page`     its HTML and PDF
+`ask`           pressure, modulus or Sq at which a leak falls below a value
 `yielding`      leak up and down a path, and with yield against without
 `tables`        tables of a report
 `drawings`      figures that a report shows, and the run of each

@@ -5,6 +5,7 @@
 `seal`              flow through the gap
 `yielding`          paths of legs, and plastic displacement
 `spectra`           power spectral density, and slope by scale
+`leak_card`         drawings and print of the leak card
 `theory`            theories, second readings and many seeds, from several runs
 `work_precision`    speed against accuracy of a trade-off
 `surface_picture`   one surface before it is pressed (``roughvol check --look``)

@@ -1,0 +1,174 @@
+"""The runs behind a leak card: a study at one load, the same on coarser grids, and with another levelling."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from roughvol.campaign import running
+from roughvol.campaign.batch import Progress
+from roughvol.campaign.one_case import surface_of
+from roughvol.errors import Problem, StudyError
+from roughvol.store.dataset import Dataset
+from roughvol.study import HeightFile, Level, Study, loads
+from roughvol.study.yaml_text import write
+
+FINE = "finest grid"
+COARSER = (2, 4)  # spacings of the coarser grids over that of the finest
+OTHER_LEVEL = {"none": "tilt", "mean": "tilt", "tilt": "quadratic", "quadratic": "tilt"}
+KINDS = ("pressure", "contact_area", "separation", "indentation")
+FEWEST_NODES = 30  # nodes of a side of the coarsest grid
+
+
+def level_of(text: str) -> Level:
+    """Return the state that ``pressure=0.3`` or ``last`` names.
+
+    Parameters
+    ----------
+    text : str
+        Name of a quantity and its starred value, or ``last``.
+
+    Returns
+    -------
+    Level
+        The state.
+
+    Raises
+    ------
+    StudyError
+        If it names no state.
+    """
+    kind, _, value = text.partition("=")
+    if text == "last":
+        return Level("last")
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if kind not in KINDS or not math.isfinite(number):
+        message = f"at is {text!r}; allowed: last, or one of {', '.join(KINDS)} with a number, as pressure=0.3"
+        raise StudyError([Problem(message)])
+    return Level(kind, number)
+
+
+def variants(study: Study, at: Level) -> dict[str, Study]:
+    """Return the studies of a card by name: the finest grid first, coarser grids, another levelling.
+
+    Parameters
+    ----------
+    study : Study
+        One kind of surface: one D and m, or a file.
+    at : Level
+        The load of the card.
+
+    Returns
+    -------
+    dict
+        Studies by name.
+
+    Raises
+    ------
+    StudyError
+        If the study has several D or m, an ensemble, or no sweep.
+    """
+    surface = study.surface
+    problems = []
+    if study.ensemble is not None:
+        problems.append(Problem("a leak card takes seeds, and no ensemble", "ensemble"))
+    if study.sweep.steps == 0:
+        problems.append(Problem("a leak card needs a load: sweep.steps is 0", "sweep.steps"))
+    if not isinstance(surface, HeightFile) and max(len(surface.dimensions), len(surface.m)) > 1:
+        problems.append(Problem("a leak card is of one kind of surface; allowed: one D and one m", "surface"))
+    if problems:
+        raise StudyError(problems)
+    fine = _changed(study, at, {}, 1.0, "transmissivity")
+    made = {FINE: fine}
+    for factor in COARSER:
+        keys = _coarser(study, factor)
+        if keys is not None:
+            made[f"spacing × {factor}"] = _at_equal_pressure(study, at, keys)
+    if isinstance(surface, HeightFile):
+        other = OTHER_LEVEL[str(surface.level)]
+        made[f"level: {other}"] = _at_equal_pressure(study, at, {"level": other})
+    return made
+
+
+def _coarser(study: Study, factor: int) -> dict[str, Any] | None:
+    """Return the keys of the section ``surface`` for a coarser grid; None where it has too few nodes."""
+    surface = study.surface
+    if isinstance(surface, HeightFile):
+        nodes = min(surface_of(study.cases()[0]).shape)
+        return {"downsample": surface.downsample * factor} if nodes // factor >= FEWEST_NODES else None
+    m = surface.m[0] - factor // 2
+    key, value = ("m", m) if "m" in type(surface).model_fields else ("n", 2**m)
+    return {key: value} if 2**m + 1 >= FEWEST_NODES else None
+
+
+def _at_equal_pressure(study: Study, at: Level, keys: Mapping[str, Any]) -> Study:
+    """Return the study with another surface, at the same nominal pressure p = p* E* Sq/L."""
+    if not isinstance(study.surface, HeightFile):
+        return _changed(study, at, keys, 1.0)
+    steepness = []
+    for one in (study, _changed(study, at, keys, 1.0)):
+        surface = surface_of(one.cases()[0])
+        steepness.append(surface.unit / surface.side)
+    return _changed(study, at, keys, steepness[0] / steepness[1])
+
+
+def _changed(study: Study, at: Level, keys: Mapping[str, Any], pressures: float, *further: str) -> Study:
+    """Return the study with the records of a card, other keys of its surface, and its starred pressures times a factor.
+
+    Parameters
+    ----------
+    further : str
+        Quantities of the void at every step, beyond percolation and constriction.
+    """
+    data = study.model_dump(mode="json")
+    value = at.value if at.value is None or at.kind != "pressure" else at.value * pressures
+    wanted: Any = "last" if value is None else {at.kind: value}
+    steps = dict.fromkeys(("percolation", "constriction", *further), "every-step")
+    kept = {name: data["record"][name] for name in ("region", "dimensional") if data["record"].get(name) is not None}
+    kept.get("dimensional", {}).pop("critical_gap", None)
+    if "transmissivity" not in further:
+        kept.pop("dimensional", None)
+    data["record"] = {**kept, "transport": {**steps, "flux_at": wanted}, "fields_at": wanted}
+    data["surface"] |= keys
+    for leg in data["sweep"] if isinstance(data["sweep"], list) else [data["sweep"]]:
+        if isinstance(leg.get("to"), dict) and "pressure" in leg["to"]:
+            leg["to"]["pressure"] *= pressures
+    with study.placing():
+        return loads(write(data))
+
+
+def compute(
+    study: Study,
+    at: Level,
+    folder: Path,
+    *,
+    jobs: int | None = None,
+    on_event: Callable[[Progress], None] | None = None,
+    stopping: Callable[[], bool] = lambda: False,
+) -> dict[str, Dataset]:
+    """Return the runs of a card by name; finished ones are read.
+
+    Parameters
+    ----------
+    study, at
+        As in `variants`.
+    folder : path
+        Folder of the card; each run has a folder inside.
+    jobs, on_event, stopping
+        As in `running.run`.
+
+    Returns
+    -------
+    dict
+        Datasets by name, the finest grid first.
+    """
+    runs = {}
+    for name, variant in variants(study, at).items():
+        inside = folder / "runs" / name.replace(" × ", "_").replace(": ", "_").replace(" ", "_")
+        runs[name] = running.run(variant, jobs=jobs, out=inside, on_event=on_event, stopping=stopping)
+    return runs
