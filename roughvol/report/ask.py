@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 from scipy import optimize
@@ -74,20 +75,20 @@ def ask(run: Dataset, largest: float, unknown: str, *, pressure: float | None = 
         If the quantity is unknown, a pressure is missing, the surface yields, or the run has no leak rates.
     """
     if unknown not in UNKNOWNS:
-        raise _refused(f"for is {unknown!r}; allowed: {', '.join(UNKNOWNS)}")
+        _refuse(f"for is {unknown!r}; allowed: {', '.join(UNKNOWNS)}")
     if "leak_rate_x" not in run or "nominal_pressure" not in run:
-        raise _refused("the run has no leak rates: record dimensional.pressure and dimensional.leak_rate")
+        _refuse("the run has no leak rates: record dimensional.pressure and dimensional.leak_rate")
     if unknown != "pressure" and "plastic_volume" in run:
-        raise _refused("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
+        _refuse("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
     if unknown != "pressure" and not (pressure is not None and pressure > 0.0):
-        raise _refused(f"for {unknown} the pressure must be given, > 0")
+        _refuse(f"for {unknown} the pressure must be given, > 0")
     if not largest > 0.0:
-        raise _refused(f"the leak is {largest}; allowed: > 0")
+        _refuse(f"the leak is {largest}; allowed: > 0")
     return [_answer(run, largest, unknown, axis, pressure or 0.0) for axis in AXES]
 
 
-def _refused(message: str) -> StudyError:
-    return StudyError([Problem(message)])
+def _refuse(message: str) -> NoReturn:
+    raise StudyError([Problem(message)])
 
 
 def _answer(run: Dataset, largest: float, unknown: str, axis: str, pressure: float) -> Answer:
@@ -112,11 +113,16 @@ def _curve(run: Dataset, axis: str) -> tuple[Array, Array]:
     cases = [dim for dim in ("D", "m", "seed", "case") if dim in first.dims]
     leak = first[f"transmissivity_{axis}"] * first["free_volume"] ** 3
     with np.errstate(divide="ignore"):
-        mean = np.exp(np.log(leak).mean(cases)).values
+        mean = np.exp(leak.reduce(_mean_log, cases).values)
     starred = first["mean_pressure"].mean(cases).values
     computed = np.isfinite(mean) & np.isfinite(starred)
     order = np.argsort(starred[computed], kind="stable")
     return starred[computed][order], mean[computed][order]
+
+
+def _mean_log(values: Array, axis: tuple[int, ...]) -> Array:
+    mean: Array = np.log(values).mean(axis=axis)
+    return mean
 
 
 def _crossing(starred: Array, leak: Array, largest: float) -> float:

@@ -178,8 +178,9 @@ def _grid(values: Sequence[Array]) -> Part:
     second = -float(np.nanmean(means[2])) - first
     ratio = abs(first / second) if second else math.inf
     words = f"twice the spacing: × {number(math.exp(-first))}, four times: × {number(math.exp(-first - second))}"
-    if ratio < SHRINKS:
-        return Part("grid", math.exp(abs(first) * ratio / (1.0 - ratio)), f"{words}; extrapolated")
+    if ratio < SHRINKS:  # the last change at least: two changes may cancel by chance
+        left = abs(first) * max(1.0, ratio / (1.0 - ratio))
+        return Part("grid", math.exp(left), f"{words}; extrapolated")
     return Part("grid", math.exp(abs(first)), f"{words}; does not converge, last change taken")
 
 

@@ -1,0 +1,184 @@
+"""The leak card and read-offs: each part of the error where the truth is known, and answers against new runs."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from roughvol.campaign import card as card_runs
+from roughvol.campaign import running
+from roughvol.errors import StudyError
+from roughvol.report import ask, card, card_page
+from roughvol.store.dataset import Dataset
+from roughvol.study import Level, Study, load, loads
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+DIMENSIONAL = "dimensional: {pressure: MPa, leak_rate: {pressure_drop: 10 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}"
+TEXT = f"""name: seal
+surface: {{D: 2.2, m: 7, seeds: 3, L: 200 um, Sq: 0.4 um}}
+material: {{E_star: 10 MPa}}
+sweep: {{steps: 4, to: {{pressure: 1.2}}}}
+solver: {{rtol: 1.0e-4}}
+record: {{transport: {{transmissivity: every-step}}, {DIMENSIONAL}}}
+"""
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return loads(TEXT)
+
+
+@pytest.fixture(scope="module")
+def runs(study: Study, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Dataset]:
+    return card_runs.compute(study, Level("pressure", 0.6), tmp_path_factory.mktemp("card"), jobs=1)
+
+
+def test_a_card_has_the_grid_twice_and_four_times_as_coarse(study: Study) -> None:
+    variants = card_runs.variants(study, Level("pressure", 0.6))
+    assert [variant.surface.m for variant in variants.values()] == [(7,), (6,), (5,)]
+    assert list(variants) == ["finest grid", "spacing × 2", "spacing × 4"]
+
+
+def test_the_leak_is_that_of_the_state_in_the_unit_of_the_study(runs: dict[str, Dataset]) -> None:
+    fine = runs["finest grid"]
+    assert_allclose(fine.flux_at_mean_pressure.values, 0.6, rtol=1e-4)
+    way = card.card_of(runs, "seal").ways[0]
+    stored = (fine.leak_rate_x / (fine.transmissivity_x * fine.free_volume**3)).values
+    expected = np.exp(np.log((fine.flux_at_transmissivity_x * fine.flux_at_free_volume**3).values).mean())
+    assert_allclose(way.leak, expected * np.nanmean(stored), rtol=1e-9)
+    assert way.unit == "mm^3/s"
+
+
+def _finest(text: str, at: Level, folder: Path) -> card.Card:
+    """The card of the finest grid alone."""
+    fine = card_runs.variants(loads(text), at)[card_runs.FINE]
+    return card.card_of({card_runs.FINE: running.run(fine, jobs=1, out=folder)}, "seal")
+
+
+def test_the_part_of_the_solver_holds_the_leak_of_an_exact_solution(tmp_path: Path) -> None:
+    text = TEXT.replace("seeds: 3", "seeds: 1").replace("m: 7", "m: 6")
+    tolerances = ("1.0e-2", "1.0e-8")
+    rough, exact = (_finest(text.replace("1.0e-4", rtol), Level("last"), tmp_path / rtol) for rtol in tolerances)
+    for one, truth in zip(rough.ways, exact.ways, strict=True):
+        part = next(part for part in one.parts if part.name == "solver")
+        assert part.factor > 1.0
+        assert 1.0 / part.factor <= truth.leak / one.leak <= part.factor
+
+
+def test_the_part_of_the_grid_covers_the_leak_on_a_finer_one(runs: dict[str, Dataset], tmp_path: Path) -> None:
+    finer = _finest(TEXT.replace("m: 7", "m: 8"), Level("pressure", 0.6), tmp_path)
+    for here, beyond in zip(card.card_of(runs, "s").ways, finer.ways, strict=True):
+        part = next(part for part in here.parts if part.name == "grid")
+        assert abs(math.log(beyond.leak / here.leak)) <= math.log(part.factor)
+
+
+def test_the_window_is_the_interval_over_surfaces(runs: dict[str, Dataset]) -> None:
+    values = np.log(card.leaks(runs["finest grid"], "y"))
+    part = next(part for part in card.card_of(runs, "s").ways[1].parts if part.name == "window")
+    assert_allclose(math.log(part.factor), 4.302653 * values.std(ddof=1) / math.sqrt(3), rtol=1e-6)
+
+
+def test_parts_add_in_squares_of_their_logarithms() -> None:
+    parts = tuple(card.Part(name, factor, "") for name, factor in (("a", 2.0), ("b", 3.0), ("c", math.nan)))
+    way = card.Way("x", 1.0, "", "", parts)
+    assert_allclose(math.log(way.factor), math.hypot(math.log(2), math.log(3)))
+    assert_allclose(way.interval, (1 / way.factor, way.factor))
+
+
+def test_a_card_of_a_file_has_levelling_and_quadrants_at_one_nominal_pressure(tmp_path: Path) -> None:
+    heights = random_midpoint_displacement(2.2, 7, side=100.0, seed=5).heights
+    tilted = heights / heights.std() * 0.4 + np.linspace(0, 0.3, 129)
+    np.savetxt(tmp_path / "scan.txt", tilted, header="heights in um")
+    text = TEXT.replace("{D: 2.2, m: 7, seeds: 3, L: 200 um, Sq: 0.4 um}", "{file: scan.txt, L: 200 um, level: tilt}")
+    (tmp_path / "s.yaml").write_text(text)
+    study = load(tmp_path / "s.yaml")
+    made = card_runs.compute(study, Level("pressure", 0.6), tmp_path / "card", jobs=1)
+    assert list(made) == ["finest grid", "spacing × 2", "spacing × 4", "level: quadratic"]
+    nominal = [run.flux_at_mean_pressure.item() * run.Sq.item() / run.L.item() for run in made.values()]
+    assert_allclose(nominal, nominal[0], rtol=1e-4)
+    names = [part.name for part in card.card_of(made, "scan").ways[0].parts]
+    assert names == ["solver", "grid", "window", "levelling"]
+    page = card_page.write(made, "scan", tmp_path / "out")
+    text = page.read_text()
+    assert "Leak card: scan" in text
+    assert "quadratic" in text
+    assert (tmp_path / "out" / "card.pdf").read_bytes().startswith(b"%PDF")
+    assert "://" not in text.replace("http://www.w3.org", "")  # one file without links to others
+
+
+def test_the_lines_for_a_terminal_hold_every_part(runs: dict[str, Dataset]) -> None:
+    lines = "\n".join(card_page.lines_of(runs, "seal"))
+    for words in ("Load: ", "along x: ", "along y: ", "closes: ", "solver: ", "grid: ", "window: ", "certified"):
+        assert words in lines
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("D: 2.2", "D: [2.2, 2.4]", "one D and one m"),
+        ("steps: 4, to: {pressure: 1.2}", "steps: 0", "sweep.steps is 0"),
+    ],
+)
+def test_what_is_no_card_is_refused(old: str, new: str, words: str) -> None:
+    text = TEXT.replace(old, new).replace("record: {transport: {transmissivity: every-step}, ", "record: {")
+    text = text.replace(DIMENSIONAL, "heights: true")
+    with pytest.raises(StudyError, match=words):
+        card_runs.variants(loads(text), Level("last"))
+
+
+@pytest.mark.parametrize("text", ["pressure", "pressure=", "load=3", "pressure=nan", ""])
+def test_a_load_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(StudyError, match="allowed: last, or one of"):
+        card_runs.level_of(text)
+
+
+# read-offs
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    text = TEXT.replace("seeds: 3", "seeds: 1").replace("m: 7", "m: 6").replace("steps: 4", "steps: 40")
+    return running.run(loads(text), jobs=1, out=tmp_path_factory.mktemp("ask"))
+
+
+def _leak_at(text: str, pressure: float, tmp_path: Path) -> float:
+    """The leak along x of a new run that ends at a nominal pressure [MPa]."""
+    once = running.run(loads(text), jobs=1, out=tmp_path / "once")
+    per_starred = float((once.nominal_pressure / once.mean_pressure).isel(step=-1).mean())
+    text = text.replace("to: {pressure: 1.2}", f"to: {{pressure: {pressure / per_starred}}}")
+    return float(running.run(loads(text), jobs=1, out=tmp_path / "there").leak_rate_x.isel(step=-1).item())
+
+
+@pytest.mark.parametrize("unknown", ["pressure", "modulus", "Sq"])
+def test_answers_are_met_by_a_new_run_at_that_value(unknown: str, swept: Dataset, tmp_path: Path) -> None:
+    largest = float(np.sqrt(swept.leak_rate_x.values.ravel()[20] * swept.leak_rate_x.values.ravel()[25]))
+    pressure = float(swept.nominal_pressure.values.ravel()[15])
+    answer = ask.ask(swept, largest, unknown, pressure=pressure)[0]
+    text = TEXT.replace("seeds: 3", "seeds: 1").replace("m: 7", "m: 6").replace("rtol: 1.0e-4", "rtol: 1.0e-8")
+    if unknown == "pressure":
+        pressure = answer.value
+    elif unknown == "modulus":
+        text = text.replace("E_star: 10 MPa", f"E_star: {10 * answer.value} MPa")
+    else:
+        text = text.replace("Sq: 0.4 um", f"Sq: {0.4 * answer.value} um")
+    assert_allclose(_leak_at(text, pressure, tmp_path), largest, rtol=5e-3)  # of the interpolation between steps
+
+
+def test_a_value_beyond_the_stored_loads_is_infinite_and_one_above_all_is_zero(swept: Dataset) -> None:
+    assert ask.ask(swept, 1e-30, "pressure")[0].value == math.inf
+    assert ask.ask(swept, 1e30, "pressure")[0].value == 0.0
+
+
+@pytest.mark.parametrize(
+    ("largest", "unknown", "pressure", "words"),
+    [(1.0, "E", None, "allowed: pressure"), (0.0, "pressure", None, "> 0"), (1.0, "Sq", None, "must be given")],
+)
+def test_questions_without_answer_are_refused(
+    largest: float, unknown: str, pressure: float | None, words: str, swept: Dataset
+) -> None:
+    with pytest.raises(StudyError, match=words):
+        ask.ask(swept, largest, unknown, pressure=pressure)
