@@ -124,6 +124,13 @@ class Contact:
             return state
         return state | {"plastic": self._leg.plastic, "carried": self._leg.carried, "residual": self.residual}
 
+    def yielded(self) -> Mask:
+        """Return the mask of the elements that have yielded, now or before."""
+        plastic = self._leg.plastic
+        mask = np.zeros(self.shape, dtype=bool) if plastic is None else plastic.reshape(self.shape) > 0.0
+        mask.flat[self._state.elements[self._state.pressure >= self._leg.limit]] = True
+        return mask
+
     def plastic_displacement(self) -> Array:
         """Return the plastic displacement over σ ≥ 0, shape of the surface: its depth below the virgin heights."""
         plastic = self._leg.plastic_under(self._state)

@@ -55,6 +55,16 @@ class Within:
         """V* of the elements inside, σ of the whole."""
         return float(self.gap().mean())
 
+    @cached_property
+    def plastic_volume(self) -> float:
+        """Mean plastic displacement of the elements inside, σ of the whole."""
+        return float(self.whole.plastic_displacement()[self._window].mean())
+
+    @cached_property
+    def plastic_area_fraction(self) -> float:
+        """Elements inside that have yielded, over all inside."""
+        return float(self.whole.yielded()[self._window].mean())
+
     mean_pressure_bound = math.nan  # only the pressure on the whole surface is certified
 
     def __getattr__(self, name: str) -> Any:

@@ -112,6 +112,16 @@ def test_a_hardness_counts_over_the_scaled_heights() -> None:
     assert (flat.plastic_volume == 0.0).all()
 
 
+def test_yield_is_that_of_the_region() -> None:
+    record = "record: {residual_heights: true, heights: true, region: {x: [0.25, 0.75], y: [0, 1]}}\n"
+    ds = _pressed("sweep: {steps: 3, to: {pressure: 1}}\n" + HARD + record)
+    depth = (ds.heights - ds.residual_heights).sel(x=slice(0.25, 0.75)).values
+    assert_allclose(depth.mean() / ds.Sq, ds.plastic_volume[-1], rtol=1e-10)
+    assert_allclose((depth > 0).mean(), ds.plastic_area_fraction[-1], rtol=1e-12)
+    whole = (ds.heights - ds.residual_heights).values
+    assert whole.mean() != pytest.approx(depth.mean(), rel=1e-3)
+
+
 def test_a_leg_without_length_is_an_error() -> None:
     surface = surface_of(loads(SURFACE).cases()[0])
     height = surface.peak - 1.0  # d/σ at Δ/σ = 1
