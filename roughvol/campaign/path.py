@@ -74,7 +74,7 @@ def _end(case: Case, number: int, surface: Surface, half_space: HalfSpace, reduc
     states = reduced.states
     if not states:
         trials = Trials(surface, half_space, **options)
-        return state_crossing(trials, measure, value, trials.untouched).indentation
+        return state_crossing(trials, measure, value, trials.untouched).approach
     last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
     trials = Trials(surface, half_space, after=last, **options)
     start = trials.known(last, reduced.residual)
@@ -82,7 +82,7 @@ def _end(case: Case, number: int, surface: Surface, half_space: HalfSpace, reduc
     if falls != fell:
         trials = Trials(surface, half_space, after=last, turned=True, **options)
         start = trials.known(last, reduced.residual)
-    return state_crossing(trials, measure, value, start).indentation
+    return state_crossing(trials, measure, value, start).approach
 
 
 def last_indentation(case: Case, surface: Surface, half_space: HalfSpace) -> float:

@@ -137,7 +137,7 @@ def indentation_for(
 
     start = _mean_plane(surface) * min(1.0, value * (5.0 if area else 1.0)) ** 0.5
     trials = Trials(surface, half_space, rtol=rtol, method=method)
-    return _search(trials, *_reaching(measure, value), start, tuning.accuracy, tuning, elements=area).indentation
+    return _search(trials, *_reaching(measure, value), start, tuning.accuracy, tuning, elements=area).approach
 
 
 def state_reaching(
@@ -181,7 +181,7 @@ def state_reaching(
         If a solve does not converge.
     """
     if elements and len(between) == 1:
-        touch = trials.at(min(trials.rtol, 0.5 * between[0].indentation), trials.untouched)
+        touch = trials.at(min(trials.rtol, 0.5 * between[0].approach), trials.untouched)
         if measure(touch) >= value:
             return touch
         between = [touch, *between]
@@ -230,7 +230,7 @@ def first_indentation(
         If a solve does not converge.
     """
     trials = Trials(surface, half_space, rtol=rtol, method=method)
-    return _search(trials, reached, lambda _: math.inf, _mean_plane(surface), accuracy, tuning).indentation
+    return _search(trials, reached, lambda _: math.inf, _mean_plane(surface), accuracy, tuning).approach
 
 
 def _reaching(measure: Callable[[Contact], float], value: float) -> tuple[Callable[[Contact], bool], Guess]:
@@ -242,8 +242,8 @@ def _reaching(measure: Callable[[Contact], float], value: float) -> tuple[Callab
         if not measure(last) > 0.0:
             return math.inf
         if len(states) > 1 and 0.0 < measure(states[-2]) != measure(last):
-            power = math.log(measure(last) / measure(states[-2])) / math.log(last.indentation / states[-2].indentation)
-        return last.indentation * float((value / measure(last)) ** (1.0 / max(power, 0.5)))
+            power = math.log(measure(last) / measure(states[-2])) / math.log(last.approach / states[-2].approach)
+        return last.approach * float((value / measure(last)) ** (1.0 / max(power, 0.5)))
 
     return lambda contact: measure(contact) >= value, guess
 
@@ -282,32 +282,32 @@ def _search(
             pair = _nearest(indentation, [*below[::-1], *above], tuning.clear)
             solved = [trials.at(indentation, *pair, rtol=tolerance)]
         for contact in solved:
-            below, above = ([s for s in side if s.indentation != contact.indentation] for side in (below, above))
-            if holds(trials.line(contact, contact), contact.indentation):
+            below, above = ([s for s in side if s.approach != contact.approach] for side in (below, above))
+            if holds(trials.line(contact, contact), contact.approach):
                 above = sorted([contact, *above], key=_indentation)[:2]
             elif contact.contact_area_fraction < 1.0 or math.isfinite(guess([contact])) or reached(contact):
                 # The last: reached with elements on the brink, as a flat surface is in contact everywhere at once.
                 below = sorted([contact, *below], key=_indentation, reverse=True)[:2]
             else:
-                message = f"not reached at full contact (Δ/σ = {contact.indentation:g}) either"
+                message = f"not reached at full contact (Δ/σ = {contact.approach:g}) either"
                 raise ContactError(message)
         solved = []
-        low = below[0].indentation
+        low = below[0].approach
         if not above:
             growth = min(growth**2, tuning.most_growth) if trial >= tuning.patience else growth
             indentation = min(max(guess(below[::-1]), growth * low), tuning.most_growth * low)
             tolerance = min(tuning.following, 0.01 * (indentation - low))
             continue
-        high = above[0].indentation
+        high = above[0].approach
         finest = trials.tolerance(high)
         goal = accuracy * high + 2.0 * min(finest, below[0].residual + above[0].residual)
         first, last = _bounds(trials, holds, below, above, 0.1 * goal, tuning.line_accuracy)
         width = last - first
         tolerance = tuning.useful * width
         doubtful = [
-            state.indentation
+            state.approach
             for state, end in ((above[0], first), (below[0], last))
-            if state.residual > max(finest, tolerance) and abs(state.indentation - end) <= tuning.sure * state.residual
+            if state.residual > max(finest, tolerance) and abs(state.approach - end) <= tuning.sure * state.residual
         ]
         if doubtful:  # a rough state so near the root may lie on the other side of it
             indentation = doubtful[0]
@@ -337,22 +337,22 @@ def _bounds(
     """
 
     def root(one: Contact, other: Contact, start: float, end: float, sign: float) -> tuple[float, float]:
-        line, distance = trials.line(one, other), other.indentation - one.indentation
-        rough = [max(0.0, state.residual - trials.tolerance(state.indentation)) / distance for state in (one, other)]
+        line, distance = trials.line(one, other), other.approach - one.approach
+        rough = [max(0.0, state.residual - trials.tolerance(state.approach)) / distance for state in (one, other)]
         while end - start > max(fine, share * min(end - low, high - start)):
             middle = 0.5 * (start + end)
-            noise = rough[0] * abs(other.indentation - middle) + rough[1] * abs(middle - one.indentation)
+            noise = rough[0] * abs(other.approach - middle) + rough[1] * abs(middle - one.approach)
             start, end = (start, middle) if holds(line, middle, 2.0 * sign * noise) else (middle, end)
         return start, end
 
-    low, high = below[0].indentation, above[0].indentation
+    low, high = below[0].approach, above[0].approach
     last = root(below[0], above[0], low, high, 1.0)[1]
     sides = [sorted(side, key=_indentation) for side in (below, above) if len(side) == 2]
     return max([low, *(root(one, other, low, last, -1.0)[0] for one, other in sides)]), last
 
 
 def _indentation(contact: Contact) -> float:
-    return contact.indentation
+    return contact.approach
 
 
 def _nearest(indentation: float, states: list[Contact], clear: float) -> tuple[Contact, Contact | None]:
@@ -362,8 +362,8 @@ def _nearest(indentation: float, states: list[Contact], clear: float) -> tuple[C
 
     def error(pair: tuple[Contact, Contact]) -> float:
         one, other = pair
-        noise = max(one.residual, other.residual) / abs(other.indentation - one.indentation)
-        return math.prod(abs(indentation - state.indentation) for state in pair) * (1.0 + noise / clear)
+        noise = max(one.residual, other.residual) / abs(other.approach - one.approach)
+        return math.prod(abs(indentation - state.approach) for state in pair) * (1.0 + noise / clear)
 
     one, other = min(itertools.combinations(states, 2), key=error)
     return other, one

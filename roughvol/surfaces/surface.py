@@ -34,6 +34,8 @@ class Surface:
         How many measured heights were taken out as outliers.
     peak_before : float, optional
         `peak` of the surface with its outliers, where outliers were looked for.
+    periodic : bool
+        Whether the heights are one period, without a repeated edge.
 
     Raises
     ------
@@ -47,6 +49,7 @@ class Surface:
     filled: int = 0
     outliers: int = 0
     peak_before: float | None = None
+    periodic: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "heights", _checked_heights(self.heights))
@@ -54,7 +57,7 @@ class Surface:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle through the constructor: a plain pickle would bring the heights back writable."""
-        return (Surface, (self.heights, self.spacing, self.filled, self.outliers, self.peak_before))
+        return (Surface, (self.heights, self.spacing, self.filled, self.outliers, self.peak_before, self.periodic))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -63,9 +66,15 @@ class Surface:
         return rows, columns
 
     @property
+    def intervals(self) -> tuple[int, int]:
+        """Spacings along the sides: one less than the nodes, and as many on a periodic surface."""
+        rows, columns = self.shape
+        return intervals(rows, self.periodic), intervals(columns, self.periodic)
+
+    @property
     def side(self) -> float:
-        """Length of the first axis, L = δ (rows - 1) [length]."""
-        return self.spacing * (self.shape[0] - 1)
+        """Length of the first axis, L = δ (rows - 1), or the period δ rows [length]."""
+        return self.spacing * self.intervals[0]
 
     @cached_property
     def z_max(self) -> float:
@@ -97,7 +106,7 @@ class Surface:
 
     def scaled(self, Sq: float) -> Surface:
         """Return the surface with its heights multiplied so that their root mean square is ``Sq`` [length]."""
-        return Surface(self.heights * (Sq / self.Sq), self.spacing)
+        return Surface(self.heights * (Sq / self.Sq), self.spacing, periodic=self.periodic)
 
     @property
     def peak(self) -> float:
@@ -118,6 +127,11 @@ class Surface:
         depth -= mean_depth
         mean_height = self.z_max - math.ldexp(mean_depth, exponent)
         return mean_height, math.ldexp(math.sqrt(float(np.mean(np.square(depth)))), exponent)
+
+
+def intervals(nodes: int, periodic: bool) -> int:
+    """Return the spacings along an axis: one less than its nodes, and as many where the next period follows."""
+    return nodes if periodic else nodes - 1
 
 
 def _checked_heights(heights: ArrayLike) -> Array:
