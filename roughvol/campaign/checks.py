@@ -51,7 +51,7 @@ def check_surfaces(study: Study) -> Surface | None:
         with study.placing():
             dimensional.check(cases[0])
             for m, case in {case.m: case for case in cases if case.m is not None}.items():
-                regions.check(case, (2**m + 1, 2**m + 1))
+                regions.check(case, (2**m + (not case.periodic),) * 2)
         return None
     files = [Path(body.file) for body in given.bodies]
     here = all(file.suffix.lower() in READ_HERE for file in files)
@@ -90,7 +90,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
         surface = surface_of(replace(case, D=max(given.D), m=min(max(given.m, default=case.m or 0), LOOKED_AT)))
         size = (given.height or surface.Sq) / surface.Sq
     surface = surface or surface_of(case)
-    Sdq = size * texture.Sdq(surface.heights, surface.spacing)
+    Sdq = size * texture.Sdq(surface.with_neighbours, surface.spacing)
     return validity.peak(held, surface.peak) + validity.before(
         held, case.sweep.target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side
     )

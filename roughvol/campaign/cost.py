@@ -20,6 +20,8 @@ from roughvol.campaign import resources
 from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.resources import cores
 from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.periodic import PeriodicHalfSpace
+from roughvol.contact.search import TARGETS
 from roughvol.observables import recorded, regions
 from roughvol.observables.recorded import searched_levels
 from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
@@ -144,10 +146,12 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
 def _seconds(case: Case, shape: tuple[int, int]) -> float:
     if case.sweep.steps == 0:
         return CASE_OVERHEAD
-    searched = case.sweep.target.kind in ("contact_area", "pressure") or case.sweep.target.value is None
-    searched = searched and not case.sweep.target.kind.endswith("plane")
+    searched = case.sweep.target.kind in TARGETS or case.sweep.target.value is None
+    searched = case.periodic or (searched and not case.sweep.target.kind.endswith("plane"))
     steps = case.sweep.steps + (SEARCH if searched else 0) + LEVEL * searched_levels(case)
-    step = seconds_per_step(shape, case.solver.tolerance, seconds_per_convolution(shape, case.solver.kernel))
+    step = seconds_per_step(
+        shape, case.solver.tolerance, seconds_per_convolution(shape, case.solver.kernel, case.periodic)
+    )
     return CASE_OVERHEAD + sum(_observable_seconds(case, shape).values()) + steps * step
 
 
@@ -198,7 +202,7 @@ def _level(shape: tuple[int, int]) -> float:
 
 
 def _shape(case: Case) -> tuple[int, int]:
-    return _measured_shape(replace(case, solver=Solver())) if case.m is None else (2**case.m + 1, 2**case.m + 1)
+    return _measured_shape(replace(case, solver=Solver())) if case.m is None else (2**case.m + (not case.periodic),) * 2
 
 
 @functools.lru_cache(maxsize=8)
@@ -208,10 +212,10 @@ def _measured_shape(case: Case) -> tuple[int, int]:
 
 
 @functools.cache
-def seconds_per_convolution(shape: tuple[int, int], kernel: str) -> float:
+def seconds_per_convolution(shape: tuple[int, int], kernel: str, periodic: bool = False) -> float:
     """Return the seconds of one convolution, timed on this grid, or scaled from `TIMED_UP_TO`."""
     timed = (min(shape[0], TIMED_UP_TO), min(shape[1], TIMED_UP_TO))
-    half_space = HalfSpace(timed, kernel=kernel)
+    half_space = (PeriodicHalfSpace if periodic else HalfSpace)(timed, kernel=kernel)
     pressure = np.ones(timed)
     half_space.displacement(pressure)  # plans
     times = []

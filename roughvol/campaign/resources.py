@@ -64,7 +64,7 @@ def disk_of(case: Case, nodes: int) -> float:
 
 def nodes_of(case: Case, shape: tuple[int, int] | None) -> int:
     """Return the number of nodes of a case; ``shape`` is that of a surface from a height file."""
-    return (2**case.m + 1) ** 2 if case.m is not None else math.prod(shape or (0,))
+    return (2**case.m + (not case.periodic)) ** 2 if case.m is not None else math.prod(shape or (0,))
 
 
 def fields_of(case: Case) -> int:

@@ -83,13 +83,16 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
     Raises
     ------
     ContactError
-        If the study has no sweep.
+        If the study has no sweep, or a periodic surface.
     """
     cases = study.cases()
     finest = max((case.m or 0 for case in cases), default=0)
     cases = tuple(case for case in cases if (case.m or 0) == finest)
     if not cases or cases[0].sweep.steps == 0:
         message = "the study has no sweep; allowed: sweep.steps of at least 1"
+        raise ContactError(message)
+    if cases[0].periodic:
+        message = "the surface is periodic; allowed: a free one, its ladders of m and kernel are those of a free patch"
         raise ContactError(message)
     seeds = list(dict.fromkeys(case.seed for case in cases))
     dimensions = {case.D for case in cases}

@@ -1,17 +1,17 @@
 """The periodic elastic half space: displacement of a plane under one pressure pattern repeated without end, by FFT.
 
 Conventions: n × n' elements of side δ are one period, without a repeated edge, so L = n δ. Units and signs are those of
-`halfspace`. Waves of pressure displace the surface in proportion, u(q) = λ(q) p(q), and the transforms have the length of
-the grid::
+`halfspace`. Waves of pressure displace the surface in proportion, u(q) = λ(q) p(q), and the transforms have the length
+of the grid::
 
     kernel love:     Love's coefficients summed over all images. With f = q δ/2π and sinc f = sin(π f)/(π f),
                      λ(f) = Σ_m sinc(f₁ + m₁) sinc(f₂ + m₂)/|f + m|        over all pairs m of whole numbers
     kernel punch:    the coefficients of the punch, summed in the same way
     kernel fourier:  λ(f) = 1/|f|, the half space 2/(E* q) itself, on the waves of the grid
 
-in units δ/(π E*). The displacement under a uniform pressure is infinite. It is replaced by λ(0) = π n, n being the larger
-number of elements: the mean displacement over σ is p*, on a square. This number has no effect on pressures and gaps. It
-only relabels the indentation,
+in units δ/(π E*). The displacement under a uniform pressure is infinite. It is replaced by λ(0) = π n, n being the
+larger number of elements: the mean displacement over σ is p*, on a square. This number has no effect on pressures and
+gaps. It only relabels the indentation,
 
     Δ' = Δ + mean(u) = Δ + p*        over σ,
 

@@ -31,7 +31,7 @@ from roughvol.contact.loading import Compliance, Contact, Trials
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
 
-TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
+TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure", "free_volume": "free_volume"}
 
 Guess = Callable[[list[Contact]], float]
 Line = Callable[[float, float], Contact]
@@ -94,19 +94,19 @@ def indentation_for(
     method: str = "fast",
     tuning: SearchTuning = SEARCH_TUNING,
 ) -> float:
-    """Return the smallest indentation at which the contact area fraction or the mean pressure reaches a value.
+    """Return the smallest indentation at which contact area fraction, mean pressure or free volume reach a value.
 
-    Both never fall with Δ. The pressure is continuous, the area jumps from element to element. A solve at the
-    indentation returned, to the same residual, reaches the area.
+    Area and pressure never fall with Δ, the free volume never rises. The area jumps from element to element, the others
+    are continuous. A solve at the indentation returned, to the same residual, reaches the area.
 
     Parameters
     ----------
     surface, half_space
         As in `roughvol.contact.solve`.
-    target : {"contact_area", "pressure"}
-        A* or p*.
+    target : {"contact_area", "pressure", "free_volume"}
+        A*, p* or V*.
     value : float
-        0 < A* ≤ 1, or p* > 0.
+        0 < A* ≤ 1, p* > 0, or V* > 0 below that of the first touch.
     rtol, method
         As in `roughvol.contact.solve`.
     tuning : SearchTuning
@@ -115,7 +115,7 @@ def indentation_for(
     Returns
     -------
     float
-        Δ/σ, right to a relative 10⁻⁶ and to the residual.
+        Δ/σ, right to a relative 10⁻⁶ and to the residual. On a periodic surface the approach Δ'/σ, see `periodic`.
 
     Raises
     ------
@@ -129,8 +129,20 @@ def indentation_for(
         raise ContactError(message)
     area = target == "contact_area"
     if not 0 < value < np.inf or (area and value > 1):
-        message = f"{target} is {value}; allowed: {'0 < A* <= 1' if area else 'p* > 0'}"
+        message = (
+            f"{target} is {value}; allowed: {'0 < A* <= 1' if area else 'p* > 0' if target == 'pressure' else 'V* > 0'}"
+        )
         raise ContactError(message)
+
+    if target == "free_volume":
+        if value >= (most := (surface.z_max - surface.mean_height) / surface.unit):
+            message = f"{target} is {value}; allowed: 0 < V* < {most:.6g}, that of the first touch"
+            raise ContactError(message)
+        trials = Trials(surface, half_space, rtol=rtol, method=method)
+        closed = most - value
+        return _search(
+            trials, *_reaching(closed_of(surface), closed), closed, tuning.accuracy, tuning, elements=False
+        ).approach
 
     def measure(contact: Contact) -> float:
         return float(getattr(contact, TARGETS[target]))
@@ -138,6 +150,26 @@ def indentation_for(
     start = _mean_plane(surface) * min(1.0, value * (5.0 if area else 1.0)) ** 0.5
     trials = Trials(surface, half_space, rtol=rtol, method=method)
     return _search(trials, *_reaching(measure, value), start, tuning.accuracy, tuning, elements=area).approach
+
+
+def closed_of(surface: Surface) -> Callable[[Contact], float]:
+    """Return the free volume closed since the first touch, over σ, as a function of a contact.
+
+    It is taken from the gaps. Those of an estimate on a straight line between two states are too large, as gaps are
+    convex, so it is a bound as A* and p* are.
+
+    Parameters
+    ----------
+    surface : Surface
+        The surface pressed.
+
+    Returns
+    -------
+    callable
+        Contact ↦ (z_max - mean(z))/σ - V*, which never falls under more contact.
+    """
+    depth = (surface.z_max - surface.mean_height) / surface.unit
+    return lambda contact: depth - float(contact.gap().mean())
 
 
 def state_reaching(

@@ -70,6 +70,7 @@ class Case:
     plastic: bool = False  # pressures end at the hardness
     height: float | None = None  # Sq of the heights, where there is a hardness to compare with
     notes: tuple[str, ...] = ()  # on size and units of the files, for the user
+    periodic: bool = False  # one period of a plane
 
     @property
     def key(self) -> dict[str, Any]:
@@ -85,6 +86,8 @@ class Case:
             surface = {"bodies": [body.key for body in self.bodies], "treatment": self.treatment.key, "unit": unit}
         else:
             surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
+        if self.periodic:  # cases without it keep their id
+            surface["periodic"] = True
         key: dict[str, Any] = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},
@@ -265,7 +268,7 @@ class Study(Strict):
                 finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
                 product = itertools.product(surface.D, ensembles.levels_below(finest), [self.ensemble.first_seed])
             case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
-            case = replace(case, plastic=hardness is not None and self.material.plastic)
+            case = replace(case, plastic=hardness is not None and self.material.plastic, periodic=surface.periodic)
             return tuple(replace(case, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
         with self.placing():
             measured = resolve(surface)
@@ -281,6 +284,7 @@ class Study(Strict):
             hardness=hardness,
             plastic=hardness is not None and self.material.plastic,
             notes=measured.notes,
+            periodic=surface.periodic,
         )
         return (case,)
 
@@ -344,6 +348,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
             if m > PAPER_MAX_M:
                 yield place, f"solver method 'paper' is dense and takes m <= {PAPER_MAX_M}, given {number_text(m)}"
     yield from _file_conflicts(surface, mapping("surface", "against"))
+    yield from _periodic_conflicts(surface, mapping("solver"))
 
     for index, (leg, end) in enumerate(zip(legs, ends, strict=True)):
         if isinstance(leg.get("to"), dict) and sum(value is not None for value in end.values()) != 1:
@@ -371,7 +376,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     levels = [(*keys, kind) for keys in selectors for kind in mapping(*keys)]
     for keys in levels if steps != 0 else ():
         kind = keys[-1]
-        sign = -1 if kind == "separation" else 1  # the separation falls on the way
+        sign = -1 if kind in ("separation", "free_volume") else 1  # these fall on the way
         farthest = [last for end in ends for _, last in _numbers(steps if kind == "step" else end.get(kind))]
         for last in [max(farthest, key=lambda last: sign * last)] if len(farthest) == len(ends) else []:
             for place, level in _numbers(mapping(*keys[:-1])[kind], *keys):
@@ -418,6 +423,25 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
     for key, length in lengths:
         if has_unit(length):
             yield ("surface", *key), f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
+
+
+_BREAK_PERIOD = {"crop": None, "downsample": 1, "resample": "none", "low_pass": None}
+
+
+def _periodic_conflicts(surface: dict[str, Any], solver: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield what a periodic surface does not take, and what a free one does not."""
+    if surface.get("periodic") is not True:
+        if solver.get("kernel") == "fourier":
+            yield ("solver", "kernel"), "'fourier' needs surface.periodic: true; allowed on a free patch: love, punch"
+        return
+    for key, default in _BREAK_PERIOD.items():
+        if surface.get(key, default) != default:
+            yield (
+                ("surface", key),
+                "changes or cuts the period of a periodic surface: treat the file beforehand, or omit it",
+            )
+    if surface.get("level", "none") not in ("none", "mean"):
+        yield ("surface", "level"), "a tilted or curved surface is not periodic; allowed with periodic: none, mean"
 
 
 def _unit_conflicts(

@@ -50,6 +50,7 @@ class Select(Choice):
     pressure: Many[Positive] = Field(default_factory=tuple, description="levels of p* > 0")
     separation: Many[float] = Field(default_factory=tuple, description="levels of d/σ, reached from above")
     indentation: Many[Positive] = Field(default_factory=tuple, description="levels of Δ/σ > 0")
+    free_volume: Many[Positive] = Field(default_factory=tuple, description="levels of V* > 0, reached from above")
 
     @model_serializer
     def _plain(self) -> Any:
@@ -63,7 +64,7 @@ class Select(Choice):
 
 
 Selector = Annotated[Select, Word("last")]
-_STATES = "'last', or levels of step, contact_area, pressure, separation, indentation"
+_STATES = "'last', or levels of step, contact_area, pressure, separation, indentation, free_volume"
 
 
 class BoxCounting(Strict):

@@ -21,7 +21,9 @@ LAWS = ("std", "variance")
 INITIAL_SPREAD = 1.0 / 0.3  # the paper's free parameter 1/√0.09, Section 2
 
 
-def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: int = 0, law: str = "std") -> Surface:
+def random_midpoint_displacement(
+    D: float, m: int, *, side: float = 1.0, seed: int = 0, law: str = "std", periodic: bool = False
+) -> Surface:
     """Return a self-affine surface by random midpoint displacement (Peitgen & Saupe 1988; the paper's Section 2).
 
     Level by level, every square gets a centre: the mean of its 4 corners + s_h ξ. Then every edge gets a midpoint: the
@@ -46,11 +48,15 @@ def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: i
         seeds at m - 1 and m are nested bit for bit. Equal seeds at two D are a matched pair.
     law : {"std", "variance"}
         Which quantity is divided by 2^{(3-D)/2} at each half step.
+    periodic : bool
+        Whether the surface is one period of length L, of 2^m nodes per side. Every edge midpoint has 4 neighbours then,
+        and the first height is zero. Other numbers of the stream are used, in the order: centres, edges along x, edges
+        along y. Equal seeds are nested.
 
     Returns
     -------
     Surface
-        Heights of shape (N, N).
+        Heights of shape (N, N), or (2^m, 2^m).
 
     Raises
     ------
@@ -64,6 +70,8 @@ def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: i
     # Generator and bit generator are both named: `default_rng` may change its mind between versions.
     normal = np.random.Generator(np.random.PCG64(seed)).standard_normal
     nodes = 2**m
+    if periodic:
+        return Surface(_periodic_heights(m, deviations, normal), side / nodes, periodic=True)
     heights = np.zeros((nodes + 1, nodes + 1))
     for level in range(m):
         step = nodes >> level
@@ -78,6 +86,24 @@ def random_midpoint_displacement(D: float, m: int, *, side: float = 1.0, seed: i
         heights[half::step, ::step] = heights_x + deviations[2 * level + 1] * noise_x
         heights[::step, half::step] = heights_y + deviations[2 * level + 1] * noise_y
     return Surface(heights, side / nodes)
+
+
+def _periodic_heights(m: int, deviations: list[float], normal: Callable[[tuple[int, int]], Array]) -> Array:
+    """Return one period of heights, each new node the mean of its 4 neighbours + s ξ."""
+    heights = np.zeros((1, 1))
+    for level in range(m):
+        cells = (1 << level, 1 << level)
+        finer = np.zeros((2 << level, 2 << level))
+        finer[::2, ::2] = heights
+        along = heights + np.roll(heights, -1, axis=0)
+        across = heights + np.roll(heights, -1, axis=1)
+        centres = 0.25 * (along + np.roll(along, -1, axis=1)) + deviations[2 * level] * normal(cells)
+        deviation = deviations[2 * level + 1]
+        finer[1::2, 1::2] = centres
+        finer[1::2, ::2] = 0.25 * (along + (centres + np.roll(centres, 1, axis=1))) + deviation * normal(cells)
+        finer[::2, 1::2] = 0.25 * (across + (centres + np.roll(centres, 1, axis=0))) + deviation * normal(cells)
+        heights = finer
+    return heights
 
 
 def midpoint_levels(m: int) -> Index:

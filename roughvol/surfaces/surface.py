@@ -72,6 +72,11 @@ class Surface:
         return intervals(rows, self.periodic), intervals(columns, self.periodic)
 
     @property
+    def with_neighbours(self) -> Array:
+        """Heights, with one line of the next period on each side of a periodic surface."""
+        return np.pad(self.heights, 1, mode="wrap") if self.periodic else self.heights
+
+    @property
     def side(self) -> float:
         """Length of the first axis, L = δ (rows - 1), or the period δ rows [length]."""
         return self.spacing * self.intervals[0]
