@@ -49,7 +49,11 @@ def memory_of(case: Case, nodes: int) -> float:
     if case.sweep.steps == 0:
         return PROCESS_BYTES + nodes * (SURFACE_BYTES + FIELD_BYTES * fields_of(case))
     transport, widths = case.record.transport, case.record.region_widths
-    flows = [transport.transmissivity, transport.diffusivity, transport.flux_at] if transport else []
+    flows = (
+        [transport.transmissivity, transport.diffusivity, transport.cell_transmissivity, transport.flux_at]
+        if transport
+        else []
+    )
     flows += [widths.transmissivity] if widths else []
     per_node = NODE_BYTES + FIELD_BYTES * fields_of(case)
     per_node += FLOW_BYTES * any(flow is not None for flow in flows)

@@ -56,6 +56,7 @@ class Within:
         """V* of the elements inside, σ of the whole."""
         return float(self.gap().mean())
 
+    periodic = False  # a part of a period is none
     mean_pressure_bound = math.nan  # only the pressure on the whole surface is certified
 
     def __getattr__(self, name: str) -> Any:

@@ -348,7 +348,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
             if m > PAPER_MAX_M:
                 yield place, f"solver method 'paper' is dense and takes m <= {PAPER_MAX_M}, given {number_text(m)}"
     yield from _file_conflicts(surface, mapping("surface", "against"))
-    yield from _periodic_conflicts(surface, mapping("solver"))
+    yield from _periodic_conflicts(surface, mapping("solver"), record)
 
     for index, (leg, end) in enumerate(zip(legs, ends, strict=True)):
         if isinstance(leg.get("to"), dict) and sum(value is not None for value in end.values()) != 1:
@@ -428,8 +428,17 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
 _BREAK_PERIOD = {"crop": None, "downsample": 1, "resample": "none", "low_pass": None}
 
 
-def _periodic_conflicts(surface: dict[str, Any], solver: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+def _periodic_conflicts(
+    surface: dict[str, Any], solver: dict[str, Any], record: dict[str, Any]
+) -> Iterator[tuple[KeyPath, str]]:
     """Yield what a periodic surface does not take, and what a free one does not."""
+    transport = record.get("transport")
+    cell = isinstance(transport, dict) and transport.get("cell_transmissivity") is not None
+    if cell and (surface.get("periodic") is not True or record.get("region") is not None):
+        yield (
+            ("record", "transport", "cell_transmissivity"),
+            "needs surface.periodic: true and no record.region: a part of a plane is no period",
+        )
     if surface.get("periodic") is not True:
         if solver.get("kernel") == "fourier":
             yield ("solver", "kernel"), "'fourier' needs surface.periodic: true; allowed on a free patch: love, punch"

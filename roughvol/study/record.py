@@ -132,6 +132,10 @@ class Transport(Choice):
     constriction: States | None = Field(default=None, description=f"critical gap and its position, x and y: {_WHEN}")
     transmissivity: States | None = Field(default=None, description=f"flow of div(g^3 grad P) = 0, x and y: {_WHEN}")
     diffusivity: States | None = Field(default=None, description=f"flow of div(g grad P) = 0, x and y: {_WHEN}")
+    cell_transmissivity: States | None = Field(
+        default=None,
+        description=f"flow of div(g^3 grad P) = 0 through the endless plane of a periodic surface: {_WHEN}",
+    )
     estimates: States | None = Field(
         default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
     )
