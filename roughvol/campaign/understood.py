@@ -57,8 +57,9 @@ def text(surface: Surface, case: Case, cases: int = 1) -> str:
     """
     unit = f" {case.length_unit}" if case.length_unit else ""
     (rows, columns), spacing = surface.shape, surface.spacing
+    period, width = "one period of " if surface.periodic else "", spacing * surface.intervals[1]
     lines = [
-        f"surface {rows} x {columns} nodes, L = {surface.side:.6g}{unit} by {spacing * surface.intervals[1]:.6g}{unit}, "
+        f"surface {period}{rows} x {columns} nodes, L = {surface.side:.6g}{unit} by {width:.6g}{unit}, "
         f"spacing {spacing:.6g}{unit}"
     ]
     if case.file is None:

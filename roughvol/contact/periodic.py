@@ -35,6 +35,7 @@ from roughvol.errors import ContactError
 from roughvol.typing import Array
 
 PERIODIC_KERNELS = ("love", "punch", "fourier")
+LEAST = 5  # the neighbours of an element within two spacings are then five different ones along an axis
 # The split of 1/r into near and far: erfc(r/2)/r vanishes to rounding beyond 13 spacings, and the transform of the
 # rest, erfc(2π|f|)/|f|, beyond |f| = 1.
 _WIDTH, _NEAR = 0.5, 13
@@ -50,7 +51,7 @@ class PeriodicHalfSpace:
     Parameters
     ----------
     shape : (int, int)
-        Rows and columns of one period, each at least 3.
+        Rows and columns of one period, each at least 5.
     kernel : {"love", "punch", "fourier"}
         Influence coefficients.
     threads : int
@@ -77,8 +78,8 @@ class PeriodicHalfSpace:
 
     def __init__(self, shape: tuple[int, int], kernel: str = "love", threads: int = 1, tuning: Tuning = TUNING) -> None:
         self.shape = (int(shape[0]), int(shape[1]))
-        if min(self.shape) < 3:
-            message = f"shape is {shape}; allowed: at least three elements along each axis of a period"
+        if min(self.shape) < LEAST:
+            message = f"shape is {shape}; allowed: at least {LEAST} elements along each axis of a period"
             raise ContactError(message)
         self.kernel, self.threads, self._tuning = kernel, threads, tuning
         spectrum = periodic_spectrum(self.shape, kernel)

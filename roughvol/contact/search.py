@@ -273,7 +273,7 @@ def _reaching(measure: Callable[[Contact], float], value: float) -> tuple[Callab
         power, last = 2.0, states[-1]
         if not measure(last) > 0.0:
             return math.inf
-        if len(states) > 1 and 0.0 < measure(states[-2]) != measure(last):
+        if len(states) > 1 and states[-2].approach > 0.0 and 0.0 < measure(states[-2]) != measure(last):
             power = math.log(measure(last) / measure(states[-2])) / math.log(last.approach / states[-2].approach)
         return last.approach * float((value / measure(last)) ** (1.0 / max(power, 0.5)))
 

@@ -425,6 +425,7 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
             yield ("surface", *key), f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
 
 
+PERIODIC_LEAST_M = 3
 _BREAK_PERIOD = {"crop": None, "downsample": 1, "resample": "none", "low_pass": None}
 
 
@@ -443,6 +444,9 @@ def _periodic_conflicts(
         if solver.get("kernel") == "fourier":
             yield ("solver", "kernel"), "'fourier' needs surface.periodic: true; allowed on a free patch: love, punch"
         return
+    for place, m in _numbers(surface.get("m"), "surface", "m"):
+        if m < PERIODIC_LEAST_M:
+            yield place, f"a periodic surface takes m >= {PERIODIC_LEAST_M} (8 x 8 elements), given {number_text(m)}"
     for key, default in _BREAK_PERIOD.items():
         if surface.get(key, default) != default:
             yield (
