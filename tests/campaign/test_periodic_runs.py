@@ -129,5 +129,5 @@ def test_an_ensemble_of_periodic_surfaces(tmp_path: Path) -> None:
         "surface: {D: 2.3, m: 5, periodic: true}\nsweep: {steps: 5, to: {pressure: 0.4}}\n"
         "ensemble: {accuracy: {free_volume: 20 %}, at: {pressure: [0.2]}}"
     )
-    data: xr.Dataset = run(loads(text), folder=tmp_path / "run", jobs=1)
+    data: xr.Dataset = run(loads(text), out=tmp_path / "run", jobs=1)
     assert np.isfinite(data["free_volume_mean"].values).all()
