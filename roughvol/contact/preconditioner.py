@@ -65,7 +65,7 @@ def approximate_inverse(
     def both_fields(near: Map, kept: Index) -> Map:
         # t of equation (14); the near field mends it on new elements, K t = 1
         t = np.maximum(rate[kept] + near(1.0 - displacement[kept]), 0.0)
-        return by_blocks(near, influence, shape, elements[kept], t, tuning)
+        return by_blocks(near, influence, shape, elements[kept], t, tuning, periodic=periodic)
 
     kept = np.flatnonzero(free) if free.any() else np.arange(free.size)
     near = near_field(influence, shape[1], elements[kept], tuning.near_reach, periodic=periodic)

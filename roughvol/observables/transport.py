@@ -139,13 +139,14 @@ def connectivity(gap: Array, contact: Mask, *, periodic: bool = False) -> Connec
         message = f"contact must be a bool mask of shape {gap.shape} with gap 0, got {contact.dtype} {contact.shape}"
         raise ContactError(message)
     everywhere = (periodic, periodic)
-    labels, count = _labelled(gap > 0.0, _SIDES, everywhere)
+    void: Mask = gap > 0.0
+    labels, count = _labelled(void, _SIDES, everywhere)
     volumes = np.bincount(labels.ravel(), (gap / (gap.max() or 1.0)).ravel(), count + 1)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     along = [_spanning(labels, axis) for axis in (0, 1)]
     reaches = np.zeros(count + 1, dtype=np.bool_)
     if periodic:
-        along = [_spanning_period(labels, gap > 0.0, axis) for axis in (0, 1)]
+        along = [_spanning_period(labels, void, axis) for axis in (0, 1)]
         reaches[np.union1d(*along)] = True
     else:
         for line in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
@@ -529,7 +530,7 @@ def _joined(axis: int, periodic: bool) -> tuple[bool, bool]:
     return periodic and axis == 1, periodic and axis == 0
 
 
-def _labelled(mask: Mask, structure: NDArray[np.integer], joined: tuple[bool, bool]) -> tuple[NDArray[np.integer], int]:
+def _labelled(mask: Mask, structure: NDArray[Any], joined: tuple[bool, bool]) -> tuple[NDArray[np.integer], int]:
     """Return the numbers of the connected clusters, and how many there are. Sides may be joined along each axis."""
     if not any(joined):
         labels, count = ndimage.label(mask, structure)

@@ -11,8 +11,8 @@ ContactMechanics is rigid-displacement controlled like roughvol, started cold an
 before; Tamaas is load controlled and gets the loads that roughvol found, so its indentation is compared instead.
 All work in σ = δ = E* = 1.
 
-With `--periodic` the surfaces are periods of a plane, in equal steps of the approach to A* = 0.5, on the kernel 2/(E* q)
-of all codes. roughvol's kernel love is timed beside it, and gets the steps of its own end.
+With `--periodic` the surfaces are periods of a plane, in equal steps of the approach to A* = 0.5. All codes have the
+kernel 2/(E* q). roughvol's kernel love is timed beside them, in steps to its own end.
 """
 
 from __future__ import annotations

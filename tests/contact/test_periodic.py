@@ -201,6 +201,23 @@ def test_sweep_to_full_contact(kernel):
     assert full.indentation == pytest.approx(surface.peak, abs=1e-12)
 
 
+@pytest.mark.parametrize("shape", [(64, 64), (75, 50), (128, 24), (37, 96)])
+def test_seams_take_no_more_iterations_than_the_middle(shape):
+    """Sides that are multiples of 8, of 64, or neither; the surface is rolled so that its peak lies on the corner."""
+    heights = np.random.default_rng(3).standard_normal(shape)
+    waves = [np.fft.fftfreq(n, 1.0 / n) for n in shape]
+    k = np.hypot(waves[0][:, None] * max(shape) / shape[0], waves[1] * max(shape) / shape[1])
+    heights = np.fft.ifft2(np.fft.fft2(heights) / np.maximum(k, 1.0) ** 1.8).real
+    top = np.unravel_index(heights.argmax(), shape)
+    iterations = []
+    for shift in (-top[0], -top[1]), (shape[0] // 2 - top[0], shape[1] // 2 - top[1]):
+        surface = Surface(np.roll(heights, shift, (0, 1)), 1.0, periodic=True)
+        contacts = list(sweep(surface, half_space(shape), np.linspace(0.0, 8.0, 21)[1:]))
+        iterations.append(sum(contact.iterations for contact in contacts))
+    multiples = all(n % 8 == 0 for n in shape)
+    assert iterations[0] <= (1.3 if multiples else 2.0) * iterations[1] + 20
+
+
 @pytest.mark.parametrize("value", [0.5, 0.05])
 def test_search_for_a_free_volume(value):
     surface = rough(6)
