@@ -43,6 +43,7 @@ bench: setup  ## compare the solver's counts with tests/bench/baseline.json; pri
 bench-peers: setup  ## compare with other contact codes, installed for this
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,peers]'
 	@$(BIN)/python -m tests.bench.peers
+	@$(BIN)/python -m tests.bench.peers --periodic --m 8 10
 
 validation: setup  ## print errors against closed forms, by resolution
 	@$(BIN)/python -m tests.bench.validation

@@ -92,7 +92,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
         )
         size = (given.height or surface.Sq) / surface.Sq
     surface = surface or surface_of(case)
-    Sdq = size * texture.Sdq(surface.heights, surface.spacing)
+    Sdq = size * texture.Sdq(surface.with_neighbours, surface.spacing)
     return validity.peak(held, surface.peak) + validity.before(
         held, case.sweep.legs[0].target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side
     )

@@ -20,6 +20,7 @@ from roughvol.campaign import resources
 from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.resources import cores
 from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.observables import recorded, regions
 from roughvol.observables.recorded import searched_levels
 from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
@@ -144,9 +145,11 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
 def _seconds(case: Case, shape: tuple[int, int]) -> float:
     if case.sweep.steps == 0:
         return CASE_OVERHEAD
-    searched = sum(leg.target.kind.startswith(("contact_area", "pressure", "percolation")) for leg in case.sweep.legs)
+    ends = ("contact_area", "pressure", "percolation", "free_volume")
+    searched = sum(case.periodic or leg.target.kind.startswith(ends) for leg in case.sweep.legs)
     steps = case.sweep.steps + SEARCH * searched + LEVEL * searched_levels(case)
-    step = seconds_per_step(shape, case.solver.tolerance, seconds_per_convolution(shape, case.solver.kernel))
+    convolution = seconds_per_convolution(shape, case.solver.kernel, case.periodic)
+    step = seconds_per_step(shape, case.solver.tolerance, convolution)
     return CASE_OVERHEAD + sum(_observable_seconds(case, shape).values()) + steps * step
 
 
@@ -208,10 +211,10 @@ def _measured_shape(case: Case) -> tuple[int, int]:
 
 
 @functools.cache
-def seconds_per_convolution(shape: tuple[int, int], kernel: str) -> float:
+def seconds_per_convolution(shape: tuple[int, int], kernel: str, periodic: bool = False) -> float:
     """Return the seconds of one convolution, timed on this grid, or scaled from `TIMED_UP_TO`."""
     timed = (min(shape[0], TIMED_UP_TO), min(shape[1], TIMED_UP_TO))
-    half_space = HalfSpace(timed, kernel=kernel)
+    half_space = (PeriodicHalfSpace if periodic else HalfSpace)(timed, kernel=kernel)
     pressure = np.ones(timed)
     half_space.displacement(pressure)  # plans
     times = []

@@ -12,8 +12,8 @@ from threadpoolctl import threadpool_limits
 from roughvol.campaign import path
 from roughvol.contact import convolution
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.loading import sweep
-from roughvol.errors import SurfaceError
+from roughvol.contact.loading import Compliance, sweep
+from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.observables import reduction
 from roughvol.observables.levels import options_of
 from roughvol.observables.reduction import Reduction, Values
@@ -27,7 +27,7 @@ from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.spectrum import power_law_surface
 from roughvol.surfaces.surface import Surface
 
-HalfSpaces = MutableMapping[tuple[tuple[int, int], str, int], HalfSpace]
+HalfSpaces = MutableMapping[tuple[tuple[int, int], bool, str, int], HalfSpace | PeriodicHalfSpace]
 
 FFT = {"library": f"FFTW {convolution.FFTW_VERSION}", "planner": convolution.PLANNER}
 
@@ -90,13 +90,8 @@ def run_case(
             values |= {"outliers_removed": surface.outliers, "peak_height": surface.peak}
             values["peak_height_before"] = surface.peak_before
         if case.sweep.steps > 0:
-            if surface.periodic:
-                message = (
-                    "the surface is periodic, and the half space is not: give sweep: {steps: 0}, or periodic: false"
-                )
-                raise SurfaceError(message)
             held = {} if half_spaces is None else half_spaces
-            half_space = _half_space(surface.shape, case.solver.kernel, threads, held)
+            half_space = _half_space(surface, case.solver.kernel, threads, held)
             large = checkpoint is not None and math.prod(surface.shape) >= checkpoints.NODES
             kept = Checkpoint(checkpoint, case, checkpoints.numerics()) if checkpoint is not None and large else None
             values |= _swept(case, surface, half_space, kept, on_step, stopping)
@@ -107,7 +102,7 @@ def run_case(
 def _swept(
     case: Case,
     surface: Surface,
-    half_space: HalfSpace,
+    half_space: Compliance,
     checkpoint: Checkpoint | None,
     on_step: Callable[[int], None] | None,
     stopping: Callable[[], bool],
@@ -153,7 +148,7 @@ def surface_of(case: Case) -> Surface:
     """
     if case.file is not None:
         with threadpool_limits(1):  # levelling sums over all nodes
-            return measured.surface(case.bodies, case.treatment, case.L, case.length_unit)
+            return measured.surface(case.bodies, case.treatment, case.L, case.length_unit, periodic=case.periodic)
     assert case.D is not None
     assert case.m is not None
     assert case.seed is not None
@@ -161,12 +156,15 @@ def surface_of(case: Case) -> Surface:
         with threadpool_limits(1):
             return power_law_surface(case.spectrum, 3.0 - case.D, 2**case.m, side=case.L, seed=case.seed)
     assert case.midpoint_law is not None
-    return random_midpoint_displacement(case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law)
+    return random_midpoint_displacement(
+        case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law, periodic=case.periodic
+    )
 
 
-def _half_space(shape: tuple[int, int], kernel: str, threads: int, held: HalfSpaces) -> HalfSpace:
-    key = (shape, kernel, threads)
+def _half_space(surface: Surface, kernel: str, threads: int, held: HalfSpaces) -> HalfSpace | PeriodicHalfSpace:
+    key = (surface.shape, surface.periodic, kernel, threads)
     if key not in held:
         held.clear()  # one at a time: it is the largest thing in memory
-        held[key] = HalfSpace(shape, kernel=kernel, threads=threads)
+        made = PeriodicHalfSpace if surface.periodic else HalfSpace
+        held[key] = made(surface.shape, kernel=kernel, threads=threads)
     return held[key]

@@ -51,7 +51,11 @@ def memory_of(case: Case, nodes: int) -> float:
         skewed = case.spectrum is not None and case.spectrum.Ssk is not None
         return PROCESS_BYTES + nodes * (SURFACE_BYTES + SKEWED_BYTES * skewed + FIELD_BYTES * fields_of(case))
     transport, widths = case.record.transport, case.record.region_widths
-    flows = [transport.transmissivity, transport.diffusivity, transport.flux_at] if transport else []
+    flows = (
+        [transport.transmissivity, transport.diffusivity, transport.cell_transmissivity, transport.flux_at]
+        if transport
+        else []
+    )
     flows += [widths.transmissivity] if widths else []
     per_node = NODE_BYTES + FIELD_BYTES * fields_of(case)
     per_node += FLOW_BYTES * any(flow is not None for flow in flows)

@@ -364,6 +364,7 @@ def _combined(
         length_unit=case.length_unit,
         bodies=case.bodies,
         versions=versions,
+        periodic=case.periodic,
     )
     if case.surface_text:
         attributes["surface"] = case.surface_text

@@ -83,7 +83,7 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
     Raises
     ------
     ContactError
-        If the study has no sweep.
+        If the study has no sweep, or a periodic surface.
     """
     cases = study.cases()
     finest = max((case.m or 0 for case in cases), default=0)
@@ -93,6 +93,9 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
         raise ContactError(message)
     if cases[0].plastic or len(cases[0].sweep.legs) > 1:
         message = "a trade-off is measured on one elastic sweep; allowed: no list of legs, no hardness that acts"
+        raise ContactError(message)
+    if cases[0].periodic:
+        message = "the surface is periodic; allowed: a free one, its ladders of m and kernel are those of a free patch"
         raise ContactError(message)
     seeds = list(dict.fromkeys(case.seed for case in cases))
     dimensions = {case.D for case in cases}

@@ -57,13 +57,14 @@ def text(surface: Surface, case: Case, cases: int = 1) -> str:
     """
     unit = f" {case.length_unit}" if case.length_unit else ""
     (rows, columns), spacing = surface.shape, surface.spacing
+    period, width = "one period of " if surface.periodic else "", spacing * surface.intervals[1]
     lines = [
-        f"surface {rows} x {columns} nodes, L = {surface.side:.6g}{unit} by {spacing * (columns - 1):.6g}{unit}, "
+        f"surface {period}{rows} x {columns} nodes, L = {surface.side:.6g}{unit} by {width:.6g}{unit}, "
         f"spacing {spacing:.6g}{unit}"
     ]
     if case.file is None:
         lines.append(case.label + f", the first of {cases} cases" * (cases > 1))
-    roughness = f"Sq = {surface.Sq:.6g}{unit}, Sdq = {texture.Sdq(surface.heights, spacing):.4g}"
+    roughness = f"Sq = {surface.Sq:.6g}{unit}, Sdq = {texture.Sdq(surface.with_neighbours, spacing):.4g}"
     if surface.Sq > 0.0:
         roughness += f", z_max/Sq = {surface.peak:.3g}, z_min/Sq = {surface.pit:.3g} (from the mean plane)"
     lines.append(roughness)

@@ -13,6 +13,7 @@ The room of the solver. It knows surfaces and arrays, no study and no results.
 `near_field`          sparse part of the inverse
 `far_field`           correction of the inverse by blocks of elements
 `halfspace`           displacement under pressure, by FFT
+`periodic`            displacement under one pressure pattern repeated without end
 `convolution`         one circulant convolution by FFTW
 `kernels`             influence coefficients
 `few_loads`           displacement by few loaded elements, as a sum

@@ -145,7 +145,7 @@ def conjugate_gradients(
     if yields:
         free &= (q < limit) | (w > 0.0)
     inverse, free = approximate_inverse(
-        half_space.influence, half_space.shape, elements, q, w, free, start.rates, tuning
+        half_space.influence, half_space.shape, elements, q, w, free, start.rates, tuning, periodic=half_space.periodic
     )
     direction: NDArray[Any] = np.zeros(q.size, dtype=np.float32 if single else np.float64)
     r_before, rz, step, residual = direction.copy(), 1.0, 0.0, np.inf  # without effect: the first direction is z

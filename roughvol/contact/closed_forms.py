@@ -308,6 +308,59 @@ def single_element_pressure(indentation: float, spacing: float, E_star: float = 
     return indentation * math.pi * E_star / (4.0 * math.asinh(1.0) * spacing)
 
 
+class Wave(NamedTuple):
+    """Contact of a rigid wave h cos(2π x/λ) over strips of width 2a, one a period.
+
+    Attributes
+    ----------
+    mean_pressure : float
+        Mean pressure [pressure].
+    pressure, gap : array
+        p [pressure] and g [length] at the places asked for.
+    """
+
+    mean_pressure: float
+    pressure: Array
+    gap: Array
+
+
+def westergaard(x: ArrayLike, ratio: float, amplitude: float, wavelength: float, E_star: float = 1.0) -> Wave:
+    """Return the contact of a rigid wave with a half space, in plane strain (Westergaard, J. Appl. Mech. 6 (1939) A49).
+
+    With s = sin(π x/λ) and s_a = sin(π a/λ), mean p = π E* h s_a²/λ (Johnson, eq. 13.7), and::
+
+        p = (2π E* h/λ) cos(π x/λ) √(s_a² - s²)                                       in contact, s < s_a
+        g = 2h [s √(s² - s_a²) - s_a² ln((s + √(s² - s_a²))/s_a)]                      elsewhere
+
+    Parameters
+    ----------
+    x : array_like
+        Distance from the crest [length].
+    ratio : float
+        a/λ, half width of the contact over the wavelength, 0 < a/λ ≤ 1/2.
+    amplitude, wavelength : float
+        h and λ [length].
+    E_star : float
+        E* [pressure].
+
+    Returns
+    -------
+    Wave
+        Mean pressure, pressures and gaps.
+    """
+    check_positive(ratio=ratio, amplitude=amplitude, wavelength=wavelength, E_star=E_star)
+    if ratio > 0.5:
+        message = f"ratio is {ratio}; allowed: 0 < a/λ <= 1/2"
+        raise ContactError(message)
+    angle = np.pi * np.asarray(x, dtype=np.float64) / wavelength
+    s, s_a = np.abs(np.sin(angle)), math.sin(math.pi * ratio)
+    scale = math.pi * E_star * amplitude / wavelength
+    root = np.sqrt(np.maximum(s * s - s_a * s_a, 0.0))
+    gap = 2.0 * amplitude * (s * root - s_a * s_a * np.log1p((np.maximum(s, s_a) - s_a + root) / s_a))
+    pressure = 2.0 * scale * np.abs(np.cos(angle)) * np.sqrt(np.maximum(s_a * s_a - s * s, 0.0))
+    return Wave(scale * s_a * s_a, pressure, gap)
+
+
 def _indenter(force: float, contact_radius: float) -> Indenter:
     return Indenter(force, contact_radius, force / (math.pi * contact_radius**2))
 

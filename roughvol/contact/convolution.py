@@ -40,6 +40,8 @@ class Convolution:
         Threads inside one convolution.
     tuning : Tuning
         Constants.
+    lengths : (int, int), optional
+        Lengths of the transforms along rows and columns. Default: twice the intervals of the quadrant, both even.
 
     Attributes
     ----------
@@ -54,9 +56,10 @@ class Convolution:
         dtype: np.dtype[Any],
         threads: int = 1,
         tuning: Tuning = TUNING,
+        lengths: tuple[int, int] | None = None,
     ) -> None:
         self.shape, rows = shape, shape[0]
-        length, width = (2 * max(n - 1, 1) for n in spectrum.shape)
+        length, width = lengths or tuple(2 * max(n - 1, 1) for n in spectrum.shape)
         waves = width // 2 + 1
         self.size = length * width
         self._dtype, complex_type = dtype, np.result_type(dtype, np.complex64)
@@ -64,7 +67,7 @@ class Convolution:
         # of a complex number. Repeated in full, the multiplication is a contiguous one of real numbers.
         full = np.empty((waves, length, 2), dtype=dtype)
         full[:, : length // 2 + 1] = spectrum.T[:, :, None]
-        full[:, length // 2 + 1 :] = full[:, length // 2 - 1 : 0 : -1]
+        full[:, length // 2 + 1 :] = full[:, (length - 1) // 2 : 0 : -1]
         self._spectrum = full.reshape(waves, 2 * length)
         aligned = 64 // complex_type.itemsize
         padded = -(-waves // aligned) * aligned

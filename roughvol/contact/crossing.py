@@ -57,7 +57,7 @@ def state_crossing(
     """
     begin = measure(start)
     if begin == value:
-        message = f"the leg begins at Δ/σ = {start.indentation:g}, where the value {value:g} is reached already"
+        message = f"the leg begins at Δ/σ = {start.approach:g}, where the value {value:g} is reached already"
         raise ContactError(message)
     sign = 1.0 if value > begin else -1.0
 
@@ -65,15 +65,15 @@ def state_crossing(
         return sign * (measure(contact) - value)
 
     near, far = start, trials.untouched if end is None and sign < 0.0 else end
-    reach, solves = (GROWTH - 1.0) * (start.indentation or start.separation), 0
+    reach, solves = (GROWTH - 1.0) * (start.approach or start.separation), 0
     while far is None or excess(far) < 0.0:
         if far is not None:
             full = far.contact_area_fraction >= 1.0 and measure(far) <= measure(near)
             if full or solves == SOLVES:
-                message = f"the value {value:g} is not reached up to Δ/σ = {far.indentation:g}"
+                message = f"the value {value:g} is not reached up to Δ/σ = {far.approach:g}"
                 raise ContactError(message)
             near = far
-        far = trials.at(near.indentation + reach, near)
+        far = trials.at(near.approach + reach, near)
         reach, solves = 2.0 * reach, solves + 1
     return _between(trials, excess, near, far, accuracy)
 
@@ -84,16 +84,16 @@ def _between(
     """Return a state of excess ≥ 0 as near to the other side as asked for: regula falsi (Illinois) and bisection."""
     low, high = excess(near), excess(far)
     for trial in range(SOLVES):
-        width = far.indentation - near.indentation
-        if high == 0.0 or abs(width) <= accuracy * far.indentation + 2.0 * (near.residual + far.residual):
+        width = far.approach - near.approach
+        if high == 0.0 or abs(width) <= accuracy * far.approach + 2.0 * (near.residual + far.residual):
             return far
         share = 0.5 if trial % 3 == 2 else min(max(low / (low - high), 0.01), 0.99)
         above, below = (far, near) if width > 0.0 else (near, far)
-        middle = trials.at(near.indentation + share * width, above, below)
+        middle = trials.at(near.approach + share * width, above, below)
         value = excess(middle)
         if value >= 0.0:
             far, high, low = middle, value, 0.5 * low
         else:
             near, low, high = middle, value, 0.5 * high
-    message = f"no indentation found in {SOLVES} solves; the last was {far.indentation:.9g}"
+    message = f"no indentation found in {SOLVES} solves; the last was {far.approach:.9g}"
     raise ContactError(message)

@@ -29,7 +29,14 @@ _CENTRE = _AROUND.index((0, 0))
 
 
 def by_blocks(
-    near: Map, influence: Array, shape: tuple[int, int], elements: Index, t: NDArray[Any], tuning: Tuning = TUNING
+    near: Map,
+    influence: Array,
+    shape: tuple[int, int],
+    elements: Index,
+    t: NDArray[Any],
+    tuning: Tuning = TUNING,
+    *,
+    periodic: bool = False,
 ) -> Map:
     """Return r ↦ M⁻¹ r on the elements, equation (15) of docs/solver.md.
 
@@ -47,6 +54,8 @@ def by_blocks(
         Pressure under uniform further indentation, ≥ 0.
     tuning : Tuning
         Constants.
+    periodic : bool
+        Whether opposite sides of the grid are joined.
 
     Returns
     -------
@@ -57,7 +66,7 @@ def by_blocks(
     ----------
     J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 ("BNN", two levels).
     """
-    return _corrected(near, Level(influence, shape, elements, t, tuning), tuning)
+    return _corrected(near, Level(influence, shape, elements, t, tuning, joined=(periodic, periodic)), tuning)
 
 
 def _corrected(near: Map, blocks: Level, tuning: Tuning) -> Map:
@@ -83,7 +92,7 @@ def _corrected(near: Map, blocks: Level, tuning: Tuning) -> Map:
 def _between_blocks(blocks: Level, tuning: Tuning) -> Map:
     """Return C, the inverse of the operator between blocks: a factorisation, or the same method for many blocks."""
     if blocks.numbers.size > tuning.factorised_up_to:
-        above = Level(blocks.influence, blocks.shape, blocks.numbers, blocks.mass, tuning, blocks)
+        above = Level(blocks.influence, blocks.shape, blocks.numbers, blocks.mass, tuning, blocks, blocks.joined)
         return _corrected(near_field_of_blocks(blocks, tuning.least_pivot), above, tuning)
     matrix = influence_matrix(blocks.influence, blocks.numbers)
     here, k = np.nonzero(blocks.neighbours < blocks.numbers.size)
@@ -104,9 +113,13 @@ class Level:
         As in `by_blocks`.
     below : Level, optional
         The level with blocks that are the elements of this one.
+    joined : (bool, bool)
+        Whether opposite sides of the grid are joined along each axis.
 
     Attributes
     ----------
+    joined : (bool, bool)
+        The same for the grid of blocks: not where the last block is smaller than the others.
     shape : (int, int)
         Rows and columns of the grid of blocks.
     influence : array
@@ -131,9 +144,13 @@ class Level:
         t: NDArray[Any],
         tuning: Tuning = TUNING,
         below: Level | None = None,
+        joined: tuple[bool, bool] = (False, False),
     ) -> None:
         side = tuning.block_side
         self.shape = (-(-shape[0] // side), -(-shape[1] // side))
+        self.joined = joined[0] and shape[0] % side == 0, joined[1] and shape[1] % side == 0
+        # fewer than three blocks would have one block on both sides; its coefficients hold all images
+        around = [join and blocks >= 3 for join, blocks in zip(self.joined, self.shape, strict=True)]
         self.influence = influence[::side, ::side]
         row, column = np.divmod(elements.astype(np.int32), np.int32(shape[1]))
         width = self.shape[1] + 2
@@ -142,6 +159,11 @@ class Level:
         count = occupied.size
         number = np.full((self.shape[0] + 2) * width, count, dtype=np.int32)
         number[occupied] = np.arange(count, dtype=np.int32)
+        grid = number.reshape(-1, width)
+        if around[0]:
+            grid[0], grid[-1] = grid[-2], grid[1]
+        if around[1]:
+            grid[:, 0], grid[:, -1] = grid[:, -2], grid[:, 1]
         x, y = np.divmod(occupied, width)
         self.numbers: Index = (x - 1) * self.shape[1] + y - 1
         self.neighbours: NDArray[np.int32] = number[occupied[:, None] + np.array([i * width + j for i, j in _AROUND])]
@@ -175,10 +197,11 @@ class Level:
             target, k = np.nonzero(below.neighbours < elements.size)
             source = below.neighbours[target, k]
             excess = (below.near[target, k] - np.array(points)[k]) * share[source]
-            offset_column = np.zeros(2 * width + 3, dtype=np.intp)
-            offset_column[[(i + 1) * width + j + 1 for i, j in _AROUND]] = np.arange(len(_AROUND))
-            source_column = offset_column[block[source] - block[target] + width + 1]
-            data += np.bincount(target * data.shape[1] + source_column, excess, data.size).reshape(data.shape)
+            apart = [place[source] - place[target] for place in np.divmod(block, width)]
+            apart = [(d + 1) % n - 1 if join else d for d, n, join in zip(apart, self.shape, around, strict=True)]
+            close = (np.abs(apart[0]) <= 1) & (np.abs(apart[1]) <= 1)  # but for a seam between unequal blocks
+            place = target * data.shape[1] + (apart[0] + 1) * 3 + apart[1] + 1
+            data += np.bincount(place[close], excess[close], data.size).reshape(data.shape)
         means = self.spread.T @ data
         self.near: Single = means[:, :-1].copy()
         means[:, -1] = 0.0

@@ -76,6 +76,8 @@ class HalfSpace:
         If the shape is empty, the kernel unknown, or K not positive definite.
     """
 
+    periodic = False
+
     def __init__(self, shape: tuple[int, int], kernel: str = "love", threads: int = 1, tuning: Tuning = TUNING) -> None:
         self.shape = (int(shape[0]), int(shape[1]))
         if min(self.shape) < 1:

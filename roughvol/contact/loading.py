@@ -320,11 +320,11 @@ class Trials:
         problem = self.problem
         start = problem.depth(one)
         rate = np.zeros_like(start)
-        if other.indentation != one.indentation:
-            rate = (problem.depth(other) - start) / (other.indentation - one.indentation)
+        if other.approach != one.approach:
+            rate = (problem.depth(other) - start) / (other.approach - one.approach)
 
         def at(indentation: float, margin: float) -> Contact:
-            x = start + (indentation - one.indentation) * rate - margin
+            x = start + (indentation - one.approach) * rate - margin
             elements = np.flatnonzero(x > 0.0)
             gap = np.maximum(-x, TENSILE * max(1.0, indentation))
             pressure = np.minimum(x[elements] / problem.firmness, problem.limit)

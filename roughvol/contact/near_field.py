@@ -20,7 +20,7 @@ _SQUARE = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3)])  # offs
 _CENTRE = len(_SQUARE) // 2
 
 
-def near_field(influence: Array, columns: int, elements: Index, reach: float) -> Map:
+def near_field(influence: Array, columns: int, elements: Index, reach: float, *, periodic: bool = False) -> Map:
     """Return r ↦ Gᵀ G r ≈ K⁻¹ r on the elements, G sparse and triangular: equation (13) of docs/solver.md.
 
     Row i of G solves K_PP y = e_i, where P is element i and its preceding neighbours in the set; G_i = y/√y_i. This
@@ -36,6 +36,9 @@ def near_field(influence: Array, columns: int, elements: Index, reach: float) ->
         Flat indices, increasing.
     reach : float
         Distance of the farthest neighbours in spacings, at most √8. √5 takes 10 preceding neighbours.
+    periodic : bool
+        Whether opposite sides of the grid are joined. The first rows are then preceded by the last ones: G is a filter
+        that runs around the period, and triangular but for these rows.
 
     Returns
     -------
@@ -49,16 +52,22 @@ def near_field(influence: Array, columns: int, elements: Index, reach: float) ->
     offsets, table = _rows(tuple(map(tuple, influence[:5, :5].tolist())), reach)
     size = elements.size
     row, column = np.divmod(elements.astype(np.int32), np.int32(columns))
-    row -= row[0]
-    column -= column.min()
-    width = int(column.max()) + 5
+    if not periodic:
+        row -= row[0]
+        column -= column.min()
+    last = (len(influence) - 1, columns - 1) if periodic else (int(row[-1]), int(column.max()))
+    width = last[1] + 5
     node = (row + 2).astype(np.intp) * width + column + 2
     # Absent neighbours are ~i of some i below the size. Their zeros then have many column numbers, see below.
-    nodes, below = (int(row[-1]) + 3) * width, 1 << (size.bit_length() - 1)
+    nodes, below = (last[0] + 3) * width, 1 << (size.bit_length() - 1)
     repeated = np.empty((-(-nodes // below), below), dtype=np.int32)
     repeated[:] = ~np.arange(below, dtype=np.int32)
     number = repeated.ravel()
     number[node] = np.arange(size, dtype=np.int32)
+    if periodic:
+        grid = number[:nodes].reshape(last[0] + 3, width)
+        grid[:2] = grid[-2:]
+        grid[:, :2], grid[:, -2:] = grid[:, -4:-2], grid[:, 2:4].copy()
     shifts = offsets @ (width, 1)
     neighbours = number.take(np.add.outer(shifts, node))
     present = neighbours >= 0

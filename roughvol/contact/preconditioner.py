@@ -24,6 +24,8 @@ def approximate_inverse(
     free: Mask,
     rates: Rates | None,
     tuning: Tuning = TUNING,
+    *,
+    periodic: bool = False,
 ) -> tuple[Map, Mask]:
     """Return r ↦ M⁻¹ r ≈ K⁻¹ r, equations (13) to (15) of docs/solver.md, and the elements expected in contact.
 
@@ -46,6 +48,8 @@ def approximate_inverse(
         Pressure and displacement per unit of further indentation. Without them the far field is not corrected.
     tuning : Tuning
         Constants.
+    periodic : bool
+        Whether opposite sides of the grid are joined.
 
     Returns
     -------
@@ -55,16 +59,16 @@ def approximate_inverse(
         Elements expected in contact.
     """
     if rates is None:
-        return near_field(influence, shape[1], elements, tuning.near_reach), free
+        return near_field(influence, shape[1], elements, tuning.near_reach, periodic=periodic), free
     rate, displacement = rates
 
     def both_fields(near: Map, kept: Index) -> Map:
         # t of equation (14); the near field mends it on new elements, K t = 1
         t = np.maximum(rate[kept] + near(1.0 - displacement[kept]), 0.0)
-        return by_blocks(near, influence, shape, elements[kept], t, tuning)
+        return by_blocks(near, influence, shape, elements[kept], t, tuning, periodic=periodic)
 
     kept = np.flatnonzero(free) if free.any() else np.arange(free.size)
-    near = near_field(influence, shape[1], elements[kept], tuning.near_reach)
+    near = near_field(influence, shape[1], elements[kept], tuning.near_reach, periodic=periodic)
     inverse = near
     searches = tuning.lifted_rounds if shape[0] * shape[1] >= tuning.lifted_again_from else 1
     for _ in range(searches):
@@ -72,7 +76,7 @@ def approximate_inverse(
         if not tuning.lifted_share * kept.size < np.count_nonzero(lifted) < kept.size:
             break
         kept = kept[~lifted]
-        near = near_field(influence, shape[1], elements[kept], tuning.near_reach)
+        near = near_field(influence, shape[1], elements[kept], tuning.near_reach, periodic=periodic)
         inverse = both_fields(near, kept)
     if inverse is near:
         inverse = both_fields(near, kept)

@@ -96,8 +96,13 @@ class Problem:
         if hardness is not None and not hardness > 0.0:
             message = f"hardness is {hardness}; allowed: hardness > 0, in the unit of p*"
             raise ContactError(message)
+        if surface.periodic != half_space.periodic:
+            one, other = ("periodic" if periodic else "free" for periodic in (surface.periodic, half_space.periodic))
+            message = f"the surface is {one}, the half space {other}; allowed: both periodic, or none"
+            raise ContactError(message)
         self.half_space, self.shape, self.tuning = half_space, surface.shape, tuning
-        self.limit = np.inf if hardness is None else hardness / (np.pi * (self.shape[0] - 1))
+        self.intervals, self.periodic = surface.intervals[0], surface.periodic
+        self.limit = np.inf if hardness is None else hardness / (np.pi * self.intervals)
         self.leg = Leg(self.limit)
         self._mixed = precision == "mixed"
         self.superposition = Superposition(half_space.influence, tuning)
@@ -168,7 +173,7 @@ class Problem:
         For any positive definite K the stiffness 1ᵀ K_CC⁻¹ 1 grows with the contact set C. The whole grid has
         pressures K q = 1. If none is negative, Σq min(K ∗ 1) ≤ Σq (K ∗ 1) = number of elements.
         """
-        return float(np.pi * (self.shape[0] - 1) / self.half_space.total_compliance.min())
+        return float(np.pi * self.intervals / self.half_space.total_compliance.min())
 
     def stiffness_bound(self, state: State, residual: float, previous: State) -> float:
         """Return a bound of dp*/d(Δ/σ) from a state up to Δ + η, by the secant from the previous state.
@@ -199,7 +204,7 @@ class Problem:
 
     def _starred(self, force: float) -> float:
         """Return p* of a sum of pressures q."""
-        return float(np.pi * (self.shape[0] - 1) * force / self.heights.size)
+        return float(np.pi * self.intervals * force / self.heights.size)
 
     @cached_property
     def firmness(self) -> float:
@@ -224,7 +229,7 @@ class Problem:
         rising = latest.pressure.size and indentation >= latest.indentation
         q = max(float(latest.pressure.sum()) if rising else 0.0, alone)
         # the pressure of the latest state has an error of up to a tenth, see `sweep`
-        return 0.9 * float(np.pi * (self.shape[0] - 1)) * q / self.heights.size
+        return 0.9 * float(np.pi * self.intervals) * q / self.heights.size
 
     def untouched(self, indentation: float = 0.0) -> State:
         """Return the state without contact."""
@@ -272,15 +277,21 @@ class Problem:
         done = self.counts()
         residual += self.leg.carried
         stiffness = self.stiffness_bound(state, residual, previous) if previous else self.stiffest
-        mean_pressure = float(np.pi * (self.shape[0] - 1) * (pressure.sum() / size))
+        mean_pressure = float(np.pi * self.intervals * (pressure.sum() / size))
         unloaded = np.inf if state.indentation > self.touch else 0.0  # p* = 0 is exact before the touch alone
         plastic_volume, plastic_area = self.leg.yielded(state)
+        free_volume = 0.0 if full else max(separation + mean_displacement + plastic_volume, 0.0)
+        indentation = state.indentation
+        if self.periodic and state.pressure.size:  # displacements have no mean there
+            separation = free_volume - plastic_volume
+            indentation = -self.mean_height - separation
         return Contact(
-            indentation=state.indentation,
+            indentation=indentation,
             separation=separation,
             contact_area_fraction=elements.size / size,
             mean_pressure=mean_pressure,
-            free_volume=0.0 if full else max(separation + mean_displacement + plastic_volume, 0.0),
+            free_volume=free_volume,
+            approach=state.indentation,
             iterations=iterations,
             convolutions=done[0] - counts[0],
             convolutions_fp32=done[1] - counts[1],
@@ -294,4 +305,6 @@ class Problem:
             _pressure=pressure,
             _state=state,
             _leg=self.leg,
+            _intervals=self.intervals,
+            periodic=self.periodic,
         )

@@ -31,7 +31,7 @@ from roughvol.contact.loading import Compliance, Contact, Trials
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
 
-TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
+TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure", "free_volume": "free_volume"}
 
 Guess = Callable[[list[Contact]], float]
 Line = Callable[[float, float], Contact]
@@ -94,19 +94,19 @@ def indentation_for(
     method: str = "fast",
     tuning: SearchTuning = SEARCH_TUNING,
 ) -> float:
-    """Return the smallest indentation at which the contact area fraction or the mean pressure reaches a value.
+    """Return the smallest indentation at which contact area fraction, mean pressure or free volume reach a value.
 
-    Both never fall with Δ. The pressure is continuous, the area jumps from element to element. A solve at the
-    indentation returned, to the same residual, reaches the area.
+    Area and pressure never fall with Δ, the free volume never rises. The area jumps from element to element, the others
+    are continuous. A solve at the indentation returned, to the same residual, reaches the area.
 
     Parameters
     ----------
     surface, half_space
         As in `roughvol.contact.solve`.
-    target : {"contact_area", "pressure"}
-        A* or p*.
+    target : {"contact_area", "pressure", "free_volume"}
+        A*, p* or V*.
     value : float
-        0 < A* ≤ 1, or p* > 0.
+        0 < A* ≤ 1, p* > 0, or V* > 0 below that of the first touch.
     rtol, method
         As in `roughvol.contact.solve`.
     tuning : SearchTuning
@@ -115,7 +115,7 @@ def indentation_for(
     Returns
     -------
     float
-        Δ/σ, right to a relative 10⁻⁶ and to the residual.
+        Δ/σ, right to a relative 10⁻⁶ and to the residual. On a periodic surface the approach Δ'/σ, see `periodic`.
 
     Raises
     ------
@@ -129,15 +129,47 @@ def indentation_for(
         raise ContactError(message)
     area = target == "contact_area"
     if not 0 < value < np.inf or (area and value > 1):
-        message = f"{target} is {value}; allowed: {'0 < A* <= 1' if area else 'p* > 0'}"
+        message = (
+            f"{target} is {value}; allowed: {'0 < A* <= 1' if area else 'p* > 0' if target == 'pressure' else 'V* > 0'}"
+        )
         raise ContactError(message)
+
+    if target == "free_volume":
+        if value >= (most := (surface.z_max - surface.mean_height) / surface.unit):
+            message = f"{target} is {value}; allowed: 0 < V* < {most:.6g}, that of the first touch"
+            raise ContactError(message)
+        trials = Trials(surface, half_space, rtol=rtol, method=method)
+        closed = most - value
+        return _search(
+            trials, *_reaching(closed_of(surface), closed), closed, tuning.accuracy, tuning, elements=False
+        ).approach
 
     def measure(contact: Contact) -> float:
         return float(getattr(contact, TARGETS[target]))
 
     start = _mean_plane(surface) * min(1.0, value * (5.0 if area else 1.0)) ** 0.5
     trials = Trials(surface, half_space, rtol=rtol, method=method)
-    return _search(trials, *_reaching(measure, value), start, tuning.accuracy, tuning, elements=area).indentation
+    return _search(trials, *_reaching(measure, value), start, tuning.accuracy, tuning, elements=area).approach
+
+
+def closed_of(surface: Surface) -> Callable[[Contact], float]:
+    """Return the free volume closed since the first touch, over σ, as a function of a contact.
+
+    It is taken from the gaps. Those of an estimate on a straight line between two states are too large, as gaps are
+    convex, so it is a bound as A* and p* are.
+
+    Parameters
+    ----------
+    surface : Surface
+        The surface pressed.
+
+    Returns
+    -------
+    callable
+        Contact ↦ (z_max - mean(z))/σ - V*, which never falls under more contact.
+    """
+    depth = (surface.z_max - surface.mean_height) / surface.unit
+    return lambda contact: depth - float(contact.gap().mean())
 
 
 def state_reaching(
@@ -181,7 +213,7 @@ def state_reaching(
         If a solve does not converge.
     """
     if elements and len(between) == 1:
-        touch = trials.at(min(trials.rtol, 0.5 * between[0].indentation), trials.untouched)
+        touch = trials.at(min(trials.rtol, 0.5 * between[0].approach), trials.untouched)
         if measure(touch) >= value:
             return touch
         between = [touch, *between]
@@ -230,7 +262,7 @@ def first_indentation(
         If a solve does not converge.
     """
     trials = Trials(surface, half_space, rtol=rtol, method=method)
-    return _search(trials, reached, lambda _: math.inf, _mean_plane(surface), accuracy, tuning).indentation
+    return _search(trials, reached, lambda _: math.inf, _mean_plane(surface), accuracy, tuning).approach
 
 
 def _reaching(measure: Callable[[Contact], float], value: float) -> tuple[Callable[[Contact], bool], Guess]:
@@ -241,9 +273,9 @@ def _reaching(measure: Callable[[Contact], float], value: float) -> tuple[Callab
         power, last = 2.0, states[-1]
         if not measure(last) > 0.0:
             return math.inf
-        if len(states) > 1 and 0.0 < measure(states[-2]) != measure(last):
-            power = math.log(measure(last) / measure(states[-2])) / math.log(last.indentation / states[-2].indentation)
-        return last.indentation * float((value / measure(last)) ** (1.0 / max(power, 0.5)))
+        if len(states) > 1 and states[-2].approach > 0.0 and 0.0 < measure(states[-2]) != measure(last):
+            power = math.log(measure(last) / measure(states[-2])) / math.log(last.approach / states[-2].approach)
+        return last.approach * float((value / measure(last)) ** (1.0 / max(power, 0.5)))
 
     return lambda contact: measure(contact) >= value, guess
 
@@ -282,32 +314,32 @@ def _search(
             pair = _nearest(indentation, [*below[::-1], *above], tuning.clear)
             solved = [trials.at(indentation, *pair, rtol=tolerance)]
         for contact in solved:
-            below, above = ([s for s in side if s.indentation != contact.indentation] for side in (below, above))
-            if holds(trials.line(contact, contact), contact.indentation):
+            below, above = ([s for s in side if s.approach != contact.approach] for side in (below, above))
+            if holds(trials.line(contact, contact), contact.approach):
                 above = sorted([contact, *above], key=_indentation)[:2]
             elif contact.contact_area_fraction < 1.0 or math.isfinite(guess([contact])) or reached(contact):
                 # The last: reached with elements on the brink, as a flat surface is in contact everywhere at once.
                 below = sorted([contact, *below], key=_indentation, reverse=True)[:2]
             else:
-                message = f"not reached at full contact (Δ/σ = {contact.indentation:g}) either"
+                message = f"not reached at full contact (Δ/σ = {contact.approach:g}) either"
                 raise ContactError(message)
         solved = []
-        low = below[0].indentation
+        low = below[0].approach
         if not above:
             growth = min(growth**2, tuning.most_growth) if trial >= tuning.patience else growth
             indentation = min(max(guess(below[::-1]), growth * low), tuning.most_growth * low)
             tolerance = min(tuning.following, 0.01 * (indentation - low))
             continue
-        high = above[0].indentation
+        high = above[0].approach
         finest = trials.tolerance(high)
         goal = accuracy * high + 2.0 * min(finest, below[0].residual + above[0].residual)
         first, last = _bounds(trials, holds, below, above, 0.1 * goal, tuning.line_accuracy)
         width = last - first
         tolerance = tuning.useful * width
         doubtful = [
-            state.indentation
+            state.approach
             for state, end in ((above[0], first), (below[0], last))
-            if state.residual > max(finest, tolerance) and abs(state.indentation - end) <= tuning.sure * state.residual
+            if state.residual > max(finest, tolerance) and abs(state.approach - end) <= tuning.sure * state.residual
         ]
         if doubtful:  # a rough state so near the root may lie on the other side of it
             indentation = doubtful[0]
@@ -337,22 +369,22 @@ def _bounds(
     """
 
     def root(one: Contact, other: Contact, start: float, end: float, sign: float) -> tuple[float, float]:
-        line, distance = trials.line(one, other), other.indentation - one.indentation
-        rough = [max(0.0, state.residual - trials.tolerance(state.indentation)) / distance for state in (one, other)]
+        line, distance = trials.line(one, other), other.approach - one.approach
+        rough = [max(0.0, state.residual - trials.tolerance(state.approach)) / distance for state in (one, other)]
         while end - start > max(fine, share * min(end - low, high - start)):
             middle = 0.5 * (start + end)
-            noise = rough[0] * abs(other.indentation - middle) + rough[1] * abs(middle - one.indentation)
+            noise = rough[0] * abs(other.approach - middle) + rough[1] * abs(middle - one.approach)
             start, end = (start, middle) if holds(line, middle, 2.0 * sign * noise) else (middle, end)
         return start, end
 
-    low, high = below[0].indentation, above[0].indentation
+    low, high = below[0].approach, above[0].approach
     last = root(below[0], above[0], low, high, 1.0)[1]
     sides = [sorted(side, key=_indentation) for side in (below, above) if len(side) == 2]
     return max([low, *(root(one, other, low, last, -1.0)[0] for one, other in sides)]), last
 
 
 def _indentation(contact: Contact) -> float:
-    return contact.indentation
+    return contact.approach
 
 
 def _nearest(indentation: float, states: list[Contact], clear: float) -> tuple[Contact, Contact | None]:
@@ -362,8 +394,8 @@ def _nearest(indentation: float, states: list[Contact], clear: float) -> tuple[C
 
     def error(pair: tuple[Contact, Contact]) -> float:
         one, other = pair
-        noise = max(one.residual, other.residual) / abs(other.indentation - one.indentation)
-        return math.prod(abs(indentation - state.indentation) for state in pair) * (1.0 + noise / clear)
+        noise = max(one.residual, other.residual) / abs(other.approach - one.approach)
+        return math.prod(abs(indentation - state.approach) for state in pair) * (1.0 + noise / clear)
 
     one, other = min(itertools.combinations(states, 2), key=error)
     return other, one

@@ -22,8 +22,11 @@ class Compliance(Protocol):
         K(i, j) of the non-negative offsets, in units δ/(π E*).
     convolutions, convolutions_fp32 : float
         Convolutions so far, by precision, in units of one on the full grid.
+    periodic : bool
+        Whether the grid is one period of a plane. Mean displacements only relabel the indentation there.
     """
 
+    periodic: bool
     shape: tuple[int, int]
     influence: Array
     convolutions: float
@@ -50,9 +53,11 @@ class Contact:
     Attributes
     ----------
     indentation : float
-        Δ/σ.
+        Δ/σ. On a periodic surface that of the mean planes, (z_max - mean(z) - d)/σ: at most z_max - mean(z).
     separation : float
-        d/σ = (z_max - mean(z) - Δ)/σ, rigid and far-field.
+        d/σ = (z_max - mean(z) - Δ)/σ, rigid and far-field. On a periodic surface the mean gap, less the plastic volume.
+    approach : float
+        Δ'/σ, the number that `sweep` takes: Δ/σ. On a periodic surface (Δ + mean(u))/σ, see `periodic`.
     contact_area_fraction : float
         A*, elements with p > 0 over all elements.
     mean_pressure : float
@@ -78,6 +83,8 @@ class Contact:
         Mean plastic displacement over σ, ≥ 0; 0 in elastic contact.
     plastic_area_fraction : float
         Elements that have yielded, now or before, over all elements.
+    periodic : bool
+        Whether the surface is one period of a plane.
     """
 
     indentation: float
@@ -85,6 +92,7 @@ class Contact:
     contact_area_fraction: float
     mean_pressure: float
     free_volume: float
+    approach: float
     iterations: int
     convolutions: float
     convolutions_fp32: float
@@ -98,11 +106,13 @@ class Contact:
     _pressure: Array = field(repr=False)  # q on the elements
     _state: State = field(repr=False)
     _leg: Leg = field(repr=False)
+    _intervals: int = field(repr=False)
+    periodic: bool = False
 
     def pressure(self) -> Array:
         """Return the pressure p L/(E* σ) ≥ 0, shape of the surface."""
         pressure = np.zeros(self.shape)
-        pressure.flat[self._elements] = np.pi * (self.shape[0] - 1) * self._pressure
+        pressure.flat[self._elements] = np.pi * self._intervals * self._pressure
         return pressure
 
     def gap(self) -> Array:

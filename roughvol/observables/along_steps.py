@@ -26,11 +26,13 @@ class AlongSteps:
         self._windows: dict[float, regions.Window] = {}
         if widths is not None:
             self._levels |= regions.levels(widths)
-            self._windows = {w: regions.window_of(regions.central(w), surface.shape) for w in widths.shares}
+            self._windows = {
+                w: regions.window_of(regions.central(w), surface.shape, periodic=case.periodic) for w in widths.shares
+            }
             self.values["region_width"] = list(widths.shares)
         self.seconds = dict.fromkeys(self._levels, 0.0)
         rows, columns = window(case, surface.shape)
-        self._origin, self._nodes = np.array([rows.start, columns.start]), surface.shape[0]
+        self._origin, self._intervals = np.array([rows.start, columns.start]), surface.intervals[0]
         if "percolation" in self._levels:
             self.values["size"] = void.size_classes((rows.stop - rows.start) * (columns.stop - columns.start))
         if "constriction" in self._levels:
@@ -66,6 +68,6 @@ class AlongSteps:
             self.seconds[name] += taken
         for name, value in (outcome | inside).items():
             if name.startswith("critical_position"):
-                value = (value + self._origin) / (self._nodes - 1)  # over L, as x and y are
+                value = (value + self._origin) / self._intervals  # over L, as x and y are
             absent = np.full((self.case.sweep.steps, *np.shape(value)), np.nan)
             self.values.setdefault(name, absent)[step - 1] = value

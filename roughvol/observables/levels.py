@@ -43,6 +43,8 @@ def end_of(case: Case) -> Callable[[Contact], bool] | None:
         return lambda contact: within(contact, case).contact_area_fraction >= value
     if kind == "pressure":
         return lambda contact: within(contact, case).mean_pressure >= value
+    if kind == "free_volume":
+        return lambda contact: within(contact, case).free_volume <= value
     return None
 
 
@@ -83,6 +85,8 @@ def reached(level: Level, step: int, contact: State, case: Case) -> bool:
             return step == level.value
         case "separation":
             return contact.separation <= level.value + slack
+        case "free_volume":
+            return contact.free_volume <= level.value + slack
         case "indentation":
             return contact.indentation >= level.value - slack
         case "contact_area":
@@ -139,24 +143,42 @@ def options_of(case: Case, surface: Surface) -> dict[str, Any]:
     }
 
 
-def measure_of(kind: str, case: Case) -> Callable[[Contact], float]:
-    """Return the quantity of a level: A* or p* in the region of the study, or 1 where no void percolates.
+def searched(level: Level, surface: Surface) -> bool:
+    """Return whether the indentation of a level is searched for. Indentation and separation follow on a free patch."""
+    return level.kind in TARGETS or (surface.periodic and level.kind in ("indentation", "separation"))
+
+
+def measure_of(level: Level, case: Case, surface: Surface) -> tuple[Callable[[Contact], float], float]:
+    """Return the quantity of a level, and its value there.
 
     Parameters
     ----------
-    kind : str
-        contact_area, pressure, or the end of percolation.
+    level : Level
+        contact_area, pressure or free_volume in the region of the study; the end of percolation; indentation or
+        separation of a periodic surface.
     case : Case
         Names the region.
+    surface : Surface
+        The surface pressed.
 
     Returns
     -------
-    callable
-        Contact ↦ float that never falls under more contact.
+    measure : callable
+        Contact ↦ float that never falls under more contact: A*, p*, the volume closed since the first touch, or 1 where
+        no void percolates.
+    value : float
+        Its value at the level.
     """
+    kind, value = level.kind, level.value or 0.0
     if kind.startswith("percolation"):
-        return lambda contact: float(void.stops_percolating(kind, within(contact, case)))
-    return lambda contact: float(getattr(within(contact, case), TARGETS[kind]))
+        return lambda contact: float(void.stops_percolating(kind, within(contact, case))), 1.0
+    depth = (surface.z_max - surface.mean_height) / surface.unit
+    if kind == "free_volume":
+        return lambda contact: depth - float(within(contact, case).gap().mean()), depth - value
+    if kind in ("indentation", "separation"):
+        closed = value if kind == "indentation" else depth - value
+        return lambda contact: depth - float(contact.gap().mean()) + contact.plastic_volume, closed
+    return lambda contact: float(getattr(within(contact, case), TARGETS[kind])), value
 
 
 def at_level(
@@ -170,13 +192,13 @@ def at_level(
 ) -> Contact:
     """Return the state at a level between two steps of a sweep, and leave the sweep as it is.
 
-    At an indentation or a separation one state is solved. An area or a pressure, of the region of the study, is
-    searched for between the two steps.
+    At an indentation or a separation of a free patch one state is solved. Other levels, those of areas, pressures and
+    volumes in the region of the study, are searched for between the two steps.
 
     Parameters
     ----------
     level : Level
-        Of the kind indentation, separation, contact_area or pressure.
+        Of the kind indentation, separation, contact_area, pressure or free_volume.
     case : Case
         Its solver and region.
     surface : Surface
@@ -202,22 +224,23 @@ def at_level(
     """
     value = level.value or 0.0
     options = options_of(case, surface)
-    falls = bool(earlier) and after.indentation < earlier[-1]["indentation"]
-    if level.kind in TARGETS and (case.plastic or falls):
+    falls = bool(earlier) and after.approach < earlier[-1]["indentation"]
+    if searched(level, surface):
+        measure, value = measure_of(level, case, surface)
+        value *= 1.0 - ROUNDING
+    if searched(level, surface) and (case.plastic or falls):
         trials = Trials(surface, half_space, after=after.state(), **options)
         start = trials.known(earlier[-1], residual) if earlier else trials.untouched
-        measure, value = measure_of(level.kind, case), value * (1.0 - ROUNDING)
         return state_crossing(trials, measure, value, start, trials.known(after.state(), after.residual))
-    if level.kind in TARGETS:
-        name = TARGETS[level.kind]
+    if searched(level, surface):
         trials = Trials(surface, half_space, **options)
         between = [trials.known(state, residual) for state in earlier[-1:]]
         trials.least = between[0] if between else None
         between.append(trials.known(after.state(), after.residual))
         return search.state_reaching(
             trials,
-            lambda contact: float(getattr(within(contact, case), name)),
-            value * (1.0 - ROUNDING),
+            measure,
+            value,
             between,
             elements=level.kind == "contact_area",
         )

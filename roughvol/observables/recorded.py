@@ -222,4 +222,5 @@ def searched_levels(case: Case) -> int:
         Number of levels.
     """
     levels = {level for by_label in asked_at_states(case.record).values() for level in by_label.values()}
-    return sum(level.kind in TARGETS and level != case.sweep.target for level in levels)
+    searched = (*TARGETS, "indentation", "separation") if case.periodic else TARGETS
+    return sum(level.kind in searched and level != case.sweep.target for level in levels)

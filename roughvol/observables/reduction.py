@@ -63,13 +63,12 @@ def of_surface(case: Case, surface: Surface) -> Values:
         Values by stored name.
     """
     heights, spacing = surface.heights, surface.spacing
-    values: Values = {"Sq": surface.Sq, "Sdq": texture.Sdq(heights, spacing), "z_max": surface.z_max}
+    values: Values = {"Sq": surface.Sq, "Sdq": texture.Sdq(surface.with_neighbours, spacing), "z_max": surface.z_max}
     values["hurst_measured"] = texture.hurst_spectrum(heights, spacing)
     rows, columns = surface.shape
     values |= {"nodes_x": rows, "nodes_y": columns}
     if fields_of(case.record) > 0:
-        intervals = rows - (not surface.periodic)
-        values |= {"x": np.arange(rows) / intervals, "y": np.arange(columns) / intervals}
+        values |= {"x": np.arange(rows) / surface.intervals[0], "y": np.arange(columns) / surface.intervals[0]}
     if case.record.heights:
         values["heights"] = heights
     if case.record.texture is not None:

@@ -16,6 +16,7 @@ from roughvol.contact.loading import Contact
 from roughvol.errors import ContactError, Problem, StudyError
 from roughvol.observables import transport, void
 from roughvol.study import Case, Level, Region, RegionWidths
+from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array, Mask
 
 Window = tuple[slice, slice]
@@ -65,6 +66,7 @@ class Within:
         """Elements inside that have yielded, over all inside."""
         return float(self.whole.yielded()[self._window].mean())
 
+    periodic = False  # a part of a period is none
     mean_pressure_bound = math.nan  # only the pressure on the whole surface is certified
 
     def __getattr__(self, name: str) -> Any:
@@ -113,10 +115,10 @@ def window(case: Case, shape: tuple[int, int]) -> Window:
     ContactError
         If fewer than two lie in it along an axis.
     """
-    return window_of(case.record.region or Region(), shape)
+    return window_of(case.record.region or Region(), shape, periodic=case.periodic)
 
 
-def window_of(region: Region, shape: tuple[int, int]) -> Window:
+def window_of(region: Region, shape: tuple[int, int], *, periodic: bool = False) -> Window:
     """Return the rows and columns of the elements whose centres lie in a region.
 
     Parameters
@@ -125,6 +127,8 @@ def window_of(region: Region, shape: tuple[int, int]) -> Window:
         Shares of the sides.
     shape : tuple of int
         Nodes along both axes.
+    periodic : bool
+        Whether a side is one spacing longer than its nodes.
 
     Returns
     -------
@@ -138,7 +142,8 @@ def window_of(region: Region, shape: tuple[int, int]) -> Window:
     """
     slices = []
     for (start, end), nodes in zip((region.x, region.y), shape, strict=True):
-        first, last = math.ceil(start * (nodes - 1) - ROUNDING), math.floor(end * (nodes - 1) + ROUNDING)
+        side = intervals(nodes, periodic)
+        first, last = math.ceil(start * side - ROUNDING), min(math.floor(end * side + ROUNDING), nodes - 1)
         if last <= first:
             message = f"the region {region.label} of {shape[0]} × {shape[1]} elements is fewer than 2 × 2"
             raise ContactError(message)
@@ -168,7 +173,7 @@ def check(case: Case, shape: tuple[int, int]) -> None:
     problems = []
     for key, region in asked:
         try:
-            window_of(region, shape)
+            window_of(region, shape, periodic=case.periodic)
         except ContactError as error:
             problems.append(Problem(str(error), key))
     if problems:

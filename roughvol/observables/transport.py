@@ -14,6 +14,9 @@ other sides or into closed elements. Finite volumes: two open neighbours are joi
 reservoir and its neighbour by 2k. Coefficients are over those of two smooth plates at the mean gap, contact included,
 between the same reservoirs. Neither the unit of g nor the spacing enters.
 
+Of a periodic surface, one period lies between the reservoirs, and the two other sides are joined. `cell_conduction` has
+no reservoirs: the pressure falls by the same mean gradient in every period, and flows are those of the endless plane.
+
 Decades of conductance
 ----------------------
 g³ easily spans more decades than a double has digits. With h_c the critical constriction, every path contains an
@@ -26,11 +29,14 @@ two reservoirs. The flow in wide waters before and behind a constriction then ke
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, optimize, sparse
+from scipy.sparse import csgraph
 from scipy.sparse import linalg as sparse_linalg
 
 from roughvol.errors import ContactError
@@ -47,11 +53,11 @@ class Connectivity(NamedTuple):
     Attributes
     ----------
     percolates_x, percolates_y : whether a path through open elements leads from side to side along the axis.
-    connected : share of the free volume whose void reaches a side of the patch.
+    connected : share of the free volume whose void reaches a side of the patch; of a periodic surface, percolates.
     percolating : share of the free volume whose void percolates, along either axis.
     trapped : share of the free volume in pockets; connected + trapped = 1 (NaN where there is no volume).
     contact_clusters : sizes of the 8-connected clusters of contact [elements], the largest first.
-    trapped_pockets : sizes of the 4-connected pockets of void that reach no side [elements], the largest first.
+    trapped_pockets : sizes of the 4-connected pockets of void that are not connected [elements], the largest first.
     """
 
     percolates_x: bool
@@ -85,7 +91,7 @@ class Conduction(NamedTuple):
     flux: Array
 
 
-def percolates(void: Mask, axis: int) -> bool:
+def percolates(void: Mask, axis: int, *, periodic: bool = False) -> bool:
     """Return whether 4-connected void leads from the first to the last line of elements along an axis.
 
     Parameters
@@ -94,17 +100,19 @@ def percolates(void: Mask, axis: int) -> bool:
         True where open.
     axis : int
         0 for x, 1 for y.
+    periodic : bool
+        Whether the field is one period: elements at opposite sides across the axis are neighbours.
 
     Returns
     -------
     bool
         Whether a path exists.
     """
-    labels, _ = ndimage.label(void, _SIDES)
+    labels, _ = _labelled(void, _SIDES, _joined(axis, periodic))
     return bool(_spanning(labels, axis).size)
 
 
-def connectivity(gap: Array, contact: Mask) -> Connectivity:
+def connectivity(gap: Array, contact: Mask, *, periodic: bool = False) -> Connectivity:
     """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void.
 
     Parameters
@@ -113,6 +121,8 @@ def connectivity(gap: Array, contact: Mask) -> Connectivity:
         Gap g ≥ 0 [any length]; open is g > 0.
     contact : ndarray of bool, shape of ``gap``
         True where p > 0; its clusters are counted.
+    periodic : bool
+        Whether the field is one period. Clusters and pockets are then those of the endless plane.
 
     Returns
     -------
@@ -128,16 +138,22 @@ def connectivity(gap: Array, contact: Mask) -> Connectivity:
     if contact.shape != gap.shape or contact.dtype != np.bool_ or np.any(gap[contact]):
         message = f"contact must be a bool mask of shape {gap.shape} with gap 0, got {contact.dtype} {contact.shape}"
         raise ContactError(message)
-    labels, count = ndimage.label(gap > 0.0, _SIDES)
+    everywhere = (periodic, periodic)
+    void: Mask = gap > 0.0
+    labels, count = _labelled(void, _SIDES, everywhere)
     volumes = np.bincount(labels.ravel(), (gap / (gap.max() or 1.0)).ravel(), count + 1)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     along = [_spanning(labels, axis) for axis in (0, 1)]
     reaches = np.zeros(count + 1, dtype=np.bool_)
-    for line in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
-        reaches[line] = True
+    if periodic:
+        along = [_spanning_period(labels, void, axis) for axis in (0, 1)]
+        reaches[np.union1d(*along)] = True
+    else:
+        for line in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+            reaches[line] = True
     reaches[0] = True  # label 0 is the closed rest, without volume
     total = volumes.sum() or np.nan
-    clusters, _ = ndimage.label(contact, _SIDES_AND_CORNERS)
+    clusters, _ = _labelled(contact, _SIDES_AND_CORNERS, everywhere)
     return Connectivity(
         percolates_x=bool(along[0].size),
         percolates_y=bool(along[1].size),
@@ -149,7 +165,7 @@ def connectivity(gap: Array, contact: Mask) -> Connectivity:
     )
 
 
-def constriction(gap: Array, axis: int) -> Constriction:
+def constriction(gap: Array, axis: int, *, periodic: bool = False) -> Constriction:
     """Return the critical constriction: the largest h_c such that the elements with g ≥ h_c still percolate.
 
     Elements are taken in the order of falling gap, equal ones row by row. Bisection on this order finds the one that
@@ -161,6 +177,8 @@ def constriction(gap: Array, axis: int) -> Constriction:
         Gap g ≥ 0 [any length]; open is g > 0.
     axis : int
         0 for x, 1 for y.
+    periodic : bool
+        Whether the field is one period: elements at opposite sides across the axis are neighbours.
 
     Returns
     -------
@@ -172,6 +190,11 @@ def constriction(gap: Array, axis: int) -> Constriction:
     ContactError
         If the gap is no 2-D field of finite numbers ≥ 0.
     """
+    return _critical(gap, axis, functools.partial(percolates, axis=axis, periodic=periodic))
+
+
+def _critical(gap: Array, axis: int, connected: Callable[[Mask], bool]) -> Constriction:
+    """Return the largest gap at which the elements as wide as that are connected along an axis."""
     _check(gap)
     order = np.argsort(-gap, axis=None, kind="stable")
     rank = np.empty(gap.size, dtype=np.intp)
@@ -179,11 +202,11 @@ def constriction(gap: Array, axis: int) -> Constriction:
     ranks = rank.reshape(gap.shape)
     # a path takes at least one element of every line across it
     low, high = int(ranks.min(axis=1 - axis).max()) - 1, int(np.count_nonzero(gap)) - 1
-    if high <= low or not percolates(ranks <= high, axis):
+    if high <= low or not connected(ranks <= high):
         return Constriction(0.0, None)
     while high - low > 1:
         middle = (low + high) // 2
-        if percolates(ranks <= middle, axis):
+        if connected(ranks <= middle):
             high = middle
         else:
             low = middle
@@ -191,7 +214,7 @@ def constriction(gap: Array, axis: int) -> Constriction:
     return Constriction(float(gap[row, column]), (row, column))
 
 
-def conduction(gap: Array, axis: int, exponent: float = 3.0) -> Conduction:
+def conduction(gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool = False) -> Conduction:
     """Return the flow of div(g^n grad P) = 0 along an axis over that of two smooth plates at the mean gap.
 
     Solved by a sparse factorisation on the clusters that percolate; boundary values and normalisation as at the top of
@@ -205,6 +228,8 @@ def conduction(gap: Array, axis: int, exponent: float = 3.0) -> Conduction:
         Direction of the flow, 0 for x, 1 for y.
     exponent : float
         n of the local conductance, > 0.
+    periodic : bool
+        Whether the field is one period: elements at opposite sides across the axis are neighbours.
 
     Returns
     -------
@@ -217,29 +242,135 @@ def conduction(gap: Array, axis: int, exponent: float = 3.0) -> Conduction:
         If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
     """
     _check_exponent(exponent)
-    critical = constriction(gap, axis).gap
+    critical = constriction(gap, axis, periodic=periodic).gap
     if critical == 0.0:
         return Conduction(0.0, 0.0, np.zeros((2, *gap.shape)))
     along = gap if axis == 0 else gap.T
-    # k over its critical value; logarithms, because powers of a ratio of gaps can leave the range of doubles
-    with np.errstate(divide="ignore"):
-        log_k = exponent * (np.log(along) - np.log(critical))
-    labels, _ = ndimage.label(log_k >= -np.log(_WINDOW), _SIDES)
+    log_k = _log_conductance(along, critical, exponent)
+    labels, _ = _labelled(log_k >= -np.log(_WINDOW), _SIDES, _joined(0, periodic))
     flowing = np.isin(labels, _spanning(labels, 0))
     k = np.where(flowing, np.exp(np.clip(log_k, -np.log(_WINDOW), np.log(_WINDOW))), 0.0)
-    flow = _flow(k, flowing)
+    flow = _flow(k, flowing, periodic)
     inflow, outflow = float(flow.down[0].sum()), float(flow.down[-1].sum())
     # over the flux between the plates, as many elements apart, under the same drop of pressure
     largest = gap.max()
     log_mean = np.log(largest) - np.log(critical) + np.log(np.mean(gap / largest))
     over_plates = float(np.exp(-exponent * log_mean)) * along.shape[0]
-    aside = np.pad(flow.across, ((0, 0), (1, 1)))
+    aside = np.pad(flow.across, ((0, 0), (1, 0)), mode="wrap") if periodic else np.pad(flow.across, ((0, 0), (1, 1)))
     flux = 0.5 * over_plates * np.stack([flow.down[1:] + flow.down[:-1], aside[:, 1:] + aside[:, :-1]])
     return Conduction(
         coefficient=flow.dissipation * over_plates / along.shape[1],
         conservation_error=max(abs(inflow - flow.dissipation), abs(outflow - flow.dissipation)) / flow.dissipation,
         flux=flux if axis == 0 else flux[::-1].transpose(0, 2, 1),
     )
+
+
+def cell_conduction(gap: Array, axis: int, exponent: float = 3.0) -> float:
+    """Return the flow through the endless plane of a periodic gap over that between two plates at the mean gap.
+
+    The representative cell: div(g^n grad P) = 0, with P falling by the same mean gradient along the axis in every
+    period, and no mean gradient across. The coefficient is the dissipation per element, Σ k (δP)²/N at one unit of mean
+    gradient, over (mean g)^n. It is 0 where no void leads on from period to period without end.
+
+    Parameters
+    ----------
+    gap : ndarray, shape (rows, columns)
+        One period of the gap g ≥ 0 [any length].
+    axis : int
+        Direction of the mean flow, 0 for x, 1 for y.
+    exponent : float
+        n of the local conductance, > 0.
+
+    Returns
+    -------
+    float
+        Coefficient [1].
+
+    Raises
+    ------
+    ContactError
+        If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
+    """
+    _check_exponent(exponent)
+    along = gap if axis == 0 else gap.T
+    critical = _critical(along, 0, endless).gap
+    if critical == 0.0:
+        return 0.0
+    log_k = _log_conductance(along, critical, exponent)
+    flowing = log_k >= -np.log(_WINDOW)
+    labels, _ = _labelled(flowing, _SIDES, (True, True))
+    k = np.where(flowing, np.exp(np.clip(log_k, -np.log(_WINDOW), np.log(_WINDOW))), 0.0)
+    number = np.cumsum(flowing.ravel()).reshape(along.shape) - 1
+    size, tails, heads, weights, imposed = int(flowing.sum()), [], [], [], []
+    for shift in (0, 1):
+        w = _harmonic(k, np.roll(k, -1, axis=shift))
+        joins = w > 0.0
+        tails.append(number[joins])
+        heads.append(np.roll(number, -1, axis=shift)[joins])
+        weights.append(w[joins])
+        imposed.append(np.full(weights[-1].size, 1.0 - shift))
+    tail, head, w, drop = (np.concatenate(parts) for parts in (tails, heads, weights, imposed))
+    diagonal = np.bincount(tail, w, size) + np.bincount(head, w, size)
+    # P is free to a constant in every cluster: its first element is held
+    held = np.zeros(size, dtype=np.bool_)
+    held[np.unique(labels[flowing], return_index=True)[1]] = True
+    held |= diagonal == 0.0
+    free = np.flatnonzero(~held)
+    scale = np.zeros(size)
+    scale[free] = 1.0 / np.sqrt(diagonal[free])
+    off = -w * scale[tail] * scale[head]
+    places = np.concatenate([tail, head]), np.concatenate([head, tail])
+    matrix = sparse.csc_matrix((np.concatenate([off, off]), places), shape=(size, size))[free][:, free]
+    matrix = sparse.csc_matrix(matrix + sparse.eye_array(free.size))
+    factor = sparse_linalg.splu(matrix, **_SPLU)
+    p = np.zeros(size)
+    for _ in range(_SOLVES):
+        flux = w * (drop + p[tail] - p[head])
+        surplus = np.bincount(head, flux, size) - np.bincount(tail, flux, size)
+        p[free] += scale[free] * factor.solve((scale * surplus)[free])
+    drops = drop + p[tail] - p[head]
+    largest = gap.max()
+    log_mean = np.log(largest) - np.log(critical) + np.log(np.mean(gap / largest))
+    return float((w * drops) @ drops / gap.size * np.exp(-exponent * log_mean))
+
+
+def endless(void: Mask) -> bool:
+    """Return whether 4-connected void of a periodic field leads along axis 0 from period to period without end.
+
+    A path from side to side may miss its own continuation in the next period. Clusters between the seams are numbered
+    by the period they lie in; a cluster that meets itself in another period leads on without end.
+
+    Parameters
+    ----------
+    void : ndarray of bool
+        True where open, one period.
+
+    Returns
+    -------
+    bool
+        Whether such a path exists.
+    """
+    labels, _ = _labelled(void, _SIDES, (False, True))
+    over = (labels[-1] > 0) & (labels[0] > 0)
+    neighbours: dict[int, list[tuple[int, int]]] = {}
+    for before, after in np.unique(np.stack([labels[-1][over], labels[0][over]]), axis=1).T.tolist():
+        neighbours.setdefault(before, []).append((after, 1))
+        neighbours.setdefault(after, []).append((before, -1))
+    period: dict[int, int] = {}
+    for start in neighbours:
+        if start in period:
+            continue
+        period[start] = 0
+        waiting = [start]
+        while waiting:
+            here = waiting.pop()
+            for there, step in neighbours[here]:
+                if there not in period:
+                    period[there] = period[here] + step
+                    waiting.append(there)
+                elif period[there] != period[here] + step:
+                    return True
+    return False
 
 
 def effective_medium(gap: Array, exponent: float = 3.0) -> float:
@@ -284,7 +415,7 @@ def effective_medium(gap: Array, exponent: float = 3.0) -> float:
     return float(np.exp(root - exponent * np.log(np.mean(gap / values.max()))))
 
 
-def single_junction(gap: Array, axis: int, exponent: float = 3.0) -> float:
+def single_junction(gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool = False) -> float:
     """Return the estimate of the coefficient of `conduction` from the critical constriction alone.
 
     All pressure drops over one square junction of the gap h_c of `constriction`. The coefficient is (h_c/mean g)^n
@@ -299,6 +430,8 @@ def single_junction(gap: Array, axis: int, exponent: float = 3.0) -> float:
         Direction of the flow, 0 for x, 1 for y.
     exponent : float
         n of the local conductance, > 0.
+    periodic : bool
+        Whether the field is one period: elements at opposite sides across the axis are neighbours.
 
     Returns
     -------
@@ -311,7 +444,7 @@ def single_junction(gap: Array, axis: int, exponent: float = 3.0) -> float:
         If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
     """
     _check_exponent(exponent)
-    critical = constriction(gap, axis).gap
+    critical = constriction(gap, axis, periodic=periodic).gap
     if critical == 0.0:
         return 0.0
     largest = gap.max()
@@ -321,7 +454,8 @@ def single_junction(gap: Array, axis: int, exponent: float = 3.0) -> float:
 class _Flow(NamedTuple):
     """Fluxes through the faces of a field of shape (rows, columns), and the power they dissipate.
 
-    ``down``, shape (rows + 1, columns), runs from the inlet to the outlet; ``across`` has shape (rows, columns - 1).
+    ``down``, shape (rows + 1, columns), runs from the inlet to the outlet; ``across`` has shape (rows, columns - 1), or
+    one column more with the faces between the last and the first column of a period.
     """
 
     down: Array
@@ -329,7 +463,7 @@ class _Flow(NamedTuple):
     dissipation: float
 
 
-def _flow(k: Array, flowing: Mask) -> _Flow:
+def _flow(k: Array, flowing: Mask, periodic: bool) -> _Flow:
     """Return the flow along axis 0 between P = 1 and P = 0 through the flowing elements, which are open and connected.
 
     Unknown is u = P - R with R = 0 or 1, whichever is nearer. Where P differs from a reservoir by less than rounding, u
@@ -340,18 +474,17 @@ def _flow(k: Array, flowing: Mask) -> _Flow:
     number[-1] = size + 1
     number[1:-1][flowing] = np.arange(size)
     down = np.vstack([2.0 * k[:1], _harmonic(k[:-1], k[1:]), 2.0 * k[-1:]])
-    across = _harmonic(k[:, :-1], k[:, 1:])
+    beside = np.roll(number[1:-1], -1, axis=1)[:, : k.shape[1] - (not periodic)]
+    across = _harmonic(k, np.roll(k, -1, axis=1))[:, : beside.shape[1]]
     joins_down, joins_across = down > 0.0, across > 0.0
-    tail = np.concatenate([number[:-1][joins_down], number[1:-1, :-1][joins_across]])
-    head = np.concatenate([number[1:][joins_down], number[1:-1, 1:][joins_across]])
+    tail = np.concatenate([number[:-1][joins_down], number[1:-1, : beside.shape[1]][joins_across]])
+    head = np.concatenate([number[1:][joins_down], beside[joins_across]])
     w = np.concatenate([down[joins_down], across[joins_across]])
     scale = 1.0 / np.sqrt(np.bincount(tail, w, size + 2) + np.bincount(head, w, size + 2))
     off, diagonal = -w * scale[tail] * scale[head], np.arange(size + 2)
     places = np.concatenate([diagonal, tail, head]), np.concatenate([diagonal, head, tail])
     matrix = sparse.csc_matrix((np.concatenate([np.ones(size + 2), off, off]), places))[:size, :size]
-    # an M-matrix needs no pivoting, so the order may follow the sparsity alone
-    options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-    factor = sparse_linalg.splu(matrix, **options)
+    factor = sparse_linalg.splu(matrix, **_SPLU)
     u, nearer = np.zeros(size + 2), np.zeros(size + 2)
     nearer[size] = 1.0
 
@@ -370,6 +503,12 @@ def _flow(k: Array, flowing: Mask) -> _Flow:
     return _Flow(down, across, float(flux @ drops()))
 
 
+# an M-matrix needs no pivoting, so the order may follow the sparsity alone
+_SPLU: dict[str, Any] = {
+    "permc_spec": "MMD_AT_PLUS_A",
+    "diag_pivot_thresh": 0.0,
+    "options": {"SymmetricMode": True},
+}
 _SOLVES = 3  # the first solves, the second gives u the digits that P has not, the third takes rounding off
 
 
@@ -377,6 +516,42 @@ def _harmonic(a: Array, b: Array) -> Array:
     """Return 2ab/(a + b), 0 where one of them is."""
     both = (a > 0.0) & (b > 0.0)
     return np.divide(2.0 * a * b, a + b, out=np.zeros(a.shape), where=both)
+
+
+def _log_conductance(gap: Array, critical: float, exponent: float) -> Array:
+    """Return log k over its critical value: powers of a ratio of gaps can leave the range of doubles."""
+    with np.errstate(divide="ignore"):
+        log_k: Array = exponent * (np.log(gap) - np.log(critical))
+    return log_k
+
+
+def _joined(axis: int, periodic: bool) -> tuple[bool, bool]:
+    """Return along which axes opposite sides are joined, for a flow along one of them."""
+    return periodic and axis == 1, periodic and axis == 0
+
+
+def _labelled(mask: Mask, structure: NDArray[Any], joined: tuple[bool, bool]) -> tuple[NDArray[np.integer], int]:
+    """Return the numbers of the connected clusters, and how many there are. Sides may be joined along each axis."""
+    if not any(joined):
+        labels, count = ndimage.label(mask, structure)
+        return labels, int(count)
+    margin = [(int(join), int(join)) for join in joined]
+    labels, count = ndimage.label(np.pad(mask, margin, mode="wrap"), structure)
+    inside = labels[
+        tuple(slice(before, size - after) for (before, after), size in zip(margin, labels.shape, strict=True))
+    ]
+    same = np.pad(inside, margin, mode="wrap")  # an element and its image
+    pairs = np.unique(np.stack([labels.ravel(), same.ravel()])[:, (labels != same).ravel()], axis=1)
+    graph = sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(count + 1, count + 1))
+    _, number = csgraph.connected_components(graph, directed=False)
+    found, numbers = np.unique(number[1:], return_inverse=True)  # 0 is the closed rest, joined to none
+    return np.concatenate([[0], numbers + 1])[inside], found.size
+
+
+def _spanning_period(labels: NDArray[np.integer], void: Mask, axis: int) -> NDArray[np.integer]:
+    """Return the labels of a period that hold a path from side to side along an axis."""
+    between, _ = _labelled(void, _SIDES, _joined(axis, periodic=True))
+    return np.unique(labels[np.isin(between, _spanning(between, axis))])
 
 
 def _spanning(labels: NDArray[np.integer], axis: int) -> NDArray[np.integer]:

@@ -24,6 +24,11 @@ EXPONENTS = {"transmissivity": 3.0, "diffusivity": 1.0}
 class Void(Protocol):
     """What this module needs of a state of contact."""
 
+    @property
+    def periodic(self) -> bool:
+        """Whether the gap is one period of a plane."""
+        ...
+
     def gap(self) -> Array:
         """Return g/σ, exactly 0 in contact."""
         ...
@@ -82,7 +87,11 @@ def stops_percolating(kind: str, state: Void) -> bool:
         Whether the sweep ends.
     """
     void = state.gap() > 0.0
-    return not any(transport.percolates(void, axis) for name, axis in AXES if kind.endswith((name, "both")))
+    return not any(
+        transport.percolates(void, axis, periodic=state.periodic)
+        for name, axis in AXES
+        if kind.endswith((name, "both"))
+    )
 
 
 def of_state(state: Void, quantities: list[str]) -> tuple[Values, dict[str, float]]:
@@ -109,7 +118,7 @@ def of_state(state: Void, quantities: list[str]) -> tuple[Values, dict[str, floa
     values: Values = {}
     seconds: dict[str, float] = {}
     for name in quantities:
-        values |= QUANTITIES[name].of_gap(gap, state.contact)
+        values |= QUANTITIES[name].of_gap(gap, state.contact, state.periodic)
         seconds[name] = time.perf_counter() - started - sum(seconds.values())
     values["transport_time"] = sum(seconds.values())
     return values, seconds
@@ -145,13 +154,13 @@ def flux(state: Void) -> Values:
         Fields and coefficients by stored name.
     """
     gap = state.gap()
-    flows = {axis: transport.conduction(gap, n) for axis, n in AXES}
+    flows = {axis: transport.conduction(gap, n, periodic=state.periodic) for axis, n in AXES}
     values: Values = {f"flux_{axis}": np.hypot(*flow.flux) for axis, flow in flows.items()}
     return values | {f"flux_at_transmissivity_{axis}": flow.coefficient for axis, flow in flows.items()}
 
 
-def _connectivity(gap: Array, contact: Callable[[], Mask]) -> Values:
-    result = transport.connectivity(gap, contact())
+def _connectivity(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
+    result = transport.connectivity(gap, contact(), periodic=periodic)
     edges = np.append(size_classes(gap.size), np.iinfo(np.int64).max)
     return {
         "percolates_x": result.percolates_x,
@@ -166,27 +175,31 @@ def _connectivity(gap: Array, contact: Callable[[], Mask]) -> Values:
     }
 
 
-def _constriction(gap: Array, contact: Callable[[], Mask]) -> Values:
+def _constriction(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
     values: Values = {}
     for axis, n in AXES:
-        narrowest = transport.constriction(gap, n)
+        narrowest = transport.constriction(gap, n, periodic=periodic)
         values[f"critical_gap_{axis}"] = narrowest.gap
         values[f"critical_position_{axis}"] = np.array(narrowest.element or (np.nan, np.nan))
     return values
 
 
-def _conduction(name: str, gap: Array, contact: Callable[[], Mask]) -> Values:
-    flows = {axis: transport.conduction(gap, n, EXPONENTS[name]) for axis, n in AXES}
+def _conduction(name: str, gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
+    flows = {axis: transport.conduction(gap, n, EXPONENTS[name], periodic=periodic) for axis, n in AXES}
     values: Values = {f"{name}_{axis}": flow.coefficient for axis, flow in flows.items()}
     return values | {f"{name}_conservation_error": max(flow.conservation_error for flow in flows.values())}
 
 
-def _estimates(gap: Array, contact: Callable[[], Mask]) -> Values:
+def _cell(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
+    return {f"cell_transmissivity_{axis}": transport.cell_conduction(gap, n) for axis, n in AXES}
+
+
+def _estimates(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
     values: Values = {}
     for name, exponent in EXPONENTS.items():
         values[f"estimate_medium_{name}"] = transport.effective_medium(gap, exponent)
         for axis, n in AXES:
-            values[f"estimate_junction_{name}_{axis}"] = transport.single_junction(gap, n, exponent)
+            values[f"estimate_junction_{name}_{axis}"] = transport.single_junction(gap, n, exponent, periodic=periodic)
     return values
 
 
@@ -195,12 +208,12 @@ class Quantity(NamedTuple):
 
     Attributes
     ----------
-    of_gap : gap field, and a function for the contact mask ↦ numbers by stored name.
+    of_gap : gap field, a function for the contact mask, and whether they are one period ↦ numbers by stored name.
     seconds : per state and node, both axes together, timed at m = 7 … 9.
     flow : whether it factorises, so that its cost grows faster than the nodes.
     """
 
-    of_gap: Callable[[Array, Callable[[], Mask]], Values]
+    of_gap: Callable[[Array, Callable[[], Mask], bool], Values]
     seconds: float
     flow: bool = False
 
@@ -210,5 +223,6 @@ QUANTITIES = {
     "constriction": Quantity(_constriction, 5e-7),
     "transmissivity": Quantity(functools.partial(_conduction, "transmissivity"), 7e-6, flow=True),
     "diffusivity": Quantity(functools.partial(_conduction, "diffusivity"), 7e-6, flow=True),
+    "cell_transmissivity": Quantity(_cell, 7e-6, flow=True),
     "estimates": Quantity(_estimates, 1e-6),
 }

@@ -20,6 +20,7 @@ from roughvol.report.tables import Table, number
 from roughvol.report.yielding import hysteresis
 from roughvol.store.variables import VARIABLES
 from roughvol.study import HeightFile, SpectralSurface
+from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array
 
 STATES = 24  # rows of a table of states; a longer sweep is shown at even steps, its first and last state among them
@@ -124,9 +125,10 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
         return
     yield "File", ", ".join(map(str, ds["case"].values.tolist()))
     if nodes := _nodes(run):
-        spacing = run.L / (nodes[0] - 1)
+        periodic = "periodic" in ds.attrs
+        spacing = run.L / intervals(nodes[0], periodic)
         yield "Nodes", f"{nodes[0]} x {nodes[1]}, {number(spacing)}{unit} apart"
-        yield "Size", f"{number(run.L)} by {number(spacing * (nodes[1] - 1))}{unit}"
+        yield "Size", f"{number(run.L)} by {number(spacing * intervals(nodes[1], periodic))}{unit}"
     else:
         yield "Length of the first axis", f"{number(run.L)}{unit}"
     for name, words in (("Sq", "Sq, root mean square height"), ("Sdq", "Sdq, root mean square slope")):
@@ -175,7 +177,9 @@ def _surfaces(run: Run) -> Iterator[Table]:
         for m in run.m:
             values = [run.values(name, D=D, m=m) for name in ("Sq", "Sdq") if name in ds]
             if np.isfinite(values[0]).any():
-                rows.append((f"{D:g}", str(m), f"{2**m + 1} x {2**m + 1}", *map(_range, values)))
+                rows.append(
+                    (f"{D:g}", str(m), " x ".join([str(2**m + ("periodic" not in ds.attrs))] * 2), *map(_range, values))
+                )
     head = ("D", "m", "nodes", f"Sq [{unit}]", *(["Sdq"] if "Sdq" in ds else []))
     yield Table("Surfaces", head, tuple(rows), "Mean over surfaces, and their range.")
 

@@ -63,6 +63,11 @@ CONVENTIONS = (
     "separation = (z_max - mean(z) - indentation)/Sq, the rigid far-field one; x and y over L; "
     "unit 'length' is that of L in the study, and arbitrary"
 )
+PERIODIC_CONVENTIONS = (
+    CONVENTIONS.replace("non-periodic elastic half space", "periodic elastic half space, one period without its edge")
+    .replace("spacing = L/(rows-1)", "spacing = L/rows")
+    .replace("the rigid far-field one", "the mean gap less the plastic volume, displacements having no mean")
+)
 
 
 def build(case: Case, values: Mapping[str, ArrayLike], attributes: Mapping[str, str]) -> Dataset:
@@ -259,6 +264,7 @@ def provenance(
     length_unit: str | None = None,
     bodies: Iterable[Body] = (),
     versions: Mapping[str, int] | None = None,
+    periodic: bool | None = None,
 ) -> dict[str, str]:
     """Return the global attributes: study, code, machine, date, and the paper to cite.
 
@@ -280,13 +286,17 @@ def provenance(
         The files of heights, stored by name and sha256. Default: those of the case.
     versions : mapping, optional
         Number of cases of a study by version of roughvol.
+    periodic : bool, optional
+        Whether surfaces are one period of a plane. Default: as that of the case.
     """
+    if periodic is None:
+        periodic = case is not None and case.periodic
     attributes = {
         "title": "Free volume between rough surfaces in elastic contact",
         "format": FORMAT,
         "roughvol_version": __version__,
         "study": study,
-        "conventions": CONVENTIONS,
+        "conventions": PERIODIC_CONVENTIONS if periodic else CONVENTIONS,
         "references": REFERENCE,
         "libraries": _libraries(),
         "fft": json.dumps(dict(fft)),
@@ -295,6 +305,8 @@ def provenance(
         "cpu_count": str(os.cpu_count()),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
+    if periodic:
+        attributes["periodic"] = "true"
     region = region or (case.record.region if case is not None else None)
     attributes["region"] = region.label if region is not None else Region().label
     if unit := length_unit or (case.length_unit if case is not None else None):

@@ -206,6 +206,16 @@ VARIABLES |= rows(
     transmissivity_conservation_error=Variable("... step", "1", "inflow against outflow over the flow", "ε_T"),
 )
 VARIABLES |= rows(
+    "observables.transport.cell_conduction",
+    "cell_transmissivity",
+    cell_transmissivity_x=Variable(
+        "... step", "1", "flow along x with g^3 in the endless plane, over that of plates", "T_cx*"
+    ),
+    cell_transmissivity_y=Variable(
+        "... step", "1", "flow along y with g^3 in the endless plane, over that of plates", "T_cy*"
+    ),
+)
+VARIABLES |= rows(
     "observables.transport.conduction",
     "diffusivity",
     diffusivity_x=Variable("... step", "1", "flow along x with g, over that of plates at the mean gap", "D_x*"),

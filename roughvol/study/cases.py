@@ -67,6 +67,7 @@ class Case:
     plastic: bool = False  # pressures end at the hardness
     height: float | None = None  # Sq of the heights, where there is a hardness to compare with
     notes: tuple[str, ...] = ()  # on size and units of the files, for the user
+    periodic: bool = False  # one period of a plane
 
     @property
     def key(self) -> dict[str, Any]:
@@ -84,6 +85,8 @@ class Case:
             surface = {"D": self.D, "m": self.m, "seed": self.seed, "spectrum": self.spectrum.key}
         else:
             surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
+        if self.periodic and self.spectrum is None:  # cases without it keep their id
+            surface["periodic"] = True
         record = self.record.model_dump(mode="json", exclude={"dimensional"})
         for name in ("residual_heights", "psd"):
             if not record[name]:  # cases without it keep their id
@@ -122,7 +125,7 @@ class Case:
         """Nodes per side of a surface that is made, None for one from files."""
         if self.m is None:
             return None
-        return 2**self.m + (self.spectrum is None or not self.spectrum.periodic)
+        return 2**self.m + (not self.periodic)
 
     @functools.cached_property
     def key_text(self) -> str:
@@ -279,7 +282,7 @@ class Study(Strict):
                     surface.dimensions, ensembles.levels_below(finest), [self.ensemble.first_seed]
                 )
             case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
-            case = replace(case, plastic=hardness is not None and self.material.plastic)
+            case = replace(case, plastic=hardness is not None and self.material.plastic, periodic=surface.periodic)
             if isinstance(surface, SpectralSurface):
                 case = replace(case, spectrum=surface.spectrum)
             else:
@@ -299,6 +302,7 @@ class Study(Strict):
             hardness=hardness,
             plastic=hardness is not None and self.material.plastic,
             notes=measured.notes,
+            periodic=surface.periodic,
         )
         return (case,)
 

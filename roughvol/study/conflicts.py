@@ -23,6 +23,13 @@ DEFAULT_STEPS = 60  # steps of a sweep that names none
 DEFAULT_END = "mean-plane"  # end of a sweep that names none
 DEFAULT_SEEDS = 10  # seeds of a surface that names none
 UNPRESSED = ("heights", "residual_heights", "region", "texture", "psd")  # records that need no contact
+PERIODIC_LEAST_M = 3  # smallest m of a periodic midpoint surface
+BREAK_PERIOD = {"crop": None, "downsample": 1, "resample": "none", "low_pass": None}  # values that keep a period
+    "crop": None,
+    "downsample": 1,
+    "resample": "none",
+    "low_pass": None,
+}  # keys and values that keep a period
 SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")  # formats of files with several arrays
 
 
@@ -42,6 +49,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     surface, record = _mapping(data, "surface"), _mapping(data, "record")
     yield from _dense_conflicts(data)
     yield from _file_conflicts(surface, _mapping(data, "surface", "against"))
+    yield from _periodic_conflicts(surface, _mapping(data, "solver"), record)
     yield from _path_conflicts(data)
     yield from _hardness_conflicts(data)
     yield from _unit_conflicts(surface, _mapping(data, "material"), record)
@@ -90,7 +98,7 @@ def _unreached_levels(data: dict[str, Any], levels: Iterable[tuple[str, ...]]) -
     ends = [_mapping(leg, "to") for _, leg in _legs(data)]
     for keys in levels:
         kind = keys[-1]
-        sign = -1 if kind == "separation" else 1  # the separation falls during the sweep
+        sign = -1 if kind in ("separation", "free_volume") else 1  # these fall during the sweep
         lasts = [last for end in ends for _, last in _numbers(_steps(data) if kind == "step" else end.get(kind))]
         if len(lasts) < len(ends):  # a leg ends at another quantity
             continue
@@ -176,6 +184,30 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
     for key, length in lengths:
         if has_unit(length):
             yield ("surface", *key), f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
+
+
+def _periodic_conflicts(
+    surface: dict[str, Any], solver: dict[str, Any], record: dict[str, Any]
+) -> Iterator[tuple[KeyPath, str]]:
+    """Yield the keys that a periodic surface excludes, and those that need one."""
+    periodic = surface.get("periodic") is True
+    cell = _mapping(record, "transport").get("cell_transmissivity") is not None
+    if cell and (not periodic or record.get("region") is not None):
+        message = "needs surface.periodic: true and no record.region: a part of a plane is no period"
+        yield ("record", "transport", "cell_transmissivity"), message
+    if not periodic:
+        if solver.get("kernel") == "fourier":
+            yield ("solver", "kernel"), "'fourier' needs surface.periodic: true; allowed on a free patch: love, punch"
+        return
+    for path, m in _numbers(surface.get("m"), "surface", "m"):
+        if m < PERIODIC_LEAST_M:
+            yield path, f"a periodic surface takes m >= {PERIODIC_LEAST_M} (8 x 8 elements), given {number_text(m)}"
+    for key, default in BREAK_PERIOD.items():
+        if surface.get(key, default) != default:
+            message = "changes or cuts the period of a periodic surface: treat the file beforehand, or omit it"
+            yield ("surface", key), message
+    if surface.get("level", "none") not in ("none", "mean"):
+        yield ("surface", "level"), "a tilted or curved surface is not periodic; allowed with periodic: none, mean"
 
 
 def _unit_conflicts(

@@ -159,6 +159,11 @@ class HeightFile(Strict):
         description="cut-off wavelength of a Gaussian low-pass filter (ISO 16610-61), with its unit or in that of L, "
         "from twice the spacing to the shorter side; default: no filter",
     )
+    periodic: bool = Field(
+        default=False,
+        description="true: the surface is one period of a plane, without a repeated edge, on a periodic half space; "
+        "L is the period, δ times the nodes of the first axis",
+    )
     against: CounterBody | None = Field(
         default=None,
         description="{file, variable, mirror}: the second of two rough bodies; heights are added",

@@ -35,7 +35,7 @@ class Leg(Sweep):
     ] = Field(
         default="mean-plane",
         description="last state of the leg: mean-plane, summit-plane, percolation, or one of {percolation: x|y|both}, "
-        "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}",
+        "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}",
     )
 
 

@@ -50,6 +50,7 @@ class Select(Choice):
     pressure: Many[Positive] = Field(default_factory=tuple, description="levels of p* > 0")
     separation: Many[float] = Field(default_factory=tuple, description="levels of d/σ, reached from above")
     indentation: Many[Positive] = Field(default_factory=tuple, description="levels of Δ/σ > 0")
+    free_volume: Many[Positive] = Field(default_factory=tuple, description="levels of V* > 0, reached from above")
 
     @model_serializer
     def _plain(self) -> Any:
@@ -63,7 +64,7 @@ class Select(Choice):
 
 
 Selector = Annotated[Select, Word("last")]
-_STATES = "'last', or levels of step, contact_area, pressure, separation, indentation"
+_STATES = "'last', or levels of step, contact_area, pressure, separation, indentation, free_volume"
 
 
 class BoxCounting(Strict):
@@ -131,6 +132,10 @@ class Transport(Choice):
     constriction: States | None = Field(default=None, description=f"critical gap and its position, x and y: {_WHEN}")
     transmissivity: States | None = Field(default=None, description=f"flow of div(g^3 grad P) = 0, x and y: {_WHEN}")
     diffusivity: States | None = Field(default=None, description=f"flow of div(g grad P) = 0, x and y: {_WHEN}")
+    cell_transmissivity: States | None = Field(
+        default=None,
+        description=f"flow of div(g^3 grad P) = 0 through the endless plane of a periodic surface: {_WHEN}",
+    )
     estimates: States | None = Field(
         default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
     )

@@ -172,6 +172,11 @@ class GeneratedSurface(Strict):
     midpoint_law: Literal["std", "variance"] = Field(
         default="std", description="quantity divided by 2^((3-D)/2) in each half step: 'std' or 'variance'"
     )
+    periodic: bool = Field(
+        default=False,
+        description="true: the surface is one period of a plane, without a repeated edge, on a periodic half space; "
+        "L is the period; 2^m nodes per side",
+    )
     unit: LengthUnit | None = Field(default=None, description=UNIT)
     Sq: Length | None = Field(
         default=None,
@@ -243,6 +248,7 @@ class Target(Choice):
     contact_area: AreaFraction | None = Field(default=None, description="end at this A*, 0 < A* <= 1")
     pressure: Positive | None = Field(default=None, description="end at this p* > 0")
     separation: float | None = Field(default=None, description="end at this d/σ, negative beyond the mean plane")
+    free_volume: Positive | None = Field(default=None, description="end at this V* > 0")
 
 
 def tag_end(value: Any) -> str:
@@ -274,7 +280,8 @@ class Sweep(Strict):
     ] = Field(
         default="mean-plane",
         description="last state: mean-plane, summit-plane, percolation (no open way left), or one of "
-        "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}",
+        "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, "
+        "{free_volume: x}",
     )
 
     @property
@@ -323,9 +330,10 @@ class Solver(Strict):
     max_error: MaxError | None = Field(
         default=None, description="{free_volume, mean_pressure}: largest errors allowed; instead of accuracy and rtol"
     )
-    kernel: Literal["love", "punch"] = Field(
+    kernel: Literal["love", "punch", "fourier"] = Field(
         default="love",
-        description="influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch)",
+        description="influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch); 'fourier' "
+        "(waves of the grid alone) on a periodic surface",
     )
     method: Literal["fast", "paper"] = Field(
         default="fast", description=f"'fast', or 'paper': the paper's dense Algorithm 1, for m <= {PAPER_MAX_M}"

@@ -196,8 +196,6 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         yield ("surface", "anisotropy"), f"must be less than L/λ_s, {number_text(cut)}: no wave along x is left"
     if (data.get("solver") == "paper" or _named(data, "solver", "method") == "paper") and max(surface.m) > 6:
         yield ("surface", "n"), "solver method 'paper' is dense and takes n <= 64"
-    if surface.periodic and _named(data, "sweep", "steps") != 0:
-        yield ("surface", "periodic"), "no periodic half space to press on: give sweep: {steps: 0}, or periodic: false"
 
 
 def _named(data: dict[str, Any], section: str, key: str) -> Any:

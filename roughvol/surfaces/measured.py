@@ -17,14 +17,16 @@ from roughvol.errors import SurfaceError
 from roughvol.surfaces import lattice, length_units, levelling, outliers
 from roughvol.surfaces.body import Body, Treatment
 from roughvol.surfaces.files import reading
-from roughvol.surfaces.surface import Surface
+from roughvol.surfaces.surface import Surface, intervals
 from roughvol.typing import Array, Mask
 
 _FLATTEST = 1e-7  # of the side: a nanometre on a centimetre
 _MIRRORS = {"none": np.s_[:, :], "x": np.s_[::-1, :], "y": np.s_[:, ::-1]}
 
 
-def surface(bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | None) -> Surface:
+def surface(
+    bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | None, *, periodic: bool = False
+) -> Surface:
     """Return the surface whose heights come from files: one body, or the sum of two.
 
     Parameters
@@ -37,6 +39,8 @@ def surface(bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | 
         Length of the first axis of the treated lattice [unit].
     unit : str or None
         Unit of lengths and heights; None to take the numbers as they are.
+    periodic : bool
+        Whether the heights are one period of length L, without a repeated edge.
 
     Returns
     -------
@@ -55,7 +59,7 @@ def surface(bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | 
     if treatment.outliers is not None:
         before = _pressed(bodies, measured, replace(treatment, outliers=None), L)[0] if removed else total
         peak_before = Surface(before, 1.0).peak
-    return Surface(total, L / (len(total) - 1), filled, removed, peak_before)
+    return Surface(total, L / intervals(len(total), periodic), filled, removed, peak_before, periodic)
 
 
 def _pressed(
@@ -88,7 +92,7 @@ def notes(surface: Surface, unit: str | None) -> tuple[str, ...]:
     tuple of str
         One sentence, or none.
     """
-    span, side = float(np.ptp(surface.heights)), surface.spacing * (min(surface.heights.shape) - 1)
+    span, side = float(np.ptp(surface.heights)), surface.spacing * min(surface.intervals)
     text = f"the heights span {span:.3g} {unit or ''}".rstrip()
     if span > side:
         return (f"{text}, more than the shorter side, {side:.3g} {unit or ''}".rstrip() + ": is heights_unit right?",)

@@ -49,13 +49,14 @@ def random_midpoint_displacement(
     law : {"std", "variance"}
         Which quantity is divided by 2^{(3-D)/2} at each half step.
     periodic : bool
-        Whether to displace one period, on which every midpoint has 4 neighbours. Its stream is another than that of
-        the patch, and as nested. It needs m ≥ 2.
+        Whether the surface is one period of length L, of 2^m nodes per side. Every edge midpoint has 4 neighbours then,
+        and the first height is zero. Other numbers of the stream are used, in the order: centres, edges along x, edges
+        along y. Equal seeds are nested.
 
     Returns
     -------
     Surface
-        Heights of shape (N, N); of a period (N - 1, N - 1), without a repeated edge.
+        Heights of shape (N, N), or (2^m, 2^m).
 
     Raises
     ------
@@ -70,7 +71,7 @@ def random_midpoint_displacement(
     normal = np.random.Generator(np.random.PCG64(seed)).standard_normal
     nodes = 2**m
     if periodic:
-        return Surface(_period(deviations, m, normal), side / nodes, periodic=True)
+        return Surface(_periodic_heights(m, deviations, normal), side / nodes, periodic=True)
     heights = np.zeros((nodes + 1, nodes + 1))
     for level in range(m):
         step = nodes >> level
@@ -87,22 +88,21 @@ def random_midpoint_displacement(
     return Surface(heights, side / nodes)
 
 
-def _period(deviations: list[float], m: int, normal: Callable[[int | tuple[int, int]], Array]) -> Array:
-    """Return one period, node (0, 0) at zero; each level draws its centres, then its edges along x and along y."""
-    nodes = 2**m
-    heights = np.zeros((nodes, nodes))
+def _periodic_heights(m: int, deviations: list[float], normal: Callable[[tuple[int, int]], Array]) -> Array:
+    """Return one period of heights, each new node the mean of its 4 neighbours + s ξ."""
+    heights = np.zeros((1, 1))
     for level in range(m):
-        step = nodes >> level
-        half = step // 2
-        shape = (1 << level, 1 << level)
-        corners = heights[::step, ::step]
-        along_x, along_y = corners + np.roll(corners, -1, axis=0), corners + np.roll(corners, -1, axis=1)
-        centres = 0.25 * (along_x + np.roll(along_x, -1, axis=1)) + deviations[2 * level] * normal(shape)
-        spread = deviations[2 * level + 1]
-        heights[half::step, half::step] = centres
-        # corners is a view: the nodes written here are none of its own
-        heights[half::step, ::step] = 0.25 * (along_x + centres + np.roll(centres, 1, axis=1)) + spread * normal(shape)
-        heights[::step, half::step] = 0.25 * (along_y + centres + np.roll(centres, 1, axis=0)) + spread * normal(shape)
+        cells = (1 << level, 1 << level)
+        finer = np.zeros((2 << level, 2 << level))
+        finer[::2, ::2] = heights
+        along = heights + np.roll(heights, -1, axis=0)
+        across = heights + np.roll(heights, -1, axis=1)
+        centres = 0.25 * (along + np.roll(along, -1, axis=1)) + deviations[2 * level] * normal(cells)
+        deviation = deviations[2 * level + 1]
+        finer[1::2, 1::2] = centres
+        finer[1::2, ::2] = 0.25 * (along + (centres + np.roll(centres, 1, axis=1))) + deviation * normal(cells)
+        finer[::2, 1::2] = 0.25 * (across + (centres + np.roll(centres, 1, axis=0))) + deviation * normal(cells)
+        heights = finer
     return heights
 
 

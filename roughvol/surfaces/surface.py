@@ -35,7 +35,7 @@ class Surface:
     peak_before : float, optional
         `peak` of the surface with its outliers, where outliers were looked for.
     periodic : bool
-        Whether the heights are one period of a surface, without a repeated edge.
+        Whether the heights are one period, without a repeated edge.
 
     Raises
     ------
@@ -57,8 +57,7 @@ class Surface:
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle through the constructor: a plain pickle would bring the heights back writable."""
-        own = (self.heights, self.spacing, self.filled, self.outliers, self.peak_before, self.periodic)
-        return (Surface, own)
+        return (Surface, (self.heights, self.spacing, self.filled, self.outliers, self.peak_before, self.periodic))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -67,9 +66,20 @@ class Surface:
         return rows, columns
 
     @property
+    def intervals(self) -> tuple[int, int]:
+        """Spacings along the sides: one less than the nodes, and as many on a periodic surface."""
+        rows, columns = self.shape
+        return intervals(rows, self.periodic), intervals(columns, self.periodic)
+
+    @property
+    def with_neighbours(self) -> Array:
+        """Heights, with one line of the next period on each side of a periodic surface."""
+        return np.pad(self.heights, 1, mode="wrap") if self.periodic else self.heights
+
+    @property
     def side(self) -> float:
-        """Length of the first axis, L = δ (rows - 1), or δ rows if periodic [length]."""
-        return self.spacing * (self.shape[0] - (not self.periodic))
+        """Length of the first axis, L = δ (rows - 1), or the period δ rows [length]."""
+        return self.spacing * self.intervals[0]
 
     @cached_property
     def z_max(self) -> float:
@@ -122,6 +132,11 @@ class Surface:
         depth -= mean_depth
         mean_height = self.z_max - math.ldexp(mean_depth, exponent)
         return mean_height, math.ldexp(math.sqrt(float(np.mean(np.square(depth)))), exponent)
+
+
+def intervals(nodes: int, periodic: bool) -> int:
+    """Return the spacings along an axis: one less than its nodes, and as many where the next period follows."""
+    return nodes if periodic else nodes - 1
 
 
 def _checked_heights(heights: ArrayLike) -> Array:

@@ -10,6 +10,9 @@ before and after the peers and the median taken.
 ContactMechanics is rigid-displacement controlled like roughvol, started cold and started from the forces of the step
 before; Tamaas is load controlled and gets the loads that roughvol found, so its indentation is compared instead.
 All work in σ = δ = E* = 1.
+
+With `--periodic` the surfaces are periods of a plane, in equal steps of the approach to A* = 0.5. All codes have the
+kernel 2/(E* q). roughvol's kernel love is timed beside them, in steps to its own end.
 """
 
 from __future__ import annotations
@@ -35,6 +38,7 @@ THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
 PACKAGES = ("roughvol", "ContactMechanics", "SurfaceTopography", "muGrid", "tamaas", "numpy", "scipy", "pyFFTW")
 TARGET = 1e-6  # η/σ that everybody has to reach
 STALLED = 20  # iterations without any change of the penetration that count as a failed step
+PERIODIC_END = 0.5  # A* at the last step of periodic surfaces
 LOOSEST, TIGHTEST = 2.0**6, 2.0**-12  # ends of the ladder of tolerances, in units of TARGET
 
 
@@ -70,15 +74,23 @@ class Problem:
 
     def __init__(self, case: dict[str, Any]) -> None:
         from roughvol.contact.halfspace import HalfSpace
+        from roughvol.contact.periodic import PeriodicHalfSpace
+        from roughvol.contact.search import indentation_for
         from roughvol.surfaces.midpoint import random_midpoint_displacement
 
-        self.surface = random_midpoint_displacement(case["D"], case["m"], side=100.0, seed=case["seed"])
-        self.half_space = HalfSpace(self.surface.shape)
+        self.periodic, kernel = case["kernel"] != "free", case["kernel"]
+        options = {"side": 100.0, "seed": case["seed"], "periodic": self.periodic}
+        self.surface = random_midpoint_displacement(case["D"], case["m"], **options)
+        shape = self.surface.shape
+        self.half_space: Any = PeriodicHalfSpace(shape, kernel) if self.periodic else HalfSpace(shape)
         assert self.half_space.total_compliance.size  # belongs to the grid, not to the sweep
-        self.nodes = self.surface.shape[0]
+        self.nodes, self.intervals = shape[0], self.surface.intervals[0]
         heights = self.surface.heights - self.surface.z_max
         self.heights = np.ascontiguousarray(heights / heights.std())
-        self.indentations = -self.heights.mean() * np.arange(1, case["steps"] + 1) / case["steps"]
+        end = -self.heights.mean()
+        if self.periodic:
+            end = indentation_for(self.surface, self.half_space, "contact_area", PERIODIC_END)
+        self.indentations = end * np.arange(1, case["steps"] + 1) / case["steps"]
 
     def sweep(self) -> tuple[float, float, list[Any]]:
         """Return wall and processor seconds of roughvol's sweep, and its records."""
@@ -108,13 +120,18 @@ class ContactMechanicsPeer:
     prefix = ""
 
     def __init__(self, problem: Problem, contacts: list[Any], *, warm: bool) -> None:
-        from ContactMechanics import make_system
+        from ContactMechanics import PeriodicFFTElasticHalfSpace, make_system
         from SurfaceTopography import Topography
 
         size = (float(problem.nodes),) * 2
         self.name = f"ContactMechanics, {'warm' if warm else 'cold'}"
         self.problem, self.warm = problem, warm
-        self.system = make_system(Topography(problem.heights, physical_sizes=size), substrate="free", young=1.0)
+        topography = Topography(problem.heights, physical_sizes=size, periodic=problem.periodic)
+        substrate: Any = "free"
+        if problem.periodic:  # the mean displacement is p*, as roughvol has it
+            stiffness = 1.0 / problem.nodes
+            substrate = PeriodicFFTElasticHalfSpace(problem.surface.shape, 1.0, size, stiffness_q0=stiffness)
+        self.system = make_system(topography, substrate=substrate, **({} if problem.periodic else {"young": 1.0}))
         self.substrate, self.count = self.system.substrate, 0
         for method in ("evaluate_disp", "evaluate_force"):
             setattr(self.substrate, method, self._counted(getattr(self.substrate, method)))
@@ -171,7 +188,7 @@ class ContactMechanicsPeer:
 
 
 class TamaasPeer:
-    """Polonsky and Keer's method at imposed load with the non-periodic operator; each solve starts from the last."""
+    """Polonsky and Keer's method at imposed load; each solve starts from the last. Its own operator is periodic."""
 
     name = "Tamaas, warm"
     control = "p*"
@@ -183,12 +200,14 @@ class TamaasPeer:
         tamaas.set_log_level(tamaas.LogLevel.error)
         nodes = problem.nodes
         self.problem, self.tamaas = problem, tamaas
-        self.loads = [contact.mean_pressure / (nodes - 1) for contact in contacts]
+        self.loads = [contact.mean_pressure / problem.intervals for contact in contacts]
         self.model = tamaas.ModelFactory.createModel(
             tamaas.model_type.basic_2d, [float(nodes)] * 2, list(problem.surface.shape)
         )
         self.model.E, self.model.nu = 1.0, 0.0
-        tamaas.ModelFactory.registerNonPeriodic(self.model, "non-periodic")
+        self.operator = "Westergaard::neumann::basic_2d" if problem.periodic else "non-periodic"
+        if not problem.periodic:
+            tamaas.ModelFactory.registerNonPeriodic(self.model, self.operator)
 
         class Gradients(tamaas.Functional):
             """Adds nothing to the objective; an iteration asks once for its gradient."""
@@ -210,7 +229,11 @@ class TamaasPeer:
 
     def convolve(self, pressure: Any) -> Any:
         displacement = np.zeros(pressure.shape)
-        self.model.operators["non-periodic"](pressure, displacement)
+        if self.problem.periodic:
+            self.model.traction[:] = pressure
+            self.model.solveNeumann()
+            return self.model.displacement + pressure.mean() * self.problem.nodes
+        self.model.operators[self.operator](pressure, displacement)
         return displacement
 
     def steps(self, tolerance: float) -> Iterator[tuple[Callable[[], Any], Callable[[Any], Step]]]:
@@ -219,7 +242,8 @@ class TamaasPeer:
         model.traction[:] = 0.0
         model.displacement[:] = 0.0
         solver = self.tamaas.PolonskyKeerRey(model, problem.heights.copy(), tolerance)
-        solver.setIntegralOperator("non-periodic")
+        if not problem.periodic:
+            solver.setIntegralOperator(self.operator)
         solver.max_iter = 5000
         solver.addFunctionalTerm(self.gradients)
         for load in self.loads:
@@ -259,7 +283,7 @@ def run(peer: Any, problem: Problem, tolerance: float, *, give_up: bool) -> Swee
             imposed = float(problem.indentations[number]) if peer.control == "Δ" else None
             row["residual"], row["indentation"] = problem.measure(step.pressure, imposed)
             row["area"] = np.count_nonzero(step.pressure > 0.0) / step.pressure.size
-            row["pressure"] = float(step.pressure.mean() * (problem.nodes - 1))
+            row["pressure"] = float(step.pressure.mean() * problem.intervals)
             row["volume"] = step.free_volume
             done.seconds += seconds
             done.cpu_seconds += cpu_seconds
@@ -312,14 +336,15 @@ def compare(case: dict[str, Any]) -> list[dict[str, Any]]:
     own.convolutions = float(np.mean([c.convolutions + c.convolutions_fp32 for c in contacts]))
     for contact in contacts:
         # like the others: pressures through the operator once more, not the residual the solver noted
-        pressure = contact.pressure() / (problem.nodes - 1)
-        residual, indentation = problem.measure(pressure, contact.indentation)
+        pressure = contact.pressure() / problem.intervals
+        residual, indentation = problem.measure(pressure, contact.approach)
         values = residual, indentation, contact.contact_area_fraction, contact.mean_pressure, contact.free_volume
         for name, value in zip(own.columns, values, strict=True):
             own.columns[name].append(value)
     unit = _milliseconds(lambda: problem.half_space.displacement(problem.heights))
     fp64 = float(np.mean([c.convolutions for c in contacts]))
     rows = [_row(case, "roughvol", own, own, unit, 0.0, "") | {"fp64": fp64}]
+    rows += _with_love(case, own) if problem.periodic else []
     for peer, sweep in zip(peers, swept, strict=True):
         field_ours = problem.half_space.displacement(np.exp(problem.heights)) / np.pi
         field_theirs = peer.convolve(np.exp(problem.heights))
@@ -327,6 +352,23 @@ def compare(case: dict[str, Any]) -> list[dict[str, Any]]:
         unit = _milliseconds(lambda peer=peer: peer.convolve(problem.heights))
         rows.append(_row(case, peer.name, sweep, own, unit, operator, peer.control) | {"prefix": peer.prefix})
     return rows
+
+
+def _with_love(case: dict[str, Any], fourier: Sweep) -> list[dict[str, Any]]:
+    """Return the row of roughvol with Love's coefficients summed over images, whose answers are its own."""
+    problem = Problem(case | {"kernel": "love"})
+    problem.sweep()
+    timed = [problem.sweep() for _ in range(3)]
+    contacts = timed[0][2]
+    love = Sweep(TARGET, *np.median([(wall, cpu) for wall, cpu, _ in timed], axis=0).tolist())
+    love.convolutions = float(np.mean([c.convolutions + c.convolutions_fp32 for c in contacts]))
+    for c in contacts:
+        values = c.residual, c.approach, c.contact_area_fraction, c.mean_pressure, c.free_volume
+        for name, value in zip(love.columns, values, strict=True):
+            love.columns[name].append(value)
+    unit = _milliseconds(lambda: problem.half_space.displacement(problem.heights))
+    fp64 = float(np.mean([c.convolutions for c in contacts]))
+    return [_row(case, "roughvol, love", love, fourier, unit, 0.0, "") | {"fp64": fp64}]
 
 
 def _milliseconds(convolve: Callable[[], Any]) -> float:
@@ -353,6 +395,8 @@ def _row(
         "D": case["D"],
         "seed": case["seed"],
         "steps": case["steps"],
+        "kernel": case["kernel"],
+        "end": "d = 0" if case["kernel"] == "free" else f"A* = {PERIODIC_END}, periodic",
         "tolerance": sweep.tolerance,
         "control": control,
         "seconds": sweep.seconds,
@@ -383,7 +427,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 
 
 def _line(row: dict[str, Any]) -> str:
-    own = row["code"] == "roughvol"
+    own = row["code"].startswith("roughvol")
     apart = {
         name: "" if own else "imposed" if row["control"] == name else f"{row['disagreement'][key]:.0e}"
         for name, key in (("A*", "area"), ("p*", "pressure"), ("V*", "volume"), ("Δ", "indentation"))
@@ -415,7 +459,7 @@ def notes(rows: list[dict[str, Any]]) -> str:
     lines = [
         f"{time.strftime('%Y-%m-%d')}, {platform.processor() or platform.machine()}, {os.cpu_count()} cores, "
         f"Python {platform.python_version()}; {versions}. One thread each (OMP_NUM_THREADS = 1).",
-        f"RMD surfaces, D = {first['D']}, seed {first['seed']}, {first['steps']} equal steps to d = 0; "
+        f"RMD surfaces, D = {first['D']}, seed {first['seed']}, {first['steps']} equal steps to {first['end']}; "
         f"η re-measured by one operator, all codes at the loosest tolerance (factors of two) with η ≤ {TARGET:.0e} σ.",
         f"The peers' operators differ from roughvol's by at most {operator:.0e}, relative. A*, p*, V*, Δ: largest "
         "relative difference from roughvol over all solved steps; ratio: of wall times, CPU ratio: of processor times, "
@@ -437,6 +481,7 @@ def main() -> int:
     parser.add_argument("--D", type=float, default=2.3)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--steps", type=int, default=60)
+    parser.add_argument("--periodic", action="store_true", help="periods of a plane, kernel 2/(E* q)")
     parser.add_argument("--out", type=Path, default=Path("runs/bench"))
     arguments = parser.parse_args()
     for variable in THREAD_VARIABLES:
@@ -450,17 +495,19 @@ def main() -> int:
     arguments.out.mkdir(parents=True, exist_ok=True)
     context = multiprocessing.get_context("spawn")
     rows: list[dict[str, Any]] = []
+    name = "peers_periodic" if arguments.periodic else "peers"
     tolerances: dict[str, float] = {}
     for m in arguments.m:
         case = {"m": m, "D": arguments.D, "seed": arguments.seed, "steps": arguments.steps, "tolerances": tolerances}
+        case["kernel"] = "fourier" if arguments.periodic else "free"
         with context.Pool(1) as pool:
             found = pool.apply(compare, (case,))
         tolerances = {row["code"]: row["tolerance"] for row in found}
         rows += found
         print(table(found), flush=True)
         text = f"{table(rows)}\n\n{notes(rows)}\n"
-        (arguments.out / "peers.json").write_text(json.dumps(rows, indent=1), encoding="utf-8")
-        (arguments.out / "peers.md").write_text(text, encoding="utf-8")
+        (arguments.out / f"{name}.json").write_text(json.dumps(rows, indent=1), encoding="utf-8")
+        (arguments.out / f"{name}.md").write_text(text, encoding="utf-8")
     print("\n" + text)
     return 0
 

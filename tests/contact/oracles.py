@@ -36,6 +36,8 @@ def summed_displacement(pressure, kernel="love"):
 class DenseHalfSpace:
     """A matrix in place of the FFT, with the members that the contact solver needs."""
 
+    periodic = False
+
     def __init__(self, shape, kernel="love"):
         self.shape = shape
         self.influence = kernel_quadrant(shape, kernel)

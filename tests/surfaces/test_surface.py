@@ -241,3 +241,26 @@ def test_periods_of_a_seed_are_nested_bit_for_bit():
         np.testing.assert_array_equal(
             random_midpoint_displacement(2.3, m, seed=2, periodic=True).heights, finest[::every, ::every]
         )
+
+
+def test_periodic_side_counts_every_element():
+    heights = np.random.default_rng(0).random((8, 6))
+    free, periodic = Surface(heights, 0.5), Surface(heights, 0.5, periodic=True)
+    assert (free.side, periodic.side) == (3.5, 4.0)
+    assert (free.intervals, periodic.intervals) == ((7, 5), (8, 6))
+    assert pickle.loads(pickle.dumps(periodic)).periodic
+    assert periodic.scaled(2.0).periodic
+
+
+@pytest.mark.parametrize("D", [2.2, 2.7])
+def test_periodic_midpoint_surfaces_are_nested_and_wrap(D):
+    fine, coarse = (random_midpoint_displacement(D, m, side=3.0, seed=4, periodic=True) for m in (7, 6))
+    assert fine.shape == (128, 128)
+    assert fine.side == coarse.side == 3.0
+    assert np.array_equal(fine.heights[::2, ::2], coarse.heights)
+    # the step over the edge is as large as any other
+    steps = np.roll(fine.heights, -1, axis=0) - fine.heights
+    over = np.sqrt(np.mean(steps[-1] ** 2)) / np.sqrt(np.mean(steps**2))
+    assert 0.5 < over < 2.0
+    # a line of the next period on each side closes it
+    assert np.array_equal(fine.with_neighbours[0, 1:-1], fine.heights[-1])

@@ -17,6 +17,7 @@ from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number
 from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M, nearest, nearest_state
 from roughvol.store.dataset import at_state
+from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array, Index, Mask
 
 STRAIGHT = 0.99  # R² of log N over log r from which a box-counting plot is called straight
@@ -47,7 +48,7 @@ def field(run: Run) -> Field:
     gap = field_.transpose("x", "y").values
     numbers = {name: float(states[index][name]) for name in (A, P, V, D_SIGMA)}
     numbers["Sq"] = float(case["Sq"])
-    numbers["spacing"] = run.L / (len(gap) - 1)
+    numbers["spacing"] = run.L / intervals(len(gap), "periodic" in run.dataset.attrs)
     contact = gap == 0.0
     surface = run.surface(D, m, run.seed_numbers()[0])
     volumes = element_volumes(gap * surface.Sq, numbers["spacing"], contact)

@@ -111,7 +111,8 @@ class Run:
 
     def surface(self, D: float, m: int, seed: int) -> Surface:
         """Return the surface of a case, made again from its labels (nothing of it needs to be stored)."""
-        made = random_midpoint_displacement(D, m, side=self.L, seed=seed, law=self.law)
+        periodic = self.generated is not None and self.generated.periodic
+        made = random_midpoint_displacement(D, m, side=self.L, seed=seed, law=self.law, periodic=periodic)
         height = self.generated.height if self.generated else None
         return made if height is None else made.scaled(height)
 

@@ -1,0 +1,133 @@
+"""Periodic surfaces from the study to stored numbers."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from roughvol.campaign import cost, tradeoff
+from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.campaign.running import run
+from roughvol.errors import ContactError
+from roughvol.study import loads
+from roughvol.surfaces.texture import summit_plane
+
+SURFACE = "surface: {D: 2.4, m: 5, L: 3.0, seeds: [2], periodic: true}\n"
+
+
+def solved(text: str) -> Any:
+    study = loads(SURFACE + text)
+    return run_case(study.cases()[0]).squeeze(), surface_of(study.cases()[0])
+
+
+@pytest.mark.parametrize(
+    ("to", "name", "value"),
+    [
+        ("{pressure: 2.0}", "mean_pressure", 2.0),
+        ("{contact_area: 0.3}", "contact_area_fraction", 0.3),
+        ("{free_volume: 0.4}", "free_volume", 0.4),
+        ("{separation: 0.7}", "separation", 0.7),
+        ("{indentation: 1.2}", "indentation", 1.2),
+        ("mean-plane", "contact_area_fraction", 1.0),
+        ("mean-plane", "separation", 0.0),
+    ],
+)
+def test_a_sweep_ends_where_it_was_asked_to(to: str, name: str, value: float) -> None:
+    data, _ = solved(f"sweep: {{steps: 3, to: {to}}}")
+    assert float(data[name][-1]) == pytest.approx(value, abs=2e-3 if name == "contact_area_fraction" else 2e-5)
+
+
+def test_stored_indentation_and_separation_are_those_of_the_mean_planes() -> None:
+    data, surface = solved("sweep: {steps: 5, to: {contact_area: 0.6}}\nsolver: {kernel: fourier}")
+    assert data["free_volume"].values == pytest.approx(data["separation"].values, abs=0.0)
+    assert (data["indentation"] + data["separation"]).values == pytest.approx(surface.peak, rel=1e-12)
+    # steps are equal in the approach
+    approach = (data["indentation"] + data["mean_pressure"]).values
+    assert np.diff(approach, 2) == pytest.approx(0.0, abs=1e-4 * approach[-1])
+    assert "periodic elastic half space" in data.attrs["conventions"]
+    assert "L/rows" in data.attrs["conventions"]
+
+
+def test_levels_between_steps_are_solved_for() -> None:
+    levels = "{separation: [1.0], indentation: [0.8], free_volume: [0.6], pressure: [0.5], contact_area: [0.2]}"
+    data, _ = solved(f"sweep: {{steps: 4, to: {{contact_area: 0.5}}}}\nrecord: {{fields_at: {levels}}}")
+    at = data.set_index(field_at="field_at") if "field_at" not in data.indexes else data
+    for label, name, value in (
+        ("separation=1", "separation", 1.0),
+        ("indentation=0.8", "indentation", 0.8),
+        ("free_volume=0.6", "free_volume", 0.6),
+        ("pressure=0.5", "mean_pressure", 0.5),
+    ):
+        state = at.sel(field_at=label)
+        assert float(state[f"field_at_{name}"]) == pytest.approx(value, abs=2e-5)
+        assert float(state["gap"].mean()) == pytest.approx(float(state["field_at_free_volume"]), abs=1e-5)
+    assert data["x"].values == pytest.approx(np.arange(32) / 32)
+
+
+def test_paths_up_and_down_with_a_hardness() -> None:
+    legs = "[{steps: 3, to: {separation: 0.6}}, {steps: 2, to: {separation: 1.0}}, {steps: 2, to: {pressure: 3}}]"
+    data, _ = solved(f"material: {{E_star: 1, hardness: 2.0}}\nsweep: {legs}")
+    assert data["separation"].values[[2, 4]] == pytest.approx([0.6, 1.0], abs=1e-4)
+    assert float(data["mean_pressure"][-1]) == pytest.approx(3.0, abs=1e-3)
+    difference = data["free_volume"] - data["separation"] - data["plastic_volume"]
+    assert difference.values == pytest.approx(0.0, abs=1e-9)
+    assert float(data["plastic_volume"][-1]) > 0.0
+
+
+def test_full_contact_is_the_deepest_end() -> None:
+    with pytest.raises(ContactError, match="allowed on a periodic surface: up to"):
+        solved("sweep: {steps: 3, to: {separation: -0.5}}")
+    data, surface = solved("sweep: {steps: 2, to: summit-plane}")
+    expected = (surface.z_max - summit_plane(surface.heights)) / surface.Sq
+    assert float(data["indentation"][-1]) == pytest.approx(expected, abs=1e-4)
+
+
+def test_the_void_stops_percolating_with_joined_sides_and_the_cell_agrees() -> None:
+    quantities = ", ".join(f"{name}: every-step" for name in ("percolation", "transmissivity", "cell_transmissivity"))
+    data, _ = solved(f"sweep: {{steps: 4, to: percolation}}\nrecord: {{transport: {{{quantities}}}}}")
+    last = data.isel(step=-1)
+    assert not last["percolates_x"]
+    assert not last["percolates_y"]
+    assert float(last["transmissivity_x"]) == float(last["cell_transmissivity_x"]) == 0.0
+    assert (data["cell_transmissivity_x"].values[:2] > 0.0).all()
+    assert 0.2 < float(last["contact_area_fraction"]) < 0.7
+
+
+def test_regions_of_a_period() -> None:
+    data, _ = solved(
+        "sweep: {steps: 2, to: {contact_area: 0.4}}\nrecord: {region_widths: {shares: [1, 0.5]}, "
+        "region: {x: [0, 0.5], y: [0, 1]}}"
+    )
+    assert float(data["contact_area_fraction"][-1]) == pytest.approx(0.4, abs=5e-3)
+    whole = data["mean_pressure_within"].sel(region_width=1.0)
+    assert math.isfinite(float(whole[-1]))
+
+
+def test_a_height_file_is_one_period(tmp_path: Path) -> None:
+    x = np.arange(32) / 32
+    np.save(tmp_path / "wave.npy", np.cos(2 * np.pi * x)[:, None] + np.zeros(16))
+    text = "surface: {file: wave.npy, L: 2.0, periodic: true}\nsweep: {steps: 3, to: {contact_area: 1}}"
+    data = run_case(loads(text, tmp_path / "s.yaml").cases()[0]).squeeze()
+    # full contact of a wave: mean p = π E* h/λ, over E* σ/L with σ = h/√2
+    assert float(data["mean_pressure"][-1]) == pytest.approx(math.pi * math.sqrt(2.0), rel=0.02)
+
+
+def test_check_knows_the_cost_and_tradeoff_refuses() -> None:
+    study = loads(SURFACE + "sweep: {steps: 2}")
+    assert cost.estimate(study, 1).seconds > 0.0
+    with pytest.raises(ContactError, match="the surface is periodic"):
+        tradeoff.surfaces_of(study)
+
+
+def test_an_ensemble_of_periodic_surfaces(tmp_path: Path) -> None:
+    text = (
+        "surface: {D: 2.3, m: 5, periodic: true}\nsweep: {steps: 5, to: {pressure: 0.4}}\n"
+        "ensemble: {accuracy: {free_volume: 20 %}, at: {pressure: [0.2]}}"
+    )
+    data: xr.Dataset = run(loads(text), out=tmp_path / "run", jobs=1)
+    assert np.isfinite(data["free_volume_mean"].values).all()
