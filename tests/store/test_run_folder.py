@@ -504,7 +504,7 @@ def test_what_does_not_fit_is_refused_by_check_and_run_before_anything_is_writte
 ) -> None:
     monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
     monkeypatch.setattr(resources, "free_disk", lambda place: 79e9)
-    monkeypatch.setattr("roughvol.campaign.cost.seconds_per_convolution", lambda shape, kernel: 10.0)
+    monkeypatch.setattr("roughvol.campaign.cost.seconds_per_convolution", lambda *grid: 10.0)
     text = "name: big\nsurface: {D: 2.4, m: 13, seeds: SEEDS}\nsweep: {steps: 60}\nrecord: {WHAT}\n"
     whats = {"memory": ("2", "transport: {transmissivity: last}"), "disk": ("200", "heights: true")}
     seeds, what = whats[lacking]
@@ -525,7 +525,7 @@ def test_what_does_not_fit_is_refused_by_check_and_run_before_anything_is_writte
 
 def test_processes_are_never_promised_more_memory_than_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
-    monkeypatch.setattr("roughvol.campaign.cost.seconds_per_convolution", lambda shape, kernel: 10.0)
+    monkeypatch.setattr("roughvol.campaign.cost.seconds_per_convolution", lambda *grid: 10.0)
     estimated = cost.estimate(loads("surface: {D: 2.4, m: 13, seeds: 2}\nsweep: {steps: 6}"), jobs=2)
     assert estimated.jobs == 1
     assert estimated.jobs * estimated.memory <= 23e9
@@ -534,7 +534,7 @@ def test_processes_are_never_promised_more_memory_than_there_is(monkeypatch: pyt
 
 def test_a_run_of_years_is_warned_of_and_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resources, "available_memory", lambda: 23e9)
-    monkeypatch.setattr("roughvol.campaign.cost.seconds_per_convolution", lambda shape, kernel: 10.0)
+    monkeypatch.setattr("roughvol.campaign.cost.seconds_per_convolution", lambda *grid: 10.0)
     study = loads("surface: {D: 2.4, m: 11, seeds: 200}\nsweep: {steps: 10000}")
     estimated = cost.estimate(study, jobs=2)
     told = cost.warning(estimated.seconds, estimated.jobs)
