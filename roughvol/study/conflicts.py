@@ -25,11 +25,6 @@ DEFAULT_SEEDS = 10  # seeds of a surface that names none
 UNPRESSED = ("heights", "residual_heights", "region", "texture", "psd")  # records that need no contact
 PERIODIC_LEAST_M = 3  # smallest m of a periodic midpoint surface
 BREAK_PERIOD = {"crop": None, "downsample": 1, "resample": "none", "low_pass": None}  # values that keep a period
-    "crop": None,
-    "downsample": 1,
-    "resample": "none",
-    "low_pass": None,
-}  # keys and values that keep a period
 SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")  # formats of files with several arrays
 
 
