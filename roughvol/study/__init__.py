@@ -15,6 +15,7 @@ key, given value and allowed values.
 `agreement`    sizes and units of a study compared with its files
 `cases`        the study as a whole, and its cases
 `units`        numbers with a unit
+`loads`        loads and lengths with units as starred numbers
 =============  =====================================================================
 """
 

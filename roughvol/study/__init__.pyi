@@ -9,6 +9,9 @@ from .ensemble import levels_below as levels_below
 from .height_file import HEIGHT_FORMATS as HEIGHT_FORMATS
 from .height_file import CounterBody as CounterBody
 from .height_file import HeightFile as HeightFile
+from .loads import KINDS as KINDS
+from .loads import STORED as STORED
+from .loads import Scale as Scale
 from .material import ContactModulus as ContactModulus
 from .material import YoungPoisson as YoungPoisson
 from .reading import load as load
@@ -32,4 +35,6 @@ from .sections import Sweep as Sweep
 from .sections import Target as Target
 from .treatment import Crop as Crop
 from .treatment import Outliers as Outliers
+from .units import Quantity as Quantity
 from .units import convert as convert
+from .units import read as read
