@@ -4,6 +4,7 @@
 `paper`             Figs. 1 to 12 of the paper
 `seal`              flow through the gap
 `yielding`          paths of legs, and plastic displacement
+`content`           figures named by content, of one run or several overlaid
 `theory`            theories, second readings and many seeds, from several runs
 `work_precision`    speed against accuracy of a trade-off
 `surface_picture`   one surface before it is pressed (``roughvol check --look``)
