@@ -13,9 +13,10 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from roughvol._version import __version__
-from roughvol.campaign import answered, ensemble, validity, workers
+from roughvol.campaign import validity, workers
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
 from roughvol.campaign.one_case import FFT
@@ -24,6 +25,9 @@ from roughvol.store import answer, dataset, dimensional, lock, run_folder, same_
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.store.run_folder import case_file, checkpoint_file, folder_of
 from roughvol.study import Case, Study, load
+
+if TYPE_CHECKING:
+    from roughvol.campaign import ensemble
 
 NAMED = 10  # notices of files set aside, before the rest is only counted
 
@@ -177,6 +181,8 @@ class _Rounds:
 
     def answered(self) -> Dataset:
         """Return the dataset of all samples and the answer, written when it has changed."""
+        from roughvol.campaign import answered, ensemble  # scipy.stats: half a second, for ensembles alone
+
         found = ensemble.answer(
             self._study,
             self._compute,
@@ -212,6 +218,8 @@ class _Rounds:
         return parts
 
     def _judged(self, standings: dict[float, list[ensemble.Standing]]) -> None:
+        from roughvol.campaign import answered
+
         self._standing = answered.standing(standings)
         count = len(self._cases)
         self._tell(Progress(cases=count, kept=self._kept, done=count - self._kept, work=1.0, event=f"{count} samples"))

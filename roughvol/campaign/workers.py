@@ -47,7 +47,7 @@ _ADDRESS = re.compile(r"(?:[a-z]+://)?(?:\[[0-9A-Fa-f:.%a-z]+\]|[^\s/:\[\]]+):(?
 # Set once in a worker: the way to the parent, and an event that asks the task to end early.
 _messages: Any = None
 _stop: Any = None
-_computes_here: ContextVar[bool] = ContextVar("computes_here", default=False)  # set by in_this_process
+_computes_here: ContextVar[bool | None] = ContextVar("computes_here", default=None)  # set by in_this_process
 _one_at_a_time = threading.Lock()  # threads of a Dask worker cannot share netCDF or a half space
 
 
@@ -78,6 +78,7 @@ def each(
     on_begin: Callable[[Task], None] = lambda task: None,
     stopping: Callable[[], bool] = lambda: False,
     scheduler: str | None = None,
+    here: bool = False,
 ) -> bool:
     """Call ``function(task, tell)`` for every task in workers, in order; return whether all were begun.
 
@@ -96,6 +97,8 @@ def each(
         and not begun ends with the result None.
     scheduler : str, optional
         Address of a Dask scheduler whose workers are used.
+    here : bool
+        Call the function in this process, one task after the other, unless `in_this_process` decides.
 
     Raises
     ------
@@ -111,7 +114,8 @@ def each(
     if scheduler is not None:
         pool = _Cluster(scheduler)
     else:
-        pool = _Here(stopping) if _computes_here.get() else _Processes(jobs)
+        decided = _computes_here.get()
+        pool = _Here(stopping, on_message) if decided or (decided is None and here) else _Processes(jobs)
     waiting, suspects = deque(range(len(tasks))), deque[int]()
     deaths: Counter[int] = Counter()
     running: dict[Future[Any], int] = {}
@@ -252,12 +256,13 @@ def in_this_process(here: bool = True) -> Iterator[None]:
 
 
 class _Here:
-    """The caller's own process: a task has ended when `submit` returns, and its messages follow."""
+    """The caller's own process: a task has ended when `submit` returns, and its messages arrive meanwhile."""
 
     fall_together = False
 
-    def __init__(self, stopping: Callable[[], bool]) -> None:
-        self._stopping, self._told = stopping, deque[Any]()
+    def __init__(self, stopping: Callable[[], bool], on_message: Callable[[Any], None]) -> None:
+        self._stopping, self._on_message = stopping, on_message
+        self._refused: BaseException | None = None  # what the caller raised at a message
 
     def width(self) -> int:
         return 1
@@ -267,20 +272,28 @@ class _Here:
         future: Future[Any] = Future()
         before, _stop = _stop, self
         try:
-            future.set_result(function(task, _thinned(self._told.append)))
+            future.set_result(function(task, _thinned(self._tell)))
         except Exception as error:  # an interrupt is no error of the task: it ends `each`
+            if error is self._refused:
+                raise
             future.set_exception(error)
         finally:
             _stop = before
         return future
+
+    def _tell(self, message: Any) -> None:
+        try:
+            self._on_message(message)
+        except BaseException as error:
+            self._refused = error
+            raise
 
     def is_set(self) -> bool:
         """Return whether the task is to end early: what `stop_asked` asks."""
         return self._stopping()
 
     def messages(self) -> Iterator[Any]:
-        while self._told:
-            yield self._told.popleft()
+        yield from ()
 
     def stop(self) -> None:
         """Do nothing: the task asks by itself."""

@@ -97,12 +97,15 @@ def run(
     """
     started = time.monotonic()
     from roughvol.campaign import running, workers
-    from roughvol.report.figures import selection
     from roughvol.store import run_folder
     from roughvol.study import load
 
     loaded = load(study)
-    only = selection.needed(figures.split(","), loaded.cases()) if figures else None
+    only = None
+    if figures:
+        from roughvol.report.figures import selection
+
+        only = selection.needed(figures.split(","), loaded.cases())
     last: Progress | None = None
 
     def follow(now: Progress) -> None:

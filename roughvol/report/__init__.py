@@ -10,6 +10,7 @@ Room of the report. It reads datasets and computes no contact.
 `run_facts`     one run in words and tables: surface, loading, states, closing
 `yielding`      leak up and down a path, and with yield against without
 `states`        numbers for a screen: steps, states between steps, runs side by side
+`legs`          legs of a path in a dataset
 `tables`        tables of a report
 `drawings`      figures that a report shows, and the run of each
 `captions`      their captions

@@ -15,7 +15,7 @@ import numpy as np
 from xarray import DataArray, Dataset
 
 from roughvol.report.claims import Run
-from roughvol.report.figures.origin import first_leg
+from roughvol.report.legs import first_leg
 from roughvol.report.tables import Table, number
 from roughvol.report.yielding import hysteresis
 from roughvol.store.variables import VARIABLES

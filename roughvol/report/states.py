@@ -18,7 +18,7 @@ from xarray import Dataset
 
 from roughvol.errors import DatasetError
 from roughvol.report.claims import Run
-from roughvol.report.figures.origin import first_leg
+from roughvol.report.legs import first_leg
 from roughvol.report.run_facts import cell, closing, derived, groups, head
 from roughvol.report.tables import Table, number
 from roughvol.store.variables import OF_STATE, STATES, VARIABLES

@@ -14,6 +14,7 @@ key, given value and allowed values.
 `ensemble`     the section ``ensemble``
 `agreement`    sizes and units of a study compared with its files
 `cases`        the study as a whole, and its cases
+`reference`    the keys in words
 `units`        numbers with a unit
 `loads`        loads and lengths with units as starred numbers
 =============  =====================================================================

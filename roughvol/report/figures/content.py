@@ -18,8 +18,9 @@ from xarray import Dataset
 from roughvol.errors import DatasetError
 from roughvol.report.figures.curves import plot
 from roughvol.report.figures.families import Curve, Family, curves, families, file_text
-from roughvol.report.figures.origin import first_leg, lacking, study_of, surfaces
+from roughvol.report.figures.origin import lacking, study_of, surfaces
 from roughvol.report.figures.style import COLUMN, LABELS, STYLE, Drawing, canvas, looks, unit_text
+from roughvol.report.legs import first_leg
 from roughvol.report.run_facts import derived
 
 VARIABLES_OF = {  # the first one that all runs have is drawn
