@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from roughvol.campaign import cost, resources, validity, workers
+from roughvol.campaign import cost, path, resources, validity, workers
 from roughvol.campaign.one_case import surface_of
 from roughvol.errors import DatasetError
 from roughvol.observables import regions
@@ -90,6 +90,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
         surface = surface_of(replace(case, D=max(given.D), m=min(max(given.m, default=case.m or 0), LOOKED_AT)))
         size = (given.height or surface.Sq) / surface.Sq
     surface = surface or surface_of(case)
+    case = path.starred(case, surface)
     Sdq = size * texture.Sdq(surface.heights, surface.spacing)
     return validity.peak(held, surface.peak) + validity.before(
         held, case.sweep.legs[0].target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side

@@ -144,7 +144,10 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
 def _seconds(case: Case, shape: tuple[int, int]) -> float:
     if case.sweep.steps == 0:
         return CASE_OVERHEAD
-    searched = sum(leg.target.kind.startswith(("contact_area", "pressure", "percolation")) for leg in case.sweep.legs)
+    kinds = [level.kind for leg in case.sweep.legs for level in leg.listed or (leg.target,)]
+    searched = sum(
+        kind.startswith(("contact_area", "pressure", "percolation", "free", "mean", "load")) for kind in kinds
+    )
     steps = case.sweep.steps + SEARCH * searched + LEVEL * searched_levels(case)
     step = seconds_per_step(shape, case.solver.tolerance, seconds_per_convolution(shape, case.solver.kernel))
     return CASE_OVERHEAD + sum(_observable_seconds(case, shape).values()) + steps * step

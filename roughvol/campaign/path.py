@@ -2,20 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from roughvol.contact.crossing import state_crossing
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials
-from roughvol.contact.search import first_indentation, indentation_for
+from roughvol.contact.search import TARGETS, first_indentation, indentation_for, state_reaching
 from roughvol.errors import ContactError
 from roughvol.observables.levels import end_of, measure_of, options_of
 from roughvol.observables.reduction import Reduction
-from roughvol.study import Case, Level
+from roughvol.study import Case, Leg, Legs, Level, Scale, Sweep
+from roughvol.study.sections import LegTarget, Target
+from roughvol.study.targets import LISTS
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
+
+SEARCHED = ("contact_area", "pressure", "percolation", "free_volume")
+
+
+def starred(case: Case, surface: Surface) -> Case:
+    """Return a case whose states are starred numbers of its surface.
+
+    Parameters
+    ----------
+    case : Case
+        Its sweep, whose states may have units.
+    surface : Surface
+        The whole surface; its Sq is that of the study, if the study gives one.
+
+    Returns
+    -------
+    Case
+        The same case without a unit in its sweep.
+
+    Raises
+    ------
+    ContactError
+        If the surface is flat.
+    """
+    if not case.sweep.has_units:
+        return case
+    area = surface.heights.size * surface.spacing**2
+    scale = Scale(case.E_star, surface.side, case.height or surface.Sq, area, case.modulus_unit, case.length_unit)
+
+    def of(level: Level) -> Level:
+        if level.value is None:
+            return level
+        try:
+            return Level(*scale.starred(level.kind, level.value)) if "percolation" not in level.kind else level
+        except ValueError as error:
+            raise ContactError(str(error)) from error
+
+    legs = tuple(_starred(leg, of) for leg in case.sweep.legs)
+    return replace(case, sweep=Legs.model_construct(legs) if isinstance(case.sweep, Legs) else legs[0])
+
+
+def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
+    """Return a leg with starred states."""
+    changed = {} if isinstance(leg.to, str) or leg.target.value is None else {"to": _target(leg, of(leg.target))}
+    if leg.listed is not None:
+        levels = [of(level) for level in leg.listed]
+        changed |= {name: () for name, kind in LISTS.items() if kind == leg.listed[0].kind}
+        name = next(name for name, kind in LISTS.items() if kind == levels[0].kind)
+        changed |= {name: tuple(level.value for level in levels)}
+    return leg.model_copy(update=changed)
+
+
+def _target(leg: Sweep, level: Level) -> Target:
+    kept = LegTarget if isinstance(leg, Leg) else Target
+    return kept.model_construct(**{level.kind: level.value})
 
 
 def indentations(
@@ -50,8 +108,15 @@ def indentations(
     """
     first = 0  # step at which the leg begins
     for number, leg in enumerate(case.sweep.legs):
+        if leg.listed is not None:
+            for level in leg.listed[max(0, reduced.steps - first) :]:
+                yield _reaching(case, level, surface, half_space, reduced)
+            if number == len(ends):
+                ends.append(reduced.states[-1]["indentation"])
+            first += leg.steps
+            continue
         if number == len(ends):
-            ends.append(_end(case, number, surface, half_space, reduced))
+            ends.append(_reaching(case, leg.target, surface, half_space, reduced))
         begin = ends[number - 1] if number else 0.0
         if ends[number] == begin:
             message = f"leg {number + 1} has no length: the leg before ends at Δ/σ = {begin:.6g}, its end, too"
@@ -61,17 +126,16 @@ def indentations(
         first += leg.steps
 
 
-def _end(case: Case, number: int, surface: Surface, half_space: HalfSpace, reduced: Reduction) -> float:
-    """Return Δ/σ at the end of a leg."""
-    target = case.sweep.legs[number].target
-    if number == 0 and not case.plastic:
-        return last_indentation(case, surface, half_space)
-    if not target.kind.startswith(("contact_area", "pressure", "percolation")):
-        end = _plane(target, surface)
-        return end if number else _positive(end, target)
-    options, measure = options_of(case, surface), measure_of(target.kind, case)
-    value = 1.0 if target.kind.startswith("percolation") else target.value or 0.0
+def _reaching(case: Case, target: Level, surface: Surface, half_space: HalfSpace, reduced: Reduction) -> float:
+    """Return Δ/σ at a state on the way from the last one."""
     states = reduced.states
+    if not states and not case.plastic:
+        return _first(case, target, surface, half_space)
+    if not target.kind.startswith(SEARCHED):
+        end = _plane(target, surface)
+        return end if states else _positive(end, target)
+    options, measure = options_of(case, surface), measure_of(target.kind, case)
+    value = _value(target)
     if not states:
         trials = Trials(surface, half_space, **options)
         return state_crossing(trials, measure, value, trials.untouched).indentation
@@ -79,6 +143,10 @@ def _end(case: Case, number: int, surface: Surface, half_space: HalfSpace, reduc
     trials = Trials(surface, half_space, after=last, **options)
     start = trials.known(last, reduced.residual)
     falls, fell = value < measure(start), last["indentation"] < before
+    if target.kind in TARGETS and not (case.plastic or falls or fell):
+        trials.least = start
+        elements = target.kind == "contact_area"
+        return state_reaching(trials, measure, value, [start], elements=elements, below=True).indentation
     if falls != fell:
         trials = Trials(surface, half_space, after=last, turned=True, **options)
         start = trials.known(last, reduced.residual)
@@ -107,14 +175,32 @@ def last_indentation(case: Case, surface: Surface, half_space: HalfSpace) -> flo
     ContactError
         If the sweep would end before first touch.
     """
-    target = case.sweep.legs[0].target
+    return _first(case, case.sweep.legs[0].target, surface, half_space)
+
+
+def _first(case: Case, target: Level, surface: Surface, half_space: HalfSpace) -> float:
+    """Return Δ/σ at a state of elastic contact, from first touch."""
+    if target.kind == "free_volume":
+        trials = Trials(surface, half_space, **options_of(case, surface))
+        measure = measure_of(target.kind, case)
+        if measure(trials.untouched) >= _value(target):
+            message = f"{target.label} is reached before first touch, where V* is {-measure(trials.untouched):.4g}"
+            raise ContactError(message)
+        return state_crossing(trials, measure, _value(target), trials.untouched).indentation
     rtol, method = min(case.solver.tolerance, case.solver.pressure_error or 1.0), case.solver.method
-    predicate = end_of(case)
+    predicate = end_of(case, target)
     if predicate is not None:
         return first_indentation(surface, half_space, predicate, rtol=rtol, method=method)
     if target.kind in ("contact_area", "pressure"):
         return indentation_for(surface, half_space, target.kind, target.value or 0.0, rtol=rtol, method=method)
     return _positive(_plane(target, surface), target)
+
+
+def _value(target: Level) -> float:
+    """Return the value of the measure of a state: 1 for closed ways, and -V*, which does not fall on loading."""
+    if target.kind.startswith("percolation"):
+        return 1.0
+    return -(target.value or 0.0) if target.kind == "free_volume" else target.value or 0.0
 
 
 def _plane(target: Level, surface: Surface) -> float:

@@ -122,6 +122,10 @@ def each(
     all_begun, at_once = True, True
 
     def begin(number: int) -> bool:
+        if isinstance(pool, _Here):
+            on_begin(tasks[number])  # before its messages
+            running[pool.submit(function, tasks[number])] = number
+            return True
         try:
             running[pool.submit(function, tasks[number])] = number
         except Lost:  # a process has died; the tasks that ran with it end with that error

@@ -157,7 +157,13 @@ def _say_variable(name: str, row: Variable) -> None:
     click.echo(f"{name}   {row.symbol}   variable of study.nc")
     needs = f"record: {row.observable}" if row.observable else "every study, or as docs/observables.md describes"
     along = row.dims.replace("...", "D m seed (or case)") or "none, one number"
-    facts = (("meaning", row.long_name), ("units", row.units), ("along", along), ("stored", needs), ("from", row.source))
+    facts = (
+        ("meaning", row.long_name),
+        ("units", row.units),
+        ("along", along),
+        ("stored", needs),
+        ("from", row.source),
+    )
     for title, text in facts:
         click.echo(f"  {title:8s} {text}")
 
@@ -210,5 +216,3 @@ def _code(default: str | None) -> str:
 
 def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("*", "\\*")
-
-

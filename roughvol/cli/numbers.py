@@ -62,7 +62,8 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) 
 
 @main.command(
     epilog=examples(
-        "roughvol compare metal_seal metal_seal_elastic", "roughvol compare dry wet --at pressure=0.5MPa --at pressure=1MPa"
+        "roughvol compare metal_seal metal_seal_elastic",
+        "roughvol compare dry wet --at pressure=0.5MPa --at pressure=1MPa",
     )
 )
 @click.argument("run", nargs=-1, required=True)
@@ -91,7 +92,11 @@ def compare(run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json
 
 @main.command(epilog=examples("roughvol ls", "roughvol ls --out /data/runs"))
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("runs"), show_default=True, help="Folder that holds the runs."
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("runs"),
+    show_default=True,
+    help="Folder that holds the runs.",
 )
 def ls(out: Path) -> None:
     """List all runs, the latest first: name, state, size, age."""

@@ -17,6 +17,7 @@ from roughvol.errors import CampaignError, DatasetError
 
 LEAST, MOST = 1.0, 40.0  # inches of a figure
 
+
 @main.command(
     epilog=examples(
         "roughvol plot                                     all figures of the latest run",
@@ -136,7 +137,9 @@ def _inches(size: str | None) -> tuple[float, float] | None:
     scale = {"mm": 1 / 25.4, "cm": 1 / 2.54, "in": 1.0, "": 1.0}
     width, height = (float(match[k]) * scale[match[3]] for k in (1, 2)) if match else (0.0, 0.0)
     if not (LEAST <= width <= MOST and LEAST <= height <= MOST):
-        message = f"--size is {size!r}; allowed: WxH with a unit mm, cm or in (default), {LEAST} to {MOST} in, as 120x80mm"
+        message = (
+            f"--size is {size!r}; allowed: WxH with a unit mm, cm or in (default), {LEAST} to {MOST} in, as 120x80mm"
+        )
         raise DatasetError(message)
     return width, height
 

@@ -92,7 +92,9 @@ def wanted(text: str) -> Wanted:
     """
     kind, equals, value = (part.strip() for part in text.partition("="))
     if not equals or kind not in (*KINDS, "step"):
-        message = f"no state {text!r}; allowed: KIND=VALUE with a KIND of {', '.join((*KINDS, 'step'))}, as pressure=0.5MPa"
+        message = (
+            f"no state {text!r}; allowed: KIND=VALUE with a KIND of {', '.join((*KINDS, 'step'))}, as pressure=0.5MPa"
+        )
         raise DatasetError(message)
     try:
         return Wanted(kind, read(value, KINDS[kind][0] if kind in KINDS else ""))
@@ -537,7 +539,9 @@ def compared(runs: Sequence[Run], states: Sequence[Wanted] = ()) -> Table:
 def _equal_loads(named: Sequence[tuple[Run, list[tuple[str, Dataset]]]]) -> list[Wanted]:
     """Return loads that all groups of all runs reach, in equal ratios and rounded to two digits."""
     every = [group for _, some in named for _, group in some]
-    units = {str(group["nominal_pressure"].attrs.get("units")) if "nominal_pressure" in group else "" for group in every}
+    units = {
+        str(group["nominal_pressure"].attrs.get("units")) if "nominal_pressure" in group else "" for group in every
+    }
     name = "nominal_pressure" if len(units) == 1 and units != {""} else P
     spans = []
     for group in every:
@@ -548,7 +552,9 @@ def _equal_loads(named: Sequence[tuple[Run, list[tuple[str, Dataset]]]]) -> list
                 spans.append((positive.min(), positive.max()))
     low, high = max(span[0] for span in spans), min(span[1] for span in spans)
     if not low < high:
-        message = f"no load is common to these runs: the largest first step has {name} {low:.4g}, the smallest end {high:.4g}"
+        message = (
+            f"no load is common to these runs: the largest first step has {name} {low:.4g}, the smallest end {high:.4g}"
+        )
         raise DatasetError(message)
     values = dict.fromkeys(float(f"{value:.2g}") for value in np.geomspace(low, high, EQUAL))
     inside = [value for value in values if low <= value <= high] or [0.5 * (low + high)]

@@ -20,6 +20,7 @@ from roughvol.study import ensemble as ensembles
 from roughvol.study.agreement import resolve
 from roughvol.study.ensemble import Ensemble
 from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
+from roughvol.study.loads import lacking
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
 from roughvol.study.record import SELECTORS, Record
 from roughvol.study.sections import (
@@ -37,8 +38,9 @@ from roughvol.study.sections import (
     tag_sweep,
     whole,
 )
+from roughvol.study.targets import LISTS, lacking_units, sections_of
 from roughvol.study.treatment import steps
-from roughvol.study.units import has_unit, length_unit
+from roughvol.study.units import convert, has_unit, length_unit
 from roughvol.study.yaml_text import KeyPath, key_text, number_text, write
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
 
@@ -66,6 +68,7 @@ class Case:
     bodies: tuple[Body, ...] = ()  # whose heights come from files: none, one, or two facing each other
     treatment: Treatment = UNTREATED
     length_unit: str | None = None  # of L, the heights and all stored lengths; None for an arbitrary one
+    modulus_unit: str | None = None  # of E*, where the sweep has states with units
     hardness: float | None = None  # over E*
     plastic: bool = False  # pressures end at the hardness
     height: float | None = None  # Sq of the heights, where there is a hardness to compare with
@@ -96,6 +99,9 @@ class Case:
         if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
             return key | {"sweep": {"steps": 0}}
         solver, hardness = self.solver, self.hardness
+        if self.sweep.has_units:  # cases without them keep their id
+            modulus = convert(self.E_star, self.modulus_unit, "Pa") if self.modulus_unit else self.E_star
+            key["units"] = {"E_star": float(f"{modulus:.12g}"), "length": self.length_unit}
         return key | {
             "sweep": self.sweep.model_dump(mode="json"),
             "solver": {
@@ -257,18 +263,21 @@ class Study(Strict):
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solving, self.record
         hard = self.material.indentation_hardness
         hardness = None if hard is None else hard / E_star
+        modulus_unit = self.material.unit if sweep.has_units else None
         if isinstance(surface, GeneratedSurface):
             law, L, unit = surface.midpoint_law, float(surface.L), surface.length_unit
-            height = None if hardness is None else surface.height
+            height = None if hardness is None and not sweep.has_units else surface.height
             product = itertools.product(surface.D, surface.m, surface.seeds)
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
                 finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
                 product = itertools.product(surface.D, ensembles.levels_below(finest), [self.ensemble.first_seed])
             case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
-            case = replace(case, plastic=hardness is not None and self.material.plastic)
+            case = replace(case, plastic=hardness is not None and self.material.plastic, modulus_unit=modulus_unit)
             return tuple(replace(case, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
         with self.placing():
             measured = resolve(surface)
+            if measured.unit is None:
+                _need_length(sweep, str(surface.file))
         case = Case(
             measured.L,
             E_star,
@@ -278,6 +287,7 @@ class Study(Strict):
             bodies=measured.bodies,
             treatment=measured.treatment,
             length_unit=measured.unit,
+            modulus_unit=modulus_unit,
             hardness=hardness,
             plastic=hardness is not None and self.material.plastic,
             notes=measured.notes,
@@ -312,6 +322,15 @@ class Study(Strict):
         return write(self.model_dump(mode="json", context={"stored": True}))
 
 
+def _need_length(sweep: Sweep | Legs, file: str) -> None:
+    """Refuse states with a unit of length, or a load, on a surface whose file gives no unit."""
+    for level in (level for leg in sweep.legs for level in (leg.target, *(leg.listed or ()))):
+        if level.value is not None and lacking(level.kind, level.value, "Pa", None):
+            reason = f"needs the unit of length, and {Path(file).name} gives none: add surface: {{L: 100 um}}"
+            message = f"{level.label} {reason}"
+            raise StudyError([Problem(message, "sweep")])
+
+
 def json_schema() -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of a study file.
 
@@ -336,8 +355,8 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     sweep = data.get("sweep")
     path = isinstance(sweep, list | tuple)
     legs = [leg if isinstance(leg, dict) else {} for leg in sweep or ()] if path else [mapping("sweep")]
-    ends = [leg["to"] if isinstance(leg.get("to"), dict) else {} for leg in legs]
-    steps = sum(number for leg in legs for _, number in _numbers(leg.get("steps", 60)))
+    ends = [_end_of(leg) for leg in legs]
+    steps = sum(number for leg in legs for _, number in _numbers(_steps_of(leg)))
 
     if "paper" in (data.get("solver"), mapping("solver").get("method")):
         for place, m in _numbers(surface.get("m"), "surface", "m"):
@@ -346,11 +365,12 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     yield from _file_conflicts(surface, mapping("surface", "against"))
 
     for index, (leg, end) in enumerate(zip(legs, ends, strict=True)):
-        if isinstance(leg.get("to"), dict) and sum(value is not None for value in end.values()) != 1:
+        named = isinstance(leg.get("to"), dict) and _list_of(leg) is None
+        if named and sum(value is not None for value in end.values()) != 1:
             yield ("sweep", *([index] if path else []), "to"), f"must name exactly one of {', '.join(names(Target))}"
     if path:
         yield from _path_conflicts(data, legs, ends)
-    yield from _unit_conflicts(surface, mapping("material"), record)
+    yield from _unit_conflicts(surface, mapping("material"), record, data)
     yield from ensembles.conflicts(data)
     material = mapping("material")
     yields = material.get("hardness") is not None and material.get("plastic") is not False
@@ -390,6 +410,27 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         yield ("surface",), f"makes {cases} cases (D times m times seeds); allowed: at most {MAX_CASES}"
 
 
+def _list_of(leg: dict[str, Any]) -> str | None:
+    """Return the key of the list of states of a leg, None without one."""
+    return next((name for name in LISTS if leg.get(name)), None)
+
+
+def _steps_of(leg: dict[str, Any]) -> Any:
+    name = _list_of(leg)
+    if name is None:
+        return leg.get("steps", 60)
+    return len(leg[name]) if isinstance(leg[name], list) else 1
+
+
+def _end_of(leg: dict[str, Any]) -> dict[str, Any]:
+    """Return the end of a leg as a mapping, empty for a plane."""
+    name = _list_of(leg)
+    if name is not None:
+        values = leg[name] if isinstance(leg[name], list) else [leg[name]]
+        return {LISTS[name]: values[-1]}
+    return leg["to"] if isinstance(leg.get("to"), dict) else {}
+
+
 def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     """Yield conflicts between the keys of height files and the formats of these files."""
     bodies: list[tuple[KeyPath, dict[str, Any]]] = [(("surface",), surface), (("surface", "against"), against)]
@@ -418,7 +459,7 @@ def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterato
 
 
 def _unit_conflicts(
-    surface: dict[str, Any], material: dict[str, Any], record: dict[str, Any]
+    surface: dict[str, Any], material: dict[str, Any], record: dict[str, Any], data: dict[str, Any]
 ) -> Iterator[tuple[KeyPath, str]]:
     """Yield units that are missing or given twice."""
     own, unit = length_unit(surface.get("L")), surface.get("unit")
@@ -430,6 +471,11 @@ def _unit_conflicts(
     modulus = material.get("E_star", material.get("E"))
     if has_unit(material.get("hardness")) and not has_unit(modulus):
         yield ("material", "hardness"), "has a unit and the modulus has none: give both with units, or none"
+    yield from lacking_units(data, modulus, has_length=has_length or surface.get("file") is not None)
+    if record.get("region") is not None:
+        for path, kind, _ in sections_of(data.get("sweep")):
+            if kind == "load":
+                yield path, "is a load on the whole surface, and states are those of record.region: give a pressure"
     other = material.get("against")
     if isinstance(other, dict) and has_unit(other.get("E")) and not has_unit(modulus):
         yield ("material", "against", "E"), "has a unit and that of the first body has none: give both with units"
@@ -455,7 +501,8 @@ def _path_conflicts(
         if ends and ends[0].get(kind) == 0:
             yield ("sweep", 0, "to", kind), "must be > 0 on the first leg, which begins at first touch"
     for index in range(1, len(legs)):
-        if legs[index].get("to", "mean-plane") == legs[index - 1].get("to", "mean-plane"):
+        one, other = (_end_of(leg) or leg.get("to", "mean-plane") for leg in (legs[index - 1], legs[index]))
+        if one == other:
             yield ("sweep", index, "to"), "is the end of the leg before: the leg has no length"
 
 

@@ -1,7 +1,7 @@
 """Loads and lengths with units as starred numbers of one surface.
 
-Conventions: σ = Sq. A pressure p is p* = p L/(E* σ), a length h is h/σ. A load F acts on all elements: its mean pressure
-is F/A with A the area of the elements, nodes times spacing squared.
+Conventions: σ = Sq. A pressure p is p* = p L/(E* σ), a length h is h/σ. A load F acts on all elements: its mean
+pressure is F/A with A the area of the elements, nodes times spacing squared.
 """
 
 from __future__ import annotations

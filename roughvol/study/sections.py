@@ -27,7 +27,8 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
-from roughvol.study.units import Length, UnitOf, unit_of
+from roughvol.study.targets import LISTS, direction, listed_of, spelled
+from roughvol.study.units import In, Length, Quantity, UnitOf, unit_of
 from roughvol.study.yaml_text import number_text
 from roughvol.surfaces.length_units import factor
 
@@ -208,7 +209,9 @@ class Level:
     @property
     def label(self) -> str:
         """Name of the state in datasets: ``last``, ``step=60``, ``contact_area=0.1``."""
-        return self.kind if self.value is None else f"{self.kind}={number_text(self.value)}"
+        if self.value is None:
+            return self.kind
+        return f"{self.kind}={self.value if isinstance(self.value, Quantity) else number_text(self.value)}"
 
 
 class Choice(Strict):
@@ -221,21 +224,34 @@ class Choice(Strict):
 
     @model_serializer
     def _plain(self) -> Any:
-        return self.named
+        return {name: str(value) if isinstance(value, Quantity) else value for name, value in self.named.items()}
 
 
 class Target(Choice):
-    """The last state of a sweep, by one of its starred values."""
+    """The last state of a sweep, by a starred value, or by one with its unit."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     percolation: Literal["x", "y", "both"] | None = Field(
         default=None, description="end without an open way from side to side: along 'x', 'y' or 'both'"
     )
-    indentation: Positive | None = Field(default=None, description="end at this Δ/σ > 0")
+    indentation: Annotated[Positive, In("length")] | None = Field(
+        default=None, description="end at this Δ/σ > 0, or Δ as 2 um"
+    )
     contact_area: AreaFraction | None = Field(default=None, description="end at this A*, 0 < A* <= 1")
-    pressure: Positive | None = Field(default=None, description="end at this p* > 0")
-    separation: float | None = Field(default=None, description="end at this d/σ, negative beyond the mean plane")
+    pressure: Annotated[Positive, In("pressure")] | None = Field(
+        default=None, description="end at this p* > 0, or p as 0.5 MPa"
+    )
+    separation: Annotated[float, In("length")] | None = Field(
+        default=None, description="end at this d/σ, negative beyond the mean plane, or d as 0.5 um"
+    )
+    free_volume: Positive | None = Field(default=None, description="end at this V* > 0, which falls on loading")
+    mean_gap: Annotated[Positive, In("length", needed=True)] | None = Field(
+        default=None, description="end at this mean gap > 0, as 1 um"
+    )
+    load: Annotated[Positive, In("force", needed=True)] | None = Field(
+        default=None, description="end at this load > 0 on the whole surface, as 20 N"
+    )
 
 
 def _tag_to(value: Any) -> str:
@@ -270,8 +286,57 @@ class Sweep(Strict):
     ] = Field(
         default="mean-plane",
         description="last state: mean-plane, summit-plane, percolation (no open way left), or one of "
-        "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}",
+        "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, "
+        "{free_volume: x}, {mean_gap: 1 um}, {load: 20 N}",
     )
+    pressures: Many[Annotated[Positive, In("pressure")]] = Field(
+        default=(), description="instead of steps and to: p* > 0 or pressures as 0.1 MPa, a step at each"
+    )
+    loads: Many[Annotated[Positive, In("force", needed=True)]] = Field(
+        default=(), description="instead of steps and to: loads on the whole surface, as 20 N, a step at each"
+    )
+    contact_areas: Many[AreaFraction] = Field(default=(), description="instead of steps and to: A*, a step at each")
+    indentations: Many[Annotated[Positive, In("length")]] = Field(
+        default=(), description="instead of steps and to: Δ/σ or lengths, a step at each"
+    )
+    separations: Many[Annotated[float, In("length")]] = Field(
+        default=(), description="instead of steps and to: falling d/σ or lengths, a step at each"
+    )
+    free_volumes: Many[Positive] = Field(default=(), description="instead of steps and to: falling V*, a step at each")
+    mean_gaps: Many[Annotated[Positive, In("length", needed=True)]] = Field(
+        default=(), description="instead of steps and to: falling mean gaps, as 1 um, a step at each"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _steps_of_a_list(cls, data: Any) -> Any:
+        return spelled(data)
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Sweep:
+        if self.listed is not None and (message := direction(self.listed, either=isinstance(self, Leg))):
+            refuse("{message}", message=message)
+        return self
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> Any:
+        """Write a list of states alone, and none where there is none."""
+        data = handler(self)
+        given = [name for name in LISTS if data.get(name)]
+        if given:
+            return {given[0]: data[given[0]]}
+        return {name: value for name, value in data.items() if name not in LISTS}
+
+    @property
+    def listed(self) -> tuple[Level, ...] | None:
+        """The states of the steps where they are listed; None for steps equal in indentation."""
+        kind, values = listed_of(self)
+        return tuple(Level(kind, value) for value in values) or None
+
+    @property
+    def has_units(self) -> bool:
+        """Whether any state has a unit."""
+        return any(unit_of(level.value) is not None for leg in self.legs for level in (leg.target, *(leg.listed or ())))
 
     @property
     def target(self) -> Level:
@@ -287,12 +352,17 @@ class Sweep(Strict):
         return (self,)
 
 
+Fallen = Annotated[float, Field(ge=0)]
+
+
 class LegTarget(Target):
     """The last state of a leg. Indentation and pressure may fall to zero."""
 
-    indentation: Annotated[float, Field(ge=0)] | None = Field(default=None, description="end at this Δ/σ >= 0")
-    pressure: Annotated[float, Field(ge=0)] | None = Field(
-        default=None, description="end at this p* >= 0; 0 is where contact is lost"
+    indentation: Annotated[Fallen, In("length")] | None = Field(
+        default=None, description="end at this Δ/σ >= 0, or Δ as 2 um"
+    )
+    pressure: Annotated[Fallen, In("pressure")] | None = Field(
+        default=None, description="end at this p* >= 0, or p as 0.5 MPa; 0 is where contact is lost"
     )
 
 
@@ -309,7 +379,14 @@ class Leg(Sweep):
     ] = Field(
         default="mean-plane",
         description="last state of the leg: mean-plane, summit-plane, percolation, or one of {percolation: x|y|both}, "
-        "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}",
+        "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, {mean_gap: 1 um}, "
+        "{load: 20 N}",
+    )
+    pressures: Many[Annotated[Fallen, In("pressure")]] = Field(
+        default=(), description="instead of steps and to: p* >= 0 or pressures as 0.1 MPa, a step at each"
+    )
+    indentations: Many[Annotated[Fallen, In("length")]] = Field(
+        default=(), description="instead of steps and to: Δ/σ >= 0 or lengths, a step at each"
     )
 
 
@@ -325,6 +402,11 @@ class Legs(RootModel[tuple[Leg, ...]]):
     def legs(self) -> tuple[Leg, ...]:
         """The legs of the path."""
         return self.root
+
+    @property
+    def has_units(self) -> bool:
+        """Whether any state has a unit."""
+        return any(leg.has_units for leg in self.root)
 
     @property
     def steps(self) -> int:
