@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from roughvol.campaign import resources
+from roughvol.campaign import path, resources
 from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.resources import cores
 from roughvol.contact.halfspace import HalfSpace
@@ -145,9 +145,7 @@ def _seconds(case: Case, shape: tuple[int, int]) -> float:
     if case.sweep.steps == 0:
         return CASE_OVERHEAD
     kinds = [level.kind for leg in case.sweep.legs for level in leg.listed or (leg.target,)]
-    searched = sum(
-        kind.startswith(("contact_area", "pressure", "percolation", "free", "mean", "load")) for kind in kinds
-    )
+    searched = sum(kind.startswith((*path.SEARCHED, "mean_gap", "load")) for kind in kinds)
     steps = case.sweep.steps + SEARCH * searched + LEVEL * searched_levels(case)
     step = seconds_per_step(shape, case.solver.tolerance, seconds_per_convolution(shape, case.solver.kernel))
     return CASE_OVERHEAD + sum(_observable_seconds(case, shape).values()) + steps * step

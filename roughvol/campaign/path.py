@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +15,7 @@ from roughvol.contact.search import TARGETS, first_indentation, indentation_for,
 from roughvol.errors import ContactError
 from roughvol.observables.levels import end_of, measure_of, options_of
 from roughvol.observables.reduction import Reduction
-from roughvol.study import Case, Leg, Legs, Level, Scale, Sweep
-from roughvol.study.sections import LegTarget, Target
+from roughvol.study import Case, Legs, Level, Scale, Sweep
 from roughvol.study.targets import LISTS
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
@@ -57,23 +57,23 @@ def starred(case: Case, surface: Surface) -> Case:
             raise ContactError(str(error)) from error
 
     legs = tuple(_starred(leg, of) for leg in case.sweep.legs)
-    return replace(case, sweep=Legs.model_construct(legs) if isinstance(case.sweep, Legs) else legs[0])
+    if isinstance(case.sweep, Legs):
+        return replace(case, sweep=case.sweep.model_copy(update={"root": legs}))
+    return replace(case, sweep=legs[0])
 
 
 def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
     """Return a leg with starred states."""
-    changed = {} if isinstance(leg.to, str) or leg.target.value is None else {"to": _target(leg, of(leg.target))}
+    changed: dict[str, Any] = {}
+    if not isinstance(leg.to, str) and leg.target.value is not None:
+        level = of(leg.target)
+        changed["to"] = type(leg.to).model_construct(None, **{level.kind: level.value})
     if leg.listed is not None:
         levels = [of(level) for level in leg.listed]
         changed |= {name: () for name, kind in LISTS.items() if kind == leg.listed[0].kind}
         name = next(name for name, kind in LISTS.items() if kind == levels[0].kind)
         changed |= {name: tuple(level.value for level in levels)}
     return leg.model_copy(update=changed)
-
-
-def _target(leg: Sweep, level: Level) -> Target:
-    kept = LegTarget if isinstance(leg, Leg) else Target
-    return kept.model_construct(**{level.kind: level.value})
 
 
 def indentations(

@@ -166,9 +166,9 @@ def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) ->
 def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> None:
     """Report on RUN..., as report.html, report.md and claims.json [default: all runs].
 
-    A RUN is a folder, a study.nc, a study file, or a name under runs/. Runs of the paper's configuration answer its claims; others
-    are refused by name and reason. Every other run, such as one of a measured map, gets its own section: surface,
-    loading, states, closing pressures, warnings, figures.
+    A RUN is a folder, a study.nc, a study file, or a name under runs/. Runs of the paper's configuration answer its
+    claims; others are refused by name and reason. Every other run, such as one of a measured map, gets its own
+    section: surface, loading, states, closing pressures, warnings, figures.
     """
     from roughvol.report import write as reporting
 

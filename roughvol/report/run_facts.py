@@ -277,12 +277,14 @@ def _states(name: str, group: Dataset, *, several: bool) -> Table | None:
 
 
 def head(variable: DataArray) -> str:
+    """Return the head of a column: symbol, and unit where there is one."""
     unit = str(variable.attrs.get("units", "1"))
     symbol = str(variable.attrs.get("symbol", variable.name))
     return symbol if unit == "1" else f"{symbol} [{unit}]"
 
 
 def cell(name: str, values: Array) -> str:
+    """Return the mean over surfaces as text; of an open way, how many of them have one."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return ""

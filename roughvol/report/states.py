@@ -151,8 +151,8 @@ def at_step(surface: Dataset, place: float) -> Dataset:
         mixed = low + share * (high - low)
         if name.startswith(BY_LOGARITHM):
             positive = (low > 0.0) & (high > 0.0)
-            logs = [np.log(end.where(positive, 1.0)) for end in (low, high)]
-            mixed = np.exp(logs[0] + share * (logs[1] - logs[0])).where(positive, high)
+            one, other = low.where(positive, 1.0), high.where(positive, 1.0)
+            mixed = (one * (other / one) ** share).where(positive, high)
         values[name] = mixed.assign_attrs(surface[name].attrs)
     return after.assign(values)
 
@@ -410,12 +410,12 @@ def shown(run: Run, states: Sequence[Wanted] = ()) -> list[Table]:
     """
     named = _named(run)
     if states:
-        rows = [(name, state) for state in states for name, state in _reaching(run, named, state)]
-        return [_table("", rows, _columns(FULL, [state.data for _, state in rows]), RULE)]
+        found = [row for state in states for row in _reaching(run, named, state)]
+        return [_table("", found, _columns(FULL, [state.data for _, state in found]), RULE)]
     tables = []
     for name, group in named:
         columns = _columns(FULL, [group])
-        rows = []
+        rows: list[tuple[str, ...]] = []
         for k in np.flatnonzero(group[P].notnull().any("seed").values).tolist():
             data = group.isel(step=k)
             label = str(int(group["step"].values[k]))
@@ -556,7 +556,7 @@ def _equal_loads(named: Sequence[tuple[Run, list[tuple[str, Dataset]]]]) -> list
             f"no load is common to these runs: the largest first step has {name} {low:.4g}, the smallest end {high:.4g}"
         )
         raise DatasetError(message)
-    values = dict.fromkeys(float(f"{value:.2g}") for value in np.geomspace(low, high, EQUAL))
-    inside = [value for value in values if low <= value <= high] or [0.5 * (low + high)]
+    rounded = dict.fromkeys(float(f"{value:.2g}") for value in np.geomspace(low, high, EQUAL))
+    inside = [value for value in rounded if low <= value <= high] or [0.5 * (low + high)]
     unit = units.pop() if name != P else ""
     return [Wanted("pressure", Quantity(value, unit) if unit else value) for value in inside]

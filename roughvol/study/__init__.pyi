@@ -29,7 +29,6 @@ from .record import VolumeDensity as VolumeDensity
 from .sections import ACCURACY as ACCURACY
 from .sections import EXPECTED as EXPECTED
 from .sections import GeneratedSurface as GeneratedSurface
-from .sections import Leg as Leg
 from .sections import Legs as Legs
 from .sections import Level as Level
 from .sections import Solver as Solver

@@ -314,8 +314,8 @@ class Sweep(Strict):
 
     @model_validator(mode="after")
     def _in_order(self) -> Sweep:
-        if self.listed is not None and (message := direction(self.listed, either=isinstance(self, Leg))):
-            refuse("{message}", message=message)
+        if self.listed is not None and (reason := direction(self.listed, either=isinstance(self, Leg))):
+            refuse("{reason}", reason=reason)
         return self
 
     @model_serializer(mode="wrap")

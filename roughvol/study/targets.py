@@ -63,8 +63,8 @@ def direction(levels: Sequence[Any], *, either: bool) -> str:
     kind = levels[0].kind
     if any((unit is None) != (units[0] is None) for unit in units):
         return "either all values have a unit, or none"
-    if units[0] is not None:
-        values = [convert(float(value), unit, units[0]) for value, unit in zip(values, units, strict=True)]
+    if (wanted := units[0]) is not None:
+        values = [convert(float(value), unit or wanted, wanted) for value, unit in zip(values, units, strict=True)]
     rises = all(one < other for one, other in itertools.pairwise(values))
     falls = all(one > other for one, other in itertools.pairwise(values))
     if either and not (rises or falls):
@@ -77,9 +77,11 @@ def direction(levels: Sequence[Any], *, either: bool) -> str:
 
 def sections_of(sweep: Any) -> list[tuple[tuple[str | int, ...], str, Any]]:
     """Return key path, kind and raw value of every state in the plain data of a sweep."""
-    legs = [(("sweep", index), leg) for index, leg in enumerate(sweep)] if isinstance(sweep, list) else []
+    legs: list[tuple[tuple[str | int, ...], Any]] = [(("sweep",), sweep)]
+    if isinstance(sweep, list):
+        legs = [(("sweep", index), leg) for index, leg in enumerate(sweep)]
     found: list[tuple[tuple[str | int, ...], str, Any]] = []
-    for path, leg in legs or [(("sweep",), sweep)]:
+    for path, leg in legs:
         if not isinstance(leg, dict):
             continue
         end = leg.get("to")
