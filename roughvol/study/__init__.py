@@ -17,7 +17,7 @@ key, given value and allowed values.
 `cases`        the study as a whole, and its cases
 `reference`    the keys in words
 `units`        numbers with a unit
-`loads`        loads and lengths with units as starred numbers
+`scale`        loads and lengths with units as starred numbers
 =============  =====================================================================
 """
 

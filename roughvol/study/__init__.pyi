@@ -9,9 +9,6 @@ from .ensemble import levels_below as levels_below
 from .height_file import HEIGHT_FORMATS as HEIGHT_FORMATS
 from .height_file import CounterBody as CounterBody
 from .height_file import HeightFile as HeightFile
-from .loads import KINDS as KINDS
-from .loads import STORED as STORED
-from .loads import Scale as Scale
 from .material import ContactModulus as ContactModulus
 from .material import YoungPoisson as YoungPoisson
 from .reading import load as load
@@ -26,6 +23,9 @@ from .record import Select as Select
 from .record import Texture as Texture
 from .record import Transport as Transport
 from .record import VolumeDensity as VolumeDensity
+from .scale import KINDS as KINDS
+from .scale import STORED as STORED
+from .scale import Scale as Scale
 from .sections import ACCURACY as ACCURACY
 from .sections import EXPECTED as EXPECTED
 from .sections import GeneratedSurface as GeneratedSurface

@@ -20,9 +20,9 @@ from roughvol.study import ensemble as ensembles
 from roughvol.study.agreement import resolve
 from roughvol.study.ensemble import Ensemble
 from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
-from roughvol.study.loads import lacking
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
 from roughvol.study.record import SELECTORS, Record
+from roughvol.study.scale import lacking
 from roughvol.study.sections import (
     PAPER_MAX_M,
     GeneratedSurface,

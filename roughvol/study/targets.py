@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic_core import PydanticCustomError
 
-from roughvol.study.loads import KINDS
+from roughvol.study.scale import KINDS
 from roughvol.study.units import convert, has_unit, unit_of
 
 LISTS = {
