@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from roughvol._version import __version__
 from roughvol.campaign import validity, workers
@@ -24,7 +24,7 @@ from roughvol.errors import CampaignError, DatasetError, FolderError
 from roughvol.store import answer, dataset, dimensional, lock, run_folder, same_study, stamped_file
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.store.run_folder import case_file, checkpoint_file, folder_of
-from roughvol.study import Case, Study, load
+from roughvol.study import Case, Study, load, of_data
 
 if TYPE_CHECKING:
     from roughvol.campaign import ensemble
@@ -33,7 +33,7 @@ NAMED = 10  # notices of files set aside, before the rest is only counted
 
 
 def run(
-    study: Study | str | Path,
+    study: Study | str | Path | Mapping[str, Any],
     *,
     out: str | Path | None = None,
     jobs: int | None = None,
@@ -47,8 +47,8 @@ def run(
 
     Parameters
     ----------
-    study : Study or path of a study file
-        The study.
+    study : Study, path of a study file, or mapping
+        The study; a mapping has the keys of a study file.
     out : path, optional
         Folder of the results. Default: ``runs/<name of the study>``.
     jobs : int, optional
@@ -80,7 +80,8 @@ def run(
     CampaignError
         If cases failed (the others are stored), or ``only`` names no case of the study.
     """
-    study = study if isinstance(study, Study) else load(study)
+    if not isinstance(study, Study):
+        study = of_data(study) if isinstance(study, Mapping) else load(study)
     if scheduler is not None:
         workers.check_address(scheduler)
     surface = check_surfaces(study)

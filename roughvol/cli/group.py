@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,6 +12,9 @@ from roughvol import cli_text
 from roughvol._version import __version__
 from roughvol.campaign import limits
 from roughvol.errors import CampaignError, ContactError, ConvergenceError, DatasetError, RoughvolError
+
+if TYPE_CHECKING:
+    from roughvol.study import Study
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 LIGHT = ("schema", "status", "ls", "init", "explain")  # commands that import no library for computations
@@ -25,6 +28,11 @@ def examples(*lines: str) -> str:
 
 STUDY = click.argument("study", type=click.Path(path_type=Path, allow_dash=True))
 OUT = click.option("--out", type=click.Path(path_type=Path), help="Folder of the results [default: runs/NAME].")
+
+
+SET = click.option(
+    "--set", "changes", multiple=True, metavar="KEY=VALUE", help="Another value of a key, as surface.m=6; repeatable."
+)
 
 
 class _Commands(click.Group):
@@ -73,6 +81,15 @@ def warn(sentences: Iterable[str]) -> None:
     """Print each sentence once as a warning."""
     for sentence in dict.fromkeys(sentences):
         click.echo(f"warning: {sentence}", err=True)
+
+
+def study_of(path: Path, changes: Sequence[str] = ()) -> Study:
+    """Return the study of a file, or of standard input for ``-``, with changes as ``surface.m=6``."""
+    from roughvol.study import load, loads
+
+    if str(path) == "-":
+        return loads(click.get_text_stream("stdin").read(), "<stdin>", changes=changes)
+    return load(path, changes)
 
 
 def results_file(run: str | None) -> Path:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from roughvol import cli_text
-from roughvol.cli.group import OUT, STUDY, examples, main, warn
+from roughvol.cli.group import OUT, SET, STUDY, examples, main, study_of, warn
 from roughvol.cli.numbers import say_table
 
 if TYPE_CHECKING:
@@ -24,16 +24,15 @@ SHOWN = 50  # cases of one kind listed by `status`
 PLAIN_EVERY = 5.0  # seconds between two lines of progress without a terminal
 
 
-@main.command(
-    epilog=examples("roughvol check configs/morphology.yaml", "roughvol check scan.yaml --look --out scan.png")
-)
+@main.command(epilog=examples("roughvol check seal.yaml", "roughvol check scan.yaml --look --out scan.png"))
 @STUDY
 @click.option("--look", is_flag=True, help="Draw the surface of the first case: map, histogram, two profiles.")
 @click.option("--out", type=click.Path(path_type=Path), help="File of the picture [default: NAME-look.png].")
 @click.option(
     "--jobs", "-j", type=click.IntRange(min=1), help="Processes assumed in the estimate [default: one a core]."
 )
-def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
+@SET
+def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: tuple[str, ...]) -> None:
     """Show STUDY with all defaults, its first surface and its cost; compute nothing.
 
     The cost is the number of cases, memory, disk and expected time.
@@ -42,9 +41,8 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
     """
     from roughvol.campaign import checks, cost, understood, validity
     from roughvol.store import run_folder
-    from roughvol.study import load
 
-    loaded = load(study)
+    loaded = study_of(study, changes)
     surface = understood.shown(loaded, checks.check_surfaces(loaded))
     cases = loaded.cases()
     click.echo(loaded.to_yaml())
@@ -79,7 +77,9 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
 
 @main.command(
     epilog=examples(
-        "roughvol run configs/smoke.yaml", "roughvol run configs/effect_of_D.yaml --jobs 4 --out /data/effect_of_D"
+        "roughvol run seal.yaml",
+        "roughvol run effect_of_D.yaml --jobs 4 --out /data/effect_of_D",
+        "roughvol run seal.yaml --set surface.m=7 --set name=finer",
     )
 )
 @STUDY
@@ -88,19 +88,27 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
 @click.option("--fresh", is_flag=True, help="Compute every case anew, finished ones too.")
 @click.option("--scheduler", metavar="ADDRESS", help="Compute on the workers of this Dask scheduler.")
 @click.option("--figures", metavar="NAMES", help="Compute only the cases of these figures, as in fig05,fig06a.")
+@SET
 def run(
-    study: Path, jobs: int | None, out: Path | None, fresh: bool, scheduler: str | None, figures: str | None
+    study: Path,
+    jobs: int | None,
+    out: Path | None,
+    fresh: bool,
+    scheduler: str | None,
+    figures: str | None,
+    changes: tuple[str, ...],
 ) -> None:
-    """Compute the unfinished cases of STUDY, and collect all cases in study.nc.
+    """Compute the unfinished cases of STUDY, and collect all cases in study.nc; STUDY may be - for standard input.
+
+    The numbers of the chief states are printed: levels asked for and ends of legs. `roughvol show` has all.
 
     Ctrl-C stops after the cases at work, a second one at once. The same command continues the run.
     """
     started = time.monotonic()
     from roughvol.campaign import running, workers
     from roughvol.store import run_folder
-    from roughvol.study import load
 
-    loaded = load(study)
+    loaded = study_of(study, changes)
     only = None
     if figures:
         from roughvol.report.figures import selection
@@ -131,14 +139,23 @@ def run(
     warn(results.attrs["warnings"].splitlines())
 
 
-@main.command(epilog=examples("roughvol status configs/effect_of_D.yaml"))
+@main.command(
+    epilog=examples("roughvol status effect_of_D.yaml", "roughvol status effect_of_D --out /data/effect_of_D")
+)
 @STUDY
 @OUT
-def status(study: Path, out: Path | None) -> None:
-    """List the finished, running, failed and missing cases of STUDY, also during a run."""
+@SET
+def status(study: Path, out: Path | None, changes: tuple[str, ...]) -> None:
+    """List the finished, running, failed and missing cases of STUDY, also during a run.
+
+    STUDY is a study file, - for standard input, the folder of a run, or a name under runs/.
+    """
     from roughvol.store import run_folder, run_status
 
-    state = run_status.status(study, out)
+    folder = next((path for path in (study, Path("runs") / study) if (path / "study.yaml").is_file()), None)
+    if folder is not None and not study.is_file():
+        study, out = folder / "study.yaml", out or folder
+    state = run_status.status(study_of(study, changes), out)
     left, several = len(state.running) + len(state.missing), (state.failed, state.damaged)
     total = len(state.done) + left + sum(map(len, several))
     click.echo(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))
@@ -165,7 +182,7 @@ def status(study: Path, out: Path | None) -> None:
             click.echo(f"  … and {len(reasons) - SHOWN} more {title}")
 
 
-@main.command(epilog=examples("roughvol tradeoff configs/tradeoff.yaml"))
+@main.command(epilog=examples("roughvol tradeoff tradeoff.yaml"))
 @STUDY
 @OUT
 def tradeoff(study: Path, out: Path | None) -> None:
@@ -177,9 +194,8 @@ def tradeoff(study: Path, out: Path | None) -> None:
     from roughvol.report import convergence
     from roughvol.report.figures import work_precision
     from roughvol.store import dataset, run_folder
-    from roughvol.study import load
 
-    loaded = load(study)
+    loaded = study_of(study)
     folder = run_folder.folder_of(loaded, out)
     show = sys.stderr.isatty()
     measured = trade.measure(

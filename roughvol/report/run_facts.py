@@ -191,6 +191,8 @@ def _range(values: Array) -> str:
 def _loading(run: Run) -> Iterator[tuple[str, str]]:
     """Yield material, sweep, solver, states and their certified errors."""
     ds, study = run.dataset, run.study
+    if study is not None and study.comment:
+        yield "Comment", study.comment
     if study is not None:
         material, unit = study.material, f" {study.material.unit}" if study.material.unit else ""
         yield "Contact modulus E*", f"{number(material.contact_modulus)}{unit}" + ("" if unit else " (no unit given)")

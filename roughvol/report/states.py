@@ -23,6 +23,7 @@ from roughvol.report.run_facts import cell, closing, derived, groups, head
 from roughvol.report.tables import Table, number
 from roughvol.store.variables import OF_STATE, STATES, VARIABLES
 from roughvol.study import KINDS, STORED, Quantity, Scale, read
+from roughvol.study.scale import ALWAYS
 from roughvol.study.yaml_text import number_text
 
 P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"
@@ -97,10 +98,14 @@ def wanted(text: str) -> Wanted:
         )
         raise DatasetError(message)
     try:
-        return Wanted(kind, read(value, KINDS[kind][0] if kind in KINDS else ""))
+        state = Wanted(kind, read(value, KINDS[kind][0] if kind in KINDS else ""))
     except ValueError as error:
         message = f"{text}: {error}"
         raise DatasetError(message) from error
+    if kind in ALWAYS and not isinstance(state.value, Quantity):
+        message = f"{text}: needs its unit, as {kind}={'20N' if kind == 'load' else '1um'}"
+        raise DatasetError(message)
+    return state
 
 
 def scales(run: Run, surfaces: Dataset) -> list[Scale]:

@@ -13,6 +13,7 @@ from .material import ContactModulus as ContactModulus
 from .material import YoungPoisson as YoungPoisson
 from .reading import load as load
 from .reading import loads as loads
+from .reading import of_data as of_data
 from .record import EVERY_STEP as EVERY_STEP
 from .record import BoxCounting as BoxCounting
 from .record import Dimensional as Dimensional

@@ -221,6 +221,8 @@ class Study(Strict):
         default=None, description="{accuracy, at, budget, first_seed}: how accurate the mean over all surfaces is to be"
     )
 
+    comment: str | None = Field(default=None, description="any text for readers; it changes no answer")
+
     _places: Places = PrivateAttr(default_factory=Places)
 
     @model_validator(mode="after")
@@ -237,6 +239,8 @@ class Study(Strict):
     def _plain(self, handler: Any) -> dict[str, Any]:
         """Leave out the seeds and the tolerance where an ensemble decides them."""
         data: dict[str, Any] = handler(self)
+        if self.comment is None:
+            del data["comment"]
         if self.ensemble is not None:
             data["surface"].pop("seeds", None)
             if self.solving != self.solver:  # its tolerance follows from the accuracy, when this is read again as well
