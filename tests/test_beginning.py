@@ -128,13 +128,9 @@ def test_a_small_case_takes_about_a_second_of_cpu() -> None:
         "heavy = {'matplotlib', 'scipy.stats', 'distributed'} & set(sys.modules)\n"
         "t = os.times()\nprint(heavy or '', t.user + t.system + t.children_user + t.children_system)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        timeout=100,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
+    there = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100, env=there)
     assert done.returncode == 0, done.stderr
     assert float(done.stdout.split()[-1]) < 5.0
     assert "{" not in done.stdout.splitlines()[-1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -88,7 +89,7 @@ def study_of(path: Path, changes: Sequence[str] = ()) -> Study:
     from roughvol.study import load, loads
 
     if str(path) == "-":
-        return loads(click.get_text_stream("stdin").read(), "<stdin>", changes=changes)
+        return loads(sys.stdin.read(), "<stdin>", changes=changes)
     return load(path, changes)
 
 

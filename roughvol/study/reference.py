@@ -64,7 +64,9 @@ def _keys(schema: Any, models: Any, path: str, form: str, inside: tuple[str, ...
 
 
 def _models(schema: Any, models: Any, seen: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
-    """Yield the mappings that a value may be, by name."""
+    """Yield the mappings that a value may be, by name; one written in place has its description as name."""
+    if "properties" in schema:
+        yield schema.get("title") or schema.get("description", ""), schema
     if "$ref" in schema:
         name = schema["$ref"].rpartition("/")[2]
         if "properties" in models[name]:
@@ -80,7 +82,11 @@ def _models(schema: Any, models: Any, seen: tuple[str, ...]) -> Iterator[tuple[s
 
 def _values(schema: Any, models: Any) -> str:
     """Return the allowed values in words."""
-    return " or ".join(dict.fromkeys(filter(None, _each(schema, models))))
+    parts = list(dict.fromkeys(filter(None, _each(schema, models))))
+    *single, last = parts or [""]
+    if single and last == f"a list of {' or '.join(single)}":
+        return f"{' or '.join(single)}; or a list of these"
+    return " or ".join(parts)
 
 
 def _each(schema: Any, models: Any) -> Iterator[str]:
@@ -90,8 +96,8 @@ def _each(schema: Any, models: Any) -> Iterator[str]:
             for inner in schema[part]:
                 yield from _each(inner, models)
             return
-    if "$ref" in schema:
-        model = models[schema["$ref"].rpartition("/")[2]]
+    if "$ref" in schema or "properties" in schema:
+        model = models[schema["$ref"].rpartition("/")[2]] if "$ref" in schema else schema
         if "properties" in model:
             yield "a mapping"
         else:
