@@ -48,15 +48,15 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) 
     logarithms. A state beyond the steps is an error. Several surfaces are shown by their mean; --csv and --json have
     each of them. `roughvol explain NAME` describes a column.
     """
-    from roughvol.report import states as numbers
+    from roughvol.report import screen
 
     _one_form(as_csv, as_json)
     opened, wanted = _opened(run), _wanted(states)
     if as_csv or as_json:
-        names, rows, units = numbers.records(opened, wanted)
+        names, rows, units = screen.records(opened, wanted)
         _write(names, rows, units if as_json else None, opened.name)
         return
-    for table in numbers.shown(opened, wanted):
+    for table in screen.shown(opened, wanted):
         say_table(table)
 
 
@@ -76,14 +76,14 @@ def compare(run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json
     Without --at, the loads are nominal pressures that all runs reach, or p* where one has no units. The rule between
     steps is that of `roughvol show`.
     """
-    from roughvol.report import states as numbers
+    from roughvol.report import screen
 
     _one_form(as_csv, as_json)
     if len(run) < 2:
         message = "compare takes two runs or more; one is shown by: roughvol show RUN"
         raise click.UsageError(message)
     opened = [_opened(name) for name in run]
-    table = numbers.compared(opened, _wanted(states))
+    table = screen.compared(opened, _wanted(states))
     if as_csv or as_json:
         _write(table.head, [list(row) for row in table.rows], {} if as_json else None, "compare")
         return

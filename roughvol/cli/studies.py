@@ -239,10 +239,10 @@ def _say_numbers(name: str, results: Dataset) -> None:
     """Print the chief states of a run, and where its ways through the gap close."""
     if "step" not in results.sizes:
         return
-    from roughvol.report import states
+    from roughvol.report import screen
     from roughvol.report.claims import Run
 
-    for table in states.summary(Run.of(name, results)):
+    for table in screen.summary(Run.of(name, results)):
         say_table(table)
 
 

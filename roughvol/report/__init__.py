@@ -9,7 +9,8 @@ Room of the report. It reads datasets and computes no contact.
 `model`         contents of a report, and the words that all its forms share
 `run_facts`     one run in words and tables: surface, loading, states, closing
 `yielding`      leak up and down a path, and with yield against without
-`states`        numbers for a screen: steps, states between steps, runs side by side
+`states`        the state of stored surfaces at a load, on a step or between two
+`screen`        tables of numbers for a screen
 `legs`          legs of a path in a dataset
 `tables`        tables of a report
 `drawings`      figures that a report shows, and the run of each

@@ -63,7 +63,7 @@ VARIABLES |= _rows(
     y=Variable("y", "1", "position along the second axis over L", "y/L"),
 )
 VARIABLES |= _rows(
-    "study.sections.Legs.legs",
+    "study.sweep.Legs.legs",
     leg=Variable("step", "1", "leg of the path, from 1", "leg", "index"),
 )
 VARIABLES |= _rows(

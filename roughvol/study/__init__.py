@@ -8,6 +8,7 @@ key, given value and allowed values.
 `yaml_text`    YAML to plain data and the line of every key
 `sections`     the sections of a study as strict, frozen records
 `height_file`  the section ``surface`` of measured heights
+`sweep`        the section ``sweep``
 `targets`      lists of states of a sweep
 `treatment`    the treatment of measured heights
 `material`     the section ``material``

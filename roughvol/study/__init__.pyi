@@ -30,11 +30,11 @@ from .scale import Scale as Scale
 from .sections import ACCURACY as ACCURACY
 from .sections import EXPECTED as EXPECTED
 from .sections import GeneratedSurface as GeneratedSurface
-from .sections import Legs as Legs
 from .sections import Level as Level
 from .sections import Solver as Solver
-from .sections import Sweep as Sweep
-from .sections import Target as Target
+from .sweep import Legs as Legs
+from .sweep import Sweep as Sweep
+from .sweep import Target as Target
 from .treatment import Crop as Crop
 from .treatment import Outliers as Outliers
 from .units import Quantity as Quantity

@@ -22,23 +22,19 @@ from roughvol.study.ensemble import Ensemble
 from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
 from roughvol.study.record import SELECTORS, Record
-from roughvol.study.scale import lacking
 from roughvol.study.sections import (
     PAPER_MAX_M,
     GeneratedSurface,
-    Legs,
     Solver,
     Strict,
-    Sweep,
-    Target,
     Word,
     names,
     refuse,
     tag_surface,
-    tag_sweep,
     whole,
 )
-from roughvol.study.targets import LISTS, lacking_units, sections_of
+from roughvol.study.sweep import Legs, Sweep, Target, tag_sweep
+from roughvol.study.targets import end_of, lacking_units, list_of, need_length, sections_of, steps_of
 from roughvol.study.treatment import steps
 from roughvol.study.units import convert, has_unit, length_unit
 from roughvol.study.yaml_text import KeyPath, key_text, number_text, write
@@ -281,7 +277,7 @@ class Study(Strict):
         with self.placing():
             measured = resolve(surface)
             if measured.unit is None:
-                _need_length(sweep, str(surface.file))
+                need_length(sweep, str(surface.file))
         case = Case(
             measured.L,
             E_star,
@@ -326,15 +322,6 @@ class Study(Strict):
         return write(self.model_dump(mode="json", context={"stored": True}))
 
 
-def _need_length(sweep: Sweep | Legs, file: str) -> None:
-    """Refuse states with a unit of length, or a load, on a surface whose file gives no unit."""
-    for level in (level for leg in sweep.legs for level in (leg.target, *(leg.listed or ()))):
-        if level.value is not None and lacking(level.kind, level.value, "Pa", None):
-            reason = f"needs the unit of length, and {Path(file).name} gives none: add surface: {{L: 100 um}}"
-            message = f"{level.label} {reason}"
-            raise StudyError([Problem(message, "sweep")])
-
-
 def json_schema() -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of a study file.
 
@@ -359,8 +346,8 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     sweep = data.get("sweep")
     path = isinstance(sweep, list | tuple)
     legs = [leg if isinstance(leg, dict) else {} for leg in sweep or ()] if path else [mapping("sweep")]
-    ends = [_end_of(leg) for leg in legs]
-    steps = sum(number for leg in legs for _, number in _numbers(_steps_of(leg)))
+    ends = [end_of(leg) for leg in legs]
+    steps = sum(number for leg in legs for _, number in _numbers(steps_of(leg)))
 
     if "paper" in (data.get("solver"), mapping("solver").get("method")):
         for place, m in _numbers(surface.get("m"), "surface", "m"):
@@ -369,7 +356,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     yield from _file_conflicts(surface, mapping("surface", "against"))
 
     for index, (leg, end) in enumerate(zip(legs, ends, strict=True)):
-        named = isinstance(leg.get("to"), dict) and _list_of(leg) is None
+        named = isinstance(leg.get("to"), dict) and list_of(leg) is None
         if named and sum(value is not None for value in end.values()) != 1:
             yield ("sweep", *([index] if path else []), "to"), f"must name exactly one of {', '.join(names(Target))}"
     if path:
@@ -412,27 +399,6 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     cases = counts[0] * counts[1] * (seeds if isinstance(seeds, int) else counts[2])
     if cases > MAX_CASES:
         yield ("surface",), f"makes {cases} cases (D times m times seeds); allowed: at most {MAX_CASES}"
-
-
-def _list_of(leg: dict[str, Any]) -> str | None:
-    """Return the key of the list of states of a leg, None without one."""
-    return next((name for name in LISTS if leg.get(name)), None)
-
-
-def _steps_of(leg: dict[str, Any]) -> Any:
-    name = _list_of(leg)
-    if name is None:
-        return leg.get("steps", 60)
-    return len(leg[name]) if isinstance(leg[name], list) else 1
-
-
-def _end_of(leg: dict[str, Any]) -> dict[str, Any]:
-    """Return the end of a leg as a mapping, empty for a plane."""
-    name = _list_of(leg)
-    if name is not None:
-        values = leg[name] if isinstance(leg[name], list) else [leg[name]]
-        return {LISTS[name]: values[-1]}
-    return leg["to"] if isinstance(leg.get("to"), dict) else {}
 
 
 def _file_conflicts(surface: dict[str, Any], against: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
@@ -505,7 +471,7 @@ def _path_conflicts(
         if ends and ends[0].get(kind) == 0:
             yield ("sweep", 0, "to", kind), "must be > 0 on the first leg, which begins at first touch"
     for index in range(1, len(legs)):
-        one, other = (_end_of(leg) or leg.get("to", "mean-plane") for leg in (legs[index - 1], legs[index]))
+        one, other = (end_of(leg) or leg.get("to", "mean-plane") for leg in (legs[index - 1], legs[index]))
         if one == other:
             yield ("sweep", index, "to"), "is the end of the leg before: the leg has no length"
 

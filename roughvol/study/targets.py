@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from pydantic_core import PydanticCustomError
 
-from roughvol.study.scale import KINDS
+from roughvol.errors import Problem, StudyError
+from roughvol.study.scale import KINDS, lacking
 from roughvol.study.units import convert, has_unit, unit_of
 
 LISTS = {
@@ -105,3 +107,34 @@ def lacking_units(data: dict[str, Any], modulus: Any, *, has_length: bool) -> li
         elif kind != "pressure" and not has_length:
             wrong.append((path, f"has a unit ({value}) and L has none: as surface: {{L: 100 um}}"))
     return wrong
+
+
+def list_of(leg: dict[str, Any]) -> str | None:
+    """Return the key of the list of states of a leg, None without one."""
+    return next((name for name in LISTS if leg.get(name)), None)
+
+
+def steps_of(leg: dict[str, Any]) -> Any:
+    """Return the number of steps of a leg in plain data."""
+    name = list_of(leg)
+    if name is None:
+        return leg.get("steps", 60)
+    return len(leg[name]) if isinstance(leg[name], list) else 1
+
+
+def end_of(leg: dict[str, Any]) -> dict[str, Any]:
+    """Return the end of a leg as a mapping, empty for a plane."""
+    name = list_of(leg)
+    if name is not None:
+        values = leg[name] if isinstance(leg[name], list) else [leg[name]]
+        return {LISTS[name]: values[-1]}
+    return leg["to"] if isinstance(leg.get("to"), dict) else {}
+
+
+def need_length(sweep: Any, file: str) -> None:
+    """Refuse states with a unit of length, or a load, on a surface whose file gives no unit."""
+    for level in (level for leg in sweep.legs for level in (leg.target, *(leg.listed or ()))):
+        if level.value is not None and lacking(level.kind, level.value, "Pa", None):
+            reason = f"needs the unit of length, and {Path(file).name} gives none: add surface: {{L: 100 um}}"
+            message = f"{level.label} {reason}"
+            raise StudyError([Problem(message, "sweep")])
