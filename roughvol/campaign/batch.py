@@ -88,7 +88,10 @@ class Batch:
         kept: int,
         surface: Surface | None,
         on_event: OnEvent | None,
+        *,
+        alone: bool = True,
     ) -> None:
+        self._given = surface if alone else None  # the surface of the only case; of several, the first shows the size
         self._folder, self._text, self._kept, self._surface, self._on_event = folder, text, kept, surface, on_event
         self._cost = {case.id: _cost(case) for case in cases}
         self._total = sum(self._cost.values())
@@ -120,7 +123,7 @@ class Batch:
         threads = 1 if scheduler else max(1, jobs // processes)  # other cores work inside the convolutions
         folder, mark = self._folder.resolve(), lock.mark(self._folder) if scheduler else None
         tasks: list[_Task] = [
-            (case, self._text, threads, checkpoint_file(folder, case.id), mark, self._surface) for case in self._cases
+            (case, self._text, threads, checkpoint_file(folder, case.id), mark, self._given) for case in self._cases
         ]
         try:
             workers.each(

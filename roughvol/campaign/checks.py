@@ -53,14 +53,16 @@ def check_surfaces(study: Study) -> Surface | None:
             for m, case in {case.m: case for case in cases if case.m is not None}.items():
                 regions.check(case, (2**m + 1, 2**m + 1))
         return None
-    files = [Path(body.file) for body in given.bodies]
+    files = [Path(body.file) for one in given.each for body in one.bodies]
     here = all(file.suffix.lower() in READ_HERE for file in files)
     surface = None if here else _read_apart(study, files)
-    case = study.cases()[0]
+    case, *others = study.cases()
     with study.placing():
         dimensional.check(case)
         surface = surface or surface_of(case)
         regions.check(case, surface.shape)
+        for other in others if here else ():
+            regions.check(other, surface_of(other).shape)
     return surface
 
 
@@ -127,8 +129,11 @@ def _read_apart(study: Study, files: Sequence[Path]) -> Surface:
 
 
 def read_surface(study: Study, tell: workers.Tell) -> Surface:
-    """Return the surface of the first case: the task of a process that may crash or never end."""
-    return surface_of(study.cases()[0])
+    """Return the surface of the first case; read all: the task of a process that may crash or never end."""
+    first, *others = study.cases()
+    for case in others:
+        surface_of(case)
+    return surface_of(first)
 
 
 def check_fits(

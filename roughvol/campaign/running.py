@@ -119,7 +119,9 @@ def run(
             for notice in notices:
                 on_event(Progress(cases=len(cases), kept=kept, notice=notice))
         if missing:
-            Batch(folder, text, missing, kept, surface, on_event).through(jobs, scheduler, stopping)
+            Batch(folder, text, missing, kept, surface, on_event, alone=len(study.cases()) == 1).through(
+                jobs, scheduler, stopping
+            )
         elif on_event is not None:
             on_event(Progress(cases=len(cases), kept=len(cases), work=1.0))
         return _collected(folder, cases, study, stopping)
@@ -369,7 +371,7 @@ def _combined(
         ids=parts,
         region=case.record.region,
         length_unit=case.length_unit,
-        bodies=case.bodies,
+        bodies=[body for one in cases.values() for body in one.bodies],
         versions=versions,
     )
     if case.surface_text:

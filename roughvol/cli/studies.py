@@ -151,11 +151,15 @@ def status(study: Path, out: Path | None, changes: tuple[str, ...]) -> None:
     STUDY is a study file, - for standard input, the folder of a run, or a name under runs/.
     """
     from roughvol.store import run_folder, run_status
+    from roughvol.study import loads
 
     folder = next((path for path in (study, Path("runs") / study) if (path / "study.yaml").is_file()), None)
     if folder is not None and not study.is_file():
-        study, out = folder / "study.yaml", out or folder
-    state = run_status.status(study_of(study, changes), out)
+        # Height files of a stored study are relative to the study file, taken to be in the current folder.
+        text = run_folder.stored_study(folder) or ""
+        state = run_status.status(loads(text, f"{folder.name}.yaml", changes=changes), out or folder)
+    else:
+        state = run_status.status(study_of(study, changes), out)
     left, several = len(state.running) + len(state.missing), (state.failed, state.damaged)
     total = len(state.done) + left + sum(map(len, several))
     click.echo(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))

@@ -81,5 +81,6 @@ def _state(folder: Path) -> str:
         study = loads(run_folder.stored_study(folder) or "", stored=True)
     except StudyError:
         return f"{len(stored)} finished{failures}, its study cannot be read"
-    total = len(answer.cases_of(study, folder)) if isinstance(study.surface, GeneratedSurface) else 1
+    surface = study.surface
+    total = len(answer.cases_of(study, folder)) if isinstance(surface, GeneratedSurface) else len(surface.each)
     return f"{len(stored)} of {total} finished{failures}"

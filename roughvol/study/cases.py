@@ -252,7 +252,7 @@ class Study(Strict):
             raise StudyError([self._places.of(problem) for problem in error.problems]) from error
 
     def cases(self) -> tuple[Case, ...]:
-        """Return the product over D, m and seeds, seeds fastest; a height file is one case.
+        """Return the product over D, m and seeds, seeds fastest; each height file is one case.
 
         Raises
         ------
@@ -274,25 +274,36 @@ class Study(Strict):
             case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
             case = replace(case, plastic=hardness is not None and self.material.plastic, modulus_unit=modulus_unit)
             return tuple(replace(case, D=D, m=m, seed=seed, midpoint_law=law) for D, m, seed in product)
-        with self.placing():
-            measured = resolve(surface)
-            if measured.unit is None:
-                need_length(sweep, str(surface.file))
-        case = Case(
-            measured.L,
-            E_star,
-            sweep,
-            solver,
-            record,
-            bodies=measured.bodies,
-            treatment=measured.treatment,
-            length_unit=measured.unit,
-            modulus_unit=modulus_unit,
-            hardness=hardness,
-            plastic=hardness is not None and self.material.plastic,
-            notes=measured.notes,
-        )
-        return (case,)
+        made: list[Case] = []
+        for one in surface.each:
+            with self.placing():
+                measured = resolve(one)
+                if measured.unit is None:
+                    need_length(sweep, str(one.file))
+                if made and (made[0].length_unit, made[0].L) != (measured.unit, measured.L):
+                    own, first = (
+                        f"{L:.9g} {unit or ''}".strip()
+                        for L, unit in ((measured.L, measured.unit), (made[0].L, made[0].length_unit))
+                    )
+                    message = f"the files differ in L: {made[0].label} has {first}, {Path(one.file).name} has {own}"
+                    raise StudyError([Problem(message, "surface.files")])
+            made.append(
+                Case(
+                    measured.L,
+                    E_star,
+                    sweep,
+                    solver,
+                    record,
+                    bodies=measured.bodies,
+                    treatment=measured.treatment,
+                    length_unit=measured.unit,
+                    modulus_unit=modulus_unit,
+                    hardness=hardness,
+                    plastic=hardness is not None and self.material.plastic,
+                    notes=measured.notes,
+                )
+            )
+        return tuple(made)
 
     @property
     def solving(self) -> Solver:
@@ -441,7 +452,8 @@ def _unit_conflicts(
     modulus = material.get("E_star", material.get("E"))
     if has_unit(material.get("hardness")) and not has_unit(modulus):
         yield ("material", "hardness"), "has a unit and the modulus has none: give both with units, or none"
-    yield from lacking_units(data, modulus, has_length=has_length or surface.get("file") is not None)
+    from_file = bool({"file", "files"} & surface.keys())
+    yield from lacking_units(data, modulus, has_length=has_length or from_file)
     if record.get("region") is not None:
         for path, kind, _ in sections_of(data.get("sweep")):
             if kind == "load":
@@ -453,7 +465,7 @@ def _unit_conflicts(
     for name in [key for key, value in wanted.items() if value is not None] if isinstance(wanted, dict) else ():
         if name == "pressure" and not has_unit(modulus):
             yield ("record", "dimensional", name), "needs the modulus with its unit, as material: {E_star: 100 GPa}"
-        if name != "pressure" and not has_length and surface.get("file") is None:
+        if name != "pressure" and not has_length and not from_file:
             yield ("record", "dimensional", name), "needs the unit of length, as surface: {L: 100 um}"
         needs = {"leak_rate": "transmissivity", "critical_gap": "constriction"}.get(name)
         transport = record.get("transport")

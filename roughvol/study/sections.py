@@ -231,7 +231,7 @@ def tag_surface(value: Any) -> str:
     if not isinstance(value, dict):
         return "<generated>" if isinstance(value, GeneratedSurface) else "<file>"
     hints = not {"D", "m"} & value.keys() and any(nearest(key, ["file", "variable"]) for key in value)
-    return "<file>" if "file" in value or hints else "<generated>"
+    return "<file>" if {"file", "files"} & value.keys() or hints else "<generated>"
 
 
 class MaxError(Choice):
