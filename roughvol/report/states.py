@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from xarray import Dataset
@@ -22,9 +22,11 @@ from roughvol.store.variables import OF_STATE, STATES, VARIABLES
 from roughvol.study import KINDS, STORED, Quantity, Scale, read
 from roughvol.study.scale import ALWAYS
 from roughvol.study.yaml_text import number_text
+from roughvol.typing import Array
 
 P, V = "mean_pressure", "free_volume"
 BY_LOGARITHM = ("leak_rate", "transmissivity", "diffusivity", "critical_opening", "critical_gap")
+MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V}  # in units, of starred numbers
 RULE = "Between steps: straight lines over the quantity asked for, of the logarithm for flows and openings."
 
 
@@ -80,85 +82,70 @@ def wanted(text: str) -> Wanted:
 def scales(run: Run, surfaces: Dataset) -> list[Scale]:
     """Return what turns numbers with units into starred ones, for each surface along ``seed``."""
     ds, material = run.dataset, run.study.material if run.study else None
-    L = float(ds["L"])
-    unit = ds.attrs.get("length_unit")
-    found = []
-    for k in range(surfaces.sizes["seed"]):
-        one = surfaces.isel(seed=k)
-        nodes = [float(one[name]) for name in ("nodes_x", "nodes_y") if name in one]
-        if len(nodes) < 2 and "m" in one:
-            nodes = [2.0 ** float(one["m"]) + 1.0] * 2
-        area = math.prod(nodes) * (L / (nodes[0] - 1.0)) ** 2 if len(nodes) == 2 else math.nan
-        modulus = material.contact_modulus if material else math.nan
-        found.append(Scale(modulus, L, float(one["Sq"]), area, material.unit if material else None, unit))
-    return found
+    L, unit = float(ds["L"]), ds.attrs.get("length_unit")
+    modulus, modulus_unit = (material.contact_modulus, material.unit) if material else (math.nan, None)
+    sizes = surfaces["Sq"].values.tolist()
+    nodes = [surfaces[name].values for name in ("nodes_x", "nodes_y") if name in surfaces]
+    if len(nodes) < 2 and "m" in surfaces.coords:
+        nodes = [np.full(len(sizes), 2.0 ** float(surfaces["m"]) + 1.0)] * 2
+    areas = (nodes[0] * nodes[1] * (L / (nodes[0] - 1.0)) ** 2).tolist() if len(nodes) == 2 else [math.nan] * len(sizes)
+    return [Scale(modulus, L, Sq, area, modulus_unit, unit) for Sq, area in zip(sizes, areas, strict=True)]
 
 
-def at_step(surface: Dataset, place: float) -> Dataset:
-    """Return one surface at a step, or between two steps.
+def place_of(values: Array, value: float, *, between: bool = True) -> float | None:
+    """Return where on its path a surface reaches a value first, None if no two steps enclose it.
 
     Parameters
     ----------
-    surface : Dataset
-        Variables along ``step``.
-    place : float
-        Position on the axis ``step``, from 0; 2.25 lies a quarter of the way from the third to the fourth.
-
-    Returns
-    -------
-    Dataset
-        Numbers of that state, without ``step``.
-    """
-    beyond = math.ceil(place)
-    share = place - math.floor(place)
-    after = surface.isel(step=beyond, drop=True)
-    if share == 0.0:
-        return after
-    before = surface.isel(step=beyond - 1, drop=True)
-    values = {}
-    for name in map(str, after.data_vars):
-        row = VARIABLES.get(name)
-        along = "step" in surface[name].dims
-        if not along or (row is not None and row.kind != "real") or name.startswith("open_"):
-            continue
-        low, high = before[name], after[name]
-        mixed = low + share * (high - low)
-        if name.startswith(BY_LOGARITHM):
-            positive = (low > 0.0) & (high > 0.0)
-            one, other = low.where(positive, 1.0), high.where(positive, 1.0)
-            mixed = (one * (other / one) ** share).where(positive, high)
-        values[name] = mixed.assign_attrs(surface[name].attrs)
-    return after.assign(values)
-
-
-def place_of(surface: Dataset, kind: str, value: float) -> float | None:
-    """Return where on its path one surface reaches a starred value first, None if no two steps enclose it.
-
-    Parameters
-    ----------
-    surface : Dataset
-        One surface along ``step``.
-    kind : str
-        A starred quantity of `study.STORED`, or ``step``.
+    values : array (steps,)
+        The quantity at each step; NaN where none was solved.
     value : float
         Its value.
+    between : bool
+        Whether places between two steps count.
 
     Returns
     -------
     float or None
-        Position on the axis ``step``, from 0.
+        Position on the axis ``step``, from 0; 2.25 lies a quarter of the way from the third to the fourth.
     """
-    values = surface["step"].values if kind == "step" else surface[STORED[kind]].values
     slack = 1e-6 * max(abs(value), 1e-12)
-    solved = [k for k in range(len(values)) if math.isfinite(float(values[k]))]
+    solved = np.flatnonzero(np.isfinite(values)).tolist()
     for k in solved:
         if abs(values[k] - value) <= slack:
             return float(k)
-    for before, k in itertools.pairwise(solved) if kind != "step" else ():
+    for before, k in itertools.pairwise(solved) if between else ():
         low, high = float(values[before]), float(values[k])
         if min(low, high) < value < max(low, high):
-            return before + (value - low) / (high - low) * (k - before)
+            return float(before + (value - low) / (high - low) * (k - before))
     return None
+
+
+def _between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
+    """Return the numbers of surfaces at places on their paths, without ``step``."""
+    rows = np.array(seeds)
+    low, high = np.floor(places).astype(int), np.ceil(places).astype(int)
+    share = np.array(places) - low
+    values: dict[str, Any] = {}
+    for name, variable in group.data_vars.items():
+        if set(variable.dims) == {"seed"}:
+            values[str(name)] = ("seed", variable.values[rows], variable.attrs)
+        if set(variable.dims) != {"seed", "step"}:
+            continue
+        array = variable.transpose("seed", "step").values
+        before, after = array[rows, low], array[rows, high]
+        row = VARIABLES.get(str(name))
+        if (row is None or row.kind == "real") and not str(name).startswith("open_") and array.dtype.kind == "f":
+            mixed = before + share * (after - before)
+            if str(name).startswith(BY_LOGARITHM):
+                positive = (before > 0.0) & (after > 0.0)
+                one, other = np.where(positive, before, 1.0), np.where(positive, after, 1.0)
+                mixed = np.where(positive, one * (other / one) ** share, after)
+            after = np.where(share == 0.0, before, mixed)
+        values[str(name)] = ("seed", after, variable.attrs)
+    kept = {name: variable for name, variable in group.coords.items() if set(variable.dims) <= {"seed"}}
+    coords = {name: variable[rows] if variable.dims else variable for name, variable in kept.items()}
+    return Dataset(values, coords={name: (v.dims, v.values) for name, v in coords.items()})
 
 
 @dataclass(frozen=True)
@@ -202,64 +189,53 @@ def at(run: Run, group: Dataset, state: Wanted) -> State:
     DatasetError
         If no surface reaches it, or it has a unit and the run has none.
     """
-    found: list[Dataset] = []
-    number_of = group.sizes["seed"]
-    ranges: list[float] = []
+    order = ("seed", "step")
+    own = _recorded(group, state)
+    seeds, places, ranges = list[int](), list[float](), list[float]()
     for k, scale in enumerate(scales(run, group)):
-        surface = group.isel(seed=k)
-        kind, value = state.kind, state.value
-        if kind != "step":
+        kind, value = state.kind, float(state.value)
+        if kind == "step":
+            values = group["step"].values.astype(float)
+        else:
             try:
-                kind, value = scale.starred(kind, value)
+                kind, value = scale.starred(state.kind, state.value)
             except ValueError as error:
                 message = f"{state.kind} {error}"
                 raise DatasetError(message) from error
-            stored = surface[STORED[kind]].values
-            ratio = float(state.value) / value if value else 1.0
-            ranges += (stored[np.isfinite(stored)] * ratio).tolist()
-        else:
-            ranges += surface["step"].values.astype(float).tolist()
-        if (recorded := _recorded(surface, state)) is not None:
-            found.append(recorded)
-        elif (place := place_of(surface, kind, value)) is not None:
-            found.append(at_step(surface, place))
-    if not found:
+            values = group[STORED[kind]].transpose(*order).values[k]
+            ranges += (values[np.isfinite(values)] * (float(state.value) / value if value else 1.0)).tolist()
+            if own and math.isfinite(own[STORED[kind]][k]):
+                value = own[STORED[kind]][k]
+        if (place := place_of(values, value, between=kind != "step")) is not None:
+            seeds.append(k)
+            places.append(place)
+    if not seeds:
+        ranges = ranges or group["step"].values.astype(float).tolist()
         unit = f" {state.value.unit}" if isinstance(state.value, Quantity) else ""
-        reach = f"{number(min(ranges))} to {number(max(ranges))}{unit}" if ranges else "no step at all"
+        reach = f"{number(min(ranges))} to {number(max(ranges))}{unit}"
         message = f"{run.name} has no state at {state.label}: its steps have {state.kind} {reach}"
         raise DatasetError(message)
-    return State(state.label, _together(found), number_of)
+    data = _between(group, seeds, places)
+    if own:
+        beyond = _between(group, seeds, np.ceil(places).tolist())
+        for name, of in MADE.items():
+            if name in data and of in own:
+                ratio = beyond[name].values / beyond[of].values
+                own[name] = np.where(np.isfinite(own[of][seeds]), ratio * own[of][seeds], data[name].values)
+        for name, numbers in own.items():
+            there = numbers if name in MADE else numbers[seeds]
+            data[name] = ("seed", np.where(np.isfinite(there), there, data[name].values), data[name].attrs)
+    return State(state.label, data, group.sizes["seed"])
 
 
-def _together(surfaces: Sequence[Dataset]) -> Dataset:
-    """Return states of several surfaces along ``seed``."""
-    import xarray as xr
-
-    return xr.concat(list(surfaces), "seed", data_vars="all", coords="minimal", compat="override", join="override")
-
-
-def _recorded(surface: Dataset, state: Wanted) -> Dataset | None:
-    """Return a state that the study records, with its own numbers over those of the steps around; None without it."""
+def _recorded(group: Dataset, state: Wanted) -> dict[str, Array]:
+    """Return the numbers of a recorded state by surface, NaN where it is not reached; empty without one."""
     if isinstance(state.value, Quantity) or state.kind not in STORED:
-        return None
+        return {}
     for dim in STATES:
-        if dim not in surface.dims or state.label not in surface[dim].values.tolist():
-            continue
-        own = surface.sel({dim: state.label})
-        values = {name: own[f"{dim}_{name}"] for name in OF_STATE if f"{dim}_{name}" in own}
-        stored = values.get(STORED[state.kind])
-        if int(own[f"{dim}_step"]) < 1 or stored is None or not math.isfinite(float(stored)):
-            continue
-        place = place_of(surface, state.kind, float(stored))
-        base = at_step(surface, math.ceil(place)) if place is not None else None
-        if base is None or place is None:
-            return None
-        near = at_step(surface, place)
-        made = (("nominal_pressure", P), ("free_volume_per_area", V), ("mean_gap", V))
-        scaled = {
-            name: (base[name] / base[of] * values[of]).assign_attrs(surface[name].attrs)
-            for name, of in made
-            if name in base and of in values
-        }
-        return near.assign({name: value.assign_attrs(surface[name].attrs) for name, value in values.items()} | scaled)
-    return None
+        if dim in group.dims and state.label in group[dim].values.tolist():
+            own = group.sel({dim: state.label})
+            values = {name: own[f"{dim}_{name}"].values for name in OF_STATE if f"{dim}_{name}" in own}
+            if STORED[state.kind] in values:
+                return {name: np.where(own[f"{dim}_step"].values >= 1, array, np.nan) for name, array in values.items()}
+    return {}
