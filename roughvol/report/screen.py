@@ -226,24 +226,33 @@ def records(run: Run, states: Sequence[Wanted] = ()) -> tuple[list[str], list[li
         and str(name) != "leg"
     ]
     rows: list[list[Any]] = []
+    if "leg" in ds and not states:
+        numbers = ["leg", *numbers]
 
-    def add(surface: Dataset, label: Any) -> None:
-        labels = [surface[name].item() if name in surface.coords else None for name in case]
-        rows.append([*labels, label, *(_plain(surface[name].item()) if name in surface else None for name in numbers)])
+    def add(data: Dataset, steps: Sequence[tuple[int, Any]]) -> None:
+        """Add a row for each surface and solved step, given as place and label."""
+        count = data.sizes["seed"]
+        labels = [
+            np.broadcast_to(data[name].values, count).tolist() if name in data.coords else [None] * count
+            for name in case
+        ]
+        arrays = {}
+        for name in numbers:
+            whole = data[name].broadcast_like(data[P]).transpose("seed", "step").values if name in data else None
+            arrays[name] = whole.tolist() if whole is not None else None
+        solved = data[P].transpose("seed", "step").notnull().values
+        for k in range(count):
+            own = [values[k] for values in labels]
+            for place, label in steps:
+                if solved[k, place]:
+                    columns = (arrays[name] for name in numbers)
+                    rows.append([*own, label, *(None if one is None else _plain(one[k][place]) for one in columns)])
 
-    legs = "leg" in ds
-    if states:
-        for state in states:
-            for _, found in _reaching(run, named, state):
-                for k in range(found.data.sizes["seed"]):
-                    add(found.data.isel(seed=k), found.label)
-    else:
-        numbers = ["leg", *numbers] if legs else numbers
-        for _, group in named:
-            for k in range(group.sizes["seed"]):
-                surface = group.isel(seed=k)
-                for step in np.flatnonzero(surface[P].notnull().values).tolist():
-                    add(surface.isel(step=step), int(surface["step"].values[step]))
+    for state in states:
+        for _, found in _reaching(run, named, state):
+            add(found.data.expand_dims("step", axis=1), [(0, found.label)])
+    for _, group in () if states else named:
+        add(group, list(enumerate(group["step"].values.tolist())))
     names = [*case, "state" if states else "step", *numbers]
     units = {name: str(ds[name].attrs.get("units", "1")) for name in numbers if name in ds}
     return names, rows, units
