@@ -125,7 +125,13 @@ def test_equal_states_in_other_units_are_one_state() -> None:
     third = ds.isel(step=2)
     force = float(third.mean_pressure) * sigma / 500 * 10 * area * 1e-12 * 1e6  # N
     gap = float(third.free_volume) * sigma
-    texts = ["step=3", f"load={force!r}N", f"mean_gap={gap!r}um", f"free_volume={float(third.free_volume)!r}"]
+    texts = [
+        "step=3",
+        f"pressure={float(third.mean_pressure)!r}",
+        f"load={force!r}N",
+        f"mean_gap={gap!r}um",
+        f"free_volume={float(third.free_volume)!r}",
+    ]
     shown = [json.loads(_call("show", "dry", "--json", "--at", text).stdout)["rows"][0] for text in texts]
     for row in shown:
         assert row["indentation"] == pytest.approx(float(third.indentation), rel=1e-6)
@@ -138,6 +144,8 @@ def test_equal_states_in_other_units_are_one_state() -> None:
         (["show", "dry", "--at", "presure=1"], "allowed: KIND=VALUE"),
         (["show", "dry", "--at", "pressure=1um"], "is a unit of length, not of pressure"),
         (["show", "dry", "--at", "mean_gap=1"], "needs its unit"),
+        (["show", "dry", "--at", "pressure=inf"], "must be a number"),
+        (["show", "dry", "--at", "contact_area=1um"], "must be a number without a unit"),
         (["show", "path", "--at", "pressure=1MPa"], "the modulus has none"),
         (["show", "nowhere"], "no results of 'nowhere'"),
         (["show", "dry", "--csv", "--json"], "exclude each other"),

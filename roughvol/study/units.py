@@ -6,7 +6,9 @@ lengths are labelled with the one unit of the study.
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import math
 import re
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn
@@ -115,11 +117,15 @@ def read(text: str, kind: str) -> float:
     ValueError
         If it is no number, or its unit is of another kind.
     """
+    with contextlib.suppress(ValueError):
+        if math.isfinite(plain := float(text)):
+            return plain
     match = _NUMBER.fullmatch(text.strip())
     try:
         if match is not None and kind:
             return Quantity(float(match[1]), _checked(match[2], kind))
-        return float(text)
+        message = f"no number: {text!r}"
+        raise ValueError(message)
     except PydanticCustomError as error:
         raise ValueError(error.message()) from error
     except ValueError as error:
