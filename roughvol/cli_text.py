@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -85,6 +86,20 @@ def cost(estimate: Estimate) -> str:
         *(f"#         {duration(seconds)} of one core for {name}" for name, seconds in estimate.observables.items()),
     ]
     return "\n".join(lines)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table in aligned columns; text to the left, numbers to the right."""
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    left = [any(cell[:1].isalpha() for cell in column) for column in zip(*rows, strict=True)] or [True] * len(head)
+    lines = [
+        "  ".join(
+            cell.ljust(width) if words else cell.rjust(width)
+            for cell, width, words in zip(line, widths, left, strict=True)
+        )
+        for line in (head, *rows)
+    ]
+    return "\n".join(line.rstrip() for line in lines)
 
 
 def count(number: int, noun: str, plural: str = "") -> str:

@@ -30,7 +30,9 @@ def test_the_wheel_holds_the_package_its_types_and_its_command(wheel: Path) -> N
     with zipfile.ZipFile(wheel) as held:
         names = set(held.namelist())
     modules = {path.relative_to(ROOT).as_posix() for path in (ROOT / "roughvol").rglob("*.py")}
-    assert modules | {"roughvol/py.typed"} <= names
+    examples = {path.relative_to(ROOT).as_posix() for path in (ROOT / "roughvol" / "examples").iterdir()}
+    assert examples
+    assert modules | examples | {"roughvol/py.typed"} <= names
     assert not [name for name in names if not name.startswith(("roughvol/", "roughvol-"))]
 
 

@@ -4,6 +4,7 @@ Room of the campaign.
 
 ==============  ====================================================================
 `running`       run a study, or collect what is finished
+`pressing`      heights in memory, pressed in one call
 `checks`        a study checked before anything is computed
 `ensemble`      rounds of samples until a mean is as accurate as requested
 `samples`       values and modelled cost of each sample

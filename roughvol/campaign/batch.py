@@ -18,6 +18,7 @@ from roughvol.store.run_folder import case_file, checkpoint_file, failed_file
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
 
+SMALL = 0.25  # share of the available memory up to which a single worker is this process itself
 TOLD_EVERY = 1.0  # seconds between two updates of progress.json
 
 
@@ -103,7 +104,10 @@ class Batch:
         kept: int,
         surface: Surface | None,
         on_event: OnEvent | None,
+        *,
+        alone: bool = True,
     ) -> None:
+        self._given = surface if alone else None  # the surface of the only case; of several, the first shows the size
         self._folder, self._text, self._kept, self._surface, self._on_event = folder, text, kept, surface, on_event
         self._cost = {case.id: _cost(case) for case in cases}
         self._total = sum(self._cost.values())
@@ -135,7 +139,7 @@ class Batch:
         threads = 1 if scheduler else max(1, jobs // processes)  # other cores work inside the convolutions
         folder, mark = self._folder.resolve(), lock.mark(self._folder) if scheduler else None
         tasks: list[Task] = [
-            (case, self._text, threads, checkpoint_file(folder, case.id), mark, self._surface) for case in self._cases
+            (case, self._text, threads, checkpoint_file(folder, case.id), mark, self._given) for case in self._cases
         ]
         try:
             workers.each(
@@ -147,6 +151,7 @@ class Batch:
                 on_end=self._ended,
                 stopping=stopping,
                 scheduler=scheduler,
+                here=processes == 1 and self._small(),
             )
         finally:
             stamped_file.remove_leftovers(self._folder / "cases")
@@ -155,6 +160,12 @@ class Batch:
         if self._failures:
             error = _campaign_error(self._failures, self._kept + len(tasks))
             raise error from BaseExceptionGroup("failed", list(self._failures.values()))
+
+    def _small(self) -> bool:
+        """Return whether no case can exhaust the memory: a process of its own would only cost its start."""
+        shape = self._surface.shape if self._surface else None
+        most = max(resources.memory_of(case, resources.nodes_of(case, shape)) for case in self._cases)
+        return most < SMALL * (resources.available_memory() or 0.0)
 
     def _limited(self, jobs: int) -> int:
         """Return the number of processes that memory allows, with a notice if it is smaller."""

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from roughvol.campaign import cost, resources, validity, workers
+from roughvol.campaign import cost, path, resources, validity, workers
 from roughvol.campaign.one_case import surface_of
 from roughvol.errors import DatasetError
 from roughvol.observables import regions
@@ -53,14 +53,16 @@ def check_surfaces(study: Study) -> Surface | None:
             for nodes, case in {case.nodes_per_side: case for case in cases}.items():
                 regions.check(case, (nodes or 0, nodes or 0))
         return None
-    files = [Path(body.file) for body in given.bodies]
+    files = [Path(body.file) for one in given.each for body in one.bodies]
     here = all(file.suffix.lower() in READ_HERE for file in files)
     surface = None if here else _read_apart(study, files)
-    case = study.cases()[0]
+    case, *others = study.cases()
     with study.placing():
         dimensional.check(case)
         surface = surface or surface_of(case)
         regions.check(case, surface.shape)
+        for other in others if here else ():
+            regions.check(other, surface_of(other).shape)
     return surface
 
 
@@ -92,6 +94,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
         )
         size = (given.height or surface.Sq) / surface.Sq
     surface = surface or surface_of(case)
+    case = path.starred(case, surface)
     Sdq = size * texture.Sdq(surface.with_neighbours, surface.spacing)
     return validity.peak(held, surface.peak) + validity.before(
         held, case.sweep.legs[0].target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side
@@ -128,8 +131,11 @@ def _read_apart(study: Study, files: Sequence[Path]) -> Surface:
 
 
 def read_surface(study: Study, tell: workers.Tell) -> Surface:
-    """Return the surface of the first case: the task of a process that may crash or never end."""
-    return surface_of(study.cases()[0])
+    """Return the surface of the first case; read all: the task of a process that may crash or never end."""
+    first, *others = study.cases()
+    for case in others:
+        surface_of(case)
+    return surface_of(first)
 
 
 def check_fits(

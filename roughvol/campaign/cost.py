@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from roughvol.campaign import resources
+from roughvol.campaign import path, resources
 from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.resources import cores
 from roughvol.contact.halfspace import HalfSpace
@@ -145,8 +145,8 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
 def _seconds(case: Case, shape: tuple[int, int]) -> float:
     if case.sweep.steps == 0:
         return CASE_OVERHEAD
-    ends = ("contact_area", "pressure", "percolation", "free_volume")
-    searched = sum(case.periodic or leg.target.kind.startswith(ends) for leg in case.sweep.legs)
+    kinds = [level.kind for leg in case.sweep.legs for level in leg.listed or (leg.target,)]
+    searched = sum(case.periodic or kind.startswith((*path.SEARCHED, "mean_gap", "load")) for kind in kinds)
     steps = case.sweep.steps + SEARCH * searched + LEVEL * searched_levels(case)
     convolution = seconds_per_convolution(shape, case.solver.kernel, case.periodic)
     step = seconds_per_step(shape, case.solver.tolerance, convolution)

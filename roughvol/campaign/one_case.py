@@ -94,7 +94,7 @@ def run_case(
             half_space = _half_space(surface, case.solver.kernel, threads, held)
             large = checkpoint is not None and math.prod(surface.shape) >= checkpoints.NODES
             kept = Checkpoint(checkpoint, case, checkpoints.numerics()) if checkpoint is not None and large else None
-            values |= _swept(case, surface, half_space, kept, on_step, stopping)
+            values |= _swept(path.starred(case, surface), surface, half_space, kept, on_step, stopping)
     values["wall_time"] = time.perf_counter() - started
     return dataset.build(case, values, dataset.provenance(study, fft=FFT | {"threads": str(threads)}, case=case))
 

@@ -2,19 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from roughvol.contact.crossing import state_crossing
 from roughvol.contact.loading import Compliance, Trials
-from roughvol.contact.search import first_indentation, indentation_for
+from roughvol.contact.search import first_indentation, indentation_for, state_reaching
 from roughvol.errors import ContactError
 from roughvol.observables.levels import end_of, measure_of, options_of, searched
 from roughvol.observables.reduction import Reduction
-from roughvol.study import Case, Level
+from roughvol.study import Case, Legs, Level, Scale, Sweep
+from roughvol.study.targets import LISTS
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
+
+SEARCHED = ("contact_area", "pressure", "percolation", "free_volume")
+
+
+def starred(case: Case, surface: Surface) -> Case:
+    """Return a case whose states are starred numbers of its surface.
+
+    Parameters
+    ----------
+    case : Case
+        Its sweep, whose states may have units.
+    surface : Surface
+        The whole surface; its Sq is that of the study, if the study gives one.
+
+    Returns
+    -------
+    Case
+        The same case without a unit in its sweep.
+
+    Raises
+    ------
+    ContactError
+        If the surface is flat.
+    """
+    if not case.sweep.has_units:
+        return case
+    area = surface.heights.size * surface.spacing**2
+    scale = Scale(case.E_star, surface.side, case.height or surface.Sq, area, case.modulus_unit, case.length_unit)
+
+    def of(level: Level) -> Level:
+        if level.value is None:
+            return level
+        try:
+            return Level(*scale.starred(level.kind, level.value)) if "percolation" not in level.kind else level
+        except ValueError as error:
+            raise ContactError(str(error)) from error
+
+    legs = tuple(_starred(leg, of) for leg in case.sweep.legs)
+    if isinstance(case.sweep, Legs):
+        return replace(case, sweep=case.sweep.model_copy(update={"root": legs}))
+    return replace(case, sweep=legs[0])
+
+
+def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
+    """Return a leg with starred states."""
+    changed: dict[str, Any] = {}
+    if not isinstance(leg.to, str) and leg.target.value is not None:
+        level = of(leg.target)
+        changed["to"] = type(leg.to).model_construct(None, **{level.kind: level.value})
+    if leg.listed is not None:
+        levels = [of(level) for level in leg.listed]
+        changed |= {name: () for name, kind in LISTS.items() if kind == leg.listed[0].kind}
+        name = next(name for name, kind in LISTS.items() if kind == levels[0].kind)
+        changed |= {name: tuple(level.value for level in levels)}
+    return leg.model_copy(update=changed)
 
 
 def indentations(
@@ -49,8 +107,15 @@ def indentations(
     """
     first = 0  # step at which the leg begins
     for number, leg in enumerate(case.sweep.legs):
+        if leg.listed is not None:
+            for level in leg.listed[max(0, reduced.steps - first) :]:
+                yield _reaching(case, level, surface, half_space, reduced)
+            if number == len(ends):
+                ends.append(reduced.states[-1]["indentation"])
+            first += leg.steps
+            continue
         if number == len(ends):
-            ends.append(_end(case, number, surface, half_space, reduced))
+            ends.append(_reaching(case, leg.target, surface, half_space, reduced))
         begin = ends[number - 1] if number else 0.0
         if ends[number] == begin:
             message = f"leg {number + 1} has no length: the leg before ends at Δ/σ = {begin:.6g}, its end, too"
@@ -60,16 +125,16 @@ def indentations(
         first += leg.steps
 
 
-def _end(case: Case, number: int, surface: Surface, half_space: Compliance, reduced: Reduction) -> float:
-    """Return Δ/σ at the end of a leg."""
-    target = _level(case.sweep.legs[number].target, surface)
-    if number == 0 and not case.plastic:
-        return last_indentation(case, surface, half_space)
+def _reaching(case: Case, target: Level, surface: Surface, half_space: Compliance, reduced: Reduction) -> float:
+    """Return Δ/σ at a state on the way from the last one."""
+    target = _level(target, surface)
+    states = reduced.states
+    if not states and not case.plastic:
+        return _first(case, target, surface, half_space)
     if not (searched(target, surface) or target.kind.startswith("percolation")):
         end = _plane(target, surface)
-        return end if number else _positive(end, target)
+        return end if states else _positive(end, target)
     options, (measure, value) = options_of(case, surface), measure_of(target, case, surface)
-    states = reduced.states
     if not states:
         trials = Trials(surface, half_space, **options)
         return state_crossing(trials, measure, value, trials.untouched).approach
@@ -77,6 +142,10 @@ def _end(case: Case, number: int, surface: Surface, half_space: Compliance, redu
     trials = Trials(surface, half_space, after=last, **options)
     start = trials.known(last, reduced.residual)
     falls, fell = value < measure(start), last["indentation"] < before
+    if target.kind in ("contact_area", "pressure") and not (case.plastic or falls or fell):
+        trials.least = start
+        elements = target.kind == "contact_area"
+        return state_reaching(trials, measure, value, [start], elements=elements, below=True).approach
     if falls != fell:
         trials = Trials(surface, half_space, after=last, turned=True, **options)
         start = trials.known(last, reduced.residual)
@@ -105,9 +174,13 @@ def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> fl
     ContactError
         If the sweep would end before first touch.
     """
-    target = _level(case.sweep.legs[0].target, surface)
+    return _first(case, _level(case.sweep.legs[0].target, surface), surface, half_space)
+
+
+def _first(case: Case, target: Level, surface: Surface, half_space: Compliance) -> float:
+    """Return Δ/σ at a state of elastic contact, from first touch."""
     rtol, method = min(case.solver.tolerance, case.solver.pressure_error or 1.0), case.solver.method
-    predicate = end_of(case)
+    predicate = end_of(case, target)
     if predicate is not None:
         return first_indentation(surface, half_space, predicate, rtol=rtol, method=method)
     if searched(target, surface):

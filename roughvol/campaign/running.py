@@ -13,9 +13,10 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from roughvol._version import __version__
-from roughvol.campaign import answered, cluster, ensemble, validity
+from roughvol.campaign import cluster, validity
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
 from roughvol.campaign.one_case import FFT
@@ -23,13 +24,16 @@ from roughvol.errors import CampaignError, DatasetError, FolderError
 from roughvol.store import answer, dataset, dimensional, lock, run_folder, same_study, stamped_file
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.store.run_folder import case_file, checkpoint_file, folder_of
-from roughvol.study import Case, Study, load
+from roughvol.study import Case, Study, load, of_data
+
+if TYPE_CHECKING:
+    from roughvol.campaign import ensemble
 
 NAMED = 10  # notices of files set aside, before the rest is only counted
 
 
 def run(
-    study: Study | str | Path,
+    study: Study | str | Path | Mapping[str, Any],
     *,
     out: str | Path | None = None,
     jobs: int | None = None,
@@ -43,8 +47,8 @@ def run(
 
     Parameters
     ----------
-    study : Study or path of a study file
-        The study.
+    study : Study, path of a study file, or mapping
+        The study; a mapping has the keys of a study file.
     out : path, optional
         Folder of the results. Default: ``runs/<name of the study>``.
     jobs : int, optional
@@ -76,7 +80,8 @@ def run(
     CampaignError
         If cases failed (the others are stored), or ``only`` names no case of the study.
     """
-    study = study if isinstance(study, Study) else load(study)
+    if not isinstance(study, Study):
+        study = of_data(study) if isinstance(study, Mapping) else load(study)
     if scheduler is not None:
         cluster.check_address(scheduler)
     surface = check_surfaces(study)
@@ -114,7 +119,9 @@ def run(
             for notice in notices:
                 on_event(Progress(cases=len(cases), kept=kept, notice=notice))
         if missing:
-            Batch(folder, text, missing, kept, surface, on_event).through(jobs, scheduler, stopping)
+            Batch(folder, text, missing, kept, surface, on_event, alone=len(study.cases()) == 1).through(
+                jobs, scheduler, stopping
+            )
         elif on_event is not None:
             on_event(Progress(cases=len(cases), kept=len(cases), work=1.0))
         return _collected(folder, cases, study, stopping)
@@ -177,6 +184,8 @@ class _Rounds:
 
     def results(self) -> Dataset:
         """Return the dataset of all samples and the answer, written when it has changed."""
+        from roughvol.campaign import answered, ensemble  # scipy.stats: half a second, for ensembles alone
+
         means = ensemble.estimate_means(
             self._study,
             self._compute,
@@ -213,6 +222,8 @@ class _Rounds:
 
     def _rounded(self, estimates: ensemble.Estimates) -> None:
         """Report the interval that is farthest from its accuracy."""
+        from roughvol.campaign import answered
+
         self._interval = answered.progress(estimates)
         count = len(self._cases)
         done, event = count - self._kept, f"{count} samples"
@@ -362,7 +373,7 @@ def _combined(
         ids=parts,
         region=case.record.region,
         length_unit=case.length_unit,
-        bodies=case.bodies,
+        bodies=[body for one in cases.values() for body in one.bodies],
         versions=versions,
         periodic=case.periodic,
     )

@@ -91,8 +91,9 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
     if not cases or cases[0].sweep.steps == 0:
         message = "the study has no sweep; allowed: sweep.steps of at least 1"
         raise ContactError(message)
-    if cases[0].plastic or len(cases[0].sweep.legs) > 1:
-        message = "a trade-off is measured on one elastic sweep; allowed: no list of legs, no hardness that acts"
+    if cases[0].plastic or len(cases[0].sweep.legs) > 1 or cases[0].sweep.legs[0].listed or cases[0].sweep.has_units:
+        message = "a trade-off is measured on one elastic sweep; allowed: no list of legs or states, no hardness that "
+        message += "acts, an end without a unit"
         raise ContactError(message)
     if cases[0].periodic:
         message = "the surface is periodic; allowed: a free one, its ladders of m and kernel are those of a free patch"

@@ -36,7 +36,7 @@ POLL = 0.1  # seconds between two looks at the messages
 LIVES = 2  # processes that may die of a task before it is given up
 
 _messages: Any = None  # of a worker process, set at its start: the queue to the parent
-_computes_here: ContextVar[bool] = ContextVar("computes_here", default=False)  # set by in_this_process
+_computes_here: ContextVar[bool | None] = ContextVar("computes_here", default=None)  # set by in_this_process
 
 
 def each(
@@ -49,6 +49,7 @@ def each(
     on_begin: Callable[[Task], None] = lambda task: None,
     stopping: Callable[[], bool] = lambda: False,
     scheduler: str | None = None,
+    here: bool = False,
 ) -> bool:
     """Call ``function(task, tell)`` for every task in workers, in order; return whether all were begun.
 
@@ -67,6 +68,8 @@ def each(
         and not begun ends with the result None.
     scheduler : str, optional
         Address of a Dask scheduler whose workers are used.
+    here : bool
+        Call the function in this process, one task after the other, unless `in_this_process` decides.
 
     Raises
     ------
@@ -82,13 +85,18 @@ def each(
     if scheduler is not None:
         pool = Cluster(scheduler)
     else:
-        pool = _Here(stopping) if _computes_here.get() else _Processes(jobs)
+        decided = _computes_here.get()
+        pool = _Here(stopping, on_message) if decided or (decided is None and here) else _Processes(jobs)
     waiting, suspects = deque(range(len(tasks))), deque[int]()
     deaths: Counter[int] = Counter()
     running: dict[Future[Any], int] = {}
     all_begun, at_once = True, True
 
     def begin(number: int) -> bool:
+        if isinstance(pool, _Here):
+            on_begin(tasks[number])  # before its messages
+            running[pool.submit(function, tasks[number])] = number
+            return True
         try:
             running[pool.submit(function, tasks[number])] = number
         except Lost:  # a process has died; the tasks that ran with it end with that error
@@ -223,12 +231,13 @@ def in_this_process(here: bool = True) -> Iterator[None]:
 
 
 class _Here:
-    """The caller's own process: a task has ended when `submit` returns, and its messages follow."""
+    """The caller's own process: a task has ended when `submit` returns, and its messages arrive meanwhile."""
 
     fall_together = False
 
-    def __init__(self, stopping: Callable[[], bool]) -> None:
-        self._stopping, self._told = stopping, deque[Any]()
+    def __init__(self, stopping: Callable[[], bool], on_message: Callable[[Any], None]) -> None:
+        self._stopping, self._on_message = stopping, on_message
+        self._refused: BaseException | None = None  # what the caller raised at a message
 
     def width(self) -> int:
         return 1
@@ -237,20 +246,28 @@ class _Here:
         future: Future[Any] = Future()
         before = end_at(self)
         try:
-            future.set_result(function(task, thinned(self._told.append)))
+            future.set_result(function(task, thinned(self._tell)))
         except Exception as error:  # an interrupt is no error of the task: it ends `each`
+            if error is self._refused:
+                raise
             future.set_exception(error)
         finally:
             end_at(before)
         return future
+
+    def _tell(self, message: Any) -> None:
+        try:
+            self._on_message(message)
+        except BaseException as error:
+            self._refused = error
+            raise
 
     def is_set(self) -> bool:
         """Return whether the task is to end early: what `stop_asked` asks."""
         return self._stopping()
 
     def messages(self) -> Iterator[Any]:
-        while self._told:
-            yield self._told.popleft()
+        yield from ()
 
     def stop(self) -> None:
         """Do nothing: the task asks by itself."""

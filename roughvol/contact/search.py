@@ -179,6 +179,7 @@ def state_reaching(
     between: list[Contact],
     *,
     elements: bool,
+    below: bool = False,
     tuning: SearchTuning = SEARCH_TUNING,
 ) -> Contact:
     """Return the smallest state at which a quantity reaches a value.
@@ -193,10 +194,12 @@ def state_reaching(
         Value of the quantity, > 0.
     between : list of Contact
         The solved contacts before and after the value, from `Trials.known`. The one after alone, if nothing has
-        touched before.
+        touched before; with ``below``, the one before alone.
     elements : bool
         Whether the quantity jumps with single elements, as A* does. A value reached at first touch is then found at
         the least indentation above the tolerance.
+    below : bool
+        Whether all contacts given lie before the value.
     tuning : SearchTuning
         Constants.
 
@@ -212,7 +215,7 @@ def state_reaching(
     ConvergenceError
         If a solve does not converge.
     """
-    if elements and len(between) == 1:
+    if elements and len(between) == 1 and not below:
         touch = trials.at(min(trials.rtol, 0.5 * between[0].approach), trials.untouched)
         if measure(touch) >= value:
             return touch

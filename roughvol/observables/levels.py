@@ -20,20 +20,22 @@ LAST = Level("last")
 ROUNDING = 1e-9  # relative; a state that misses a level by less reaches it
 
 
-def end_of(case: Case) -> Callable[[Contact], bool] | None:
+def end_of(case: Case, target: Level | None = None) -> Callable[[Contact], bool] | None:
     """Return the condition of the last state of the first leg; None where it does not depend on region or void.
 
     Parameters
     ----------
     case : Case
         Its target and region.
+    target : Level, optional
+        The state. Default: the end of the first leg.
 
     Returns
     -------
     callable or None
         Contact ↦ whether the sweep ends there.
     """
-    target = case.sweep.legs[0].target
+    target = target or case.sweep.legs[0].target
     kind, value = target.kind, target.value or 0.0
     if kind.startswith("percolation"):
         return lambda contact: void.stops_percolating(kind, within(contact, case))

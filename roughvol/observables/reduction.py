@@ -22,8 +22,7 @@ from roughvol.observables.levels import at_level, is_end, reached
 from roughvol.observables.pressures import above, central_pressure_ratio
 from roughvol.observables.recorded import AT_STATES, asked_at_states, fields_of
 from roughvol.observables.regions import State, within
-from roughvol.study import Case, Level
-from roughvol.study.legs import Legs
+from roughvol.study import Case, Legs, Level
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 

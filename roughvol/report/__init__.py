@@ -12,6 +12,9 @@ Room of the report. It reads datasets and computes no contact.
 `card_page`     its HTML and PDF
 `ask`           pressure, modulus or Sq at which a leak falls below a value
 `yielding`      leak up and down a path, and with yield against without
+`states`        the state of stored surfaces at a load, on a step or between two
+`screen`        tables of numbers for a screen
+`legs`          legs of a path in a dataset
 `tables`        tables of a report
 `drawings`      figures that a report shows, and the run of each
 `captions`      their captions

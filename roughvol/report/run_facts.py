@@ -15,11 +15,11 @@ import numpy as np
 from xarray import DataArray, Dataset
 
 from roughvol.report.claims import Run
-from roughvol.report.figures.origin import first_leg
+from roughvol.report.legs import first_leg
 from roughvol.report.tables import Table, number
 from roughvol.report.yielding import hysteresis
 from roughvol.store.variables import VARIABLES
-from roughvol.study import HeightFile, SpectralSurface
+from roughvol.study import HeightFile, SpectralSurface, Study
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array
 
@@ -79,12 +79,12 @@ def facts(run: Run) -> Facts:
     warnings = tuple(line.strip() for line in str(ds.attrs.get("warnings", "")).splitlines() if line.strip())
     tables = [*_surfaces(run)]
     if "step" in ds.sizes and P in ds:
-        ds = _derived(run)
-        groups = list(_groups(ds))
-        tables += _closing([(name, first_leg(group)) for name, group in groups])
-        for name, group in groups:
-            tables += hysteresis(group, name if len(groups) > 1 else "")
-        tables += [table for name, group in groups if (table := _states(name, group, several=len(groups) > 1))]
+        ds = derived(ds, run.study)
+        some = list(groups(ds))
+        tables += closing([(name, first_leg(group)) for name, group in some])
+        for name, group in some:
+            tables += hysteresis(group, name if len(some) > 1 else "")
+        tables += [table for name, group in some if (table := _states(name, group, several=len(some) > 1))]
     return Facts(run.name, _title(run), tuple(_map(run)), tuple(_loading(run)), warnings, tuple(tables))
 
 
@@ -198,6 +198,8 @@ def _range(values: Array) -> str:
 def _loading(run: Run) -> Iterator[tuple[str, str]]:
     """Yield material, sweep, solver, states and their certified errors."""
     ds, study = run.dataset, run.study
+    if study is not None and study.comment:
+        yield "Comment", study.comment
     if study is not None:
         material, unit = study.material, f" {study.material.unit}" if study.material.unit else ""
         yield "Contact modulus E*", f"{number(material.contact_modulus)}{unit}" + ("" if unit else " (no unit given)")
@@ -228,9 +230,8 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
 # states
 
 
-def _derived(run: Run) -> Dataset:
-    """Return the dataset with the mean gap, the nominal pressure where the study has its unit, and the open ways."""
-    ds, study = run.dataset, run.study
+def derived(ds: Dataset, study: Study | None) -> Dataset:
+    """Return a dataset with the mean gap, the nominal pressure where the study has its unit, and the open ways."""
     if "mean_gap" not in ds and "Sq" in ds:
         gap = ds[V] * ds["Sq"]
         ds = ds.assign(mean_gap=gap.assign_attrs(units=ds.attrs.get("length_unit", "length"), symbol="g_mean"))
@@ -247,7 +248,7 @@ def _derived(run: Run) -> Dataset:
     return ds
 
 
-def _groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
+def groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
     """Yield the surfaces that share a table, those computed along `seed`: each file, or each D at each m."""
     if "case" in ds.dims:
         for place, label in enumerate(ds["case"].values.tolist()):
@@ -275,22 +276,24 @@ def _states(name: str, group: Dataset, *, several: bool) -> Table | None:
     rows = []
     for k in shown.tolist():
         cells = [str(int(group["step"].values[k]))]
-        cells += [_cell(column, values[column][:, k]) for column in names]
+        cells += [cell(column, values[column][:, k]) for column in names]
         rows.append(tuple(cells))
     notes = [f"Mean over {count} surfaces; open ways are counted."] if count > 1 else []
     if len(shown) < len(steps):
         notes.append(f"{len(shown)} of {len(steps)} states; study.nc has all.")
-    head = ("step", *(_head(group[column]) for column in names))
-    return Table(f"States, {name}" if several else "States", head, tuple(rows), " ".join(notes))
+    heads = ("step", *(head(group[column]) for column in names))
+    return Table(f"States, {name}" if several else "States", heads, tuple(rows), " ".join(notes))
 
 
-def _head(variable: DataArray) -> str:
+def head(variable: DataArray) -> str:
+    """Return the head of a column: symbol, and unit where there is one."""
     unit = str(variable.attrs.get("units", "1"))
     symbol = str(variable.attrs.get("symbol", variable.name))
     return symbol if unit == "1" else f"{symbol} [{unit}]"
 
 
-def _cell(name: str, values: Array) -> str:
+def cell(name: str, values: Array) -> str:
+    """Return the mean over surfaces as text; of an open way, how many of them have one."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return ""
@@ -303,16 +306,16 @@ def _cell(name: str, values: Array) -> str:
 # closing
 
 
-def _closing(groups: list[tuple[str, Dataset]]) -> Iterator[Table]:
+def closing(some: list[tuple[str, Dataset]]) -> Iterator[Table]:
     """Yield at which load the last way along each axis closes."""
     rows = []
-    head: tuple[str, ...] = ()
-    for name, group in groups:
+    title: tuple[str, ...] = ()
+    for name, group in some:
         load = next(column for column in LOADS if column in group)
         unit = str(group[load].attrs.get("units", "1"))
         symbol = "p" if load == LOADS[0] else "p*"
         words = symbol if unit == "1" else f"{symbol} [{unit}]"
-        head = ("surface", "axis", f"open up to {words}", f"closed from {words}", "ways closed")
+        title = ("surface", "axis", f"open up to {words}", f"closed from {words}", "ways closed")
         for axis in "xy":
             if f"open_{axis}" not in group:
                 continue
@@ -326,7 +329,7 @@ def _closing(groups: list[tuple[str, Dataset]]) -> Iterator[Table]:
     if rows:
         yield Table(
             CLOSING,
-            head,
+            title,
             tuple(rows),
             "The last way from side to side closes between the two loads, those of neighbouring states.",
         )

@@ -13,6 +13,7 @@ Room of the store. It computes nothing.
 `lock`                 one process at a time in a folder
 `same_study`           whether a folder holds the results of a study
 `run_status`           finished, missing, failed and damaged cases
+`runs`                 all runs of a folder: size, state, age
 `answer`               the answer of an ensemble, and its planned samples
 `checkpoint`           the finished steps of a long sweep
 `stamped_file`         files that are whole or absent, with a checksum

@@ -39,7 +39,7 @@ def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str 
         except StudyError as error:
             reasons = [f"its study.yaml cannot be read: {error}"]
     first = next(iter(cases.values()))
-    if not reasons and first.bodies:
+    if not reasons and first.bodies and len(cases) == 1:
         digest, old = first.id.rsplit("-")[-1], outdated(folder, cases)
         # Equal content under another name is the same study.
         strange = [id for id in strangers(folder, cases) if id not in old and id.rsplit("-")[-1] != digest]
@@ -82,7 +82,9 @@ def _with_files_of(old: Study, new: Study) -> Study:
     against = surface.against
     if against is not None and given.against is not None:
         against = against.model_copy(update={"file": given.against.file})
-    return old.model_copy(update={"surface": surface.model_copy(update={"file": given.file, "against": against})})
+    return old.model_copy(
+        update={"surface": surface.model_copy(update={"file": given.file, "files": given.files, "against": against})}
+    )
 
 
 def _answers(study: Study) -> dict[str, Any] | None:

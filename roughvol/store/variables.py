@@ -33,7 +33,7 @@ VARIABLES |= rows(
     y=Variable("y", "1", "position along the second axis over L", "y/L"),
 )
 VARIABLES |= rows(
-    "study.legs.Legs.legs",
+    "study.sweep.Legs.legs",
     leg=Variable("step", "1", "leg of the path, from 1", "leg", "index"),
 )
 VARIABLES |= rows(

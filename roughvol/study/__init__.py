@@ -7,9 +7,10 @@ key, given value and allowed values.
 `reading`      from a file to a `Study`, or to all its problems
 `yaml_text`    YAML to plain data and the line of every key
 `sections`     the sections of a study as strict, frozen records
-`legs`         paths of a sweep, up and down
 `height_file`  the section ``surface`` of measured heights
 `spectral`     the section ``surface`` of surfaces with a spectrum
+`sweep`        the section ``sweep``
+`targets`      lists of states of a sweep
 `treatment`    the treatment of measured heights
 `material`     the section ``material``
 `record`       the section ``record``
@@ -17,7 +18,9 @@ key, given value and allowed values.
 `agreement`    sizes and units of a study compared with its files
 `conflicts`    rules across the sections
 `cases`        the study as a whole, and its cases
+`reference`    the keys in words
 `units`        numbers with a unit
+`scale`        loads and lengths with units as starred numbers
 =============  =====================================================================
 """
 

@@ -22,19 +22,20 @@ from roughvol.study.agreement import resolve
 from roughvol.study.conflicts import conflicts
 from roughvol.study.ensemble import Ensemble
 from roughvol.study.height_file import HeightFile
-from roughvol.study.legs import Legs, tag_sweep
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
 from roughvol.study.record import Record
 from roughvol.study.sections import (
     GeneratedSurface,
     Solver,
     Strict,
-    Sweep,
     Word,
     refuse,
 )
 from roughvol.study.spectral import MadeSurface, SpectralSurface
+from roughvol.study.sweep import Legs, Sweep, tag_sweep
+from roughvol.study.targets import need_length
 from roughvol.study.treatment import steps
+from roughvol.study.units import convert
 from roughvol.study.yaml_text import key_text, write
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
 from roughvol.surfaces.power_law import Spectrum
@@ -63,6 +64,7 @@ class Case:
     bodies: tuple[Body, ...] = ()  # whose heights come from files: none, one, or two facing each other
     treatment: Treatment = UNTREATED
     length_unit: str | None = None  # of L, the heights and all stored lengths; None for an arbitrary one
+    modulus_unit: str | None = None  # of E*, where the sweep has states with units
     hardness: float | None = None  # over E*
     plastic: bool = False  # pressures end at the hardness
     height: float | None = None  # Sq of the heights, where there is a hardness to compare with
@@ -99,6 +101,9 @@ class Case:
         if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
             return key | {"sweep": {"steps": 0}}
         solver, hardness = self.solver, self.hardness
+        if self.sweep.has_units:  # cases without them keep their id
+            modulus = convert(self.E_star, self.modulus_unit, "Pa") if self.modulus_unit else self.E_star
+            key["units"] = {"E_star": float(f"{modulus:.12g}"), "length": self.length_unit}
         return key | {
             "sweep": self.sweep.model_dump(mode="json"),
             "solver": {
@@ -230,6 +235,8 @@ class Study(Strict):
         default=None, description="{accuracy, at, budget, first_seed}: accuracy of the mean over all surfaces"
     )
 
+    comment: str | None = Field(default=None, description="any text for readers; it changes no answer")
+
     _places: Places = PrivateAttr(default_factory=Places)
 
     @model_validator(mode="after")
@@ -246,6 +253,8 @@ class Study(Strict):
     def _plain(self, handler: Any) -> dict[str, Any]:
         """Leave out the seeds and the tolerance where an ensemble decides them."""
         data: dict[str, Any] = handler(self)
+        if self.comment is None:
+            del data["comment"]
         if self.ensemble is not None:
             data["surface"].pop("seeds", None)
             if self.solving != self.solver:  # its tolerance follows from the accuracy, when this is read again as well
@@ -261,7 +270,7 @@ class Study(Strict):
             raise StudyError([self._places.of(problem) for problem in error.problems]) from error
 
     def cases(self) -> tuple[Case, ...]:
-        """Return the product over D, m and seeds, seeds fastest; a height file is one case.
+        """Return the product over D, m and seeds, seeds fastest; each height file is one case.
 
         Raises
         ------
@@ -272,9 +281,10 @@ class Study(Strict):
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solving, self.record
         hard = self.material.indentation_hardness
         hardness = None if hard is None else hard / E_star
+        modulus_unit = self.material.unit if sweep.has_units else None
         if isinstance(surface, MadeSurface):
             L, unit = float(surface.L), surface.length_unit
-            height = None if hardness is None else surface.height
+            height = None if hardness is None and not sweep.has_units else surface.height
             product = itertools.product(surface.dimensions, surface.m, surface.seeds)
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
                 finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
@@ -283,28 +293,43 @@ class Study(Strict):
                 )
             case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
             case = replace(case, plastic=hardness is not None and self.material.plastic, periodic=surface.periodic)
+            case = replace(case, modulus_unit=modulus_unit)
             if isinstance(surface, SpectralSurface):
                 case = replace(case, spectrum=surface.spectrum)
             else:
                 case = replace(case, midpoint_law=surface.midpoint_law)
             return tuple(replace(case, D=D, m=m, seed=seed) for D, m, seed in product)
-        with self.placing():
-            measured = resolve(surface)
-        case = Case(
-            measured.L,
-            E_star,
-            sweep,
-            solver,
-            record,
-            bodies=measured.bodies,
-            treatment=measured.treatment,
-            length_unit=measured.unit,
-            hardness=hardness,
-            plastic=hardness is not None and self.material.plastic,
-            notes=measured.notes,
-            periodic=surface.periodic,
-        )
-        return (case,)
+        made: list[Case] = []
+        for one in surface.each:
+            with self.placing():
+                measured = resolve(one)
+                if measured.unit is None:
+                    need_length(sweep, str(one.file))
+                if made and (made[0].length_unit, made[0].L) != (measured.unit, measured.L):
+                    own, first = (
+                        f"{L:.9g} {unit or ''}".strip()
+                        for L, unit in ((measured.L, measured.unit), (made[0].L, made[0].length_unit))
+                    )
+                    message = f"the files differ in L: {made[0].label} has {first}, {Path(one.file).name} has {own}"
+                    raise StudyError([Problem(message, "surface.files")])
+            made.append(
+                Case(
+                    measured.L,
+                    E_star,
+                    sweep,
+                    solver,
+                    record,
+                    bodies=measured.bodies,
+                    treatment=measured.treatment,
+                    length_unit=measured.unit,
+                    modulus_unit=modulus_unit,
+                    hardness=hardness,
+                    plastic=hardness is not None and self.material.plastic,
+                    notes=measured.notes,
+                    periodic=one.periodic,
+                )
+            )
+        return tuple(made)
 
     @property
     def solving(self) -> Solver:

@@ -14,12 +14,14 @@ from roughvol.study import spectral
 from roughvol.study.ensemble import STORED_AS
 from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.record import SELECTORS, Record
-from roughvol.study.sections import PAPER_MAX_M, Target, names, whole
+from roughvol.study.sections import PAPER_MAX_M, names, whole
+from roughvol.study.sweep import Target
+from roughvol.study.targets import FALLING, end_of, lacking_units, list_of, sections_of, steps_of
 from roughvol.study.units import has_unit, length_unit
 from roughvol.study.yaml_text import KeyPath, number_text
 
+FILES = {"file", "files"}  # keys of measured surfaces
 MAX_CASES = 100_000  # cases of one study
-DEFAULT_STEPS = 60  # steps of a sweep that names none
 DEFAULT_END = "mean-plane"  # end of a sweep that names none
 DEFAULT_SEEDS = 10  # seeds of a surface that names none
 UNPRESSED = ("heights", "residual_heights", "region", "texture", "psd")  # records that need no contact
@@ -48,6 +50,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     yield from _path_conflicts(data)
     yield from _hardness_conflicts(data)
     yield from _unit_conflicts(surface, _mapping(data, "material"), record)
+    yield from _target_conflicts(data)
     yield from _ensemble_conflicts(data)
     yield from spectral.conflicts(data)
     levels = [
@@ -90,10 +93,10 @@ def _without_contact(record: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
 
 def _unreached_levels(data: dict[str, Any], levels: Iterable[tuple[str, ...]]) -> Iterator[tuple[KeyPath, str]]:
     """Yield the levels of a quantity beyond the value at which the sweep ends."""
-    ends = [_mapping(leg, "to") for _, leg in _legs(data)]
+    ends = [end_of(leg) for _, leg in _legs(data)]
     for keys in levels:
         kind = keys[-1]
-        sign = -1 if kind in ("separation", "free_volume") else 1  # these fall during the sweep
+        sign = -1 if kind in FALLING else 1
         lasts = [last for end in ends for _, last in _numbers(_steps(data) if kind == "step" else end.get(kind))]
         if len(lasts) < len(ends):  # a leg ends at another quantity
             continue
@@ -107,17 +110,19 @@ def _path_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     """Yield ends of legs that name no state or several, and legs that cannot follow each other."""
     legs = _legs(data)
     for path, leg in legs:
-        if isinstance(leg.get("to"), dict) and sum(value is not None for value in leg["to"].values()) != 1:
+        one_end = list_of(leg) is None and isinstance(leg.get("to"), dict)
+        if one_end and sum(value is not None for value in leg["to"].values()) != 1:
             yield (*path, "to"), f"must name exactly one of {', '.join(names(Target))}"
     if not isinstance(data.get("sweep"), list | tuple):
         return
     if data.get("ensemble") is not None:
         yield ("sweep",), "an ensemble takes one sweep, {steps, to}, and no list of legs"
     for kind in ("pressure", "indentation"):
-        if legs and _mapping(legs[0][1], "to").get(kind) == 0:
+        if legs and end_of(legs[0][1]).get(kind) == 0:
             yield ("sweep", 0, "to", kind), "must be > 0 on the first leg, which begins at first touch"
     for (_, before), (path, leg) in itertools.pairwise(legs):
-        if leg.get("to", DEFAULT_END) == before.get("to", DEFAULT_END):
+        ends = [end_of(one) or one.get("to", DEFAULT_END) for one in (before, leg)]
+        if ends[0] == ends[1]:
             yield (*path, "to"), "is the end of the leg before: the leg has no length"
 
 
@@ -141,7 +146,7 @@ def _legs(data: dict[str, Any]) -> list[tuple[KeyPath, dict[str, Any]]]:
 
 def _steps(data: dict[str, Any]) -> float:
     """Return the steps of all legs."""
-    return sum(number for _, leg in _legs(data) for _, number in _numbers(leg.get("steps", DEFAULT_STEPS)))
+    return sum(number for _, leg in _legs(data) for _, number in _numbers(steps_of(leg)))
 
 
 def _duplicates(data: dict[str, Any], lists: Iterable[tuple[str, ...]]) -> Iterator[tuple[KeyPath, str]]:
@@ -225,12 +230,25 @@ def _unit_conflicts(
     for name in [key for key, value in wanted.items() if value is not None] if isinstance(wanted, dict) else ():
         if name == "pressure" and not has_unit(modulus):
             yield ("record", "dimensional", name), "needs the modulus with its unit, as material: {E_star: 100 GPa}"
-        if name != "pressure" and not has_length and surface.get("file") is None:
+        if name != "pressure" and not has_length and not FILES & surface.keys():
             yield ("record", "dimensional", name), "needs the unit of length, as surface: {L: 100 um}"
         needs = {"leak_rate": "transmissivity", "critical_gap": "constriction"}.get(name)
         transport = record.get("transport")
         if needs and not (isinstance(transport, dict) and transport.get(needs) is not None):
             yield ("record", "dimensional", name), f"needs record.transport.{needs}"
+
+
+def _target_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield states of the sweep whose units cannot be converted, and loads on a part of the surface."""
+    surface, material = _mapping(data, "surface"), _mapping(data, "material")
+    modulus = material.get("E_star", material.get("E"))
+    has_length = length_unit(surface.get("L")) is not None or surface.get("unit") is not None
+    yield from lacking_units(data, modulus, has_length=has_length or bool(FILES & surface.keys()))
+    if _mapping(data, "record").get("region") is None:
+        return
+    for path, kind, _ in sections_of(data.get("sweep")):
+        if kind == "load":
+            yield path, "is a load on the whole surface, and states are those of record.region: give a pressure"
 
 
 def _ensemble_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
@@ -240,7 +258,7 @@ def _ensemble_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         yield ("surface", "m"), "'auto' needs the section 'ensemble', whose accuracy decides it"
     if not isinstance(data.get("ensemble"), dict):
         return
-    if "file" in surface:
+    if FILES & surface.keys():
         yield ("ensemble",), "needs generated surfaces (surface.D, surface.m): a file of heights is one surface"
         return
     if "seeds" in surface:

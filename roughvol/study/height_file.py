@@ -16,6 +16,8 @@ from pydantic import (
     ValidationInfo,
     field_serializer,
     field_validator,
+    model_serializer,
+    model_validator,
 )
 
 from roughvol.study.sections import UNIT, LengthUnit, Strict, refuse
@@ -80,6 +82,30 @@ def _located(value: str, info: ValidationInfo) -> str:
     return Located(str(path), getattr(value, "written", value))
 
 
+def _as_tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _matching(value: Any, info: ValidationInfo) -> list[str]:
+    """Return the files of a list, or those that a pattern matches, by name; relative to the study file."""
+    context = info.context or {}
+    if isinstance(value, list | tuple):
+        return list(value)
+    if not isinstance(value, str):
+        refuse("must be a pattern or a list of files")
+    folder = context.get("folder", Path())
+    pattern = Path(value)
+    base = Path(pattern.anchor) if pattern.is_absolute() else folder
+    names = str(pattern.relative_to(pattern.anchor)) if pattern.is_absolute() else value
+    try:
+        found = sorted(path for path in base.glob(names) if path.is_file())
+    except (ValueError, NotImplementedError, OSError) as error:
+        refuse("no pattern ({reason})", reason=str(error))
+    if not found:
+        refuse("no file matches {pattern}", pattern=printable(str(base / names)))
+    return [str(path if pattern.is_absolute() else path.relative_to(folder)) for path in found]
+
+
 def _path_text(value: str, info: SerializationInfo) -> str:
     """Return the absolute path; for stored studies, the portable text."""
     stored = bool((info.context or {}).get("stored"))
@@ -116,6 +142,11 @@ class HeightFile(Strict):
     """A surface from a height file, or the sum of two that face each other."""
 
     file: str = Field(description=_FILE)
+    files: Annotated[tuple[str, ...], BeforeValidator(_as_tuple)] = Field(
+        default=(),
+        description="instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
+        "one length and unit",
+    )
     L: Length | None = Field(
         default=None,
         description="length of the first axis, L > 0, with its unit or in that of the heights; default: size in the "
@@ -171,6 +202,44 @@ class HeightFile(Strict):
 
     _file = field_validator("file")(_located)
     _text = field_serializer("file")(_path_text)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _found(cls, data: Any, info: ValidationInfo) -> Any:
+        """Give the first of several files as the file."""
+        if not isinstance(data, dict) or not data.get("files"):
+            return data
+        files = _matching(data["files"], info)
+        if not set(files) >= {data.get("file", files[0])}:
+            refuse("'files' excludes 'file': give one of them")
+        return {**data, "file": files[0], "files": files}
+
+    @field_validator("files")
+    @classmethod
+    def _each_located(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        found = tuple(_located(file, info) for file in value)
+        names = [Path(file).name for file in found]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            refuse("two files have one name, and cases are labelled by it: {names}", names=", ".join(twice))
+        return found
+
+    @field_serializer("files")
+    def _texts(self, value: tuple[str, ...], info: SerializationInfo) -> list[str]:
+        return [_path_text(file, info) for file in value]
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> Any:
+        """Write either the one file or all of several."""
+        data = handler(self)
+        del data["file" if self.files else "files"]
+        return data
+
+    @property
+    def each(self) -> tuple[HeightFile, ...]:
+        """The section for each of its files."""
+        if not self.files:
+            return (self,)
+        return tuple(self.model_copy(update={"file": file, "files": ()}) for file in self.files)
 
     @property
     def length_unit(self) -> str | None:

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
+import yaml
 from pydantic import BaseModel, RootModel, ValidationError
 
 from roughvol.errors import Problem, StudyError
@@ -28,16 +29,21 @@ from roughvol.study.yaml_text import (
     number_text,
     printable,
     show,
+    write,
 )
 
+NO_FILES = ("<string>", "<stdin>", "<dict>")
 
-def load(path: str | Path) -> Study:
+
+def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
     """Read a study file.
 
     Parameters
     ----------
     path : str or Path
         A YAML file.
+    changes : sequence of str
+        Keys set to other values, as ``surface.m=6``.
 
     Returns
     -------
@@ -65,10 +71,35 @@ def load(path: str | Path) -> Study:
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = getattr(error, "strerror", None) or error
         raise StudyError([Problem(f"cannot read the study: {reason}", "", None, file)]) from error
-    return _study(text, file, Path(path))
+    return _study(text, file, Path(path), changes=changes)
 
 
-def loads(text: str, file: str | Path = "<string>", *, stored: bool = False) -> Study:
+def of_data(data: Mapping[str, Any]) -> Study:
+    """Return the study of plain data, as a dict from Python.
+
+    Parameters
+    ----------
+    data : mapping
+        The keys of a study file. Files are relative to the current folder.
+
+    Returns
+    -------
+    Study
+        The frozen study.
+
+    Raises
+    ------
+    StudyError
+        With all problems of the data.
+    """
+    try:
+        text = write(dict(data))
+    except (yaml.YAMLError, TypeError) as error:
+        raise StudyError([Problem(f"not plain data (text, numbers, lists, dicts): {error}", file="<dict>")]) from error
+    return loads(text, "<dict>")
+
+
+def loads(text: str, file: str | Path = "<string>", *, stored: bool = False, changes: Sequence[str] = ()) -> Study:
     """Read a study from text.
 
     Parameters
@@ -80,6 +111,8 @@ def loads(text: str, file: str | Path = "<string>", *, stored: bool = False) -> 
     stored : bool
         The text comes from a file of results, see `Study.stored`. Height files may be absent; such a study makes no
         cases.
+    changes : sequence of str
+        Keys set to other values, as ``surface.m=6``.
 
     Returns
     -------
@@ -91,15 +124,18 @@ def loads(text: str, file: str | Path = "<string>", *, stored: bool = False) -> 
     StudyError
         With all problems of the text in its order.
     """
-    return _study(text, printable(str(file)), Path("study" if file == "<string>" else file), stored=stored)
+    path = Path("study" if file in NO_FILES else file)
+    return _study(text, printable(str(file)), path, stored=stored, changes=changes)
 
 
-def _study(text: str, file: str, path: Path, *, stored: bool = False) -> Study:
+def _study(text: str, file: str, path: Path, *, stored: bool = False, changes: Sequence[str] = ()) -> Study:
     reading = Reading()
     try:
         data = reading.read(text)
     except UnreadableError as error:
         raise StudyError([Problem(str(error), "", error.line, file)]) from error
+    for change in changes:
+        _change(data, reading.marks, change)
     problems = dict(reading.problems)
     try:
         name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
@@ -111,11 +147,45 @@ def _study(text: str, file: str, path: Path, *, stored: bool = False) -> Study:
             problems[()] = error.errors()[0]["msg"]
     if problems:
         # A missing key has the line of its mapping.
-        marks = {key: reading.marks.get(key) or reading.marks[key[:-1]] for key in problems}
+        marks = {key: _mark(reading.marks, key) for key in problems}
         ordered = sorted(problems, key=lambda key: marks[key])
         raise StudyError([Problem(problems[key], key_text(key), marks[key][0], file) for key in ordered])
     study._places = Places(file, {key_text(key): line for key, (line, _) in reading.marks.items()})
     return study
+
+
+def _change(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change: str) -> None:
+    """Set a key of plain data, as ``surface.m=6``; the key has the line of its mapping."""
+    name, equals, text = change.partition("=")
+    parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", name.strip())
+    keys: list[str | int] = [int(index) if index else word.strip() for index, word in parts]
+    if not equals or not keys or key_text(tuple(keys)) != name.strip():
+        raise StudyError([Problem(f"must be KEY=VALUE, as surface.m=6, given {show(change)}", file="--set")])
+    try:
+        value = Reading().read(f"value: {text.strip()}")["value"]
+    except UnreadableError as error:
+        raise StudyError([Problem(f"{text.strip()!r}: {error}", name.strip(), file="--set")]) from error
+    here: Any = data
+    for place, key in enumerate(keys):
+        inside = isinstance(here, list) and isinstance(key, int) and key < len(here)
+        if not inside and not (isinstance(here, dict) and isinstance(key, str)):
+            where = key_text(tuple(keys[:place])) or "a study"
+            kind = f"has {len(here)} items" if isinstance(here, list) else "is no mapping"
+            raise StudyError([Problem(f"{where} {kind} in the study", name.strip(), file="--set")])
+        if place == len(keys) - 1:
+            here[key] = value
+        else:
+            here = here.setdefault(key, {}) if isinstance(here, dict) else here[key]
+    for path in [path for path in marks if path[: len(keys)] == tuple(keys)]:
+        del marks[path]
+    marks[tuple(keys)] = _mark(marks, tuple(keys))
+
+
+def _mark(marks: dict[KeyPath, tuple[int, int]], key: KeyPath) -> tuple[int, int]:
+    """Return line and column of a key, or of the nearest mapping that holds it."""
+    while key and key not in marks:
+        key = key[:-1]
+    return marks.get(key, (1, 0))
 
 
 _PLAIN = {

@@ -15,18 +15,16 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    Discriminator,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
-    Tag,
     field_validator,
     model_serializer,
     model_validator,
 )
 from pydantic_core import PydanticCustomError, core_schema
 
-from roughvol.study.units import Length, UnitOf, unit_of
+from roughvol.study.units import Length, Quantity, UnitOf, unit_of
 from roughvol.study.yaml_text import number_text
 from roughvol.surfaces.length_units import factor
 
@@ -220,7 +218,9 @@ class Level:
     @property
     def label(self) -> str:
         """Name of the state in datasets: ``last``, ``step=60``, ``contact_area=0.1``."""
-        return self.kind if self.value is None else f"{self.kind}={number_text(self.value)}"
+        if self.value is None:
+            return self.kind
+        return f"{self.kind}={self.value if isinstance(self.value, Quantity) else number_text(self.value)}"
 
 
 class Choice(Strict):
@@ -233,27 +233,7 @@ class Choice(Strict):
 
     @model_serializer
     def _plain(self) -> Any:
-        return self.named
-
-
-class Target(Choice):
-    """The last state of a sweep, by one of its starred values."""
-
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
-
-    percolation: Literal["x", "y", "both"] | None = Field(
-        default=None, description="end without an open way from side to side: along 'x', 'y' or 'both'"
-    )
-    indentation: Positive | None = Field(default=None, description="end at this Δ/σ > 0")
-    contact_area: AreaFraction | None = Field(default=None, description="end at this A*, 0 < A* <= 1")
-    pressure: Positive | None = Field(default=None, description="end at this p* > 0")
-    separation: float | None = Field(default=None, description="end at this d/σ, negative beyond the mean plane")
-    free_volume: Positive | None = Field(default=None, description="end at this V* > 0")
-
-
-def tag_end(value: Any) -> str:
-    """Return the tag of a state for a mapping or 'percolation', else that of a plane."""
-    return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
+        return {name: str(value) if isinstance(value, Quantity) else value for name, value in self.named.items()}
 
 
 # The form of a mapping: only its problems are reported.
@@ -264,38 +244,7 @@ def tag_surface(value: Any) -> str:
     if not isinstance(value, dict):
         return "<generated>" if isinstance(value, GeneratedSurface) else "<file>"
     hints = not {"D", "m"} & value.keys() and any(nearest(key, ["file", "variable"]) for key in value)
-    return "<file>" if "file" in value or hints else "<generated>"
-
-
-class Sweep(Strict):
-    """Number of equal steps of indentation, and the last state."""
-
-    steps: Annotated[Whole, Field(ge=0, le=10_000)] = Field(
-        default=60, description="number of equal steps of indentation, 0 to 10000; 0: no contact"
-    )
-    to: Annotated[
-        Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
-        | Annotated[Target, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
-        Discriminator(tag_end),
-    ] = Field(
-        default="mean-plane",
-        description="last state: mean-plane, summit-plane, percolation (no open way left), or one of "
-        "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, "
-        "{free_volume: x}",
-    )
-
-    @property
-    def target(self) -> Level:
-        """Last state of the sweep: a plane or the end of percolation (value None), or a starred value."""
-        if isinstance(self.to, str):
-            return Level(self.to)
-        kind, value = next(iter(self.to.named.items()))
-        return Level(f"{kind}-{value}") if kind == "percolation" else Level(kind, value)
-
-    @property
-    def legs(self) -> tuple[Sweep, ...]:
-        """The legs of the path: this one."""
-        return (self,)
+    return "<file>" if {"file", "files"} & value.keys() or hints else "<generated>"
 
 
 class MaxError(Choice):

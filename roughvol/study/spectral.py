@@ -161,7 +161,7 @@ def tag_surface(value: Any) -> str:
     """Return the tag of `SpectralSurface` for its own keys, else that of `sections.tag_surface`."""
     if isinstance(value, SpectralSurface):
         return "<spectrum>"
-    if isinstance(value, dict) and not {"file", "m", "midpoint_law"} & value.keys() and {*OWN} & value.keys():
+    if isinstance(value, dict) and not {"file", "files", "m", "midpoint_law"} & value.keys() and {*OWN} & value.keys():
         return "<spectrum>"
     return sections.tag_surface(value)
 

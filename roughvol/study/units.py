@@ -6,7 +6,9 @@ lengths are labelled with the one unit of the study.
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import math
 import re
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn
@@ -23,9 +25,10 @@ KINDS = {
     "volume per area": ("[length]", "mm^3/m^2, ml/m^2, um and the like"),
     "pressure": ("[mass]/[length]/[time]^2", "Pa, kPa, MPa, GPa, bar, psi and the like"),
     "viscosity": ("[mass]/[length]/[time]", "Pa*s, mPa*s, cP and the like"),
+    "force": ("[mass]*[length]/[time]^2", "N, kN, mN, lbf and the like"),
     "flow": ("[length]^3/[time]", "mm^3/s, ml/min, um^3/s and the like"),
 }
-EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s"}
+EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "force": "20 N"}
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", re.ASCII | re.DOTALL)
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
@@ -92,6 +95,43 @@ def length_unit(text: Any) -> str | None:
 def has_unit(text: Any) -> bool:
     """Return whether the text of a value is a number followed by text."""
     return isinstance(text, str) and _NUMBER.fullmatch(text.strip()) is not None
+
+
+def read(text: str, kind: str) -> float:
+    """Return a number of a command line, with its unit or plain.
+
+    Parameters
+    ----------
+    text : str
+        As 0.5 or ``0.5MPa``.
+    kind : str
+        Kind of the unit, of `KINDS`; empty for a number without one.
+
+    Returns
+    -------
+    float
+        A `Quantity`, or a plain number.
+
+    Raises
+    ------
+    ValueError
+        If it is no number, or its unit is of another kind.
+    """
+    with contextlib.suppress(ValueError):
+        if math.isfinite(plain := float(text)):
+            return plain
+    match = _NUMBER.fullmatch(text.strip())
+    try:
+        if match is not None and kind:
+            return Quantity(float(match[1]), _checked(match[2], kind))
+        message = f"no number: {text!r}"
+        raise ValueError(message)
+    except PydanticCustomError as error:
+        raise ValueError(error.message()) from error
+    except ValueError as error:
+        unit = f", or a number with a unit of {kind}, as in {EXAMPLES[kind]}" if kind else " without a unit"
+        message = f"must be a number{unit}, given {text!r}"
+        raise ValueError(message) from error
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import ndimage, signal, sparse
+from scipy import ndimage, sparse
 from scipy.sparse import linalg
 
 from roughvol.errors import SurfaceError
@@ -152,6 +152,8 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
     if not np.isfinite(heights).all():
         message = "heights must be known at every node before they are filtered"
         raise SurfaceError(message)
+    from scipy import signal  # imports scipy.stats: half a second, for this filter alone
+
     reach = math.ceil(REACH * cut_off / spacing)
     weights = np.exp(-math.pi * np.square(np.arange(-reach, reach + 1) * spacing / (ALPHA * cut_off)))
     exponent = _exponent(heights)

@@ -6,7 +6,6 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from roughvol.report.claims.evidence import Given, Outcome, V, claim, require
 from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, MANY
@@ -63,6 +62,8 @@ def density_by_D(given: Given) -> Outcome:
     the slopes of f (least-squares line of each surface) below 1, for every pair of neighbouring D (essential). Fulcrum:
     the means of f(1) over D spread by less than 10 % of their mean (essential: "almost independent").
     """
+    from scipy.stats import spearmanr  # half a second: imported where it is used
+
     run = given.run()
     m = int(nearest(run.m, PAPER_M))
     data = {D: densities(run, D, m) for D in run.D}

@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from roughvol.observables.free_volume import domain, element_volumes, free_volume
 from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, require
@@ -120,6 +119,8 @@ def volume_map(given: Given) -> Outcome:
     open_ = ~state.contact
     difference = abs(free_volume(state.gap, 1.0) - state.numbers[V])
     largest = float(state.volumes[state.contact].max(initial=0.0))
+    from scipy.stats import spearmanr  # half a second: imported where it is used
+
     rank = float(spearmanr(state.volumes[open_], depth[open_]).statistic)
     total = exact("sum", "difference of Σ v and V*", difference)
     inside = exact("contact_volume", "largest v in contact", largest)

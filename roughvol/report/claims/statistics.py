@@ -11,7 +11,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import t as student
 
 from roughvol.report.claims.verdict import Number
 from roughvol.typing import Array, Index
@@ -93,6 +92,8 @@ def _known(values: ArrayLike) -> Array:
 
 def student_quantile(n: int) -> float:
     """Return t(0.975; n - 1)."""
+    from scipy.stats import t as student  # half a second: imported where it is used
+
     return float(student.ppf(0.5 * (1.0 + COVERAGE), n - 1))
 
 

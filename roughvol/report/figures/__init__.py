@@ -4,6 +4,7 @@
 `paper`             Figs. 1 to 12 of the paper
 `seal`              flow through the gap
 `yielding`          paths of legs, and plastic displacement
+`content`           figures named by content, of one run or several overlaid
 `spectra`           power spectral density, and slope by scale
 `leak_card`         drawings and print of the leak card
 `theory`            theories, second readings and many seeds, from several runs

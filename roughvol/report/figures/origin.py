@@ -17,6 +17,7 @@ from xarray import Dataset
 from roughvol.errors import DatasetError, StudyError
 from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import STYLE, Drawing, unit_of
+from roughvol.report.legs import first_leg
 from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M
 from roughvol.study import GeneratedSurface, Study, loads
 
@@ -172,11 +173,6 @@ def lacking(name: str, ds: Dataset, variables: Sequence[str]) -> str | None:
     if not bool(held(ds, *variables).any()):
         return f"{name} needs {', '.join(variables)}, and no case of the dataset has a value of each"
     return None
-
-
-def first_leg(ds: Dataset) -> Dataset:
-    """Return the steps of the first leg, where a dataset has a path of several."""
-    return ds.isel(step=ds["leg"].values == 1) if "leg" in ds else ds
 
 
 def register(

@@ -16,7 +16,7 @@ import difflib
 from collections.abc import Callable, Sequence
 
 from roughvol.errors import DatasetError
-from roughvol.report.figures import ensembles, paper, seal, spectra, yielding
+from roughvol.report.figures import content, ensembles, paper, seal, spectra, yielding
 from roughvol.report.figures.paper import NEEDS, Draw
 from roughvol.report.paper_rules import PAPER_D, PAPER_M, nearest, nearest_surface
 from roughvol.store.dataset import Dataset
@@ -39,7 +39,7 @@ def drawable(results: Dataset, wanted: Sequence[str]) -> list[str]:
     DatasetError
         If there is no such figure, one that is wanted cannot be drawn, or none can.
     """
-    _check_known(wanted)
+    check_known(wanted)
     table = figures()
     reasons = {name: table[name][1](name, results) for name in wanted or table}
     lacking = [reason for reason in reasons.values() if reason]
@@ -57,18 +57,25 @@ def needed(names: Sequence[str], cases: Sequence[Case]) -> tuple[str, ...]:
         If there is no such figure; the message lists them.
     """
     names = [name.strip() for name in names]
-    _check_known(names)
+    check_known(names)
     wanted = {case.id for name in names for case in _RULES[name](cases)}
     return tuple(case.id for case in cases if case.id in wanted)
 
 
-def _check_known(wanted: Sequence[str]) -> None:
-    table = figures()
+def check_known(wanted: Sequence[str]) -> None:
+    """Refuse names of no figure.
+
+    Raises
+    ------
+    DatasetError
+        With the nearest name, and all names.
+    """
+    table = (*figures(), *content.NAMES)
     for name in wanted:
         if name not in table:
             near = difflib.get_close_matches(name, table, n=1)
             hint = f"; did you mean {near[0]}?" if near else ""
-            message = f"no figure {name!r}{hint} (known: {', '.join(table)})"
+            message = f"no figure {name!r}{hint} (known: {', '.join(figures())}; {content.IN_WORDS})"
             raise DatasetError(message)
 
 

@@ -1,94 +1,38 @@
-"""The command line: the only place that prints, draws progress and exits.
-
-Options choose how a study is run. The physics is in the study alone.
-"""
+"""The commands that take a study: check, run, status, tradeoff, schema."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from roughvol import cli_text
-from roughvol._version import __version__
-from roughvol.campaign import limits
-from roughvol.errors import CampaignError, ContactError, ConvergenceError, DatasetError, RoughvolError
+from roughvol.cli.group import OUT, SET, STUDY, examples, main, study_of, warn
+from roughvol.cli.numbers import say_table
 
 if TYPE_CHECKING:
     from roughvol.campaign.batch import Progress
+    from roughvol.store.dataset import Dataset
     from roughvol.study import Study
 
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
-LIGHT = ("schema", "status")  # commands that import no library for computations
 SHOWN = 50  # cases of one kind listed by `status`
 PLAIN_EVERY = 5.0  # seconds between two lines of progress without a terminal
 
 
-def _examples(*lines: str) -> str:
-    """Return the end of a help page; the backspace keeps click from joining lines."""
-    return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])
-
-
-STUDY = click.argument("study", type=click.Path(path_type=Path))
-OUT = click.option("--out", type=click.Path(path_type=Path), help="Folder of the results [default: runs/NAME].")
-
-
-class _Commands(click.Group):
-    """A group of commands that turns errors into one message and an exit code."""
-
-    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        command = super().resolve_command(ctx, args)
-        if command[0] not in LIGHT and (message := limits.too_narrow()):
-            click.echo(f"error: {message}", err=True)
-            ctx.exit(FAILED)
-        return command
-
-    def invoke(self, ctx: click.Context) -> Any:
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            click.echo("interrupted; finished cases are kept, and the same command continues the run", err=True)
-            ctx.exit(INTERRUPTED)
-        except RoughvolError as error:
-            click.echo(cli_text.message(error), err=True)
-            ctx.exit(FAILED if isinstance(error, CampaignError | ContactError | ConvergenceError) else BAD_INPUT)
-        except (MemoryError, ImportError, OSError, RuntimeError) as error:
-            if not limits.is_lack_of_memory(error):
-                raise
-            first = str(error).strip().splitlines()
-            click.echo(f"error: not enough memory ({first[0] if first else type(error).__name__})", err=True)
-            ctx.exit(FAILED)
-
-
-@click.group(
-    cls=_Commands,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    epilog=_examples(
-        "roughvol check configs/effect_of_D.yaml    its cases, surface and cost",
-        "roughvol run configs/effect_of_D.yaml      compute it; again, to continue",
-        "roughvol plot                              all figures of the latest run",
-    ),
-)
-@click.version_option(__version__)
-def main() -> None:
-    """Free volume between rough surfaces in elastic contact: study file in, labelled data and figures out."""
-
-
-@main.command(
-    epilog=_examples("roughvol check configs/morphology.yaml", "roughvol check scan.yaml --look --out scan.png")
-)
+@main.command(epilog=examples("roughvol check seal.yaml", "roughvol check scan.yaml --look --out scan.png"))
 @STUDY
 @click.option("--look", is_flag=True, help="Draw the surface of the first case: map, histogram, two profiles.")
 @click.option("--out", type=click.Path(path_type=Path), help="File of the picture [default: NAME-look.png].")
 @click.option(
     "--jobs", "-j", type=click.IntRange(min=1), help="Processes assumed in the estimate [default: one a core]."
 )
-def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
+@SET
+def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: tuple[str, ...]) -> None:
     """Show STUDY with all defaults, its first surface and its cost; compute nothing.
 
     The cost is the number of cases, memory, disk and expected time.
@@ -97,9 +41,8 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
     """
     from roughvol.campaign import checks, cost, understood, validity
     from roughvol.store import run_folder
-    from roughvol.study import load
 
-    loaded = load(study)
+    loaded = study_of(study, changes)
     surface = understood.shown(loaded, checks.check_surfaces(loaded))
     cases = loaded.cases()
     click.echo(loaded.to_yaml())
@@ -114,13 +57,13 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
         click.echo(f"# picture {path}")
     if loaded.ensemble is not None:
         _say_expected(loaded, jobs)
-        _warn(validity.sentences(checks.foreseen(loaded, surface), ()))
+        warn(validity.sentences(checks.foreseen(loaded, surface), ()))
         cost.check_fits(loaded, run_folder.folder_of(loaded))
         return
     estimated = cost.estimate(loaded, jobs)
     click.echo(cli_text.cost(estimated))
     notes = understood.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
-    _warn(validity.sentences(checks.foreseen(loaded, surface), notes))
+    warn(validity.sentences(checks.foreseen(loaded, surface), notes))
     for choice in cost.choices(loaded, jobs):
         area, pressure, volume = choice.errors
         click.echo(
@@ -128,13 +71,15 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
             f"errors about {area:.0e} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
         )
     if warning := cost.warning(estimated.seconds, estimated.jobs):
-        _warn([warning])
+        warn([warning])
     cost.check_fits(loaded, run_folder.folder_of(loaded))
 
 
 @main.command(
-    epilog=_examples(
-        "roughvol run configs/smoke.yaml", "roughvol run configs/effect_of_D.yaml --jobs 4 --out /data/effect_of_D"
+    epilog=examples(
+        "roughvol run seal.yaml",
+        "roughvol run effect_of_D.yaml --jobs 4 --out /data/effect_of_D",
+        "roughvol run seal.yaml --set surface.m=7 --set name=finer",
     )
 )
 @STUDY
@@ -143,21 +88,32 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None) -> None:
 @click.option("--fresh", is_flag=True, help="Compute every case anew, finished ones too.")
 @click.option("--scheduler", metavar="ADDRESS", help="Compute on the workers of this Dask scheduler.")
 @click.option("--figures", metavar="NAMES", help="Compute only the cases of these figures, as in fig05,fig06a.")
+@SET
 def run(
-    study: Path, jobs: int | None, out: Path | None, fresh: bool, scheduler: str | None, figures: str | None
+    study: Path,
+    jobs: int | None,
+    out: Path | None,
+    fresh: bool,
+    scheduler: str | None,
+    figures: str | None,
+    changes: tuple[str, ...],
 ) -> None:
-    """Compute the unfinished cases of STUDY, and collect all cases in study.nc.
+    """Compute the unfinished cases of STUDY, and collect all cases in study.nc; STUDY may be - for standard input.
+
+    The numbers of the chief states are printed: levels asked for and ends of legs. `roughvol show` has all.
 
     Ctrl-C stops after the cases at work, a second one at once. The same command continues the run.
     """
     started = time.monotonic()
     from roughvol.campaign import running, workers
-    from roughvol.report.figures import selection
     from roughvol.store import run_folder
-    from roughvol.study import load
 
-    loaded = load(study)
-    only = selection.needed(figures.split(","), loaded.cases()) if figures else None
+    loaded = study_of(study, changes)
+    only = None
+    if figures:
+        from roughvol.report.figures import selection
+
+        only = selection.needed(figures.split(","), loaded.cases())
     last: Progress | None = None
 
     def follow(now: Progress) -> None:
@@ -178,18 +134,32 @@ def run(
         )
     assert last is not None
     click.echo(cli_text.ran(last, time.monotonic() - started))
+    _say_numbers(loaded.name, results)
     click.echo(cli_text.summary(results, run_folder.folder_of(loaded, out) / "study.nc"))
-    _warn(results.attrs["warnings"].splitlines())
+    warn(results.attrs["warnings"].splitlines())
 
 
-@main.command(epilog=_examples("roughvol status configs/effect_of_D.yaml"))
+@main.command(
+    epilog=examples("roughvol status effect_of_D.yaml", "roughvol status effect_of_D --out /data/effect_of_D")
+)
 @STUDY
 @OUT
-def status(study: Path, out: Path | None) -> None:
-    """List the finished, running, failed and missing cases of STUDY, also during a run."""
-    from roughvol.store import run_folder, run_status
+@SET
+def status(study: Path, out: Path | None, changes: tuple[str, ...]) -> None:
+    """List the finished, running, failed and missing cases of STUDY, also during a run.
 
-    state = run_status.status(study, out)
+    STUDY is a study file, - for standard input, the folder of a run, or a name under runs/.
+    """
+    from roughvol.store import run_folder, run_status
+    from roughvol.study import loads
+
+    folder = next((path for path in (study, Path("runs") / study) if (path / "study.yaml").is_file()), None)
+    if folder is not None and not study.is_file():
+        # Height files of a stored study are relative to the study file, taken to be in the current folder.
+        text = run_folder.stored_study(folder) or ""
+        state = run_status.status(loads(text, f"{folder.name}.yaml", changes=changes), out or folder)
+    else:
+        state = run_status.status(study_of(study, changes), out)
     left, several = len(state.running) + len(state.missing), (state.failed, state.damaged)
     total = len(state.done) + left + sum(map(len, several))
     click.echo(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))
@@ -216,70 +186,7 @@ def status(study: Path, out: Path | None) -> None:
             click.echo(f"  … and {len(reasons) - SHOWN} more {title}")
 
 
-@main.command(epilog=_examples("roughvol plot", "roughvol plot effect_of_D fig04a fig06b --format pdf"))
-@click.argument("run", required=False)
-@click.argument("figure", nargs=-1)
-@click.option("--format", "suffix", type=click.Choice(["png", "pdf", "svg"]), default="png", show_default=True)
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the figures [default: figures in the run].")
-def plot(run: str | None, figure: tuple[str, ...], suffix: str, out: Path | None) -> None:
-    """Draw figures from RUN: a folder, a study.nc, or a name under runs/ [default: the latest].
-
-    Figures of the paper are fig01 to fig12b; those of the flow through the gap are seal_volume to seal_map.
-
-    Without FIGURE, all figures of the run are drawn.
-    """
-    from roughvol.report.figures import selection
-    from roughvol.store import dataset
-
-    figures = selection.figures()
-    first_is_figure = run is not None and run in figures and not Path(run).exists()
-    names = (str(run), *figure) if first_is_figure else figure
-    path = _study_file(None if first_is_figure else run)
-    results = dataset.read(path)
-    folder = out or path.parent / "figures"
-    for name in selection.drawable(results, names):
-        target = folder / f"{name}.{suffix}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            figures[name][0](results).savefig(target)
-        except OSError as error:
-            message = f"cannot write {target}: {error}"
-            raise DatasetError(message) from error
-        click.echo(target)
-
-
-@main.command(epilog=_examples("roughvol report", "roughvol report effect_of_D effect_of_m --out /tmp/report"))
-@click.argument("run", nargs=-1)
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the report [default: the run, or runs/report].")
-@click.option(
-    "--check",
-    "expected",
-    type=click.Path(path_type=Path, exists=True, dir_okay=False),
-    help="JSON with expected verdicts and bands of numbers; a departure is an error.",
-)
-def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> None:
-    """Report on RUN..., as report.html, report.md and claims.json [default: all runs].
-
-    A RUN is a folder, a study.nc, or a name under runs/. Runs of the paper's configuration answer its claims; others
-    are refused by name and reason. Every other run, such as one of a measured map, gets its own section: surface,
-    loading, states, closing pressures, warnings, figures.
-    """
-    from roughvol.report import write as reporting
-
-    finished = sorted(Path("runs").glob("*/study.nc"))
-    paths = [_study_file(name) for name in run] or finished or [_study_file(None)]
-    answered = reporting.assemble(paths)
-    page = reporting.write(answered, out or (paths[0].parent if len(paths) == 1 else Path("runs/report")))
-    click.echo(reporting.summary(answered))
-    click.echo(page)
-    departures = reporting.departures(answered, expected.read_text(encoding="utf-8")) if expected else []
-    if departures:
-        head = f"{cli_text.count(len(departures), 'answer')} left the bands of {expected}"
-        message = "\n".join([head, *(f"  {departure}" for departure in departures)])
-        raise CampaignError(message)
-
-
-@main.command(epilog=_examples("roughvol tradeoff configs/tradeoff.yaml"))
+@main.command(epilog=examples("roughvol tradeoff tradeoff.yaml"))
 @STUDY
 @OUT
 def tradeoff(study: Path, out: Path | None) -> None:
@@ -291,9 +198,8 @@ def tradeoff(study: Path, out: Path | None) -> None:
     from roughvol.report import convergence
     from roughvol.report.figures import work_precision
     from roughvol.store import dataset, run_folder
-    from roughvol.study import load
 
-    loaded = load(study)
+    loaded = study_of(study)
     folder = run_folder.folder_of(loaded, out)
     show = sys.stderr.isatty()
     measured = trade.measure(
@@ -309,7 +215,7 @@ def tradeoff(study: Path, out: Path | None) -> None:
     click.echo(folder / "tradeoff.nc")
 
 
-@main.command(epilog=_examples("roughvol schema > study.schema.json"))
+@main.command(epilog=examples("roughvol schema > study.schema.json"))
 def schema() -> None:
     """Print the JSON schema of study files, for completion and checks in editors."""
     import json
@@ -333,26 +239,15 @@ def _say_expected(study: Study, jobs: int | None) -> None:
     click.echo(f"# memory  about {cli_text.size(estimated.memory)} a process")
 
 
-def _warn(sentences: Iterable[str]) -> None:
-    """Print each sentence once as a warning."""
-    for sentence in dict.fromkeys(sentences):
-        click.echo(f"warning: {sentence}", err=True)
+def _say_numbers(name: str, results: Dataset) -> None:
+    """Print the chief states of a run, and where its ways through the gap close."""
+    if "step" not in results.sizes:
+        return
+    from roughvol.report import screen
+    from roughvol.report.claims import Run
 
-
-def _study_file(run: str | None) -> Path:
-    if run is None:
-        # every run writes study.yaml, also without a case to compute
-        studies = [path for path in Path("runs").glob("*/study.yaml") if path.with_name("study.nc").is_file()]
-        if not studies:
-            message = "no finished run under runs/; start one with: roughvol run STUDY"
-            raise DatasetError(message)
-        return max(studies, key=lambda path: path.stat().st_mtime).with_name("study.nc")
-    files = [Path(run), Path(run) / "study.nc", Path("runs") / run / "study.nc"]
-    for file in files:
-        if file.is_file():
-            return file
-    message = f"no results of {run!r}: looked for {', '.join(map(str, files))}"
-    raise DatasetError(message)
+    for table in screen.summary(Run.of(name, results)):
+        say_table(table)
 
 
 def _say_how_to_stop() -> None:

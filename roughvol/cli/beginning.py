@@ -1,0 +1,218 @@
+"""The first hour: an example study in the current folder, and the keys and variables in words."""
+
+from __future__ import annotations
+
+import difflib
+import textwrap
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from roughvol import cli_text
+from roughvol.cli.group import examples, main
+from roughvol.errors import FolderError
+
+if TYPE_CHECKING:
+    from roughvol.store.variables import Variable
+    from roughvol.study.reference import Key
+
+WIDTH = 100
+SCAN = "scan.txt"
+HEAD = """# Reference
+
+Keys of a study file, and variables of `study.nc`. `make reference` writes this page from the schema and the table of
+variables; `roughvol explain KEY` and `roughvol explain VARIABLE` print one row of it.
+
+## Keys of a study
+"""
+
+
+@main.command(
+    epilog=examples(
+        "roughvol init          list the examples",
+        "roughvol init seal     write seal.yaml into the current folder",
+    )
+)
+@click.argument("example", required=False)
+@click.option("--list", "listing", is_flag=True, help="List the examples and write nothing.")
+def init(example: str | None, listing: bool) -> None:
+    """Write the study EXAMPLE into the current folder, or list the examples.
+
+    Files that exist are not overwritten.
+    """
+    known = _examples()
+    if example is None or listing:
+        click.echo(cli_text.table(("example", "content"), [(name, _title(text)) for name, text in known.items()]))
+        click.echo("write one with: roughvol init EXAMPLE")
+        return
+    if example not in known:
+        near = difflib.get_close_matches(example, known, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        message = f"no example {example!r}{hint} (allowed: {', '.join(known)})"
+        raise click.UsageError(message)
+    files = {f"{example}.yaml": known[example]}
+    if example == "scan":
+        files[SCAN] = _heights()
+    if present := [name for name in files if Path(name).exists()]:
+        message = f"already in {Path.cwd()}: {', '.join(present)}; nothing was written"
+        raise FolderError(message)
+    for name, text in files.items():
+        try:
+            with Path(name).open("x", encoding="utf-8") as stream:
+                stream.write(text)
+        except OSError as error:
+            message = f"cannot write {name}: {error.strerror}"
+            raise FolderError(message) from error
+        click.echo(f"wrote {name}")
+    click.echo(f"next: roughvol run {example}.yaml, then roughvol show {example}")
+
+
+def _examples() -> dict[str, str]:
+    """Return the text of the examples of this package by name."""
+    folder = resources.files("roughvol") / "examples"
+    names = sorted(path.name for path in folder.iterdir() if path.name.endswith(".yaml"))
+    return {name.removesuffix(".yaml"): (folder / name).read_text(encoding="utf-8") for name in names}
+
+
+def _title(text: str) -> str:
+    return text.splitlines()[0].removeprefix("# ")
+
+
+def _heights() -> str:
+    """Return a small map as text: 65 x 65 heights in um on a slight slope, Sq = 2 um."""
+    from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+    surface = random_midpoint_displacement(2.3, 6, side=500.0, seed=1).scaled(2.0)
+    heights = surface.heights - surface.heights.mean()
+    rows, columns = heights.shape
+    tilted = [[heights[i, j] + 0.02 * i + 0.01 * j for j in range(columns)] for i in range(rows)]
+    lines = [" ".join(f"{height:.4f}" for height in row) for row in tilted]
+    return "\n".join(lines) + "\n"
+
+
+@main.command(
+    epilog=examples(
+        "roughvol explain                      the sections of a study",
+        "roughvol explain surface.file         a key: values, default, meaning",
+        "roughvol explain free_volume          a variable of study.nc",
+    )
+)
+@click.argument("name", required=False)
+@click.option("--markdown", is_flag=True, help="Print all keys and variables as one page.")
+def explain(name: str | None, markdown: bool) -> None:
+    """Describe NAME: a key of a study, a section, or a stored variable."""
+    from roughvol.store.variables import VARIABLES
+    from roughvol.study.reference import keys
+
+    if markdown:
+        click.echo(page(), nl=False)
+        return
+    if name is None:
+        for key in keys():
+            if "." not in key.path:
+                _say_key(key)
+        click.echo("more: roughvol explain KEY, as surface.file; roughvol explain VARIABLE, as free_volume")
+        return
+    name = name.strip().strip(".")
+    exact = [key for key in keys() if key.path == name]
+    inside = [key for key in keys() if key.path.rpartition(".")[0] == name]
+    other = [key for key in keys() if not exact and key.path.rpartition(".")[2] == name]
+    if not exact and not other and name not in VARIABLES:
+        known = [*dict.fromkeys(key.path for key in keys()), *VARIABLES]
+        near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        hint = f"did you mean {' or '.join(near)}? " if near else ""
+        message = f"no key and no variable {name!r}; {hint}roughvol explain lists the sections"
+        raise click.UsageError(message)
+    if name in VARIABLES:
+        _say_variable(name, VARIABLES[name])
+    for key in exact:
+        _say_key(key)
+    listed = {key.path: _short(key.description) for key in reversed(inside or other)}
+    if listed:
+        rows = list(reversed(listed.items()))
+        click.echo(textwrap.indent(cli_text.table(("key", "meaning"), rows), "  "))
+
+
+def _short(text: str) -> str:
+    return textwrap.shorten(text, WIDTH - 20, placeholder=" …")
+
+
+def _say_key(key: Key) -> None:
+    click.echo(key.path + (f"   ({key.form})" if key.form else ""))
+    for title, text in _facts(key):
+        lines = textwrap.wrap(text, WIDTH, initial_indent=f"  {title:8s} ", subsequent_indent=" " * 11)
+        click.echo("\n".join(lines))
+
+
+def _facts(key: Key) -> Iterator[tuple[str, str]]:
+    yield "meaning", key.description
+    yield "values", key.values
+    yield "default", "must be given" if key.default is None else key.default
+
+
+def _say_variable(name: str, row: Variable) -> None:
+    click.echo(f"{name}   {row.symbol}   variable of study.nc")
+    needs = f"record: {row.observable}" if row.observable else "every study, or as docs/observables.md describes"
+    along = row.dims.replace("...", "D m seed (or case)") or "none, one number"
+    facts = (
+        ("meaning", row.long_name),
+        ("units", row.units),
+        ("along", along),
+        ("stored", needs),
+        ("from", row.source),
+    )
+    for title, text in facts:
+        click.echo(f"  {title:8s} {text}")
+
+
+def page() -> str:
+    """Return the page of all keys and variables in Markdown."""
+    from roughvol.store.variables import VARIABLES
+    from roughvol.study.reference import keys
+
+    lines = [HEAD]
+    for section in (key for key in keys() if "." not in key.path):
+        lines += [f"### {section.path}", "", f"{_cell(section.description)}.", ""]
+        inner = [key for key in keys() if key.path.startswith(f"{section.path}.")]
+        if not inner:
+            lines += [f"Values: {_cell(section.values)}. Default: {_code(section.default)}.", ""]
+            continue
+        forms = list(dict.fromkeys(key.form for key in inner if key.path.count(".") == 1))
+        for form in forms:
+            lines += [f"**{form}**", ""] if form else []
+            lines += ["| key | values | default | meaning |", "|---|---|---|---|"]
+            lines += [_line(key) for key in _of_form(inner, form)]
+            lines.append("")
+    lines += ["## Variables of study.nc", "", "Starred numbers have the unit 1; `length` is the unit of L.", ""]
+    lines += ["| name | symbol | unit | meaning | along | with |", "|---|---|---|---|---|---|"]
+    for name, row in VARIABLES.items():
+        cells = (f"`{name}`", row.symbol, row.units, row.long_name, row.dims, row.observable)
+        lines.append("| " + " | ".join(_cell(cell) for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _of_form(keys: list[Key], form: str) -> list[Key]:
+    """Return the keys of one form of a section, each followed by those inside it."""
+    found, taken = [], False
+    for key in keys:
+        taken = key.form == form if key.path.count(".") == 1 else taken
+        if taken:
+            found.append(key)
+    return found
+
+
+def _line(key: Key) -> str:
+    name = f"`{key.path.partition('.')[2]}`" + (f" ({key.form})" if key.form and key.path.count(".") > 1 else "")
+    cells = (name, _cell(key.values), _code(key.default), _cell(key.description))
+    return "| " + " | ".join(cells) + " |"
+
+
+def _code(default: str | None) -> str:
+    return "must be given" if default is None else "–" if default == "none" else f"`{default}`"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("*", "\\*")

@@ -1,0 +1,151 @@
+"""Numbers on the screen: show, compare and ls."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from roughvol import cli_text
+from roughvol.cli.group import examples, main, results_file, run_name
+
+if TYPE_CHECKING:
+    from roughvol.report.claims import Run
+    from roughvol.report.states import Wanted
+    from roughvol.report.tables import Table
+
+AT = click.option(
+    "--at",
+    "states",
+    multiple=True,
+    metavar="KIND=VALUE",
+    help="A state, as pressure=0.5MPa, contact_area=0.1 or mean_gap=1um; several times for several.",
+)
+CSV = click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values.")
+JSON = click.option("--json", "as_json", is_flag=True, help="JSON with the units.")
+
+
+@main.command(
+    epilog=examples(
+        "roughvol show seal                           its steps",
+        "roughvol show seal --at pressure=0.5MPa      the state at a load",
+        "roughvol show seal --csv > seal.csv          every surface and step, by stored names",
+    )
+)
+@click.argument("run", required=False)
+@AT
+@CSV
+@JSON
+def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) -> None:
+    """Print the numbers of RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
+
+    Between two steps, numbers lie on straight lines over the quantity asked for; flows and openings on those of their
+    logarithms. A state beyond the steps is an error. Several surfaces are shown by their mean; --csv and --json have
+    each of them. `roughvol explain NAME` describes a column.
+    """
+    from roughvol.report import screen
+
+    _one_form(as_csv, as_json)
+    opened, wanted = _opened(run), _wanted(states)
+    if as_csv or as_json:
+        names, rows, units = screen.records(opened, wanted)
+        _write(names, rows, units if as_json else None, opened.name)
+        return
+    for table in screen.shown(opened, wanted):
+        say_table(table)
+
+
+@main.command(
+    epilog=examples(
+        "roughvol compare metal_seal metal_seal_elastic",
+        "roughvol compare dry wet --at pressure=0.5MPa --at pressure=1MPa",
+    )
+)
+@click.argument("run", nargs=-1, required=True)
+@AT
+@CSV
+@JSON
+def compare(run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json: bool) -> None:
+    """Print the numbers of RUN RUN... side by side at equal loads.
+
+    Without --at, the loads are nominal pressures that all runs reach, or p* where one has no units. The rule between
+    steps is that of `roughvol show`.
+    """
+    from roughvol.report import screen
+
+    _one_form(as_csv, as_json)
+    if len(run) < 2:
+        message = "compare takes two runs or more; one is shown by: roughvol show RUN"
+        raise click.UsageError(message)
+    opened = [_opened(name) for name in run]
+    table = screen.compared(opened, _wanted(states))
+    if as_csv or as_json:
+        _write(table.head, [list(row) for row in table.rows], {} if as_json else None, "compare")
+        return
+    say_table(table)
+
+
+@main.command(epilog=examples("roughvol ls", "roughvol ls --out /data/runs"))
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("runs"),
+    show_default=True,
+    help="Folder that holds the runs.",
+)
+def ls(out: Path) -> None:
+    """List all runs, the latest first: name, state, size, age."""
+    from roughvol.store import runs
+
+    found = runs.listed(out)
+    if not found:
+        click.echo(f"no run in {out}; start one with: roughvol run STUDY")
+        return
+    rows = [(one.name, one.state, cli_text.size(one.size), f"{cli_text.duration(one.age)} ago") for one in found]
+    click.echo(cli_text.table(("run", "state", "size", "changed"), rows))
+
+
+def say_table(table: Table) -> None:
+    """Print a table with its title above and its note below."""
+    if table.title:
+        click.echo(table.title)
+    click.echo(cli_text.table(table.head, table.rows))
+    if table.note:
+        click.echo(f"  {table.note}")
+
+
+def _opened(run: str | None) -> Run:
+    from roughvol.report.claims import Run
+    from roughvol.store import dataset
+
+    path = results_file(run)
+    return Run.of(run_name(path), dataset.read(path))
+
+
+def _wanted(states: Sequence[str]) -> list[Wanted]:
+    from roughvol.report.states import wanted
+
+    return [wanted(text) for text in states]
+
+
+def _one_form(as_csv: bool, as_json: bool) -> None:
+    if as_csv and as_json:
+        message = "--csv and --json exclude each other"
+        raise click.UsageError(message)
+
+
+def _write(names: Sequence[str], rows: Sequence[Sequence[Any]], units: dict[str, str] | None, name: str) -> None:
+    """Print rows as JSON where units are given, else as CSV; a missing value is empty there."""
+    if units is not None:
+        content = {"run": name, "units": units, "rows": [dict(zip(names, row, strict=True)) for row in rows]}
+        click.echo(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        return
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows([names, *(["" if value is None else value for value in row] for row in rows)])
+    click.echo(text.getvalue(), nl=False)

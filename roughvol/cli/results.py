@@ -1,0 +1,185 @@
+"""The commands that draw and judge results: plot, report."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+
+from roughvol import cli_text
+from roughvol.cli.group import examples, main, results_file, run_name
+from roughvol.errors import CampaignError, DatasetError
+
+LEAST, MOST = 1.0, 40.0  # inches of a figure
+
+
+@main.command(
+    epilog=examples(
+        "roughvol plot                                     all figures of the latest run",
+        "roughvol plot effect_of_D fig04a v_of_p --format pdf",
+        "roughvol plot dry wet leak_of_p --size 120x80mm   two runs overlaid",
+    )
+)
+@click.argument("names", metavar="[RUN]... [FIGURE]...", nargs=-1)
+@click.option(
+    "--format",
+    "suffix",
+    type=click.Choice(["png", "pdf", "svg", "csv"]),
+    default="png",
+    show_default=True,
+    help="Kind of file; csv: the points of the curves.",
+)
+@click.option("--size", metavar="WxH", help="Width and height, as 120x80mm, 7x4in or 16x9cm [default: of the figure].")
+@click.option("--log", type=click.Choice(["x", "y", "xy"]), help="Axes with a logarithmic scale.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the figures [default: figures in the run].")
+def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None, out: Path | None) -> None:
+    """Draw figures from RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
+
+    Figures of the paper are fig01 to fig12b; those of the flow through the gap are seal_volume to seal_map. Others are
+    named by content: v_of_p is V* over p*, with p, a, v, d, i for p*, A*, V*, d/σ, Δ/σ, and gap, leak, flow.
+
+    Several runs are overlaid in figures named by content, into runs/compared. Without FIGURE, all figures of the run
+    are drawn, or v_of_p, a_of_p, v_of_a, v_of_d, gap_of_p, leak_of_p of several runs.
+    """
+    from roughvol.report.figures import content, selection
+    from roughvol.store import dataset
+
+    inches = _inches(size)
+    figures = selection.figures()
+    known = {*figures, *content.NAMES}
+    wanted = [name for name in names if name in known and not Path(name).exists()]
+    others = [name for name in names if name not in wanted]
+    if len(others) > 1 and others[0] not in known:  # a name after the first run may be a misspelt figure
+        others, misspelt = _runs(others)
+        wanted += misspelt
+    paths = [results_file(name) for name in others] or [results_file(None)]
+    runs = [content.Named(name, dataset.read(path)) for name, path in zip(_names(paths), paths, strict=True)]
+    drawings: dict[str, Callable[[], Any]] = {}
+    if len(runs) == 1:
+        by_content = [name for name in wanted if name in content.NAMES]
+        paper = [name for name in wanted if name not in content.NAMES]
+        for name in selection.drawable(runs[0].dataset, paper) if paper or not wanted else ():
+            drawings[name] = partial(figures[name][0], runs[0].dataset)
+    else:
+        refused = [name for name in wanted if name not in content.NAMES]
+        if refused:
+            message = f"{refused[0]} shows one run; several are overlaid in figures by content, {content.IN_WORDS}"
+            raise DatasetError(message)
+        by_content = wanted or [name for name in content.DRAWN if content.missing(name, runs) is None]
+    for name in by_content:
+        if reason := content.missing(name, runs):
+            raise DatasetError(reason)
+        drawings[name] = partial(content.draw, name, runs)
+    folder = out or (paths[0].parent / "figures" if len(runs) == 1 else Path("runs/compared"))
+    for name in sorted(drawings, key=wanted.index) if wanted else drawings:
+        figure = drawings[name]()
+        _shaped(figure, inches, log)
+        target = folder / f"{name}.{suffix}"
+        try:
+            if suffix == "csv":
+                try:
+                    points = list(content.data(figure))
+                except DatasetError:
+                    if wanted:
+                        raise
+                    continue  # a map among all figures of a run
+                folder.mkdir(parents=True, exist_ok=True)
+                with target.open("w", encoding="utf-8", newline="") as stream:
+                    writer = csv.DictWriter(stream, ["panel", "curve", "x", "y", "x_label", "y_label"])
+                    writer.writeheader()
+                    writer.writerows(points)
+            else:
+                folder.mkdir(parents=True, exist_ok=True)
+                figure.savefig(target)
+        except DatasetError:
+            raise
+        except OSError as error:
+            message = f"cannot write {target}: {error}"
+            raise DatasetError(message) from error
+        click.echo(target)
+
+
+def _runs(names: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the names that are runs, and those that are none and so may be misspelt figures."""
+    runs, figures = [], []
+    for name in names:
+        try:
+            results_file(name)
+        except DatasetError:
+            figures.append(name)
+        else:
+            runs.append(name)
+    if not runs:
+        results_file(names[0])  # says where it looked
+    if figures:
+        from roughvol.report.figures import selection
+
+        selection.check_known(figures)
+    return runs, figures
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Return the names of runs, with their folders where two are equal."""
+    names = [run_name(path) for path in paths]
+    return [name if names.count(name) == 1 else str(path.parent) for name, path in zip(names, paths, strict=True)]
+
+
+def _inches(size: str | None) -> tuple[float, float] | None:
+    """Return a size as width and height in inches."""
+    if size is None:
+        return None
+    match = re.fullmatch(r"(\d+\.?\d*)\s*x\s*(\d+\.?\d*)\s*(mm|cm|in|)", size.strip())
+    scale = {"mm": 1 / 25.4, "cm": 1 / 2.54, "in": 1.0, "": 1.0}
+    width, height = (float(match[k]) * scale[match[3]] for k in (1, 2)) if match else (0.0, 0.0)
+    if not (LEAST <= width <= MOST and LEAST <= height <= MOST):
+        message = (
+            f"--size is {size!r}; allowed: WxH with a unit mm, cm or in (default), {LEAST} to {MOST} in, as 120x80mm"
+        )
+        raise DatasetError(message)
+    return width, height
+
+
+def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) -> None:
+    """Give a figure a size, and its axes logarithmic scales."""
+    if inches is not None:
+        figure.set_size_inches(*inches)
+    for ax in figure.axes if log else ():
+        for axis in log or "":
+            if ax.name == "rectilinear" and not ax.images:
+                getattr(ax, f"set_{axis}scale")("log")
+
+
+@main.command(epilog=examples("roughvol report", "roughvol report effect_of_D effect_of_m --out /tmp/report"))
+@click.argument("run", nargs=-1)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the report [default: the run, or runs/report].")
+@click.option(
+    "--check",
+    "expected",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help="JSON with expected verdicts and bands of numbers; a departure is an error.",
+)
+def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> None:
+    """Report on RUN..., as report.html, report.md and claims.json [default: all runs].
+
+    A RUN is a folder, a study.nc, a study file, or a name under runs/. Runs of the paper's configuration answer its
+    claims; others are refused by name and reason. Every other run, such as one of a measured map, gets its own
+    section: surface, loading, states, closing pressures, warnings, figures.
+    """
+    from roughvol.report import write as reporting
+
+    finished = sorted(Path("runs").glob("*/study.nc"))
+    paths = [results_file(name) for name in run] or finished or [results_file(None)]
+    answered = reporting.assemble(paths)
+    page = reporting.write(answered, out or (paths[0].parent if len(paths) == 1 else Path("runs/report")))
+    click.echo(reporting.summary(answered))
+    click.echo(page)
+    departures = reporting.departures(answered, expected.read_text(encoding="utf-8")) if expected else []
+    if departures:
+        head = f"{cli_text.count(len(departures), 'answer')} left the bands of {expected}"
+        message = "\n".join([head, *(f"  {departure}" for departure in departures)])
+        raise CampaignError(message)

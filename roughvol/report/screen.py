@@ -1,0 +1,329 @@
+"""Tables of numbers for a screen: all steps of a run, its chief states, and several runs at equal loads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from xarray import Dataset
+
+from roughvol.errors import DatasetError
+from roughvol.report.claims import Run
+from roughvol.report.legs import first_leg
+from roughvol.report.run_facts import cell, closing, derived, groups, head
+from roughvol.report.states import RULE, State, Wanted, at, wanted
+from roughvol.report.tables import Table
+from roughvol.store.variables import STATES
+from roughvol.study import Quantity
+
+P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"
+SHORT = (  # columns after a run and in a comparison, where they are stored or follow from what is
+    "nominal_pressure",
+    P,
+    A,
+    V,
+    "mean_gap",
+    "plastic_volume",
+    "open_x",
+    "open_y",
+    "critical_opening_x",
+    "critical_opening_y",
+    "leak_rate_x",
+    "leak_rate_y",
+)
+FULL = (  # columns of all steps
+    *SHORT[:5],
+    "separation",
+    "mean_plane_separation",
+    "indentation",
+    "load_above_hardness_fraction",
+    *SHORT[5:10],
+    "transmissivity_x",
+    "transmissivity_y",
+    *SHORT[10:],
+)
+MANY = 14  # states of a sweep to listed loads that are all shown after a run
+EQUAL = 5  # loads of a comparison
+CASE = ("D", "m", "seed", "case")
+
+
+def _named(run: Run) -> list[tuple[str, Dataset]]:
+    ds = run.dataset
+    if "step" not in ds.sizes or P not in ds:
+        message = f"{run.name} has no state: nothing was pressed"
+        raise DatasetError(message)
+    return list(groups(derived(ds, run.study)))
+
+
+def _columns(names: Sequence[str], data: Sequence[Dataset]) -> list[str]:
+    """Return the columns that any of the datasets has; a pressure with a unit replaces p*."""
+    held = [name for name in names if any(name in ds and bool(ds[name].notnull().any()) for ds in data)]
+    if names is SHORT and all("nominal_pressure" in ds for ds in data):
+        held.remove(P)
+    return held
+
+
+def _row(columns: Sequence[str], data: Dataset) -> list[str]:
+    return [cell(name, np.atleast_1d(data[name].values)) if name in data else "" for name in columns]
+
+
+def _heads(columns: Sequence[str], data: Sequence[Dataset]) -> list[str]:
+    return [head(next(ds[name] for ds in data if name in ds)) for name in columns]
+
+
+def _note(states: Sequence[State], *more: str) -> str:
+    most = max((state.data.sizes["seed"] for state in states), default=1)
+    less = any(state.data.sizes["seed"] < state.surfaces for state in states)
+    notes = ["Mean over surfaces; open ways are counted." if most > 1 else ""]
+    notes += ["Not all surfaces reach each state: the column 'surfaces' counts those that do." if less else ""]
+    return " ".join(filter(None, [*notes, *more]))
+
+
+def _table(title: str, rows: Sequence[tuple[str, State]], columns: Sequence[str], *notes: str) -> Table:
+    """Return states as rows: group, state, number of surfaces where they differ, numbers."""
+    datasets = [state.data for _, state in rows]
+    grouped = len({name for name, _ in rows}) > 1
+    counted = any(state.surfaces > 1 for _, state in rows)
+    first = [*(["surface"] if grouped else []), "state", *(["surfaces"] if counted else [])]
+    lines = []
+    for name, state in rows:
+        line = [name] if grouped else []
+        line.append(state.label)
+        if counted:
+            reached = state.data.sizes["seed"]
+            line.append(str(reached) if reached == state.surfaces else f"{reached} of {state.surfaces}")
+        lines.append((*line, *_row(columns, state.data)))
+    note = _note([state for _, state in rows], *notes)
+    return Table(title, (*first, *_heads(columns, datasets)), tuple(lines), note)
+
+
+def summary(run: Run) -> list[Table]:
+    """Return the table after a run: ends of legs and recorded levels, and where the ways through the gap close.
+
+    Parameters
+    ----------
+    run : Run
+        A stored run with states.
+
+    Returns
+    -------
+    list of Table
+        The states; then the closing loads, where the study follows the ways through the gap.
+    """
+    named = _named(run)
+    rows = [(name, state) for name, group in named for state in _chief(run, group)]
+    columns = _columns(SHORT, [state.data for _, state in rows])
+    tables = [_table("", rows, columns)]
+    return [*tables, *closing([(name, first_leg(group)) for name, group in named])]
+
+
+def _chief(run: Run, group: Dataset) -> Iterator[State]:
+    """Yield the levels asked for that any surface reaches, then the end of each leg, or all listed loads."""
+    surfaces = group.sizes["seed"]
+    labels = [str(label) for dim in STATES if dim in group.dims for label in group[dim].values.tolist()]
+    for label in dict.fromkeys(labels):
+        if "=" not in label or label.startswith("step"):
+            continue
+        try:
+            yield at(run, group, wanted(label))
+        except DatasetError:
+            continue  # `cli_text.summary` names levels that no surface reaches
+    legs = group["leg"].values if "leg" in group else np.ones(group.sizes["step"])
+    sweeps = run.study.sweep.legs if run.study else ()
+    for number_of_leg in dict.fromkeys(legs.tolist()):
+        steps = np.flatnonzero(legs == number_of_leg)
+        sweep = sweeps[int(number_of_leg) - 1] if len(sweeps) >= number_of_leg else None
+        listed = sweep is not None and getattr(sweep, "listed", None) is not None
+        shown = steps if listed and len(steps) <= MANY else steps[-1:]
+        for k in shown.tolist():
+            several = len(set(legs.tolist())) > 1
+            label = f"step {int(group['step'].values[k])}" + (f", leg {int(number_of_leg)}" if several else "")
+            held = np.flatnonzero(group[P].isel(step=k).notnull().values)
+            if held.size:
+                data = group.isel(step=k, seed=held)
+                yield State(label, data.drop_vars("step"), surfaces)
+
+
+def shown(run: Run, states: Sequence[Wanted] = ()) -> list[Table]:
+    """Return the tables of ``roughvol show``: all steps of each group of surfaces, or the states asked for.
+
+    Parameters
+    ----------
+    run : Run
+        A stored run.
+    states : sequence of Wanted
+        States asked for. Default: every step.
+
+    Returns
+    -------
+    list of Table
+        One table of states asked for, or one for each D and m or file.
+
+    Raises
+    ------
+    DatasetError
+        If no surface of any group reaches a state.
+    """
+    named = _named(run)
+    if states:
+        found = [row for state in states for row in _reaching(run, named, state)]
+        return [_table("", found, _columns(FULL, [state.data for _, state in found]), RULE)]
+    tables = []
+    for name, group in named:
+        columns = _columns(FULL, [group])
+        rows: list[tuple[str, ...]] = []
+        for k in np.flatnonzero(group[P].notnull().any("seed").values).tolist():
+            data = group.isel(step=k)
+            label = str(int(group["step"].values[k]))
+            line = (label, *([str(int(group["leg"].values[k]))] if "leg" in group else []))
+            rows.append((*line, *_row(columns, data)))
+        heads = ("step", *(["leg"] if "leg" in group else []), *_heads(columns, [group]))
+        count = group.sizes["seed"]
+        note = f"Mean over {count} surfaces; open ways are counted." if count > 1 else ""
+        tables.append(Table(name, heads, tuple(rows), note))
+    return tables
+
+
+def _reaching(run: Run, named: Sequence[tuple[str, Dataset]], state: Wanted) -> list[tuple[str, State]]:
+    """Return a state of every group with a surface that reaches it; raise `DatasetError` if there is none."""
+    found, errors = [], []
+    for name, group in named:
+        try:
+            found.append((name, at(run, group, state)))
+        except DatasetError as error:
+            errors.append(error)
+    if not found:
+        raise errors[0]
+    return found
+
+
+def records(run: Run, states: Sequence[Wanted] = ()) -> tuple[list[str], list[list[Any]], dict[str, str]]:
+    """Return the numbers of every surface as plain rows, for CSV and JSON.
+
+    Parameters
+    ----------
+    run : Run
+        A stored run.
+    states : sequence of Wanted
+        States asked for. Default: every step.
+
+    Returns
+    -------
+    (list of str, list of list, dict)
+        Names of the columns, rows of values (None: missing), and units by name.
+    """
+    named = _named(run)
+    case = [name for name in CASE if any(name in group.coords for _, group in named)]
+    ds = named[0][1]
+    numbers = [
+        str(name)
+        for name, variable in ds.data_vars.items()
+        if set(variable.dims) <= {"seed", "step"}
+        and "step" in variable.dims
+        and variable.dtype.kind in "fib"
+        and str(name) != "leg"
+    ]
+    rows: list[list[Any]] = []
+    if "leg" in ds and not states:
+        numbers = ["leg", *numbers]
+
+    def add(data: Dataset, steps: Sequence[tuple[int, Any]]) -> None:
+        """Add a row for each surface and solved step, given as place and label."""
+        count = data.sizes["seed"]
+        labels = [
+            np.broadcast_to(data[name].values, count).tolist() if name in data.coords else [None] * count
+            for name in case
+        ]
+        arrays = {}
+        for name in numbers:
+            whole = data[name].broadcast_like(data[P]).transpose("seed", "step").values if name in data else None
+            arrays[name] = whole.tolist() if whole is not None else None
+        solved = data[P].transpose("seed", "step").notnull().values
+        for k in range(count):
+            own = [values[k] for values in labels]
+            for place, label in steps:
+                if solved[k, place]:
+                    columns = (arrays[name] for name in numbers)
+                    rows.append([*own, label, *(None if one is None else _plain(one[k][place]) for one in columns)])
+
+    for state in states:
+        for _, found in _reaching(run, named, state):
+            add(found.data.expand_dims("step", axis=1), [(0, found.label)])
+    for _, group in () if states else named:
+        add(group, list(enumerate(group["step"].values.tolist())))
+    names = [*case, "state" if states else "step", *numbers]
+    units = {name: str(ds[name].attrs.get("units", "1")) for name in numbers if name in ds}
+    return names, rows, units
+
+
+def _plain(value: Any) -> Any:
+    """Return a stored value for JSON: None for a missing one."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def compared(runs: Sequence[Run], states: Sequence[Wanted] = ()) -> Table:
+    """Return numbers of several runs side by side at equal loads.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        Two or more stored runs.
+    states : sequence of Wanted
+        States to compare at. Default: `EQUAL` nominal pressures that all runs reach, or p* where one has no unit.
+
+    Returns
+    -------
+    Table
+        A row for each state, run and group of surfaces.
+
+    Raises
+    ------
+    DatasetError
+        If no load is common to all runs, or a state asked for is not reached in one of them.
+    """
+    named = [(run, _named(run)) for run in runs]
+    rows = []
+    for state in states or _equal_loads(named):
+        for run, some in named:
+            for name, found in _reaching(run, some, state):
+                rows.append((f"{run.name}, {name}" if len(some) > 1 else run.name, found))
+    datasets = [found.data for _, found in rows]
+    columns = _columns(SHORT, datasets)
+    for name in columns:
+        units = {str(ds[name].attrs.get("units", "1")) for ds in datasets if name in ds}
+        if len(units) > 1:
+            message = f"the runs have {name} in different units: {', '.join(sorted(units))}"
+            raise DatasetError(message)
+    lines = [(found.label, name, *_row(columns, found.data)) for name, found in rows]
+    note = _note([found for _, found in rows], RULE)
+    return Table("", ("state", "run", *_heads(columns, datasets)), tuple(lines), note)
+
+
+def _equal_loads(named: Sequence[tuple[Run, list[tuple[str, Dataset]]]]) -> list[Wanted]:
+    """Return loads that all groups of all runs reach, in equal ratios and rounded to two digits."""
+    every = [group for _, some in named for _, group in some]
+    units = {
+        str(group["nominal_pressure"].attrs.get("units")) if "nominal_pressure" in group else "" for group in every
+    }
+    name = "nominal_pressure" if len(units) == 1 and units != {""} else P
+    spans = []
+    for group in every:
+        values = first_leg(group)[name].transpose("seed", "step").values
+        for row in values:
+            positive = row[np.isfinite(row) & (row > 0.0)]
+            if positive.size:
+                spans.append((positive.min(), positive.max()))
+    low, high = max(span[0] for span in spans), min(span[1] for span in spans)
+    if not low < high:
+        message = (
+            f"no load is common to these runs: the largest first step has {name} {low:.4g}, the smallest end {high:.4g}"
+        )
+        raise DatasetError(message)
+    rounded = dict.fromkeys(float(f"{value:.2g}") for value in np.geomspace(low, high, EQUAL))
+    inside = [value for value in rounded if low <= value <= high] or [0.5 * (low + high)]
+    unit = units.pop() if name != P else ""
+    return [Wanted("pressure", Quantity(value, unit) if unit else value) for value in inside]

@@ -1,0 +1,139 @@
+"""The keys of a study in words: values, default and description, from the JSON schema."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from roughvol.study.cases import json_schema
+from roughvol.study.yaml_text import number_text, write
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a study file.
+
+    Attributes
+    ----------
+    path : str
+        As ``surface.file``.
+    values : str
+        Allowed values in words.
+    default : str or None
+        Default as in a study; None where the key must be given.
+    description : str
+        Its meaning.
+    form : str
+        Which form of its mapping it belongs to, where there are several.
+    """
+
+    path: str
+    values: str
+    default: str | None
+    description: str
+    form: str = ""
+
+
+@functools.cache
+def keys() -> tuple[Key, ...]:
+    """Return all keys of a study in the order of the schema, sections before their keys.
+
+    Returns
+    -------
+    tuple of Key
+        The keys; one that two forms of a mapping share appears once for each that describes it differently.
+    """
+    schema = json_schema()
+    return tuple(dict.fromkeys(_keys(schema, schema["$defs"], "", "", ())))
+
+
+def _keys(schema: Any, models: Any, path: str, form: str, inside: tuple[str, ...]) -> Iterator[Key]:
+    """Yield the keys of a mapping, each followed by those inside it."""
+    required = schema.get("required", ())
+    for name, value in schema.get("properties", {}).items():
+        here = f"{path}.{name}".removeprefix(".")
+        default = None if name in required else _default(value.get("default"))
+        yield Key(here, _values(value, models), default, value.get("description", ""), form)
+        found = list(_models(value, models, ()))
+        for title, model in found:
+            if title not in inside:
+                words = str(model.get("description", title)).splitlines()[0].rstrip(".")
+                yield from _keys(model, models, here, words if len(found) > 1 else "", (*inside, title))
+
+
+def _models(schema: Any, models: Any, seen: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+    """Yield the mappings that a value may be, by name; one written in place has its description as name."""
+    if "properties" in schema:
+        yield schema.get("title") or schema.get("description", ""), schema
+    if "$ref" in schema:
+        name = schema["$ref"].rpartition("/")[2]
+        if "properties" in models[name]:
+            yield name, models[name]
+        elif name not in seen:
+            yield from _models(models[name], models, (*seen, name))
+    for part in ("anyOf", "oneOf", "allOf"):
+        for inner in schema.get(part, ()):
+            yield from _models(inner, models, seen)
+    if isinstance(schema.get("items"), dict):
+        yield from _models(schema["items"], models, seen)
+
+
+def _values(schema: Any, models: Any) -> str:
+    """Return the allowed values in words."""
+    parts = list(dict.fromkeys(filter(None, _each(schema, models))))
+    *single, last = parts or [""]
+    if single and last == f"a list of {' or '.join(single)}":
+        return f"{' or '.join(single)}; or a list of these"
+    return " or ".join(parts)
+
+
+def _each(schema: Any, models: Any) -> Iterator[str]:
+    """Yield every form that a value may have."""
+    for part in ("anyOf", "oneOf", "allOf"):
+        if part in schema:
+            for inner in schema[part]:
+                yield from _each(inner, models)
+            return
+    if "$ref" in schema or "properties" in schema:
+        model = models[schema["$ref"].rpartition("/")[2]] if "$ref" in schema else schema
+        if "properties" in model:
+            yield "a mapping"
+        else:
+            yield from _each(model, models)
+    elif "const" in schema:
+        yield f"'{schema['const']}'"
+    elif "enum" in schema:
+        yield " or ".join(f"'{value}'" for value in schema["enum"])
+    elif schema.get("type") == "array":
+        parts = [_values(inner, models) for inner in schema.get("prefixItems", ())]
+        items = schema.get("items")
+        yield f"[{', '.join(parts)}]" if parts else f"a list of {_values(items, models)}" if items else "a list"
+    elif schema.get("type") == "boolean":
+        yield "true or false"
+    elif schema.get("type") in ("number", "integer"):
+        yield ("a number" if schema["type"] == "number" else "a whole number") + _bounds(schema)
+    elif schema.get("type") == "string":
+        yield f"a number with a unit, as {schema['examples'][0]}" if "examples" in schema else "text"
+
+
+def _bounds(schema: Any) -> str:
+    """Return the bounds of a number as text."""
+    names = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
+    bounds = [f"{sign} {number_text(schema[name])}" for name, sign in names.items() if name in schema]
+    return f" {' and '.join(bounds)}" if bounds else ""
+
+
+def _default(value: Any) -> str:
+    """Return a default as in a study file."""
+    if value is None or value in ([], {}):
+        return "none"
+    if isinstance(value, dict):
+        value = {name: inner for name, inner in value.items() if inner is not None and inner != []}
+        if not value:
+            return "none"
+    if isinstance(value, list) and len(value) > 6:
+        return f"[{value[0]}, {value[1]}, …, {value[-1]}]"
+    text = " ".join(write({"x": value}).split())
+    return text.removeprefix("{").removesuffix("}").removeprefix("x: ") if text.startswith("{x:") else text[3:]

@@ -1,0 +1,108 @@
+"""Loads and lengths with units as starred numbers of one surface.
+
+Conventions: σ = Sq. A pressure p is p* = p L/(E* σ), a length h is h/σ. A load F acts on all elements: its mean
+pressure is F/A with A the area of the elements, nodes times spacing squared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from roughvol.study.units import convert, unit_of
+
+KINDS = {
+    "pressure": ("pressure", "pressure"),
+    "load": ("force", "pressure"),
+    "separation": ("length", "separation"),
+    "indentation": ("length", "indentation"),
+    "mean_gap": ("length", "free_volume"),
+    "contact_area": ("", "contact_area"),
+    "free_volume": ("", "free_volume"),
+}
+"""Kinds of a state: the kind of its unit, empty without one, and the starred quantity that it fixes."""
+ALWAYS = ("load", "mean_gap")  # have a unit in any case
+STORED = {
+    "pressure": "mean_pressure",
+    "contact_area": "contact_area_fraction",
+    "separation": "separation",
+    "indentation": "indentation",
+    "free_volume": "free_volume",
+}
+"""Stored name of each starred quantity."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What turns numbers with units into starred ones.
+
+    Attributes
+    ----------
+    E_star : float
+        Contact modulus in ``modulus_unit``.
+    L, Sq : float
+        Length and root mean square height of the surface, in ``length_unit``.
+    area : float
+        Area of all elements, in the square of ``length_unit``.
+    modulus_unit, length_unit : str or None
+        Units of the study; None for arbitrary ones.
+    """
+
+    E_star: float
+    L: float
+    Sq: float
+    area: float
+    modulus_unit: str | None = None
+    length_unit: str | None = None
+
+    def starred(self, kind: str, value: float) -> tuple[str, float]:
+        """Return the starred quantity that a value fixes, and its starred value.
+
+        Parameters
+        ----------
+        kind : str
+            Of `KINDS`.
+        value : float
+            A `Quantity`, or a starred number.
+
+        Returns
+        -------
+        (str, float)
+            pressure, separation, indentation, free_volume or contact_area; its value [1].
+
+        Raises
+        ------
+        ValueError
+            If the unit of the modulus or of length is needed and unknown, or the surface is flat.
+        """
+        quantity = KINDS[kind][1]
+        if (unit := unit_of(value)) is None:
+            return quantity, float(value)
+        if not self.Sq > 0.0:
+            message = f"{kind} {value}: the surface is flat, Sq is 0, and has no starred numbers"
+            raise ValueError(message)
+        if message := lacking(kind, value, self.modulus_unit, self.length_unit):
+            raise ValueError(message)
+        if kind in ("pressure", "load"):
+            assert self.modulus_unit is not None
+            modulus = convert(self.E_star, self.modulus_unit, "Pa")
+            pressure = convert(float(value), unit, "Pa") if kind == "pressure" else self._pressure(float(value), unit)
+            return quantity, pressure * self.L / (modulus * self.Sq)
+        assert self.length_unit is not None
+        return quantity, convert(float(value), unit, self.length_unit) / self.Sq
+
+    def _pressure(self, load: float, unit: str) -> float:
+        """Return the mean pressure of a load in Pa."""
+        assert self.length_unit is not None
+        metre = convert(1.0, self.length_unit, "m")
+        return convert(load, unit, "N") / (self.area * metre**2)
+
+
+def lacking(kind: str, value: float, modulus_unit: str | None, length_unit: str | None) -> str:
+    """Return which unit of the study a value with a unit needs and the study lacks, empty if none."""
+    if unit_of(value) is None:
+        return ""
+    if kind in ("pressure", "load") and modulus_unit is None:
+        return f"has a unit ({value}) and the modulus has none: give it, as material: {{E_star: 10 MPa}}"
+    if kind != "pressure" and length_unit is None:
+        return f"has a unit ({value}) and L has none: give it, as surface: {{L: 100 um}}"
+    return ""

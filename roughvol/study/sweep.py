@@ -1,0 +1,210 @@
+"""The section ``sweep`` of a study: the last state, listed states, and paths of legs.
+
+Levels are dimensionless, or have a unit: ``indentation`` Δ/σ, ``separation`` d/σ, ``contact_area`` A*, ``free_volume``
+V*, ``pressure`` p* = mean(p) L/(E* σ); ``mean_gap`` and ``load`` always have one.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    RootModel,
+    Tag,
+    model_serializer,
+    model_validator,
+)
+
+from roughvol.study.sections import AreaFraction, Choice, Level, Many, Positive, Strict, Whole, Word, refuse
+from roughvol.study.targets import LISTS, direction, listed_of, spelled
+from roughvol.study.units import In, unit_of
+
+
+class Target(Choice):
+    """The last state of a sweep, by a starred value, or by one with its unit."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+
+    percolation: Literal["x", "y", "both"] | None = Field(
+        default=None, description="end without an open way from side to side: along 'x', 'y' or 'both'"
+    )
+    indentation: Annotated[Positive, In("length")] | None = Field(
+        default=None, description="end at this Δ/σ > 0, or Δ as 2 um"
+    )
+    contact_area: AreaFraction | None = Field(default=None, description="end at this A*, 0 < A* <= 1")
+    pressure: Annotated[Positive, In("pressure")] | None = Field(
+        default=None, description="end at this p* > 0, or p as 0.5 MPa"
+    )
+    separation: Annotated[float, In("length")] | None = Field(
+        default=None, description="end at this d/σ, negative beyond the mean plane, or d as 0.5 um"
+    )
+    free_volume: Positive | None = Field(default=None, description="end at this V* > 0, which falls on loading")
+    mean_gap: Annotated[Positive, In("length", needed=True)] | None = Field(
+        default=None, description="end at this mean gap > 0, as 1 um"
+    )
+    load: Annotated[Positive, In("force", needed=True)] | None = Field(
+        default=None, description="end at this load > 0 on the whole surface, as 20 N"
+    )
+
+
+def _tag_to(value: Any) -> str:
+    return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+class Sweep(Strict):
+    """Number of equal steps of indentation, and the last state."""
+
+    steps: Annotated[Whole, Field(ge=0, le=10_000)] = Field(
+        default=60, description="number of equal steps of indentation, 0 to 10000; 0: no contact"
+    )
+    to: Annotated[
+        Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
+        | Annotated[Target, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
+        Discriminator(_tag_to),
+    ] = Field(
+        default="mean-plane",
+        description="last state: mean-plane, summit-plane, percolation (no open way left), or one of "
+        "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, "
+        "{free_volume: x}, {mean_gap: 1 um}, {load: 20 N}",
+    )
+    pressures: Many[Annotated[Positive, In("pressure")]] = Field(
+        default=(), description="instead of steps and to: p* > 0 or pressures as 0.1 MPa, a step at each"
+    )
+    loads: Many[Annotated[Positive, In("force", needed=True)]] = Field(
+        default=(), description="instead of steps and to: loads on the whole surface, as 20 N, a step at each"
+    )
+    contact_areas: Many[AreaFraction] = Field(default=(), description="instead of steps and to: A*, a step at each")
+    indentations: Many[Annotated[Positive, In("length")]] = Field(
+        default=(), description="instead of steps and to: Δ/σ or lengths, a step at each"
+    )
+    separations: Many[Annotated[float, In("length")]] = Field(
+        default=(), description="instead of steps and to: falling d/σ or lengths, a step at each"
+    )
+    free_volumes: Many[Positive] = Field(default=(), description="instead of steps and to: falling V*, a step at each")
+    mean_gaps: Many[Annotated[Positive, In("length", needed=True)]] = Field(
+        default=(), description="instead of steps and to: falling mean gaps, as 1 um, a step at each"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _steps_of_a_list(cls, data: Any) -> Any:
+        return spelled(data)
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Sweep:
+        if self.listed is not None and (reason := direction(self.listed, either=isinstance(self, Leg))):
+            refuse("{reason}", reason=reason)
+        return self
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> Any:
+        """Write a list of states alone, and none where there is none."""
+        data = handler(self)
+        given = [name for name in LISTS if data.get(name)]
+        if given:
+            return {given[0]: data[given[0]]}
+        return {name: value for name, value in data.items() if name not in LISTS}
+
+    @property
+    def listed(self) -> tuple[Level, ...] | None:
+        """The states of the steps where they are listed; None for steps equal in indentation."""
+        kind, values = listed_of(self)
+        return tuple(Level(kind, value) for value in values) or None
+
+    @property
+    def has_units(self) -> bool:
+        """Whether any state has a unit."""
+        return any(unit_of(level.value) is not None for leg in self.legs for level in (leg.target, *(leg.listed or ())))
+
+    @property
+    def target(self) -> Level:
+        """Last state of the sweep: a plane or the end of percolation (value None), or a starred value."""
+        if isinstance(self.to, str):
+            return Level(self.to)
+        kind, value = next(iter(self.to.named.items()))
+        return Level(f"{kind}-{value}") if kind == "percolation" else Level(kind, value)
+
+    @property
+    def legs(self) -> tuple[Sweep, ...]:
+        """The legs of the path: this one."""
+        return (self,)
+
+
+Fallen = Annotated[float, Field(ge=0)]
+
+
+class LegTarget(Target):
+    """The last state of a leg. Indentation and pressure may fall to zero."""
+
+    indentation: Annotated[Fallen, In("length")] | None = Field(
+        default=None, description="end at this Δ/σ >= 0, or Δ as 2 um"
+    )
+    pressure: Annotated[Fallen, In("pressure")] | None = Field(
+        default=None, description="end at this p* >= 0, or p as 0.5 MPa; 0 is where contact is lost"
+    )
+
+
+class Leg(Sweep):
+    """A leg of a path: number of equal steps of indentation from the end of the leg before, and the last state."""
+
+    steps: Annotated[Whole, Field(ge=1, le=10_000)] = Field(
+        default=60, description="number of equal steps of indentation on this leg, 1 to 10000"
+    )
+    to: Annotated[
+        Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
+        | Annotated[LegTarget, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
+        Discriminator(_tag_to),
+    ] = Field(
+        default="mean-plane",
+        description="last state of the leg: mean-plane, summit-plane, percolation, or one of {percolation: x|y|both}, "
+        "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, {mean_gap: 1 um}, "
+        "{load: 20 N}",
+    )
+    pressures: Many[Annotated[Fallen, In("pressure")]] = Field(
+        default=(), description="instead of steps and to: p* >= 0 or pressures as 0.1 MPa, a step at each"
+    )
+    indentations: Many[Annotated[Fallen, In("length")]] = Field(
+        default=(), description="instead of steps and to: Δ/σ >= 0 or lengths, a step at each"
+    )
+
+
+class Legs(RootModel[tuple[Leg, ...]]):
+    """A path of legs, up and down."""
+
+    model_config = ConfigDict(strict=True, frozen=True)
+    root: Annotated[tuple[Leg, ...], BeforeValidator(_as_tuple), Field(min_length=1, max_length=100)] = Field(
+        description="list of legs {steps, to}, each from the end of the one before"
+    )
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """The legs of the path."""
+        return self.root
+
+    @property
+    def has_units(self) -> bool:
+        """Whether any state has a unit."""
+        return any(leg.has_units for leg in self.root)
+
+    @property
+    def steps(self) -> int:
+        """Steps of all legs."""
+        return sum(leg.steps for leg in self.root)
+
+    @property
+    def target(self) -> Level:
+        """Last state of the last leg."""
+        return self.root[-1].target
+
+
+def tag_sweep(value: Any) -> str:
+    """Return the tag of `Legs` for a list of legs, else that of `Sweep`."""
+    return "<path>" if isinstance(value, list | tuple | Legs) else "<sweep>"

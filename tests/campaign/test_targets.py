@@ -1,0 +1,135 @@
+"""Ends and lists of loads with units: where a sweep ends, which steps it has, what is refused, which ids stay."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from roughvol.campaign.one_case import Stopped, run_case
+from roughvol.errors import ContactError, StudyError
+from roughvol.store import checkpoint, dataset
+from roughvol.study import loads
+
+SURFACE = "surface: {D: 2.3, m: 5, seeds: [4], L: 100 um, Sq: 1 um}\nmaterial: {E_star: 10 MPa}\n"
+ARBITRARY = "surface: {D: 2.3, m: 5, seeds: [4]}\n"
+SCALE = 10.0 * 1.0 / 100.0  # MPa: E* Sq/L
+AREA = (33 * 100.0 / 32) ** 2  # um², of all elements
+
+
+def _pressed(text: str, surface: str = SURFACE) -> dataset.Dataset:
+    study = loads(surface + text)
+    assert loads(study.stored(), stored=True) == study
+    return run_case(study.cases()[0]).squeeze(("D", "m", "seed"))
+
+
+@pytest.mark.parametrize(
+    ("to", "name", "value"),
+    [
+        ("{pressure: 0.2 MPa}", "mean_pressure", 0.2 / SCALE),
+        ("{pressure: 200 kPa}", "mean_pressure", 0.2 / SCALE),
+        ("{load: 1 mN}", "mean_pressure", 1e-3 / (AREA * 1e-12) * 1e-6 / SCALE),
+        ("{separation: 0.5 um}", "separation", 0.5),
+        ("{separation: -200 nm}", "separation", -0.2),
+        ("{indentation: 2 um}", "indentation", 2.0),
+        ("{mean_gap: 1 um}", "free_volume", 1.0),
+        ("{free_volume: 0.8}", "free_volume", 0.8),
+    ],
+)
+def test_a_sweep_ends_at_a_value_with_its_unit(to: str, name: str, value: float) -> None:
+    ds = _pressed(f"sweep: {{steps: 3, to: {to}}}")
+    assert_allclose(ds[name].values[-1], value, rtol=2e-5)
+    assert_allclose(np.diff(ds.indentation), float(ds.indentation[0]), rtol=1e-9)  # steps stay equal
+
+
+def test_an_end_in_units_is_that_of_the_starred_number() -> None:
+    one = _pressed("sweep: {steps: 3, to: {pressure: 0.2 MPa}}")
+    other = _pressed(f"sweep: {{steps: 3, to: {{pressure: {0.2 / SCALE!r}}}}}")
+    assert_allclose(one.indentation, other.indentation, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "values"),
+    [
+        ("pressures: [0.01 MPa, 100 kPa, 0.2 MPa]", "mean_pressure", [0.1, 1.0, 2.0]),
+        ("pressures: 0.5", "mean_pressure", [0.5]),
+        ("contact_areas: [0.05, 0.2]", "contact_area_fraction", [0.05, 0.2]),
+        ("mean_gaps: [1.5 um, 1 um]", "free_volume", [1.5, 1.0]),
+        ("free_volumes: [1.2, 0.7]", "free_volume", [1.2, 0.7]),
+        ("separations: [1, 0.5, -0.5]", "separation", [1.0, 0.5, -0.5]),
+        ("indentations: [1 um, 2 um]", "indentation", [1.0, 2.0]),
+        ("loads: [0.1 mN, 1 mN]", "mean_pressure", [k * 1e-4 / AREA * 1e6 / SCALE for k in (1, 10)]),
+    ],
+)
+def test_a_list_makes_a_step_of_each_value(text: str, name: str, values: list[float]) -> None:
+    ds = _pressed(f"sweep: {{{text}}}")
+    assert ds.sizes["step"] == len(values)
+    element = 1.0 / 33**2 if name == "contact_area_fraction" else 0.0
+    assert_allclose(ds[name].values, values, rtol=2e-5, atol=1.01 * element)
+
+
+@pytest.mark.parametrize("material", ["", "material: {E_star: 10 MPa, hardness: 0.5 MPa}\n"])
+def test_listed_loads_may_fall_on_a_leg(material: str) -> None:
+    surface = SURFACE.replace("material: {E_star: 10 MPa}\n", material) if material else SURFACE
+    legs = "[{pressures: [0.1 MPa, 0.2 MPa]}, {pressures: [0.1 MPa, 0 MPa]}, {steps: 2, to: {mean_gap: 0.9 um}}]"
+    ds = _pressed(f"sweep: {legs}", surface)
+    assert_allclose(ds.mean_pressure.values[:4] * SCALE, [0.1, 0.2, 0.1, 0.0], rtol=2e-5, atol=1e-9)
+    assert_allclose(ds.free_volume.values[-1], 0.9, rtol=2e-5)
+    assert ds.leg.values.tolist() == [1, 1, 2, 2, 3, 3]
+
+
+def test_a_list_goes_on_from_its_checkpoint_with_the_same_bits(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(checkpoint, "NODES", 1)
+    case = loads(SURFACE + "sweep: [{pressures: [0.05 MPa, 0.1 MPa, 0.2 MPa]}, {pressures: [0.1 MPa]}]").cases()[0]
+    whole = run_case(case)
+    file, steps = tmp_path / "kept", iter([False, True])
+    with pytest.raises(Stopped):
+        run_case(case, checkpoint=file, stopping=lambda: next(steps, True))
+    resumed = run_case(case, checkpoint=file)
+    for name in ("indentation", "mean_pressure", "free_volume"):
+        assert (whole[name].values == resumed[name].values).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "part"),
+    [
+        ("sweep: {to: {pressure: 0.5 MPa}}", "sweep.to.pressure", "the modulus has none"),
+        ("sweep: {to: {mean_gap: 1 um}}", "sweep.to.mean_gap", "L has none"),
+        ("sweep: {to: {separation: 1 um}}", "sweep.to.separation", "L has none"),
+        ("sweep: {to: {load: 1 N}}", "sweep.to.load", "the modulus has none"),
+        ("sweep: {to: {mean_gap: 1}}", "sweep.to.mean_gap", "with a unit of length"),
+        ("sweep: {to: {pressure: 1 um}}", "sweep.to.pressure", "is a unit of length, not of pressure"),
+        ("sweep: {pressures: [0.1, 1 MPa]}", "sweep.pressures[1]", "the modulus has none"),
+        ("sweep: {pressures: [1, 0.5]}", "sweep", "must rise"),
+        ("sweep: {free_volumes: [0.5, 1]}", "sweep", "must fall"),
+        ("sweep: {pressures: [1], steps: 5}", "sweep", "omit 'steps'"),
+        ("sweep: {pressures: [1], contact_areas: [0.1]}", "sweep", "omit 'contact_areas'"),
+        ("sweep: [{pressures: [1, 2, 1]}]", "sweep", "must rise or fall"),
+        ("sweep: {to: {pressure: 1, load: 1 N}}", "sweep.to", "exactly one of"),
+    ],
+)
+def test_what_has_no_meaning_is_refused_with_its_place(text: str, key: str, part: str) -> None:
+    with pytest.raises(StudyError) as refused:
+        loads(ARBITRARY + text)
+    assert any(problem.key.startswith(key) and part in problem.message for problem in refused.value.problems), (
+        refused.value
+    )
+
+
+def test_a_load_excludes_a_region() -> None:
+    with pytest.raises(StudyError, match="load on the whole surface"):
+        loads(SURFACE + "sweep: {to: {load: 1 mN}}\nrecord: {region: interior}")
+
+
+def test_a_gap_that_first_touch_has_already_is_an_error_of_the_case() -> None:
+    with pytest.raises(ContactError, match="before first touch"):
+        _pressed("sweep: {to: {mean_gap: 90 um}}")
+
+
+def test_ids_depend_on_the_modulus_only_where_the_sweep_has_units() -> None:
+    def id_of(sweep: str, modulus: str = "10 MPa") -> str:
+        return loads(SURFACE.replace("10 MPa", modulus) + sweep).cases()[0].id
+
+    assert id_of("sweep: {to: {pressure: 1}}") == id_of("sweep: {to: {pressure: 1}}", "20 MPa")
+    assert id_of("sweep: {to: {pressure: 1 MPa}}") != id_of("sweep: {to: {pressure: 1 MPa}}", "20 MPa")
+    assert id_of("sweep: {to: {pressure: 1 MPa}}") == id_of("sweep: {to: {pressure: 1 MPa}}", "10000 kPa")

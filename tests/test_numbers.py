@@ -1,0 +1,216 @@
+"""Numbers on the screen: the table after a run, show, compare, ls, and figures of several runs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from roughvol.cli import main
+from roughvol.store import dataset
+
+WET = """
+surface: {D: [2.2, 2.4], m: 4, L: 500 um, Sq: 2 um, seeds: 2}
+material: {E_star: 10 MPa}
+sweep: {steps: 8, to: {contact_area: 0.5}}
+record:
+  fields_at: {contact_area: 0.2}
+  transport: {transmissivity: every-step, percolation: every-step}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}}
+"""
+DRY = "surface: {D: 2.2, m: 4, L: 500 um, Sq: 2 um, seeds: 1}\nmaterial: {E_star: 10 MPa}\nsweep: {steps: 6}\n"
+PATH = "surface: {D: 2.2, m: 4, seeds: 1}\nsweep: [{steps: 4, to: {pressure: 1}}, {steps: 3, to: {pressure: 0.2}}]\n"
+
+
+def _call(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def _columns(text: str) -> list[list[str]]:
+    """Return the cells of the lines of a table; two spaces separate columns."""
+    return [[cell.strip() for cell in line.split("  ") if cell.strip()] for line in text.splitlines()]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with three finished runs and what the commands printed."""
+    place = tmp_path_factory.mktemp("numbers")
+    before = Path.cwd()
+    os.chdir(place)
+    try:
+        for name, text in (("wet", WET), ("dry", DRY), ("path", PATH)):
+            Path(f"{name}.yaml").write_text(text, encoding="utf-8")
+            done = _call("run", f"{name}.yaml", "--jobs", "1")
+            assert done.exit_code == 0, done.output
+            Path(f"{name}.txt").write_text(done.stdout, encoding="utf-8")
+    finally:
+        os.chdir(before)
+    return place
+
+
+@pytest.fixture(autouse=True)
+def _there(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(place)
+
+
+def test_a_run_ends_with_its_chief_states_in_the_units_of_the_study() -> None:
+    head, *rows = _columns(Path("wet.txt").read_text(encoding="utf-8"))[1:6]
+    assert head[:3] == ["surface", "state", "surfaces"]
+    assert {"p [MPa]", "A*", "V*", "g_mean [um]", "Q_x [mm^3/s]", "Q_y [mm^3/s]"} <= set(head)
+    assert [row[1] for row in rows] == ["contact_area=0.2", "step 8"] * 2
+    ds = dataset.read(Path("runs/wet/study.nc")).sel(D=2.2, m=4)
+    values = dict(zip(head, rows[1], strict=True))
+    assert float(values["A*"]) == pytest.approx(float(ds.contact_area_fraction.isel(step=-1).mean()), rel=1e-3)
+    assert float(values["Q_x [mm^3/s]"]) == pytest.approx(float(ds.leak_rate_x.isel(step=-1).mean()), rel=1e-3)
+    level = dict(zip(head, rows[0], strict=True))  # the state solved for the level, not one between steps
+    assert float(level["V*"]) == pytest.approx(float(ds.field_at_free_volume.mean()), rel=1e-3)
+
+
+def test_the_table_after_a_path_has_the_end_of_each_leg_and_closing_loads_follow() -> None:
+    assert [row[0] for row in _columns(Path("path.txt").read_text(encoding="utf-8"))[2:4]] == [
+        "step 4, leg 1",
+        "step 7, leg 2",
+    ]
+    assert "Where it closes" in Path("wet.txt").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("run", ["dry", "runs/dry", "runs/dry/study.nc", "dry.yaml"])
+def test_show_has_every_step_of_a_run_by_any_of_its_names(run: str) -> None:
+    shown = _call("show", run)
+    assert shown.exit_code == 0, shown.output
+    rows = _columns(shown.stdout)
+    assert rows[1][0] == "step"
+    assert [row[0] for row in rows[2:]] == [str(step) for step in range(1, 7)]
+
+
+def test_show_as_csv_has_the_stored_numbers_of_every_surface() -> None:
+    rows = list(csv.DictReader(io.StringIO(_call("show", "wet", "--csv").stdout)))
+    assert len(rows) == 2 * 2 * 8
+    ds = dataset.read(Path("runs/wet/study.nc"))
+    for row in rows[::5]:
+        case = ds.sel(D=float(row["D"]), m=int(row["m"]), seed=int(row["seed"]), step=int(row["step"]))
+        for name in ("mean_pressure", "free_volume", "leak_rate_x", "nominal_pressure"):
+            assert float(row[name]) == float(case[name])
+
+
+def test_show_as_json_has_the_units() -> None:
+    shown = json.loads(_call("show", "wet", "--json", "--at", "contact_area=0.2").stdout)
+    assert shown["units"]["leak_rate_x"] == "mm^3/s"
+    assert shown["units"]["nominal_pressure"] == "MPa"
+    assert len(shown["rows"]) == 4
+    assert all(abs(row["contact_area_fraction"] - 0.2) < 0.01 for row in shown["rows"])
+
+
+def test_a_state_between_steps_lies_on_straight_lines_and_flows_on_those_of_logarithms() -> None:
+    ds = dataset.read(Path("runs/wet/study.nc")).sel(D=2.2, m=4, seed=0)
+    low, high = (ds.isel(step=k) for k in (3, 4))
+    pressure = 0.25 * float(low.nominal_pressure) + 0.75 * float(high.nominal_pressure)
+    shown = json.loads(_call("show", "wet", "--json", "--at", f"pressure={1000 * pressure!r}kPa").stdout)
+    row = next(row for row in shown["rows"] if (row["D"], row["seed"]) == (2.2, 0))
+    assert row["nominal_pressure"] == pytest.approx(pressure)
+    assert row["free_volume"] == pytest.approx(0.25 * float(low.free_volume) + 0.75 * float(high.free_volume))
+    expected = np.exp(0.25 * np.log(float(low.leak_rate_x)) + 0.75 * np.log(float(high.leak_rate_x)))
+    assert row["leak_rate_x"] == pytest.approx(float(expected))
+
+
+def test_equal_states_in_other_units_are_one_state() -> None:
+    ds = dataset.read(Path("runs/dry/study.nc")).squeeze()
+    (sigma, area) = 2.0, (17 * 500 / 16) ** 2
+    third = ds.isel(step=2)
+    force = float(third.mean_pressure) * sigma / 500 * 10 * area * 1e-12 * 1e6  # N
+    gap = float(third.free_volume) * sigma
+    texts = [
+        "step=3",
+        f"pressure={float(third.mean_pressure)!r}",
+        f"load={force!r}N",
+        f"mean_gap={gap!r}um",
+        f"free_volume={float(third.free_volume)!r}",
+    ]
+    shown = [json.loads(_call("show", "dry", "--json", "--at", text).stdout)["rows"][0] for text in texts]
+    for row in shown:
+        assert row["indentation"] == pytest.approx(float(third.indentation), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["show", "dry", "--at", "pressure=9MPa"], "its steps have pressure"),
+        (["show", "dry", "--at", "presure=1"], "allowed: KIND=VALUE"),
+        (["show", "dry", "--at", "pressure=1um"], "is a unit of length, not of pressure"),
+        (["show", "dry", "--at", "mean_gap=1"], "needs its unit"),
+        (["show", "dry", "--at", "pressure=inf"], "must be a number"),
+        (["show", "dry", "--at", "contact_area=1um"], "must be a number without a unit"),
+        (["show", "path", "--at", "pressure=1MPa"], "the modulus has none"),
+        (["show", "nowhere"], "no results of 'nowhere'"),
+        (["show", "dry", "--csv", "--json"], "exclude each other"),
+        (["compare", "dry"], "two runs or more"),
+        (["compare", "dry", "wet", "--at", "pressure=9MPa"], "has no state at"),
+        (["ls", "--out", "nowhere"], "no folder nowhere"),
+        (["plot", "dry", "wet", "fig05"], "fig05 shows one run"),
+        (["plot", "dry", "leak_of_p"], "did not record"),
+        (["plot", "dry", "v_of_q"], "did you mean v_of_p"),
+        (["plot", "dry", "v_of_p", "--size", "big"], "allowed: WxH"),
+    ],
+)
+def test_what_cannot_be_shown_is_refused_in_one_message(arguments: list[str], part: str) -> None:
+    refused = _call(*arguments)
+    assert refused.exit_code == 2
+    assert part in refused.stderr
+    assert "Traceback" not in refused.output
+
+
+def test_compare_puts_runs_side_by_side_at_equal_loads() -> None:
+    shown = _call("compare", "wet", "dry", "--csv")
+    assert shown.exit_code == 0, shown.output
+    rows = list(csv.DictReader(io.StringIO(shown.stdout)))
+    states = list(dict.fromkeys(row["state"] for row in rows))
+    assert len(states) > 2
+    assert all(state.endswith("MPa") for state in states)
+    for state in states:
+        pressures = {row["p [MPa]"] for row in rows if row["state"] == state}
+        assert len(pressures) == 1
+    assert {row["run"] for row in rows} == {"wet, D = 2.2, m = 4", "wet, D = 2.4, m = 4", "dry"}
+
+
+def test_ls_lists_the_latest_run_first_with_state_size_and_age() -> None:
+    rows = _columns(_call("ls").stdout)
+    assert rows[0] == ["run", "state", "size", "changed"]
+    assert [row[:2] for row in rows[1:]] == [[name, "finished"] for name in ("path", "dry", "wet")]
+    Path("runs/dry/study.nc").rename("kept")
+    try:
+        Path("runs/dry/cases").rename("runs/dry/away")
+        assert ["dry", "0 of 1 finished"] in [row[:2] for row in _columns(_call("ls", "--out", "runs").stdout)]
+    finally:
+        Path("runs/dry/away").rename("runs/dry/cases")
+        Path("kept").rename("runs/dry/study.nc")
+
+
+def test_status_takes_a_study_file_a_folder_or_a_name() -> None:
+    for run in ("dry.yaml", "runs/dry", "dry"):
+        assert "1 of 1 cases finished, collected" in _call("status", run).stdout
+    assert "1 of 1 cases finished" in _call("status", "dry.yaml", "--out", "runs/dry").stdout
+
+
+def test_runs_are_overlaid_by_name_and_their_points_are_written() -> None:
+    drawn = _call("plot", "dry", "wet", "v_of_p", "--format", "csv", "--out", "drawn")
+    assert drawn.exit_code == 0, drawn.output
+    rows = list(csv.DictReader(io.StringIO(Path("drawn/v_of_p.csv").read_text(encoding="utf-8"))))
+    assert {"dry", "wet: $D = 2.2$, $m = 4$", "wet: $D = 2.4$, $m = 4$"} <= {row["curve"] for row in rows}
+    ds = dataset.read(Path("runs/dry/study.nc")).squeeze()
+    points = [(float(row["x"]), float(row["y"])) for row in rows if row["curve"] == "dry"]
+    expected = list(zip(ds.mean_pressure.values * 10 * 2 / 500, ds.free_volume.values, strict=True))
+    np.testing.assert_allclose(points, expected, rtol=1e-6)
+    assert "[MPa]" in rows[0]["x_label"]
+
+
+def test_a_figure_by_content_has_the_size_and_the_scale_asked_for() -> None:
+    drawn = _call("plot", "wet", "leak_of_p", "--size", "127x50.8mm", "--log", "x", "--out", "sized")
+    assert drawn.exit_code == 0, drawn.output
+    header = Path("sized/leak_of_p.png").read_bytes()[16:24]
+    assert [int.from_bytes(header[:4], "big"), int.from_bytes(header[4:], "big")] == [1500, 600]
