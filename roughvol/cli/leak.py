@@ -74,10 +74,11 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None) -> 
     click.echo(f"{run_name(results_file(run))}: leak up to {leak_rate.lstrip('< ')}")
     for answer in read_off(results, largest, unknown, pressure=at):
         low, high = answer.between
-        if math.isinf(answer.value):
-            words = "not reached up to the last stored load" if unknown != "Sq" else "any Sq"
-        elif answer.value == 0.0:
-            words = f"any {unknown}" if unknown != "Sq" else "no Sq"
+        enough = math.isinf(answer.value) if unknown != "pressure" else answer.value == 0.0
+        if enough:
+            words = f"any {unknown}"
+        elif math.isinf(answer.value) or answer.value == 0.0:
+            words = f"no {unknown} within the stored loads"
         else:
             words = f"{unknown} {answer.value:.4g} {answer.unit}, between the steps p* = {low:.4g} and {high:.4g}"
         click.echo(f"along {answer.axis}: {words}")

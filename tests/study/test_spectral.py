@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from roughvol.campaign import checks, cost, resources
 from roughvol.campaign.one_case import run_case, surface_of
 from roughvol.cli import main
-from roughvol.errors import StudyError, SurfaceError
+from roughvol.errors import StudyError
 from roughvol.store import same_study
 from roughvol.study import Case, SpectralSurface, json_schema, loads
 from roughvol.surfaces import texture
@@ -123,7 +123,6 @@ def test_cases_without_a_spectrum_keep_their_keys() -> None:
         ("H: 0.8, n: 32, m: 5", "surface.H", "excluded by 'm'"),
         ("H: 0.8, n: 32, file: a.npy", "surface.n", "excluded by"),
         ("H: 0.8, n: 32, midpoint_law: std", "surface.H", "excluded by"),
-        ("H: 0.8, n: 32, periodic: true", "surface.periodic", "no periodic half space to press on"),
         ("H: 0.8, n: 32, seeds: 0", "surface.seeds", "a number of seeds must be 1 to"),
     ],
 )
@@ -193,13 +192,16 @@ def test_a_periodic_surface_is_stored_with_its_exact_spectrum() -> None:
     assert json.loads(result.attrs["case"])["surface"]["spectrum"]["periodic"] is True
 
 
-def test_a_periodic_surface_is_not_pressed_on_a_free_half_space() -> None:
-    from dataclasses import replace
-
-    case = cases(STUDY)[0]
-    assert case.spectrum is not None
-    with pytest.raises(SurfaceError, match="the surface is periodic"):
-        run_case(replace(case, spectrum=replace(case.spectrum, periodic=True)))
+def test_a_periodic_surface_is_pressed_on_a_periodic_half_space() -> None:
+    text = "surface: {H: 0.8, n: 32, rolloff: 4, seeds: 1, periodic: true}\nsweep: {steps: 3, to: {contact_area: 0.2}}"
+    (case,) = cases(text)
+    assert case.nodes_per_side == 32
+    result = run_case(case).squeeze()
+    np.testing.assert_allclose(result.free_volume, result.separation, atol=2e-6)  # displacements have no mean
+    assert result.contact_area_fraction[-1] == pytest.approx(0.2, abs=2e-3)
+    (free,) = cases(text.replace(", periodic: true", ""))
+    assert free.nodes_per_side == 33
+    assert free.id != case.id
 
 
 def test_generated_and_measured_surfaces_have_a_spectrum_as_well() -> None:

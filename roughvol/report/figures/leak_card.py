@@ -24,6 +24,7 @@ from roughvol.report.figures.style import (
     P,
     canvas,
     looks,
+    plain_ticks,
     unit_text,
 )
 from roughvol.report.tables import number
@@ -199,5 +200,5 @@ def _budget(ax: Axes, card: Card) -> None:
     ax.set(xscale="log", xlabel="factor of the leak")
     ax.set_yticks(range(len(names) + 1), [*names, "together"])
     ax.set_xlim(1.0, None)
-    ax.xaxis.set_major_formatter("{x:g}")
+    plain_ticks(ax.xaxis, (1.0, 2.0, 5.0))
     ax.invert_yaxis()

@@ -1,0 +1,65 @@
+"""The commands card and ask, from an empty folder on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from roughvol.cli import main
+
+
+def _call(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+@pytest.fixture
+def scan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    assert _call("init", "scan").exit_code == 0
+    text = Path("scan.yaml").read_text().replace("steps: 12", "steps: 4")
+    Path("scan.yaml").write_text(text)
+    return tmp_path
+
+
+def test_a_card_is_written_from_an_example(scan: Path) -> None:
+    made = _call("card", "scan.yaml", "--at", "pressure=0.3", "--jobs", "1")
+    assert made.exit_code == 0, made.output
+    assert "along x: " in made.output
+    assert "certified" in made.output
+    assert (scan / "runs" / "scan_card" / "card.pdf").stat().st_size > 10_000
+    assert made.output.splitlines()[-1] == str(Path("runs") / "scan_card" / "card.html")
+
+
+def test_a_stored_sweep_answers_with_a_pressure(scan: Path) -> None:
+    assert _call("run", "scan.yaml", "--jobs", "1").exit_code == 0
+    asked = _call("ask", "scan", "--leak-rate", "< 1e-4 mm^3/s")
+    assert asked.exit_code == 0, asked.output
+    assert "along x: pressure 0.0" in asked.output
+    assert "MPa, between the steps p* = " in asked.output
+    assert "along x: any pressure" in _call("ask", "scan", "--leak-rate", "1 m^3/s").output
+    never = _call("ask", "scan", "--leak-rate", "1e-30 mm^3/s", "--for", "modulus", "--pressure", "1 kPa")
+    assert "along y: no modulus within the stored loads" in never.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["card", "scan.yaml", "--at", "load=3"], "allowed: last, or one of pressure"),
+        (["card", "none.yaml"], "none.yaml"),
+        (["ask", "none", "--leak-rate", "1 mm^3/s"], "none"),
+    ],
+)
+def test_mistakes_are_one_message_and_exit_code_two(arguments: list[str], words: str, scan: Path) -> None:
+    told = _call(*arguments)
+    assert told.exit_code == 2
+    assert words in told.output
+    assert "Traceback" not in told.output
+
+
+def test_a_rate_of_another_kind_is_refused(scan: Path) -> None:
+    assert _call("run", "scan.yaml", "--jobs", "1").exit_code == 0
+    told = _call("ask", "scan", "--leak-rate", "3 MPa")
+    assert told.exit_code == 2
+    assert "--leak-rate is '3 MPa'" in told.output
