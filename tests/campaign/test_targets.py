@@ -122,7 +122,7 @@ def test_a_load_excludes_a_region() -> None:
 
 
 def test_a_gap_that_first_touch_has_already_is_an_error_of_the_case() -> None:
-    with pytest.raises(ContactError, match="before first touch"):
+    with pytest.raises(ContactError, match="of the first touch"):
         _pressed("sweep: {to: {mean_gap: 90 um}}")
 
 
