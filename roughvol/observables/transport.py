@@ -1,4 +1,4 @@
-"""Transport through the gap of a contact: connectivity, critical constriction, flow, and quick estimates.
+"""Transport through the gap of a contact: the critical constriction, and flow.
 
 Conventions
 -----------
@@ -34,39 +34,22 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import ndimage, optimize, sparse
-from scipy.sparse import csgraph
+from scipy import sparse
 from scipy.sparse import linalg as sparse_linalg
 
-from roughvol.errors import ContactError
-from roughvol.typing import Array, Index, Mask
+from roughvol.observables.clusters import (
+    SIDES,
+    check_exponent,
+    check_gap,
+    endless,
+    joined,
+    labelled,
+    percolates,
+    spanning,
+)
+from roughvol.typing import Array, Mask
 
-_SIDES = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
-_SIDES_AND_CORNERS = np.ones((3, 3))
 _WINDOW = 1e7
-
-
-class Connectivity(NamedTuple):
-    """How void and contact hang together.
-
-    Attributes
-    ----------
-    percolates_x, percolates_y : whether a path through open elements leads from side to side along the axis.
-    connected : share of the free volume whose void reaches a side of the patch; of a periodic surface, percolates.
-    percolating : share of the free volume whose void percolates, along either axis.
-    trapped : share of the free volume in pockets; connected + trapped = 1 (NaN where there is no volume).
-    contact_clusters : sizes of the 8-connected clusters of contact [elements], the largest first.
-    trapped_pockets : sizes of the 4-connected pockets of void that are not connected [elements], the largest first.
-    """
-
-    percolates_x: bool
-    percolates_y: bool
-    connected: float
-    percolating: float
-    trapped: float
-    contact_clusters: Index
-    trapped_pockets: Index
 
 
 class Constriction(NamedTuple):
@@ -89,80 +72,6 @@ class Conduction(NamedTuple):
     coefficient: float
     conservation_error: float
     flux: Array
-
-
-def percolates(void: Mask, axis: int, *, periodic: bool = False) -> bool:
-    """Return whether 4-connected void leads from the first to the last line of elements along an axis.
-
-    Parameters
-    ----------
-    void : ndarray of bool
-        True where open.
-    axis : int
-        0 for x, 1 for y.
-    periodic : bool
-        Whether the field is one period: elements at opposite sides across the axis are neighbours.
-
-    Returns
-    -------
-    bool
-        Whether a path exists.
-    """
-    labels, _ = _labelled(void, _SIDES, _joined(axis, periodic))
-    return bool(_spanning(labels, axis).size)
-
-
-def connectivity(gap: Array, contact: Mask, *, periodic: bool = False) -> Connectivity:
-    """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void.
-
-    Parameters
-    ----------
-    gap : ndarray
-        Gap g ≥ 0 [any length]; open is g > 0.
-    contact : ndarray of bool, shape of ``gap``
-        True where p > 0; its clusters are counted.
-    periodic : bool
-        Whether the field is one period. Clusters and pockets are then those of the endless plane.
-
-    Returns
-    -------
-    Connectivity
-        Shares and sizes.
-
-    Raises
-    ------
-    ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0, not 0 in contact, or the mask does not fit.
-    """
-    _check(gap)
-    if contact.shape != gap.shape or contact.dtype != np.bool_ or np.any(gap[contact]):
-        message = f"contact must be a bool mask of shape {gap.shape} with gap 0, got {contact.dtype} {contact.shape}"
-        raise ContactError(message)
-    everywhere = (periodic, periodic)
-    void: Mask = gap > 0.0
-    labels, count = _labelled(void, _SIDES, everywhere)
-    volumes = np.bincount(labels.ravel(), (gap / (gap.max() or 1.0)).ravel(), count + 1)
-    sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    along = [_spanning(labels, axis) for axis in (0, 1)]
-    reaches = np.zeros(count + 1, dtype=np.bool_)
-    if periodic:
-        along = [_spanning_period(labels, void, axis) for axis in (0, 1)]
-        reaches[np.union1d(*along)] = True
-    else:
-        for line in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
-            reaches[line] = True
-    reaches[0] = True  # label 0 is the closed rest, without volume
-    total = volumes.sum() or np.nan
-    clusters, _ = _labelled(contact, _SIDES_AND_CORNERS, everywhere)
-    return Connectivity(
-        percolates_x=bool(along[0].size),
-        percolates_y=bool(along[1].size),
-        connected=float(volumes[reaches].sum() / total),
-        percolating=float(volumes[np.union1d(*along)].sum() / total),
-        trapped=float(volumes[~reaches].sum() / total),
-        contact_clusters=np.sort(np.bincount(clusters.ravel())[1:])[::-1],
-        trapped_pockets=np.sort(sizes[~reaches])[::-1],
-    )
 
 
 def constriction(gap: Array, axis: int, *, periodic: bool = False) -> Constriction:
@@ -195,7 +104,7 @@ def constriction(gap: Array, axis: int, *, periodic: bool = False) -> Constricti
 
 def _critical(gap: Array, axis: int, connected: Callable[[Mask], bool]) -> Constriction:
     """Return the largest gap at which the elements as wide as that are connected along an axis."""
-    _check(gap)
+    check_gap(gap)
     order = np.argsort(-gap, axis=None, kind="stable")
     rank = np.empty(gap.size, dtype=np.intp)
     rank[order] = np.arange(gap.size)
@@ -241,14 +150,14 @@ def conduction(gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool =
     ContactError
         If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
     """
-    _check_exponent(exponent)
+    check_exponent(exponent)
     critical = constriction(gap, axis, periodic=periodic).gap
     if critical == 0.0:
         return Conduction(0.0, 0.0, np.zeros((2, *gap.shape)))
     along = gap if axis == 0 else gap.T
     log_k = _log_conductance(along, critical, exponent)
-    labels, _ = _labelled(log_k >= -np.log(_WINDOW), _SIDES, _joined(0, periodic))
-    flowing = np.isin(labels, _spanning(labels, 0))
+    labels, _ = labelled(log_k >= -np.log(_WINDOW), SIDES, joined(0, periodic))
+    flowing = np.isin(labels, spanning(labels, 0))
     k = np.where(flowing, np.exp(np.clip(log_k, -np.log(_WINDOW), np.log(_WINDOW))), 0.0)
     flow = _flow(k, flowing, periodic)
     inflow, outflow = float(flow.down[0].sum()), float(flow.down[-1].sum())
@@ -291,14 +200,14 @@ def cell_conduction(gap: Array, axis: int, exponent: float = 3.0) -> float:
     ContactError
         If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
     """
-    _check_exponent(exponent)
+    check_exponent(exponent)
     along = gap if axis == 0 else gap.T
     critical = _critical(along, 0, endless).gap
     if critical == 0.0:
         return 0.0
     log_k = _log_conductance(along, critical, exponent)
     flowing = log_k >= -np.log(_WINDOW)
-    labels, _ = _labelled(flowing, _SIDES, (True, True))
+    labels, _ = labelled(flowing, SIDES, (True, True))
     k = np.where(flowing, np.exp(np.clip(log_k, -np.log(_WINDOW), np.log(_WINDOW))), 0.0)
     number = np.cumsum(flowing.ravel()).reshape(along.shape) - 1
     size, tails, heads, weights, imposed = int(flowing.sum()), [], [], [], []
@@ -332,123 +241,6 @@ def cell_conduction(gap: Array, axis: int, exponent: float = 3.0) -> float:
     largest = gap.max()
     log_mean = np.log(largest) - np.log(critical) + np.log(np.mean(gap / largest))
     return float((w * drops) @ drops / gap.size * np.exp(-exponent * log_mean))
-
-
-def endless(void: Mask) -> bool:
-    """Return whether 4-connected void of a periodic field leads along axis 0 from period to period without end.
-
-    A path from side to side may miss its own continuation in the next period. Clusters between the seams are numbered
-    by the period they lie in; a cluster that meets itself in another period leads on without end.
-
-    Parameters
-    ----------
-    void : ndarray of bool
-        True where open, one period.
-
-    Returns
-    -------
-    bool
-        Whether such a path exists.
-    """
-    labels, _ = _labelled(void, _SIDES, (False, True))
-    over = (labels[-1] > 0) & (labels[0] > 0)
-    neighbours: dict[int, list[tuple[int, int]]] = {}
-    for before, after in np.unique(np.stack([labels[-1][over], labels[0][over]]), axis=1).T.tolist():
-        neighbours.setdefault(before, []).append((after, 1))
-        neighbours.setdefault(after, []).append((before, -1))
-    period: dict[int, int] = {}
-    for start in neighbours:
-        if start in period:
-            continue
-        period[start] = 0
-        waiting = [start]
-        while waiting:
-            here = waiting.pop()
-            for there, step in neighbours[here]:
-                if there not in period:
-                    period[there] = period[here] + step
-                    waiting.append(there)
-                elif period[there] != period[here] + step:
-                    return True
-    return False
-
-
-def effective_medium(gap: Array, exponent: float = 3.0) -> float:
-    """Return Bruggeman's estimate of the coefficient of `conduction`, from the distribution of the gap alone.
-
-    The root k of Σ (g^n - k)/(g^n + k) = 0 over all elements, contact included, over (mean g)^n. It is 0 where half of
-    the elements or more are closed. In two dimensions, after Bruggeman, Annalen der Physik 416 (1935) 636-664. For the
-    gap of a contact: Lorenz & Persson, Leak-rate of seals (2010), arXiv:0911.3019.
-
-    Parameters
-    ----------
-    gap : ndarray
-        Gap g ≥ 0 [any length].
-    exponent : float
-        n of the local conductance, > 0.
-
-    Returns
-    -------
-    float
-        Coefficient [1].
-
-    Raises
-    ------
-    ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
-    """
-    _check(gap)
-    _check_exponent(exponent)
-    values = gap[gap > 0.0]
-    if 2 * values.size <= gap.size:
-        return 0.0
-    log_k = exponent * (np.log(values) - np.log(values.max()))
-    closed = gap.size - values.size
-
-    def excess(log_effective: float) -> float:
-        return float(np.tanh(0.5 * (log_k - log_effective)).sum()) - closed  # (a - b)/(a + b) in logarithms
-
-    low = float(log_k.min()) - np.log(gap.size)  # where all open elements count as +1 to one part in their number
-    while excess(low) < 0.0:
-        low *= 2.0
-    root = 0.0 if excess(0.0) >= 0.0 else optimize.brentq(excess, low, 0.0, xtol=1e-13, rtol=1e-13)
-    return float(np.exp(root - exponent * np.log(np.mean(gap / values.max()))))
-
-
-def single_junction(gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool = False) -> float:
-    """Return the estimate of the coefficient of `conduction` from the critical constriction alone.
-
-    All pressure drops over one square junction of the gap h_c of `constriction`. The coefficient is (h_c/mean g)^n
-    times the length of the field over its width. Persson & Yang, Journal of Physics: Condensed Matter 20 (2008)
-    315011.
-
-    Parameters
-    ----------
-    gap : ndarray
-        Gap g ≥ 0 [any length].
-    axis : int
-        Direction of the flow, 0 for x, 1 for y.
-    exponent : float
-        n of the local conductance, > 0.
-    periodic : bool
-        Whether the field is one period: elements at opposite sides across the axis are neighbours.
-
-    Returns
-    -------
-    float
-        Coefficient [1].
-
-    Raises
-    ------
-    ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
-    """
-    _check_exponent(exponent)
-    critical = constriction(gap, axis, periodic=periodic).gap
-    if critical == 0.0:
-        return 0.0
-    largest = gap.max()
-    return (critical / largest / float(np.mean(gap / largest))) ** exponent * gap.shape[axis] / gap.shape[1 - axis]
 
 
 class _Flow(NamedTuple):
@@ -523,53 +315,3 @@ def _log_conductance(gap: Array, critical: float, exponent: float) -> Array:
     with np.errstate(divide="ignore"):
         log_k: Array = exponent * (np.log(gap) - np.log(critical))
     return log_k
-
-
-def _joined(axis: int, periodic: bool) -> tuple[bool, bool]:
-    """Return along which axes opposite sides are joined, for a flow along one of them."""
-    return periodic and axis == 1, periodic and axis == 0
-
-
-def _labelled(mask: Mask, structure: NDArray[Any], joined: tuple[bool, bool]) -> tuple[NDArray[np.integer], int]:
-    """Return the numbers of the connected clusters, and how many there are. Sides may be joined along each axis."""
-    if not any(joined):
-        labels, count = ndimage.label(mask, structure)
-        return labels, int(count)
-    margin = [(int(join), int(join)) for join in joined]
-    labels, count = ndimage.label(np.pad(mask, margin, mode="wrap"), structure)
-    inside = labels[
-        tuple(slice(before, size - after) for (before, after), size in zip(margin, labels.shape, strict=True))
-    ]
-    same = np.pad(inside, margin, mode="wrap")  # an element and its image
-    pairs = np.unique(np.stack([labels.ravel(), same.ravel()])[:, (labels != same).ravel()], axis=1)
-    graph = sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(count + 1, count + 1))
-    _, number = csgraph.connected_components(graph, directed=False)
-    found, numbers = np.unique(number[1:], return_inverse=True)  # 0 is the closed rest, joined to none
-    return np.concatenate([[0], numbers + 1])[inside], found.size
-
-
-def _spanning_period(labels: NDArray[np.integer], void: Mask, axis: int) -> NDArray[np.integer]:
-    """Return the labels of a period that hold a path from side to side along an axis."""
-    between, _ = _labelled(void, _SIDES, _joined(axis, periodic=True))
-    return np.unique(labels[np.isin(between, _spanning(between, axis))])
-
-
-def _spanning(labels: NDArray[np.integer], axis: int) -> NDArray[np.integer]:
-    """Return the labels found on both sides along an axis."""
-    ends = np.moveaxis(labels, axis, 0)
-    both = np.intersect1d(ends[0], ends[-1])
-    return both[both > 0]
-
-
-def _check(gap: Array) -> None:
-    if gap.ndim != 2 or gap.size == 0 or not np.all((gap >= 0.0) & np.isfinite(gap)):
-        message = f"gap must be a 2-D field of finite numbers >= 0, got shape {gap.shape}"
-        if gap.size and np.isfinite(gap).all():
-            message += f" with minimum {gap.min():g}"
-        raise ContactError(message)
-
-
-def _check_exponent(exponent: float) -> None:
-    if not 0.0 < exponent < np.inf:
-        message = f"exponent must be > 0, got {exponent}"
-        raise ContactError(message)

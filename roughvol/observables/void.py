@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from roughvol.observables import transport
+from roughvol.observables import clusters, quick_estimates, transport
 from roughvol.study import Level, Select, Transport
 from roughvol.typing import Array, Index, Mask
 
@@ -88,9 +88,7 @@ def stops_percolating(kind: str, state: Void) -> bool:
     """
     void = state.gap() > 0.0
     return not any(
-        transport.percolates(void, axis, periodic=state.periodic)
-        for name, axis in AXES
-        if kind.endswith((name, "both"))
+        clusters.percolates(void, axis, periodic=state.periodic) for name, axis in AXES if kind.endswith((name, "both"))
     )
 
 
@@ -160,7 +158,7 @@ def flux(state: Void) -> Values:
 
 
 def _connectivity(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
-    result = transport.connectivity(gap, contact(), periodic=periodic)
+    result = clusters.connectivity(gap, contact(), periodic=periodic)
     edges = np.append(size_classes(gap.size), np.iinfo(np.int64).max)
     return {
         "percolates_x": result.percolates_x,
@@ -197,9 +195,11 @@ def _cell(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
 def _estimates(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
     values: Values = {}
     for name, exponent in EXPONENTS.items():
-        values[f"estimate_medium_{name}"] = transport.effective_medium(gap, exponent)
+        values[f"estimate_medium_{name}"] = quick_estimates.effective_medium(gap, exponent)
         for axis, n in AXES:
-            values[f"estimate_junction_{name}_{axis}"] = transport.single_junction(gap, n, exponent, periodic=periodic)
+            values[f"estimate_junction_{name}_{axis}"] = quick_estimates.single_junction(
+                gap, n, exponent, periodic=periodic
+            )
     return values
 
 

@@ -176,7 +176,7 @@ VARIABLES |= rows(
 )
 # of the void, at the steps a study selects; open: gap > 0; void 4-connected, contact 8-connected
 VARIABLES |= rows(
-    "observables.transport.connectivity",
+    "observables.clusters.connectivity",
     "percolation",
     percolates_x=Variable("... step", "1", "1 if void leads from side to side along x, 0 if not", "Π_x", "count"),
     percolates_y=Variable("... step", "1", "1 if void leads from side to side along y, 0 if not", "Π_y", "count"),
@@ -223,7 +223,7 @@ VARIABLES |= rows(
     diffusivity_conservation_error=Variable("... step", "1", "inflow against outflow over the flow", "ε_D"),
 )
 VARIABLES |= rows(
-    "observables.transport.effective_medium",
+    "observables.quick_estimates.effective_medium",
     "estimates",
     estimate_medium_transmissivity=Variable(
         "... step", "1", "effective-medium estimate of the transmissivity", "T_em*"
@@ -231,7 +231,7 @@ VARIABLES |= rows(
     estimate_medium_diffusivity=Variable("... step", "1", "effective-medium estimate of the diffusivity", "D_em*"),
 )
 VARIABLES |= rows(
-    "observables.transport.single_junction",
+    "observables.quick_estimates.single_junction",
     "estimates",
     estimate_junction_transmissivity_x=Variable("... step", "1", "critical-junction estimate along x", "T_cj,x*"),
     estimate_junction_transmissivity_y=Variable("... step", "1", "critical-junction estimate along y", "T_cj,y*"),

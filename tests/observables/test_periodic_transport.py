@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from roughvol.observables import transport
+from roughvol.observables import clusters, quick_estimates, transport
 
 Field = NDArray[np.float64]
 SHIFT = (13, 5)
@@ -29,7 +29,12 @@ def test_joined_sides_do_not_depend_on_where_they_are_cut(seed: int, axis: int) 
     """A roll across the flow changes nothing with joined sides."""
     gap = gap_field(seed, 0.5)
     across = np.roll(gap, 7, 1 - axis)
-    for quantity in (transport.conduction, transport.single_junction, transport.constriction, transport.percolates):
+    for quantity in (
+        transport.conduction,
+        quick_estimates.single_junction,
+        transport.constriction,
+        clusters.percolates,
+    ):
         one, other = (quantity(field, axis, periodic=True) for field in (gap, across))
         assert np.asarray(one[0] if isinstance(one, tuple) else one) == pytest.approx(
             np.asarray(other[0] if isinstance(other, tuple) else other), rel=1e-9
@@ -47,8 +52,8 @@ def test_an_open_seam_lets_at_least_as_much_through(axis: int) -> None:
 def test_a_way_over_the_seam_counts() -> None:
     gap = np.zeros((4, 5))
     gap[:2, 0], gap[1:, 4] = 1.0, 1.0  # down the first column, over the seam, down the last
-    assert not transport.percolates(gap > 0.0, 0)
-    assert transport.percolates(gap > 0.0, 0, periodic=True)
+    assert not clusters.percolates(gap > 0.0, 0)
+    assert clusters.percolates(gap > 0.0, 0, periodic=True)
     assert transport.conduction(gap, 0).coefficient == 0.0
     flow = transport.conduction(gap, 0, periodic=True)
     assert flow.coefficient > 0.0
@@ -60,16 +65,16 @@ def test_a_way_over_the_seam_counts() -> None:
 @pytest.mark.parametrize("closed", [0.3, 0.6])
 def test_clusters_and_pockets_are_those_of_the_plane(seed: int, closed: float) -> None:
     gap = gap_field(seed, closed)
-    one = transport.connectivity(gap, gap == 0.0, periodic=True)
+    one = clusters.connectivity(gap, gap == 0.0, periodic=True)
     nine = np.tile(gap, (3, 3))
     labels, _ = ndimage.label(nine == 0.0, np.ones((3, 3)))
     inside = [tuple(s.stop - s.start for s in found) for found in ndimage.find_objects(labels)]
     assert one.connected + one.trapped == pytest.approx(1.0)
     assert one.contact_clusters.sum() == np.count_nonzero(gap == 0.0)
     if max(max(size) for size in inside) < min(gap.shape):  # no cluster winds around: count them in the middle
-        free = transport.connectivity(nine, nine == 0.0)
+        free = clusters.connectivity(nine, nine == 0.0)
         assert set(one.contact_clusters.tolist()) <= set(free.contact_clusters.tolist())
-    other = transport.connectivity(rolled(gap), rolled(gap) == 0.0, periodic=True)
+    other = clusters.connectivity(rolled(gap), rolled(gap) == 0.0, periodic=True)
     assert one.contact_clusters.tolist() == other.contact_clusters.tolist()
 
 
@@ -102,11 +107,11 @@ def test_cell_is_the_limit_of_many_periods_and_has_no_origin(seed: int, axis: in
 def test_a_way_that_misses_itself_leads_nowhere() -> None:
     stairs = np.zeros((4, 5))
     stairs[:2, 1], stairs[1:, 2] = 1.0, 1.0
-    assert transport.percolates(stairs > 0.0, 0, periodic=True)
-    assert not transport.endless(stairs > 0.0)
+    assert clusters.percolates(stairs > 0.0, 0, periodic=True)
+    assert not clusters.endless(stairs > 0.0)
     assert transport.cell_conduction(stairs, 0) == 0.0
     helix = np.eye(5) + np.roll(np.eye(5), 1, axis=1)  # goes on in the next period, one column further
-    assert transport.endless(helix > 0.0)
+    assert clusters.endless(helix > 0.0)
     assert transport.cell_conduction(helix, 0) > 0.0
 
 

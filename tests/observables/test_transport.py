@@ -12,14 +12,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 from roughvol.errors import ContactError
-from roughvol.observables.transport import (
-    conduction,
-    connectivity,
-    constriction,
-    effective_medium,
-    percolates,
-    single_junction,
-)
+from roughvol.observables.clusters import connectivity, percolates
+from roughvol.observables.quick_estimates import effective_medium, single_junction
+from roughvol.observables.transport import conduction, constriction
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 Field = NDArray[np.float64]

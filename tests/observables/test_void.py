@@ -15,7 +15,7 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, solve, sweep
 from roughvol.contact.search import first_indentation, indentation_for
 from roughvol.errors import ContactError, StudyError
-from roughvol.observables import levels, reduction, regions, transport, void
+from roughvol.observables import clusters, levels, reduction, regions, transport, void
 from roughvol.store.dataset import VARIABLES, Dataset
 from roughvol.study import Case, Level, Transport, loads
 
@@ -59,7 +59,7 @@ def states(case: Case, result: Dataset) -> list[Contact]:
 
 def test_every_step_holds_what_its_gap_says(result: Dataset, states: list[Contact]) -> None:
     for step, state in enumerate(states):
-        found = transport.connectivity(state.gap(), state.contact())
+        found = clusters.connectivity(state.gap(), state.contact())
         stored = result.isel(step=step)
         assert (stored.percolates_x, stored.percolates_y) == (found.percolates_x, found.percolates_y)
         assert float(stored.connected_volume_fraction + stored.trapped_volume_fraction) == pytest.approx(1, abs=1e-14)
@@ -73,7 +73,7 @@ def test_every_step_holds_what_its_gap_says(result: Dataset, states: list[Contac
 
 
 def test_sizes_are_counted_by_powers_of_two(result: Dataset, states: list[Contact]) -> None:
-    sizes = transport.connectivity(states[5].gap(), states[5].contact()).contact_clusters
+    sizes = clusters.connectivity(states[5].gap(), states[5].contact()).contact_clusters
     counted = result.contact_clusters_by_size.isel(step=5)
     assert_array_equal(counted["size"], [1, 2, 4, 8, 16, 32, 64, 128, 256])
     for size, count in zip(counted["size"].values, counted.values, strict=True):
@@ -137,7 +137,7 @@ def test_a_sweep_to_percolation_ends_where_the_void_closes(axes: str) -> None:
 
     def open_along(indentation: float) -> set[str]:
         clear = solve(surface, half_space, indentation).gap() > 0.0
-        return {name for name, axis in void.AXES if transport.percolates(clear, axis)}
+        return {name for name, axis in void.AXES if clusters.percolates(clear, axis)}
 
     closing = set(axes) if axes != "both" else {"x", "y"}
     assert not open_along(end) & closing
@@ -189,7 +189,7 @@ def test_observables_are_those_of_the_region() -> None:
     assert found.gap.shape == (1, 17, 17)
     assert_allclose(found.gap[0], state.gap(), rtol=1e-9, atol=1e-12)
     assert int(found.box_count.sel(threshold=1.0, r=1)[0]) == 64
-    connected = transport.connectivity(state.gap()[inside], state.contact()[inside]).connected
+    connected = clusters.connectivity(state.gap()[inside], state.contact()[inside]).connected
     assert_allclose(last.connected_volume_fraction, connected, rtol=1e-12)
     assert "0.25 to 0.75" in found.attrs["region"]
 

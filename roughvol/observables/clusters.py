@@ -1,0 +1,206 @@
+"""Clusters of the gap: percolation, shares of the free volume, and sizes of contact and pockets.
+
+Conventions are those of `transport`: void is 4-connected, contact 8-connected. Opposite sides of a period are joined.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse import csgraph
+
+from roughvol.errors import ContactError
+from roughvol.typing import Array, Index, Mask
+
+SIDES = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
+SIDES_AND_CORNERS = np.ones((3, 3))
+
+
+class Connectivity(NamedTuple):
+    """How void and contact hang together.
+
+    Attributes
+    ----------
+    percolates_x, percolates_y : whether a path through open elements leads from side to side along the axis.
+    connected : share of the free volume whose void reaches a side of the patch; of a periodic surface, percolates.
+    percolating : share of the free volume whose void percolates, along either axis.
+    trapped : share of the free volume in pockets; connected + trapped = 1 (NaN where there is no volume).
+    contact_clusters : sizes of the 8-connected clusters of contact [elements], the largest first.
+    trapped_pockets : sizes of the 4-connected pockets of void that are not connected [elements], the largest first.
+    """
+
+    percolates_x: bool
+    percolates_y: bool
+    connected: float
+    percolating: float
+    trapped: float
+    contact_clusters: Index
+    trapped_pockets: Index
+
+
+def percolates(void: Mask, axis: int, *, periodic: bool = False) -> bool:
+    """Return whether 4-connected void leads from the first to the last line of elements along an axis.
+
+    Parameters
+    ----------
+    void : ndarray of bool
+        True where open.
+    axis : int
+        0 for x, 1 for y.
+    periodic : bool
+        Whether the field is one period: elements at opposite sides across the axis are neighbours.
+
+    Returns
+    -------
+    bool
+        Whether a path exists.
+    """
+    labels, _ = labelled(void, SIDES, joined(axis, periodic))
+    return bool(spanning(labels, axis).size)
+
+
+def connectivity(gap: Array, contact: Mask, *, periodic: bool = False) -> Connectivity:
+    """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void.
+
+    Parameters
+    ----------
+    gap : ndarray
+        Gap g ≥ 0 [any length]; open is g > 0.
+    contact : ndarray of bool, shape of ``gap``
+        True where p > 0; its clusters are counted.
+    periodic : bool
+        Whether the field is one period. Clusters and pockets are then those of the endless plane.
+
+    Returns
+    -------
+    Connectivity
+        Shares and sizes.
+
+    Raises
+    ------
+    ContactError
+        If the gap is no 2-D field of finite numbers ≥ 0, not 0 in contact, or the mask does not fit.
+    """
+    check_gap(gap)
+    if contact.shape != gap.shape or contact.dtype != np.bool_ or np.any(gap[contact]):
+        message = f"contact must be a bool mask of shape {gap.shape} with gap 0, got {contact.dtype} {contact.shape}"
+        raise ContactError(message)
+    everywhere = (periodic, periodic)
+    void: Mask = gap > 0.0
+    labels, count = labelled(void, SIDES, everywhere)
+    volumes = np.bincount(labels.ravel(), (gap / (gap.max() or 1.0)).ravel(), count + 1)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    along = [spanning(labels, axis) for axis in (0, 1)]
+    reaches = np.zeros(count + 1, dtype=np.bool_)
+    if periodic:
+        along = [spanning_period(labels, void, axis) for axis in (0, 1)]
+        reaches[np.union1d(*along)] = True
+    else:
+        for line in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+            reaches[line] = True
+    reaches[0] = True  # label 0 is the closed rest, without volume
+    total = volumes.sum() or np.nan
+    clusters, _ = labelled(contact, SIDES_AND_CORNERS, everywhere)
+    return Connectivity(
+        percolates_x=bool(along[0].size),
+        percolates_y=bool(along[1].size),
+        connected=float(volumes[reaches].sum() / total),
+        percolating=float(volumes[np.union1d(*along)].sum() / total),
+        trapped=float(volumes[~reaches].sum() / total),
+        contact_clusters=np.sort(np.bincount(clusters.ravel())[1:])[::-1],
+        trapped_pockets=np.sort(sizes[~reaches])[::-1],
+    )
+
+
+def endless(void: Mask) -> bool:
+    """Return whether 4-connected void of a periodic field leads along axis 0 from period to period without end.
+
+    A path from side to side may miss its own continuation in the next period. Clusters between the seams are numbered
+    by the period they lie in; a cluster that meets itself in another period leads on without end.
+
+    Parameters
+    ----------
+    void : ndarray of bool
+        True where open, one period.
+
+    Returns
+    -------
+    bool
+        Whether such a path exists.
+    """
+    labels, _ = labelled(void, SIDES, (False, True))
+    over = (labels[-1] > 0) & (labels[0] > 0)
+    neighbours: dict[int, list[tuple[int, int]]] = {}
+    for before, after in np.unique(np.stack([labels[-1][over], labels[0][over]]), axis=1).T.tolist():
+        neighbours.setdefault(before, []).append((after, 1))
+        neighbours.setdefault(after, []).append((before, -1))
+    period: dict[int, int] = {}
+    for start in neighbours:
+        if start in period:
+            continue
+        period[start] = 0
+        waiting = [start]
+        while waiting:
+            here = waiting.pop()
+            for there, step in neighbours[here]:
+                if there not in period:
+                    period[there] = period[here] + step
+                    waiting.append(there)
+                elif period[there] != period[here] + step:
+                    return True
+    return False
+
+
+def joined(axis: int, periodic: bool) -> tuple[bool, bool]:
+    """Return along which axes opposite sides are joined, for a flow along one of them."""
+    return periodic and axis == 1, periodic and axis == 0
+
+
+def labelled(mask: Mask, structure: NDArray[Any], joined: tuple[bool, bool]) -> tuple[NDArray[np.integer], int]:
+    """Return the numbers of the connected clusters, and how many there are. Sides may be joined along each axis."""
+    if not any(joined):
+        labels, count = ndimage.label(mask, structure)
+        return labels, int(count)
+    margin = [(int(join), int(join)) for join in joined]
+    labels, count = ndimage.label(np.pad(mask, margin, mode="wrap"), structure)
+    inside = labels[
+        tuple(slice(before, size - after) for (before, after), size in zip(margin, labels.shape, strict=True))
+    ]
+    same = np.pad(inside, margin, mode="wrap")  # an element and its image
+    pairs = np.unique(np.stack([labels.ravel(), same.ravel()])[:, (labels != same).ravel()], axis=1)
+    graph = sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(count + 1, count + 1))
+    _, number = csgraph.connected_components(graph, directed=False)
+    found, numbers = np.unique(number[1:], return_inverse=True)  # 0 is the closed rest, joined to none
+    return np.concatenate([[0], numbers + 1])[inside], found.size
+
+
+def spanning_period(labels: NDArray[np.integer], void: Mask, axis: int) -> NDArray[np.integer]:
+    """Return the labels of a period that hold a path from side to side along an axis."""
+    between, _ = labelled(void, SIDES, joined(axis, periodic=True))
+    return np.unique(labels[np.isin(between, spanning(between, axis))])
+
+
+def spanning(labels: NDArray[np.integer], axis: int) -> NDArray[np.integer]:
+    """Return the labels found on both sides along an axis."""
+    ends = np.moveaxis(labels, axis, 0)
+    both = np.intersect1d(ends[0], ends[-1])
+    return both[both > 0]
+
+
+def check_gap(gap: Array) -> None:
+    """Refuse a gap that is no 2-D field of finite numbers ≥ 0."""
+    if gap.ndim != 2 or gap.size == 0 or not np.all((gap >= 0.0) & np.isfinite(gap)):
+        message = f"gap must be a 2-D field of finite numbers >= 0, got shape {gap.shape}"
+        if gap.size and np.isfinite(gap).all():
+            message += f" with minimum {gap.min():g}"
+        raise ContactError(message)
+
+
+def check_exponent(exponent: float) -> None:
+    """Refuse an exponent of the conductance that is not positive and finite."""
+    if not 0.0 < exponent < np.inf:
+        message = f"exponent must be > 0, got {exponent}"
+        raise ContactError(message)
