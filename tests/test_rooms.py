@@ -31,7 +31,7 @@ FLOORS = (
 )
 ANYWHERE = {"numpy"} | set(sys.stdlib_module_names)
 LIBRARIES = {  # library -> rooms or modules that import it
-    "scipy": ("surfaces", "contact", "observables", "store.dataset", "report.claims"),
+    "scipy": ("surfaces", "contact", "observables", "store.dataset", "store.small_file", "report.claims"),
     "lazy_loader": ("__init__", *(room for rooms in FLOORS[1:-3] for room in rooms)),
     "pyfftw": ("contact.convolution",),
     "yaml": ("study",),

@@ -20,7 +20,7 @@ from roughvol.study import STORED_AS, Accuracy, Case, Ensemble, Level, MadeSurfa
 from roughvol.study.yaml_text import number_text
 from roughvol.typing import Array
 
-CASE_SECONDS = 0.016  # cost of a case with its file
+CASE_SECONDS = 0.005  # cost of a case with its file
 STEP_SECONDS = 2.0e-4  # cost of a step without its convolutions
 NODE_SECONDS = 6.0e-9  # cost of a convolution over N² log N, for N nodes per side
 SINGLE = 0.6  # cost of a convolution in single precision over one in double precision
