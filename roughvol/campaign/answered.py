@@ -10,6 +10,7 @@ import numpy as np
 
 from roughvol.campaign.ensemble import Answer, Estimates
 from roughvol.campaign.estimates import SMALLEST, MeanEstimate
+from roughvol.campaign.quantities import PERCOLATION
 from roughvol.store.answer import BOUNDS
 from roughvol.store.variables import VARIABLES
 
@@ -141,7 +142,9 @@ def sentence(estimate: MeanEstimate, D: float, m: int) -> str:
         Value, interval, and the errors by resolution, interpolation and solver.
     """
     target, mean, weak_error = estimate.target, estimate.mean, estimate.weak_error
-    state = "the last step" if target.state.value is None else target.state.label.replace("=", " = ")
+    state = f" at {target.state.label.replace('=', ' = ')}"
+    if target.state.value is None:
+        state = "" if target.state == PERCOLATION else " at the last step"
     if weak_error.converges:
         resolution = f"resolution {_relative(estimate, weak_error.bias)}"
     else:
@@ -150,7 +153,7 @@ def sentence(estimate: MeanEstimate, D: float, m: int) -> str:
     solver = f"solver {_relative(estimate, estimate.solver_error)} certified" if certified else "solver not certified"
     request = "" if estimate.reached else f"; asked for ± {target.accuracy}"
     return (
-        f"mean {VARIABLES[target.stored].symbol} at {state}, D = {D:g}, m = {m}: "
+        f"mean {target.symbol}{state}, D = {D:g}, m = {m}: "
         f"{mean.value:.5g} ± {_relative(estimate, mean.half_width)} "
         f"(seeds, 95 % t interval, {mean.freedom:.0f} degrees of freedom), {resolution}, "
         f"between steps {_relative(estimate, estimate.interpolation_error)}, {solver}{request}"
@@ -203,8 +206,9 @@ def progress(estimates: Estimates) -> str:
         ((D, estimate) for D, row in estimates.items() for estimate in row),
         key=lambda pair: pair[1].mean.half_width / max(pair[1].requested, SMALLEST),
     )
-    symbol = VARIABLES[worst.target.stored].symbol
-    return f"{symbol} at D = {D:g} ± {_relative(worst, worst.mean.half_width)} of ± {worst.target.accuracy}"
+    return (
+        f"{worst.target.symbol} at D = {D:g} ± {_relative(worst, worst.mean.half_width)} of ± {worst.target.accuracy}"
+    )
 
 
 def duration(seconds: float) -> str:
