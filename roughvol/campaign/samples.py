@@ -14,15 +14,20 @@ from functools import cached_property
 import numpy as np
 
 from roughvol.campaign import cost, quantities
+from roughvol.campaign.one_case import one_thread, surface_of
+from roughvol.observables.allocation import Alone
 from roughvol.store.dataset import Arrays
 from roughvol.store.variables import VARIABLES
 from roughvol.study import CLOSING, STORED_AS, Accuracy, Case, Ensemble, Level, MadeSurface, Study, levels_below
+from roughvol.surfaces import texture
 from roughvol.typing import Array
 
 CASE_SECONDS = 0.005  # cost of a case with its file
 STEP_SECONDS = 2.0e-4  # cost of a step without its convolutions
 NODE_SECONDS = 6.0e-9  # cost of a convolution over N² log N, for N nodes per side
 SINGLE = 0.6  # cost of a convolution in single precision over one in double precision
+ALONE_AT = 6  # m of surfaces without a solve
+SURFACE_SECONDS = 6.0e-4  # cost of one of these
 ITERATIVE_FROM = 6  # smallest m at which a step iterates
 ITERATIVE_SECONDS = 5.0e-4  # additional cost of a step that iterates
 
@@ -101,11 +106,14 @@ class SampleTable:
         m of the finest level.
     samples : dict
         Samples by D and m; index s is seed ``first_seed + s``.
+    surfaces : dict
+        Numbers of surfaces without a solve, by D; index s is seed ``first_seed + s``.
     """
 
     study: Study
     finest: int
     samples: dict[tuple[float, int], list[Sample]] = field(default_factory=dict)
+    surfaces: dict[float, list[tuple[float, ...]]] = field(default_factory=dict)
 
     @cached_property
     def ensemble(self) -> Ensemble:
@@ -139,7 +147,22 @@ class SampleTable:
 
     def cost(self, D: float) -> float:
         """Return the modelled seconds of all samples of one D."""
-        return sum(sample.cost for samples in self.of(D) for sample in samples)
+        alone = len(self.surfaces.get(D, ())) * SURFACE_SECONDS
+        return alone + sum(sample.cost for samples in self.of(D) for sample in samples)
+
+    def alone(self, D: float) -> Alone:
+        """Return the surfaces without a solve of one D."""
+        return Alone(np.array(self.surfaces[D]), SURFACE_SECONDS)
+
+    def add_surfaces(self, D: float, number: int) -> None:
+        """Make surfaces of one D until there are so many; they are not stored."""
+        known, first = self.surfaces.setdefault(D, []), self.ensemble.first_seed
+        m = min(ALONE_AT, self.finest)
+        with one_thread():
+            for seed in range(len(known), number):
+                surface = surface_of(self.study.sample(D, m, first + seed))
+                steepness = surface.Sq / (surface.side * texture.Sdq(surface.heights, surface.spacing))
+                known.append((steepness, (surface.z_max - surface.mean_height) / surface.Sq))
 
     def missing(self, counts: Counts) -> list[Case]:
         """Return the cases of the samples that a plan has and this table lacks."""

@@ -52,8 +52,9 @@ def measure(folder: Path, m: int, D: float, quantity: str, accuracy: str, pressu
             path.unlink()
         return found
 
+    began = time.process_time()
     answer = ensemble.estimate_means(study, compute)
-    spent = sum(seconds.values())
+    spent = time.process_time() - began
     targets = []
     for one in answer.estimates[D]:
         plain = plain_cost(one.level_variances[-1], seconds[m] / samples[m], one.mean.half_width)
@@ -74,6 +75,7 @@ def measure(folder: Path, m: int, D: float, quantity: str, accuracy: str, pressu
         "samples": dict(sorted(samples.items())),
         "ms a sample": {level: round(1e3 * seconds[level] / samples[level], 1) for level in sorted(samples)},
         "modelled ms": [round(1e3 * cost, 1) for cost in answer.estimates[D][0].costs],
+        "surfaces alone": len(answer.samples.surfaces[D]),
         "rounds": len(answer.rounds[D]),
         "seconds": round(spent, 1),
         "targets": targets,
