@@ -11,6 +11,7 @@ import numpy as np
 from roughvol.campaign.ensemble import Answer, Estimates
 from roughvol.campaign.estimates import SMALLEST, MeanEstimate
 from roughvol.campaign.quantities import PERCOLATION
+from roughvol.campaign.samples import SampleTable
 from roughvol.store.answer import BOUNDS
 from roughvol.store.variables import VARIABLES
 
@@ -66,6 +67,7 @@ def _costs(answer: Answer, dimensions: Sequence[float], rounds: int) -> Values:
     by_round = [_padded([cost for cost, _ in answer.rounds[D]], rounds) for D in dimensions]
     return {
         "ensemble_samples": (("D", "m"), [table.counts(D) for D in dimensions]),
+        "ensemble_surfaces": (("D",), [len(table.surfaces[D]) for D in dimensions]),
         "ensemble_sample_cost": (("D", "m"), [estimates[D][0].costs for D in dimensions]),
         "ensemble_cost": (("D",), [table.cost(D) for D in dimensions]),
         "ensemble_plain_cost": (("D",), [_plain_cost(estimates[D]) for D in dimensions]),
@@ -115,10 +117,10 @@ def sentences(answer: Answer) -> list[str]:
     list of str
         A line for each mean with all its errors, then samples and costs for each D.
     """
-    finest, levels = answer.samples.finest, answer.samples.levels
+    finest = answer.samples.finest
     lines = [sentence(estimate, D, finest) for D, estimates in answer.estimates.items() for estimate in estimates]
     for D, estimates in answer.estimates.items():
-        lines.append(_cost_sentence(D, levels, answer.samples.counts(D), answer.samples.cost(D), estimates))
+        lines.append(_cost_sentence(D, answer.samples, estimates))
         lines += [_interpolation_remark(estimate) for estimate in estimates]
     lines.append(answer.stopped)
     return list(dict.fromkeys(filter(None, lines)))
@@ -160,11 +162,11 @@ def sentence(estimate: MeanEstimate, D: float, m: int) -> str:
     )
 
 
-def _cost_sentence(
-    D: float, levels: Sequence[int], counts: Sequence[int], cost: float, estimates: Sequence[MeanEstimate]
-) -> str:
+def _cost_sentence(D: float, table: SampleTable, estimates: Sequence[MeanEstimate]) -> str:
     """Return the samples on each level and the modelled costs in one line."""
-    samples = ", ".join(f"{number} samples at m = {m}" for m, number in zip(levels, counts, strict=True))
+    levels, cost = table.levels, table.cost(D)
+    samples = ", ".join(f"{number} samples at m = {m}" for m, number in zip(levels, table.counts(D), strict=True))
+    samples += f", {len(table.surfaces[D])} surfaces without a solve"
     plain = _plain_cost(estimates)
     text = f"D = {D:g}: {samples}; {duration(cost)} of one core by the cost model, plain Monte Carlo {duration(plain)}"
     used = {level for estimate in estimates for level in estimate.plan.levels}

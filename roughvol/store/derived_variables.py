@@ -17,6 +17,7 @@ OF_ENSEMBLE = {
     "bound": Variable("bound", "1", "end of an interval", "bound", "text"),
     "round": Variable("round", "1", "round of samples", "k", "index"),
     "ensemble_samples": Variable("D m", "1", "samples of the ensemble on each level", "n_m", "count"),
+    "ensemble_surfaces": Variable("D", "1", "surfaces without a solve, as control variates", "N", "count"),
     "ensemble_sample_cost": Variable("D m", "s", "modelled cost of one sample", "C_m"),
     "ensemble_cost": Variable("D", "s", "modelled cost of all samples", "C"),
     "ensemble_plain_cost": Variable("D", "s", "the same for plain Monte Carlo at the accuracy asked for", "C_0"),

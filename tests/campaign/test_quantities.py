@@ -110,8 +110,8 @@ def test_the_mean_of_a_quantity_of_the_void_is_stored(tmp_path: Path) -> None:
     asked = "ensemble: {accuracy: {percolation_pressure: 20 %, connected_volume_fraction: 0.1}, at: {pressure: 0.1}}"
     results = run(loads(text + asked), out=tmp_path, jobs=1)
     closing = results.sel(ensemble_at="percolation")
-    assert float(closing.percolation_pressure_interval.diff("bound")) > 0.0
+    assert float(closing.percolation_pressure_interval.diff("bound").item()) > 0.0
     last = results.mean_pressure.isel(step=-1, m=-1).squeeze("D").dropna("seed")
-    assert abs(float(closing.percolation_pressure_mean) / float(last.mean()) - 1.0) < 0.5
-    assert 0.0 < float(results.sel(ensemble_at="pressure=0.1").connected_volume_fraction_mean) <= 1.0
+    assert abs(closing.percolation_pressure_mean.item() / float(last.mean()) - 1.0) < 0.5
+    assert 0.0 < results.sel(ensemble_at="pressure=0.1").connected_volume_fraction_mean.item() <= 1.0
     assert "mean p_c*, D = 2.3, m = 3" in results.attrs["answer"]
