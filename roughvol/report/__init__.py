@@ -9,6 +9,7 @@ Room of the report. It reads datasets and computes no contact.
 `model`         contents of a report, and the words that all its forms share
 `run_facts`     one run in words and tables: surface, loading, states, closing
 `yielding`      leak up and down a path, and with yield against without
+`answers`       statements judged by ten seeds and by an ensemble
 `tables`        tables of a report
 `drawings`      figures that a report shows, and the run of each
 `captions`      their captions
