@@ -31,7 +31,16 @@ FLOORS = (
 )
 ANYWHERE = {"numpy"} | set(sys.stdlib_module_names)
 LIBRARIES = {  # library -> rooms or modules that import it
-    "scipy": ("surfaces", "contact", "observables", "store.dataset", "report.claims", "report.ask", "report.card"),
+    "scipy": (
+        "surfaces",
+        "contact",
+        "observables",
+        "store.dataset",
+        "store.small_file",
+        "report.claims",
+        "report.ask",
+        "report.card",
+    ),
     "lazy_loader": ("__init__", *(room for rooms in FLOORS[1:-3] for room in rooms)),
     "pyfftw": ("contact.convolution",),
     "yaml": ("study",),

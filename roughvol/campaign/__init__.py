@@ -7,6 +7,7 @@ Room of the campaign.
 `pressing`      heights in memory, pressed in one call
 `checks`        a study checked before anything is computed
 `ensemble`      rounds of samples until a mean is as accurate as requested
+`quantities`    quantities of one surface at a state
 `samples`       values and modelled cost of each sample
 `estimates`     means, intervals and errors from all samples
 `sampling`      the number of samples on each level in the next round

@@ -10,6 +10,8 @@ import numpy as np
 
 from roughvol.campaign.ensemble import Answer, Estimates
 from roughvol.campaign.estimates import SMALLEST, MeanEstimate
+from roughvol.campaign.quantities import PERCOLATION
+from roughvol.campaign.samples import SampleTable
 from roughvol.store.answer import BOUNDS
 from roughvol.store.variables import VARIABLES
 
@@ -65,6 +67,7 @@ def _costs(answer: Answer, dimensions: Sequence[float], rounds: int) -> Values:
     by_round = [_padded([cost for cost, _ in answer.rounds[D]], rounds) for D in dimensions]
     return {
         "ensemble_samples": (("D", "m"), [table.counts(D) for D in dimensions]),
+        "ensemble_surfaces": (("D",), [len(table.surfaces[D]) for D in dimensions]),
         "ensemble_sample_cost": (("D", "m"), [estimates[D][0].costs for D in dimensions]),
         "ensemble_cost": (("D",), [table.cost(D) for D in dimensions]),
         "ensemble_plain_cost": (("D",), [_plain_cost(estimates[D]) for D in dimensions]),
@@ -114,10 +117,10 @@ def sentences(answer: Answer) -> list[str]:
     list of str
         A line for each mean with all its errors, then samples and costs for each D.
     """
-    finest, levels = answer.samples.finest, answer.samples.levels
+    finest = answer.samples.finest
     lines = [sentence(estimate, D, finest) for D, estimates in answer.estimates.items() for estimate in estimates]
     for D, estimates in answer.estimates.items():
-        lines.append(_cost_sentence(D, levels, answer.samples.counts(D), answer.samples.cost(D), estimates))
+        lines.append(_cost_sentence(D, answer.samples, estimates))
         lines += [_interpolation_remark(estimate) for estimate in estimates]
     lines.append(answer.stopped)
     return list(dict.fromkeys(filter(None, lines)))
@@ -141,7 +144,9 @@ def sentence(estimate: MeanEstimate, D: float, m: int) -> str:
         Value, interval, and the errors by resolution, interpolation and solver.
     """
     target, mean, weak_error = estimate.target, estimate.mean, estimate.weak_error
-    state = "the last step" if target.state.value is None else target.state.label.replace("=", " = ")
+    state = f" at {target.state.label.replace('=', ' = ')}"
+    if target.state.value is None:
+        state = "" if target.state == PERCOLATION else " at the last step"
     if weak_error.converges:
         resolution = f"resolution {_relative(estimate, weak_error.bias)}"
     else:
@@ -150,18 +155,18 @@ def sentence(estimate: MeanEstimate, D: float, m: int) -> str:
     solver = f"solver {_relative(estimate, estimate.solver_error)} certified" if certified else "solver not certified"
     request = "" if estimate.reached else f"; asked for ± {target.accuracy}"
     return (
-        f"mean {VARIABLES[target.stored].symbol} at {state}, D = {D:g}, m = {m}: "
+        f"mean {target.symbol}{state}, D = {D:g}, m = {m}: "
         f"{mean.value:.5g} ± {_relative(estimate, mean.half_width)} "
         f"(seeds, 95 % t interval, {mean.freedom:.0f} degrees of freedom), {resolution}, "
         f"between steps {_relative(estimate, estimate.interpolation_error)}, {solver}{request}"
     )
 
 
-def _cost_sentence(
-    D: float, levels: Sequence[int], counts: Sequence[int], cost: float, estimates: Sequence[MeanEstimate]
-) -> str:
+def _cost_sentence(D: float, table: SampleTable, estimates: Sequence[MeanEstimate]) -> str:
     """Return the samples on each level and the modelled costs in one line."""
-    samples = ", ".join(f"{number} samples at m = {m}" for m, number in zip(levels, counts, strict=True))
+    levels, cost = table.levels, table.cost(D)
+    samples = ", ".join(f"{number} samples at m = {m}" for m, number in zip(levels, table.counts(D), strict=True))
+    samples += f", {len(table.surfaces[D])} surfaces without a solve"
     plain = _plain_cost(estimates)
     text = f"D = {D:g}: {samples}; {duration(cost)} of one core by the cost model, plain Monte Carlo {duration(plain)}"
     used = {level for estimate in estimates for level in estimate.plan.levels}
@@ -203,8 +208,9 @@ def progress(estimates: Estimates) -> str:
         ((D, estimate) for D, row in estimates.items() for estimate in row),
         key=lambda pair: pair[1].mean.half_width / max(pair[1].requested, SMALLEST),
     )
-    symbol = VARIABLES[worst.target.stored].symbol
-    return f"{symbol} at D = {D:g} ± {_relative(worst, worst.mean.half_width)} of ± {worst.target.accuracy}"
+    return (
+        f"{worst.target.symbol} at D = {D:g} ± {_relative(worst, worst.mean.half_width)} of ± {worst.target.accuracy}"
+    )
 
 
 def duration(seconds: float) -> str:

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from roughvol._version import __version__
 from roughvol.campaign import limits, resources, workers
-from roughvol.campaign.one_case import HalfSpaces, Stopped, run_case
+from roughvol.campaign.one_case import HalfSpaces, Stopped, file_of_case
 from roughvol.errors import CampaignError, RoughvolError
-from roughvol.store import dataset, lock, run_folder, stamped_file
+from roughvol.store import lock, run_folder, stamped_file
 from roughvol.store.run_folder import case_file, checkpoint_file, failed_file
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
@@ -78,7 +78,7 @@ def run_task(task: Task, tell: workers.Tell) -> bytes | None:
     # On another machine the path may be another folder: the lock is the same only in the folder of this run.
     shared = mark is None or lock.mark(checkpoint.parent.parent) == mark != ""
     try:
-        result = run_case(
+        return file_of_case(
             case,
             study=text,
             half_spaces=_held,
@@ -90,7 +90,6 @@ def run_task(task: Task, tell: workers.Tell) -> bytes | None:
         )
     except Stopped:
         return None
-    return dataset.to_bytes(result)
 
 
 class Batch:

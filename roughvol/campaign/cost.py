@@ -103,9 +103,9 @@ def _estimate(cases: Sequence[Case], jobs: int | None) -> Estimate:
     needs = [resources.memory_of(case, n) for case, n in zip(cases, nodes, strict=True)]
     jobs, notice = resources.limited(jobs, needs, resources.available_memory())
     seconds = [_seconds(case, shape) for case, shape in zip(cases, shapes, strict=True)]
-    observables = {name: 0.0 for case in cases for name in _observable_seconds(case, shapes[0])}
+    observables = {name: 0.0 for case in cases for name in observable_seconds(case, shapes[0])}
     for case, shape in zip(cases, shapes, strict=True):
-        for name, taken in _observable_seconds(case, shape).items():
+        for name, taken in observable_seconds(case, shape).items():
             observables[name] += taken
     return Estimate(
         cases=len(cases),
@@ -145,15 +145,19 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
 def _seconds(case: Case, shape: tuple[int, int]) -> float:
     if case.sweep.steps == 0:
         return CASE_OVERHEAD
-    kinds = [level.kind for leg in case.sweep.legs for level in leg.listed or (leg.target,)]
-    searched = sum(case.periodic or kind.startswith((*path.SEARCHED, "mean_gap", "load")) for kind in kinds)
-    steps = case.sweep.steps + SEARCH * searched + LEVEL * searched_levels(case)
+    steps = case.sweep.steps + SEARCH * searches(case) + LEVEL * searched_levels(case)
     convolution = seconds_per_convolution(shape, case.solver.kernel, case.periodic)
     step = seconds_per_step(shape, case.solver.tolerance, convolution)
-    return CASE_OVERHEAD + sum(_observable_seconds(case, shape).values()) + steps * step
+    return CASE_OVERHEAD + sum(observable_seconds(case, shape).values()) + steps * step
 
 
-def _observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
+def searches(case: Case) -> int:
+    """Return the number of states of the path that are searched for."""
+    kinds = [level.kind for leg in case.sweep.legs for level in leg.listed or (leg.target,)]
+    return sum(case.periodic or kind.startswith((*path.SEARCHED, "mean_gap", "load")) for kind in kinds)
+
+
+def observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
     """Return the seconds of each observable of a case, all its states together."""
     record, steps, nodes = case.record, case.sweep.steps, math.prod(shape)
     inside = nodes

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from roughvol.campaign.estimates import MeanEstimate, estimates_of
 from roughvol.campaign.samples import Counts, SampleTable
-from roughvol.campaign.sampling import next_counts, pilot, within_budget
+from roughvol.campaign.sampling import MOST_SURFACES, next_counts, pilot, within_budget
 from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.store.dataset import Arrays
 from roughvol.study import Case, MadeSurface, Study
@@ -99,6 +99,8 @@ def estimate_means(
     for _ in range(ROUNDS):
         on_plan(counts)
         _complete(table, counts, compute)
+        for D, row in answer.estimates.items():
+            table.add_surfaces(D, min(max(estimate.plan.alone for estimate in row), MOST_SURFACES))
         estimates = {D: estimates_of(table, D) for D in table.dimensions}
         _record(answer, estimates)
         on_round(estimates)
@@ -120,7 +122,7 @@ def estimate_means(
             planned, reduced = within_budget(budget - spent, spent, counts, planned, costs)
             if reduced:
                 answer.stopped = f"stopped by the budget of {budget} after the accuracy was not yet reached"
-            if planned == counts:
+            if reduced and planned == counts:
                 return answer
         counts = planned
     message = f"the accuracy was not reached in {ROUNDS} rounds"
@@ -128,7 +130,9 @@ def estimate_means(
 
 
 def _complete(table: SampleTable, counts: Counts, compute: Compute) -> None:
-    """Compute the samples that a plan has and the table lacks."""
+    """Compute the samples that a plan has and the table lacks, and a surface alone for each seed."""
+    for D, levels in counts.items():
+        table.add_surfaces(D, max(levels.values()))
     cases = table.missing(counts)
     if cases:
         arrays = compute(cases)

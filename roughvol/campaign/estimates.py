@@ -11,7 +11,7 @@ import numpy as np
 
 from roughvol.campaign.samples import SampleTable, Target
 from roughvol.observables import allocation, multilevel, refinement
-from roughvol.observables.allocation import Plan
+from roughvol.observables.allocation import Alone, Plan
 from roughvol.observables.multilevel import Link, Mean
 from roughvol.observables.refinement import WeakError
 from roughvol.typing import Array
@@ -47,6 +47,8 @@ class MeanEstimate:
         Certified bound; 0 without one.
     weak_error : WeakError
         Bias by the resolution.
+    alone : Alone
+        Surfaces without a solve.
     """
 
     target: Target
@@ -59,6 +61,7 @@ class MeanEstimate:
     interpolation_error: float
     solver_error: float
     weak_error: WeakError
+    alone: Alone
 
     @property
     def requested(self) -> float:
@@ -73,12 +76,12 @@ class MeanEstimate:
     @property
     def level_variances(self) -> tuple[float, ...]:
         """Variance over surfaces on each level."""
-        return tuple(multilevel.level_variance(self.links, chain) for chain in self._chains)
+        return tuple(multilevel.level_variance(self.links, chain, self.alone.values) for chain in self._chains)
 
     @property
     def residual_variances(self) -> tuple[float, ...]:
         """Variance of each level about its regression on the coarser one; all of it on the coarsest."""
-        return tuple(self.links[chain[-1], chain[-2] if len(chain) > 1 else -1].variance for chain in self._chains)
+        return tuple(self.links[chain[-1], chain[-2] if len(chain) > 1 else -1].alone for chain in self._chains)
 
     @property
     def _chains(self) -> list[tuple[int, ...]]:
@@ -112,10 +115,11 @@ def estimates_of(table: SampleTable, D: float) -> list[MeanEstimate]:
 def _estimate(table: SampleTable, D: float, number: int, costs: tuple[float, ...]) -> MeanEstimate:
     target, samples = table.targets[number], table.of(D)
     values = [np.array([sample.values[number] for sample in level]) for level in samples]
-    links = multilevel.links_of(values)
+    alone = table.alone(D)
+    links = multilevel.links_of(values, alone.values)
     chains = [multilevel.nearest_chain(links, level) for level in range(len(values))]
-    level_means = tuple(multilevel.chain(values, levels, links).value for levels in chains)
-    mean, plan = _mean_and_plan(values, links, costs, target.accuracy.of(level_means[-1]) or SMALLEST)
+    level_means = tuple(multilevel.chain(values, levels, links, alone=alone.values).value for levels in chains)
+    mean, plan = _mean_and_plan(values, links, costs, target.accuracy.of(level_means[-1]) or SMALLEST, alone)
     return MeanEstimate(
         target,
         mean,
@@ -127,26 +131,35 @@ def _estimate(table: SampleTable, D: float, number: int, costs: tuple[float, ...
         abs(float(np.mean([sample.interpolation_errors[number] for sample in samples[-1]]))),
         float(np.max([sample.solver_errors[number] for level in samples for sample in level])),
         _weak_error(values, level_means),
+        alone,
     )
 
 
 def _mean_and_plan(
-    values: Sequence[Array], links: Mapping[tuple[int, int], Link], costs: Sequence[float], half_width: float
+    values: Sequence[Array],
+    links: Mapping[tuple[int, int], Link],
+    costs: Sequence[float],
+    half_width: float,
+    alone: Alone,
 ) -> tuple[Mean, Plan]:
     """Return the mean by the optimal chain of levels, and the samples of that chain for a half-width."""
     existing = [level.size for level in values]
-    reliable = _with_reliable_bases(links, existing)
-    plan = allocation.plan(reliable, costs, existing, half_width)
-    mean = multilevel.chain(values, plan.levels, links, STOPPING)
-    if mean.half_width > half_width and plan.samples == tuple(existing[level] for level in plan.levels):
+    reliable = _with_reliable_bases(links, existing, alone)
+    plan = allocation.plan(reliable, costs, existing, half_width, alone)
+    mean = multilevel.chain(values, plan.levels, links, STOPPING, alone.values)
+    as_planned = plan.samples == tuple(existing[level] for level in plan.levels) and plan.alone == len(alone.values)
+    if mean.half_width > half_width and as_planned:
         # The plan uses the normal quantile, the interval Student's, which is larger: plan for a narrower interval.
         variance = allocation.predicted(mean.links, [link.samples for link in mean.links])
+        variance += multilevel.variance_alone(mean.links, alone.values) / len(alone.values)
         quantile = max(mean.half_width / math.sqrt(variance), allocation.NORMAL)
-        plan = allocation.plan(reliable, costs, existing, half_width * allocation.NORMAL / quantile)
+        plan = allocation.plan(reliable, costs, existing, half_width * allocation.NORMAL / quantile, alone)
     return mean, plan
 
 
-def _with_reliable_bases(links: Mapping[tuple[int, int], Link], samples: Sequence[int]) -> dict[tuple[int, int], Link]:
+def _with_reliable_bases(
+    links: Mapping[tuple[int, int], Link], samples: Sequence[int], alone: Alone
+) -> dict[tuple[int, int], Link]:
     """Return links in which a coarsest level of few samples has the variance by regression on coarser levels.
 
     A variance of ten samples is often too small by chance. The optimal chain would then begin on such a level.
@@ -154,8 +167,9 @@ def _with_reliable_bases(links: Mapping[tuple[int, int], Link], samples: Sequenc
     reliable = dict(links)
     for level, number in enumerate(samples):
         if number < RELIABLE and (level, -1) in links:
-            variance = multilevel.level_variance(links, multilevel.nearest_chain(links, level))
-            reliable[level, -1] = replace(links[level, -1], variance=variance)
+            base, nearest = links[level, -1], multilevel.nearest_chain(links, level)
+            variance = multilevel.level_variance(links, nearest, None if base.gains else alone.values)
+            reliable[level, -1] = replace(base, variance=variance)
     return reliable
 
 

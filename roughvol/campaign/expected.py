@@ -15,8 +15,8 @@ from roughvol.campaign import cost, samples
 from roughvol.campaign.sampling import PILOT, pilot
 from roughvol.observables import allocation
 from roughvol.observables.multilevel import Link
-from roughvol.study import MadeSurface, Study, levels_below
-from roughvol.study.ensemble import AUTO_FROM
+from roughvol.study import CLOSING, MadeSurface, Study, levels_below
+from roughvol.study.ensemble import AUTO_FROM, RECORDED_BY
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,11 @@ SCATTER = {
     "indentation": OF_VOLUME,
     "contact_area": OF_AREA,
     "pressure": OF_AREA,
-}
-"""The measured scatter that each quantity is assumed to have."""
+} | dict.fromkeys(RECORDED_BY, OF_AREA)
+"""The measured scatter that each quantity is assumed to have; those of the void have that of A*."""
 MEANS = {"free_volume": 1.5, "separation": 1.0, "indentation": 2.0, "contact_area": 0.01, "pressure": 0.5}
+MEANS |= {"transmissivity": 0.1, "log_leak_rate": -1.0, "connected_volume_fraction": 1.0}
+MEANS |= dict.fromkeys(CLOSING, 10.0)
 """Typical means, for absolute accuracies."""
 LARGEST_RESIDUAL = 0.9  # largest residual variance over the variance
 FREEDOM = 99.0  # degrees of freedom of the assumed variances
@@ -110,7 +112,7 @@ def _of_dimension(study: Study, D: float, levels: tuple[int, ...], costs: list[f
         spread, residual, decay = SCATTER[target.quantity].at(D)
         half_width = float(target.accuracy) / spread  # of a quantity with variance 1
         if not target.accuracy.relative:
-            half_width /= MEANS[target.quantity]
+            half_width /= abs(MEANS[target.quantity])
         plan = allocation.plan(_links(levels, residual, decay), costs, first, half_width)
         for level, number in zip(plan.levels, plan.samples, strict=True):
             counts[level] = max(counts[level], number)
@@ -130,7 +132,8 @@ def _links(levels: tuple[int, ...], residual: float, decay: float) -> dict[tuple
 
 def _seconds(study: Study, m: int) -> float:
     """Return the modelled seconds of a sample: the first convolution of a step is in double precision."""
-    nodes, case = 2**m + 1, study.cases()[0]
+    assert isinstance(study.surface, MadeSurface)
+    nodes, case = 2**m + 1, study.sample(study.surface.dimensions[0], m, 0)
     convolutions = cost.convolutions_per_step((nodes, nodes), case.solver.tolerance)
     units = 1.0 + samples.SINGLE * (convolutions - 1.0)
-    return samples.seconds_of(m, case.sweep.steps, units * case.sweep.steps)
+    return samples.seconds_of(case, units * case.sweep.steps)

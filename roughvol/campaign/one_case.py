@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import math
+import sys
 import time
 from collections.abc import Callable, MutableMapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from roughvol.campaign import path
 from roughvol.contact import convolution
@@ -80,8 +83,58 @@ def run_case(
     SurfaceError, ContactError, ConvergenceError
         If there is no surface, no problem or no solution; nothing is returned of a sweep that broke off.
     """
+    asked = _asked(case, half_spaces, on_step, threads, surface, checkpoint, stopping)
+    return dataset.build(case, asked, _provenance(case, study, threads))
+
+
+def file_of_case(
+    case: Case,
+    *,
+    study: str = "",
+    half_spaces: HalfSpaces | None = None,
+    on_step: Callable[[int], None] | None = None,
+    threads: int = 1,
+    surface: Surface | None = None,
+    checkpoint: Path | None = None,
+    stopping: Callable[[], bool] = lambda: False,
+) -> bytes:
+    """Return the content of the file of one case; quicker than `run_case` and `dataset.to_bytes` if it is small.
+
+    Parameters
+    ----------
+    case, study, half_spaces, on_step, threads, surface, checkpoint, stopping
+        As for `run_case`.
+
+    Returns
+    -------
+    bytes
+        A stamped netCDF file.
+
+    Raises
+    ------
+    Stopped, SurfaceError, ContactError, ConvergenceError
+        As for `run_case`.
+    """
+    asked = _asked(case, half_spaces, on_step, threads, surface, checkpoint, stopping)
+    return dataset.case_bytes(case, asked, _provenance(case, study, threads))
+
+
+def _provenance(case: Case, study: str, threads: int) -> dict[str, str]:
+    return dataset.provenance(study, fft=FFT | {"threads": str(threads)}, case=case)
+
+
+def _asked(
+    case: Case,
+    half_spaces: HalfSpaces | None,
+    on_step: Callable[[int], None] | None,
+    threads: int,
+    surface: Surface | None,
+    checkpoint: Path | None,
+    stopping: Callable[[], bool],
+) -> Values:
+    """Return all that is asked about one surface by stored name."""
     started = time.perf_counter()
-    with threadpool_limits(1):  # a sum split over threads would round differently from machine to machine
+    with one_thread():  # a sum split over threads would round differently from machine to machine
         surface = surface or surface_of(case)
         values = reduction.of_surface(case, surface)
         if case.treatment.filling is not None:
@@ -96,7 +149,24 @@ def run_case(
             kept = Checkpoint(checkpoint, case, checkpoints.numerics()) if checkpoint is not None and large else None
             values |= _swept(path.starred(case, surface), surface, half_space, kept, on_step, stopping)
     values["wall_time"] = time.perf_counter() - started
-    return dataset.build(case, values, dataset.provenance(study, fft=FFT | {"threads": str(threads)}, case=case))
+    return values
+
+
+@functools.lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """Return the control of the threads of all libraries. The search takes 2 ms, once for a number of modules."""
+    return ThreadpoolController()
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Return a context in which the libraries of linear algebra use one thread.
+
+    Returns
+    -------
+    context manager
+        It restores the number of threads.
+    """
+    return _libraries(len(sys.modules)).limit(limits=1)
 
 
 def _swept(
@@ -147,13 +217,13 @@ def surface_of(case: Case) -> Surface:
         If it cannot be made or read.
     """
     if case.file is not None:
-        with threadpool_limits(1):  # levelling sums over all nodes
+        with one_thread():  # levelling sums over all nodes
             return measured.surface(case.bodies, case.treatment, case.L, case.length_unit, periodic=case.periodic)
     assert case.D is not None
     assert case.m is not None
     assert case.seed is not None
     if case.spectrum is not None:
-        with threadpool_limits(1):
+        with one_thread():
             return power_law_surface(case.spectrum, 3.0 - case.D, 2**case.m, side=case.L, seed=case.seed)
     assert case.midpoint_law is not None
     return random_midpoint_displacement(

@@ -130,7 +130,8 @@ def run(
 def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset:
     """Return the finished cases as one dataset, also of an unfinished run; nothing is written.
 
-    Damaged files are left out. `status` and the next run report them.
+    Damaged files are left out. `status` and the next run report them. Of an ensemble, the dataset has the means as well
+    if all samples are finished. Otherwise its attribute ``answer`` gives the number of the missing ones.
 
     Parameters
     ----------
@@ -156,7 +157,40 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
     if not parts:
         message = f"no case of {study.name} is finished in {folder}"
         raise DatasetError(message)
-    return _combined(parts, cases, study, versions)
+    if study.ensemble is None:
+        return _combined(parts, cases, study, versions)
+    return _with_means(study, folder, cases, parts, versions)
+
+
+class _Unfinished(Exception):
+    """Samples that an ensemble needs and its folder lacks."""
+
+
+def _with_means(
+    study: Study, folder: Path, cases: Mapping[str, Case], parts: dict[str, Arrays], versions: Mapping[str, int]
+) -> Dataset:
+    """Return the finished samples of an ensemble, with the means if none is missing."""
+    with contextlib.suppress(DatasetError):  # a budget of time ends elsewhere in each run: its answer is the stored one
+        stored = dataset.read(folder / "study.nc")
+        same = stored.attrs.get("study") == study.stored() and "answer" in stored.attrs
+        if same and stored.attrs.get("case_ids") == dataset.ids_text(parts) and parts.keys() == cases.keys():
+            return stored
+
+    def finished(wanted: Sequence[Case]) -> Mapping[str, Arrays]:
+        absent = sum(case.id not in parts for case in wanted)
+        if absent:
+            message = f"{absent} of {len(wanted)} samples of a round are missing"
+            raise _Unfinished(message)
+        return parts
+
+    results = _combined(parts, {id: case for id, case in cases.items() if id in parts}, study, versions)
+    try:
+        means = ensemble.estimate_means(study, finished)
+    except _Unfinished as error:
+        return results.assign_attrs(answer=f"no answer yet: {error}; a run of the study goes on")
+    from roughvol.campaign import answered
+
+    return answer.with_answer(results, answered.variables(means), "\n".join(answered.sentences(means)))
 
 
 class _Rounds:

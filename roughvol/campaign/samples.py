@@ -7,27 +7,30 @@ machine. Measured times vary with the load of a machine, and so would the number
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from roughvol.errors import Problem, StudyError
-from roughvol.observables.at_state import at_state, error_between_steps
+from roughvol.campaign import cost, quantities
+from roughvol.campaign.one_case import one_thread, surface_of
+from roughvol.observables.allocation import Alone
 from roughvol.store.dataset import Arrays
-from roughvol.study import STORED_AS, Accuracy, Case, Ensemble, Level, MadeSurface, Study, levels_below
-from roughvol.study.yaml_text import number_text
+from roughvol.store.variables import VARIABLES
+from roughvol.study import CLOSING, STORED_AS, Accuracy, Case, Ensemble, Level, MadeSurface, Study, levels_below
+from roughvol.surfaces import texture
 from roughvol.typing import Array
 
-CASE_SECONDS = 0.016  # cost of a case with its file
+CASE_SECONDS = 0.005  # cost of a case with its file
 STEP_SECONDS = 2.0e-4  # cost of a step without its convolutions
 NODE_SECONDS = 6.0e-9  # cost of a convolution over N² log N, for N nodes per side
 SINGLE = 0.6  # cost of a convolution in single precision over one in double precision
+ALONE_AT = 6  # m of surfaces without a solve
+SURFACE_SECONDS = 6.0e-4  # cost of one of these
 ITERATIVE_FROM = 6  # smallest m at which a step iterates
 ITERATIVE_SECONDS = 5.0e-4  # additional cost of a step that iterates
 
-SERIES = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 Counts = dict[float, dict[int, int]]  # D -> m -> number of samples
 
 
@@ -44,6 +47,11 @@ class Target:
         """Name of the stored variable."""
         return STORED_AS.get(self.quantity, self.quantity)
 
+    @property
+    def symbol(self) -> str:
+        """Symbol of the quantity, as V*."""
+        return VARIABLES[f"{self.stored}_mean"].symbol.strip("<>")
+
 
 def targets_of(ensemble: Ensemble) -> list[Target]:
     """Return the means to estimate, state by state.
@@ -56,10 +64,12 @@ def targets_of(ensemble: Ensemble) -> list[Target]:
     Returns
     -------
     list of Target
-        All quantities at the first state, then at the second, and so on.
+        All quantities at the first state, then at the second, and so on; those without a state at the end.
     """
     accuracies: dict[str, Accuracy] = ensemble.accuracy.named
-    return [Target(name, state, accuracy) for state in ensemble.at.levels for name, accuracy in accuracies.items()]
+    closing = {name: accuracies.pop(name) for name in CLOSING if name in accuracies}
+    at_states = [Target(name, state, accuracy) for state in ensemble.at.levels for name, accuracy in accuracies.items()]
+    return [*at_states, *(Target(name, quantities.PERCOLATION, accuracy) for name, accuracy in closing.items())]
 
 
 @dataclass(frozen=True)
@@ -96,11 +106,14 @@ class SampleTable:
         m of the finest level.
     samples : dict
         Samples by D and m; index s is seed ``first_seed + s``.
+    surfaces : dict
+        Numbers of surfaces without a solve, by D; index s is seed ``first_seed + s``.
     """
 
     study: Study
     finest: int
     samples: dict[tuple[float, int], list[Sample]] = field(default_factory=dict)
+    surfaces: dict[float, list[tuple[float, ...]]] = field(default_factory=dict)
 
     @cached_property
     def ensemble(self) -> Ensemble:
@@ -134,7 +147,22 @@ class SampleTable:
 
     def cost(self, D: float) -> float:
         """Return the modelled seconds of all samples of one D."""
-        return sum(sample.cost for samples in self.of(D) for sample in samples)
+        alone = len(self.surfaces.get(D, ())) * SURFACE_SECONDS
+        return alone + sum(sample.cost for samples in self.of(D) for sample in samples)
+
+    def alone(self, D: float) -> Alone:
+        """Return the surfaces without a solve of one D."""
+        return Alone(np.array(self.surfaces[D]), SURFACE_SECONDS)
+
+    def add_surfaces(self, D: float, number: int) -> None:
+        """Make surfaces of one D until there are so many; they are not stored."""
+        known, first = self.surfaces.setdefault(D, []), self.ensemble.first_seed
+        m = min(ALONE_AT, self.finest)
+        with one_thread():
+            for seed in range(len(known), number):
+                surface = surface_of(self.study.sample(D, m, first + seed))
+                steepness = surface.Sq / (surface.side * texture.Sdq(surface.heights, surface.spacing))
+                known.append((steepness, (surface.z_max - surface.mean_height) / surface.Sq))
 
     def missing(self, counts: Counts) -> list[Case]:
         """Return the cases of the samples that a plan has and this table lacks."""
@@ -175,43 +203,14 @@ def sample_of(targets: Sequence[Target], case: Case, arrays: Arrays) -> Sample:
     StudyError
         If the sweep ends before a state.
     """
-    series = _series(arrays)
-    at_targets = [_value_and_error(series, target, case) for target in targets]
+    series = quantities.series_of(arrays)
+    at_targets = [quantities.value_and_error(series, target.stored, target.state, case) for target in targets]
     return Sample(
         np.array([value for value, _ in at_targets]),
         np.array([error for _, error in at_targets]),
         np.array([_solver_error(arrays, target) for target in targets]),
         cost_of(case, arrays),
     )
-
-
-def _series(arrays: Arrays) -> dict[str, Array]:
-    """Return the quantities along the steps, with first touch before the first step."""
-    series = {name: np.concatenate([[0.0], arrays[name][1].reshape(-1)]) for name in SERIES}
-    touch = series["indentation"][1] + series["separation"][1]  # d/σ at first touch, equal to V* there
-    series["separation"][0] = series["free_volume"][0] = touch
-    return series
-
-
-def _value_and_error(series: Mapping[str, Array], target: Target, case: Case) -> tuple[float, float]:
-    """Return a quantity at its state, and the error of the interpolation between steps."""
-    quantity, state = series[target.stored], target.state
-    if state.value is None:
-        return float(quantity[-1]), 0.0
-    along = series[STORED_AS.get(state.kind, state.kind)]
-    value = float(at_state(along, quantity, state.value)[0])
-    if not math.isfinite(value):
-        raise _unreached(state, case, float(along[-1]))
-    return value, float(np.nan_to_num(error_between_steps(along, quantity, state.value)[0]))
-
-
-def _unreached(state: Level, case: Case, last: float) -> StudyError:
-    assert state.value is not None
-    message = (
-        f"{number_text(state.value)} is not reached by {case.label}, whose sweep ends at {state.kind} {last:.4g}: "
-        f"sweep further, as to: {{{state.kind}: {number_text(state.value)}}}"
-    )
-    return StudyError([Problem(message, f"ensemble.at.{state.kind}")])
 
 
 def _solver_error(arrays: Arrays, target: Target) -> float:
@@ -241,18 +240,16 @@ def cost_of(case: Case, arrays: Arrays) -> float:
     """
     assert case.m is not None
     single, double = (float(np.nansum(arrays[name][1])) for name in ("convolutions_fp32", "convolutions"))
-    return seconds_of(case.m, case.sweep.steps, double + SINGLE * single)
+    return seconds_of(case, double + SINGLE * single)
 
 
-def seconds_of(m: int, steps: int, convolutions: float) -> float:
-    """Return the modelled seconds of a sweep.
+def seconds_of(case: Case, convolutions: float) -> float:
+    """Return the modelled seconds of a case.
 
     Parameters
     ----------
-    m : int
-        Resolution: 2^m + 1 nodes per side.
-    steps : int
-        Number of steps.
+    case : Case
+        A generated surface.
     convolutions : float
         Convolutions of the full grid, all steps together, in units of one in double precision.
 
@@ -261,5 +258,9 @@ def seconds_of(m: int, steps: int, convolutions: float) -> float:
     float
         Seconds of one core.
     """
-    nodes, step = 2**m + 1, STEP_SECONDS + ITERATIVE_SECONDS * (m >= ITERATIVE_FROM)
-    return CASE_SECONDS + step * steps + NODE_SECONDS * nodes**2 * math.log(nodes) * convolutions
+    assert case.m is not None
+    nodes, steps = 2**case.m + 1, case.sweep.steps
+    step = STEP_SECONDS + ITERATIVE_SECONDS * (case.m >= ITERATIVE_FROM)
+    swept = step * steps + NODE_SECONDS * nodes**2 * math.log(nodes) * convolutions
+    searched = 1.0 + cost.SEARCH * cost.searches(case) / max(steps, 1)
+    return CASE_SECONDS + searched * swept + sum(cost.observable_seconds(case, (nodes, nodes)).values())

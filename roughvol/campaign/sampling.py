@@ -17,6 +17,7 @@ COSTLY = {8: 10, 9: 4}  # pilot samples of the levels m = 8 and m = 9
 FEWEST = 3  # pilot samples of a level finer than those of `COSTLY`
 GROWTH = 4  # largest factor between the samples of a level in successive rounds
 PART = 0.6  # share of the planned samples added to a level of fewer than `RELIABLE`
+MOST_SURFACES = 100_000  # largest number of surfaces without a solve
 MORE = 1.25  # growth of one level where the plan adds none
 
 
@@ -65,11 +66,15 @@ def next_counts(estimates: Sequence[MeanEstimate], levels: Sequence[int], existi
 
 
 def _required(estimate: MeanEstimate, existing: Sequence[int]) -> list[int]:
-    """Return the samples of each level that one estimate requires, at least one more than exist."""
+    """Return the samples of each level that one estimate requires, at least one more than exist.
+
+    Surfaces without a solve are made before the next round, and may suffice.
+    """
     required = list(existing)
     for level, samples in zip(estimate.plan.levels, estimate.plan.samples, strict=True):
         required[level] = max(required[level], samples)
-    if required == list(existing):  # Student's quantile is wider than the plan assumes
+    lacking = len(estimate.alone.values) < min(estimate.plan.alone, MOST_SURFACES)
+    if required == list(existing) and not lacking:  # Student's quantile is wider than the plan assumes
         level = _most_effective_level(estimate)
         required[level] = math.ceil(MORE * existing[level])
     return required

@@ -15,7 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roughvol.observables import multilevel
 from roughvol.observables.multilevel import Link
+from roughvol.typing import Array
 
 NORMAL = 1.96  # Student's quantile for many degrees of freedom
 AIM = 0.97  # planned half-width over the requested one
@@ -35,15 +37,30 @@ class Plan:
         Number of samples of each level of the chain.
     cost : float
         Cost of all samples, those of other levels included.
+    alone : int
+        Number of surfaces without a solve.
     """
 
     levels: tuple[int, ...]
     samples: tuple[int, ...]
     cost: float
+    alone: int = 0
+
+
+@dataclass(frozen=True)
+class Alone:
+    """Surfaces without a solve: their numbers, shape (N, k), and the cost of one."""
+
+    values: Array
+    cost: float
 
 
 def plan(
-    links: Mapping[tuple[int, int], Link], costs: Sequence[float], existing: Sequence[int], half_width: float
+    links: Mapping[tuple[int, int], Link],
+    costs: Sequence[float],
+    existing: Sequence[int],
+    half_width: float,
+    alone: Alone | None = None,
 ) -> Plan:
     """Return the cheapest chain that ends at the finest level, with its samples.
 
@@ -60,6 +77,8 @@ def plan(
         Samples of every level; the plan has no fewer.
     half_width : float
         Requested half-width of the 95 % interval, > 0.
+    alone : Alone, optional
+        Surfaces without a solve.
 
     Returns
     -------
@@ -69,9 +88,15 @@ def plan(
     candidates = []
     for chain in _chains(links, len(costs) - 1):
         levels = tuple(link.level for link in chain)
-        chain_costs, lower_bounds = [costs[level] for level in levels], [existing[level] for level in levels]
-        samples = allocated(chain, chain_costs, lower_bounds, half_width)
-        candidates.append(Plan(levels, samples, _cost(levels, samples, costs, existing)))
+        shares, chain_costs = _shares(chain), [costs[level] for level in levels]
+        lower_bounds = [existing[level] for level in levels]
+        if alone is None:
+            samples, number, spent = _optimum(shares, chain_costs, lower_bounds, half_width), 0, 0.0
+        else:
+            shares.insert(0, multilevel.variance_alone(chain, alone.values))
+            number, *rest = _optimum(shares, [alone.cost, *chain_costs], [len(alone.values), *lower_bounds], half_width)
+            samples, spent = tuple(rest), number * alone.cost
+        candidates.append(Plan(levels, samples, _cost(levels, samples, costs, existing) + spent, number))
     least = min(candidate.cost for candidate in candidates)
     cheap = [candidate for candidate in candidates if candidate.cost * PAYS <= least]
     return max(cheap, key=lambda candidate: (len(candidate.levels), -candidate.cost, candidate.levels))
@@ -109,11 +134,21 @@ def allocated(
     tuple of int
         Samples of each level of the chain, decreasing from coarse to fine.
     """
-    shares = [weight * link.variance for weight, link in zip(weights(links), links, strict=True)]
+    return _optimum(_shares(links), costs, existing, half_width)
+
+
+def _shares(links: Sequence[Link]) -> list[float]:
+    """Return the variances by level for one sample of each."""
+    return [weight * link.variance for weight, link in zip(weights(links), links, strict=True)]
+
+
+def _optimum(
+    shares: Sequence[float], costs: Sequence[float], existing: Sequence[int], half_width: float
+) -> tuple[int, ...]:
     allowed = (AIM * half_width / NORMAL) ** 2
-    samples, free = list(existing), set(range(len(links)))
+    samples, free = list(existing), set(range(len(shares)))
     while free:
-        fixed = sum(shares[k] / samples[k] for k in range(len(links)) if k not in free)
+        fixed = sum(shares[k] / samples[k] for k in range(len(shares)) if k not in free)
         scale = sum(math.sqrt(shares[k] * costs[k]) for k in free) / (allowed - fixed)
         optimum = {k: scale * math.sqrt(shares[k] / costs[k]) for k in free}
         enough = {k for k in free if optimum[k] <= existing[k]}

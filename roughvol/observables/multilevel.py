@@ -19,11 +19,19 @@ For Gaussian samples this is the maximum likelihood (Anderson, J. Am. Stat. Asso
 coarser levels through its parent only. With b_l = 1 it is the telescoping sum. A quantity that halves from level to
 level has b_l = 1/2, with the same reduction of variance.
 
+**Surfaces alone.** Numbers X of an undeformed surface, as z_max/Sq and Sq/(L Sdq), cost no solve. Their mean ξ is known
+from far more seeds, N of them. Each level is regressed on them beside its parent (control variates):
+
+    μ_l = mean(Y_l) + b_l (μ_parent - mean(Y_parent)) + c_l·(ξ - mean(X))
+
+With the total coefficient g_l = c_l + b_l g_parent, they add g·Cov(X)·g/N to the variance of the last level. Residuals
+are uncorrelated with X, so this sum is exact.
+
 **Few samples.** The finest level has the fewest samples, and some of its sample variances are far too small by chance.
 Four measures keep the coverage of the interval:
 
 1. A level estimates its slope from `OWN_SLOPE` samples or more. With fewer it takes the slope of the next coarser link.
-   A slope from other samples leaves the estimator unbiased.
+   A slope from other samples leaves the estimator unbiased. A level of fewer than `CONTROLLED` samples has c = 0.
 2. The variance of a slope is part of the variance of the mean (Cochran, Sampling Techniques, 1977, section 12.7).
 3. A residual variance of fewer than `POOLED_BELOW` degrees of freedom is pooled with `RESIDUAL_RATIO` times that of the
    next coarser link, if that is larger. Residual variances decrease faster than this (docs/ensemble.md), so the pooled
@@ -54,6 +62,7 @@ OWN_SLOPE = 8  # fewest samples of a level with a slope of its own
 POOLED_BELOW = 12  # degrees of freedom below which a variance is pooled; t(0.975; 12) = 2.18
 RESIDUAL_RATIO = 0.5  # largest residual variance of a link over that of the next coarser link
 FREE_PARENT = 60  # fewest samples of a level with a choice of its parent
+CONTROLLED = 24  # fewest samples of a level that is regressed on surfaces alone
 FEWEST = 2  # fewest samples of a level with a variance
 FEWEST_PAIRS = 3  # fewest seeds in common for a correlation
 
@@ -74,10 +83,14 @@ class Link:
         Variance of the residual Y - b Y_parent; of Y for the coarsest level.
     freedom : float
         Degrees of freedom of the variance.
-    leverage : float
-        Variance of the slope over the residual variance; 0 for a given slope.
-    shift : float
-        Mean of the parent minus its mean over the seeds of the level.
+    gains : tuple of float
+        c; empty without a regression on surfaces alone.
+    alone : float
+        Variance of the residual about the parent alone.
+    leverage : tuple of tuples of float
+        Covariance of the estimated slope and gains over the residual variance; empty for a given slope.
+    shift : tuple of float
+        Means of the parent and of the surfaces alone, minus those over the seeds of the level.
     """
 
     level: int
@@ -86,13 +99,18 @@ class Link:
     slope: float
     variance: float
     freedom: float
-    leverage: float = 0.0
-    shift: float = 0.0
+    gains: tuple[float, ...] = ()
+    alone: float = math.inf
+    leverage: tuple[tuple[float, ...], ...] = ()
+    shift: tuple[float, ...] = ()
 
     @property
     def mean_variance(self) -> float:
         """Contribution of this level to the variance of its mean."""
-        return self.variance * (1.0 / self.samples + self.shift**2 * self.leverage)
+        if not (self.leverage and self.shift):
+            return self.variance / self.samples
+        shift = np.array(self.shift)
+        return self.variance * (1.0 / self.samples + float(shift @ np.array(self.leverage) @ shift))
 
 
 @dataclass(frozen=True)
@@ -196,13 +214,15 @@ def best_linear(groups: Sequence[tuple[Sequence[int], Array]], covariance: Array
     return means, spread
 
 
-def links_of(values: Sequence[Array]) -> dict[tuple[int, int], Link]:
+def links_of(values: Sequence[Array], alone: Array | None = None) -> dict[tuple[int, int], Link]:
     """Return the links of all pairs (level, parent) that a chain may use.
 
     Parameters
     ----------
     values : sequence of arrays
         Samples of every level, coarsest first, shapes (n_l,); values[l][s] is of seed s.
+    alone : array, shape (N, k), optional
+        Numbers of surfaces alone, for all seeds of the levels and more.
 
     Returns
     -------
@@ -217,12 +237,12 @@ def links_of(values: Sequence[Array]) -> dict[tuple[int, int], Link]:
     for level, fine in enumerate(values):
         if fine.size < FEWEST:
             continue
-        links[level, -1] = _base(level, fine)
+        links[level, -1] = _base(level, fine, alone)
         coarser_link = links.get((level - 1, level - 2)) if level > 1 else None
         for parent in range(level):
             eligible = parent == level - 1 or fine.size >= FREE_PARENT
             if eligible and values[parent].size >= fine.size:
-                links[level, parent] = _link(level, parent, fine, values[parent], coarser_link)
+                links[level, parent] = _link(level, parent, fine, values[parent], coarser_link, alone)
     return links
 
 
@@ -247,8 +267,10 @@ def nearest_chain(links: Mapping[tuple[int, int], Link], level: int) -> tuple[in
     return tuple(levels)
 
 
-def level_variance(links: Mapping[tuple[int, int], Link], levels: Sequence[int]) -> float:
-    """Return the variance over surfaces on the finest level of a chain, s_l² + b_l² times that of its parent.
+def level_variance(links: Mapping[tuple[int, int], Link], levels: Sequence[int], alone: Array | None = None) -> float:
+    """Return the variance over surfaces on the finest level of a chain, from the samples of all levels.
+
+    It is r_l + g_l·Cov(X)·g_l, with r_l = s_l² + b_l² r_parent.
 
     Parameters
     ----------
@@ -256,17 +278,43 @@ def level_variance(links: Mapping[tuple[int, int], Link], levels: Sequence[int])
         From `links_of`.
     levels : sequence of int
         Indices of the levels of the chain, coarsest first.
+    alone : array, shape (N, k), optional
+        As for `links_of`.
 
     Returns
     -------
     float
-        Variance of Y on the last level, estimated from the samples of all levels.
+        Variance of Y on the last level.
     """
-    total, parent = 0.0, -1
+    total, parent, used = 0.0, -1, []
     for level in levels:
         link = links[level, parent]
         total, parent = link.variance + link.slope**2 * total, level
-    return total
+        used.append(link)
+    return total + variance_alone(used, alone)
+
+
+def variance_alone(links: Sequence[Link], alone: Array | None) -> float:
+    """Return the part of the variance of the last level that surfaces alone explain, g·Cov(X)·g.
+
+    Parameters
+    ----------
+    links : sequence of Link
+        Links of a chain, coarsest first.
+    alone : array, shape (N, k), or None
+        As for `links_of`.
+
+    Returns
+    -------
+    float
+        Variance over surfaces.
+    """
+    if alone is None or len(alone) < FEWEST:
+        return 0.0
+    total = np.zeros(alone.shape[1])
+    for link in links:
+        total = link.slope * total + (np.array(link.gains) if link.gains else 0.0)
+    return float(np.var(alone @ total, ddof=1))
 
 
 def chain(
@@ -274,6 +322,7 @@ def chain(
     levels: Sequence[int],
     links: Mapping[tuple[int, int], Link] | None = None,
     stopping: float = 0.0,
+    alone: Array | None = None,
 ) -> Mean:
     """Return the mean of the finest level of a chain, from nested seeds.
 
@@ -287,28 +336,32 @@ def chain(
         `links_of` the same values.
     stopping : float
         Samples lost by stopping at a narrow interval; 0 for given numbers of samples.
+    alone : array, shape (N, k), optional
+        As for `links_of`.
 
     Returns
     -------
     Mean
         Value, variance and degrees of freedom.
     """
-    links = links_of(values) if links is None else links
+    links = links_of(values, alone) if links is None else links
     terms: list[tuple[float, float]] = []
     used: list[Link] = []
     mean, parent = 0.0, -1
     for level in levels:
         link, fine = links[level, parent], values[level]
-        if parent < 0:
-            mean = float(fine.mean())
-        else:
-            shift = mean - float(values[parent][: fine.size].mean())
-            mean = float(fine.mean()) + link.slope * shift
-            link = replace(link, shift=shift)
+        shift = [] if parent < 0 else [mean - float(values[parent][: fine.size].mean())]
+        if alone is not None and link.gains:
+            shift += [float(x) for x in alone.mean(axis=0) - alone[: fine.size].mean(axis=0)]
+        slopes = [link.slope] * (parent >= 0) + list(link.gains)
+        mean = float(fine.mean()) + sum(slope * each for slope, each in zip(slopes, shift, strict=True))
+        link = replace(link, shift=tuple(shift))
         terms = [(link.slope**2 * variance, freedom) for variance, freedom in terms]
         terms.append(((1.0 + stopping / link.freedom) * link.mean_variance, link.freedom))
         used.append(link)
         parent = level
+    if alone is not None and len(alone) >= FEWEST:
+        terms.append((variance_alone(used, alone) / len(alone), len(alone) - 1.0))
     return Mean(mean, *_summed(terms), tuple(used))
 
 
@@ -332,32 +385,50 @@ def correlation(fine: Array, coarse: Array) -> float:
     return float(np.corrcoef(x, y)[0, 1])
 
 
-def _base(level: int, values: Array) -> Link:
-    """Return the plain mean of a level as the link at which a chain begins."""
+def _base(level: int, values: Array, alone: Array | None = None) -> Link:
+    """Return the level at which a chain begins: its plain mean, or its regression on surfaces alone."""
     n = values.size
     variance = float(values.var(ddof=1)) if n > 1 else math.inf
-    return Link(level, -1, n, 0.0, variance, max(n - 1.0, 1.0))
+    if alone is not None and n >= CONTROLLED:
+        gains, residual, freedom, leverage = _regression(values, alone[:n])
+        return Link(level, -1, n, 0.0, residual, freedom, tuple(gains), variance, leverage)
+    return Link(level, -1, n, 0.0, variance, max(n - 1.0, 1.0), alone=variance)
 
 
-def _link(level: int, parent: int, fine: Array, coarse: Array, coarser_link: Link | None) -> Link:
+def _link(level: int, parent: int, fine: Array, coarse: Array, coarser_link: Link | None, alone: Array | None) -> Link:
     """Return the regression of a level on its parent; measures 1 and 3 of the module's docstring."""
     n = fine.size
     x, y = coarse[:n] - coarse[:n].mean(), fine - fine.mean()
     spread = float(x @ x)
-    leverage = 0.0
+    leverage: tuple[tuple[float, ...], ...] = ()
     if n >= OWN_SLOPE and spread > 0.0:
-        slope, freedom, leverage = float(x @ y) / spread, n - 2.0, 1.0 / spread
+        slope, freedom, leverage = float(x @ y) / spread, n - 2.0, ((1.0 / spread,),)
     else:
         slope, freedom = coarser_link.slope if coarser_link else 1.0, n - 1.0
     residual = y - slope * x
     variance = float(residual @ residual) / freedom
+    if alone is not None and n >= CONTROLLED and spread > 0.0:
+        slopes, controlled, freedom, leverage = _regression(fine, np.column_stack([coarse[:n], alone[:n]]))
+        return Link(level, parent, n, slopes[0], controlled, freedom, tuple(slopes[1:]), variance, leverage)
+    pooled = variance
     if coarser_link is not None and freedom < POOLED_BELOW:
-        bound = RESIDUAL_RATIO * coarser_link.variance
+        bound = RESIDUAL_RATIO * coarser_link.alone
         if bound > variance:
             added = min(POOLED_BELOW - freedom, coarser_link.freedom)
-            variance = (freedom * variance + added * bound) / (freedom + added)
+            pooled = (freedom * variance + added * bound) / (freedom + added)
             freedom += added
-    return Link(level, parent, n, slope, variance, freedom, leverage)
+    return Link(level, parent, n, slope, pooled, freedom, alone=pooled, leverage=leverage)
+
+
+def _regression(y: Array, predictors: Array) -> tuple[list[float], float, float, tuple[tuple[float, ...], ...]]:
+    """Return slopes, residual variance, its degrees of freedom, and the covariance of the slopes over the variance."""
+    centred, target = predictors - predictors.mean(axis=0), y - y.mean()
+    leverage = np.linalg.pinv(centred.T @ centred)
+    slopes = leverage @ centred.T @ target
+    residual = target - centred @ slopes
+    freedom = float(y.size - 1 - predictors.shape[1])
+    rows = tuple(tuple(float(each) for each in row) for row in leverage)
+    return [float(slope) for slope in slopes], float(residual @ residual) / freedom, freedom, rows
 
 
 def _summed(terms: Sequence[tuple[float, float]]) -> tuple[float, float]:

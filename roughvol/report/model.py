@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from roughvol.errors import DatasetError
+from roughvol.report.answers import Answers, answers
 from roughvol.report.claims import ABSENT, CLAIMS, VERDICTS, Check, Claim, Evidence, Lacking, Reading, Run, assess
 from roughvol.report.claims.ambiguities import SERVES, readings
 from roughvol.report.claims.leak_estimates import Ratio, ratios
@@ -30,7 +31,7 @@ MARKS = {True: "met", None: "undecided", False: "not met"}
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Results that the page shows: claims, second readings, few seeds, estimates of leakage, yield, and the runs.
+    """Results that the page shows: claims, readings, few seeds, ensembles, estimates of leakage, yield, and the runs.
 
     ``own`` are the runs that do not serve the paper; each is reported for itself.
     """
@@ -43,6 +44,7 @@ class Report:
     own: tuple[Run, ...] = ()
     any_size: bool = False
     yielding: tuple[Comparison, ...] = ()
+    answers: tuple[Answers, ...] = ()
 
     @property
     def evidence(self) -> Evidence:
@@ -99,7 +101,17 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
     used |= {run.name for needs in (*SERVES, ENOUGH, *ALONE) for run in evidence.fit(needs)}
     own = tuple(run for run in runs if run.name not in used)
     yielding = tuple(comparisons(runs))
-    return Report(runs, claims, tuple(readings(evidence)), many, tuple(ratios(evidence)), own, any_size, yielding)
+    return Report(
+        runs,
+        claims,
+        tuple(readings(evidence)),
+        many,
+        tuple(ratios(evidence)),
+        own,
+        any_size,
+        yielding,
+        tuple(answers(runs)),
+    )
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:

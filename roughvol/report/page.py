@@ -13,6 +13,7 @@ import numpy as np
 
 from roughvol._version import __version__
 from roughvol.report import run_facts
+from roughvol.report.answers import HEAD as HEAD_OF_ANSWERS
 from roughvol.report.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Claim, Number
 from roughvol.report.claims.leak_estimates import HEAD
 from roughvol.report.claims.many_seeds import FEW
@@ -64,7 +65,7 @@ def to_html(report: Report) -> str:
         parts += [tag("h2", "Further figures", id="figures"), tag("div", *figures.values(), kind="figures")]
     for number, run in enumerate(report.own, start=1):
         parts.append(run_section(run_facts.facts(run), list(drawings_of(run)), f"run-{number}"))
-    parts += [_estimates(report), _yielding(report), _decisions(report), _runs(report), _citation()]
+    parts += [_estimates(report), _yielding(report), _answers(report), _decisions(report), _runs(report), _citation()]
     body = "\n".join(parts)
     return (
         "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
@@ -95,6 +96,7 @@ def _sections(report: Report) -> list[tuple[str, str]]:
         *own,
         ("estimates", "Quick estimates", bool(report.estimates)),
         ("yielding", "Yield", bool(report.yielding)),
+        ("answers", "Ensembles", bool(report.answers)),
         ("decisions", "Decisions", bool(report.computed)),
         ("runs", "Runs", True),
         ("cite", "How to cite", True),
@@ -226,6 +228,15 @@ def _yielding(report: Report) -> Html:
         anchor = {"id": "yielding"} if number == 0 else {}
         parts.append(join(tag("h2", comparison.title, **anchor), tag("p", NOTE_OF_YIELDING)))
         parts.append(box(table(HEAD_OF_YIELDING, comparison.rows)))
+    return Html("\n".join(parts))
+
+
+def _answers(report: Report) -> Html:
+    parts = []
+    for number, answered in enumerate(report.answers):
+        anchor = {"id": "answers"} if number == 0 else {}
+        title = tag("h2", f"Ten seeds and the ensemble ({answered.run})", **anchor)
+        parts.append(join(title, tag("p", answered.words), box(table(HEAD_OF_ANSWERS, answered.rows))))
     return Html("\n".join(parts))
 
 

@@ -8,6 +8,7 @@ Room of the store. It computes nothing.
 `derived_variables`    rows that follow from others
 `tradeoff_variables`   the table of a stored trade-off
 `dataset`              build, write, read and combine datasets
+`small_file`           the file of a small case, written quickly
 `dimensional`          starred numbers in the units of the study
 `run_folder`           the files of a run: names, labels, failures
 `lock`                 one process at a time in a folder

@@ -39,7 +39,7 @@ from xarray.backends import NetCDF4DataStore
 
 from roughvol._version import __version__
 from roughvol.errors import DatasetError
-from roughvol.store import stamped_file
+from roughvol.store import small_file, stamped_file
 from roughvol.store.stamped_file import FORMAT
 from roughvol.store.variable import Variable
 from roughvol.store.variables import ALONG, DTYPES, FIELDS, MISSING, TIMES, VARIABLES
@@ -87,23 +87,8 @@ def build(case: Case, values: Mapping[str, ArrayLike], attributes: Mapping[str, 
     DatasetError
         If a name is not in the table, or an array has other dimensions than the table.
     """
-    leading: dict[str, Any] = {"case": case.label} if case.file else {"D": case.D, "m": case.m, "seed": case.seed}
-    labels: dict[str, Any] = {name: [label] for name, label in leading.items()} | {"L": case.L}
-    found: dict[str, tuple[list[str], NDArray[Any]]] = {}
-    for name, value in (labels | dict(values)).items():
-        if name not in VARIABLES:
-            message = f"{name!r} is not a stored variable; known are {', '.join(VARIABLES)}"
-            raise DatasetError(message)
-        array: NDArray[Any] = np.asarray(value, dtype=DTYPES[VARIABLES[name].kind])
-        dims = VARIABLES[name].dims.split()
-        if dims[:1] == ["..."]:
-            dims = [*leading, *dims[1:]]
-            array = array[(np.newaxis,) * len(leading)]
-        if array.ndim != len(dims):
-            message = f"{name} has dimensions ({', '.join(dims)}), got an array of shape {array.shape}"
-            raise DatasetError(message)
-        found[name] = (dims, array)
-    return _described(Dataset(found, attrs=dict(attributes)))  # at once: each one added alone takes a millisecond
+    arrays = small_file.arrays_of_case(case, values)
+    return _described(Dataset(arrays, attrs=dict(attributes)))  # at once: each one added alone takes a millisecond
 
 
 def combine(cases: Sequence[Dataset | Arrays], attributes: Mapping[str, str]) -> Dataset:
@@ -156,16 +141,25 @@ def arrays_of(dataset: Dataset) -> Arrays:
     }
 
 
+def case_bytes(case: Case, values: Mapping[str, ArrayLike], attributes: Mapping[str, str]) -> bytes:
+    """Return `to_bytes` of `build`, without a dataset if the case is small."""
+    arrays = small_file.arrays_of_case(case, values)
+    if not small_file.fits(arrays, SMALL):
+        return to_bytes(build(case, values, attributes))
+    return stamped_file.stamped(small_file.content(arrays, COORDS, attributes), stamped_file.labels_of(attributes))
+
+
 def to_bytes(dataset: Dataset) -> bytes:
     """Return a dataset as a stamped netCDF file, made in memory."""
-    small = "case_id" in dataset.attrs and dataset.nbytes <= SMALL
-    small = small and bool(np.all(dataset.get("seed", 0) < 1 << 31))  # netCDF-3 holds integers of 32 bits
-    store = netCDF4.Dataset("memory.nc", "w", format="NETCDF3_64BIT_OFFSET" if small else "NETCDF4", memory=4096)
+    arrays, labels = arrays_of(dataset), stamped_file.labels_of(dataset.attrs)
+    if "case_id" in dataset.attrs and small_file.fits(arrays, SMALL):
+        return stamped_file.stamped(small_file.content(arrays, COORDS, dataset.attrs), labels)
+    store = netCDF4.Dataset("memory.nc", "w", format="NETCDF4", memory=4096)
     try:
         dataset.dump_to_store(NetCDF4DataStore(store), encoding=_encoding(dataset))
     finally:
         content = bytes(store.close())
-    return stamped_file.stamped(content, stamped_file.labels_of(dataset.attrs))
+    return stamped_file.stamped(content, labels)
 
 
 def write(dataset: Dataset, path: Path) -> None:
@@ -193,19 +187,26 @@ def read(path: Path) -> Dataset:
     """
     content, _ = stamped_file.verified(path)
     try:
-        stored = netCDF4.Dataset("memory.nc", memory=content)
-        try:
-            dataset = xr.load_dataset(NetCDF4DataStore(stored))
-            short = {str(name): v.astype("int64") for name, v in dataset.variables.items() if v.dtype == "int32"}
-            dataset = dataset.assign(short)  # netCDF-3 has no longer integers
-        finally:
-            if stored.isopen():
-                stored.close()
-    except (OSError, ValueError, RuntimeError, KeyError) as error:
+        dataset = _opened(content)
+    except (OSError, ValueError, RuntimeError, LookupError, TypeError) as error:
         message = f"{path} is damaged or no netCDF file ({error})"
         raise DatasetError(message) from error
     _check_format(dataset.attrs, path)
     return dataset
+
+
+def _opened(content: bytes) -> Dataset:
+    """Return a loaded dataset. In memory, netcdf-c reads past the end of some netCDF-3 files; scipy does not."""
+    if not content.startswith(b"CDF"):
+        stored = netCDF4.Dataset("memory.nc", memory=content)
+        try:
+            return xr.load_dataset(NetCDF4DataStore(stored))
+        finally:
+            if stored.isopen():
+                stored.close()
+    dataset = xr.load_dataset(io.BytesIO(content), engine="scipy")
+    short = {str(name): v.astype("int64") for name, v in dataset.variables.items() if v.dtype == "int32"}
+    return dataset.assign(short)  # netCDF-3 has no longer integers
 
 
 def read_arrays(path: Path) -> tuple[Arrays, stamped_file.Labels]:

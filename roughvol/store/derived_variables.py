@@ -17,11 +17,21 @@ OF_ENSEMBLE = {
     "bound": Variable("bound", "1", "end of an interval", "bound", "text"),
     "round": Variable("round", "1", "round of samples", "k", "index"),
     "ensemble_samples": Variable("D m", "1", "samples of the ensemble on each level", "n_m", "count"),
+    "ensemble_surfaces": Variable("D", "1", "surfaces without a solve, as control variates", "N", "count"),
     "ensemble_sample_cost": Variable("D m", "s", "modelled cost of one sample", "C_m"),
     "ensemble_cost": Variable("D", "s", "modelled cost of all samples", "C"),
     "ensemble_plain_cost": Variable("D", "s", "the same for plain Monte Carlo at the accuracy asked for", "C_0"),
     "ensemble_round_cost": Variable("D round", "s", "modelled cost of the samples up to each round", "C(k)"),
 }
+OF_VOID = {  # name: long name, symbol
+    "connected_volume_fraction": ("free volume connected to a side over all", "V_con/V"),
+    "transmissivity": ("flow with g^3 over that of plates at the mean gap, mean of both axes", "T*"),
+    "log_leak_rate": ("decimal logarithm of T* V*^3, mean of both axes", "log10(T* V*^3)"),
+    "percolation_pressure": ("mean pressure at which no way is left along x or y", "p_c*"),
+    "percolation_pressure_x": ("mean pressure at which no way is left along x", "p_c,x*"),
+    "percolation_pressure_y": ("mean pressure at which no way is left along y", "p_c,y*"),
+}
+"""Quantities of the void whose means an ensemble estimates."""
 OF_MEAN = {  # suffix: dimensions, long name, symbol
     "mean": ("D ensemble_at", "mean over all surfaces of the {}", "<{}>"),
     "interval": ("D ensemble_at bound", "95 % interval of the mean over all surfaces of the {}", "<{}>"),
@@ -123,11 +133,12 @@ def of_ensembles(table: Mapping[str, Variable]) -> dict[str, Variable]:
     Returns
     -------
     dict
-        Rows `OF_ENSEMBLE`, and ``<name>_<suffix>`` of each of `OF_STATE` and `OF_MEAN`.
+        Rows `OF_ENSEMBLE`, and ``<name>_<suffix>`` of each of `OF_STATE`, `OF_VOID` and `OF_MEAN`.
     """
+    averaged = {name: (table[name].long_name, table[name].symbol) for name in OF_STATE} | OF_VOID
     of_mean = {
-        f"{name}_{suffix}": Variable(dims, "1", title.format(table[name].long_name), symbol.format(table[name].symbol))
-        for name in OF_STATE
+        f"{name}_{suffix}": Variable(dims, "1", title.format(averaged[name][0]), symbol.format(averaged[name][1]))
+        for name in averaged
         for suffix, (dims, title, symbol) in OF_MEAN.items()
     }
     return rows("campaign.answered.variables", **OF_ENSEMBLE, **of_mean)

@@ -2,6 +2,7 @@ from .cases import ANSWER_FORMAT as ANSWER_FORMAT
 from .cases import Case as Case
 from .cases import Study as Study
 from .cases import json_schema as json_schema
+from .ensemble import CLOSING as CLOSING
 from .ensemble import STORED_AS as STORED_AS
 from .ensemble import Accuracy as Accuracy
 from .ensemble import Ensemble as Ensemble

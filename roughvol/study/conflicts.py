@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from roughvol.study import spectral
-from roughvol.study.ensemble import STORED_AS
+from roughvol.study.ensemble import CLOSING, RECORDED_BY, STORED_AS
 from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
-from roughvol.study.record import SELECTORS, Record
+from roughvol.study.record import EVERY_STEP, SELECTORS, Record
 from roughvol.study.sections import PAPER_MAX_M, names, whole
 from roughvol.study.sweep import Target
 from roughvol.study.targets import FALLING, end_of, lacking_units, list_of, sections_of, steps_of
@@ -277,11 +277,28 @@ def _ensemble_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         if list(quantities.values()).count(quantity) > 1:
             yield ("ensemble", "accuracy", name), f"is '{quantity}' by another name: give one of them"
     end = sweep.get("to", DEFAULT_END)
+    yield from _unrecorded_means(list(quantities), end, _mapping(data, "record", "transport"))
+    if states and quantities and quantities.keys() <= CLOSING.keys():
+        yield ("ensemble", "at"), f"is of no use for {', '.join(quantities)} alone: leave it out"
     constant = {"separation"} if end == "mean-plane" else set(end) if isinstance(end, dict) else set()
     for name, quantity in quantities.items():
         if not states and quantity in constant:
             message = "is the same on every surface at the last step: name states in 'at'"
             yield ("ensemble", "accuracy", name), message
+
+
+def _unrecorded_means(quantities: list[str], end: Any, transport: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield quantities of the void whose numbers a study does not record at every step."""
+    axis = "both" if end == "percolation" else end.get("percolation") if isinstance(end, dict) else None
+    for name in quantities:
+        key = RECORDED_BY.get(name)
+        if key is None or transport.get(key) == EVERY_STEP:
+            continue
+        closing = CLOSING.get(name, "").removeprefix("percolation-")
+        if closing and closing == axis:
+            continue
+        sweep = f"sweep.to: {{percolation: {closing}}}, or " if closing else ""
+        yield ("ensemble", "accuracy", name), f"needs {sweep}record.transport.{key}: {EVERY_STEP}"
 
 
 def _mapping(data: dict[str, Any], *path: str) -> dict[str, Any]:

@@ -16,6 +16,20 @@ from roughvol.study.yaml_text import number_text
 STORED_AS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
 """Names of stored variables where they differ from those of quantities in a study."""
 
+CLOSING = {  # end of a sweep that gives each quantity without a state
+    "percolation_pressure": "percolation-both",
+    "percolation_pressure_x": "percolation-x",
+    "percolation_pressure_y": "percolation-y",
+}
+"""Pressures at which the void closes. They belong to no state of ``at``."""
+
+RECORDED_BY = {
+    "connected_volume_fraction": "percolation",
+    "transmissivity": "transmissivity",
+    "log_leak_rate": "transmissivity",
+} | dict.fromkeys(CLOSING, "percolation")
+"""Keys of ``record.transport`` that quantities of the void need, at every step."""
+
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "days": 86400.0}
 """Units of a budget in seconds."""
 TIGHTEST = 1e-5  # smallest relative accuracy
@@ -149,6 +163,24 @@ class Accuracies(Choice):
     pressure: HalfWidth | None = Field(default=None, description=f"p*: {_HOW}")
     separation: HalfWidth | None = Field(default=None, description=f"d/σ: {_HOW}")
     indentation: HalfWidth | None = Field(default=None, description=f"Δ/σ: {_HOW}")
+    connected_volume_fraction: HalfWidth | None = Field(
+        default=None, description=f"free volume connected to a side over all; record.transport.percolation: {_HOW}"
+    )
+    transmissivity: HalfWidth | None = Field(
+        default=None, description=f"T*, mean of both axes; record.transport.transmissivity: {_HOW}"
+    )
+    log_leak_rate: HalfWidth | None = Field(
+        default=None, description=f"log10(T* V*^3), mean of both axes; record.transport.transmissivity: {_HOW}"
+    )
+    percolation_pressure: HalfWidth | None = Field(
+        default=None, description=f"p* at which no way is left along x or y; sweep.to: percolation: {_HOW}"
+    )
+    percolation_pressure_x: HalfWidth | None = Field(
+        default=None, description=f"p* at which no way is left along x; sweep.to: {{percolation: x}}: {_HOW}"
+    )
+    percolation_pressure_y: HalfWidth | None = Field(
+        default=None, description=f"p* at which no way is left along y; sweep.to: {{percolation: y}}: {_HOW}"
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -210,6 +210,52 @@ def test_a_finished_ensemble_is_found_finished(finished: Path) -> None:
     assert collect(loads(TEXT), finished).free_volume.notnull().any("step").sum() == len(state.done)
 
 
+def test_a_finished_ensemble_is_collected_with_its_answer(finished: Path, tmp_path: Path) -> None:
+    stored = dataset.read(finished / "study.nc")
+    assert dataset.answers(collect(loads(TEXT), finished)).identical(dataset.answers(stored))
+    shutil.copytree(finished / "cases", tmp_path / "cases")
+    shutil.copy(finished / "ensemble.json", tmp_path)
+    from_cases = collect(loads(TEXT), tmp_path)
+    assert not (tmp_path / "study.nc").exists()
+    assert from_cases.attrs["answer"] == stored.attrs["answer"]
+    assert_allclose(from_cases.free_volume_mean, stored.free_volume_mean)
+
+
+def test_an_unfinished_ensemble_is_collected_without_an_answer(finished: Path, tmp_path: Path) -> None:
+    shutil.copytree(finished / "cases", tmp_path / "cases")
+    shutil.copy(finished / "ensemble.json", tmp_path)
+    last = sorted((tmp_path / "cases").glob("*_m2_*.nc"))[-1]
+    last.unlink()
+    results = collect(loads(TEXT), tmp_path)
+    assert "free_volume_mean" not in results
+    assert "no answer yet: 1 of " in results.attrs["answer"]
+    assert results.free_volume.notnull().any("step").sum() == len(list((tmp_path / "cases").glob("*.nc")))
+
+
+def test_fresh_computes_every_sample_again(finished: Path, tmp_path: Path) -> None:
+    shutil.copytree(finished, tmp_path / "run")
+    before = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "run" / "cases").glob("*.nc")}
+    results = run(loads(TEXT), out=tmp_path / "run", jobs=1, fresh=True)
+    after = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "run" / "cases").glob("*.nc")}
+    assert after.keys() == before.keys()
+    assert all(after[name] > before[name] for name in after)
+    assert dataset.answers(results).identical(dataset.answers(dataset.read(finished / "study.nc")))
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_cluster_gives_the_same_answer(finished: Path, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'roughvol[cluster]'")
+    local = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
+    )
+    with local as cluster:
+        results = run(loads(TEXT), out=tmp_path, scheduler=cluster.scheduler_address)
+    stored = dataset.read(finished / "study.nc")
+    assert dataset.answers(results).identical(dataset.answers(stored))
+    assert results.attrs["answer"] == stored.attrs["answer"]
+
+
 def test_figures_cannot_choose_the_cases_of_an_ensemble(tmp_path: Path) -> None:
     with pytest.raises(CampaignError, match="an ensemble decides itself"):
         run(loads(TEXT), out=tmp_path, only=["x"])

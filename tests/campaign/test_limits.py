@@ -79,7 +79,7 @@ def test_memory_that_runs_out_in_a_case_is_its_failure(
     def fail(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr(batch, "run_case", fail)
+    monkeypatch.setattr(batch, "file_of_case", fail)
     with pytest.raises(CampaignError, match=r"1 of 1 cases failed\n.*: not enough memory$"):
         running.run(loads(TEXT), out=tmp_path)
 

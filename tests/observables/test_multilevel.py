@@ -153,3 +153,52 @@ def test_a_parent_has_all_seeds_of_its_level() -> None:
     assert multilevel.nearest_chain(links, 1) == (0, 1)
     assert chain(values, (0, 2)).half_width < plain(fine).half_width
     assert_allclose(multilevel.level_variance(links, (0, 2)), fine.var(ddof=1), rtol=0.2)
+
+
+def _controlled(counts: list[int], surfaces: int, seed: int) -> tuple[list[np.ndarray], np.ndarray]:
+    """Levels that two numbers of the surface alone explain to four fifths, with a mean of 3."""
+    random = np.random.default_rng(seed)
+    alone = random.normal([0.2, 4.0], [0.1, 0.5], (surfaces, 2))
+    shared = 8.0 * (alone[:, 0] - 0.2) - 0.8 * (alone[:, 1] - 4.0)
+    levels = [shared + 0.45 * random.standard_normal(surfaces)]
+    for rho in MARKOV[: len(counts) - 1]:
+        levels.append(levels[-1] + 0.45 * math.sqrt(1.0 - rho**2) * random.standard_normal(surfaces))
+    return [3.0 + each[:n] for each, n in zip(levels, counts, strict=True)], alone
+
+
+def test_a_level_with_surfaces_alone_has_the_variance_of_a_control_variate() -> None:
+    values, alone = _controlled([200], 20_000, seed=12)
+    found, without = chain(values, [0], alone=alone), plain(values[0])
+    explained = 8.0**2 * 0.1**2 + 0.8**2 * 0.5**2
+    assert_allclose(found.variance, 0.45**2 / 200 + explained / 20_000, rtol=0.15)
+    assert found.half_width < 0.6 * without.half_width
+    assert found.links[0].freedom == 197.0
+    assert_allclose(multilevel.level_variance(links_of(values, alone), (0,), alone), 0.45**2 + explained, rtol=0.15)
+
+
+def test_surfaces_alone_in_no_greater_number_change_nothing() -> None:
+    values, alone = _controlled([60], 60, seed=13)
+    found = chain(values, [0], alone=alone)
+    assert_allclose(found.value, values[0].mean())
+    assert_allclose(found.variance, values[0].var(ddof=1) / 60, rtol=0.05)
+
+
+@pytest.mark.parametrize("counts", [[300, 60, 30, 10], [60, 24, 10, 3], [24, 24, 24, 4], [30]])
+def test_intervals_with_surfaces_alone_cover_the_mean(counts: list[int]) -> None:
+    runs = 600
+    found = []
+    for run in range(runs):
+        values, alone = _controlled(counts, 3000, 1000 + run)
+        found.append(chain(values, range(len(counts)), alone=alone))
+    inside = np.mean([abs(each.value - 3.0) <= each.half_width for each in found])
+    assert 0.93 <= inside <= 0.985
+    errors = np.array([each.value - 3.0 for each in found])
+    assert abs(errors.mean()) < 4.0 * errors.std() / math.sqrt(runs)
+
+
+def test_a_level_of_few_samples_is_not_regressed_on_surfaces_alone() -> None:
+    values, alone = _controlled([100, 10], 500, seed=14)
+    links = links_of(values, alone)
+    assert len(links[0, -1].gains) == 2
+    assert links[1, 0].gains == ()
+    assert links[0, -1].alone > 2.0 * links[0, -1].variance

@@ -29,6 +29,9 @@ def results() -> Dataset:
             "free_volume_mean": (dims, [[1.5], [1.7]]),
             "free_volume_accuracy_asked": (dims, [[0.05], [0.05]]),
             "free_volume_interval": ((*dims, "bound"), [[[1.45, 1.55]], [[1.65, 1.75]]]),
+            "free_volume_level_mean": (("D", "m", "ensemble_at"), [[[1.8], [1.6], [1.5]], [[2.0], [1.8], [1.7]]]),
+            "free_volume_bias": (dims, [[0.03], [np.nan]]),
+            "free_volume_solver_error": (dims, [[1e-3], [0.0]]),
             "free_volume_level_variance": (("D", "m", "ensemble_at"), np.full((2, LEVELS, 1), 0.04)),
             "free_volume_round_half_width": ((*dims, "round"), [[half], [half]]),
         },
@@ -79,3 +82,22 @@ def test_it_is_found_by_name_and_needs_an_ensemble(results: Dataset) -> None:
     assert "section 'ensemble'" in str(missing("ensemble_cost", Dataset()))
     with pytest.raises(DatasetError, match="section 'ensemble'"):
         FIGURES["ensemble_cost"](Dataset())
+
+
+def test_the_error_of_a_mean_is_that_of_seeds_and_of_the_resolution(results: Dataset) -> None:
+    left, right = FIGURES["answer_cost"](results).axes
+    curve, dots = left.lines[:2]
+    seeds = dots.get_xdata() / 0.02
+    np.testing.assert_allclose(seeds, [10, 100, 1000])
+    np.testing.assert_allclose(dots.get_ydata(), 100 / 1.5 * (1.96 * 0.2 / seeds**0.5 + 0.3 + 0.03))
+    np.testing.assert_allclose(curve.get_ydata()[[0, -1]], dots.get_ydata()[[0, -1]])
+    finest = right.lines[2 * LEVELS - 1]
+    np.testing.assert_allclose(finest.get_ydata(), 100 / 1.7 * 1.96 * 0.2 / seeds**0.5)
+    ensemble = right.lines[2 * LEVELS]
+    np.testing.assert_allclose(ensemble.get_ydata()[-1], 100 / 1.7 * 0.05)
+    assert len(left.lines) == len(right.lines) + 1  # the solver certifies nothing on the right
+
+
+def test_the_trade_of_one_dimension_is_one_panel(results: Dataset) -> None:
+    assert len(FIGURES["answer_cost"](results.isel(D=[0])).axes) == 1
+    assert selection.drawable(results, ["answer_cost"]) == ["answer_cost"]

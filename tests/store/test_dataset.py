@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 import xarray as xr
 from numpy.testing import assert_array_equal
+from xarray.backends import NetCDF4DataStore
 
+from roughvol.campaign.one_case import run_case
 from roughvol.errors import DatasetError, FolderError
 from roughvol.store import dataset, run_folder, stamped_file
 from roughvol.store.dataset import VARIABLES, Dataset
@@ -272,3 +274,29 @@ def test_leftovers_of_dead_processes_are_removed_and_nothing_else(tmp_path: Path
         (tmp_path / name).touch()
     stamped_file.remove_leftovers(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {alive} | others
+
+
+def test_a_small_file_is_what_xarray_would_write(tmp_path: Path) -> None:
+    text = "surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 3}\nrecord: {transport: {percolation: every-step}}"
+    case = loads(text).cases()[0]
+    built = run_case(case)
+    store = netCDF4.Dataset("memory.nc", "w", format="NETCDF3_64BIT_OFFSET", memory=4096)
+    built.dump_to_store(NetCDF4DataStore(store), encoding=dataset._encoding(built))
+    (tmp_path / "xarray.nc").write_bytes(bytes(store.close()))
+    dataset.write(built, tmp_path / "ours.nc")
+    theirs, ours = (xr.load_dataset(tmp_path / f"{name}.nc") for name in ("xarray", "ours"))
+    xr.testing.assert_identical(theirs, ours)
+    for name, variable in theirs.variables.items():
+        assert variable.encoding.keys() == ours[name].encoding.keys()
+        assert variable.encoding["dtype"] == ours[name].encoding["dtype"]
+
+
+def test_the_file_of_a_case_does_not_need_a_dataset(monkeypatch: pytest.MonkeyPatch) -> None:
+    case, attributes = _case(), dataset.provenance("name: x\n", fft=FFT, case=_case())
+    for most in (dataset.SMALL, 0):
+        monkeypatch.setattr(dataset, "SMALL", most)
+        built = dataset.to_bytes(dataset.build(case, _values(3), attributes))
+        direct = dataset.case_bytes(case, _values(3), attributes)
+        assert direct.startswith(b"CDF" if most else b"\x89HDF")
+        assert len(direct) == len(built)
+        assert direct == built or not most

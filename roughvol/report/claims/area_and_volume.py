@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from roughvol.observables.at_state import at_state
 from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, area_slopes, at, claim, common, require
 from roughvol.report.claims.needs import BY_D, BY_M, MANY
 from roughvol.report.claims.statistics import bootstrap, exact, mean, ratio, single, slope
@@ -61,7 +62,7 @@ def area_falls_with_D(given: Given) -> Outcome:
 def _at_pressure(run: Run, D: float, m: int, pressure: float) -> Array:
     # the last state may be a rounding short of the pressure that defines the common range
     x, y = run.values(P, D=D, m=m), run.values(A, D=D, m=m)
-    return np.array([np.interp(pressure, p, a) for p, a in zip(x, y, strict=True)])
+    return np.array([at_state(p, a, min(pressure, float(np.nanmax(p))))[0] for p, a in zip(x, y, strict=True)])
 
 
 @claim(

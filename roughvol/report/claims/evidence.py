@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from roughvol.errors import RoughvolError
+from roughvol.observables.at_state import at_state
 from roughvol.report import paper_rules
 from roughvol.report.claims.needs import Needs
 from roughvol.report.claims.stored_run import Run
@@ -157,16 +158,11 @@ def claim(
 
 
 def at(x: Array, y: Array, points: Array) -> Array:
-    """Return y of each surface at points of x, linear between steps, NaN beyond the steps of that surface.
+    """Return y of each surface at points of x by `observables.at_state`, NaN beyond the steps of that surface.
 
     ``x``, ``y`` : (surfaces, steps), x rising or falling along a row; the result is (surfaces, points).
     """
-    rows = []
-    for abscissa, ordinate in zip(x, y, strict=True):
-        mask = np.isfinite(abscissa) & np.isfinite(ordinate)
-        order = np.argsort(abscissa[mask], kind="stable")
-        rows.append(np.interp(points, abscissa[mask][order], ordinate[mask][order], left=np.nan, right=np.nan))
-    return np.array(rows)
+    return np.array([at_state(abscissa, ordinate, points) for abscissa, ordinate in zip(x, y, strict=True)])
 
 
 def common(curves: Sequence[Array]) -> Array:

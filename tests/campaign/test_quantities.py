@@ -1,0 +1,117 @@
+"""Quantities of the void at a state: values from the steps of a sweep, and requests that a sweep cannot answer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from roughvol.campaign import quantities
+from roughvol.campaign.one_case import run_case
+from roughvol.campaign.quantities import PERCOLATION, series_of, value_and_error
+from roughvol.campaign.running import run
+from roughvol.campaign.samples import targets_of
+from roughvol.errors import StudyError
+from roughvol.store import dataset
+from roughvol.study import Case, Level, loads
+
+EVERY = "record: {transport: {percolation: every-step, transmissivity: every-step}}"
+
+
+def _case(to: str, steps: int = 12, record: str = EVERY) -> Case:
+    return loads(f"surface: {{D: 2.3, m: 4, seeds: 1}}\nsweep: {{steps: {steps}, to: {to}}}\n{record}").cases()[0]
+
+
+def _series(case: Case) -> quantities.Series:
+    return series_of(dataset.arrays_of(run_case(case)))
+
+
+def test_the_pressure_at_which_the_void_closes_is_that_of_a_sweep_to_percolation() -> None:
+    for axis, name in (("both", ""), ("x", "_x"), ("y", "_y")):
+        exact_case = _case(f"{{percolation: {axis}}}", 6, "")
+        exact, no_error = value_and_error(_series(exact_case), f"percolation_pressure{name}", PERCOLATION, exact_case)
+        case = _case("{pressure: 40}", 40)
+        series = _series(case)
+        middle, error = value_and_error(series, f"percolation_pressure{name}", PERCOLATION, case)
+        steps = np.diff(series["mean_pressure"])
+        assert no_error == 0.0
+        assert abs(middle - exact) <= 0.5 * steps.max() * (1.0 + 1e-9)
+        assert abs(error) <= steps.max()
+
+
+def test_a_void_still_open_has_no_closing_pressure() -> None:
+    case = _case("mean-plane")
+    with pytest.raises(StudyError, match=r"ensemble.accuracy.percolation_pressure: the void of .* is still open"):
+        value_and_error(_series(case), "percolation_pressure", PERCOLATION, case)
+
+
+def test_coefficients_between_steps_are_those_of_the_steps_beside() -> None:
+    case = _case("mean-plane")
+    arrays = dataset.arrays_of(run_case(case))
+    series = series_of(arrays)
+    p = arrays["mean_pressure"][1].ravel()
+    both = 0.5 * (arrays["transmissivity_x"][1] + arrays["transmissivity_y"][1]).ravel()
+    at_step = value_and_error(series, "transmissivity", Level("pressure", float(p[5])), case)[0]
+    between = value_and_error(series, "transmissivity", Level("pressure", float(0.5 * (p[5] + p[6]))), case)[0]
+    assert_allclose(at_step, both[5])
+    assert both[6] < between < both[5]
+    leak = value_and_error(series, "log_leak_rate", Level("last"), case)[0]
+    T = [float(arrays[f"transmissivity_{axis}"][1].ravel()[-1]) for axis in "xy"]
+    V = float(arrays["free_volume"][1].ravel()[-1])
+    assert_allclose(leak, 0.5 * np.log10(T[0] * T[1]) + 3.0 * np.log10(V))
+    share = value_and_error(series, "connected_volume_fraction", Level("pressure", float(0.5 * p[0])), case)[0]
+    assert float(arrays["connected_volume_fraction"][1].ravel()[0]) <= share <= 1.0
+
+
+def test_a_state_before_the_first_step_or_without_a_way_has_no_coefficient() -> None:
+    early, closed = _case("mean-plane"), _case("{percolation: both}", 6)
+    first = float(_series(early)["mean_pressure"][1])
+    with pytest.raises(StudyError, match=r"ensemble.accuracy.transmissivity: has no value at pressure=.*first step"):
+        value_and_error(_series(early), "transmissivity", Level("pressure", 0.5 * first), early)
+    with pytest.raises(StudyError, match=r"ensemble.accuracy.log_leak_rate: has no value at last.*no way is left"):
+        value_and_error(_series(closed), "log_leak_rate", Level("last"), closed)
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "sweep", "rest", "message"),
+    [
+        ("{transmissivity: 1 %}", "", "", "needs record.transport.transmissivity: every-step"),
+        ("{log_leak_rate: 0.1}", "", "record: {transport: {transmissivity: last}}", "transmissivity: every-step"),
+        ("{connected_volume_fraction: 1 %}", "", "", "needs record.transport.percolation: every-step"),
+        ("{percolation_pressure: 1 %}", "", "", "needs sweep.to: {percolation: both}, or record.transport.percolation"),
+        ("{percolation_pressure_x: 1 %}", "sweep: {to: percolation}", "", "needs sweep.to: {percolation: x}"),
+        ("{percolation_pressure: 1 %}, at: {pressure: 1}", "sweep: {to: percolation}", "", "is of no use for perc"),
+    ],
+)
+def test_a_study_that_does_not_record_what_it_asks_for_is_refused(
+    accuracy: str, sweep: str, rest: str, message: str
+) -> None:
+    with pytest.raises(StudyError, match=message):
+        loads(f"surface: {{D: 2.3, m: 4}}\nensemble: {{accuracy: {accuracy}}}\n{sweep}\n{rest}")
+
+
+def test_a_quantity_without_a_state_has_a_state_of_its_own() -> None:
+    text = "surface: {D: 2.3, m: 4}\nsweep: {to: percolation}\n"
+    study = loads(text + "ensemble: {accuracy: {free_volume: 5 %, percolation_pressure: 5 %}}")
+    assert study.ensemble is not None
+    found = [(target.quantity, target.state.label) for target in targets_of(study.ensemble)]
+    assert found == [("free_volume", "last"), ("percolation_pressure", "percolation")]
+    alone = loads(text + "ensemble: {accuracy: {percolation_pressure: 5 %}}")
+    assert alone.ensemble is not None
+    assert [target.quantity for target in targets_of(alone.ensemble)] == ["percolation_pressure"]
+
+
+def test_the_mean_of_a_quantity_of_the_void_is_stored(tmp_path: Path) -> None:
+    text = (
+        "surface: {D: 2.3, m: 3}\nsweep: {steps: 4, to: percolation}\nrecord: {transport: {percolation: every-step}}\n"
+    )
+    asked = "ensemble: {accuracy: {percolation_pressure: 20 %, connected_volume_fraction: 0.1}, at: {pressure: 0.1}}"
+    results = run(loads(text + asked), out=tmp_path, jobs=1)
+    closing = results.sel(ensemble_at="percolation")
+    assert float(closing.percolation_pressure_interval.diff("bound").item()) > 0.0
+    last = results.mean_pressure.isel(step=-1, m=-1).squeeze("D").dropna("seed")
+    assert abs(closing.percolation_pressure_mean.item() / float(last.mean()) - 1.0) < 0.5
+    assert 0.0 < results.sel(ensemble_at="pressure=0.1").connected_volume_fraction_mean.item() <= 1.0
+    assert "mean p_c*, D = 2.3, m = 3" in results.attrs["answer"]
