@@ -170,6 +170,8 @@ def _with_means(
     study: Study, folder: Path, cases: Mapping[str, Case], parts: dict[str, Arrays], versions: Mapping[str, int]
 ) -> Dataset:
     """Return the finished samples of an ensemble, with the means if none is missing."""
+    from roughvol.campaign import answered, ensemble  # scipy.stats: half a second, for ensembles alone
+
     with contextlib.suppress(DatasetError):  # a budget of time ends elsewhere in each run: its answer is the stored one
         stored = dataset.read(folder / "study.nc")
         same = stored.attrs.get("study") == study.stored() and "answer" in stored.attrs
@@ -188,8 +190,6 @@ def _with_means(
         means = ensemble.estimate_means(study, finished)
     except _Unfinished as error:
         return results.assign_attrs(answer=f"no answer yet: {error}; a run of the study goes on")
-    from roughvol.campaign import answered
-
     return answer.with_answer(results, answered.variables(means), "\n".join(answered.sentences(means)))
 
 
