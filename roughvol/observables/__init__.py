@@ -22,6 +22,7 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `regions`        a part of the surface, and central squares
 `at_state`       quantities of a sweep at a given state, between its steps
 `multilevel`     multilevel estimators of the mean over an ensemble
+`best_linear`    the best linear estimator for a given covariance
 `allocation`     the optimal number of samples on each level
 `refinement`     the bias of a mean by the resolution
 ===============  ===================================================================
