@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from roughvol.campaign.samples import SampleTable, Target
-from roughvol.observables import allocation, multilevel, refinement
+from roughvol.observables import allocation, best_linear, multilevel, refinement
 from roughvol.observables.allocation import Alone, Plan
 from roughvol.observables.multilevel import Link, Mean
 from roughvol.observables.refinement import WeakError
@@ -127,7 +127,7 @@ def _estimate(table: SampleTable, D: float, number: int, costs: tuple[float, ...
         costs,
         links,
         level_means,
-        tuple(multilevel.correlation(fine, coarse) for coarse, fine in itertools.pairwise(values)),
+        tuple(best_linear.correlation(fine, coarse) for coarse, fine in itertools.pairwise(values)),
         abs(float(np.mean([sample.interpolation_errors[number] for sample in samples[-1]]))),
         float(np.max([sample.solver_errors[number] for level in samples for sample in level])),
         _weak_error(values, level_means),

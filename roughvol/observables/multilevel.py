@@ -6,8 +6,8 @@ two levels is one surface.
 Three estimators of the mean μ of the finest level:
 
 - `telescoping`: Σ mean(Y_l - Y_{l-1}), with independent samples for each difference (Giles, Oper. Res. 56 (2008) 607);
-- `best_linear`: the best linear unbiased estimator for any groups of levels, given their covariance (Schaden & Ullmann,
-  SIAM/ASA J. Uncertainty Quantification 8 (2020) 601);
+- `best_linear`, a module: the best linear unbiased estimator for any groups of levels, given their covariance (Schaden
+  & Ullmann, SIAM/ASA J. Uncertainty Quantification 8 (2020) 601);
 - `chain`: the same for nested seeds, with the covariance estimated from the samples. Campaigns use it.
 
 **The chain.** Level l has the seeds 0 … n_l - 1, and a finer level has fewer. The parent of a level is the next coarser
@@ -64,7 +64,6 @@ RESIDUAL_RATIO = 0.5  # largest residual variance of a link over that of the nex
 FREE_PARENT = 60  # fewest samples of a level with a choice of its parent
 CONTROLLED = 24  # fewest samples of a level that is regressed on surfaces alone
 FEWEST = 2  # fewest samples of a level with a variance
-FEWEST_PAIRS = 3  # fewest seeds in common for a correlation
 
 
 @dataclass(frozen=True)
@@ -178,40 +177,6 @@ def telescoping(differences: Sequence[Array]) -> Mean:
     links = tuple(_base(level, difference) for level, difference in enumerate(differences))
     terms = [(link.mean_variance, link.freedom) for link in links]
     return Mean(float(sum(difference.mean() for difference in differences)), *_summed(terms), links)
-
-
-def best_linear(groups: Sequence[tuple[Sequence[int], Array]], covariance: Array) -> tuple[Array, Array]:
-    """Return the best linear unbiased estimate of the means of all levels, and its covariance.
-
-    The weights of all samples minimise the variance (Schaden & Ullmann 2020, eq. 2.10).
-
-    Parameters
-    ----------
-    groups : sequence of (levels, values)
-        Samples with common seeds: indices of their levels, and values of shape (n, len(levels)). Groups are
-        independent.
-    covariance : array, shape (levels, levels)
-        Covariance of one surface on all levels.
-
-    Returns
-    -------
-    means : array, shape (levels,)
-        Estimates; NaN for levels without a group.
-    covariance : array, shape (levels, levels)
-        Covariance of the means; NaN for levels without a group.
-    """
-    size = len(covariance)
-    information, right = np.zeros((size, size)), np.zeros(size)
-    for levels, values in groups:
-        rows = np.asarray(levels)
-        inverse = np.linalg.inv(covariance[np.ix_(rows, rows)])
-        information[np.ix_(rows, rows)] += len(values) * inverse
-        right[rows] += inverse @ values.sum(axis=0)
-    sampled = np.flatnonzero(information.diagonal() > 0.0)
-    means, spread = np.full(size, np.nan), np.full((size, size), np.nan)
-    inverse = np.linalg.inv(information[np.ix_(sampled, sampled)])
-    means[sampled], spread[np.ix_(sampled, sampled)] = inverse @ right[sampled], inverse
-    return means, spread
 
 
 def links_of(values: Sequence[Array], alone: Array | None = None) -> dict[tuple[int, int], Link]:
@@ -363,26 +328,6 @@ def chain(
     if alone is not None and len(alone) >= FEWEST:
         terms.append((variance_alone(used, alone) / len(alone), len(alone) - 1.0))
     return Mean(mean, *_summed(terms), tuple(used))
-
-
-def correlation(fine: Array, coarse: Array) -> float:
-    """Return Pearson's ρ of a quantity on two levels, over the seeds in common.
-
-    Parameters
-    ----------
-    fine, coarse : array, shapes (n,), (N,)
-        Samples from seed 0 on.
-
-    Returns
-    -------
-    float
-        NaN for fewer than `FEWEST_PAIRS` seeds, or no scatter.
-    """
-    n = min(fine.size, coarse.size)
-    x, y = coarse[:n], fine[:n]
-    if n < FEWEST_PAIRS or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
-        return math.nan
-    return float(np.corrcoef(x, y)[0, 1])
 
 
 def _base(level: int, values: Array, alone: Array | None = None) -> Link:

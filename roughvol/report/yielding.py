@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from xarray import Dataset
 
+from roughvol.observables.at_state import at_state
 from roughvol.report.claims import Run
 from roughvol.report.tables import Table, number
 from roughvol.typing import Array
@@ -32,8 +33,8 @@ class Comparison:
 
 
 NOTE = (
-    "At equal p* on the first leg, linear between two steps. Means over surfaces; the ratio is the geometric mean over "
-    "surfaces with both values above zero."
+    "At equal p* on the first leg, interpolated between steps. Means over surfaces; the ratio is the geometric mean "
+    "over surfaces with both values above zero."
 )
 HEAD = ("p*", "quantity", "elastic", "plastic", "elastic over plastic", "surfaces")
 
@@ -62,7 +63,7 @@ def hysteresis(group: Dataset, several: str = "") -> Iterator[Table]:
             values = [_at(curves[leg], name, share * top) for leg in legs]
             rows.append((number(share * top), _symbol(curves[legs[0]], name), *(_mean(value) for value in values)))
     title = "On every leg of the path" + (f", {several}" if several else "")
-    note = "At equal p*, linear between two steps; a mean over the surfaces that reach it."
+    note = "At equal p*, interpolated between steps; a mean over the surfaces that reach it."
     yield Table(title, ("p*", "quantity", *(f"leg {leg}" for leg in legs)), tuple(rows), note)
 
 
@@ -133,11 +134,9 @@ def _at(curve: Dataset, name: str, pressure: float) -> Array:
     values = []
     for seed in range(curve.sizes["seed"]):
         x, y = (curve[key].isel(seed=seed).values for key in (P, name))
-        computed = np.isfinite(x) & np.isfinite(y)
-        order = np.argsort(x[computed], kind="stable")
-        x, y = x[computed][order], y[computed][order]
-        within = x.size and x[0] <= pressure <= x[-1] * (1.0 + 1e-6)
-        values.append(float(np.interp(pressure, x, y)) if within else np.nan)
+        highest = float(np.nanmax(x, initial=-np.inf))
+        reached = min(pressure, highest) if pressure <= highest * (1.0 + 1e-6) else np.nan
+        values.append(float(at_state(x, y, reached)[0]))
     return np.array(values)
 
 

@@ -9,7 +9,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.observables import multilevel
-from roughvol.observables.multilevel import best_linear, chain, links_of, plain, telescoping
+from roughvol.observables.best_linear import best_linear, correlation
+from roughvol.observables.multilevel import chain, links_of, plain, telescoping
 
 RHO = 0.95
 COVARIANCE = np.array([[1.0, RHO * 2.0], [RHO * 2.0, 4.0]])  # of a coarse and a fine level
@@ -140,7 +141,7 @@ def test_levels_with_few_samples_are_linked_to_their_neighbour_alone() -> None:
 
 def test_constant_levels_have_no_correlation_and_a_slope_all_the_same() -> None:
     ones = np.ones(20)
-    assert math.isnan(multilevel.correlation(ones, ones))
+    assert math.isnan(correlation(ones, ones))
     assert chain([ones, ones[:9]], range(2)).half_width == 0.0
 
 
