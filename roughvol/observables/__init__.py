@@ -6,7 +6,29 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `regions.QUANTITIES`. Give each stored name a row in `store.variables`. If it has its own key, add the field in
 `study.record`. docs/observables.md has the details.
 
-=================  ============================================================"""
+=================  ===================================================================
+`reduction`        each state of a sweep reduced to stored values
+`recorded`         the list of observables: states, functions, labels, costs
+`levels`           the states at which an observable is taken
+`along_steps`      observables stored along the steps
+`deformed`         texture before load and under load
+`waves`            power spectral density of the undeformed surface
+`plastic`          hardness in the unit of p*, the residual surface and its texture
+`pressures`        shares above the hardness, the pressure in the middle
+`free_volume`      element volumes, their total, density and domains
+`box_counting`     boxes of side r, and the local dimension
+`clusters`         percolation, connected and trapped volume, sizes of contact and pockets
+`transport`        critical constriction, and flow
+`quick_estimates`  the flow by effective medium and by a single junction
+`void`             the transport that a study asks for, state by state
+`regions`          a part of the surface, and central squares
+`at_state`         quantities of a sweep at a given state, between its steps
+`multilevel`       multilevel estimators of the mean over an ensemble
+`best_linear`      the best linear estimator for a given covariance
+`allocation`       the optimal number of samples on each level
+`refinement`       the bias of a mean by the resolution
+=================  ===================================================================
+"""
 
 import lazy_loader
 
