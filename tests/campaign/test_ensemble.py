@@ -247,7 +247,7 @@ def test_fresh_computes_every_sample_again(finished: Path, tmp_path: Path) -> No
 def test_a_cluster_gives_the_same_answer(finished: Path, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'roughvol[cluster]'")
     local = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None, protocol="tcp"
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=":0", protocol="tcp"
     )
     with local as cluster:
         results = run(loads(TEXT), out=tmp_path, scheduler=cluster.scheduler_address)
