@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from roughvol.campaign.estimates import MeanEstimate, estimates_of
 from roughvol.campaign.samples import Counts, SampleTable
-from roughvol.campaign.sampling import MOST_SURFACES, next_counts, pilot, within_budget
+from roughvol.campaign.sampling import GROWTH, MOST_SURFACES, next_counts, pilot, within_budget
 from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.store.dataset import Arrays
 from roughvol.study import Case, MadeSurface, Study
@@ -21,6 +21,7 @@ from roughvol.study.ensemble import AUTO_FROM, AUTO_TO
 
 ROUNDS = 40  # largest number of rounds
 MOST_SAMPLES = 1_000_000  # largest number of samples for one mean without a budget
+FEW_SURFACES = 10_000  # surfaces without a solve that a round may make in any case: six seconds
 BIAS_SHARE = 0.5  # largest bias with `m: auto`, as a share of the accuracy
 
 Compute = Callable[[Sequence[Case]], Mapping[str, Arrays]]
@@ -99,8 +100,8 @@ def estimate_means(
     for _ in range(ROUNDS):
         on_plan(counts)
         _complete(table, counts, compute)
-        for D, row in answer.estimates.items():
-            table.add_surfaces(D, min(max(estimate.plan.alone for estimate in row), MOST_SURFACES))
+        if not answer.stopped:
+            _add_surfaces(table, answer.estimates)
         estimates = {D: estimates_of(table, D) for D in table.dimensions}
         _record(answer, estimates)
         on_round(estimates)
@@ -139,6 +140,14 @@ def _complete(table: SampleTable, counts: Counts, compute: Compute) -> None:
         with table.study.placing():
             for case in cases:
                 table.add(case, arrays[case.id])
+
+
+def _add_surfaces(table: SampleTable, estimates: Estimates) -> None:
+    """Make the surfaces without a solve that the last estimates plan, at most `GROWTH` times those that exist."""
+    for D, row in estimates.items():
+        planned = max(estimate.plan.alone for estimate in row)
+        most = min(max(GROWTH * len(table.surfaces[D]), FEW_SURFACES), MOST_SURFACES)
+        table.add_surfaces(D, min(planned, most))
 
 
 def _record(answer: Answer, estimates: Estimates) -> None:

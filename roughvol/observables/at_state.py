@@ -9,7 +9,7 @@ from scipy.interpolate import PchipInterpolator
 from roughvol.typing import Array
 
 
-def at_state(state: ArrayLike, quantity: ArrayLike, values: ArrayLike) -> Array:
+def at_state(state: ArrayLike, quantity: ArrayLike, values: ArrayLike, *, straight: bool = False) -> Array:
     """Return a quantity at given values of the state, by monotone cubic interpolation.
 
     The curve is the piecewise cubic of Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300. It has no extremum
@@ -23,6 +23,9 @@ def at_state(state: ArrayLike, quantity: ArrayLike, values: ArrayLike) -> Array:
         Quantity at each step; NaN are omitted.
     values : array, shape (n,)
         Values of the state.
+    straight : bool
+        Straight lines between two steps in place of the cubic, with steps of equal state kept: for curves in steps,
+        as V* over A* near first touch.
 
     Returns
     -------
@@ -37,6 +40,9 @@ def at_state(state: ArrayLike, quantity: ArrayLike, values: ArrayLike) -> Array:
         return np.where(np.isin(points, x), y[:1] if x.size else np.nan, np.nan)
     if x[-1] < x[0]:
         x, points = -x, -points
+    if straight:
+        order = np.argsort(x, kind="stable")
+        return np.interp(points, x[order], y[order], left=np.nan, right=np.nan)
     advancing = np.concatenate([[True], x[1:] > np.maximum.accumulate(x)[:-1]])
     x, y = x[advancing], y[advancing]
     if x.size < 2:

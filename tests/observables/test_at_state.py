@@ -35,3 +35,10 @@ def test_the_error_between_steps_is_no_smaller_than_the_true_one() -> None:
         true = at_state(x, np.exp(-x), points) - np.exp(-points)
         assert np.linalg.norm(error_between_steps(x, np.exp(-x), points)) >= np.linalg.norm(true)
         assert error_between_steps(x, x, points).max() < 1e-12
+
+
+def test_straight_lines_keep_the_steps_of_equal_state() -> None:
+    state, quantity = [0.0, 1.0, 1.0, 2.0], [4.0, 3.0, 1.0, 0.0]
+    assert_allclose(at_state(state, quantity, [0.5, 1.5], straight=True), [3.5, 0.5])
+    assert_allclose(at_state(state[::-1], quantity[::-1], [0.5], straight=True), [3.5])
+    assert np.isnan(at_state(state, quantity, [-0.1, 2.1], straight=True)).all()

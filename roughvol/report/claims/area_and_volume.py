@@ -62,7 +62,8 @@ def area_falls_with_D(given: Given) -> Outcome:
 def _at_pressure(run: Run, D: float, m: int, pressure: float) -> Array:
     # the last state may be a rounding short of the pressure that defines the common range
     x, y = run.values(P, D=D, m=m), run.values(A, D=D, m=m)
-    return np.array([at_state(p, a, min(pressure, float(np.nanmax(p))))[0] for p, a in zip(x, y, strict=True)])
+    pressures = np.minimum(pressure, np.nanmax(x, axis=1))
+    return np.array([at_state(p, a, at, straight=True)[0] for p, a, at in zip(x, y, pressures, strict=True)])
 
 
 @claim(

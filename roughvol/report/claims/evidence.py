@@ -158,11 +158,15 @@ def claim(
 
 
 def at(x: Array, y: Array, points: Array) -> Array:
-    """Return y of each surface at points of x by `observables.at_state`, NaN beyond the steps of that surface.
+    """Return y of each surface at points of x, NaN beyond the steps of that surface.
+
+    Lines are straight between steps: several steps near first touch have one A*, with another V* each.
 
     ``x``, ``y`` : (surfaces, steps), x rising or falling along a row; the result is (surfaces, points).
     """
-    return np.array([at_state(abscissa, ordinate, points) for abscissa, ordinate in zip(x, y, strict=True)])
+    return np.array(
+        [at_state(abscissa, ordinate, points, straight=True) for abscissa, ordinate in zip(x, y, strict=True)]
+    )
 
 
 def common(curves: Sequence[Array]) -> Array:
