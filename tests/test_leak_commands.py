@@ -32,6 +32,12 @@ def test_a_card_is_written_from_an_example(scan: Path) -> None:
     assert made.output.splitlines()[-1] == str(Path("runs") / "scan_card" / "card.html")
 
 
+def test_cards_at_two_loads_share_a_folder(scan: Path) -> None:
+    loads = ["pressure=0.2", "pressure=0.3"]
+    cards = [_call("card", "scan.yaml", "--at", load, "--jobs", "1").output for load in loads]
+    assert ["p* = 0.2" in cards[0], "p* = 0.3" in cards[1]] == [True, True]
+
+
 def test_a_stored_sweep_answers_with_a_pressure(scan: Path) -> None:
     assert _call("run", "scan.yaml", "--jobs", "1").exit_code == 0
     asked = _call("ask", "scan", "--leak-rate", "< 1e-4 mm^3/s")

@@ -169,6 +169,6 @@ def compute(
     """
     runs = {}
     for name, variant in variants(study, at).items():
-        inside = folder / "runs" / name.replace(" × ", "_").replace(": ", "_").replace(" ", "_")
+        inside = folder / "runs" / at.label / name.replace(" × ", "_").replace(": ", "_").replace(" ", "_")
         runs[name] = running.run(variant, jobs=jobs, out=inside, on_event=on_event, stopping=stopping)
     return runs

@@ -135,6 +135,10 @@ def _reaching(case: Case, target: Level, surface: Surface, half_space: Complianc
         end = _plane(target, surface)
         return end if states else _positive(end, target)
     options, (measure, value) = options_of(case, surface), measure_of(target, case, surface)
+    largest = options["hardness"]
+    if target.kind == "pressure" and largest is not None and value > largest:
+        message = f"p* = {value:.6g} is not reached: pressures end at the hardness, p* = {largest:.6g}"
+        raise ContactError(message)
     if not states:
         trials = Trials(surface, half_space, **options)
         return state_crossing(trials, measure, value, trials.untouched).approach

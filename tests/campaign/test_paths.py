@@ -112,6 +112,11 @@ def test_a_hardness_counts_over_the_scaled_heights() -> None:
     assert (flat.plastic_volume == 0.0).all()
 
 
+def test_a_pressure_above_the_hardness_is_an_error_that_names_it() -> None:
+    with pytest.raises(ContactError, match=r"p\* = 50 is not reached: pressures end at the hardness, p\* = \d"):
+        _pressed("sweep: {steps: 2, to: {pressure: 50}}\n" + HARD)
+
+
 def test_yield_is_that_of_the_region() -> None:
     record = "record: {residual_heights: true, heights: true, region: {x: [0.25, 0.75], y: [0, 1]}}\n"
     ds = _pressed("sweep: {steps: 3, to: {pressure: 1}}\n" + HARD + record)
