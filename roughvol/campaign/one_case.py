@@ -21,7 +21,7 @@ from roughvol.observables import reduction
 from roughvol.observables.levels import options_of
 from roughvol.observables.reduction import Reduction, Values
 from roughvol.store import checkpoint as checkpoints
-from roughvol.store import dataset
+from roughvol.store import dataset, provenance
 from roughvol.store.checkpoint import Checkpoint
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case
@@ -120,7 +120,7 @@ def file_of_case(
 
 
 def _provenance(case: Case, study: str, threads: int) -> dict[str, str]:
-    return dataset.provenance(study, fft=FFT | {"threads": str(threads)}, case=case)
+    return provenance.provenance(study, fft=FFT | {"threads": str(threads)}, case=case)
 
 
 def _asked(

@@ -15,21 +15,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from roughvol._version import __version__
 from roughvol.campaign import cluster, validity
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
 from roughvol.campaign.one_case import FFT
+from roughvol.campaign.sorting import sorted_out
 from roughvol.errors import CampaignError, DatasetError, FolderError
-from roughvol.store import answer, dataset, dimensional, lock, run_folder, same_study, stamped_file
+from roughvol.store import answer, dataset, dimensional, lock, provenance, run_folder, same_study, stamped_file
 from roughvol.store.dataset import Arrays, Dataset
-from roughvol.store.run_folder import case_file, checkpoint_file, folder_of
+from roughvol.store.run_folder import case_file, folder_of
 from roughvol.study import Case, Study, load, of_data
 
 if TYPE_CHECKING:
     from roughvol.campaign import ensemble
-
-NAMED = 10  # notices of files set aside, before the rest is only counted
 
 
 def run(
@@ -104,7 +102,7 @@ def run(
         if another and not fresh:
             raise FolderError(another)
         stamped_file.store(folder / "study.yaml", text.encode())
-        notices, absent = _sorted_out(folder, cases, fresh=wanted if fresh else (), another=another is not None)
+        notices, absent = sorted_out(folder, cases, fresh=wanted if fresh else (), another=another is not None)
         if study.ensemble is not None:
             sound = cases.keys() - {case.id for case in absent}
             rounds = _Rounds(study, folder, sound, notices, on_event, jobs, scheduler, stopping)
@@ -175,7 +173,7 @@ def _with_means(
     with contextlib.suppress(DatasetError):  # a budget of time ends elsewhere in each run: its answer is the stored one
         stored = dataset.read(folder / "study.nc")
         same = stored.attrs.get("study") == study.stored() and "answer" in stored.attrs
-        if same and stored.attrs.get("case_ids") == dataset.ids_text(parts) and parts.keys() == cases.keys():
+        if same and stored.attrs.get("case_ids") == provenance.ids_text(parts) and parts.keys() == cases.keys():
             return stored
 
     def finished(wanted: Sequence[Case]) -> Mapping[str, Arrays]:
@@ -230,7 +228,7 @@ class _Rounds:
         with contextlib.suppress(DatasetError):
             stored = dataset.read(path)
             same = stored.attrs.get("study") == self._study.stored() and stored.attrs.get("answer") == text
-            if same and stored.attrs.get("case_ids") == dataset.ids_text(self._cases):
+            if same and stored.attrs.get("case_ids") == provenance.ids_text(self._cases):
                 os.utime(path)
                 return stored
         results = _combined(self._parts, self._cases, self._study, self._versions)
@@ -282,86 +280,12 @@ def _all_parts(
     return parts
 
 
-def _sorted_out(
-    folder: Path, cases: Mapping[str, Case], *, fresh: Collection[str], another: bool
-) -> tuple[list[str], list[Case]]:
-    """Set aside unusable files; return notices, and the cases to compute.
-
-    Sound files of cases outside this study stay, unless the folder held another study.
-    """
-    stamped_file.remove_leftovers(folder / "cases")
-    stamped_file.remove_leftovers(folder)
-    stored, strange = run_folder.stored_ids(folder), run_folder.strangers(folder, cases)
-    outdated, bad = run_folder.outdated(folder, cases), dict[Path, str]()
-    if another:
-        paths = [case_file(folder, id) for id in strange if id not in outdated]
-        bad = {path: f"{path} is no case of this study" for path in paths}
-    missing, finished = [], set()
-    versions: Counter[str] = Counter()
-    for id, case in cases.items():
-        if id not in stored or id in fresh:
-            missing.append(case)
-            continue
-        file = run_folder.examined(case_file(folder, id), case)
-        if file.fault is None:
-            finished.add(id)
-            versions[file.version] += 1
-            continue
-        missing.append(case)
-        bad[case_file(folder, id)] = f"{file.fault}; it is computed {'anew' if file.outdated else 'again'}"
-    together = folder / "study.nc"
-    if together.exists():
-        try:
-            stamped_file.verified(together)
-        except DatasetError as error:
-            bad[together] = f"{error}; it is made again from the cases"
-    notices = _of_older_answers(folder, outdated)
-    notices += _few([f"set aside: {why} (now {run_folder.set_aside(path, why)})" for path, why in bad.items()], folder)
-    try:
-        if missing:
-            together.unlink(missing_ok=True)  # it would not belong to the cases beside it
-        for path in (folder / "cases").glob(".*.checkpoint"):
-            if path.name.removeprefix(".").removesuffix(".checkpoint") in finished:
-                path.unlink(missing_ok=True)
-        for id in fresh:
-            for path in (case_file(folder, id), checkpoint_file(folder, id)):
-                path.unlink(missing_ok=True)
-    except OSError as error:
-        raise stamped_file.cannot_write(folder, error) from error
-    if left := [id for id in strange if id not in outdated and case_file(folder, id) not in bad]:
-        notices.append(f"{folder / 'cases'} keeps files of cases that are not of this study: {len(left)}")
-    if missing:
-        versions[__version__] += len(missing)
-    if several := run_folder.versions_text(versions):
-        notices.append(several)
-    return notices, missing
-
-
-def _of_older_answers(folder: Path, outdated: Mapping[str, str]) -> list[str]:
-    """Set aside the files of another format, and return one notice for each format."""
-    for id, reason in outdated.items():
-        path = case_file(folder, id)
-        run_folder.set_aside(path, f"{path} was {reason}; its case is computed anew")
-    return [
-        f"set aside: {count} case files {reason}; their cases are computed anew (now in {folder}/cases/set_aside)"
-        for reason, count in Counter(outdated.values()).items()
-    ]
-
-
-def _few(notices: list[str], folder: Path) -> list[str]:
-    """Return the first notices and the number of the others."""
-    if len(notices) <= NAMED + 1:
-        return notices
-    more = f"set aside: {len(notices) - NAMED} more, each with its reason beside it in {folder / 'cases' / 'set_aside'}"
-    return [*notices[:NAMED], more]
-
-
 def _collected(folder: Path, cases: Mapping[str, Case], study: Study, stopping: Callable[[], bool]) -> Dataset:
     """Return ``study.nc``, made from the cases unless it is up to date."""
     path = folder / "study.nc"
     with contextlib.suppress(DatasetError, OSError):
         stored = dataset.read(path)
-        if stored.attrs.get("study") == study.stored() and stored.attrs.get("case_ids") == dataset.ids_text(cases):
+        if stored.attrs.get("study") == study.stored() and stored.attrs.get("case_ids") == provenance.ids_text(cases):
             os.utime(path)  # newer than the study file, for make
             return stored
     versions: Counter[str] = Counter()
@@ -401,7 +325,7 @@ def _combined(
 ) -> Dataset:
     """Return the dataset of a study with its provenance, dimensional values and warnings."""
     case = next(iter(cases.values()))
-    attributes = dataset.provenance(
+    attributes = provenance.provenance(
         study.stored(),
         fft=FFT,
         ids=parts,

@@ -35,7 +35,7 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, sweep
 from roughvol.errors import ContactError
 from roughvol.observables import box_counting, free_volume
-from roughvol.store import dataset
+from roughvol.store import provenance
 from roughvol.store.dataset import Dataset
 from roughvol.store.tradeoff_variables import EACH, QUANTITIES, RUNG, RUNG_VARIABLES, TABLE
 from roughvol.study import Case, Study
@@ -162,7 +162,7 @@ def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> 
     result = Dataset(
         {name: (EACH.split(), array) for name, array in values.items()},
         coords=coords,
-        attrs=dataset.provenance(study.stored(), fft=FFT, ids=[case.id for case in cases]),
+        attrs=provenance.provenance(study.stored(), fft=FFT, ids=[case.id for case in cases]),
     )
     for name, variable in TABLE.items():
         result[name].attrs = {"units": variable.units, "long_name": variable.long_name, "symbol": variable.symbol}

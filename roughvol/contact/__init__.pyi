@@ -5,8 +5,8 @@ from .loading import Contact as Contact
 from .loading import Trials as Trials
 from .loading import solve as solve
 from .loading import sweep as sweep
-from .search import SearchTuning as SearchTuning
 from .search import first_indentation as first_indentation
 from .search import indentation_for as indentation_for
 from .tuning import TUNING as TUNING
+from .tuning import SearchTuning as SearchTuning
 from .tuning import Tuning as Tuning

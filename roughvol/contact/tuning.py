@@ -92,3 +92,50 @@ class Tuning:
 
 
 TUNING = Tuning()
+
+
+@dataclass(frozen=True)
+class SearchTuning:
+    """Constants of the searches. They change the number of solves, and the answer within its accuracy.
+
+    Attributes
+    ----------
+    first : float
+        Residual η/σ of the first solve, which only has to be near.
+    following : float
+        Residual η/σ of the solves before the bracket.
+    useful : float
+        Residual over the width of the bracket. Looser solves save no convolutions, as more of them are needed.
+    inside : float
+        Least distance of a trial from the ends of the bracket, over its width.
+    least_growth, most_growth : float
+        Ratio of successive indentations before the bracket.
+    patience : int
+        Solves with the least growth. It is squared at each further one, as an area may wait for one deep pit.
+    line_accuracy : float
+        Accuracy of a root on a line, over its distance to the nearest state.
+    clear : float
+        Residual over distance of two states whose line is half as good a start as that of exact states.
+    sure : float
+        Residuals by which two solves of one state may differ in x.
+    accuracy : float
+        Relative accuracy of the indentation for an area or a pressure.
+    solves : int
+        Most solves of a search.
+    """
+
+    first: float = 1e-1
+    following: float = 3e-2
+    useful: float = 3e-4
+    inside: float = 0.05
+    least_growth: float = 1.02
+    most_growth: float = 2.0
+    patience: int = 3
+    line_accuracy: float = 2.0**-4
+    clear: float = 0.1
+    sure: float = 4.0
+    accuracy: float = 1e-6
+    solves: int = 200
+
+
+SEARCH_TUNING = SearchTuning()

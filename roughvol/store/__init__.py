@@ -7,6 +7,7 @@ Room of the store. It computes nothing.
 `variables`            the table of every stored variable
 `derived_variables`    rows that follow from others
 `tradeoff_variables`   the table of a stored trade-off
+`provenance`           attributes of stored files
 `dataset`              build, write, read and combine datasets
 `small_file`           the file of a small case, written quickly
 `dimensional`          starred numbers in the units of the study

@@ -30,8 +30,7 @@ from roughvol.contact import active_set
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import kernel_quadrant
 from roughvol.contact.loading import Trials, solve, sweep
-from roughvol.contact.search import SearchTuning
-from roughvol.contact.tuning import Tuning
+from roughvol.contact.tuning import SearchTuning, Tuning
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface

@@ -11,7 +11,8 @@ import pytest
 
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials, solve, sweep
-from roughvol.contact.search import SearchTuning, first_indentation, indentation_for
+from roughvol.contact.search import first_indentation, indentation_for
+from roughvol.contact.tuning import SearchTuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface

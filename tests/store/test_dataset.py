@@ -18,7 +18,7 @@ from xarray.backends import NetCDF4DataStore
 
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import DatasetError, FolderError
-from roughvol.store import dataset, run_folder, stamped_file
+from roughvol.store import dataset, provenance, run_folder, stamped_file
 from roughvol.store.dataset import VARIABLES, Dataset
 from roughvol.study import Case, loads
 
@@ -62,7 +62,7 @@ def _values(m: int, seed: int = 0) -> dict[str, Any]:
 
 def _build(D: float = 2.3, m: int = 3, seed: int = 0, L: float = 100.0) -> Dataset:
     case = _case(D, m, seed, L)
-    return dataset.build(case, _values(m, seed), dataset.provenance("name: x\n", fft=FFT, case=case))
+    return dataset.build(case, _values(m, seed), provenance.provenance("name: x\n", fft=FFT, case=case))
 
 
 def test_table_is_complete_and_names_differ_by_more_than_case() -> None:
@@ -85,7 +85,7 @@ def test_round_trip(tmp_path: Path) -> None:
 
 
 def test_whatever_is_stored_is_described_for_plain_xarray(tmp_path: Path) -> None:
-    dataset.write(dataset.combine([_build(), _build(m=2)], dataset.provenance("", fft=FFT)), tmp_path / "a.nc")
+    dataset.write(dataset.combine([_build(), _build(m=2)], provenance.provenance("", fft=FFT)), tmp_path / "a.nc")
     with xr.open_dataset(tmp_path / "a.nc") as opened:
         for name, variable in opened.variables.items():
             row = VARIABLES[str(name)]
@@ -151,7 +151,7 @@ def test_only_what_the_table_knows_is_built(values: dict[str, Any], message: str
 
 def test_provenance_names_study_case_code_machine_and_reference() -> None:
     case = _case()
-    attributes = dataset.provenance("name: x\n", fft=FFT, case=case)
+    attributes = provenance.provenance("name: x\n", fft=FFT, case=case)
     assert json.loads(attributes["case"]) == json.loads(json.dumps(case.key))
     assert set(json.loads(attributes["libraries"])) >= {"python", "numpy", "scipy", "pyfftw", "xarray", "netCDF4"}
     assert json.loads(attributes["fft"]) == FFT
@@ -243,7 +243,7 @@ def test_the_stamp_names_the_case_in_full(tmp_path: Path) -> None:
     found = stamped_file.labels(tmp_path / "case.nc")
     assert found == run_folder.labels_for(_case())
     assert found["key"] != run_folder.labels_for(_case(seed=1))["key"]
-    dataset.write(dataset.combine([_build()], dataset.provenance("", fft=FFT)), tmp_path / "study.nc")
+    dataset.write(dataset.combine([_build()], provenance.provenance("", fft=FFT)), tmp_path / "study.nc")
     assert stamped_file.labels(tmp_path / "study.nc")["case"] == ""
 
 
@@ -292,7 +292,7 @@ def test_a_small_file_is_what_xarray_would_write(tmp_path: Path) -> None:
 
 
 def test_the_file_of_a_case_does_not_need_a_dataset(monkeypatch: pytest.MonkeyPatch) -> None:
-    case, attributes = _case(), dataset.provenance("name: x\n", fft=FFT, case=_case())
+    case, attributes = _case(), provenance.provenance("name: x\n", fft=FFT, case=_case())
     for most in (dataset.SMALL, 0):
         monkeypatch.setattr(dataset, "SMALL", most)
         built = dataset.to_bytes(dataset.build(case, _values(3), attributes))

@@ -20,11 +20,11 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from roughvol.campaign import batch, checks, cost, resources, running, workers
+from roughvol.campaign import batch, checks, cost, resources, running, sorting, workers
 from roughvol.cli import main
 from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError, StudyError
 from roughvol.report.claims.stored_run import Run
-from roughvol.store import dataset, lock, run_folder, run_status, stamped_file
+from roughvol.store import dataset, lock, provenance, run_folder, run_status, stamped_file
 from roughvol.store.dataset import Dataset
 from roughvol.study import Study, cases, loads
 
@@ -189,7 +189,7 @@ def test_a_new_version_keeps_everything_and_computes_nothing(
     study: Study, place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = _times(place)
-    for module in (stamped_file, running, dataset):
+    for module in (stamped_file, sorting, provenance):
         monkeypatch.setattr(module, "__version__", "99.1.2")
     _refuse_work(monkeypatch)
     found = run_status.status(study, place)
@@ -205,7 +205,7 @@ def test_mixed_versions_are_noted_by_run_and_status_and_stored(
     _relabelled(next((place / "cases").glob("*.nc")), version="0.0.1")
     (place / "study.nc").unlink()
     _refuse_work(monkeypatch)
-    ours = dataset.__version__
+    ours = provenance.__version__
     line = f"cases are of several versions of roughvol, with answers of one format: 0.0.1 (1), {ours} (3)"
     for _ in range(2):
         shown = CliRunner().invoke(main, ["status", str(_written(place.parent, TEXT)), "--out", str(place)])
@@ -253,7 +253,7 @@ def test_a_worker_of_another_version_is_noted_and_one_of_another_answer_format_r
     monkeypatch.setattr(workers, "each", other)
     if "version" in changed:
         told = _notices(study, tmp_path)
-        assert told == [f"a worker has roughvol 99.0, here is {dataset.__version__}: answers of one format"]
+        assert told == [f"a worker has roughvol 99.0, here is {provenance.__version__}: answers of one format"]
         assert run_status.status(study, tmp_path).versions == {"99.0": 4}
     else:
         with pytest.raises(CampaignError, match=r"(?s)4 of 4 cases failed.*by a newer answer format \(99, now \d+\)"):
@@ -410,7 +410,7 @@ def test_many_files_set_aside_are_told_of_in_few_lines(tmp_path: Path) -> None:
     notices: list[str] = []
     running.run(many, out=tmp_path, jobs=1, on_event=lambda now: notices.append(now.notice))
     told = [notice for notice in notices if notice]
-    assert len(told) == running.NAMED + 1
+    assert len(told) == sorting.NAMED + 1
     assert "is of another study: '0'" in told[0]
     assert "it is computed again" in told[0]
     assert told[-1].startswith("set aside: 5 more, each with its reason beside it in ")
