@@ -3,9 +3,9 @@
 Starred numbers depend on E* and Sq through p* = p L/(E* Sq) alone, for surfaces of one shape and elastic contact. The
 leak at a pressure drop is T* V*³ times Sq³. So one sweep answers for every modulus and height, without a solve:
 
-    pressure    p = p*_0 E* Sq/L                     p*_0: T* V*³ falls below the value at the Sq of the study
-    modulus     E* = p L/(p*_0 Sq)                   the softest that would leak less is below it
-    Sq          T* V*³ Sq³ at p* = p L/(E* Sq)       falls with smaller Sq
+    pressure    p = p*_0 E* Sq/L            where T* V*³ at p*_0 is the value, at the Sq of the study
+    modulus     E* = p L/(p*_0 Sq)          a larger E* leaks more
+    Sq          T* V*³ Sq³ is the value     at p* = p L/(E* Sq); a larger Sq leaks more
 
 Between two steps log(T* V*³) is linear in p*; a way that closes between them is taken as closed from the second on.
 """
