@@ -81,6 +81,9 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
     list of Finding
         Of generated surfaces, the roughest of the first seed is judged, at m ≤ `LOOKED_AT`: its slope grows with m.
     """
+    if study.axes:
+        found = (finding for variant in study.variants for finding in foreseen(variant.study))
+        return list({finding.sentence: finding for finding in found}.values())
     case, given = study.cases()[0], study.surface
     held = validity.setting(study)
     if case.sweep.steps == 0:

@@ -21,7 +21,17 @@ from roughvol.campaign.checks import check_fits, check_surfaces, slow
 from roughvol.campaign.one_case import FFT
 from roughvol.campaign.sorting import sorted_out
 from roughvol.errors import CampaignError, DatasetError, FolderError
-from roughvol.store import answer, dataset, dimensional, lock, provenance, run_folder, same_study, stamped_file
+from roughvol.store import (
+    answer,
+    dataset,
+    dimensional,
+    lock,
+    provenance,
+    run_folder,
+    same_study,
+    stamped_file,
+    variants,
+)
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.store.run_folder import case_file, folder_of
 from roughvol.study import Case, Study, load, of_data
@@ -324,6 +334,8 @@ def _combined(
     parts: Mapping[str, Arrays], cases: Mapping[str, Case], study: Study, versions: Mapping[str, int]
 ) -> Dataset:
     """Return the dataset of a study with its provenance, dimensional values and warnings."""
+    if study.axes:
+        return _joined(parts, cases, study, versions)
     case = next(iter(cases.values()))
     attributes = provenance.provenance(
         study.stored(),
@@ -340,3 +352,21 @@ def _combined(
     results = dimensional.in_units(dataset.combine(list(parts.values()), attributes), study, case.length_unit)
     findings = validity.after(validity.setting(study), results)
     return results.assign_attrs(warnings="\n".join(validity.sentences(findings, case.notes)))
+
+
+def _joined(
+    parts: Mapping[str, Arrays], cases: Mapping[str, Case], study: Study, versions: Mapping[str, int]
+) -> Dataset:
+    """Return the dataset of a study with lists: each combination collected by itself, joined along the axes."""
+    found = []
+    for variant in study.variants:
+        held = {case.id: case for case in variant.study.cases() if case.id in parts and case.id in cases}
+        if held:
+            own = {id: parts[id] for id in held}
+            found.append((variant, _combined(own, held, variant.study, versions)))
+    attributes = {str(name): str(text) for name, text in found[0][1].attrs.items()}
+    for name in ("surface", "region"):
+        if len({part.attrs.get(name) for _, part in found}) > 1:
+            attributes[name] = "; ".join(dict.fromkeys(filter(None, (part.attrs.get(name) for _, part in found))))
+    attributes |= {"study": study.stored(), "case_ids": provenance.ids_text(parts)}
+    return variants.joined(found, study.axes, attributes | {"warnings": variants.warnings_of(found)})

@@ -56,14 +56,16 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) 
         names, rows, units = screen.records(opened, wanted)
         _write(names, rows, units if as_json else None, opened.name)
         return
-    for table in screen.shown(opened, wanted):
-        say_table(table)
+    for part in opened.parts:
+        for table in screen.shown(part, wanted):
+            say_table(table.under(part.name.removeprefix(opened.name).removeprefix(", ")))
 
 
 @main.command(
     epilog=examples(
         "roughvol compare metal_seal metal_seal_elastic",
         "roughvol compare dry wet --at pressure=0.5MPa --at pressure=1MPa",
+        "roughvol compare seals                       the materials of a study with a list of them",
     )
 )
 @click.argument("run", nargs=-1, required=True)
@@ -71,7 +73,7 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) 
 @CSV
 @JSON
 def compare(run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json: bool) -> None:
-    """Print the numbers of RUN RUN... side by side at equal loads.
+    """Print the numbers of RUN RUN... side by side at equal loads; of one run with lists, its combinations.
 
     Without --at, the loads are nominal pressures that all runs reach, or p* where one has no units. The rule between
     steps is that of `roughvol show`.
@@ -79,10 +81,10 @@ def compare(run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json
     from roughvol.report import screen
 
     _one_form(as_csv, as_json)
-    if len(run) < 2:
+    opened = [part for name in run for part in _opened(name).parts]
+    if len(opened) < 2:
         message = "compare takes two runs or more; one is shown by: roughvol show RUN"
         raise click.UsageError(message)
-    opened = [_opened(name) for name in run]
     table = screen.compared(opened, _wanted(states))
     if as_csv or as_json:
         _write(table.head, [list(row) for row in table.rows], {} if as_json else None, "compare")

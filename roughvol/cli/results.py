@@ -43,7 +43,8 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
     Figures of the paper are fig01 to fig12b; those of the flow through the gap are seal_volume to seal_map. Others are
     named by content: v_of_p is V* over p*, with p, a, v, d, i for p*, A*, V*, d/σ, Δ/σ, and gap, leak, flow.
 
-    Several runs are overlaid in figures named by content, into runs/compared. Without FIGURE, all figures of the run
+    Several runs are overlaid in figures named by content, into runs/compared, and so are the combinations of a study
+    with lists, into its own figures. Without FIGURE, all figures of the run
     are drawn, or v_of_p, a_of_p, v_of_a, v_of_d, gap_of_p, leak_of_p of several runs.
     """
     from roughvol.report.figures import content, selection
@@ -58,13 +59,18 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
         others, misspelt = _runs(others)
         wanted += misspelt
     paths = [results_file(name) for name in others] or [results_file(None)]
-    runs = [content.Named(name, dataset.read(path)) for name, path in zip(_names(paths), paths, strict=True)]
+    stored = [(name, dataset.read(path)) for name, path in zip(_names(paths), paths, strict=True)]
+    runs = [part for name, ds in stored for part in content.parts(name, ds, alone=len(stored) == 1)]
     drawings: dict[str, Callable[[], Any]] = {}
-    if len(runs) == 1:
+    if len(paths) == 1:
         by_content = [name for name in wanted if name in content.NAMES]
         paper = [name for name in wanted if name not in content.NAMES]
-        for name in selection.drawable(runs[0].dataset, paper) if paper or not wanted else ():
-            drawings[name] = partial(figures[name][0], runs[0].dataset)
+        if len(runs) > 1 and not wanted:  # the combinations of a study with lists, in one figure
+            by_content = [name for name in content.DRAWN if content.missing(name, runs) is None]
+        for run in runs if paper or not wanted else ():
+            within = f"{slug(run.name)}/" if len(runs) > 1 else ""
+            for name in selection.drawable(run.dataset, paper):
+                drawings[f"{within}{name}"] = partial(figures[name][0], run.dataset)
     else:
         refused = [name for name in wanted if name not in content.NAMES]
         if refused:
@@ -75,8 +81,8 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
         if reason := content.missing(name, runs):
             raise DatasetError(reason)
         drawings[name] = partial(content.draw, name, runs)
-    folder = out or (paths[0].parent / "figures" if len(runs) == 1 else Path("runs/compared"))
-    for name in sorted(drawings, key=wanted.index) if wanted else drawings:
+    folder = out or (paths[0].parent / "figures" if len(paths) == 1 else Path("runs/compared"))
+    for name in sorted(drawings, key=lambda name: wanted.index(Path(name).name)) if wanted else drawings:
         figure = drawings[name]()
         _shaped(figure, inches, log)
         target = folder / f"{name}.{suffix}"
@@ -88,13 +94,13 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
                     if wanted:
                         raise
                     continue  # a map among all figures of a run
-                folder.mkdir(parents=True, exist_ok=True)
+                target.parent.mkdir(parents=True, exist_ok=True)
                 with target.open("w", encoding="utf-8", newline="") as stream:
                     writer = csv.DictWriter(stream, ["panel", "curve", "x", "y", "x_label", "y_label"])
                     writer.writeheader()
                     writer.writerows(points)
             else:
-                folder.mkdir(parents=True, exist_ok=True)
+                target.parent.mkdir(parents=True, exist_ok=True)
                 figure.savefig(target)
         except DatasetError:
             raise
@@ -127,6 +133,11 @@ def _names(paths: Sequence[Path]) -> list[str]:
     """Return the names of runs, with their folders where two are equal."""
     names = [run_name(path) for path in paths]
     return [name if names.count(name) == 1 else str(path.parent) for name, path in zip(names, paths, strict=True)]
+
+
+def slug(words: str) -> str:
+    """Return words as the name of a folder, as ``E_5_MPa``."""
+    return re.sub(r"[^A-Za-z0-9.+-]+", "_", words).strip("_")
 
 
 def _inches(size: str | None) -> tuple[float, float] | None:

@@ -246,8 +246,9 @@ def _say_numbers(name: str, results: Dataset) -> None:
     from roughvol.report import screen
     from roughvol.report.claims import Run
 
-    for table in screen.summary(Run.of(name, results)):
-        say_table(table)
+    for run in Run.of(name, results).parts:
+        for table in screen.summary(run):
+            say_table(table if run.name == name else table.under(run.name.removeprefix(f"{name}, ")))
 
 
 def _say_how_to_stop() -> None:

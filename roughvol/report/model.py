@@ -90,7 +90,8 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
     if not paths:
         message = "no run to report on"
         raise DatasetError(message)
-    runs = tuple(Run.of(name, dataset.read(path)) for name, path in zip(names_of(paths), paths, strict=True))
+    named = zip(names_of(paths), paths, strict=True)
+    runs = tuple(part for name, path in named for part in Run.of(name, dataset.read(path)).parts)
     evidence = Evidence(runs, any_size)
     claims = tuple(assess(evidence))
     try:

@@ -16,6 +16,7 @@ from roughvol.report.run_facts import cell, closing, derived, groups, head
 from roughvol.report.states import RULE, State, Wanted, at, wanted
 from roughvol.report.tables import Table
 from roughvol.store.variables import STATES
+from roughvol.store.variants import parts_of
 from roughvol.study import Quantity
 
 P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"
@@ -200,7 +201,7 @@ def _reaching(run: Run, named: Sequence[tuple[str, Dataset]], state: Wanted) -> 
 
 
 def records(run: Run, states: Sequence[Wanted] = ()) -> tuple[list[str], list[list[Any]], dict[str, str]]:
-    """Return the numbers of every surface as plain rows, for CSV and JSON.
+    """Return the numbers of every surface as plain rows, for CSV and JSON; the lists of a study make columns.
 
     Parameters
     ----------
@@ -214,6 +215,26 @@ def records(run: Run, states: Sequence[Wanted] = ()) -> tuple[list[str], list[li
     (list of str, list of list, dict)
         Names of the columns, rows of values (None: missing), and units by name.
     """
+    parts = parts_of(run.dataset)
+    if not parts[0].words:
+        return _records(run, states)
+    tables = [(part, _records(Run.of(run.name, part.dataset), states)) for part in parts]
+    columns = list(dict.fromkeys(name for _, (names, _, _) in tables for name in names))
+    lines = [
+        [
+            *(_plain(label) for label in part.labels.values()),
+            *(dict(zip(names, row, strict=True)).get(n) for n in columns),
+        ]
+        for part, (names, rows, _) in tables
+        for row in rows
+    ]
+    units = {name: unit for _, (_, _, units) in tables for name, unit in units.items()}
+    axes = {name: str(run.dataset[name].attrs.get("units", "1")) for name in parts[0].labels}
+    return [*axes, *columns], lines, axes | units
+
+
+def _records(run: Run, states: Sequence[Wanted]) -> tuple[list[str], list[list[Any]], dict[str, str]]:
+    """Return the rows of one combination."""
     named = _named(run)
     case = [name for name in CASE if any(name in group.coords for _, group in named)]
     ds = named[0][1]

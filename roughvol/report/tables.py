@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -14,6 +14,10 @@ class Table:
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
+
+    def under(self, words: str) -> Table:
+        """Return the table with words in front of its title."""
+        return replace(self, title=", ".join(filter(None, (words, self.title))))
 
 
 def number(value: float) -> str:

@@ -6,6 +6,8 @@ Room of the store. It computes nothing.
 `variable`             a row of the table
 `variables`            the table of every stored variable
 `derived_variables`    rows that follow from others
+`axis_variables`       rows of the axes that lists make
+`variants`             combinations of lists joined, and taken apart
 `tradeoff_variables`   the table of a stored trade-off
 `provenance`           attributes of stored files
 `dataset`              build, write, read and combine datasets

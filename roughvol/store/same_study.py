@@ -66,7 +66,8 @@ def differences(old: Study, new: Study) -> list[str]:
             shared = shared and len(gone) < len(before[name])
             if gone:
                 lines.append(f"{name}: no longer {', '.join(map(str, gone))}")
-    if _answers(_with_files_of(old, new)) == _answers(new):
+    stored, asked = _answers(_with_files_of(old, new)), _answers(new)
+    if stored == asked if not (old.axes or new.axes) else any(one in asked for one in stored):
         return [] if shared else lines
     for name in dict.fromkeys([*before, *after]):
         if before.get(name) != after.get(name) and name not in (*axes, "name"):
@@ -87,14 +88,21 @@ def _with_files_of(old: Study, new: Study) -> Study:
     )
 
 
-def _answers(study: Study) -> dict[str, Any] | None:
-    """Return the part of the key that all cases of a study share, None if its height file is missing."""
+def _answers(study: Study) -> list[dict[str, Any]]:
+    """Return the part of the key that all cases share, for each combination of lists; nothing without height files.
+
+    What is recorded is no part of it: stored cases stay beside those with other records.
+    """
+    found = []
     try:
-        key = study.cases()[0].key
+        for variant in study.variants:
+            key = variant.study.cases()[0].key
+            key["surface"] = {name: value for name, value in key["surface"].items() if name not in ("D", "m", "seed")}
+            del key["record"]
+            found.append(dict(json.loads(json.dumps(key))))
     except StudyError:
-        return None
-    key["surface"] = {name: value for name, value in key["surface"].items() if name not in ("D", "m", "seed")}
-    return dict(json.loads(json.dumps(key)))
+        return []
+    return found
 
 
 def _flat(data: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from roughvol.store import derived_variables
+from roughvol.store import axis_variables, derived_variables
 from roughvol.store.variable import Variable, rows
 
 VARIABLES: dict[str, Variable] = {}
@@ -381,7 +381,7 @@ VARIABLES |= rows(
 
 STATES = tuple(name for name, row in VARIABLES.items() if row.dims == name and name.endswith("_at"))
 """Dimensions along which recorded states are stored."""
-VARIABLES |= derived_variables.of_parts(VARIABLES)
+VARIABLES |= axis_variables.ROWS | derived_variables.of_parts(VARIABLES)
 VARIABLES |= derived_variables.at_states(VARIABLES, STATES)
 VARIABLES |= derived_variables.of_ensembles(VARIABLES)
 

@@ -18,6 +18,7 @@ key, given value and allowed values.
 `agreement`    sizes and units of a study compared with its files
 `conflicts`    rules across the sections
 `cases`        the study as a whole, and its cases
+`axes`         lists in keys that take one value
 `reference`    the keys in words
 `units`        numbers with a unit
 `scale`        loads and lengths with units as starred numbers

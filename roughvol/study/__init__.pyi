@@ -1,3 +1,6 @@
+from .axes import AXES as AXES
+from .axes import Axis as Axis
+from .axes import Variant as Variant
 from .cases import ANSWER_FORMAT as ANSWER_FORMAT
 from .cases import Case as Case
 from .cases import Study as Study

@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, PrivateAttr, Tag, model_serializer, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, SerializationInfo, Tag, model_serializer, model_validator
 
 from roughvol.errors import Problem, StudyError
+from roughvol.study import axes, spectral
 from roughvol.study import ensemble as ensembles
-from roughvol.study import spectral
 from roughvol.study.agreement import resolve
+from roughvol.study.axes import Axis, Variant
 from roughvol.study.conflicts import conflicts
 from roughvol.study.ensemble import Ensemble
 from roughvol.study.height_file import HeightFile
@@ -36,7 +37,7 @@ from roughvol.study.sweep import Legs, Sweep, tag_sweep
 from roughvol.study.targets import need_length
 from roughvol.study.treatment import steps
 from roughvol.study.units import convert
-from roughvol.study.yaml_text import key_text, write
+from roughvol.study.yaml_text import Places, key_text, write
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
 from roughvol.surfaces.power_law import Spectrum
 
@@ -173,28 +174,6 @@ class Case:
         return "; ".join(filter(None, sentences))
 
 
-class Places:
-    """Lines of the keys in the text of a study. All are equal: they are no part of its identity."""
-
-    def __init__(self, file: str = "", lines: dict[str, int] | None = None) -> None:
-        self.file, self.lines = file, lines or {}
-
-    def __eq__(self, other: object) -> bool:
-        """Return True for any two."""
-        return isinstance(other, Places)
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def of(self, problem: Problem) -> Problem:
-        """Return a problem with file and line. A missing key gets the line of its mapping."""
-        if problem.file or not self.file:
-            return problem
-        key = problem.key
-        while key and key not in self.lines:
-            key = key.rpartition(".")[0]
-        return replace(problem, line=self.lines.get(key), file=self.file)
-
-
 class Study(Strict):
     """A study: surfaces, material, end of the sweep, accuracy, and stored quantities."""
 
@@ -238,6 +217,8 @@ class Study(Strict):
     comment: str | None = Field(default=None, description="any text for readers; it changes no answer")
 
     _places: Places = PrivateAttr(default_factory=Places)
+    _axes: tuple[Axis, ...] = PrivateAttr(default=())
+    _sections: tuple[dict[str, Any], ...] = PrivateAttr(default=())  # that differ, for each combination of the lists
 
     @model_validator(mode="after")
     def _possible(self) -> Study:
@@ -249,10 +230,26 @@ class Study(Strict):
             refuse("{problems}", problems="\n".join(problems))
         return self
 
+    @model_validator(mode="wrap")
+    @classmethod
+    def _of_lists(cls, data: Any, handler: Any) -> Any:
+        """Take lists as axes; the study itself is that of their first items. This follows `_possible` on each."""
+        if not isinstance(data, dict) or not axes.lists(data):
+            return handler(data)
+        made = axes.read(data, handler)
+        first: Study = made[0][1]
+        if first.ensemble is not None:
+            refuse("an ensemble takes no list in {names}", names=", ".join(".".join(axes.AXES[k]) for k in made[0][0]))
+        first._axes = axes.axes_of(made)
+        names = {axes.AXES[axis.name][0] for axis in first._axes}
+        first._sections = tuple({name: getattr(study, name) for name in names} for _, study in made)
+        return first
+
     @model_serializer(mode="wrap")
-    def _plain(self, handler: Any) -> dict[str, Any]:
-        """Leave out the seeds and the tolerance where an ensemble decides them."""
+    def _plain(self, handler: Any, info: SerializationInfo) -> dict[str, Any]:
+        """Write lists; leave out the seeds and the tolerance where an ensemble decides them."""
         data: dict[str, Any] = handler(self)
+        axes.write_lists(data, self._axes, self._sections, info.context)
         if self.comment is None:
             del data["comment"]
         if self.ensemble is not None:
@@ -269,14 +266,29 @@ class Study(Strict):
         except StudyError as error:
             raise StudyError([self._places.of(problem) for problem in error.problems]) from error
 
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The lists in keys that take one value; empty without any."""
+        return self._axes
+
+    @property
+    def variants(self) -> tuple[Variant[Study], ...]:
+        """The studies of all combinations of the lists, the last list fastest; without lists the study itself."""
+        return axes.variants_of(self, self._axes, self._sections)
+
     def cases(self) -> tuple[Case, ...]:
         """Return the product over D, m and seeds, seeds fastest; each height file is one case.
+
+        Combinations of lists follow each other. A case that several share appears once.
 
         Raises
         ------
         StudyError
             If a height file cannot be read, or lacks a size or unit that the study does not give.
         """
+        if self._axes:
+            each = (case for variant in self.variants for case in variant.study.cases())
+            return tuple({case.id: case for case in each}.values())
         surface = self.surface
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solving, self.record
         hard = self.material.indentation_hardness
@@ -367,4 +379,5 @@ def json_schema() -> dict[str, Any]:
     dict
         Schema with the descriptions of all keys, for completion and checks in editors.
     """
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Study.model_json_schema()}
+    schema = axes.listable(Study.model_json_schema())
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -16,6 +16,7 @@ import yaml
 from pydantic import BaseModel, RootModel, ValidationError
 
 from roughvol.errors import Problem, StudyError
+from roughvol.study.axes import combinations, indexed
 from roughvol.study.cases import Places, Study
 from roughvol.study.conflicts import conflicts
 from roughvol.study.sections import names, nearest
@@ -141,7 +142,8 @@ def _study(text: str, file: str, path: Path, *, stored: bool = False, changes: S
         name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
         study = Study.model_validate({"name": name, **data}, context={"folder": path.parent, "stored": stored})
     except ValidationError as error:
-        for key, message in itertools.chain(_translate(error, data), conflicts(data)):
+        rules = ((indexed(key, at), text) for at, one in combinations(data) for key, text in conflicts(one))
+        for key, message in itertools.chain(_translate(error, data), rules):
             problems.setdefault(key, message)
         if not problems:  # a rule broken by rounding alone, as of 9007199254740993
             problems[()] = error.errors()[0]["msg"]

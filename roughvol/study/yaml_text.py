@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from typing import Any, NoReturn
 
 import yaml
+
+from roughvol.errors import Problem
 
 MAX_BYTES, MAX_DEPTH = 1 << 20, 20
 
@@ -178,3 +181,25 @@ class _Dumper(yaml.SafeDumper):
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
+
+
+class Places:
+    """Lines of the keys in the text of a study. All are equal: they are no part of its identity."""
+
+    def __init__(self, file: str = "", lines: dict[str, int] | None = None) -> None:
+        self.file, self.lines = file, lines or {}
+
+    def __eq__(self, other: object) -> bool:
+        """Return True for any two."""
+        return isinstance(other, Places)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def of(self, problem: Problem) -> Problem:
+        """Return a problem with file and line. A missing key gets the line of its mapping."""
+        if problem.file or not self.file:
+            return problem
+        key = problem.key
+        while key and key not in self.lines:
+            key = key.rpartition(".")[0]
+        return replace(problem, line=self.lines.get(key), file=self.file)

@@ -9,6 +9,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.errors import StudyError
+from roughvol.store.variants import parts_of
 from roughvol.study import GeneratedSurface, SpectralSurface, Study, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
@@ -30,6 +31,14 @@ class Run:
             return cls(name, dataset, loads(dataset.attrs.get("study", ""), file=name, stored=True))
         except StudyError:  # of a version that wrote other studies: the numbers still are
             return cls(name, dataset)
+
+    @property
+    def parts(self) -> list[Run]:
+        """The run of each combination of the lists of its study; itself without lists."""
+        parts = parts_of(self.dataset)
+        if not parts[0].words:
+            return [self]
+        return [Run.of(f"{self.name}, {part.words}", part.dataset) for part in parts]
 
     @property
     def generated(self) -> GeneratedSurface | None:

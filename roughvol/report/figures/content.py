@@ -17,11 +17,12 @@ from xarray import Dataset
 
 from roughvol.errors import DatasetError
 from roughvol.report.figures.curves import plot
-from roughvol.report.figures.families import Curve, Family, curves, families, file_text
+from roughvol.report.figures.families import Curve, Family, curves, families, file_text, held
 from roughvol.report.figures.origin import lacking, study_of, surfaces
 from roughvol.report.figures.style import COLUMN, LABELS, STYLE, Drawing, canvas, looks, unit_text
 from roughvol.report.legs import first_leg
 from roughvol.report.run_facts import derived
+from roughvol.store.variants import parts_of
 
 VARIABLES_OF = {  # the first one that all runs have is drawn
     "p": ("nominal_pressure", "mean_pressure"),
@@ -44,6 +45,7 @@ WORDS = {
     "transmissivity_x": r"transmissivity along $x$ $T_x^{\ast}$",
 }
 LOGARITHMIC = ("leak", "flow")
+MANY = 6  # height files of a run that have a curve each; more are one family
 NAMES = tuple(f"{y}_of_{x}" for y, x in itertools.product(VARIABLES_OF, BELOW) if y != x)
 """Names of all figures by content."""
 IN_WORDS = f"Y_of_X as v_of_p, X of {', '.join(BELOW)}, Y of these or {', '.join(LOGARITHMIC)}"
@@ -55,6 +57,29 @@ class Named:
 
     name: str
     dataset: Dataset
+
+
+def parts(name: str, ds: Dataset, *, alone: bool) -> list[Named]:
+    """Return the runs to overlay of a dataset: one for each combination of the lists of its study.
+
+    Parameters
+    ----------
+    name : str
+        Name of the run.
+    ds : Dataset
+        As `dataset.read` returns it.
+    alone : bool
+        Whether no other run is drawn, so that its name may be left out.
+
+    Returns
+    -------
+    list of Named
+        One for a study without lists.
+    """
+    return [
+        Named(", ".join(filter(None, ("" if alone and part.words else name, part.words))), part.dataset)
+        for part in parts_of(ds)
+    ]
 
 
 def missing(name: str, runs: Sequence[Named]) -> str | None:
@@ -139,10 +164,15 @@ def _label(name: str, runs: Sequence[Named]) -> str:
 
 def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]:
     """Return the families of all runs, named by run, and what they share."""
-    if len(runs) == 1:
+    if len(runs) == 1 and runs[0].dataset.sizes.get("case", 0) <= MANY:
         return families(runs[0].dataset, "D", x, y)
     found: list[Family] = []
     for run in runs:
+        if run.dataset.sizes.get("case", 0) > MANY:
+            held_by = held(run.dataset, x, y).values
+            members = run.dataset.isel(case=np.flatnonzero(held_by)).rename(case="seed")
+            found.append(Family(file_text(run.name), 0.0, {}, members))
+            continue
         some, title = families(run.dataset, "D", x, y)
         for family in some:
             words = ", ".join(filter(None, [family.label, title])) if "case" not in run.dataset.dims else family.label

@@ -1,0 +1,307 @@
+"""Lists in keys that take one value: each is an axis of the study, and every combination is a study of its own.
+
+The axis has the name of the key, as ``E`` for ``material: {E: [5 MPa, 10 MPa]}``. Combinations with equal cases share
+them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from pydantic import ValidationError
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from roughvol.study.record import INTERIOR
+from roughvol.study.sections import refuse
+from roughvol.study.units import Quantity, convert
+from roughvol.study.yaml_text import KeyPath, number_text, show
+
+S = TypeVar("S")  # `cases.Study`
+Places = dict[str, int]
+
+AXES: dict[str, tuple[str, ...]] = {
+    "level": ("surface", "level"),
+    "low_pass": ("surface", "low_pass"),
+    "material": ("material",),
+    "E_star": ("material", "E_star"),
+    "E": ("material", "E"),
+    "nu": ("material", "nu"),
+    "hardness": ("material", "hardness"),
+    "to": ("sweep", "to"),
+    "region": ("record", "region"),
+}
+"""Key path of each axis, in the order of the dimensions of a dataset."""
+NUMBERS = {"E_star": math.nan, "E": math.nan, "nu": math.nan, "hardness": math.inf, "low_pass": 0.0}
+"""Axes of numbers, each with the label of the item 'none'."""
+OPTIONAL = ("low_pass", "hardness", "region")  # take 'none' in a list
+MOST = 1000  # combinations
+NONE = "none"
+
+Label = float | str
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis of a study.
+
+    Attributes
+    ----------
+    name : str
+        Of `AXES`.
+    labels : tuple of float or str
+        Its coordinate.
+    unit : str or None
+        Unit of the labels.
+    """
+
+    name: str
+    labels: tuple[Label, ...]
+    unit: str | None = None
+
+    def words(self, label: Label) -> str:
+        """Return a label in words, as ``E = 5 MPa``."""
+        if isinstance(label, str):
+            return label if self.name in ("material", "to") else f"{self.name} = {label}"
+        none = self.name in OPTIONAL and label == NUMBERS[self.name]
+        text = NONE if none else f"{number_text(label)} {self.unit or ''}".strip()
+        return f"{self.name} = {text}"
+
+
+@dataclass(frozen=True)
+class Variant(Generic[S]):
+    """One combination of the lists of a study.
+
+    Attributes
+    ----------
+    labels : mapping of str to float or str
+        Label on each axis.
+    words : str
+        The combination in words, as ``E = 5 MPa, nu = 0.5``.
+    study : Study
+        The study without lists.
+    """
+
+    labels: Mapping[str, Label]
+    words: str
+    study: S
+
+
+def lists(data: Any) -> dict[str, list[Any]]:
+    """Return the items of each axis that plain data has as a list."""
+    found = {}
+    for name, path in AXES.items():
+        here = data
+        for part in path:
+            here = here.get(part) if isinstance(here, dict) else None
+        if name == "to":
+            here = _ends(here)
+        if isinstance(here, list | tuple):
+            found[name] = list(here)
+    return found
+
+
+def _ends(to: Any) -> Any:
+    """Return ``{pressure: [a, b]}`` as a list of ends, other values unchanged."""
+    if isinstance(to, dict) and len(to) == 1:
+        kind, values = next(iter(to.items()))
+        if isinstance(values, list | tuple):
+            return [{kind: value} for value in values]
+    return to
+
+
+def combinations(data: dict[str, Any]) -> Iterator[tuple[Places, dict[str, Any]]]:
+    """Yield the places on all axes and the plain data of each combination; the data themselves without a list."""
+    items = lists(data)
+    for places in itertools.islice(itertools.product(*(range(len(values)) for values in items.values())), MOST):
+        chosen = dict(zip(items, places, strict=True))
+        one = data
+        for name, place in chosen.items():
+            item = items[name][place]
+            one = _with(one, AXES[name], None if item == NONE and name in OPTIONAL else item)
+        yield chosen, one
+
+
+def _with(data: dict[str, Any], path: tuple[str, ...], value: Any) -> dict[str, Any]:
+    """Return plain data with another value at a path."""
+    first, *rest = path
+    return {**data, first: _with(data[first], tuple(rest), value) if rest else value}
+
+
+def indexed(path: KeyPath, places: Mapping[str, int]) -> KeyPath:
+    """Return a key path of a combination as one of the whole study, with the place in each list."""
+    for name, place in places.items():
+        keys = [index for index, part in enumerate(path) if not str(part).startswith("<")]
+        plain = tuple(path[index] for index in keys)
+        if plain[: len(AXES[name])] == AXES[name]:
+            end = keys[len(AXES[name]) - 1] + 1
+            path = (*path[:end], place, *path[end:])
+    return path
+
+
+def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> list[tuple[Places, S]]:
+    """Return the studies of all combinations.
+
+    Parameters
+    ----------
+    data : dict
+        Plain data with lists.
+    read_one : callable
+        Plain data without lists ↦ study.
+
+    Returns
+    -------
+    list of (dict, Study)
+        Places on the axes, and the study there.
+
+    Raises
+    ------
+    ValidationError
+        With the problems of all combinations, each once.
+    PydanticCustomError
+        If a list is empty, or there are too many combinations.
+    """
+    items = lists(data)
+    for name, values in items.items():
+        if not values:
+            refuse("{name} is an empty list", name=".".join(AXES[name]))
+    if (number := math.prod(map(len, items.values()))) > MOST:
+        refuse(
+            "the lists of {names} make {number} combinations; allowed: at most {most}",
+            names=", ".join(items),
+            number=str(number),
+            most=str(MOST),
+        )
+    made: list[tuple[Places, S]] = []
+    wrong: dict[Any, InitErrorDetails] = {}
+    for places, one in combinations(data):
+        try:
+            made.append((places, read_one(one)))
+        except ValidationError as error:
+            for item in error.errors(include_url=False):
+                where = indexed(item["loc"], places)
+                kind = PydanticCustomError("refused", "{reason}", {"reason": item["msg"]})
+                known = item["type"] not in ("refused", "assertion_error", "value_error")
+                details = InitErrorDetails(
+                    type=item["type"] if known else kind, loc=where, input=item["input"], ctx=item.get("ctx", {})
+                )
+                wrong.setdefault((where, item["msg"]), details)
+    if wrong:
+        title = "Study"
+        raise ValidationError.from_exception_data(title, list(wrong.values()))
+    return made
+
+
+def axes_of(made: Sequence[tuple[Places, Any]]) -> tuple[Axis, ...]:
+    """Return the axes of the combinations of a study.
+
+    Raises
+    ------
+    PydanticCustomError
+        If only some items have a unit, or two have one label.
+    """
+    found = []
+    for name in made[0][0]:
+        items = [_item(name, next(study for places, study in made if places[name] == k)) for k in _places(made, name)]
+        units = [item.unit for item in items if isinstance(item, Quantity)]
+        if units and any(isinstance(item, float) and not isinstance(item, Quantity) for item in items):
+            refuse("{name}: either all items have a unit, or none", name=".".join(AXES[name]))
+        unit = units[0] if units else None
+        labels = [_label(name, item, unit) for item in items]
+        if twice := [label for label in labels if labels.count(label) > 1]:
+            refuse("{name} has {item} twice", name=".".join(AXES[name]), item=str(twice[0]))
+        found.append(Axis(name, tuple(labels), unit))
+    return tuple(found)
+
+
+def _label(name: str, item: Any, unit: str | None) -> Label:
+    """Return the label of an item: a number in the unit of the axis, or text."""
+    if name not in NUMBERS:
+        return str(item)
+    if item is None:
+        return NUMBERS[name]
+    if not isinstance(item, Quantity) or unit is None:
+        return float(item)
+    return float(f"{convert(float(item), item.unit, unit):.12g}")
+
+
+def _places(made: Sequence[tuple[Places, Any]], name: str) -> list[int]:
+    return sorted({places[name] for places, _ in made})
+
+
+def _item(name: str, study: Any) -> Any:
+    """Return the value of a study on an axis: a number, None, or text."""
+    if name == "material":
+        given = study.material.model_dump(mode="json", exclude_defaults=True)
+        other = given.pop("against", {})
+        flat = {**given, **{f"against {key}": value for key, value in other.items()}}
+        return ", ".join(f"{key} = {value if isinstance(value, str) else show(value)}" for key, value in flat.items())
+    if name == "to":
+        return study.sweep.target.label
+    if name == "region":
+        region = study.record.region
+        if region is None:
+            return "whole"
+        return "interior" if (("x", region.x), ("y", region.y)) == INTERIOR else region.label
+    value = getattr(getattr(study, AXES[name][0]), name)
+    return value if value is None or isinstance(value, Quantity | str) else float(value)
+
+
+def listable(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the JSON schema of a study with a list allowed at each axis."""
+    models, sections = schema["$defs"], schema["properties"]
+    for name, (section, *rest) in AXES.items():
+        holders = [sections]
+        if rest:
+            names = [one["$ref"].rpartition("/")[2] for one in _references(sections[section])]
+            holders = [models[one].get("properties", {}) for one in names if models[one].get("title") != "Leg"]
+        key = rest[0] if rest else section
+        for holder in holders:
+            if key in holder:
+                holder[key] = _or_list(holder[key], optional=name in OPTIONAL)
+    return schema
+
+
+def _references(schema: Any) -> Iterator[dict[str, Any]]:
+    if "$ref" in schema:
+        yield schema
+    for part in ("anyOf", "oneOf", "allOf"):
+        for inner in schema.get(part, ()):
+            yield from _references(inner)
+
+
+def _or_list(schema: dict[str, Any], *, optional: bool) -> dict[str, Any]:
+    """Return the schema of a value or a list of values."""
+    kept: dict[str, Any] = {key: schema[key] for key in ("description", "default", "title") if key in schema}
+    one = {key: value for key, value in schema.items() if key not in kept}
+    items = {"anyOf": [one, {"const": NONE}]} if optional else one
+    return {**kept, "anyOf": [one, {"type": "array", "items": items, "minItems": 1}]}
+
+
+def write_lists(data: dict[str, Any], of: Sequence[Axis], sections: Sequence[Mapping[str, Any]], context: Any) -> None:
+    """Put the lists of a study in place of their first items, in its plain data."""
+    strides = [math.prod(len(axis.labels) for axis in of[k + 1 :]) for k in range(len(of))]
+    for axis, stride in zip(of, strides, strict=True):
+        section, *key = AXES[axis.name]
+        chosen = [sections[k * stride][section] for k in range(len(axis.labels))]
+        items = [one.model_dump(mode="json", context=context) for one in chosen]
+        if key:
+            data[section][key[0]] = [item.get(key[0]) for item in items]
+        else:
+            data[section] = items
+
+
+def variants_of(study: S, of: Sequence[Axis], sections: Sequence[Mapping[str, Any]]) -> tuple[Variant[S], ...]:
+    """Return the studies of all combinations; the study itself without lists."""
+    made = []
+    for labels, changed in zip(itertools.product(*(axis.labels for axis in of)), sections or ({},), strict=True):
+        one: Any = study
+        if changed:
+            one = one.model_copy(update=dict(changed))
+            one._axes, one._sections = (), ()
+        words = ", ".join(axis.words(label) for axis, label in zip(of, labels, strict=True))
+        made.append(Variant({axis.name: label for axis, label in zip(of, labels, strict=True)}, words, one))
+    return tuple(made)
