@@ -6,6 +6,7 @@ Room of the campaign.
 `running`       run a study, or collect what is finished
 `pressing`      heights in memory, pressed in one call
 `sorting`       stored cases sorted out before a run
+`known`         cases that stored files answer already
 `checks`        a study checked before anything is computed
 `ensemble`      rounds of samples until a mean is as accurate as requested
 `quantities`    quantities of one surface at a state

@@ -136,12 +136,7 @@ def _asked(
     started = time.perf_counter()
     with one_thread():  # a sum split over threads would round differently from machine to machine
         surface = surface or surface_of(case)
-        values = reduction.of_surface(case, surface)
-        if case.treatment.filling is not None:
-            values["filled_fraction"] = surface.filled / surface.heights.size
-        if case.treatment.outliers is not None:
-            values |= {"outliers_removed": surface.outliers, "peak_height": surface.peak}
-            values["peak_height_before"] = surface.peak_before
+        values = undeformed(case, surface)
         if case.sweep.steps > 0:
             held = {} if half_spaces is None else half_spaces
             half_space = _half_space(surface, case.solver.kernel, threads, held)
@@ -149,6 +144,30 @@ def _asked(
             kept = Checkpoint(checkpoint, case, checkpoints.numerics()) if checkpoint is not None and large else None
             values |= _swept(path.starred(case, surface), surface, half_space, kept, on_step, stopping)
     values["wall_time"] = time.perf_counter() - started
+    return values
+
+
+def undeformed(case: Case, surface: Surface) -> Values:
+    """Return the numbers of the undeformed surface and of its treatment.
+
+    Parameters
+    ----------
+    case : Case
+        Names what to record.
+    surface : Surface
+        Its surface.
+
+    Returns
+    -------
+    dict
+        Values by stored name.
+    """
+    values = reduction.of_surface(case, surface)
+    if case.treatment.filling is not None:
+        values["filled_fraction"] = surface.filled / surface.heights.size
+    if case.treatment.outliers is not None:
+        values |= {"outliers_removed": surface.outliers, "peak_height": surface.peak}
+        values["peak_height_before"] = surface.peak_before
     return values
 
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from roughvol.campaign import cluster, validity
+from roughvol.campaign import cluster, known, validity
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
 from roughvol.campaign.one_case import FFT
@@ -118,6 +118,10 @@ def run(
             rounds = _Rounds(study, folder, sound, notices, on_event, jobs, scheduler, stopping)
             return rounds.results()
         missing = [case for case in absent if case.id in wanted]
+        changed = bool(missing)
+        if not fresh:
+            found = known.answered(folder, missing, text, stopping)
+            missing, notices = found.missing, [*notices, *filter(None, [found.notice])]
         left = {case.id for case in absent} - wanted
         cases = {id: case for id, case in cases.items() if id not in left}
         kept = len(cases) - len(missing)
@@ -132,7 +136,7 @@ def run(
             )
         elif on_event is not None:
             on_event(Progress(cases=len(cases), kept=len(cases), work=1.0))
-        return _collected(folder, cases, study, stopping)
+        return _collected(folder, cases, study, stopping, again=changed)
 
 
 def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset:
@@ -290,10 +294,14 @@ def _all_parts(
     return parts
 
 
-def _collected(folder: Path, cases: Mapping[str, Case], study: Study, stopping: Callable[[], bool]) -> Dataset:
-    """Return ``study.nc``, made from the cases unless it is up to date."""
+def _collected(
+    folder: Path, cases: Mapping[str, Case], study: Study, stopping: Callable[[], bool], *, again: bool
+) -> Dataset:
+    """Return ``study.nc``, made from the cases ``again`` or where it is not up to date."""
     path = folder / "study.nc"
     with contextlib.suppress(DatasetError, OSError):
+        if again:
+            raise DatasetError
         stored = dataset.read(path)
         if stored.attrs.get("study") == study.stored() and stored.attrs.get("case_ids") == provenance.ids_text(cases):
             os.utime(path)  # newer than the study file, for make

@@ -51,8 +51,6 @@ def sorted_out(
     notices = _of_older_answers(folder, outdated)
     notices += _few([f"set aside: {why} (now {run_folder.set_aside(path, why)})" for path, why in bad.items()], folder)
     try:
-        if missing:
-            together.unlink(missing_ok=True)  # it would not belong to the cases beside it
         for path in (folder / "cases").glob(".*.checkpoint"):
             if path.name.removeprefix(".").removesuffix(".checkpoint") in finished:
                 path.unlink(missing_ok=True)

@@ -208,6 +208,23 @@ def read_arrays(path: Path) -> tuple[Arrays, stamped_file.Labels]:
         raise DatasetError(message) from error
 
 
+def read_case(path: Path) -> tuple[Arrays, dict[str, str]]:
+    """Return the variables of a case and its attributes, every bit checked.
+
+    Raises
+    ------
+    DatasetError
+        As for `read`.
+    """
+    arrays, _ = read_arrays(path)
+    content, _ = stamped_file.verified(path)
+    if content.startswith(b"CDF"):
+        found = netcdf_file(io.BytesIO(content), mmap=False)._attributes
+        return arrays, {name: value.decode() for name, value in found.items() if isinstance(value, bytes)}
+    with netCDF4.Dataset("memory.nc", memory=content) as stored:
+        return arrays, {name: str(stored.getncattr(name)) for name in stored.ncattrs()}
+
+
 def _decoded(variables: Mapping[str, Any]) -> Arrays:
     """Return stored variables as those of a dataset."""
     arrays: Arrays = {}

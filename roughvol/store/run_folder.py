@@ -80,6 +80,15 @@ def stored_study(folder: Path) -> str | None:
         return f"cannot read: {error.strerror}"
 
 
+def is_collected(folder: Path, text: str) -> bool:
+    """Return whether ``study.nc`` holds a study; one written before its stamp had the study is that of the folder."""
+    try:
+        held = stamped_file.labels(folder / "study.nc").get("study")
+    except DatasetError:
+        return False
+    return stored_study(folder) == text and held in (None, stamped_file.digest_of(text))
+
+
 def strangers(folder: Path, cases: Mapping[str, Case]) -> list[str]:
     """Return the ids of stored cases that are not of this study."""
     return sorted(stored_ids(folder) - cases.keys())

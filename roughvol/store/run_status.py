@@ -105,7 +105,7 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     finished = set(done)
     running = tuple(id for id in running if id in cases and id not in finished)
     failed = {id: error for id, error in failed.items() if id not in finished and id not in running}
-    collected = (folder / "study.nc").is_file() and run_folder.stored_study(folder) == study.stored()
+    collected = run_folder.is_collected(folder, study.stored())
     return Status(
         folder,
         tuple(done),

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from roughvol.errors import FolderError, StudyError
-from roughvol.store.run_folder import outdated, stored_study, strangers
+from roughvol.errors import DatasetError, FolderError, StudyError
+from roughvol.store.run_folder import case_file, outdated, stored_study, strangers
 from roughvol.study import Case, HeightFile, Study, loads
 
 
@@ -43,6 +43,7 @@ def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str 
         digest, old = first.id.rsplit("-")[-1], outdated(folder, cases)
         # Equal content under another name is the same study.
         strange = [id for id in strangers(folder, cases) if id not in old and id.rsplit("-")[-1] != digest]
+        strange = [id for id in strange if _other_heights(folder, id, first)]
         if strange:
             files = " and ".join(str(body.file) for body in first.bodies)
             reasons = [f"surface.file: the content of {files} is not that of {strange[0]}"]
@@ -53,6 +54,17 @@ def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str 
         f"{folder} holds the results of another study:\n{lines}\n"
         "give another --out to keep them, or --fresh to compute all anew in this folder"
     )
+
+
+def _other_heights(folder: Path, id: str, case: Case) -> bool:
+    """Return whether a stored case is not known to be of the heights of a case."""
+    from roughvol.store import dataset  # xarray: a second, for this question alone
+
+    try:
+        key = json.loads(dataset.read_case(case_file(folder, id))[1].get("case", "{}"))
+    except (DatasetError, ValueError):
+        return True
+    return bool(key.get("surface", {}).get("bodies") != json.loads(case.key_text)["surface"]["bodies"])
 
 
 def differences(old: Study, new: Study) -> list[str]:

@@ -17,6 +17,7 @@ import os
 import platform
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from roughvol._version import __version__
 from roughvol.errors import DatasetError, FolderError
@@ -111,15 +112,29 @@ def stamped(content: bytes, labels: Labels) -> bytes:
 
 
 def labels_of(attributes: Mapping[str, str]) -> Labels:
-    """Return the labels of a dataset: formats of file and answer, version, id and hash of the case."""
+    """Return the labels of a dataset: formats of file and answer, version, id and hash of the case.
+
+    A case has the hash of its states as well, a dataset of several cases that of its study.
+    """
     text = attributes.get("case", "")
-    return {
+    own = {"states": states_of(json.loads(text))} if text else {"study": digest_of(attributes.get("study", ""))}
+    return own | {
         "format": FORMAT,
         "format_of_answers": str(json.loads(text).get("format", "")) if text else "",
         "version": attributes.get("roughvol_version", __version__),
         "case": attributes.get("case_id", ""),
         "key": hashlib.sha256(text.encode()).hexdigest() if text else "",
     }
+
+
+def digest_of(text: str) -> str:
+    """Return the sha256 of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def states_of(key: Mapping[str, Any]) -> str:
+    """Return the sha256 of all that the states of a case depend on: its key without the record, and the region."""
+    return digest_of(json.dumps({**key, "record": key.get("record", {}).get("region")}, sort_keys=True))
 
 
 def labels(path: Path) -> Labels:
