@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
 from roughvol.campaign import path as paths
 from roughvol.campaign.one_case import FFT, one_thread, surface_of, undeformed
 from roughvol.errors import DatasetError, RoughvolError
