@@ -154,7 +154,8 @@ def _seconds(case: Case, shape: tuple[int, int]) -> float:
 def searches(case: Case) -> int:
     """Return the number of states of the path that are searched for."""
     kinds = [level.kind for leg in case.sweep.legs for level in leg.listed or (leg.target,)]
-    return sum(case.periodic or kind.startswith((*path.SEARCHED, "mean_gap", "load")) for kind in kinds)
+    kinds += ["pressure" for leg in case.sweep.legs if leg.equal != "indentation" for _ in range(leg.steps)]
+    return sum(case.periodic or kind.startswith((*path.SEARCHED, "mean_gap", "load", "leak_rate")) for kind in kinds)
 
 
 def observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, MutableMapping
 from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import Any
 
 from threadpoolctl import ThreadpoolController
 
@@ -201,7 +202,7 @@ def _swept(
     state = checkpoint.load() if checkpoint else None
     if state is not None:
         reduced.restore(state["reduction"], state["states"])
-    ends: list[float] = list(state["ends"]) if state else []
+    ends: list[Any] = list(state["ends"]) if state else []
     left = path.indentations(case, surface, half_space, reduced, ends)
     contacts = sweep(surface, half_space, left, resume=reduced.states, **options_of(case, surface))
     for contact in contacts:

@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.crossing import state_crossing
-from roughvol.contact.loading import Compliance, Trials
+from roughvol.contact.loading import Compliance, Trials, sweep
 from roughvol.contact.search import first_indentation, indentation_for, state_reaching
 from roughvol.errors import ContactError
 from roughvol.observables.levels import end_of, measure_of, options_of, searched
 from roughvol.observables.reduction import Reduction
+from roughvol.observables.regions import within
 from roughvol.study import Case, Legs, Level, Scale, Sweep
 from roughvol.study.targets import LISTS
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
+RANGE = 1e3  # p* of the last step over that of the first, of steps in equal ratios
 SEARCHED = ("contact_area", "pressure", "percolation", "free_volume")
 
 
@@ -45,7 +47,8 @@ def starred(case: Case, surface: Surface) -> Case:
     if not case.sweep.has_units:
         return case
     area = surface.heights.size * surface.spacing**2
-    scale = Scale(case.E_star, surface.side, case.height or surface.Sq, area, case.modulus_unit, case.length_unit)
+    Sq = case.height or surface.Sq
+    scale = Scale(case.E_star, surface.side, Sq, area, case.modulus_unit, case.length_unit, case.drive)
 
     def of(level: Level) -> Level:
         if level.value is None:
@@ -72,11 +75,13 @@ def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
         changed |= {name: () for name, kind in LISTS.items() if kind == leg.listed[0].kind}
         name = next(name for name, kind in LISTS.items() if kind == levels[0].kind)
         changed |= {name: tuple(level.value for level in levels)}
+    if leg.first is not None:
+        changed["first"] = of(Level("pressure", leg.first)).value
     return leg.model_copy(update=changed)
 
 
 def indentations(
-    case: Case, surface: Surface, half_space: Compliance, reduced: Reduction, ends: list[float]
+    case: Case, surface: Surface, half_space: Compliance, reduced: Reduction, ends: list[Any]
 ) -> Iterator[float]:
     """Yield the indentations of the steps that are left, leg by leg.
 
@@ -90,8 +95,9 @@ def indentations(
         Of the shape of the surface.
     reduced : Reduction
         States so far; a leg goes on from the last one.
-    ends : list of float
-        Δ/σ at the ends of the legs begun so far. The end of each further leg is appended.
+    ends : list
+        Δ/σ at the ends of the legs begun so far, for steps equal in pressure with p* at the begin and the end. The end
+        of each further leg is appended.
 
     Yields
     ------
@@ -116,13 +122,57 @@ def indentations(
             continue
         if number == len(ends):
             ends.append(_reaching(case, leg.target, surface, half_space, reduced))
-        begin = ends[number - 1] if number else 0.0
-        if ends[number] == begin:
+            if leg.equal != "indentation":
+                pressures = _pressures(case, leg.target, ends[number], surface, half_space, reduced)
+                ends[number] = [ends[number], *pressures]
+        begin = _indentation(ends[number - 1]) if number else 0.0
+        if _indentation(ends[number]) == begin:
             message = f"leg {number + 1} has no length: the leg before ends at Δ/σ = {begin:.6g}, its end, too"
             raise ContactError(message)
+        if leg.equal != "indentation":
+            end, low, high = ends[number]
+            levels = _even(leg, low, high, number)
+            for pressure in levels[max(0, reduced.steps - first) : -1]:
+                yield _reaching(case, Level("pressure", pressure), surface, half_space, reduced)
+            if reduced.steps < first + leg.steps:
+                yield end
+            first += leg.steps
+            continue
         steps = begin + (ends[number] - begin) * np.arange(1, leg.steps + 1) / leg.steps
         yield from steps[max(0, reduced.steps - first) :]
         first += leg.steps
+
+
+def _indentation(end: Any) -> float:
+    """Return Δ/σ of an end of `indentations`."""
+    return float(end[0] if isinstance(end, list) else end)
+
+
+def _pressures(
+    case: Case, target: Level, end: float, surface: Surface, half_space: Compliance, reduced: Reduction
+) -> tuple[float, float]:
+    """Return p* in the region of the study at the begin and at the end of a leg."""
+    if target.kind == "pressure":
+        return reduced.mean_pressure, target.value or 0.0
+    last = next(sweep(surface, half_space, [end], resume=reduced.states, **options_of(case, surface)))
+    return reduced.mean_pressure, float(within(last, case).mean_pressure)
+
+
+def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
+    """Return p* of the steps of a leg: equal differences, or equal ratios."""
+    places = np.arange(1, leg.steps + 1) / leg.steps
+    if leg.equal == "pressure":
+        return list((low + (high - low) * places).tolist())
+    if number == 0:
+        low = leg.first or high / RANGE
+        places = np.arange(leg.steps) / max(leg.steps - 1, 1) if leg.steps > 1 else np.ones(1)
+        if not low < high and leg.steps > 1:
+            message = f"the first step is at p* = {low:.6g}; allowed: below that of the last, {high:.6g}"
+            raise ContactError(message)
+    if not (low > 0.0 and high > 0.0):
+        message = f"equal ratios from p* = {low:.6g} to {high:.6g} on leg {number + 1}; allowed: both > 0"
+        raise ContactError(message)
+    return list((low * (high / low) ** places).tolist())
 
 
 def _reaching(case: Case, target: Level, surface: Surface, half_space: Compliance, reduced: Reduction) -> float:
@@ -183,6 +233,15 @@ def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> fl
 
 def _first(case: Case, target: Level, surface: Surface, half_space: Compliance) -> float:
     """Return Δ/σ at a state of elastic contact, from first touch."""
+    if target.kind.startswith("leak_rate"):
+        trials = Trials(surface, half_space, **options_of(case, surface))
+        measure, least = measure_of(target, case, surface)
+        if measure(trials.untouched) >= least:
+            message = (
+                f"the {target.kind.replace('_', ' ')} is below that of the end of the sweep at first touch already"
+            )
+            raise ContactError(message)
+        return state_crossing(trials, measure, least, trials.untouched).approach
     rtol, method = min(case.solver.tolerance, case.solver.pressure_error or 1.0), case.solver.method
     predicate = end_of(case, target)
     if predicate is not None:

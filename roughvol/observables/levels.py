@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -17,6 +18,7 @@ from roughvol.study import Case, Level
 from roughvol.surfaces.surface import Surface
 
 LAST = Level("last")
+CLOSED = 1e-3  # share of the leak rate of a level below which ways count as closed in a search
 ROUNDING = 1e-9  # relative; a state that misses a level by less reaches it
 
 
@@ -147,7 +149,11 @@ def options_of(case: Case, surface: Surface) -> dict[str, Any]:
 
 def searched(level: Level, surface: Surface) -> bool:
     """Return whether the indentation of a level is searched for. Indentation and separation follow on a free patch."""
-    return level.kind in TARGETS or (surface.periodic and level.kind in ("indentation", "separation"))
+    return (
+        level.kind in TARGETS
+        or level.kind.startswith("leak_rate")
+        or (surface.periodic and level.kind in ("indentation", "separation"))
+    )
 
 
 def measure_of(level: Level, case: Case, surface: Surface) -> tuple[Callable[[Contact], float], float]:
@@ -156,8 +162,8 @@ def measure_of(level: Level, case: Case, surface: Surface) -> tuple[Callable[[Co
     Parameters
     ----------
     level : Level
-        contact_area, pressure or free_volume in the region of the study; the end of percolation; indentation or
-        separation of a periodic surface.
+        contact_area, pressure, free_volume or a leak rate in the region of the study; the end of percolation;
+        indentation or separation of a periodic surface.
     case : Case
         Names the region.
     surface : Surface
@@ -166,14 +172,22 @@ def measure_of(level: Level, case: Case, surface: Surface) -> tuple[Callable[[Co
     Returns
     -------
     measure : callable
-        Contact ↦ float that never falls under more contact: A*, p*, the volume closed since the first touch, or 1 where
-        no void percolates.
+        Contact ↦ float that never falls under more contact: A*, p*, the volume closed since the first touch, 1 where
+        no void percolates, or -log(Q/Q_0 + 10⁻³) of the leak rate Q asked to be Q_0, finite for closed ways.
     value : float
         Its value at the level.
     """
     kind, value = level.kind, level.value or 0.0
     if kind.startswith("percolation"):
         return lambda contact: float(void.stops_percolating(kind, within(contact, case))), 1.0
+    if kind.startswith("leak_rate"):
+        axes = kind.removeprefix("leak_rate").strip("_") or "xy"
+
+        def closing(contact: Contact) -> float:
+            rates = void.leak_rates(within(contact, case))
+            return -math.log(max(rates[axis] for axis in axes) / value + CLOSED)
+
+        return closing, -math.log(1.0 + CLOSED)
     depth = (surface.z_max - surface.mean_height) / surface.unit
     if kind == "free_volume":
         return lambda contact: depth - float(within(contact, case).gap().mean()), depth - value

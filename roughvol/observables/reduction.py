@@ -141,6 +141,11 @@ class Reduction:
         return self._states
 
     @property
+    def mean_pressure(self) -> float:
+        """p* of the last state taken in, in the region of the study; 0 before any."""
+        return float(self._per_step["mean_pressure"][-1]) if self._states else 0.0
+
+    @property
     def residual(self) -> float:
         """Residual η/σ of the last state taken in; 0 before any."""
         return self._per_step["residual"][-1] if self._states else 0.0

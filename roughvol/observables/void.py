@@ -92,6 +92,32 @@ def stops_percolating(kind: str, state: Void) -> bool:
     )
 
 
+def leak_rates(state: Void) -> dict[str, float]:
+    """Return the starred leak rates along x and y, T* V*³ times width over length of the region.
+
+    Along the loading of one surface every gap falls, and so does the conductance of each element. The flow between two
+    reservoirs then falls as well (Rayleigh's monotonicity law).
+
+    Parameters
+    ----------
+    state : Void
+        A state of contact, in its region.
+
+    Returns
+    -------
+    dict
+        Q 12 μ/(ΔP σ³) by axis [1].
+    """
+    gap = state.gap()
+    rows, columns = gap.shape
+    widths = {"x": columns / rows, "y": rows / columns}
+    plates = float(gap.mean()) ** 3
+    return {
+        axis: transport.conduction(gap, n, periodic=state.periodic).coefficient * plates * widths[axis]
+        for axis, n in AXES
+    }
+
+
 def of_state(state: Void, quantities: list[str]) -> tuple[Values, dict[str, float]]:
     """Return the numbers of the quantities, and the seconds that each took.
 

@@ -20,14 +20,16 @@ from roughvol.report.claims import Run
 from roughvol.report.tables import number
 from roughvol.store.derived_variables import OF_STATE
 from roughvol.store.variables import STATES, VARIABLES
-from roughvol.study import KINDS, STORED, Quantity, Scale, read
+from roughvol.study import KINDS, STORED, Quantity, Scale, convert, read
 from roughvol.study.scale import ALWAYS
+from roughvol.study.units import EXAMPLES
 from roughvol.study.yaml_text import number_text
 from roughvol.typing import Array
 
 P, V = "mean_pressure", "free_volume"
 BY_LOGARITHM = ("leak_rate", "transmissivity", "diffusivity", "critical_opening", "critical_gap")
 MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V}  # in units, of starred numbers
+LEAK = "leak_rate"
 RULE = "Between steps: straight lines over the quantity asked for, of the logarithm for flows and openings."
 
 
@@ -75,7 +77,7 @@ def wanted(text: str) -> Wanted:
         message = f"{text}: {error}"
         raise DatasetError(message) from error
     if kind in ALWAYS and not isinstance(state.value, Quantity):
-        message = f"{text}: needs its unit, as {kind}={'20N' if kind == 'load' else '1um'}"
+        message = f"{text}: needs its unit, as {kind}={EXAMPLES[KINDS[kind][0]].replace(' ', '')}"
         raise DatasetError(message)
     return state
 
@@ -197,6 +199,10 @@ def at(run: Run, group: Dataset, state: Wanted) -> State:
         kind, value = state.kind, float(state.value)
         if kind == "step":
             values = group["step"].values.astype(float)
+        elif kind.startswith(LEAK):
+            values, value = _leak(run, group, k, state)
+            ranges += values[np.isfinite(values)].tolist()
+            values, value = np.log(np.where(values > 0.0, values, np.nan)), math.log(value)
         else:
             try:
                 kind, value = scale.starred(state.kind, state.value)
@@ -227,6 +233,21 @@ def at(run: Run, group: Dataset, state: Wanted) -> State:
             there = numbers if name in MADE else numbers[seeds]
             data[name] = ("seed", np.where(np.isfinite(there), there, data[name].values), data[name].attrs)
     return State(state.label, data, group.sizes["seed"])
+
+
+def _leak(run: Run, group: Dataset, k: int, state: Wanted) -> tuple[Array, float]:
+    """Return the leak rate of a surface at each step, the larger along both axes if none is named, and that asked for.
+
+    Both are in the unit of the state.
+    """
+    unit = state.value.unit if isinstance(state.value, Quantity) else ""
+    names = [f"{LEAK}_{axis}" for axis in state.kind.removeprefix(LEAK).strip("_") or "xy"]
+    if absent := [name for name in names if name not in group]:
+        message = f"{run.name} has no {absent[0]}: add record.dimensional.leak_rate to its study"
+        raise DatasetError(message)
+    rows = [group[name].transpose("seed", "step").values[k] for name in names]
+    values = np.max(rows, axis=0) * convert(1.0, str(group[names[0]].attrs["units"]), unit)
+    return values, float(state.value)
 
 
 def _recorded(group: Dataset, state: Wanted) -> dict[str, Array]:

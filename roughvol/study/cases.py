@@ -71,6 +71,7 @@ class Case:
     height: float | None = None  # Sq of the heights, where there is a hardness to compare with
     notes: tuple[str, ...] = ()  # on size and units of the files, for the user
     periodic: bool = False  # one period of a plane
+    drive: float | None = None  # ΔP/μ of the fluid [1/s], where a state of the sweep is one of a leak rate
 
     @property
     def key(self) -> dict[str, Any]:
@@ -105,6 +106,8 @@ class Case:
         if self.sweep.has_units:  # cases without them keep their id
             modulus = convert(self.E_star, self.modulus_unit, "Pa") if self.modulus_unit else self.E_star
             key["units"] = {"E_star": float(f"{modulus:.12g}"), "length": self.length_unit}
+            if self.drive is not None:
+                key["units"]["drive"] = float(f"{self.drive:.12g}")
         return key | {
             "sweep": self.sweep.model_dump(mode="json"),
             "solver": {
@@ -294,6 +297,8 @@ class Study(Strict):
         hard = self.material.indentation_hardness
         hardness = None if hard is None else hard / E_star
         modulus_unit = self.material.unit if sweep.has_units else None
+        wanted = record.dimensional
+        drive = wanted.leak_rate.rate if sweep.follows_leak and wanted is not None and wanted.leak_rate else None
         if isinstance(surface, MadeSurface):
             L, unit = float(surface.L), surface.length_unit
             height = None if hardness is None and not sweep.has_units else surface.height
@@ -305,7 +310,7 @@ class Study(Strict):
                 )
             case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
             case = replace(case, plastic=hardness is not None and self.material.plastic, periodic=surface.periodic)
-            case = replace(case, modulus_unit=modulus_unit)
+            case = replace(case, modulus_unit=modulus_unit, drive=drive)
             if isinstance(surface, SpectralSurface):
                 case = replace(case, spectrum=surface.spectrum)
             else:
@@ -339,6 +344,7 @@ class Study(Strict):
                     plastic=hardness is not None and self.material.plastic,
                     notes=measured.notes,
                     periodic=one.periodic,
+                    drive=drive,
                 )
             )
         return tuple(made)

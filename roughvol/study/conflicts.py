@@ -244,6 +244,16 @@ def _target_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     modulus = material.get("E_star", material.get("E"))
     has_length = length_unit(surface.get("L")) is not None or surface.get("unit") is not None
     yield from lacking_units(data, modulus, has_length=has_length or bool(FILES & surface.keys()))
+    if _mapping(data, "record", "dimensional").get("leak_rate") is None:
+        for path, kind, value in sections_of(data.get("sweep")):
+            if kind.startswith("leak_rate") and value is not None:
+                message = (
+                    "needs a fluid: record: {dimensional: {leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}}"
+                )
+                yield path, message
+    for path, leg in _legs(data):
+        if leg.get("equal") == "log pressure" and 0 in (leg.get("steps"), end_of(leg).get("pressure")):
+            yield (*path, "equal"), "equal ratios of pressure need steps, and an end > 0"
     if _mapping(data, "record").get("region") is None:
         return
     for path, kind, _ in sections_of(data.get("sweep")):

@@ -203,10 +203,15 @@ class LeakRate(Strict):
     @property
     def drive(self) -> float:
         """ΔP/μ times 1 m³, in the unit of the leak rate."""
+        return convert(self.rate, "m^3/s", self.unit)
+
+    @property
+    def rate(self) -> float:
+        """ΔP/μ [1/s]."""
         drop, viscosity = in_unit(self.pressure_drop, "Pa"), in_unit(self.viscosity, "Pa*s")
         assert drop is not None
         assert viscosity is not None
-        return convert(drop / viscosity, "m^3/s", self.unit)
+        return drop / viscosity
 
 
 class Dimensional(Choice):

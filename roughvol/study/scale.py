@@ -1,7 +1,8 @@
 """Loads and lengths with units as starred numbers of one surface.
 
 Conventions: σ = Sq. A pressure p is p* = p L/(E* σ), a length h is h/σ. A load F acts on all elements: its mean
-pressure is F/A with A the area of the elements, nodes times spacing squared.
+pressure is F/A with A the area of the elements, nodes times spacing squared. A leak rate Q under ΔP of a fluid of
+viscosity μ is Q 12 μ/(ΔP σ³): T* V*³ times width over length of the region.
 """
 
 from __future__ import annotations
@@ -18,9 +19,12 @@ KINDS = {
     "mean_gap": ("length", "free_volume"),
     "contact_area": ("", "contact_area"),
     "free_volume": ("", "free_volume"),
+    "leak_rate": ("flow", "leak_rate"),
+    "leak_rate_x": ("flow", "leak_rate_x"),
+    "leak_rate_y": ("flow", "leak_rate_y"),
 }
 """Kinds of a state: the kind of its unit, empty without one, and the starred quantity that it fixes."""
-ALWAYS = ("load", "mean_gap")  # have a unit in any case
+ALWAYS = ("load", "mean_gap", "leak_rate", "leak_rate_x", "leak_rate_y")  # have a unit in any case
 STORED = {
     "pressure": "mean_pressure",
     "contact_area": "contact_area_fraction",
@@ -45,6 +49,8 @@ class Scale:
         Area of all elements, in the square of ``length_unit``.
     modulus_unit, length_unit : str or None
         Units of the study; None for arbitrary ones.
+    drive : float or None
+        ΔP/μ of the fluid [1/s], None without one.
     """
 
     E_star: float
@@ -53,6 +59,7 @@ class Scale:
     area: float
     modulus_unit: str | None = None
     length_unit: str | None = None
+    drive: float | None = None
 
     def starred(self, kind: str, value: float) -> tuple[str, float]:
         """Return the starred quantity that a value fixes, and its starred value.
@@ -88,7 +95,17 @@ class Scale:
             pressure = convert(float(value), unit, "Pa") if kind == "pressure" else self._pressure(float(value), unit)
             return quantity, pressure * self.L / (modulus * self.Sq)
         assert self.length_unit is not None
+        if kind.startswith("leak_rate"):
+            if self.drive is None:
+                message = f"{kind} {value}: needs the fluid, record.dimensional.leak_rate"
+                raise ValueError(message)
+            return quantity, convert(float(value), unit, "m^3/s") * 12.0 / (self.drive * self._sigma_in_metres**3)
         return quantity, convert(float(value), unit, self.length_unit) / self.Sq
+
+    @property
+    def _sigma_in_metres(self) -> float:
+        assert self.length_unit is not None
+        return self.Sq * convert(1.0, self.length_unit, "m")
 
     def _pressure(self, load: float, unit: str) -> float:
         """Return the mean pressure of a load in Pa."""

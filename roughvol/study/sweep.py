@@ -49,6 +49,17 @@ class Target(Choice):
     load: Annotated[Positive, In("force", needed=True)] | None = Field(
         default=None, description="end at this load > 0 on the whole surface, as 20 N"
     )
+    leak_rate: Annotated[Positive, In("flow", needed=True)] | None = Field(
+        default=None,
+        description="end where the leak rates along both axes have fallen to this, as 1e-3 mm^3/s; the fluid is that "
+        "of record.dimensional.leak_rate",
+    )
+    leak_rate_x: Annotated[Positive, In("flow", needed=True)] | None = Field(
+        default=None, description="end where the leak rate along x has fallen to this"
+    )
+    leak_rate_y: Annotated[Positive, In("flow", needed=True)] | None = Field(
+        default=None, description="end where the leak rate along y has fallen to this"
+    )
 
 
 def _tag_to(value: Any) -> str:
@@ -73,7 +84,16 @@ class Sweep(Strict):
         default="mean-plane",
         description="last state: mean-plane, summit-plane, percolation (no open way left), or one of "
         "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, "
-        "{free_volume: x}, {mean_gap: 1 um}, {load: 20 N}",
+        "{free_volume: x}, {mean_gap: 1 um}, {load: 20 N}, {leak_rate: 1e-3 mm^3/s}",
+    )
+    equal: Literal["indentation", "pressure", "log pressure"] = Field(
+        default="indentation",
+        description="quantity of equal steps: 'indentation', 'pressure', or 'log pressure' (equal ratios from 'first')",
+    )
+    first: Annotated[Positive, In("pressure")] | None = Field(
+        default=None,
+        description="p* or pressure of the first step on the first leg, with equal: log pressure; default: that of the "
+        "last step over 1000",
     )
     pressures: Many[Annotated[Positive, In("pressure")]] = Field(
         default=(), description="instead of steps and to: p* > 0 or pressures as 0.1 MPa, a step at each"
@@ -92,6 +112,9 @@ class Sweep(Strict):
     mean_gaps: Many[Annotated[Positive, In("length", needed=True)]] = Field(
         default=(), description="instead of steps and to: falling mean gaps, as 1 um, a step at each"
     )
+    leak_rates: Many[Annotated[Positive, In("flow", needed=True)]] = Field(
+        default=(), description="instead of steps and to: falling leak rates, as 1e-3 mm^3/s, a step at each"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -102,16 +125,19 @@ class Sweep(Strict):
     def _in_order(self) -> Sweep:
         if self.listed is not None and (reason := direction(self.listed, either=isinstance(self, Leg))):
             refuse("{reason}", reason=reason)
+        if self.first is not None and self.equal != "log pressure":
+            refuse("'first' needs equal: log pressure")
         return self
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> Any:
-        """Write a list of states alone, and none where there is none."""
+        """Write a list of states alone, and none where there is none; steps that are not equal in indentation."""
         data = handler(self)
         given = [name for name in LISTS if data.get(name)]
         if given:
             return {given[0]: data[given[0]]}
-        return {name: value for name, value in data.items() if name not in LISTS}
+        absent = {*LISTS, *(["equal"] if self.equal == "indentation" else []), *(["first"] * (self.first is None))}
+        return {name: value for name, value in data.items() if name not in absent}
 
     @property
     def listed(self) -> tuple[Level, ...] | None:
@@ -122,7 +148,15 @@ class Sweep(Strict):
     @property
     def has_units(self) -> bool:
         """Whether any state has a unit."""
-        return any(unit_of(level.value) is not None for leg in self.legs for level in (leg.target, *(leg.listed or ())))
+        states = [level.value for leg in self.legs for level in (leg.target, *(leg.listed or ()))]
+        return any(unit_of(value) is not None for value in (*states, self.first))
+
+    @property
+    def follows_leak(self) -> bool:
+        """Whether any state is one of a leak rate."""
+        return any(
+            level.kind.startswith("leak_rate") for leg in self.legs for level in (leg.target, *(leg.listed or ()))
+        )
 
     @property
     def target(self) -> Level:
@@ -166,7 +200,7 @@ class Leg(Sweep):
         default="mean-plane",
         description="last state of the leg: mean-plane, summit-plane, percolation, or one of {percolation: x|y|both}, "
         "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, {mean_gap: 1 um}, "
-        "{load: 20 N}",
+        "{load: 20 N}, {leak_rate: 1e-3 mm^3/s}",
     )
     pressures: Many[Annotated[Fallen, In("pressure")]] = Field(
         default=(), description="instead of steps and to: p* >= 0 or pressures as 0.1 MPa, a step at each"
@@ -193,6 +227,11 @@ class Legs(RootModel[tuple[Leg, ...]]):
     def has_units(self) -> bool:
         """Whether any state has a unit."""
         return any(leg.has_units for leg in self.root)
+
+    @property
+    def follows_leak(self) -> bool:
+        """Whether any state is one of a leak rate."""
+        return any(leg.follows_leak for leg in self.root)
 
     @property
     def steps(self) -> int:

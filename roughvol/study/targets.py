@@ -21,9 +21,10 @@ LISTS = {
     "separations": "separation",
     "free_volumes": "free_volume",
     "mean_gaps": "mean_gap",
+    "leak_rates": "leak_rate",
 }
 """Keys of lists of states, and the kind of each."""
-FALLING = ("separation", "free_volume", "mean_gap")  # fall on loading
+FALLING = ("separation", "free_volume", "mean_gap", "leak_rate", "leak_rate_x", "leak_rate_y")  # fall on loading
 
 
 def listed_of(sweep: Any) -> tuple[str, tuple[float, ...]]:
@@ -43,7 +44,7 @@ def spelled(data: Any) -> Any:
     if not given:
         return data
     name, *others = given
-    beside = [*others, *(key for key in ("steps", "to") if key in data)]
+    beside = [*others, *(key for key in ("steps", "to", "equal", "first") if key in data)]
     if beside:
         kind, message = "refused", "'{name}' makes a step of each value: omit {others}"
         raise PydanticCustomError(kind, message, {"name": name, "others": ", ".join(f"'{key}'" for key in beside)})
@@ -93,6 +94,8 @@ def sections_of(sweep: Any) -> list[tuple[tuple[str | int, ...], str, Any]]:
             values = leg.get(name)
             items = values if isinstance(values, list) else [values]
             found += [((*path, name, index), kind, value) for index, value in enumerate(items) if value is not None]
+        if leg.get("first") is not None:
+            found.append(((*path, "first"), "pressure", leg["first"]))
     return [row for row in found if row[1] in KINDS]
 
 

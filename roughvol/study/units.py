@@ -28,7 +28,7 @@ KINDS = {
     "force": ("[mass]*[length]/[time]^2", "N, kN, mN, lbf and the like"),
     "flow": ("[length]^3/[time]", "mm^3/s, ml/min, um^3/s and the like"),
 }
-EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "force": "20 N"}
+EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "force": "20 N", "flow": "1e-3 mm^3/s"}
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", re.ASCII | re.DOTALL)
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"

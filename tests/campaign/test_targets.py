@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
+import roughvol
 from roughvol.campaign.one_case import Stopped, run_case
+from roughvol.cli import main
 from roughvol.errors import ContactError, StudyError
 from roughvol.store import checkpoint, dataset
 from roughvol.study import loads
@@ -15,6 +20,11 @@ SURFACE = "surface: {D: 2.3, m: 5, seeds: [4], L: 100 um, Sq: 1 um}\nmaterial: {
 ARBITRARY = "surface: {D: 2.3, m: 5, seeds: [4]}\n"
 SCALE = 10.0 * 1.0 / 100.0  # MPa: E* Sq/L
 AREA = (33 * 100.0 / 32) ** 2  # um², of all elements
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
 
 
 def _pressed(text: str, surface: str = SURFACE) -> dataset.Dataset:
@@ -133,3 +143,117 @@ def test_ids_depend_on_the_modulus_only_where_the_sweep_has_units() -> None:
     assert id_of("sweep: {to: {pressure: 1}}") == id_of("sweep: {to: {pressure: 1}}", "20 MPa")
     assert id_of("sweep: {to: {pressure: 1 MPa}}") != id_of("sweep: {to: {pressure: 1 MPa}}", "20 MPa")
     assert id_of("sweep: {to: {pressure: 1 MPa}}") == id_of("sweep: {to: {pressure: 1 MPa}}", "10000 kPa")
+
+
+FLUID = "{pressure_drop: 1 bar, viscosity: 1 mPa*s}"
+LEAKING = f"record: {{transport: {{transmissivity: every-step}}, dimensional: {{leak_rate: {FLUID}}}}}\n"
+
+
+@pytest.mark.parametrize("axis", ["", "_x", "_y"])
+@pytest.mark.parametrize("material", ["", "hardness: 2 MPa"])
+def test_a_sweep_ends_where_the_leak_rate_has_fallen_to_the_value(axis: str, material: str) -> None:
+    surface = SURFACE.replace("10 MPa}", f"10 MPa, {material}}}")
+    study = loads(surface + LEAKING + f"sweep: {{steps: 3, to: {{leak_rate{axis}: 1e-3 mm^3/s}}}}\n")
+    assert loads(study.stored(), stored=True) == study
+    ds = roughvol.run(study, out=Path("leaking"), jobs=1).squeeze(("D", "m", "seed"))
+    rates = {name: ds[name].values for name in ("leak_rate_x", "leak_rate_y")}
+    followed = rates[f"leak_rate{axis}"] if axis else np.maximum(*rates.values())
+    assert_allclose(followed[-1], 1e-3, rtol=1e-4)
+    assert (np.diff(followed) < 0.0).all()
+
+
+def test_listed_leak_rates_are_steps() -> None:
+    ds = roughvol.run(
+        loads(SURFACE + LEAKING + "sweep: {leak_rates: [1e-2 mm^3/s, 1 mm^3/h, 1e-5 mm^3/s]}\n"),
+        out=Path("list"),
+        jobs=1,
+    )
+    largest = np.maximum(ds.leak_rate_x, ds.leak_rate_y).values.squeeze()
+    assert_allclose(largest, [1e-2, 1.0 / 3600.0, 1e-5], rtol=2e-4)
+    shown = CliRunner().invoke(main, ["show", "list", "--at", "leak_rate=1mm^3/h"])
+    assert shown.exit_code == 0, shown.output
+    assert "leak_rate=1 mm^3/h" in shown.stdout
+
+
+def test_a_finer_tolerance_ends_nearer_to_the_leak_rate() -> None:
+    text = SURFACE + LEAKING + "solver: {accuracy: reference}\nsweep: {steps: 1, to: {leak_rate: 1e-4 mm^3/s}}\n"
+    ds = roughvol.run(loads(text), out=Path("fine"), jobs=1)
+    assert_allclose(np.maximum(ds.leak_rate_x, ds.leak_rate_y).values.item(), 1e-4, rtol=2e-5)
+
+
+def test_a_leak_rate_needs_a_fluid_and_a_gap_that_leaks_more() -> None:
+    with pytest.raises(StudyError, match=r"sweep\.to\.leak_rate: needs a fluid"):
+        loads(SURFACE + "sweep: {to: {leak_rate: 1 mm^3/s}}")
+    with pytest.raises(ContactError, match="first touch already"):
+        _pressed(LEAKING + "sweep: {steps: 1, to: {leak_rate: 1e9 mm^3/s}}")
+
+
+def test_the_id_depends_on_the_fluid_only_where_the_sweep_follows_the_leak() -> None:
+    def id_of(sweep: str, fluid: str = FLUID) -> str:
+        return loads(SURFACE + LEAKING.replace(FLUID, fluid) + sweep).cases()[0].id
+
+    other = FLUID.replace("1 bar", "2 bar")
+    assert id_of("sweep: {to: {pressure: 1 MPa}}") == id_of("sweep: {to: {pressure: 1 MPa}}", other)
+    assert id_of("sweep: {to: {leak_rate: 1 mm^3/s}}") != id_of("sweep: {to: {leak_rate: 1 mm^3/s}}", other)
+
+
+@pytest.mark.parametrize(
+    ("sweep", "pressures"),
+    [
+        ("{steps: 4, to: {pressure: 0.2 MPa}, equal: pressure}", [0.5, 1.0, 1.5, 2.0]),
+        ("{steps: 3, to: {pressure: 2}, equal: log pressure, first: 0.02 MPa}", [0.2, 0.2 * 10**0.5, 2.0]),
+        ("{steps: 4, to: {pressure: 2}, equal: log pressure}", [0.002, 0.02, 0.2, 2.0]),
+        ("{steps: 1, to: {pressure: 2}, equal: log pressure}", [2.0]),
+        (
+            "[{steps: 2, to: {pressure: 2}, equal: pressure}, {steps: 2, to: {pressure: 0}, equal: pressure}]",
+            [1, 2, 1, 0],
+        ),
+        ("[{steps: 1, to: {pressure: 4}}, {steps: 2, to: {pressure: 1}, equal: log pressure}]", [4.0, 2.0, 1.0]),
+    ],
+)
+def test_steps_equal_in_pressure_or_its_logarithm_are_solved_there(sweep: str, pressures: list[float]) -> None:
+    ds = _pressed(f"sweep: {sweep}")
+    assert_allclose(ds.mean_pressure, pressures, rtol=2e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("to", ["mean-plane", "{contact_area: 0.3}", "{mean_gap: 0.5 um}"])
+def test_steps_equal_in_pressure_end_where_the_sweep_ends(to: str) -> None:
+    plain, even = (_pressed(f"sweep: {{steps: 3, to: {to}{equal}}}") for equal in ("", ", equal: pressure"))
+    assert_allclose(even.indentation[-1], plain.indentation[-1], rtol=1e-9)
+    last = float(even.mean_pressure[-1])
+    assert_allclose(even.mean_pressure, [last / 3, 2 * last / 3, last], rtol=2e-5)
+
+
+def test_equal_steps_in_pressure_go_on_from_their_checkpoint_with_the_same_bits(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(checkpoint, "NODES", 1)
+    text = (
+        "[{steps: 3, to: {contact_area: 0.2}, equal: log pressure}, {steps: 2, to: {pressure: 0.1}, equal: pressure}]"
+    )
+    case = loads(SURFACE + f"sweep: {text}").cases()[0]
+    whole = run_case(case)
+    for stop in (1, 4):
+        file, left = tmp_path / f"kept{stop}", iter([*[False] * (stop - 1), True])
+        with pytest.raises(Stopped):
+            run_case(case, checkpoint=file, stopping=lambda left=left: next(left, True))
+        resumed = run_case(case, checkpoint=file)
+        for name in ("indentation", "mean_pressure", "free_volume"):
+            assert (whole[name].values == resumed[name].values).all()
+
+
+@pytest.mark.parametrize(
+    ("sweep", "part"),
+    [
+        ("{steps: 3, equal: load}", "must be 'indentation', 'pressure' or 'log pressure'"),
+        ("{steps: 3, first: 0.1}", "needs equal: log pressure"),
+        ("{pressures: [1, 2], equal: pressure}", "omit 'equal'"),
+        ("[{to: {pressure: 1}}, {to: {pressure: 0}, equal: log pressure}]", "an end > 0"),
+    ],
+)
+def test_steps_without_meaning_are_refused(sweep: str, part: str) -> None:
+    with pytest.raises(StudyError, match=part):
+        loads(SURFACE + f"sweep: {sweep}")
+
+
+def test_a_first_step_beyond_the_last_is_an_error() -> None:
+    with pytest.raises(ContactError, match=r"first step is at p\* = 3"):
+        _pressed("sweep: {steps: 3, to: {pressure: 2}, equal: log pressure, first: 3}")
