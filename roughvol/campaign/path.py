@@ -37,14 +37,14 @@ def starred(case: Case, surface: Surface) -> Case:
     Returns
     -------
     Case
-        The same case without a unit in its sweep.
+        The same case without a unit in its sweep and its record.
 
     Raises
     ------
     ContactError
         If the surface is flat.
     """
-    if not case.sweep.has_units:
+    if not (case.sweep.has_units or case.record.has_units):
         return case
     area = surface.heights.size * surface.spacing**2
     Sq = case.height or surface.Sq
@@ -53,12 +53,15 @@ def starred(case: Case, surface: Surface) -> Case:
     def of(level: Level) -> Level:
         if level.value is None:
             return level
+        if level.kind == "step" or "percolation" in level.kind:
+            return level
         try:
-            return Level(*scale.starred(level.kind, level.value)) if "percolation" not in level.kind else level
+            return Level(*scale.starred(level.kind, level.value))
         except ValueError as error:
             raise ContactError(str(error)) from error
 
     legs = tuple(_starred(leg, of) for leg in case.sweep.legs)
+    case = replace(case, record=case.record.starred(of))
     if isinstance(case.sweep, Legs):
         return replace(case, sweep=case.sweep.model_copy(update={"root": legs}))
     return replace(case, sweep=legs[0])

@@ -222,5 +222,5 @@ def searched_levels(case: Case) -> int:
         Number of levels.
     """
     levels = {level for by_label in asked_at_states(case.record).values() for level in by_label.values()}
-    searched = (*TARGETS, "indentation", "separation") if case.periodic else TARGETS
+    searched = (*TARGETS, "mean_gap", "load", *(("indentation", "separation") if case.periodic else ()))
     return sum(level.kind in searched and level != case.sweep.target for level in levels)

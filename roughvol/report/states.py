@@ -252,12 +252,13 @@ def _leak(run: Run, group: Dataset, k: int, state: Wanted) -> tuple[Array, float
 
 def _recorded(group: Dataset, state: Wanted) -> dict[str, Array]:
     """Return the numbers of a recorded state by surface, NaN where it is not reached; empty without one."""
-    if isinstance(state.value, Quantity) or state.kind not in STORED:
+    stored = STORED.get(KINDS[state.kind][1]) if state.kind in KINDS else None
+    if stored is None:
         return {}
     for dim in STATES:
         if dim in group.dims and state.label in group[dim].values.tolist():
             own = group.sel({dim: state.label})
             values = {name: own[f"{dim}_{name}"].values for name in OF_STATE if f"{dim}_{name}" in own}
-            if STORED[state.kind] in values:
+            if stored in values:
                 return {name: np.where(own[f"{dim}_step"].values >= 1, array, np.nan) for name, array in values.items()}
     return {}

@@ -103,13 +103,13 @@ class Case:
         if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
             return key | {"sweep": {"steps": 0}}
         solver, hardness = self.solver, self.hardness
-        if self.sweep.has_units:  # cases without them keep their id
+        if self.sweep.has_units or self.record.has_units:  # cases without them keep their id
             modulus = convert(self.E_star, self.modulus_unit, "Pa") if self.modulus_unit else self.E_star
             key["units"] = {"E_star": float(f"{modulus:.12g}"), "length": self.length_unit}
             if self.drive is not None:
                 key["units"]["drive"] = float(f"{self.drive:.12g}")
         return key | {
-            "sweep": self.sweep.model_dump(mode="json"),
+            "sweep": self.sweep.key,
             "solver": {
                 "rtol": solver.tolerance,
                 "pressure_error": solver.pressure_error,
@@ -296,12 +296,13 @@ class Study(Strict):
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solving, self.record
         hard = self.material.indentation_hardness
         hardness = None if hard is None else hard / E_star
-        modulus_unit = self.material.unit if sweep.has_units else None
+        has_units = sweep.has_units or (sweep.steps > 0 and record.has_units)
+        modulus_unit = self.material.unit if has_units else None
         wanted = record.dimensional
         drive = wanted.leak_rate.rate if sweep.follows_leak and wanted is not None and wanted.leak_rate else None
         if isinstance(surface, MadeSurface):
             L, unit = float(surface.L), surface.length_unit
-            height = None if hardness is None and not sweep.has_units else surface.height
+            height = None if hardness is None and not has_units else surface.height
             product = itertools.product(surface.dimensions, surface.m, surface.seeds)
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
                 finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
@@ -321,7 +322,7 @@ class Study(Strict):
             with self.placing():
                 measured = resolve(one)
                 if measured.unit is None:
-                    need_length(sweep, str(one.file))
+                    need_length(sweep, record, str(one.file))
                 if made and (made[0].length_unit, made[0].L) != (measured.unit, measured.L):
                     own, first = (
                         f"{L:.9g} {unit or ''}".strip()

@@ -16,7 +16,7 @@ from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.record import EVERY_STEP, SELECTORS, Record
 from roughvol.study.sections import PAPER_MAX_M, names, whole
 from roughvol.study.sweep import Target
-from roughvol.study.targets import FALLING, end_of, lacking_units, list_of, sections_of, steps_of
+from roughvol.study.targets import FALLING, end_of, lacking_units, levels_of, list_of, sections_of, steps_of
 from roughvol.study.units import has_unit, length_unit
 from roughvol.study.yaml_text import KeyPath, number_text
 
@@ -256,7 +256,7 @@ def _target_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
             yield (*path, "equal"), "equal ratios of pressure need steps, and an end > 0"
     if _mapping(data, "record").get("region") is None:
         return
-    for path, kind, _ in sections_of(data.get("sweep")):
+    for path, kind, _ in (*sections_of(data.get("sweep")), *levels_of(data.get("record"))):
         if kind == "load":
             yield path, "is a load on the whole surface, and states are those of record.region: give a pressure"
 

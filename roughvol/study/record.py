@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal, get_args, get_type_hints
 
 from pydantic import (
@@ -32,7 +32,7 @@ from roughvol.study.sections import (
     Word,
     refuse,
 )
-from roughvol.study.units import In, UnitOf, convert, in_unit
+from roughvol.study.units import In, Quantity, Starred, UnitOf, convert, in_unit, unit_of
 from roughvol.study.yaml_text import number_text
 
 
@@ -47,14 +47,30 @@ class Select(Choice):
 
     step: Many[StepNumber] = Field(default_factory=tuple, description="step numbers, from 1 to sweep.steps")
     contact_area: Many[AreaFraction] = Field(default_factory=tuple, description="levels of A*, 0 < A* <= 1")
-    pressure: Many[Positive] = Field(default_factory=tuple, description="levels of p* > 0")
-    separation: Many[float] = Field(default_factory=tuple, description="levels of d/σ, reached from above")
-    indentation: Many[Positive] = Field(default_factory=tuple, description="levels of Δ/σ > 0")
+    pressure: Many[Annotated[Positive, In("pressure")]] = Field(
+        default_factory=tuple, description="levels of p* > 0, or of p as 0.5 MPa"
+    )
+    separation: Many[Annotated[float, In("length")]] = Field(
+        default_factory=tuple, description="levels of d/σ, reached from above, or of d as 0.5 um"
+    )
+    indentation: Many[Annotated[Positive, In("length")]] = Field(
+        default_factory=tuple, description="levels of Δ/σ > 0, or of Δ as 2 um"
+    )
     free_volume: Many[Positive] = Field(default_factory=tuple, description="levels of V* > 0, reached from above")
+    mean_gap: Many[Annotated[Positive, In("length", needed=True)]] = Field(
+        default_factory=tuple, description="levels of the mean gap, as 1 um, reached from above"
+    )
+    load: Many[Annotated[Positive, In("force", needed=True)]] = Field(
+        default_factory=tuple, description="levels of the load on the whole surface, as 20 N"
+    )
 
     @model_serializer
     def _plain(self) -> Any:
-        return {kind: list(values) for kind, values in self.named.items()} or "last"
+        written = {
+            kind: [str(value) if isinstance(value, Quantity) else value for value in values]
+            for kind, values in self.named.items()
+        }
+        return written or "last"
 
     @property
     def levels(self) -> tuple[Level, ...]:
@@ -62,9 +78,20 @@ class Select(Choice):
         levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
         return tuple(levels) or (Level("last"),)
 
+    def starred(self, of: Callable[[Level], Level]) -> Select:
+        """Return the same states as starred numbers, each with its label in the study."""
+        values: dict[str, tuple[float, ...]] = {}
+        for level in self.levels:
+            if level.value is None:
+                return self
+            new = of(level)
+            value = new.value if unit_of(level.value) is None else Starred(new.value or 0.0, level.label)
+            values[new.kind] = (*values.get(new.kind, ()), value or 0.0)
+        return type(self).model_construct(None, **values)
+
 
 Selector = Annotated[Select, Word("last")]
-_STATES = "'last', or levels of step, contact_area, pressure, separation, indentation, free_volume"
+_STATES = "'last', or levels of step, contact_area, pressure, separation, indentation, free_volume, mean_gap, load"
 
 
 class BoxCounting(Strict):
@@ -286,6 +313,33 @@ class Record(Strict):
     dimensional: Dimensional | None = Field(
         default=None, description="quantities stored with units too: pressure, free_volume, mean_gap, leak_rate …"
     )
+
+    @property
+    def selects(self) -> dict[tuple[str, ...], Select]:
+        """The states of each key that selects some."""
+        found = {}
+        for path in SELECTORS:
+            here: Any = self
+            for part in path:
+                here = here and getattr(here, part)
+            if isinstance(here, Select):
+                found[path] = here
+        return found
+
+    @property
+    def has_units(self) -> bool:
+        """Whether any level has a unit."""
+        return any(unit_of(level.value) is not None for select in self.selects.values() for level in select.levels)
+
+    def starred(self, of: Callable[[Level], Level]) -> Record:
+        """Return the record with all levels as starred numbers."""
+        record = self
+        for (name, *inner), select in self.selects.items():
+            new: Any = select.starred(of)
+            if inner:
+                new = getattr(record, name).model_copy(update={inner[0]: new})
+            record = record.model_copy(update={name: new})
+        return record
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:

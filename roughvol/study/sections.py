@@ -24,7 +24,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
-from roughvol.study.units import Length, Quantity, UnitOf, unit_of
+from roughvol.study.units import Length, Quantity, Starred, UnitOf, unit_of
 from roughvol.study.yaml_text import number_text
 from roughvol.surfaces.length_units import factor
 
@@ -220,6 +220,8 @@ class Level:
         """Name of the state in datasets: ``last``, ``step=60``, ``contact_area=0.1``."""
         if self.value is None:
             return self.kind
+        if isinstance(self.value, Starred):
+            return self.value.label
         return f"{self.kind}={self.value if isinstance(self.value, Quantity) else number_text(self.value)}"
 
 

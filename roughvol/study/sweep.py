@@ -131,13 +131,20 @@ class Sweep(Strict):
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> Any:
-        """Write a list of states alone, and none where there is none; steps that are not equal in indentation."""
+        """Write a list of states alone, and none where there is none."""
         data = handler(self)
         given = [name for name in LISTS if data.get(name)]
         if given:
             return {given[0]: data[given[0]]}
-        absent = {*LISTS, *(["equal"] if self.equal == "indentation" else []), *(["first"] * (self.first is None))}
-        return {name: value for name, value in data.items() if name not in absent}
+        return {name: value for name, value in data.items() if name not in LISTS}
+
+    @property
+    def key(self) -> Any:
+        """The plain data that a case is identified by."""
+        data = self.model_dump(mode="json")
+        if self.equal == "indentation":  # cases without it keep their id
+            data = {name: value for name, value in data.items() if name not in ("equal", "first")}
+        return data
 
     @property
     def listed(self) -> tuple[Level, ...] | None:
@@ -232,6 +239,11 @@ class Legs(RootModel[tuple[Leg, ...]]):
     def follows_leak(self) -> bool:
         """Whether any state is one of a leak rate."""
         return any(leg.follows_leak for leg in self.root)
+
+    @property
+    def key(self) -> Any:
+        """The plain data that a case is identified by."""
+        return [leg.key for leg in self.root]
 
     @property
     def steps(self) -> int:

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic_core import PydanticCustomError
 
 from roughvol.errors import Problem, StudyError
+from roughvol.study.record import SELECTORS
 from roughvol.study.scale import KINDS, lacking
 from roughvol.study.units import convert, has_unit, unit_of
 
@@ -99,10 +100,23 @@ def sections_of(sweep: Any) -> list[tuple[tuple[str | int, ...], str, Any]]:
     return [row for row in found if row[1] in KINDS]
 
 
+def levels_of(record: Any) -> list[tuple[tuple[str | int, ...], str, Any]]:
+    """Return key path, kind and raw value of every level in the plain data of a record."""
+    found: list[tuple[tuple[str | int, ...], str, Any]] = []
+    for path in SELECTORS:
+        here = record
+        for part in path:
+            here = here.get(part) if isinstance(here, dict) else None
+        for kind, values in here.items() if isinstance(here, dict) else ():
+            items = values if isinstance(values, list) else [values]
+            found += [(("record", *path, kind, index), kind, value) for index, value in enumerate(items)]
+    return [row for row in found if row[1] in KINDS]
+
+
 def lacking_units(data: dict[str, Any], modulus: Any, *, has_length: bool) -> list[tuple[tuple[str | int, ...], str]]:
     """Return key path and message of each state with a unit that the study cannot turn into a starred number."""
     wrong = []
-    for path, kind, value in sections_of(data.get("sweep")):
+    for path, kind, value in (*sections_of(data.get("sweep")), *levels_of(data.get("record"))):
         if not has_unit(value):
             continue
         if kind in ("pressure", "load") and not has_unit(modulus):
@@ -134,10 +148,12 @@ def end_of(leg: dict[str, Any]) -> dict[str, Any]:
     return leg["to"] if isinstance(leg.get("to"), dict) else {}
 
 
-def need_length(sweep: Any, file: str) -> None:
+def need_length(sweep: Any, record: Any, file: str) -> None:
     """Refuse states with a unit of length, or a load, on a surface whose file gives no unit."""
-    for level in (level for leg in sweep.legs for level in (leg.target, *(leg.listed or ()))):
+    states = [level for leg in sweep.legs for level in (leg.target, *(leg.listed or ()))]
+    levels = [level for select in record.selects.values() for level in select.levels if level.kind in KINDS]
+    for level in (*states, *levels):
         if level.value is not None and lacking(level.kind, level.value, "Pa", None):
             reason = f"needs the unit of length, and {Path(file).name} gives none: add surface: {{L: 100 um}}"
             message = f"{level.label} {reason}"
-            raise StudyError([Problem(message, "sweep")])
+            raise StudyError([Problem(message, "sweep" if level in states else "record")])

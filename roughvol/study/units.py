@@ -173,6 +173,22 @@ class UnitOf:
         return core_schema.no_info_after_validator_function(lambda unit: _checked(unit, self.kind), handler(source))
 
 
+class Starred(float):
+    """A starred number of one surface with the label of the state in the study, as ``pressure=0.5 MPa``."""
+
+    label: str
+
+    def __new__(cls, value: float, label: str) -> Starred:
+        """Return the number with its label."""
+        new = super().__new__(cls, value)
+        new.label = label
+        return new
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        """Survive pickling."""
+        return float(self), self.label
+
+
 _Positive = Annotated[float, Field(gt=0)]
 Length = Annotated[_Positive, In("length")]
 Pressure = Annotated[_Positive, In("pressure")]

@@ -257,3 +257,50 @@ def test_steps_without_meaning_are_refused(sweep: str, part: str) -> None:
 def test_a_first_step_beyond_the_last_is_an_error() -> None:
     with pytest.raises(ContactError, match=r"first step is at p\* = 3"):
         _pressed("sweep: {steps: 3, to: {pressure: 2}, equal: log pressure, first: 3}")
+
+
+LEVELS = "fields_at: {pressure: 0.05 MPa, mean_gap: 1 um, separation: 0.5 um, indentation: 1500 nm, load: 1 mN}"
+
+
+@pytest.mark.parametrize("material", ["", "hardness: 2 MPa"])
+def test_levels_with_units_are_solved_and_named_as_in_the_study(material: str) -> None:
+    surface = SURFACE.replace("10 MPa}", f"10 MPa, {material}}}")
+    study = loads(surface + f"record: {{{LEVELS}, transport: {{percolation: {{pressure: 0.05 MPa}}}}}}\n")
+    assert loads(study.stored(), stored=True) == study
+    ds = roughvol.run(study, out=Path("levels"), jobs=1).squeeze(("D", "m", "seed"))
+    exact = {
+        "pressure=0.05 MPa": ("mean_pressure", 0.5),
+        "mean_gap=1 um": ("free_volume", 1.0),
+        "separation=0.5 um": ("separation", 0.5),
+        "indentation=1500 nm": ("indentation", 1.5),
+        "load=1 mN": ("mean_pressure", 1e-3 / (AREA * 1e-12) * 1e-6 / SCALE),
+    }
+    assert set(ds.field_at.values) == set(exact)
+    for label, (name, value) in exact.items():
+        assert_allclose(ds[f"field_at_{name}"].sel(field_at=label), value, rtol=2e-5)
+    assert int(ds.percolates_x.notnull().sum()) == 1
+    shown = CliRunner().invoke(main, ["show", "levels", "--at", "mean_gap=1um"])
+    assert shown.exit_code == 0, shown.output
+    summed = CliRunner().invoke(main, ["show", "levels", "--at", "pressure=0.05MPa", "--csv"])
+    assert summed.exit_code == 0, summed.output
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "part"),
+    [
+        ("record: {fields_at: {pressure: 0.5 MPa}}", "record.fields_at.pressure", "the modulus has none"),
+        ("record: {box_counting: {at: {mean_gap: 1 um}}}", "record.box_counting.at.mean_gap", "L has none"),
+        ("record: {fields_at: {load: 2}}", "record.fields_at.load", "with a unit of force"),
+    ],
+)
+def test_levels_without_a_scale_are_refused(text: str, key: str, part: str) -> None:
+    with pytest.raises(StudyError) as refused:
+        loads(ARBITRARY + text)
+    assert any(problem.key.startswith(key) and part in problem.message for problem in refused.value.problems), (
+        refused.value
+    )
+
+
+def test_a_level_of_load_excludes_a_region() -> None:
+    with pytest.raises(StudyError, match="load on the whole surface"):
+        loads(SURFACE + "record: {region: interior, fields_at: {load: 1 mN}}")
