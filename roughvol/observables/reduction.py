@@ -142,7 +142,7 @@ class Reduction:
 
     @property
     def mean_pressure(self) -> float:
-        """p* of the last state taken in, in the region of the study; 0 before any."""
+        """Pressure p* of the last state taken in, in the region of the study; 0 before any."""
         return float(self._per_step["mean_pressure"][-1]) if self._states else 0.0
 
     @property
