@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from roughvol import cli_text
-from roughvol.cli.group import examples, main, results_file, run_name
+from roughvol.cli.group import examples, main, results_file, run_name, warn
 from roughvol.errors import CampaignError, DatasetError
 
 LEAST, MOST = 1.0, 40.0  # inches of a figure
@@ -84,7 +84,8 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
     folder = out or (paths[0].parent / "figures" if len(paths) == 1 else Path("runs/compared"))
     for name in sorted(drawings, key=lambda name: wanted.index(Path(name).name)) if wanted else drawings:
         figure = drawings[name]()
-        _shaped(figure, inches, log)
+        left = _shaped(figure, inches, log)
+        warn(f"{name} has no positive {axis}: this axis stays linear" for axis in left)
         target = folder / f"{name}.{suffix}"
         try:
             if suffix == "csv":
@@ -155,14 +156,20 @@ def _inches(size: str | None) -> tuple[float, float] | None:
     return width, height
 
 
-def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) -> None:
-    """Give a figure a size, and its axes logarithmic scales."""
+def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) -> list[str]:
+    """Give a figure a size, and its axes logarithmic scales; return the axes without positive data."""
+    left = []
     if inches is not None:
         figure.set_size_inches(*inches)
     for ax in figure.axes if log else ():
         for axis in log or "":
-            if ax.name == "rectilinear" and not ax.images:
+            if ax.name != "rectilinear" or ax.images:
+                continue
+            if getattr(ax.dataLim, f"{axis}1") > 0.0:
                 getattr(ax, f"set_{axis}scale")("log")
+            else:
+                left.append(axis)
+    return left
 
 
 @main.command(epilog=examples("roughvol report", "roughvol report effect_of_D effect_of_m --out /tmp/report"))
