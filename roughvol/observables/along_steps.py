@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from roughvol.contact.loading import Contact
 from roughvol.observables import regions, void
-from roughvol.observables.levels import reached
+from roughvol.observables.levels import on_legs, reached
 from roughvol.observables.regions import State, window
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
@@ -30,6 +31,9 @@ class AlongSteps:
                 w: regions.window_of(regions.central(w), surface.shape, periodic=case.periodic) for w in widths.shares
             }
             self.values["region_width"] = list(widths.shares)
+        self._levels = {
+            name: None if levels is None else on_legs(levels, case) for name, levels in self._levels.items()
+        }
         self.seconds = dict.fromkeys(self._levels, 0.0)
         rows, columns = window(case, surface.shape)
         self._origin, self._intervals = np.array([rows.start, columns.start]), surface.intervals[0]
@@ -52,11 +56,11 @@ class AlongSteps:
             for label in set(self._levels[name] or ()) - set(labels or ()):
                 del (self._levels[name] or {})[label]
 
-    def follow(self, step: int, contact: State, whole: Contact) -> None:
-        """Take in the next state, in the region of the study and as a whole."""
+    def follow(self, step: int, contact: State, whole: Contact, before: Mapping[str, float] | None) -> None:
+        """Take in the next state, in the region of the study and as a whole; the numbers of the one before."""
         quantities = []
         for name, levels in self._levels.items():
-            hit = [label for label, level in (levels or {}).items() if reached(level, step, contact, self.case)]
+            hit = [label for label, level in (levels or {}).items() if reached(level, step, contact, self.case, before)]
             for label in hit:
                 del (levels or {})[label]
             if levels is None or hit:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from roughvol.contact import search
@@ -14,7 +15,7 @@ from roughvol.contact.search import TARGETS
 from roughvol.observables import void
 from roughvol.observables.plastic import largest_pressure
 from roughvol.observables.regions import State, within
-from roughvol.study import Case, Level
+from roughvol.study import STORED, Case, Level
 from roughvol.surfaces.surface import Surface
 
 LAST = Level("last")
@@ -52,7 +53,7 @@ def end_of(case: Case, target: Level | None = None) -> Callable[[Contact], bool]
     return None
 
 
-def reached(level: Level, step: int, contact: State, case: Case) -> bool:
+def reached(level: Level, step: int, contact: State, case: Case, before: Mapping[str, float] | None = None) -> bool:
     """Return whether a state is at or beyond a level.
 
     The last step reaches the end of the sweep by definition. A finite residual may leave it one element or a few
@@ -68,6 +69,8 @@ def reached(level: Level, step: int, contact: State, case: Case) -> bool:
         The state, in the region of the study.
     case : Case
         Its target and number of steps.
+    before : mapping, optional
+        Numbers of the state before, for levels of further legs.
 
     Returns
     -------
@@ -79,6 +82,8 @@ def reached(level: Level, step: int, contact: State, case: Case) -> bool:
     ValueError
         If the level is of an unknown kind.
     """
+    if level.leg is not None:
+        return before is not None and crossed(level, step, contact, case, before)
     if is_end(level, step, case):
         return True
     if level.value is None:
@@ -101,6 +106,64 @@ def reached(level: Level, step: int, contact: State, case: Case) -> bool:
     raise ValueError(message)
 
 
+def on_legs(by_label: Mapping[str, Level], case: Case) -> dict[str, Level]:
+    """Return levels by label, on every leg of the path where the study asks for that.
+
+    Parameters
+    ----------
+    by_label : mapping
+        Levels by label.
+    case : Case
+        Its legs, and whether levels are taken on all of them.
+
+    Returns
+    -------
+    dict
+        The levels, followed by those of further legs.
+    """
+    levels = dict(by_label)
+    if not case.record.all_legs:
+        return levels
+    for leg in range(2, len(case.sweep.legs) + 1):
+        for level in by_label.values():
+            if level.value is not None and level.kind != "step":
+                further = replace(level, leg=leg)
+                levels[further.label] = further
+    return levels
+
+
+def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping[str, float]) -> bool:
+    """Return whether a level of a further leg lies between the state before and this one, or at this one.
+
+    Parameters
+    ----------
+    level : Level
+        A level with its leg.
+    step : int
+        Number of the step, from 1.
+    contact : Contact or Within
+        The state, in the region of the study.
+    case : Case
+        Its legs.
+    before : mapping
+        Numbers of the state before by the names of `STORED`.
+
+    Returns
+    -------
+    bool
+        Whether the level is reached here.
+    """
+    ends = list(itertools.accumulate(leg.steps for leg in case.sweep.legs))
+    leg = level.leg or 1
+    if not ends[leg - 2] < step <= ends[leg - 1]:
+        return False
+    if is_end(level, step, case):
+        return True
+    name, value = STORED[level.kind], level.value or 0.0
+    one, other = before[name] - value, float(getattr(contact, name)) - value
+    return one * other < 0.0 or (other == 0.0 and one != 0.0)
+
+
 def is_end(level: Level, step: int, case: Case) -> bool:
     """Return whether a level is the end of a leg, at its last step; "last" is the end of the last leg.
 
@@ -120,7 +183,7 @@ def is_end(level: Level, step: int, case: Case) -> bool:
     """
     ends = dict(zip(itertools.accumulate(leg.steps for leg in case.sweep.legs), case.sweep.legs, strict=True))
     last = level == LAST and step == case.sweep.steps
-    return last or (step in ends and level == ends[step].target)
+    return last or (step in ends and replace(level, leg=None) == ends[step].target)
 
 
 def options_of(case: Case, surface: Surface) -> dict[str, Any]:

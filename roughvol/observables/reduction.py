@@ -18,7 +18,7 @@ import numpy as np
 from roughvol.contact.loading import Compliance, Contact
 from roughvol.observables import deformed, plastic, waves
 from roughvol.observables.along_steps import AlongSteps
-from roughvol.observables.levels import at_level, is_end, reached
+from roughvol.observables.levels import at_level, is_end, on_legs, reached
 from roughvol.observables.pressures import above, central_pressure_ratio
 from roughvol.observables.recorded import AT_STATES, asked_at_states, fields_of
 from roughvol.observables.regions import State, within
@@ -123,7 +123,7 @@ class Reduction:
             self._per_step |= {name: [] for name in ABOVE_HARDNESS}
         if case.plastic:
             self._per_step |= {name: [] for name in PLASTIC}
-        self._levels = asked_at_states(case.record)
+        self._levels = {name: on_legs(by_label, case) for name, by_label in asked_at_states(case.record).items()}
         self._kept: dict[str, dict[str, tuple[int, Values]]] = {name: {} for name in self._levels}
         self._along = AlongSteps(case, surface)
         self._seconds = dict.fromkeys(self._levels, 0.0)
@@ -153,7 +153,7 @@ class Reduction:
     def follow(self, whole: Contact) -> None:
         """Take in the next state."""
         contact, step = within(whole, self._case), self.steps + 1
-        self._along.follow(step, contact, whole)
+        self._along.follow(step, contact, whole, self._before)
         for level, wanted in self._reached(step, contact).items():
             state = within(self._at(level, step, whole), self._case)
             for observable, label in wanted:
@@ -172,12 +172,21 @@ class Reduction:
             self._along.values |= plastic.residual(self._case, self._surface, whole)
         self._states = [*self._states, whole.state()][-2:]
 
+    @property
+    def _before(self) -> dict[str, float] | None:
+        """The numbers of the last state taken in, None before any."""
+        if not self._per_step["indentation"]:
+            return None
+        return {name: float(self._per_step[name][-1]) for name in OF_STATE}
+
     def _reached(self, step: int, contact: State) -> dict[Level, list[tuple[str, str]]]:
         """Return the levels that this state is the first to reach, each with its observables and labels."""
         hits: dict[Level, list[tuple[str, str]]] = {}
         for name, by_label in self._levels.items():
             for label, level in by_label.items():
-                if label not in self._kept[name] and (level in hits or reached(level, step, contact, self._case)):
+                if label not in self._kept[name] and (
+                    level in hits or reached(level, step, contact, self._case, self._before)
+                ):
                     hits.setdefault(level, []).append((name, label))
         return hits
 

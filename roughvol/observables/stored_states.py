@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, NamedTuple, cast
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact
 from roughvol.observables import regions, void
-from roughvol.observables.levels import reached
+from roughvol.observables.levels import on_legs, reached
 from roughvol.observables.recorded import AT_STATES, asked, asked_at_states
 from roughvol.observables.reduction import OF_STATE, Reduction, Values
 from roughvol.observables.regions import Within, window
@@ -114,7 +115,7 @@ class _Stored:
                 message = "texture left by plastic displacement"
                 raise Unanswerable(message)
             along |= {name: stored[name] for name in names}
-        at_states = asked_at_states(case.record)
+        at_states = {name: on_legs(by_label, case) for name, by_label in asked_at_states(case.record).items()}
         for name, levels in asked(case.record).items():
             if name not in at_states:
                 values, seconds[name] = self._along(name, levels)
@@ -145,6 +146,7 @@ class _Stored:
     def _along(self, name: str, levels: Mapping[str, Level] | None) -> tuple[Values, float]:
         """Return a quantity along the steps: copied where all its steps are stored, else of fields."""
         before = asked(self._record)
+        levels = None if levels is None else on_legs(levels, self._case)
         same_shares = name not in regions.QUANTITIES or self._shares(self._record) == self._shares(self._case.record)
         steps = (
             list(range(1, self._steps + 1)) if levels is None else sorted(set(map(self._first, levels.values())) - {0})
@@ -153,7 +155,7 @@ class _Stored:
         if name in before and same_shares:
             had = before[name]
             every = range(1, self._steps + 1)
-            held = set(every) if had is None else set(map(self._first, had.values()))
+            held = set(every) if had is None else set(map(self._first, self._held(had).values()))
         if set(steps) <= held:
             rows = np.array(steps, dtype=int) - 1
             values: Values = {}
@@ -207,9 +209,14 @@ class _Stored:
         """Return the first step that reaches a level, 0 if none does."""
         for step in range(1, self._steps + 1):
             numbers = SimpleNamespace(**{name: float(self._of(name)[step - 1]) for name in OF_STATE})
-            if reached(level, step, cast("Contact", numbers), self._case):
+            before = {name: float(self._of(name)[step - 2]) for name in OF_STATE} if step > 1 else None
+            if reached(level, step, cast("Contact", numbers), self._case, before):
                 return step
         return 0
+
+    def _held(self, levels: Mapping[str, Level]) -> dict[str, Level]:
+        """Return the levels of the stored record, on the legs that it takes."""
+        return on_legs(levels, replace(self._case, record=self._record))
 
     def _fields_at_step(self, step: int) -> Fields:
         """Return the stored fields of a step."""

@@ -95,6 +95,8 @@ class Case:
         for name in ("residual_heights", "psd"):
             if not record[name]:  # cases without it keep their id
                 del record[name]
+        if not record["all_legs"] or not isinstance(self.sweep, Legs):
+            del record["all_legs"]
         key: dict[str, Any] = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},

@@ -314,6 +314,12 @@ class Record(Strict):
         default=None, description="quantities stored with units too: pressure, free_volume, mean_gap, leak_rate …"
     )
 
+    all_legs: bool = Field(
+        default=False,
+        description="true: levels are taken on every leg of a path, that of a further leg as 'pressure=0.5, leg 2'; "
+        "false: on the first leg that reaches them",
+    )
+
     @property
     def selects(self) -> dict[tuple[str, ...], Select]:
         """The states of each key that selects some."""

@@ -214,10 +214,13 @@ class Level:
 
     kind: str
     value: float | None = None
+    leg: int | None = None  # of a path, from 2; None for the first that reaches it
 
     @property
     def label(self) -> str:
-        """Name of the state in datasets: ``last``, ``step=60``, ``contact_area=0.1``."""
+        """Name of the state in datasets: ``last``, ``step=60``, ``contact_area=0.1``, ``pressure=0.5, leg 2``."""
+        if self.leg is not None:
+            return f"{Level(self.kind, self.value).label}, leg {self.leg}"
         if self.value is None:
             return self.kind
         if isinstance(self.value, Starred):

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 
+import roughvol
 from roughvol.campaign.one_case import Stopped, run_case, surface_of
 from roughvol.cli import main
 from roughvol.contact.halfspace import HalfSpace
@@ -184,3 +185,28 @@ def test_a_path_runs_plots_and_is_reported_from_the_command_line(tmp_path: Path)
     assert "With yield (metal) and without (elastic)" in page
     assert "On every leg of the path" in page
     assert "pressures end there" in page
+
+
+@pytest.mark.parametrize("hardness", ["", ", hardness: 2"])
+def test_levels_on_all_legs_are_states_of_each(hardness: str, tmp_path: Path) -> None:
+    text = (
+        f"surface: {{D: 2.3, m: 4, seeds: [4], Sq: 1}}\nmaterial: {{E_star: 100{hardness}}}\n"
+        "sweep: [{steps: 3, to: {pressure: 2}}, {steps: 2, to: {pressure: 0.1}}, {steps: 3, to: {pressure: 1}}]\n"
+        "record: {fields_at: {pressure: [0.5, 1]}, transport: {percolation: {pressure: 0.5}}, all_legs: true}\n"
+    )
+    study = loads(text, "legs.yaml")
+    ds = roughvol.run(study, out=tmp_path / "all", jobs=1).squeeze(("D", "m", "seed"))
+    labels = [f"pressure={p}{leg}" for leg in ("", ", leg 2", ", leg 3") for p in ("0.5", "1")]
+    assert ds.field_at.values.tolist() == labels
+    np.testing.assert_allclose(ds.field_at_mean_pressure, [0.5, 1.0] * 3, rtol=1e-5)
+    legs = [int(ds.leg.sel(step=step)) for step in ds.field_at_step.values.tolist()]
+    assert legs == [1, 1, 2, 2, 3, 3]
+    assert ds.leg.values[ds.percolates_x.notnull().values].tolist() == [1, 2, 3]
+    first = loads(text.replace(", all_legs: true", ""), "legs.yaml")
+    assert first.cases()[0].id != study.cases()[0].id
+    old = roughvol.run(first, out=tmp_path / "first", jobs=1).squeeze(("D", "m", "seed"))
+    assert old.field_at.values.tolist() == labels[:2]
+    assert (old.gap.values == ds.gap.isel(field_at=slice(2)).values).all()
+    loading, unloading = ds.gap.sel(field_at="pressure=0.5"), ds.gap.sel(field_at="pressure=0.5, leg 2")
+    difference = float(np.abs(loading - unloading).max())
+    assert difference > 0.01 if hardness else difference < 1e-4  # metal remembers, rubber does not
