@@ -88,7 +88,7 @@ def test_explain_gives_values_default_and_meaning_of_a_key() -> None:
     assert "height field" in shown
     shown = _call("explain", "sweep").stdout
     assert "sweep.steps" in shown
-    assert "{steps: 60, to: mean-plane}" in shown
+    assert "{steps: 60, to: mean-plane, equal: indentation}" in shown
 
 
 def test_explain_gives_units_and_meaning_of_a_variable() -> None:
