@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from roughvol.campaign import cluster, validity
+from roughvol.campaign import cluster, notebook, validity
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
 from roughvol.campaign.forecast import Rates, work_of
@@ -55,7 +55,7 @@ def run(
     fresh : bool
         Compute every case anew, also in the folder of another study.
     on_event : callable, optional
-        Called with a `Progress` at every change.
+        Called with a `Progress` at every change. Default: in a notebook, a bar; else nothing.
     scheduler : str, optional
         Address of a Dask scheduler, whose workers compute instead of processes here.
     stopping : callable, optional
@@ -83,6 +83,7 @@ def run(
         study = of_data(study) if isinstance(study, Mapping) else load(study)
     if scheduler is not None:
         cluster.check_address(scheduler)
+    on_event = on_event or notebook.progress()
     surface = check_surfaces(study)
     folder, text = folder_of(study, out), study.stored()
     cases = answer.cases_of(study, folder)
