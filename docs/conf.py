@@ -37,7 +37,7 @@ html_title = f"roughvol {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_math_renderer = "mathml"
-html_copy_source = False
+html_copy_source = html_use_index = html_domain_indices = False
 html_show_sphinx = False
 html_show_copyright = False
 copybutton_exclude = ".linenos, .gp, .go"
@@ -77,7 +77,7 @@ def shaped(app: Sphinx, name: str, source: list[str]) -> None:
 
 def as_code(app: Sphinx, context: Any, lines: list[str]) -> None:
     """Show the examples of a help page as code."""
-    examples = [line.strip() for line in lines if line.startswith("  ")]
+    examples = [line.lstrip("| ") for line in lines if line.lstrip("| ").startswith("roughvol")]
     if examples:
         lines[:] = [".. code-block:: sh", "", *(f"   {line}" for line in examples), ""]
 
