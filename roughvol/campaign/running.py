@@ -51,7 +51,8 @@ def run(
     out : path, optional
         Folder of the results. Default: ``runs/<name of the study>``.
     jobs : int, optional
-        Number of processes, ≥ 1. Default: all cores, fewer if memory is short. It changes no value.
+        Number of processes, ≥ 1; 1 is this process. Default: all cores, fewer if memory is short or the run is. It
+        changes no value.
     fresh : bool
         Compute every case anew, also in the folder of another study.
     on_event : callable, optional
