@@ -23,6 +23,7 @@ RISE = 1.5  # power of the share of steps in the share of their time, on one way
 TRUSTED = 0.3  # seconds of expected work that weigh as much as measured ones
 PACKED = 64  # cases waiting up to which each is placed; beyond, processes end together
 CLOSING = 30  # steps that a search for the closing of the last channel takes beyond `cost.SEARCH` (docs/tradeoff.md)
+END = 0.3  # seconds from the last case to the collected dataset
 SILENT = 0.5  # least time left of a case, over the time since its last message
 
 
@@ -97,6 +98,7 @@ class Rates:
 
     measured: dict[int, float] = field(default_factory=lambda: defaultdict(float))  # seconds, by nodes
     expected: dict[int, float] = field(default_factory=lambda: defaultdict(float))
+    prior: float = 1.0  # the ratio before any measurement: that of the start of processes
 
     def add(self, nodes: int, measured: float, expected: float) -> None:
         """Add a stretch of work."""
@@ -104,8 +106,8 @@ class Rates:
         self.expected[nodes] += expected
 
     def of(self, nodes: int) -> float:
-        """Return the ratio for a grid; where little was measured, that of all grids, at first 1."""
-        overall = (sum(self.measured.values()) + TRUSTED) / (sum(self.expected.values()) + TRUSTED)
+        """Return the ratio for a grid; where little was measured, that of all grids, at first the prior."""
+        overall = (sum(self.measured.values()) + TRUSTED * self.prior) / (sum(self.expected.values()) + TRUSTED)
         measured, expected = self.measured.get(nodes, 0.0), self.expected.get(nodes, 0.0)
         return (measured + TRUSTED * overall) / (expected + TRUSTED)
 
@@ -171,6 +173,8 @@ class Forecast:
             return
         if one.warm:
             self._rates.add(self._works[id].nodes, now - one.since, done - one.done)
+        else:  # a loaded machine starts processes late, and computes slowly too
+            self._rates.prior = max((now - one.since) / (cost.START + done), 1.0)
         self._running[id] = _Begun(now, done, True)
 
     @property
@@ -195,7 +199,7 @@ class Forecast:
             waiting = sum(seconds * rate(nodes) for nodes, seconds in self._sums.items())
             longest = max(max(loads), (sum(loads) + waiting) / len(loads))
         later = sum(seconds * rate(nodes) for nodes, seconds in self._later.items())
-        return start + longest + later / len(loads)
+        return start + longest + later / len(loads) + END * self._rates.prior
 
     def _left_of(self, id: str, one: _Begun, now: float) -> float:
         """Return the seconds left of a case at work."""

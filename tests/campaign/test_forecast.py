@@ -76,7 +76,7 @@ def test_the_last_cases_do_not_share_the_processes() -> None:
     clock = _Clock()
     forecast = Forecast(works, clock=clock)
     forecast.start(4, here=True)
-    assert forecast.left() == pytest.approx(20.0)  # 12.5 if the fifth were shared out
+    assert forecast.left() == pytest.approx(20.0, abs=0.5)  # 12.5 if the fifth were shared out
 
 
 def test_a_case_without_signs_has_time_left() -> None:
@@ -88,11 +88,21 @@ def test_a_case_without_signs_has_time_left() -> None:
     assert forecast.left() >= 20.0
 
 
+def test_a_late_start_of_processes_is_a_sign_of_a_slow_machine() -> None:
+    clock = _Clock()
+    forecast = Forecast({"a": Work(9, 0.0, 10.0, 10), "b": Work(9, 0.0, 10.0, 10)}, clock=clock)
+    forecast.start(1, here=False)
+    forecast.begun("a")
+    clock.now = 10.0
+    forecast.reached("a", 1)
+    assert forecast.left() > 40.0
+
+
 def test_rates_pass_on_from_round_to_round_and_later_rounds_count() -> None:
     rates, clock = Rates(), _Clock()
     first = Forecast({"a": Work(9, 0.0, 30.0, 10)}, rates=rates, later={9: 30.0}, clock=clock)
     first.start(1, here=True)
-    assert first.left() == pytest.approx(60.0)
+    assert first.left() == pytest.approx(60.0, rel=0.02)
     first.begun("a")
     clock.now = 60.0
     first.ended("a")
