@@ -10,7 +10,7 @@ READINGS := ten_seeds_of_m many_seeds morphology_of_D full_contact first_contact
             reading_variance_law reading_variance_law_D reading_summit_plane
 
 .DEFAULT_GOAL := setup
-.PHONY: help setup reproduce seal test bench bench-peers validation tradeoff extremes reference coverage test-slow lint smoke clean
+.PHONY: help setup reproduce seal test bench bench-peers validation tradeoff extremes reference docs coverage test-slow lint smoke clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
@@ -58,6 +58,11 @@ extremes: setup  ## press the extremes of every input, to docs/extremes.md
 reference: setup  ## write docs/reference.md: all keys of a study and all stored variables
 	@$(BIN)/roughvol explain --markdown > docs/reference.md.new
 	@mv docs/reference.md.new docs/reference.md
+
+# Warnings are errors. Notebooks are executed. Nothing is fetched: the site works without the internet.
+docs: setup  ## build the documentation site, to build/site/index.html
+	@$(BIN)/python -m sphinx --quiet -b html -W --keep-going -d build/doctrees docs build/site
+	@echo build/site/index.html
 
 coverage: setup  ## run the tests with branch coverage, HTML in runs/coverage
 	@$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report term:skip-covered --cov-report html

@@ -29,8 +29,8 @@ def progress(now: Progress, seconds: float) -> str:
     text = f"{now.kept + now.done} of {count(now.cases, 'case')}{failed}"
     if now.steps:
         text += f" · {now.steps_done} of {now.steps} steps · {now.steps_done / max(seconds, 1e-3):.0f} steps/s"
-    if 0.01 < now.work < 1.0:
-        text += f" · {duration(seconds * (1.0 - now.work) / now.work)} left"
+    if now.left is not None and now.work < 1.0:
+        text += f" · about {duration(now.left)} left"
     return f"{text} · {now.interval}" if now.interval else text
 
 

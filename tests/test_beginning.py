@@ -120,8 +120,9 @@ def test_the_page_of_the_reference_is_as_its_command_writes_it() -> None:
 
 
 @pytest.mark.processes
-def test_a_small_case_takes_about_a_second_of_cpu() -> None:
-    Path("t.yaml").write_text("surface: {D: 2.3, m: 4, seeds: 1}\nsweep: {steps: 10}\n", encoding="utf-8")
+@pytest.mark.parametrize("seeds", [1, 4])
+def test_small_cases_take_about_a_second_of_cpu(seeds: int) -> None:
+    Path("t.yaml").write_text(f"surface: {{D: 2.3, m: 4, seeds: {seeds}}}\nsweep: {{steps: 10}}\n", encoding="utf-8")
     code = (
         "import os, sys\nfrom roughvol.cli import main\n"
         "main(['run', 't.yaml'], standalone_mode=False)\n"

@@ -57,6 +57,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
     "distributed": ("campaign.cluster",),
     "click": ("cli",),
     "rich": ("cli",),
+    "IPython": ("campaign.notebook",),
 }
 PROCESSES = (
     "multiprocessing",

@@ -24,6 +24,8 @@ Room of the campaign.
 `resources`     cores, memory and disk
 `limits`        the limit of a process on its own memory
 `cost`          cases, memory, disk and time of a study, estimated
+`forecast`      time left of a run
+`notebook`      progress of a run in a notebook
 `understood`    how a study was understood, in words
 `validity`      where a study leaves the model
 `card`          runs behind a leak card

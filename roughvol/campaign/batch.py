@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from roughvol._version import __version__
 from roughvol.campaign import limits, resources, workers
+from roughvol.campaign.forecast import Forecast, Rates, work_of
 from roughvol.campaign.one_case import HalfSpaces, Stopped, file_of_case
 from roughvol.errors import CampaignError, RoughvolError
 from roughvol.store import lock, run_folder, stamped_file
@@ -19,6 +19,7 @@ from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
 
 SMALL = 0.25  # share of the available memory up to which a single worker is this process itself
+SHORT = 3.0  # expected seconds of one core up to which a run takes no processes
 TOLD_EVERY = 1.0  # seconds between two updates of progress.json
 
 
@@ -38,6 +39,8 @@ class Progress:
         A line on a case that has just ended; a line on the run, as a file set aside. Else empty.
     interval : str
         Half-width of an ensemble beside the requested one. Else empty.
+    left : float, optional
+        Expected seconds until the end of the run.
     """
 
     cases: int
@@ -50,6 +53,7 @@ class Progress:
     event: str = ""
     notice: str = ""
     interval: str = ""
+    left: float | None = None
 
 
 OnEvent = Callable[[Progress], None]
@@ -105,19 +109,23 @@ class Batch:
         on_event: OnEvent | None,
         *,
         alone: bool = True,
+        rates: Rates | None = None,
+        later: Mapping[int, float] | None = None,
     ) -> None:
         self._given = surface if alone else None  # the surface of the only case; of several, the first shows the size
         self._folder, self._text, self._kept, self._surface, self._on_event = folder, text, kept, surface, on_event
-        self._cost = {case.id: _cost(case) for case in cases}
-        self._total = sum(self._cost.values())
-        self._cases = sorted(cases, key=lambda case: -self._cost[case.id])  # the longest first
+        shape = surface.shape if surface is not None else None
+        works = {case.id: work_of(case, _shape(case, shape)) for case in cases}
+        self._forecast = Forecast(works, rates=rates, later=later)
+        self._expected = sum(work.total for work in works.values())
+        self._cases = sorted(cases, key=lambda case: -works[case.id].total)  # the longest first
         self._steps = {case.id: case.sweep.steps for case in cases}
-        self._all_steps = sum(self._steps.values())
+        self._all_steps, self._more = sum(self._steps.values()), bool(later)
         self._reached: dict[str, int] = {}  # steps of the cases at work
-        self._work, self._steps_done, self._done = 0.0, 0, 0  # of the cases that have ended
+        self._steps_done, self._done = 0, 0  # of the cases that have ended
         self._failures: dict[str, BaseException] = {}
         self._versions = {__version__}  # of this process and of the workers
-        self._started = self._noted = time.monotonic()
+        self._noted = time.monotonic()
 
     def through(self, jobs: int | None, scheduler: str | None, stopping: Callable[[], bool]) -> None:
         """Compute all cases.
@@ -129,12 +137,15 @@ class Batch:
         KeyboardInterrupt
             If it was stopped before the end.
         """
+        short = jobs is None and self._expected < SHORT  # processes would take longer to start
         jobs = jobs or resources.cores()
-        self._tell()
-        self._note(at_once=True)
-        processes = min(jobs, len(self._cases))
+        processes = 1 if short and scheduler is None else min(jobs, len(self._cases))
         if scheduler is None:
             processes = self._limited(processes)
+        here = scheduler is None and (jobs == 1 or (processes == 1 and self._small()))
+        self._forecast.start(processes, here=here)
+        self._tell()
+        self._note(at_once=True)
         threads = 1 if scheduler else max(1, jobs // processes)  # other cores work inside the convolutions
         folder, mark = self._folder.resolve(), lock.mark(self._folder) if scheduler else None
         tasks: list[Task] = [
@@ -150,7 +161,7 @@ class Batch:
                 on_end=self._ended,
                 stopping=stopping,
                 scheduler=scheduler,
-                here=processes == 1 and self._small(),
+                here=here,
             )
         finally:
             stamped_file.remove_leftovers(self._folder / "cases")
@@ -177,11 +188,13 @@ class Batch:
 
     def _begun(self, task: Task) -> None:
         self._reached[task[0].id] = 0
+        self._forecast.begun(task[0].id)
         self._note()
 
     def _stepped(self, message: tuple[str, int]) -> None:
         if message[0] in self._reached:
             self._reached[message[0]] = message[1]
+            self._forecast.reached(*message)
             self._tell()
             self._note()
 
@@ -192,7 +205,7 @@ class Batch:
         self._reached.pop(case.id, None)
         if result is not None:
             error = self._stored(case, result)
-        self._work += self._cost[case.id]
+        self._forecast.ended(case.id)
         if error is None:
             self._done += 1
             self._steps_done += self._steps[case.id]
@@ -220,15 +233,11 @@ class Batch:
                 old.unlink(missing_ok=True)
         return None
 
-    def _share(self) -> float:
-        """Return the share of the work done, 0 to 1."""
-        under_way = sum(self._cost[id] * step / max(self._steps[id], 1) for id, step in self._reached.items())
-        return (self._work + under_way) / self._total
-
     def _tell(self, event: str = "", notice: str = "") -> None:
         """Report the progress to the caller of the run."""
         if self._on_event is None:
             return
+        ended = self._done + len(self._failures) == len(self._cases)
         progress = Progress(
             cases=self._kept + len(self._cases),
             kept=self._kept,
@@ -236,9 +245,10 @@ class Batch:
             failed=len(self._failures),
             steps=self._all_steps,
             steps_done=self._steps_done + sum(self._reached.values()),
-            work=1.0 if self._done + len(self._failures) == len(self._cases) else self._share(),
+            work=1.0 if ended and not self._more else self._forecast.share,
             event=event,
             notice=notice,
+            left=self._forecast.left(),
         )
         self._on_event(progress)
 
@@ -246,15 +256,14 @@ class Batch:
         """Update progress.json if the last update is old enough."""
         now = time.monotonic()
         if at_once or now - self._noted >= TOLD_EVERY:
-            self._noted, share = now, self._share()
-            left = (now - self._started) * (1.0 - share) / share if share > 0.0 else None
-            run_folder.note(self._folder, {"running": list(self._reached), "left": left})
+            self._noted = now
+            run_folder.note(self._folder, {"running": list(self._reached), "left": self._forecast.left()})
 
 
-def _cost(case: Case) -> float:
-    """Return the relative cost: N² log N a convolution, the same number of convolutions per step at every m."""
-    nodes = 2.0 ** (case.m or 8) + 1.0
-    return nodes**2 * math.log(nodes) * max(case.sweep.steps, 1)
+def _shape(case: Case, shape: tuple[int, int] | None) -> tuple[int, int]:
+    """Return the nodes of a case; of height files those of the given surface, or of m = 8."""
+    nodes = case.nodes_per_side
+    return (nodes, nodes) if nodes is not None else shape or (257, 257)
 
 
 def _campaign_error(failures: Mapping[str, BaseException], cases: int) -> CampaignError:

@@ -15,9 +15,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from roughvol.campaign import cluster, known, validity
+from roughvol.campaign import cluster, known, notebook, validity
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
+from roughvol.campaign.forecast import Rates, work_of
 from roughvol.campaign.one_case import FFT
 from roughvol.campaign.sorting import sorted_out
 from roughvol.errors import CampaignError, DatasetError, FolderError
@@ -60,11 +61,12 @@ def run(
     out : path, optional
         Folder of the results. Default: ``runs/<name of the study>``.
     jobs : int, optional
-        Number of processes, ≥ 1. Default: all cores, fewer if memory is short. It changes no value.
+        Number of processes, ≥ 1; 1 is this process. Default: all cores, fewer if memory is short or the run is. It
+        changes no value.
     fresh : bool
         Compute every case anew, also in the folder of another study.
     on_event : callable, optional
-        Called with a `Progress` at every change.
+        Called with a `Progress` at every change. Default: in a notebook, a bar; else nothing.
     scheduler : str, optional
         Address of a Dask scheduler, whose workers compute instead of processes here.
     stopping : callable, optional
@@ -92,6 +94,7 @@ def run(
         study = of_data(study) if isinstance(study, Mapping) else load(study)
     if scheduler is not None:
         cluster.check_address(scheduler)
+    on_event = on_event or notebook.progress()
     surface = check_surfaces(study)
     folder, text = folder_of(study, out), study.stored()
     cases = answer.cases_of(study, folder)
@@ -225,6 +228,8 @@ class _Rounds:
         self._parts: dict[str, Arrays] = {}
         self._versions: Counter[str] = Counter()
         self._interval, self._kept = "", 0
+        self._expected = self._goal = _expected_samples(study)
+        self._rates, self._planned = Rates(), dict[float, dict[int, int]]()
         for notice in notices:
             self._report(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
 
@@ -235,7 +240,7 @@ class _Rounds:
         means = ensemble.estimate_means(
             self._study,
             self._compute,
-            on_plan=lambda counts: answer.store_plan(self._folder, counts),
+            on_plan=self._plan,
             on_round=self._rounded,
         )
         path, text = self._folder / "study.nc", "\n".join(answered.sentences(means))
@@ -249,6 +254,22 @@ class _Rounds:
         dataset.write(answer.with_answer(results, answered.variables(means), text), path)
         return dataset.read(path)
 
+    def _plan(self, counts: Mapping[float, dict[int, int]]) -> None:
+        """Store the samples of the next round."""
+        self._planned = dict(counts)
+        answer.store_plan(self._folder, counts)
+
+    def _later(self) -> dict[int, float]:
+        """Return the expected seconds of the samples after those planned, by nodes."""
+        seconds: dict[int, float] = {}
+        for D, goal in self._goal.items():
+            for m, number in goal.items():
+                if (more := number - self._planned.get(D, {}).get(m, 0)) > 0:
+                    nodes = 2**m + 1
+                    work = work_of(self._study.sample(D, m, 0), (nodes, nodes))
+                    seconds[work.nodes] = seconds.get(work.nodes, 0.0) + more * work.total
+        return seconds
+
     def _compute(self, cases: Sequence[Case]) -> Mapping[str, Arrays]:
         """Compute the cases that have no file, and read all."""
         by_id = {case.id: case for case in cases}
@@ -256,9 +277,10 @@ class _Rounds:
         kept = len(self._cases) + len(by_id) - len(missing)
         self._kept += len(by_id) - len(missing)
         if missing:
-            Batch(self._folder, self._study.stored(), missing, kept, None, self._report).through(
-                self._jobs, self._scheduler, self._stopping
-            )
+            later, rates = self._later(), self._rates
+            Batch(
+                self._folder, self._study.stored(), missing, kept, None, self._report, rates=rates, later=later
+            ).through(self._jobs, self._scheduler, self._stopping)
         else:
             self._report(Progress(cases=kept, kept=kept, work=1.0))
         parts = _all_parts(self._folder, by_id, self._stopping, self._versions)
@@ -268,9 +290,10 @@ class _Rounds:
 
     def _rounded(self, estimates: ensemble.Estimates) -> None:
         """Report the interval that is farthest from its accuracy."""
-        from roughvol.campaign import answered
+        from roughvol.campaign import answered, sampling
 
         self._interval = answered.progress(estimates)
+        self._goal = {D: sampling.goal(row, self._planned[D], self._expected[D]) for D, row in estimates.items()}
         count = len(self._cases)
         done, event = count - self._kept, f"{count} samples"
         self._report(Progress(cases=count, kept=self._kept, done=done, work=1.0, event=event))
@@ -279,6 +302,13 @@ class _Rounds:
         if self._on_event is not None:
             quiet = progress.event if progress.failed or progress.event.endswith("samples") else ""
             self._on_event(replace(progress, event=quiet, interval=self._interval))
+
+
+def _expected_samples(study: Study) -> dict[float, dict[int, int]]:
+    """Return the expected samples of an ensemble by D and m, before any is computed."""
+    from roughvol.campaign import expected  # scipy.stats: half a second, for ensembles alone
+
+    return {row.D: row.samples for row in expected.expected(study)}
 
 
 def _all_parts(

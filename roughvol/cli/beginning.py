@@ -30,13 +30,26 @@ variables; `roughvol explain KEY` and `roughvol explain VARIABLE` print one row 
 """
 
 
+def _examples_with(context: click.Context, option: click.Parameter, start: str) -> list[str]:
+    """Return the names of examples with this start, for the completion of a shell."""
+    return [name for name in _examples() if name.startswith(start)]
+
+
+def _keys_with(context: click.Context, option: click.Parameter, start: str) -> list[str]:
+    """Return the keys and variables with this start."""
+    from roughvol.store.variables import VARIABLES
+    from roughvol.study.reference import keys
+
+    return [name for name in dict.fromkeys([*(key.path for key in keys()), *VARIABLES]) if name.startswith(start)]
+
+
 @main.command(
     epilog=examples(
         "roughvol init          list the examples",
         "roughvol init seal     write seal.yaml into the current folder",
     )
 )
-@click.argument("example", required=False)
+@click.argument("example", required=False, shell_complete=_examples_with)
 @click.option("--list", "listing", is_flag=True, help="List the examples and write nothing.")
 def init(example: str | None, listing: bool) -> None:
     """Write the study EXAMPLE into the current folder, or list the examples.
@@ -100,7 +113,7 @@ def _heights() -> str:
         "roughvol explain free_volume          a variable of study.nc",
     )
 )
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=_keys_with)
 @click.option("--markdown", is_flag=True, help="Print all keys and variables as one page.")
 def explain(name: str | None, markdown: bool) -> None:
     """Describe NAME: a key of a study, a section, or a stored variable."""

@@ -83,7 +83,7 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: 
     )
 )
 @STUDY
-@click.option("--jobs", "-j", type=click.IntRange(min=1), help="Processes to use [default: one a core].")
+@click.option("--jobs", "-j", type=click.IntRange(min=1), help="Processes to use; 1: this one [default: one a core].")
 @OUT
 @click.option("--fresh", is_flag=True, help="Compute every case anew, finished ones too.")
 @click.option("--scheduler", metavar="ADDRESS", help="Compute on the workers of this Dask scheduler.")

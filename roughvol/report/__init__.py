@@ -4,6 +4,7 @@ Room of the report. It reads datasets and computes no contact.
 
 ==============  ======================================================================
 `figures`       every figure, a function of a dataset
+`plotting`      one figure of datasets, by its name
 `claims`        every claim of the paper, a function of datasets
 `paper_rules`   the paper's state and the slope A*/p*, for figures and claims
 `model`         contents of a report, and the words that all its forms share

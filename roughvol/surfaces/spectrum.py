@@ -36,9 +36,9 @@ SKEWNESS_ERROR = 1e-8
 def power_law_surface(spectrum: Spectrum, hurst: float, n: int, *, side: float = 1.0, seed: int = 0) -> Surface:
     """Return a random surface with a power-law spectrum (see `power_law` for the law, λ_L, λ_r and λ_s).
 
-    The amplitudes are |c_k|² ~ C(k_e) (a² + b²)/2 with standard normal a and b, and the phases those of a + i b. With
-    ``phases="random"`` (a² + b²)/2 is 1. The period is scaled to Sq or to h'_rms, exactly: all its waves count, also
-    those that a coarse grid cannot hold. The sample mean is zero.
+    The amplitudes are ``|c_k|² ~ C(k_e) (a² + b²)/2`` with standard normal a and b, and the phases those of a + i b.
+    With ``phases="random"`` (a² + b²)/2 is 1. The period is scaled to Sq or to h'_rms, exactly: all its waves count,
+    also those that a coarse grid cannot hold. The sample mean is zero.
 
     A skewness is given by a translation field: a monotone transform of the Gaussian field, whose waves then get their
     amplitudes back. The spectrum is exactly that of the Gaussian field of the same seed. The skewness is exact to 1e-8

@@ -6,6 +6,7 @@ Line colours are equal steps in lightness, from near black to the lightest that 
 
 from __future__ import annotations
 
+import io
 import re
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from xarray import Dataset
 
+SCREEN = 160  # resolution in a notebook
 COLUMN, PAGE, DPI = 3.5, 7.0, 300  # widths [inch] of a column and of a page, resolution for print
 CONTACT = "#08306b"  # contact is this one flat dark blue wherever it shows in colour
 ACCENT, SECOND = "#00707a", "#1f6fb4"  # laws and published numbers beside computed ones
@@ -78,6 +80,12 @@ class Drawing(Figure):
         """
         with mpl.rc_context(STYLE):
             super().savefig(fname, transparent=transparent, **kwargs)
+
+    def _repr_png_(self) -> bytes:
+        """Return the figure as it is shown in a notebook."""
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png", dpi=SCREEN)
+        return buffer.getvalue()
 
 
 def canvas(width: float = COLUMN, height: float = 3.0) -> Drawing:

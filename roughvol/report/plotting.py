@@ -1,0 +1,68 @@
+"""One figure of datasets, by its name: the Python form of ``roughvol plot``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from roughvol.errors import DatasetError
+from roughvol.store import dataset
+
+if TYPE_CHECKING:
+    from roughvol.report.figures.style import Drawing
+    from roughvol.store.dataset import Dataset
+
+
+def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], figure: str = "v_of_p") -> Drawing:
+    """Return one figure of a run, or of several runs overlaid.
+
+    A notebook shows it where it is the last value of a cell.
+
+    Parameters
+    ----------
+    results : Dataset, path, or mapping
+        Dataset of `roughvol.run` or `roughvol.press`, a ``study.nc``, or the folder of a run. Several by name.
+    figure : str
+        Name of the figure, as ``v_of_p``, ``leak_of_p`` or ``fig05``.
+
+    Returns
+    -------
+    Drawing
+        A matplotlib figure. ``savefig`` writes it.
+
+    Raises
+    ------
+    DatasetError
+        If there is no such figure, or the results lack a quantity that it draws.
+    """
+    from roughvol.report.figures import content, origin, selection
+
+    selection.check_known([figure])
+    if isinstance(results, str | Path) or not isinstance(results, Mapping) or hasattr(results, "attrs"):
+        one = _opened(results)  # type: ignore[arg-type]  # a dataset is a mapping with attributes
+        opened = [content.Named(origin.run_name(one), one)]
+    else:
+        opened = [content.Named(str(name), _opened(one)) for name, one in results.items()]
+    if figure in content.NAMES:
+        draw = partial(content.draw, figure, opened)
+    elif len(opened) == 1:
+        selection.drawable(opened[0].dataset, [figure])
+        draw = partial(selection.figures()[figure][0], opened[0].dataset)
+    else:
+        message = f"{figure} shows one run; several are overlaid in figures by content, {content.IN_WORDS}"
+        raise DatasetError(message)
+    return draw()
+
+
+def _opened(one: Dataset | str | Path) -> Dataset:
+    """Return a dataset; a path is a ``study.nc``, the folder of a run, or a name under runs/."""
+    if not isinstance(one, str | Path):
+        return one.expand_dims("case") if "case" in one.coords and "case" not in one.dims else one  # of `press`
+    files = [Path(one), Path(one) / "study.nc", Path("runs") / one / "study.nc"]
+    for file in files:
+        if file.is_file():
+            return dataset.read(file)
+    message = f"no results of {str(one)!r}: looked for {', '.join(map(str, files))}"
+    raise DatasetError(message)

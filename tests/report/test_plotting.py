@@ -1,0 +1,47 @@
+"""Figures from Python: by name, of one run or several, shown by a notebook."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import roughvol
+from roughvol.errors import DatasetError
+from roughvol.store import dataset
+from roughvol.store.dataset import Dataset
+
+
+@pytest.fixture(scope="module")
+def pressed() -> Dataset:
+    x = np.arange(17)
+    heights = np.cos(x[:, np.newaxis]) + 0.5 * np.sin(1.7 * x)
+    return roughvol.press(heights, L="500 um", E="10 MPa", to={"pressure": "0.5 MPa"}, steps=4)
+
+
+def test_a_figure_is_drawn_from_a_dataset_a_file_a_folder_and_what_press_returns(
+    small_study: Path, pressed: Dataset
+) -> None:
+    for results in (dataset.read(small_study), small_study, str(small_study.parent), pressed):
+        assert roughvol.plot(results, "v_of_p").axes[0].lines
+
+
+def test_runs_are_overlaid_and_named(pressed: Dataset) -> None:
+    figure = roughvol.plot({"dry": pressed, "wet": pressed}, "gap_of_p")
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["dry", "wet"]
+
+
+def test_a_notebook_shows_the_figure(pressed: Dataset) -> None:
+    assert roughvol.plot(pressed)._repr_png_().startswith(b"\x89PNG")
+
+
+def test_what_cannot_be_drawn_is_an_error_with_a_reason(pressed: Dataset) -> None:
+    with pytest.raises(DatasetError, match="did you mean v_of_p"):
+        roughvol.plot(pressed, "v_of_pp")
+    with pytest.raises(DatasetError, match="leak_rate_x"):
+        roughvol.plot(pressed, "leak_of_p")
+    with pytest.raises(DatasetError, match="fig05 shows one run"):
+        roughvol.plot({"a": pressed, "b": pressed}, "fig05")
+    with pytest.raises(DatasetError, match=r"no results of 'absent'"):
+        roughvol.plot("absent")

@@ -1,0 +1,98 @@
+"""The documentation site: every page has one place, notebooks carry no outputs, nothing comes from elsewhere."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from roughvol.cli import main
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+NOTEBOOKS = ("ensemble", "my-scan", "reproduce")
+
+
+def _entries(page: Path) -> list[str]:
+    """Return the pages of the tables of contents of a page, relative to docs/, without suffix."""
+    text = page.read_text(encoding="utf-8")
+    bodies = re.findall(r"^```\{toctree\}\n(.*?)```", text, re.MULTILINE | re.DOTALL)
+    names = [line for body in bodies for line in body.split() if not line.startswith(":") and not line.isdigit()]
+    return [(page.parent / name).resolve().relative_to(DOCS).as_posix() for name in names]
+
+
+def _placed() -> list[str]:
+    return [entry for page in sorted(DOCS.rglob("*.md")) for entry in _entries(page)]
+
+
+@pytest.mark.parametrize("page", [path.relative_to(DOCS).as_posix() for path in sorted(DOCS.rglob("*.md"))])
+def test_every_page_is_in_one_group(page: str) -> None:
+    name = page.removesuffix(".md")
+    groups = "docs/site/how-to.md, docs/site/reference.md, docs/site/explanation.md"
+    assert _placed().count(name) == (name != "index"), f"give docs/{page} one line in one of {groups}"
+
+
+def test_every_entry_is_a_page() -> None:
+    assert [name for name in _placed() if not (DOCS / f"{name}.md").is_file()] == []
+
+
+def test_the_site_copies_no_page_of_the_repository() -> None:
+    for name, outside in {"files": "runs/README", "changes": "CHANGELOG", "contributing": "CONTRIBUTING"}.items():
+        text = (DOCS / "site" / f"{name}.md").read_text(encoding="utf-8")
+        assert text.startswith(f"```{{include}} ../../{outside}.md\n")
+        assert len(text.splitlines()) <= 3
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_a_notebook_is_text_without_outputs_and_its_cells_are_python(name: str) -> None:
+    text = (DOCS / "tutorials" / f"{name}.md").read_text(encoding="utf-8")
+    assert text.startswith("---\nfile_format: mystnb\n")
+    cells = re.findall(r"^```\{code-cell\} ipython3\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    assert len(cells) >= 4
+    for cell in cells:
+        compile(cell, f"{name}.md", "exec")
+
+
+def test_press_takes_five_lines() -> None:
+    text = (DOCS / "tutorials" / "my-scan.md").read_text(encoding="utf-8")
+    (cell,) = (cell for cell in re.findall(r"ipython3\n(.*?)^```", text, re.M | re.S) if "roughvol.press(" in cell)
+    assert len(cell.splitlines()) == 5
+    assert 'E="10 MPa", to={"pressure": "0.5 MPa"}' in cell
+
+
+def test_the_first_tutorial_has_commands_that_exist() -> None:
+    text = (DOCS / "tutorials" / "first-study.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"^roughvol (\w+)", text, re.MULTILINE))
+    assert {"init", "run", "show", "plot", "compare"} <= named <= set(main.commands)
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_answers_in_the_shells_that_its_page_names(shell: str) -> None:
+    page = (DOCS / "site" / "completion.md").read_text(encoding="utf-8")
+    assert f"_ROUGHVOL_COMPLETE={shell}_source roughvol" in page
+    asked = {"_ROUGHVOL_COMPLETE": f"{shell}_complete", "COMP_WORDS": "roughvol sh", "COMP_CWORD": "1"}
+    if shell == "fish":
+        asked["COMP_CWORD"] = "sh"
+    answer = CliRunner().invoke(main, [], env=asked, prog_name="roughvol")
+    assert "show" in answer.stdout
+    assert "schema" not in answer.stdout
+
+
+def test_completion_of_init_lists_the_examples() -> None:
+    asked = {"_ROUGHVOL_COMPLETE": "bash_complete", "COMP_WORDS": "roughvol init s", "COMP_CWORD": "2"}
+    answer = CliRunner().invoke(main, [], env=asked, prog_name="roughvol")
+    assert answer.stdout.split() == ["plain,scan", "plain,seal"]
+
+
+@pytest.mark.parametrize("name", sorted(main.commands))
+def test_every_command_has_an_example_of_itself(name: str) -> None:
+    shown = CliRunner().invoke(main, [name, "--help"], prog_name="roughvol").output
+    _, _, examples = shown.partition("Examples:")
+    assert re.search(rf"^ +roughvol {name}\b", examples, re.MULTILINE), shown
+
+
+def test_help_leads_to_the_examples_of_init() -> None:
+    shown = CliRunner().invoke(main, ["--help"], prog_name="roughvol").output
+    assert re.search(r"^ +roughvol init\b", shown.partition("Examples:")[2], re.MULTILINE)
