@@ -38,6 +38,7 @@ test: setup  ## run the tests
 
 bench: setup  ## compare the solver's counts with tests/bench/baseline.json; print seconds
 	@$(BIN)/python -m tests.bench.solver --m 4 5 6 7 8 9 10 --rtol 1e-3 1e-6 --compare
+	@$(BIN)/python -m tests.bench.solver --kernel love fourier --m 6 8 --rtol 1e-6 --compare --out runs/bench/periodic
 
 # One of these codes is AGPL. They are installed here and imported nowhere else.
 bench-peers: setup  ## compare with other contact codes, installed for this

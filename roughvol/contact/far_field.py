@@ -187,8 +187,8 @@ class Level:
         begin[:, :-1] = self.neighbours * fields.shape[1] + np.arange(len(_AROUND)) * side**2
         data = np.empty((elements.size, len(_AROUND) + 1), dtype=np.float32)
         gathered = tuning.cache // 64  # elements at a time, to stay in cache
-        for first in range(0, elements.size, gathered):
-            some = slice(first, first + gathered)
+        pieces = [slice(first, first + gathered) for first in range(0, elements.size, gathered)]
+        for some in pieces:
             at = begin.take(of_element[some], axis=0)
             at += within[some, None]
             fields.ravel().take(at, out=data[some], mode="clip")
@@ -205,11 +205,13 @@ class Level:
         means = self.spread.T @ data
         self.near: Single = means[:, :-1].copy()
         means[:, -1] = 0.0
-        data -= means.take(of_element, axis=0)
-        columns = np.empty(begin.shape, dtype=np.int32)
-        columns[:, :-1] = np.minimum(self.neighbours, count - 1)
-        columns[:, -1] = np.arange(count, 2 * count)
-        columns = columns.take(of_element, axis=0)
+        of_block = np.empty(begin.shape, dtype=np.int32)
+        of_block[:, :-1] = np.minimum(self.neighbours, count - 1)
+        of_block[:, -1] = np.arange(count, 2 * count)
+        columns = np.empty(data.shape, dtype=np.int32)
+        for some in pieces:
+            data[some] -= means.take(of_element[some], axis=0)
+            of_block.take(of_element[some], axis=0, out=columns[some], mode="clip")
         start = np.arange(0, data.size + 1, data.shape[1], dtype=np.int32)
         self.moved = sparse.csr_array((data.ravel(), columns.ravel(), start), shape=(elements.size, 2 * count))
 

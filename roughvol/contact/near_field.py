@@ -14,13 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from roughvol.contact.tuning import TUNING
 from roughvol.typing import Array, Index, Map, Mask, Single
 
 _SQUARE = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3)])  # offsets within two spacings along each axis
 _CENTRE = len(_SQUARE) // 2
 
 
-def near_field(influence: Array, columns: int, elements: Index, reach: float, *, periodic: bool = False) -> Map:
+def near_field(
+    influence: Array,
+    columns: int,
+    elements: Index,
+    reach: float,
+    *,
+    cache: int = TUNING.cache,
+    periodic: bool = False,
+) -> Map:
     """Return r ↦ Gᵀ G r ≈ K⁻¹ r on the elements, G sparse and triangular: equation (13) of docs/solver.md.
 
     Row i of G solves K_PP y = e_i, where P is element i and its preceding neighbours in the set; G_i = y/√y_i. This
@@ -36,6 +45,8 @@ def near_field(influence: Array, columns: int, elements: Index, reach: float, *,
         Flat indices, increasing.
     reach : float
         Distance of the farthest neighbours in spacings, at most √8. √5 takes 10 preceding neighbours.
+    cache : int
+        Bytes of a part, as in `Tuning`.
     periodic : bool
         Whether opposite sides of the grid are joined. The first rows are then preceded by the last ones: G is a filter
         that runs around the period, and triangular but for these rows.
@@ -69,17 +80,25 @@ def near_field(influence: Array, columns: int, elements: Index, reach: float, *,
         grid[:2] = grid[-2:]
         grid[:, :2], grid[:, -2:] = grid[:, -4:-2], grid[:, 2:4].copy()
     shifts = offsets @ (width, 1)
-    neighbours = number.take(np.add.outer(shifts, node))
-    present = neighbours >= 0
-    bits = (1 << np.arange(shifts.size)) * (shifts != 0)
-    with np.errstate(invalid="ignore"):  # some BLAS raise the flag on memory beyond the end of an array
+    bits = ((1 << np.arange(shifts.size)) * (shifts != 0)).astype(np.float32)
+    # Rows of one length, zeros included, are faster than rows of several lengths.
+    data = np.empty((size, shifts.size), dtype=np.float32)
+    neighbours = np.empty((size, shifts.size), dtype=np.int32)
+    piece = min(size, cache // 64)  # elements at a time, to stay in cache
+    position, of_piece = (np.empty((shifts.size, piece), dtype=kind) for kind in (np.intp, np.int32))
+    for first in range(0, size, piece):
+        some = slice(first, min(first + piece, size))
+        position, of_piece = (buffer[:, : some.stop - first] for buffer in (position, of_piece))
+        number.take(np.add(shifts[:, None], node[some], out=position), out=of_piece, mode="clip")
         # A product of floating-point numbers is exact here, and the fastest way.
-        code = (bits.astype(np.float32) @ present.astype(np.float32)).astype(np.intp)
-    # Rows of one length, zeros included, are faster than rows of several lengths. With all zeros in one column, each
-    # addition would wait for the last one. The next line turns ~i into i and leaves the rest.
-    neighbours ^= neighbours >> 31
-    start = np.arange(0, neighbours.size + 1, shifts.size, dtype=np.int32)
-    factor = sparse.csr_array((table.take(code, axis=0).ravel(), neighbours.T.ravel(), start), shape=(size, size))
+        with np.errstate(invalid="ignore"):  # some BLAS raise the flag on memory beyond the end of an array
+            code = bits @ (of_piece >= 0).astype(np.float32)
+        table.take(code.astype(np.intp), axis=0, out=data[some], mode="clip")
+        # With all zeros in one column, each addition would wait for the last one. ~i becomes i, the rest is left.
+        of_piece ^= of_piece >> 31
+        neighbours[some] = of_piece.T
+    start = np.arange(0, data.size + 1, shifts.size, dtype=np.int32)
+    factor = sparse.csr_array((data.ravel(), neighbours.ravel(), start), shape=(size, size))
     transposed = factor.T
     return lambda r: transposed @ (factor @ r.astype(np.float32, copy=False))
 

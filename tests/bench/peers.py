@@ -36,6 +36,7 @@ from roughvol import __version__
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 PACKAGES = ("roughvol", "ContactMechanics", "SurfaceTopography", "muGrid", "tamaas", "numpy", "scipy", "pyFFTW")
+CODES = ("cold", "warm", "tamaas")
 TARGET = 1e-6  # η/σ that everybody has to reach
 STALLED = 20  # iterations without any change of the penetration that count as a failed step
 PERIODIC_END = 0.5  # A* at the last step of periodic surfaces
@@ -301,6 +302,10 @@ def loosest(peer: Any, problem: Problem, start: float) -> Sweep:
     tolerance, found = start, None
     while TIGHTEST * TARGET <= tolerance <= LOOSEST * TARGET:
         trial = run(peer, problem, tolerance, give_up=True)
+        print(
+            f"{peer.name} at {tolerance:.1e}: {trial.cpu_seconds:.0f} CPU s, η/σ {max(trial.columns['residual']):.1e}",
+            flush=True,
+        )
         if trial.reaches:
             found = trial
             if tolerance < start:  # the next looser one has been seen to miss
@@ -321,11 +326,12 @@ def compare(case: dict[str, Any]) -> list[dict[str, Any]]:
     problem.sweep()  # plans
     timed = [problem.sweep() for _ in range(repeats)]
     contacts = timed[0][2]
-    peers = [
-        ContactMechanicsPeer(problem, contacts, warm=False),
-        ContactMechanicsPeer(problem, contacts, warm=True),
-        TamaasPeer(problem, contacts),
-    ]
+    make: dict[str, Callable[[], Any]] = {
+        "cold": lambda: ContactMechanicsPeer(problem, contacts, warm=False),
+        "warm": lambda: ContactMechanicsPeer(problem, contacts, warm=True),
+        "tamaas": lambda: TamaasPeer(problem, contacts),
+    }
+    peers = [make[code]() for code in case["codes"]]
     swept = []
     for peer in peers:
         print(f"m = {case['m']}: {peer.name} …", flush=True)
@@ -482,6 +488,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--steps", type=int, default=60)
     parser.add_argument("--periodic", action="store_true", help="periods of a plane, kernel 2/(E* q)")
+    parser.add_argument("--codes", nargs="+", default=CODES, choices=CODES, help="ContactMechanics cold, warm; Tamaas")
     parser.add_argument("--out", type=Path, default=Path("runs/bench"))
     arguments = parser.parse_args()
     for variable in THREAD_VARIABLES:
@@ -499,7 +506,7 @@ def main() -> int:
     tolerances: dict[str, float] = {}
     for m in arguments.m:
         case = {"m": m, "D": arguments.D, "seed": arguments.seed, "steps": arguments.steps, "tolerances": tolerances}
-        case["kernel"] = "fourier" if arguments.periodic else "free"
+        case |= {"codes": arguments.codes, "kernel": "fourier" if arguments.periodic else "free"}
         with context.Pool(1) as pool:
             found = pool.apply(compare, (case,))
         tolerances = {row["code"]: row["tolerance"] for row in found}

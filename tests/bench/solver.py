@@ -5,16 +5,19 @@ measured time, but at least one half, one over a window by its share of the poin
 machine: `--compare` holds them against the stored baseline and fails if one has grown. As a check on the counting,
 "timed" is the time of all convolutions over that of the unit. Seconds, shares and memory are measured in a process per
 row.
+
+With `--kernel love` or `fourier` the surfaces are periods of a plane. Steps are equal in the approach, to A* = 0.5, and
+the unit is a convolution without padding.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import multiprocessing
 import os
 import platform
-import resource
 import sys
 import time
 from pathlib import Path
@@ -23,6 +26,7 @@ from typing import Any
 import numpy as np
 
 BASELINE = Path(__file__).with_name("baseline.json")
+PERIODIC_END = 0.5  # A* at the last step of periodic surfaces
 GROWTH = 1.02  # of a count per step, beyond which `--compare` fails: rounding can shift single iterations
 
 
@@ -32,9 +36,15 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
 
     from roughvol.contact.halfspace import HalfSpace
     from roughvol.contact.loading import sweep
+    from roughvol.contact.periodic import PeriodicHalfSpace
+    from roughvol.contact.search import indentation_for
     from roughvol.surfaces.midpoint import random_midpoint_displacement
 
-    class Timed(HalfSpace):
+    before = _memory("VmRSS")
+    periodic = case["kernel"] != "free"
+    base: Any = PeriodicHalfSpace if periodic else HalfSpace
+
+    class Timed(base):  # type: ignore[misc]
         spent = 0.0
 
         def displacement_above(self, *args: Any, **kwargs: Any) -> Any:
@@ -49,13 +59,18 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
             self.spent += time.perf_counter() - start
             return result
 
-    surface = random_midpoint_displacement(case["D"], case["m"], side=100.0, seed=case["seed"])
-    half_space = Timed(surface.shape, threads=case["threads"])
+    options = {"side": 100.0, "seed": case["seed"], "periodic": periodic}
+    surface = random_midpoint_displacement(case["D"], case["m"], **options)
+    half_space = Timed(surface.shape, **({"kernel": case["kernel"]} if periodic else {}), threads=case["threads"])
     elements = np.arange(0, surface.heights.size, 7)
     unit, unit_fp32 = (_seconds(half_space, elements, single) for single in (False, True))
     assert half_space.total_compliance.size  # belongs to the grid, not to the sweep
     half_space.spent = 0.0
     last = (surface.z_max - surface.mean_height) / surface.Sq
+    if periodic:
+        last = indentation_for(surface, half_space, "contact_area", PERIODIC_END, rtol=1e-3)
+        half_space.spent = 0.0
+        _forget_peak()
     steps = case["steps"]
     at = last * np.arange(1, steps + 1) / steps
     hardness = case.get("hardness")
@@ -79,8 +94,19 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
         "outside": 1.0 - half_space.spent / seconds,
         "residual": float(residual.max()),
         "area": float(area[-1]),
-        "bytes_per_element": 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / surface.heights.size,
+        "bytes_per_element": (_memory("VmHWM") - before) / surface.heights.size,
     }
+
+
+def _memory(name: str) -> float:
+    """Return the memory of this process in bytes: now (VmRSS), or the most so far (VmHWM)."""
+    (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith(name))
+    return 1024.0 * float(line.split()[1])
+
+
+def _forget_peak() -> None:
+    """Let the most so far begin with the memory now."""
+    Path("/proc/self/clear_refs").write_text("5")
 
 
 def _seconds(half_space: Any, elements: Any, single: bool) -> float:
@@ -99,25 +125,23 @@ def rows(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     context = multiprocessing.get_context("spawn")
     found = []
     print(HEADER)
-    for m in arguments.m:
-        for rtol in arguments.rtol:
-            for D in arguments.D:
-                for seed in range(arguments.seeds):
-                    case = {"m": m, "D": D, "rtol": rtol, "seed": seed, "threads": arguments.threads}
-                    case |= {"steps": arguments.steps, "hardness": arguments.hardness}
-                    with context.Pool(1) as pool:
-                        row = pool.apply(measure, (case,))
-                    found.append(row)
-                    print(_line(row), flush=True)
+    fixed = {"threads": arguments.threads, "steps": arguments.steps, "hardness": arguments.hardness}
+    lists = itertools.product(arguments.kernel, arguments.m, arguments.rtol, arguments.D, range(arguments.seeds))
+    for kernel, m, rtol, D, seed in lists:
+        with context.Pool(1) as pool:
+            row = pool.apply(measure, ({"m": m, "D": D, "rtol": rtol, "seed": seed, "kernel": kernel} | fixed,))
+        found.append(row)
+        print(_line(row), flush=True)
     return found
 
 
-HEADER = " m    D     η/σ  seed   fp64   fp32  units  timed  unit ms  fp32 ms  seconds  outside  bytes/element"
+HEADER = " kernel   m    D     η/σ  seed   fp64   fp32  units  timed  unit ms  fp32 ms  seconds  outside  bytes/element"
 
 
 def _line(row: dict[str, Any]) -> str:
     return (
-        f"{row['m']:2d}  {row['D']:.1f}  {row['rtol']:.0e}  {row['seed']:3d}  {row['fp64']:5.2f}  {row['fp32']:5.2f}"
+        f"{row['kernel']:7s}  {row['m']:2d}  {row['D']:.1f}"
+        f"  {row['rtol']:.0e}  {row['seed']:3d}  {row['fp64']:5.2f}  {row['fp32']:5.2f}"
         f"  {row['units']:5.2f}  {row['timed']:5.2f}  {row['unit_ms']:7.3f}  {row['unit_fp32_ms']:7.3f}"
         f"  {row['seconds']:7.3f}  {100 * row['outside']:5.0f} %  {row['bytes_per_element']:7.0f}"
     )
@@ -126,16 +150,17 @@ def _line(row: dict[str, Any]) -> str:
 def summary(found: list[dict[str, Any]]) -> str:
     """Return the means over D and seeds by m and tolerance, as a Markdown table."""
     lines = [
-        "| m | η/σ ≤ | fp64 | fp32 | units per step | the same, timed | s per sweep | outside |",
-        "|---|---|---|---|---|---|---|---|",
+        "| kernel | m | η/σ ≤ | fp64 | fp32 | units per step | timed | s per sweep | outside | bytes/element |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for key in sorted({(row["m"], -row["rtol"]) for row in found}):
-        of = [row for row in found if (row["m"], -row["rtol"]) == key]
-        names = ("fp64", "fp32", "units", "timed", "seconds", "outside")
+    for key in sorted({(row["kernel"], row["m"], -row["rtol"]) for row in found}):
+        of = [row for row in found if (row["kernel"], row["m"], -row["rtol"]) == key]
+        names = ("fp64", "fp32", "units", "timed", "seconds", "outside", "bytes_per_element")
         mean = {name: np.mean([row[name] for row in of]) for name in names}
         lines.append(
-            f"| {key[0]} | {-key[1]:.0e} | {mean['fp64']:.2f} | {mean['fp32']:.2f} | {mean['units']:.2f} "
-            f"| {mean['timed']:.2f} | {mean['seconds']:.3g} | {100 * mean['outside']:.0f} % |"
+            f"| {key[0]} | {key[1]} | {-key[2]:.0e} | {mean['fp64']:.2f} | {mean['fp32']:.2f} | {mean['units']:.2f} "
+            f"| {mean['timed']:.2f} | {mean['seconds']:.3g} | {100 * mean['outside']:.0f} % "
+            f"| {mean['bytes_per_element']:.0f} |"
         )
     return "\n".join(lines)
 
@@ -158,7 +183,7 @@ def regressions(found: list[dict[str, Any]]) -> list[str]:
 
 
 def _name(row: dict[str, Any]) -> str:
-    return f"m={row['m']} D={row['D']} rtol={row['rtol']:.0e} seed={row['seed']}"
+    return f"{row['kernel']} m={row['m']} D={row['D']} rtol={row['rtol']:.0e} seed={row['seed']}"
 
 
 def figure(found: list[dict[str, Any]], path: Path) -> None:
@@ -166,6 +191,7 @@ def figure(found: list[dict[str, Any]], path: Path) -> None:
     from matplotlib.figure import Figure
 
     chosen = [row for row in found if row["rtol"] == 1e-6] or found
+    chosen = [row for row in chosen if row["kernel"] == chosen[0]["kernel"]]
     sizes = sorted({row["m"] for row in chosen})
     elements = [(2**m + 1) ** 2 for m in sizes]
     drawing = Figure(figsize=(7.0, 3.0), layout="constrained")
@@ -198,11 +224,12 @@ def main() -> int:
     parser.add_argument("--rtol", type=float, nargs="+", default=[1e-3, 1e-6])
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--steps", type=int, default=60, help="1: a single solve at d = 0, started from nothing")
+    parser.add_argument("--steps", type=int, default=60, help="1: a single solve at the last one")
+    parser.add_argument("--kernel", nargs="+", default=["free"], choices=["free", "love", "fourier"])
     parser.add_argument("--hardness", type=float, help="H/E*, the largest pressure; default: elastic contact")
     parser.add_argument("--out", type=Path, default=Path("runs/bench"))
     parser.add_argument("--compare", action="store_true", help="fail if a count has grown beyond the baseline")
-    parser.add_argument("--store", action="store_true", help="make this the baseline")
+    parser.add_argument("--store", action="store_true", help="put these counts into the baseline")
     arguments = parser.parse_args()
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     found = rows(arguments)
@@ -211,7 +238,9 @@ def main() -> int:
     (arguments.out / "solver.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
     figure(found, arguments.out / "solver.png")
     if arguments.store:
-        kept = [{k: row[k] for k in ("m", "D", "rtol", "seed", "fp64", "fp32")} for row in found]
+        rows_by_name = {_name(row): row for row in [*json.loads(BASELINE.read_text(encoding="utf-8")), *found]}
+        columns = ("kernel", "m", "D", "rtol", "seed", "fp64", "fp32")
+        kept = [{name: row[name] for name in columns} for row in rows_by_name.values()]
         BASELINE.write_text("[\n" + ",\n".join(json.dumps(row) for row in kept) + "\n]\n", encoding="utf-8")
     worse = regressions(found) if arguments.compare else []
     print("\n".join(worse) if worse else "")
