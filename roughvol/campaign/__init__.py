@@ -11,6 +11,7 @@ Room of the campaign.
 `quantities`    quantities of one surface at a state
 `samples`       values and modelled cost of each sample
 `estimates`     means, intervals and errors from all samples
+`steps`         the number of steps of an ensemble that chooses it
 `sampling`      the number of samples on each level in the next round
 `answered`      the means as stored variables and in sentences
 `expected`      expected samples and cost of an ensemble

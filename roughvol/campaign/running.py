@@ -216,12 +216,16 @@ class _Rounds:
 
     def results(self) -> Dataset:
         """Return the dataset of all samples and the answer, written when it has changed."""
-        from roughvol.campaign import answered, ensemble  # scipy.stats: half a second, for ensembles alone
+        from roughvol.campaign import answered, ensemble, steps  # scipy.stats: half a second, for ensembles alone
 
+        measured = steps.measured(self._study, self._stopping)
+        if measured.automatic:
+            self._report(Progress(cases=len(self._sound), notice=f"{measured.number} steps a sweep, by the accuracy"))
         means = ensemble.estimate_means(
             self._study,
             self._compute,
-            on_plan=lambda counts: answer.store_plan(self._folder, counts),
+            measured,
+            on_plan=lambda counts: answer.store_plan(self._folder, counts, measured.number),
             on_round=self._rounded,
         )
         path, text = self._folder / "study.nc", "\n".join(answered.sentences(means))

@@ -23,6 +23,7 @@ LISTS = {
     "mean_gaps": "mean_gap",
 }
 """Keys of lists of states, and the kind of each."""
+FEWEST_STEPS = 10  # fewest steps that `steps: auto` chooses
 FALLING = ("separation", "free_volume", "mean_gap")  # fall on loading
 
 
@@ -118,7 +119,8 @@ def steps_of(leg: dict[str, Any]) -> Any:
     """Return the number of steps of a leg in plain data."""
     name = list_of(leg)
     if name is None:
-        return leg.get("steps", 60)
+        steps = leg.get("steps", 60)
+        return FEWEST_STEPS if steps == "auto" else steps
     return len(leg[name]) if isinstance(leg[name], list) else 1
 
 
