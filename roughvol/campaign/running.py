@@ -220,7 +220,13 @@ class _Rounds:
 
         measured = steps.measured(self._study, self._stopping)
         if measured.automatic:
-            self._report(Progress(cases=len(self._sound), notice=f"{measured.number} steps a sweep, by the accuracy"))
+            self._report(
+                Progress(
+                    cases=len(self._sound),
+                    kept=len(self._sound),
+                    notice=f"{measured.number} steps a sweep, by the accuracy",
+                )
+            )
         means = ensemble.estimate_means(
             self._study,
             self._compute,
