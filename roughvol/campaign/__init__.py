@@ -27,6 +27,7 @@ Room of the campaign.
 `understood`    how a study was understood, in words
 `validity`      where a study leaves the model
 `card`          runs behind a leak card
+`answer_trade`  the error of an answer against its cost
 `tradeoff`      speed against accuracy, measured
 ==============  ====================================================================
 """

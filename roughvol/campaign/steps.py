@@ -77,11 +77,9 @@ def measured(study: Study, stopping: Callable[[], bool] = lambda: False) -> Step
     given = int(study.sweep.steps)
     if study.sweep.legs[0].listed is not None or all(_exact(target, study) for target in targets):
         return Steps(given, (0.0,) * len(targets), 0, automatic)
-    trial = _Trial(study, targets, stopping)
     if not automatic:
-        every = next((k for k in sorted(EVERY) if k * given >= FIRST), max(EVERY))
-        return Steps(given, tuple(trial.errors(given * every, SURFACES[0], [every])[0].tolist()), SURFACES[0], False)
-    steps, number = FIRST, 0
+        return Steps(given, errors_of(study, given, stopping), SURFACES[0], False)
+    trial, steps, number = _Trial(study, targets, stopping), FIRST, 0
     while True:
         errors = trial.errors(steps, SURFACES[number], EVERY)
         enough = np.flatnonzero((errors <= SHARE).all(axis=1))
@@ -92,6 +90,33 @@ def measured(study: Study, stopping: Callable[[], bool] = lambda: False) -> Step
             number += 1
         else:
             steps *= 2
+
+
+def errors_of(study: Study, number: int, stopping: Callable[[], bool] = lambda: False) -> tuple[float, ...]:
+    """Return the errors between a number of steps over the accuracy, from trial surfaces.
+
+    Parameters
+    ----------
+    study : Study
+        With a section ``ensemble``.
+    number : int
+        Steps, ≥ 1.
+    stopping : callable
+        As for `measured`.
+
+    Returns
+    -------
+    tuple of float, length targets
+        As in `Steps`.
+
+    Raises
+    ------
+    StudyError
+        As for `measured`.
+    """
+    assert study.ensemble is not None
+    trial, every = _Trial(study, targets_of(study.ensemble), stopping), max(2, math.ceil(FIRST / number))
+    return tuple(trial.errors(number * every, SURFACES[0], [every])[0].tolist())
 
 
 def _exact(target: Target, study: Study) -> bool:
