@@ -28,7 +28,7 @@ from roughvol.study import ACCURACY, Case, MadeSurface, Study, of_data
 SEEDS = 100  # seeds of the setting about which each choice varies
 SEED_COUNTS = (10, 30, 100, 300, 1000)
 LEVELS = 4  # finest m compared
-REQUEST = "2 %"  # accuracy of the sampled ensemble
+REQUEST = "1 %"  # accuracy of the sampled ensemble
 DIMENSIONS = 3  # most D
 
 
@@ -83,7 +83,7 @@ def with_answer(ladders: Dataset, study: Study) -> Dataset:
         result[name] = (("answer_D", "answer_row"), np.array(values, dtype=np.float64))
     for name, variable in ANSWER.items():
         result[name].attrs = {"units": variable.units, "long_name": variable.long_name, "symbol": variable.symbol}
-    return result.assign_attrs(answer_at=f"p* = {pressure:g}", answer_seeds=SEEDS)
+    return result.assign_attrs(answer_at=f"pressure = {pressure:g}", answer_seeds=SEEDS)
 
 
 def _asked(study: Study) -> tuple[Study, float]:

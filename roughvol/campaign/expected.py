@@ -9,21 +9,23 @@ of the measured one and of 2 (3 - D) + 0.4: the added heights have the variance 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from roughvol.campaign import cost, samples, steps
+from roughvol.campaign.estimates import STOPPING
 from roughvol.campaign.one_case import HalfSpaces, arrays_of_case
 from roughvol.campaign.sampling import pilot
 from roughvol.observables import allocation, multilevel
 from roughvol.observables.multilevel import Link
-from roughvol.study import MadeSurface, Study, levels_below
+from roughvol.study import MadeSurface, Record, Study, levels_below
 from roughvol.study.ensemble import AUTO_FROM
 from roughvol.typing import Array
 
 FINEST = 6  # finest level solved
+COSTED = 8  # finest level of which one surface is solved for its cost
 SEEDS = 32  # surfaces of each level
 SURFACES = 400  # surfaces without a solve
 EXCESS = 0.4  # decay of residual variances beyond that of the added heights, in halvings
@@ -91,8 +93,9 @@ def _of_dimension(table: samples.SampleTable, D: float, levels: tuple[int, ...])
     _solve(table, D)
     alone, first, solved = table.alone(D), list(pilot(levels).values()), len(table.levels)
     costs = [float(np.mean([sample.cost for sample in of_level])) for of_level in table.of(D)]
-    scale = costs[-1] / _seconds(table.study, levels[solved - 1])
-    costs += [scale * _seconds(table.study, m) for m in levels[solved:]]
+    costs += [_cost(table, D, m) for m in levels[solved:] if m <= COSTED]
+    scale = costs[-1] / _seconds(table.study, levels[len(costs) - 1])
+    costs += [scale * _seconds(table.study, m) for m in levels[len(costs) :]]
     counts, surfaces, plain = list(first), 0, costs[-1]
     for number, target in enumerate(table.targets):
         values = [np.array([sample.values[number] for sample in of_level]) for of_level in table.of(D)]
@@ -102,6 +105,8 @@ def _of_dimension(table: samples.SampleTable, D: float, levels: tuple[int, ...])
         links = _links(scaled, alone.values, D, first)
         half_width = float(target.accuracy)
         plan = allocation.plan(links, costs, first, half_width, alone)
+        few = dict(enumerate(first)) | dict(zip(plan.levels, plan.samples, strict=True))
+        plan = allocation.plan(_uncertain(links, few), costs, first, half_width, alone)
         for level, planned in zip(plan.levels, plan.samples, strict=True):
             counts[level] = max(counts[level], planned)
         surfaces = max(surfaces, plan.alone)
@@ -120,6 +125,12 @@ def _solve(table: samples.SampleTable, D: float) -> None:
     with table.study.placing():
         for case in table.missing({D: dict.fromkeys(table.levels, SEEDS)}):
             table.add(case, arrays_of_case(case, half_spaces))
+
+
+def _cost(table: samples.SampleTable, D: float, m: int) -> float:
+    """Return the modelled seconds of a sample from one surface, pressed without what else the study records."""
+    case = table.study.sample(D, m, table.ensemble.first_seed)
+    return samples.cost_of(case, arrays_of_case(replace(case, record=Record())))
 
 
 def _links(values: Sequence[Array], alone: Array, D: float, first: Sequence[int]) -> Links:
@@ -144,6 +155,22 @@ def _links(values: Sequence[Array], alone: Array, D: float, first: Sequence[int]
         )
         links[level, -1] = Link(level, -1, first[level], 0.0, base.variance, FREEDOM, base.gains, base.alone)
     return links
+
+
+def _uncertain(links: Links, numbers: Mapping[int, int]) -> Links:
+    """Return links whose variances have what an interval of few samples adds: pooling, stopping, Student's quantile."""
+    wider = dict(links)
+    for (level, parent), link in links.items():
+        freedom = max(numbers[level] - 2.0, 1.0)
+        variance = link.variance
+        if parent >= 0 and freedom < multilevel.POOLED_BELOW:
+            bound = multilevel.RESIDUAL_RATIO * links[parent, parent - 1 if parent else -1].alone
+            share = freedom / multilevel.POOLED_BELOW
+            variance = max(variance, share * variance + (1.0 - share) * bound)
+            freedom = multilevel.POOLED_BELOW
+        widening = (multilevel.quantile(freedom) / allocation.NORMAL) ** 2 * (1.0 + STOPPING / freedom)
+        wider[level, parent] = replace(link, variance=widening * variance)
+    return wider
 
 
 def _seconds(study: Study, m: int) -> float:

@@ -6,6 +6,7 @@ Markers are the means over the surfaces (errors: the largest of any), colours na
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,6 +25,7 @@ LABELS |= {"contact_area_fraction": r"$A^{\ast}$"}
 LOOKS = {name: look | {"label": LABELS[name]} for name, look in zip(LABELS, looks(3), strict=True)}
 ANSWER = "answer"  # in place of a ladder
 WORDS = {"seeds": "seeds", "m": "$m$", "steps": "steps", "rtol": r"residual $\eta/\sigma$", "ensemble": "ensemble"}
+P = r"$p^{\ast}$"
 FLOOR = 1e-16  # where an error of exactly zero is drawn
 
 
@@ -83,7 +85,7 @@ def tradeoff_answer(ds: Dataset) -> Drawing:
         ax.set(xlabel="cost [s]", title=f"$D = {D:g}$")
         for axis, steps in ((ax.xaxis, (1.0,)), (ax.yaxis, (1.0, 2.0, 5.0))):
             plain_ticks(axis, steps)
-    panels[0].set_ylabel(f"error of the mean $V^{{\\ast}}$ at {ds.attrs['answer_at'].replace('*', '⁎')} [%]")
+    panels[0].set_ylabel(f"error of the mean $V^{{\\ast}}$ at {ds.attrs['answer_at'].replace('pressure', P)} [%]")
     handles, labels = panels[0].get_legend_handles_labels()
     fig.legend(handles, labels, loc="outside upper center", ncols=len(handles))
     return _with_grid(fig)
@@ -93,7 +95,8 @@ def _name_ends(ax: Axes, rows: Dataset, error: Array) -> None:
     """Write the values at both ends of a line."""
     for end in (0, -1):
         text, x = f"{float(rows['answer_setting'][end]):g}", float(rows["answer_cost"][end])
-        ax.annotate(text, (x, error[end]), fontsize=7, xytext=(3, 3), textcoords="offset points")
+        place: dict[str, Any] = {"xytext": (3, 4), "ha": "left"} if end == 0 else {"xytext": (-3, 4), "ha": "right"}
+        ax.annotate(text, (x, error[end]), fontsize=7, textcoords="offset points", **place)
 
 
 @_figure("tolerance")
