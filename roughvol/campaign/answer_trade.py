@@ -28,7 +28,7 @@ from roughvol.study import ACCURACY, Case, MadeSurface, Study, of_data
 SEEDS = 100  # seeds of the setting about which each choice varies
 SEED_COUNTS = (10, 30, 100, 300, 1000)
 LEVELS = 4  # finest m compared
-REQUEST = "1 %"  # accuracy of the sampled ensemble
+REQUEST = "2 %"  # accuracy of the sampled ensemble
 DIMENSIONS = 3  # most D
 
 

@@ -128,7 +128,7 @@ def test_the_error_of_an_answer_has_all_its_parts(answered: dataset.Dataset) -> 
     assert (rows["rtol"].answer_solver_error <= rows["rtol"].answer_setting).all()
     fewest = rows["steps"].answer_steps_error.values[:, np.argsort(rows["steps"].answer_setting.values)]
     assert (np.diff(fewest, axis=1) < 0.0).all()
-    assert float(rows["ensemble"].answer_seeds_error.min("answer_row").max()) <= 0.01
+    assert float(rows["ensemble"].answer_seeds_error.min("answer_row").max()) <= 0.02
     text = answer_trade.summary(answered)
     assert "D = 2.6, m = 6, 100 seeds: seeds " in text
     assert "D = 2.2, ensemble: seeds " in text

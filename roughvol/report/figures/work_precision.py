@@ -95,7 +95,7 @@ def _name_ends(ax: Axes, rows: Dataset, error: Array) -> None:
     """Write the values at both ends of a line."""
     for end in (0, -1):
         text, x = f"{float(rows['answer_setting'][end]):g}", float(rows["answer_cost"][end])
-        place: dict[str, Any] = {"xytext": (3, 4), "ha": "left"} if end == 0 else {"xytext": (-3, 4), "ha": "right"}
+        place: dict[str, Any] = {"xytext": (3, 4), "ha": "left"} if end == 0 else {"xytext": (-5, -10), "ha": "right"}
         ax.annotate(text, (x, error[end]), fontsize=7, textcoords="offset points", **place)
 
 
