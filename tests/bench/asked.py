@@ -154,8 +154,8 @@ every m that its request needs ([ensemble.md](ensemble.md)), here ± 2 %.
 ![Error of the answer against cost](tradeoff_answer.png)
 
 It is drawn by `roughvol tradeoff configs/tradeoff.yaml`, which prints the parts of the error as well. Seeds and m
-decide the error. Fewer steps and a looser residual save time, and their errors are not visible at this scale. For an ensemble
-that is stored, `roughvol plot answers answer_cost` draws the error for seeds on each m.
+decide the error. Fewer steps and a looser residual save time, and their errors are not visible at this scale. For a
+stored ensemble, `roughvol plot answers answer_cost` draws the error for seeds on each m.
 
 ## The solver
 
