@@ -3,7 +3,9 @@
 Room of the campaign.
 
 ==============  ====================================================================
-`running`       run a study, or collect what is finished
+`running`       run a study: all its missing cases
+`collected`     finished cases as one dataset
+`rounds`        rounds of an ensemble in its folder
 `pressing`      heights in memory, pressed in one call
 `sorting`       stored cases sorted out before a run
 `known`         cases that stored files answer already
@@ -12,6 +14,7 @@ Room of the campaign.
 `quantities`    quantities of one surface at a state
 `samples`       values and modelled cost of each sample
 `estimates`     means, intervals and errors from all samples
+`steps`         the number of steps of an ensemble that chooses it
 `sampling`      the number of samples on each level in the next round
 `answered`      the means as stored variables and in sentences
 `expected`      expected samples and cost of an ensemble
@@ -29,6 +32,7 @@ Room of the campaign.
 `understood`    how a study was understood, in words
 `validity`      where a study leaves the model
 `card`          runs behind a leak card
+`answer_trade`  the error of an answer against its cost
 `tradeoff`      speed against accuracy, measured
 ==============  ====================================================================
 """

@@ -1,9 +1,9 @@
 from .batch import Progress as Progress
 from .checks import check_surfaces as check_surfaces
 from .checks import foreseen as foreseen
+from .collected import collect as collect
 from .cost import Estimate as Estimate
 from .cost import estimate as estimate
 from .one_case import run_case as run_case
 from .one_case import surface_of as surface_of
-from .running import collect as collect
 from .running import run as run

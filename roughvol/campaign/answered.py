@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from roughvol.campaign.ensemble import Answer, Estimates
-from roughvol.campaign.estimates import SMALLEST, MeanEstimate
+from roughvol.campaign.estimates import MeanEstimate
 from roughvol.campaign.quantities import PERCOLATION
-from roughvol.campaign.samples import SampleTable
+from roughvol.campaign.samples import SMALLEST, SampleTable
+from roughvol.campaign.steps import Steps
 from roughvol.store.answer import BOUNDS
-from roughvol.store.variables import VARIABLES
-
-INTERPOLATION_SHARE = 0.1  # largest error between steps without a remark, as a share of the accuracy
+from roughvol.store.variables import DTYPES, MISSING, VARIABLES
 
 Values = dict[str, tuple[tuple[str, ...], Any]]
 
@@ -47,7 +46,8 @@ def variables(answer: Answer) -> Values:
                 name = f"{estimate.target.stored}_{suffix}"
                 dims = tuple(VARIABLES[name].dims.split())
                 if name not in values:
-                    values[name] = (dims, np.full([sizes[dim] for dim in dims], np.nan))
+                    kind = VARIABLES[name].kind
+                    values[name] = (dims, np.full([sizes[dim] for dim in dims], MISSING[kind], dtype=DTYPES[kind]))
                 index = tuple({"D": row, "ensemble_at": column}.get(dim, slice(None)) for dim in dims)
                 values[name][1][index] = value
     return values
@@ -91,6 +91,7 @@ def _values_of(estimate: MeanEstimate) -> dict[str, Any]:
         "freedom": mean.freedom,
         "accuracy_asked": estimate.requested,
         "step_error": estimate.interpolation_error,
+        "step_error_high": not estimate.steps_suffice,
         "solver_error": estimate.solver_error,
         "level_mean": estimate.level_means,
         "level_variance": estimate.level_variances,
@@ -122,7 +123,7 @@ def sentences(answer: Answer) -> list[str]:
     for D, estimates in answer.estimates.items():
         lines.append(_cost_sentence(D, answer.samples, estimates))
         lines += [_interpolation_remark(estimate) for estimate in estimates]
-    lines.append(answer.stopped)
+    lines += [_steps_sentence(answer.steps), answer.stopped]
     return list(dict.fromkeys(filter(None, lines)))
 
 
@@ -176,11 +177,23 @@ def _cost_sentence(D: float, table: SampleTable, estimates: Sequence[MeanEstimat
     return f"{text}; no use of m = {', '.join(unused)}" if unused else text
 
 
+def _steps_sentence(steps: Steps) -> str:
+    """Return the number of steps, and the origin of the errors between them, in one line."""
+    text = f"{steps.number} steps a sweep" + ", chosen by the accuracy" * steps.automatic
+    if not steps.surfaces:
+        return f"{text}; nothing is interpolated between them"
+    return f"{text}; the errors between them are those of {steps.surfaces} trial surfaces with more steps"
+
+
 def _interpolation_remark(estimate: MeanEstimate) -> str:
-    if estimate.interpolation_error <= INTERPOLATION_SHARE * estimate.requested:
+    if estimate.steps_suffice:
         return ""
-    quantity = estimate.target.quantity
-    return f"the error between steps of {quantity} passes a tenth of the accuracy: take more sweep.steps"
+    target = estimate.target
+    return (
+        f"the error between steps of {target.quantity} at {target.state.label}, "
+        f"{_relative(estimate, estimate.interpolation_error)}, passes a tenth of the accuracy, {target.accuracy}: "
+        "take more sweep.steps, or steps: auto"
+    )
 
 
 def _relative(estimate: MeanEstimate, error: float) -> str:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from roughvol.campaign.estimates import MeanEstimate, estimates_of
 from roughvol.campaign.samples import Counts, SampleTable
 from roughvol.campaign.sampling import GROWTH, MOST_SURFACES, next_counts, pilot, within_budget
+from roughvol.campaign.steps import Steps, measured
 from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.store.dataset import Arrays
 from roughvol.study import Case, MadeSurface, Study
@@ -36,6 +37,8 @@ class Answer:
     ----------
     samples : SampleTable
         All samples.
+    steps : Steps
+        Number of steps, and the errors between them.
     estimates : dict
         Estimates of all means, by D.
     rounds : dict
@@ -45,6 +48,7 @@ class Answer:
     """
 
     samples: SampleTable
+    steps: Steps
     estimates: Estimates
     rounds: dict[float, list[tuple[float, tuple[float, ...]]]]
     stopped: str = ""
@@ -53,6 +57,7 @@ class Answer:
 def estimate_means(
     study: Study,
     compute: Compute,
+    steps: Steps | None = None,
     *,
     on_plan: Callable[[Counts], None] = lambda counts: None,
     on_round: Callable[[Estimates], None] = lambda estimates: None,
@@ -66,6 +71,8 @@ def estimate_means(
         With a section ``ensemble``.
     compute : callable
         Maps cases to their stored arrays, by the id of the case.
+    steps : Steps, optional
+        From `steps.measured`. Default: measured here.
     on_plan : callable
         Called before each round with the planned number of samples, by D and m.
     on_round : callable
@@ -93,10 +100,11 @@ def estimate_means(
     assert study.ensemble is not None
     assert isinstance(study.surface, MadeSurface)
     automatic = not study.surface.m
-    table = SampleTable(study, AUTO_FROM if automatic else study.surface.m[0])
+    steps = measured(study) if steps is None else steps
+    table = SampleTable(study.with_steps(steps.number), AUTO_FROM if automatic else study.surface.m[0], steps.errors)
     start, budget = clock(), study.ensemble.budget
     counts: Counts = {D: pilot(table.levels) for D in table.dimensions}
-    answer = Answer(table, {}, {D: [] for D in table.dimensions})
+    answer = Answer(table, steps, {}, {D: [] for D in table.dimensions})
     for _ in range(ROUNDS):
         on_plan(counts)
         _complete(table, counts, compute)

@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roughvol.campaign.samples import SampleTable, Target
+from roughvol.campaign import steps
+from roughvol.campaign.samples import SMALLEST, SampleTable, Target
 from roughvol.observables import allocation, best_linear, multilevel, refinement
 from roughvol.observables.allocation import Alone, Plan
 from roughvol.observables.multilevel import Link, Mean
@@ -18,7 +19,6 @@ from roughvol.typing import Array
 
 STOPPING = 3.0  # samples lost by stopping at a narrow interval (see `multilevel`)
 RELIABLE = 60  # samples of a level that determine its variance to 20 %
-SMALLEST = 1e-300  # half-width in place of 0, for a relative accuracy of a mean of 0
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class MeanEstimate:
     correlations : tuple of float, length levels - 1
         Pearson's ρ of each level with the next coarser one.
     interpolation_error : float
-        Magnitude of the error between steps.
+        Error between steps, from the trial surfaces.
     solver_error : float
         Certified bound; 0 without one.
     weak_error : WeakError
@@ -72,6 +72,11 @@ class MeanEstimate:
     def reached(self) -> bool:
         """Whether the interval is as narrow as requested."""
         return self.mean.half_width <= self.requested
+
+    @property
+    def steps_suffice(self) -> bool:
+        """Whether the error between steps is at most a tenth of the accuracy."""
+        return self.interpolation_error <= steps.SHARE * self.requested
 
     @property
     def level_variances(self) -> tuple[float, ...]:
@@ -128,7 +133,7 @@ def _estimate(table: SampleTable, D: float, number: int, costs: tuple[float, ...
         links,
         level_means,
         tuple(best_linear.correlation(fine, coarse) for coarse, fine in itertools.pairwise(values)),
-        abs(float(np.mean([sample.interpolation_errors[number] for sample in samples[-1]]))),
+        table.step_errors[number] * target.accuracy.of(mean.value),
         float(np.max([sample.solver_errors[number] for level in samples for sample in level])),
         _weak_error(values, level_means),
         alone,

@@ -22,9 +22,9 @@ from roughvol.observables import reduction
 from roughvol.observables.levels import options_of
 from roughvol.observables.reduction import Reduction, Values
 from roughvol.store import checkpoint as checkpoints
-from roughvol.store import dataset, provenance
+from roughvol.store import dataset, provenance, small_file
 from roughvol.store.checkpoint import Checkpoint
-from roughvol.store.dataset import Dataset
+from roughvol.store.dataset import Arrays, Dataset
 from roughvol.study import Case
 from roughvol.surfaces import measured
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -118,6 +118,27 @@ def file_of_case(
     """
     asked = _asked(case, half_spaces, on_step, threads, surface, checkpoint, stopping)
     return dataset.case_bytes(case, asked, _provenance(case, study, threads))
+
+
+def arrays_of_case(case: Case, half_spaces: HalfSpaces | None = None) -> Arrays:
+    """Return what is stored of one case, without a file.
+
+    Parameters
+    ----------
+    case, half_spaces
+        As for `run_case`.
+
+    Returns
+    -------
+    dict
+        Dimensions and values by the name of the variable.
+
+    Raises
+    ------
+    SurfaceError, ContactError, ConvergenceError
+        As for `run_case`.
+    """
+    return small_file.arrays_of_case(case, _asked(case, half_spaces, None, 1, None, None, lambda: False))
 
 
 def _provenance(case: Case, study: str, threads: int) -> dict[str, str]:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from roughvol.errors import Problem, StudyError
-from roughvol.observables.at_state import at_state, error_between_steps
+from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
 from roughvol.store.dataset import Arrays
 from roughvol.study import CLOSING, STORED_AS, Case, Level
 from roughvol.study.yaml_text import number_text
@@ -58,8 +58,8 @@ def series_of(arrays: Arrays) -> Series:
     return series
 
 
-def value_and_error(series: Series, stored: str, state: Level, case: Case) -> tuple[float, float]:
-    """Return a quantity at a state, and the error of the interpolation between steps.
+def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
+    """Return a quantity at a state.
 
     Parameters
     ----------
@@ -74,8 +74,8 @@ def value_and_error(series: Series, stored: str, state: Level, case: Case) -> tu
 
     Returns
     -------
-    tuple of float
-        Value and signed error.
+    float
+        Value.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def value_and_error(series: Series, stored: str, state: Level, case: Case) -> tu
     quantity = series[stored]
     if state.value is None:
         _require_value(float(quantity[-1]), stored, state, case)
-        return float(quantity[-1]), 0.0
+        return float(quantity[-1])
     along = series[STORED_AS.get(state.kind, state.kind)]
     if not math.isfinite(float(at_state(along, along, state.value)[0])):
         message = (
@@ -97,7 +97,34 @@ def value_and_error(series: Series, stored: str, state: Level, case: Case) -> tu
         raise StudyError([Problem(message, f"ensemble.at.{state.kind}")])
     value = float(at_state(along, quantity, state.value)[0])
     _require_value(value, stored, state, case)
-    return value, float(np.nan_to_num(error_between_steps(along, quantity, state.value)[0]))
+    return value
+
+
+def error_at(series: Series, stored: str, state: Level, case: Case, every: int) -> float:
+    """Return the error of a quantity at a state with every k-th step alone.
+
+    Parameters
+    ----------
+    series, stored, state, case
+        As for `value_at`.
+    every : int
+        k ≥ 2.
+
+    Returns
+    -------
+    float
+        Signed error; 0 at the last step.
+    """
+    if stored in CLOSING:
+        if case.sweep.legs[0].target.kind == CLOSING[stored]:
+            return 0.0
+        pressure, closed = series["mean_pressure"], _closed(series, stored)
+        kept = kept_steps(pressure.size, every)
+        return _middle(pressure[kept], closed[kept]) - _middle(pressure, closed)
+    if state.value is None:
+        return 0.0
+    along = series[STORED_AS.get(state.kind, state.kind)]
+    return error_of_fewer_steps(along, series[stored], state.value, every)
 
 
 def _require_value(value: float, stored: str, state: Level, case: Case) -> None:
@@ -110,28 +137,31 @@ def _require_value(value: float, stored: str, state: Level, case: Case) -> None:
         raise StudyError([Problem(message, f"ensemble.accuracy.{stored}")])
 
 
-def _closing_pressure(series: Series, stored: str, case: Case) -> tuple[float, float]:
-    """Return p* at which the void closes, and the error of the middle between two steps.
+def _closing_pressure(series: Series, stored: str, case: Case) -> float:
+    """Return p* at which the void closes.
 
     At the end of a sweep to percolation p* is exact. Otherwise it is the middle of p* at the last open step and at the
-    first closed one. Its error is the change without every second step, over three, as for a rule of second order.
+    first closed one.
     """
     pressure, end = series["mean_pressure"], CLOSING[stored]
     if case.sweep.legs[0].target.kind == end:
-        return float(pressure[-1]), 0.0
-    axis = end.removeprefix("percolation-")
-    ways = [series[name] for name in ("percolates_x", "percolates_y") if name.endswith(axis) or axis == "both"]
-    closed = np.max(ways, axis=0) == 0.0
+        return float(pressure[-1])
+    closed = _closed(series, stored)
     if not closed[-1]:
         message = (
             f"the void of {case.label} is still open at the end of its sweep, p* = {float(pressure[-1]):.4g}: "
-            f"sweep further, as to: {{percolation: {axis}}}"
+            f"sweep further, as to: {{percolation: {end.removeprefix('percolation-')}}}"
         )
         raise StudyError([Problem(message, f"ensemble.accuracy.{stored}")])
-    middle = _middle(pressure, closed)
-    half = slice((pressure.size - 1) % 2, None, 2)
-    kept = np.unique(np.concatenate([[0], np.arange(pressure.size)[half]]))
-    return middle, (middle - _middle(pressure[kept], closed[kept])) / 3.0
+    return _middle(pressure, closed)
+
+
+def _closed(series: Series, stored: str) -> Array:
+    """Return whether no way is left at each step along the axes of a closing pressure."""
+    axis = CLOSING[stored].removeprefix("percolation-")
+    ways = [series[name] for name in ("percolates_x", "percolates_y") if name.endswith(axis) or axis == "both"]
+    closed: Array = np.max(ways, axis=0) == 0.0
+    return closed
 
 
 def _middle(pressure: Array, closed: Array) -> float:

@@ -7,38 +7,28 @@ the machine nor on the number of processes: one thread sums, and no state that c
 
 from __future__ import annotations
 
-import contextlib
-import os
-from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from roughvol.campaign import cluster, known, notebook, validity
+from roughvol.campaign import cluster, collected, known, notebook
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
-from roughvol.campaign.forecast import Rates, work_of
-from roughvol.campaign.one_case import FFT
+from roughvol.campaign.rounds import Rounds
 from roughvol.campaign.sorting import sorted_out
-from roughvol.errors import CampaignError, DatasetError, FolderError
+from roughvol.errors import CampaignError, FolderError
 from roughvol.store import (
     answer,
-    dataset,
-    dimensional,
     lock,
-    provenance,
-    run_folder,
     same_study,
     stamped_file,
-    variants,
 )
-from roughvol.store.dataset import Arrays, Dataset
-from roughvol.store.run_folder import case_file, folder_of
-from roughvol.study import Case, Study, load, of_data
+from roughvol.store.dataset import Dataset
+from roughvol.store.run_folder import folder_of
+from roughvol.study import Study, load, of_data
 
 if TYPE_CHECKING:
-    from roughvol.campaign import ensemble
+    pass
 
 
 def run(
@@ -118,7 +108,7 @@ def run(
         notices, absent = sorted_out(folder, cases, fresh=wanted if fresh else (), another=another is not None)
         if study.ensemble is not None:
             sound = cases.keys() - {case.id for case in absent}
-            rounds = _Rounds(study, folder, sound, notices, on_event, jobs, scheduler, stopping)
+            rounds = Rounds(study, folder, sound, notices, on_event, jobs, scheduler, stopping)
             return rounds.results()
         missing = [case for case in absent if case.id in wanted]
         changed = bool(missing)
@@ -139,272 +129,4 @@ def run(
             )
         elif on_event is not None:
             on_event(Progress(cases=len(cases), kept=len(cases), work=1.0))
-        return _collected(folder, cases, study, stopping, again=changed)
-
-
-def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset:
-    """Return the finished cases as one dataset, also of an unfinished run; nothing is written.
-
-    Damaged files are left out. `status` and the next run report them. Of an ensemble, the dataset has the means as well
-    if all samples are finished. Otherwise its attribute ``answer`` gives the number of the missing ones.
-
-    Parameters
-    ----------
-    study : Study or path of a study file
-        Study of the run.
-    out : path, optional
-        Folder of the results; default: ``runs/<name of the study>``.
-
-    Returns
-    -------
-    Dataset
-        Finished cases, as in ``study.nc``.
-
-    Raises
-    ------
-    DatasetError
-        If no case is finished.
-    """
-    study = study if isinstance(study, Study) else load(study)
-    folder = folder_of(study, out)
-    cases = answer.cases_of(study, folder)
-    parts, _, versions = _finished(folder, cases)
-    if not parts:
-        message = f"no case of {study.name} is finished in {folder}"
-        raise DatasetError(message)
-    if study.ensemble is None:
-        return _combined(parts, cases, study, versions)
-    return _with_means(study, folder, cases, parts, versions)
-
-
-class _Unfinished(Exception):
-    """Samples that an ensemble needs and its folder lacks."""
-
-
-def _with_means(
-    study: Study, folder: Path, cases: Mapping[str, Case], parts: dict[str, Arrays], versions: Mapping[str, int]
-) -> Dataset:
-    """Return the finished samples of an ensemble, with the means if none is missing."""
-    from roughvol.campaign import answered, ensemble  # scipy.stats: half a second, for ensembles alone
-
-    with contextlib.suppress(DatasetError):  # a budget of time ends elsewhere in each run: its answer is the stored one
-        stored = dataset.read(folder / "study.nc")
-        same = stored.attrs.get("study") == study.stored() and "answer" in stored.attrs
-        if same and stored.attrs.get("case_ids") == provenance.ids_text(parts) and parts.keys() == cases.keys():
-            return stored
-
-    def finished(wanted: Sequence[Case]) -> Mapping[str, Arrays]:
-        absent = sum(case.id not in parts for case in wanted)
-        if absent:
-            message = f"{absent} of {len(wanted)} samples of a round are missing"
-            raise _Unfinished(message)
-        return parts
-
-    results = _combined(parts, {id: case for id, case in cases.items() if id in parts}, study, versions)
-    try:
-        means = ensemble.estimate_means(study, finished)
-    except _Unfinished as error:
-        return results.assign_attrs(answer=f"no answer yet: {error}; a run of the study goes on")
-    return answer.with_answer(results, answered.variables(means), "\n".join(answered.sentences(means)))
-
-
-class _Rounds:
-    """The rounds of an ensemble, whose samples are cases of the folder."""
-
-    def __init__(
-        self,
-        study: Study,
-        folder: Path,
-        sound: Collection[str],
-        notices: Sequence[str],
-        on_event: OnEvent | None,
-        jobs: int | None,
-        scheduler: str | None,
-        stopping: Callable[[], bool],
-    ) -> None:
-        self._study, self._folder, self._sound, self._on_event = study, folder, set(sound), on_event
-        self._jobs, self._scheduler, self._stopping = jobs, scheduler, stopping
-        self._cases: dict[str, Case] = {}
-        self._parts: dict[str, Arrays] = {}
-        self._versions: Counter[str] = Counter()
-        self._interval, self._kept = "", 0
-        self._expected = self._goal = _expected_samples(study)
-        self._rates, self._planned = Rates(), dict[float, dict[int, int]]()
-        for notice in notices:
-            self._report(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
-
-    def results(self) -> Dataset:
-        """Return the dataset of all samples and the answer, written when it has changed."""
-        from roughvol.campaign import answered, ensemble  # scipy.stats: half a second, for ensembles alone
-
-        means = ensemble.estimate_means(
-            self._study,
-            self._compute,
-            on_plan=self._plan,
-            on_round=self._rounded,
-        )
-        path, text = self._folder / "study.nc", "\n".join(answered.sentences(means))
-        with contextlib.suppress(DatasetError):
-            stored = dataset.read(path)
-            same = stored.attrs.get("study") == self._study.stored() and stored.attrs.get("answer") == text
-            if same and stored.attrs.get("case_ids") == provenance.ids_text(self._cases):
-                os.utime(path)
-                return stored
-        results = _combined(self._parts, self._cases, self._study, self._versions)
-        dataset.write(answer.with_answer(results, answered.variables(means), text), path)
-        return dataset.read(path)
-
-    def _plan(self, counts: Mapping[float, dict[int, int]]) -> None:
-        """Store the samples of the next round."""
-        self._planned = dict(counts)
-        answer.store_plan(self._folder, counts)
-
-    def _later(self) -> dict[int, float]:
-        """Return the expected seconds of the samples after those planned, by nodes."""
-        seconds: dict[int, float] = {}
-        for D, goal in self._goal.items():
-            for m, number in goal.items():
-                if (more := number - self._planned.get(D, {}).get(m, 0)) > 0:
-                    nodes = 2**m + 1
-                    work = work_of(self._study.sample(D, m, 0), (nodes, nodes))
-                    seconds[work.nodes] = seconds.get(work.nodes, 0.0) + more * work.total
-        return seconds
-
-    def _compute(self, cases: Sequence[Case]) -> Mapping[str, Arrays]:
-        """Compute the cases that have no file, and read all."""
-        by_id = {case.id: case for case in cases}
-        missing = [case for id, case in by_id.items() if id not in self._sound]
-        kept = len(self._cases) + len(by_id) - len(missing)
-        self._kept += len(by_id) - len(missing)
-        if missing:
-            later, rates = self._later(), self._rates
-            Batch(
-                self._folder, self._study.stored(), missing, kept, None, self._report, rates=rates, later=later
-            ).through(self._jobs, self._scheduler, self._stopping)
-        else:
-            self._report(Progress(cases=kept, kept=kept, work=1.0))
-        parts = _all_parts(self._folder, by_id, self._stopping, self._versions)
-        self._cases |= by_id
-        self._parts |= parts
-        return parts
-
-    def _rounded(self, estimates: ensemble.Estimates) -> None:
-        """Report the interval that is farthest from its accuracy."""
-        from roughvol.campaign import answered, sampling
-
-        self._interval = answered.progress(estimates)
-        self._goal = {D: sampling.goal(row, self._planned[D], self._expected[D]) for D, row in estimates.items()}
-        count = len(self._cases)
-        done, event = count - self._kept, f"{count} samples"
-        self._report(Progress(cases=count, kept=self._kept, done=done, work=1.0, event=event))
-
-    def _report(self, progress: Progress) -> None:
-        if self._on_event is not None:
-            quiet = progress.event if progress.failed or progress.event.endswith("samples") else ""
-            self._on_event(replace(progress, event=quiet, interval=self._interval))
-
-
-def _expected_samples(study: Study) -> dict[float, dict[int, int]]:
-    """Return the expected samples of an ensemble by D and m, before any is computed."""
-    from roughvol.campaign import expected  # scipy.stats: half a second, for ensembles alone
-
-    return {row.D: row.samples for row in expected.expected(study)}
-
-
-def _all_parts(
-    folder: Path, cases: Mapping[str, Case], stopping: Callable[[], bool], versions: Counter[str]
-) -> dict[str, Arrays]:
-    """Return the arrays of cases that are all to be there, and count their versions."""
-    parts, faults, found = _finished(folder, cases, stopping)
-    absent = [f"{case_file(folder, id)} has vanished" for id in cases if id not in parts and id not in faults]
-    if absent or faults:
-        message = "\n".join([*faults.values(), *absent])
-        raise DatasetError(message)
-    versions.update(found)
-    return parts
-
-
-def _collected(
-    folder: Path, cases: Mapping[str, Case], study: Study, stopping: Callable[[], bool], *, again: bool
-) -> Dataset:
-    """Return ``study.nc``, made from the cases ``again`` or where it is not up to date."""
-    path = folder / "study.nc"
-    with contextlib.suppress(DatasetError, OSError):
-        if again:
-            raise DatasetError
-        stored = dataset.read(path)
-        if stored.attrs.get("study") == study.stored() and stored.attrs.get("case_ids") == provenance.ids_text(cases):
-            os.utime(path)  # newer than the study file, for make
-            return stored
-    versions: Counter[str] = Counter()
-    parts = _all_parts(folder, cases, stopping, versions)
-    dataset.write(_combined(parts, cases, study, versions), path)
-    return dataset.read(path)
-
-
-def _finished(
-    folder: Path, cases: Mapping[str, Case], stopping: Callable[[], bool] = lambda: False
-) -> tuple[dict[str, Arrays], dict[str, str], dict[str, int]]:
-    """Return the finished cases by id, the faults of unusable files by id, and the number of cases by version."""
-    parts: dict[str, Arrays] = {}
-    faults: dict[str, str] = {}
-    versions: Counter[str] = Counter()
-    for id, case in cases.items():
-        if stopping():
-            raise KeyboardInterrupt
-        path = case_file(folder, id)
-        try:
-            arrays, labels = dataset.read_arrays(path)
-        except DatasetError as error:
-            if path.exists():
-                faults[id] = str(error)
-            continue
-        fault = run_folder.mismatch(path, labels, run_folder.labels_for(case))
-        if fault is None:
-            parts[id] = arrays
-            versions[labels.get("version", "")] += 1
-        else:
-            faults[id] = fault
-    return parts, faults, dict(versions)
-
-
-def _combined(
-    parts: Mapping[str, Arrays], cases: Mapping[str, Case], study: Study, versions: Mapping[str, int]
-) -> Dataset:
-    """Return the dataset of a study with its provenance, dimensional values and warnings."""
-    if study.axes:
-        return _joined(parts, cases, study, versions)
-    case = next(iter(cases.values()))
-    attributes = provenance.provenance(
-        study.stored(),
-        fft=FFT,
-        ids=parts,
-        region=case.record.region,
-        length_unit=case.length_unit,
-        bodies=[body for one in cases.values() for body in one.bodies],
-        versions=versions,
-        periodic=case.periodic,
-    )
-    if case.surface_text:
-        attributes["surface"] = case.surface_text
-    results = dimensional.in_units(dataset.combine(list(parts.values()), attributes), study, case.length_unit)
-    findings = validity.after(validity.setting(study), results)
-    return results.assign_attrs(warnings="\n".join(validity.sentences(findings, case.notes)))
-
-
-def _joined(
-    parts: Mapping[str, Arrays], cases: Mapping[str, Case], study: Study, versions: Mapping[str, int]
-) -> Dataset:
-    """Return the dataset of a study with lists: each combination collected by itself, joined along the axes."""
-    found = []
-    for variant in study.variants:
-        held = {case.id: case for case in variant.study.cases() if case.id in parts and case.id in cases}
-        if held:
-            own = {id: parts[id] for id in held}
-            found.append((variant, _combined(own, held, variant.study, versions)))
-    attributes = {str(name): str(text) for name, text in found[0][1].attrs.items()}
-    for name in ("surface", "region"):
-        if len({part.attrs.get(name) for _, part in found}) > 1:
-            attributes[name] = "; ".join(dict.fromkeys(filter(None, (part.attrs.get(name) for _, part in found))))
-    attributes |= {"study": study.stored(), "case_ids": provenance.ids_text(parts)}
-    return variants.joined(found, study.axes, attributes | {"warnings": variants.warnings_of(found)})
+        return collected.of_run(folder, cases, study, stopping, again=changed)

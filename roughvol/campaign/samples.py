@@ -28,6 +28,7 @@ NODE_SECONDS = 6.0e-9  # cost of a convolution over N² log N, for N nodes per s
 SINGLE = 0.6  # cost of a convolution in single precision over one in double precision
 ALONE_AT = 6  # m of surfaces without a solve
 SURFACE_SECONDS = 6.0e-4  # cost of one of these
+SMALLEST = 1e-300  # half-width in place of 0, for a relative accuracy of a mean of 0
 ITERATIVE_FROM = 6  # smallest m at which a step iterates
 ITERATIVE_SECONDS = 5.0e-4  # additional cost of a step that iterates
 
@@ -80,8 +81,6 @@ class Sample:
     ----------
     values : array, shape (targets,)
         Each quantity at its state.
-    interpolation_errors : array, shape (targets,)
-        Signed errors of the interpolation between steps.
     solver_errors : array, shape (targets,)
         Certified bounds of the errors of the solver; 0 without a bound.
     cost : float
@@ -89,7 +88,6 @@ class Sample:
     """
 
     values: Array
-    interpolation_errors: Array
     solver_errors: Array
     cost: float
 
@@ -104,6 +102,8 @@ class SampleTable:
         With generated surfaces and a section ``ensemble``.
     finest : int
         m of the finest level.
+    step_errors : tuple of float, length targets
+        Errors between steps over the accuracy, from `steps`.
     samples : dict
         Samples by D and m; index s is seed ``first_seed + s``.
     surfaces : dict
@@ -112,6 +112,7 @@ class SampleTable:
 
     study: Study
     finest: int
+    step_errors: tuple[float, ...]
     samples: dict[tuple[float, int], list[Sample]] = field(default_factory=dict)
     surfaces: dict[float, list[tuple[float, ...]]] = field(default_factory=dict)
 
@@ -204,10 +205,8 @@ def sample_of(targets: Sequence[Target], case: Case, arrays: Arrays) -> Sample:
         If the sweep ends before a state.
     """
     series = quantities.series_of(arrays)
-    at_targets = [quantities.value_and_error(series, target.stored, target.state, case) for target in targets]
     return Sample(
-        np.array([value for value, _ in at_targets]),
-        np.array([error for _, error in at_targets]),
+        np.array([quantities.value_at(series, target.stored, target.state, case) for target in targets]),
         np.array([_solver_error(arrays, target) for target in targets]),
         cost_of(case, arrays),
     )

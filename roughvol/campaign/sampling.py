@@ -65,10 +65,8 @@ def next_counts(estimates: Sequence[MeanEstimate], levels: Sequence[int], existi
     return dict(zip(levels, counts, strict=True))
 
 
-def goal(estimates: Sequence[MeanEstimate], planned: Mapping[int, int], expected: Mapping[int, int]) -> dict[int, int]:
+def goal(estimates: Sequence[MeanEstimate], planned: Mapping[int, int]) -> dict[int, int]:
     """Return the samples of each level that the estimates require in the end, for the time left.
-
-    Few samples make the variance uncertain. Up to `RELIABLE`, the result is a geometric mean with the expected number.
 
     Parameters
     ----------
@@ -76,24 +74,17 @@ def goal(estimates: Sequence[MeanEstimate], planned: Mapping[int, int], expected
         All means at one D.
     planned : mapping
         Number of samples by m, those that exist.
-    expected : mapping
-        Number of samples by m, expected before any was computed.
 
     Returns
     -------
     dict
-        Number of samples by m.
+        Number of samples by m. Few samples make it uncertain.
     """
-    existing = list(planned.values())
-    counts = list(existing)
+    counts = list(planned.values())
     for estimate in estimates:
         if not estimate.reached:
-            counts = [max(pair) for pair in zip(counts, _required(estimate, existing), strict=True)]
-    required = dict(zip(planned, counts, strict=True))
-    for m, number in planned.items():
-        if number < min(required[m], RELIABLE) and m in expected:
-            required[m] = max(number, round(math.sqrt(required[m] * expected[m])))
-    return required
+            counts = [max(pair) for pair in zip(counts, _required(estimate, list(planned.values())), strict=True)]
+    return dict(zip(planned, counts, strict=True))
 
 
 def _required(estimate: MeanEstimate, existing: Sequence[int]) -> list[int]:

@@ -33,9 +33,9 @@ PLAIN_EVERY = 5.0  # seconds between two lines of progress without a terminal
 )
 @SET
 def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: tuple[str, ...]) -> None:
-    """Show STUDY with all defaults, its first surface and its cost; compute nothing.
+    """Show STUDY with all defaults, its first surface and its cost; store nothing.
 
-    The cost is the number of cases, memory, disk and expected time.
+    The cost is the number of cases, memory, disk and expected time. Of an ensemble, small surfaces are solved for it.
 
     A study beyond the memory or disk of this machine is an error. One of more than 30 days draws a warning.
     """
@@ -190,10 +190,14 @@ def status(study: Path, out: Path | None, changes: tuple[str, ...]) -> None:
 @STUDY
 @OUT
 def tradeoff(study: Path, out: Path | None) -> None:
-    """Measure speed against accuracy on the surfaces of STUDY: tradeoff.nc and work-precision diagrams.
+    """Measure the error of an answer against its cost, and speed against accuracy, on the surfaces of STUDY.
+
+    The answer is the mean of V* over all surfaces. Its error is drawn by seeds, m, steps, residual, and for an
+    ensemble. Work-precision diagrams of single surfaces follow. Both are in tradeoff.nc.
 
     Shows also the convergence of A*, p* and V* in the resolution m of the study.
     """
+    from roughvol.campaign import answer_trade
     from roughvol.campaign import tradeoff as trade
     from roughvol.report import convergence
     from roughvol.report.figures import work_precision
@@ -205,6 +209,9 @@ def tradeoff(study: Path, out: Path | None) -> None:
     measured = trade.measure(
         loaded, lambda k, n: click.echo(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None
     )
+    if answer_trade.answerable(loaded):
+        measured = answer_trade.with_answer(measured, loaded)
+        click.echo(answer_trade.summary(measured))
     dataset.write(measured, folder / "tradeoff.nc")
     for name, draw in work_precision.FIGURES.items():
         if work_precision.missing(name, measured) is None:
@@ -233,9 +240,10 @@ def _say_expected(study: Study, jobs: int | None) -> None:
     click.echo(f"# the solver's residual is η/σ ≤ {study.cases()[0].solver.tolerance:.0e}")
     for row in expected.expected(study):
         samples = ", ".join(f"{n} at m = {m}" for m, n in row.samples.items())
+        samples += f", {row.surfaces} surfaces without a solve, {row.steps} steps"
         click.echo(f"# D = {row.D:g}: about {samples}: {cli_text.duration(row.seconds)} of one core")
         plain = cli_text.duration(row.plain)
-        click.echo(f"#          plain Monte Carlo: {plain} (both from typical variances, to a factor of 2)")
+        click.echo(f"#          plain Monte Carlo: {plain} (both to a factor of 2, by surfaces up to m = 6)")
     click.echo(f"# memory  about {cli_text.size(estimated.memory)} a process")
 
 

@@ -51,24 +51,54 @@ def at_state(state: ArrayLike, quantity: ArrayLike, values: ArrayLike, *, straig
     return interpolated
 
 
-def error_between_steps(state: ArrayLike, quantity: ArrayLike, values: ArrayLike) -> Array:
-    """Return an estimate of the error of `at_state`: its change without every second step, over three.
+def error_of_fewer_steps(state: ArrayLike, quantity: ArrayLike, value: float, every: int) -> float:
+    """Return the error of `at_state` with every k-th step alone, as a mean over the omitted steps near a value.
 
-    An interpolation of second order changes by three times its error. The cubic has a higher order except near an
-    extremum, so the estimate is rather too large. The last step is always kept.
+    The omitted steps are solved, so that the error there is known. The steps within k of the value are taken. Their
+    mean depends less on the place of the value between two steps than the error at the value.
 
     Parameters
     ----------
-    state, quantity, values
+    state, quantity : array, shape (steps,)
         As for `at_state`.
+    value : float
+        Value of the state.
+    every : int
+        k ≥ 2. The first step and the last one are kept.
 
     Returns
     -------
-    array, shape (n,)
-        Signed errors; their mean over surfaces is the error of the mean.
+    float
+        Signed error. Its mean over surfaces is that of the mean. 0 without an omitted step; infinite where the kept
+        steps do not reach the value.
     """
     x, y = np.asarray(state, dtype=np.float64), np.asarray(quantity, dtype=np.float64)
-    half = slice((x.size - 1) % 2, None, 2)
-    kept = np.unique(np.concatenate([[0], np.arange(x.size)[half]])) if x.size else np.arange(0)
-    change: Array = (at_state(x, y, values) - at_state(x[kept], y[kept], values)) / 3.0
-    return change
+    finite = np.isfinite(x) & np.isfinite(y)
+    x, y = x[finite], y[finite]
+    kept = kept_steps(x.size, every) if x.size else np.arange(0)
+    if not np.isfinite(at_state(x[kept], y[kept], value)).all():
+        return float("inf")
+    nearest = int(np.argmin(np.abs(x - value)))
+    near = np.arange(max(nearest - every, 0), min(nearest + every, x.size - 1) + 1)
+    omitted = np.setdiff1d(near, kept)
+    changes = at_state(x[kept], y[kept], x[omitted]) - y[omitted]
+    known = changes[np.isfinite(changes)]
+    return float(known.mean()) if known.size else 0.0
+
+
+def kept_steps(steps: int, every: int) -> Array:
+    """Return the indices of every k-th step, counted from the last one, and of the first step.
+
+    Parameters
+    ----------
+    steps : int
+        Number of steps, ≥ 1.
+    every : int
+        k ≥ 1.
+
+    Returns
+    -------
+    array of int
+        Rising indices.
+    """
+    return np.unique(np.append(np.arange(steps - 1, -1, -every), 0))

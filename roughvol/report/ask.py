@@ -21,6 +21,7 @@ from scipy import optimize
 from xarray import Dataset
 
 from roughvol.errors import Problem, StudyError
+from roughvol.observables.at_state import at_state
 from roughvol.report.card import AXES, unit_leak
 from roughvol.report.figures.origin import first_leg
 from roughvol.typing import Array
@@ -145,8 +146,8 @@ def _height(starred: Array, leak: Array, largest: float, at_one: float) -> tuple
     x, y = starred[positive], np.log(leak[positive])
 
     def excess(log_height: float) -> float:
-        at = at_one * math.exp(-log_height)
-        return float(np.interp(at, x, y)) + 3.0 * log_height - math.log(largest)
+        at = min(max(at_one * math.exp(-log_height), float(x[0])), float(x[-1]))  # of a rounded end
+        return float(at_state(x, y, at, straight=True)[0]) + 3.0 * log_height - math.log(largest)
 
     low, high = math.log(at_one / x[-1]), math.log(at_one / max(x[0], 1e-300))
     if excess(low) > 0.0:

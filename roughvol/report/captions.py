@@ -101,6 +101,8 @@ CAPTIONS: dict[str, str] = {
     "psd": "Left: radially averaged power spectral density of the undeformed surfaces by fractal dimension D; the "
     "dashed line is the law of the study. Right: root mean square slope of the waves up to each wave number.",
     # speed against accuracy
+    "tradeoff_answer": "Error of the mean V* over all surfaces against cost. Each line varies one choice about the "
+    "circle; numbers are seeds and m. The error is the half-width over seeds plus those of resolution, steps, solver.",
     "tradeoff_precision": "Largest error of any state against the residual asked for (left) and against the seconds of "
     "a sweep (right). Dashed lines are the certified bounds; an error of zero is drawn at 1e-16.",
     "tradeoff_resolution": "Relative difference to the finest refinement at the last state (left), and values over "

@@ -39,6 +39,7 @@ OF_MEAN = {  # suffix: dimensions, long name, symbol
     "freedom": ("D ensemble_at", "degrees of freedom of the interval of the {}", "ν({})"),
     "accuracy_asked": ("D ensemble_at", "half-width asked for of the mean of the {}", "h({})"),
     "step_error": ("D ensemble_at", "error between steps of the mean of the {}", "ε_k({})"),
+    "step_error_high": ("D ensemble_at", "whether that error passes h/10, of the {}", "ε_k({}) > h/10"),
     "solver_error": ("D ensemble_at", "certified error by the solver of the mean of the {}", "η({})"),
     "level_mean": ("D m ensemble_at", "mean on each level of the {}", "<{}>_m"),
     "level_variance": ("D m ensemble_at", "variance over surfaces on each level of the {}", "s²({})"),
@@ -47,6 +48,7 @@ OF_MEAN = {  # suffix: dimensions, long name, symbol
     "level_samples": ("D m ensemble_at", "samples used on each level for the mean of the {}", "n({})"),
     "round_half_width": ("D ensemble_at round", "half-width of the interval after each round of the {}", "h_k({})"),
 }
+FLAGS = {"step_error_high": "flag"}
 
 
 def of_parts(table: Mapping[str, Variable]) -> dict[str, Variable]:
@@ -137,7 +139,9 @@ def of_ensembles(table: Mapping[str, Variable]) -> dict[str, Variable]:
     """
     averaged = {name: (table[name].long_name, table[name].symbol) for name in OF_STATE} | OF_VOID
     of_mean = {
-        f"{name}_{suffix}": Variable(dims, "1", title.format(averaged[name][0]), symbol.format(averaged[name][1]))
+        f"{name}_{suffix}": Variable(
+            dims, "1", title.format(averaged[name][0]), symbol.format(averaged[name][1]), FLAGS.get(suffix, "real")
+        )
         for name in averaged
         for suffix, (dims, title, symbol) in OF_MEAN.items()
     }

@@ -225,6 +225,11 @@ class Study(Strict):
     _axes: tuple[Axis, ...] = PrivateAttr(default=())
     _sections: tuple[dict[str, Any], ...] = PrivateAttr(default=())  # that differ, for each combination of the lists
 
+    @model_validator(mode="before")
+    @classmethod
+    def _steps_of_an_ensemble(cls, data: Any) -> Any:
+        return ensembles.with_auto_steps(data)
+
     @model_validator(mode="after")
     def _possible(self) -> Study:
         data = self.model_dump(mode="json")
@@ -296,6 +301,8 @@ class Study(Strict):
             return tuple({case.id: case for case in each}.values())
         surface = self.surface
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solving, self.record
+        if sweep.automatic:  # the fewest, until the campaign has chosen
+            sweep = sweep.model_copy(update={"steps": int(sweep.steps)})
         hard = self.material.indentation_hardness
         hardness = None if hard is None else hard / E_star
         has_units = sweep.has_units or (sweep.steps > 0 and record.has_units)
@@ -363,6 +370,14 @@ class Study(Strict):
     def sample(self, D: float, m: int, seed: int) -> Case:
         """Return the case of one surface of an ensemble."""
         return replace(self._first, D=D, m=m, seed=seed)
+
+    def with_steps(self, steps: int) -> Study:
+        """Return this study with another number of steps."""
+        if steps == self.sweep.steps and not self.sweep.automatic:
+            return self
+        study = self.model_copy(update={"sweep": self.sweep.model_copy(update={"steps": steps})})
+        study.__dict__.pop("_first", None)  # of the former number
+        return study
 
     @functools.cached_property
     def _first(self) -> Case:

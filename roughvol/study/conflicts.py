@@ -16,7 +16,7 @@ from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.record import EVERY_STEP, SELECTORS, Record
 from roughvol.study.sections import PAPER_MAX_M, names, whole
 from roughvol.study.sweep import Target
-from roughvol.study.targets import FALLING, end_of, lacking_units, levels_of, list_of, sections_of, steps_of
+from roughvol.study.targets import FALLING, LISTS, end_of, lacking_units, levels_of, list_of, sections_of, steps_of
 from roughvol.study.units import has_unit, length_unit
 from roughvol.study.yaml_text import KeyPath, number_text
 
@@ -264,8 +264,9 @@ def _target_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
 def _ensemble_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     """Yield keys that an ensemble excludes, and means without scatter."""
     surface, sweep = _mapping(data, "surface"), _mapping(data, "sweep")
-    if surface.get("m") == "auto" and data.get("ensemble") is None:
-        yield ("surface", "m"), "'auto' needs the section 'ensemble', whose accuracy decides it"
+    for keys in (("surface", "m"), ("sweep", "steps")):
+        if _mapping(data, keys[0]).get(keys[1]) == "auto" and data.get("ensemble") is None:
+            yield keys, "'auto' needs the section 'ensemble', whose accuracy decides it"
     if not isinstance(data.get("ensemble"), dict):
         return
     if FILES & surface.keys():
@@ -279,6 +280,7 @@ def _ensemble_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     if sweep.get("steps") == 0:
         yield ("ensemble",), "there is no contact to average, since sweep.steps is 0"
     states = _mapping(data, "ensemble", "at")
+    yield from _between_listed(sweep, states)
     short_names = {stored: short for short, stored in STORED_AS.items()}
     quantities = {name: short_names.get(name, name) for name in _mapping(data, "ensemble", "accuracy")}
     for name, quantity in quantities.items():
@@ -295,6 +297,18 @@ def _ensemble_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         if not states and quantity in constant:
             message = "is the same on every surface at the last step: name states in 'at'"
             yield ("ensemble", "accuracy", name), message
+
+
+def _between_listed(sweep: dict[str, Any], states: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield states of an ensemble that its sweep does not list, between which no error is known."""
+    name = list_of(sweep)
+    if name is None:
+        return
+    for kind, levels in states.items():
+        known = [value for _, value in _numbers(sweep[name])] if LISTS[name] == kind else []
+        for path, level in _numbers(levels, "ensemble", "at", kind):
+            if level not in known:
+                yield path, f"{number_text(level)} is not among sweep.{name}: list it there, or give steps and to"
 
 
 def _unrecorded_means(quantities: list[str], end: Any, transport: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:

@@ -19,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from roughvol.study.ensemble import AutoSteps, StepsText
 from roughvol.study.sections import AreaFraction, Choice, Level, Many, Positive, Strict, Whole, Word, refuse
 from roughvol.study.targets import LISTS, direction, listed_of, spelled
 from roughvol.study.units import In, unit_of
@@ -73,8 +74,9 @@ def _as_tuple(value: Any) -> Any:
 class Sweep(Strict):
     """Number of equal steps of indentation, and the last state."""
 
-    steps: Annotated[Whole, Field(ge=0, le=10_000)] = Field(
-        default=60, description="number of equal steps of indentation, 0 to 10000; 0: no contact"
+    steps: Annotated[Annotated[Whole, Field(ge=0, le=10_000)], StepsText()] = Field(
+        default=60,
+        description="number of equal steps of indentation, 0 to 10000; 0: no contact; 'auto' for an ensemble",
     )
     to: Annotated[
         Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
@@ -153,6 +155,11 @@ class Sweep(Strict):
         return tuple(Level(kind, value) for value in values) or None
 
     @property
+    def automatic(self) -> bool:
+        """Whether the campaign chooses the number of steps."""
+        return isinstance(self.steps, AutoSteps)
+
+    @property
     def has_units(self) -> bool:
         """Whether any state has a unit."""
         states = [level.value for leg in self.legs for level in (leg.target, *(leg.listed or ()))]
@@ -224,6 +231,11 @@ class Legs(RootModel[tuple[Leg, ...]]):
     root: Annotated[tuple[Leg, ...], BeforeValidator(_as_tuple), Field(min_length=1, max_length=100)] = Field(
         description="list of legs {steps, to}, each from the end of the one before"
     )
+
+    @property
+    def automatic(self) -> bool:
+        """Whether the campaign chooses the number of steps: never on a path."""
+        return False
 
     @property
     def legs(self) -> tuple[Leg, ...]:

@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from roughvol.campaign import ensemble, samples, sampling
 from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.path import last_indentation
+from roughvol.campaign.steps import Steps
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.study import Case, Study, loads
@@ -74,7 +75,7 @@ def measure(m: int, D: float, accuracy: str, studies: int, *, quantity: str, few
     with mock.patch.object(sampling, "COSTLY", {m: 4, m - 1: 10} if few else sampling.COSTLY):
         for number in range(studies):
             one = study(m, D, accuracy, quantity=quantity, seed=number * APART)
-            found = ensemble.estimate_means(one, compute)
+            found = ensemble.estimate_means(one, compute, Steps(int(one.sweep.steps), (0.0,), 0, False))
             estimate = found.estimates[D][0]
             inside += abs(estimate.mean.value - mean) <= estimate.mean.half_width
             held += estimate.reached

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from roughvol.campaign import quantities
 from roughvol.campaign.one_case import run_case
-from roughvol.campaign.quantities import PERCOLATION, series_of, value_and_error
+from roughvol.campaign.quantities import PERCOLATION, error_at, series_of, value_at
 from roughvol.campaign.running import run
 from roughvol.campaign.samples import targets_of
 from roughvol.errors import StudyError
@@ -31,20 +31,22 @@ def _series(case: Case) -> quantities.Series:
 def test_the_pressure_at_which_the_void_closes_is_that_of_a_sweep_to_percolation() -> None:
     for axis, name in (("both", ""), ("x", "_x"), ("y", "_y")):
         exact_case = _case(f"{{percolation: {axis}}}", 6, "")
-        exact, no_error = value_and_error(_series(exact_case), f"percolation_pressure{name}", PERCOLATION, exact_case)
+        of_exact = (_series(exact_case), f"percolation_pressure{name}", PERCOLATION, exact_case)
+        exact = value_at(*of_exact)
         case = _case("{pressure: 40}", 40)
         series = _series(case)
-        middle, error = value_and_error(series, f"percolation_pressure{name}", PERCOLATION, case)
+        of_case = (series, f"percolation_pressure{name}", PERCOLATION, case)
+        middle = value_at(*of_case)
         steps = np.diff(series["mean_pressure"])
-        assert no_error == 0.0
+        assert error_at(*of_exact, 2) == 0.0
         assert abs(middle - exact) <= 0.5 * steps.max() * (1.0 + 1e-9)
-        assert abs(error) <= steps.max()
+        assert abs(error_at(*of_case, 2)) <= steps.max()
 
 
 def test_a_void_still_open_has_no_closing_pressure() -> None:
     case = _case("mean-plane")
     with pytest.raises(StudyError, match=r"ensemble.accuracy.percolation_pressure: the void of .* is still open"):
-        value_and_error(_series(case), "percolation_pressure", PERCOLATION, case)
+        value_at(_series(case), "percolation_pressure", PERCOLATION, case)
 
 
 def test_coefficients_between_steps_are_those_of_the_steps_beside() -> None:
@@ -53,15 +55,15 @@ def test_coefficients_between_steps_are_those_of_the_steps_beside() -> None:
     series = series_of(arrays)
     p = arrays["mean_pressure"][1].ravel()
     both = 0.5 * (arrays["transmissivity_x"][1] + arrays["transmissivity_y"][1]).ravel()
-    at_step = value_and_error(series, "transmissivity", Level("pressure", float(p[5])), case)[0]
-    between = value_and_error(series, "transmissivity", Level("pressure", float(0.5 * (p[5] + p[6]))), case)[0]
+    at_step = value_at(series, "transmissivity", Level("pressure", float(p[5])), case)
+    between = value_at(series, "transmissivity", Level("pressure", float(0.5 * (p[5] + p[6]))), case)
     assert_allclose(at_step, both[5])
     assert both[6] < between < both[5]
-    leak = value_and_error(series, "log_leak_rate", Level("last"), case)[0]
+    leak = value_at(series, "log_leak_rate", Level("last"), case)
     T = [float(arrays[f"transmissivity_{axis}"][1].ravel()[-1]) for axis in "xy"]
     V = float(arrays["free_volume"][1].ravel()[-1])
     assert_allclose(leak, 0.5 * np.log10(T[0] * T[1]) + 3.0 * np.log10(V))
-    share = value_and_error(series, "connected_volume_fraction", Level("pressure", float(0.5 * p[0])), case)[0]
+    share = value_at(series, "connected_volume_fraction", Level("pressure", float(0.5 * p[0])), case)
     assert float(arrays["connected_volume_fraction"][1].ravel()[0]) <= share <= 1.0
 
 
@@ -69,9 +71,9 @@ def test_a_state_before_the_first_step_or_without_a_way_has_no_coefficient() -> 
     early, closed = _case("mean-plane"), _case("{percolation: both}", 6)
     first = float(_series(early)["mean_pressure"][1])
     with pytest.raises(StudyError, match=r"ensemble.accuracy.transmissivity: has no value at pressure=.*first step"):
-        value_and_error(_series(early), "transmissivity", Level("pressure", 0.5 * first), early)
+        value_at(_series(early), "transmissivity", Level("pressure", 0.5 * first), early)
     with pytest.raises(StudyError, match=r"ensemble.accuracy.log_leak_rate: has no value at last.*no way is left"):
-        value_and_error(_series(closed), "log_leak_rate", Level("last"), closed)
+        value_at(_series(closed), "log_leak_rate", Level("last"), closed)
 
 
 @pytest.mark.parametrize(

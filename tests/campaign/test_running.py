@@ -20,8 +20,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 import roughvol
 from roughvol.campaign import one_case, resources, running, workers
 from roughvol.campaign.batch import Progress
+from roughvol.campaign.collected import collect
 from roughvol.campaign.one_case import run_case, surface_of
-from roughvol.campaign.running import collect, run
+from roughvol.campaign.running import run
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.errors import CampaignError, ContactError, DatasetError, FolderError, RoughvolError, StudyError

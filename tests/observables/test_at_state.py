@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.testing import assert_allclose
 
-from roughvol.observables.at_state import at_state, error_between_steps
+from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
 
 
 def test_steps_are_met_and_curves_followed() -> None:
@@ -28,13 +28,24 @@ def test_a_state_may_fall_or_rest() -> None:
     assert_allclose(at_state([0.0, np.nan, 1.0], [0.0, 5.0, 1.0], 0.5), 0.5)
 
 
-def test_the_error_between_steps_is_no_smaller_than_the_true_one() -> None:
-    for steps in (10, 20, 41):
-        x = np.linspace(0.0, 2.0, steps + 1)
-        points = np.linspace(0.01, 1.99, 97)  # at a single point the two curves may cross
-        true = at_state(x, np.exp(-x), points) - np.exp(-points)
-        assert np.linalg.norm(error_between_steps(x, np.exp(-x), points)) >= np.linalg.norm(true)
-        assert error_between_steps(x, x, points).max() < 1e-12
+def test_the_error_of_fewer_steps_is_that_at_the_omitted_ones() -> None:
+    x = np.linspace(0.0, 2.0, 61)
+    for every in (2, 3, 6):
+        sparse = x[::every]
+        true = at_state(sparse, np.exp(-3.0 * sparse), x) - np.exp(-3.0 * x)
+        near = [float(error_of_fewer_steps(x, np.exp(-3.0 * x), value, every)) for value in (0.05, 1.0, 1.9)]
+        assert np.abs(near).max() <= np.abs(true).max()
+        assert abs(near[0]) > abs(near[2]) > 0.0
+        assert abs(error_of_fewer_steps(x, 2.0 * x, 1.0, every)) < 1e-12
+
+
+def test_fewer_steps_that_do_not_reach_a_state_have_no_finite_error() -> None:
+    x = np.linspace(0.0, 1.0, 13)
+    y = np.where(x > 0.0, 1.0 - x, np.nan)  # unknown at first touch
+    assert error_of_fewer_steps(x, y, 0.02, 2) == np.inf
+    assert np.isfinite(error_of_fewer_steps(x, y, 0.5, 2))
+    assert kept_steps(6, 2).tolist() == [0, 1, 3, 5]
+    assert error_of_fewer_steps([], [], 0.3, 2) == np.inf
 
 
 def test_straight_lines_keep_the_steps_of_equal_state() -> None:

@@ -47,6 +47,26 @@ def test_cases_are_one_sample_of_each_level() -> None:
     assert [case.m for case in loads(SURFACE.replace("7", "auto") + ASKED).cases()] == [4, 5, 6, 7]
 
 
+def test_an_ensemble_chooses_its_steps_unless_they_are_given() -> None:
+    for sweep in ("", "sweep: {steps: auto}\n", "sweep: {to: mean-plane}\n"):
+        study = loads(SURFACE + sweep + ASKED)
+        assert study.sweep.automatic
+        assert "steps: auto" in study.stored()
+        assert loads(study.to_yaml()) == pickle.loads(pickle.dumps(study)) == study
+        assert study.cases()[0].id == study.with_steps(10).cases()[0].id
+    assert study.with_steps(33).sample(2.5, 6, 1).sweep.steps == 33
+    assert not loads(SURFACE + "sweep: {steps: 30}\n" + ASKED).sweep.automatic
+    assert not loads(SURFACE + "sweep: {pressures: [0.1, 0.3]}\n" + ASKED).sweep.automatic
+    assert loads(SURFACE).sweep.steps == 60
+    assert "one.yaml:2: sweep.steps: 'auto' needs the section 'ensemble'" in _refused(SURFACE + "sweep: {steps: auto}")
+
+
+def test_states_between_listed_ones_are_refused() -> None:
+    text = _refused(SURFACE + "sweep: {pressures: [0.1, 0.2]}\n" + ASKED)
+    assert "ensemble.at.pressure[1]: 0.3 is not among sweep.pressures" in text
+    assert "0.3 is not among sweep.separations" in _refused(SURFACE + "sweep: {separations: [0.3]}\n" + ASKED)
+
+
 @pytest.mark.parametrize(("accuracy", "rtol"), [("1 %", 1e-4), ("0.9 %", 1e-5), ("20 %", 1e-3), ("0.05", 1e-4)])
 def test_the_solver_is_as_accurate_as_the_request_needs(accuracy: str, rtol: float) -> None:
     text = SURFACE + ASKED.replace("1 %", accuracy)

@@ -68,7 +68,9 @@ class Run:
     @property
     def steps(self) -> int:
         """Steps of the sweep, 0 where nothing was pressed."""
-        return self.study.sweep.steps if self.study else int(self.dataset.sizes.get("step", 0))
+        if self.study is not None and not self.study.sweep.automatic:
+            return self.study.sweep.steps
+        return int(self.dataset.sizes.get("step", 0))
 
     @property
     def rtol(self) -> float:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from xarray import DataArray, Dataset
 
+from roughvol.observables import at_state as interpolation
 from roughvol.observables.free_volume import element_volumes
 from roughvol.report.figures.style import A, P, looks
 from roughvol.report.paper_rules import PAPER_D, nearest, nearest_state, nearest_surface
@@ -123,7 +124,7 @@ def mean_and_band(members: Sequence[Curve], points: int) -> tuple[Array, Array, 
     """Return even points over the range that all curves reach, their mean there and their standard deviation."""
     low, high = max(x[0] for x, _ in members), min(x[-1] for x, _ in members)
     abscissa = np.linspace(low, high, points if high > low else 0)
-    rows = np.array([np.interp(abscissa, x, y) for x, y in members])
+    rows = np.array([interpolation.at_state(x, y, abscissa, straight=True) for x, y in members])
     return abscissa, rows.mean(axis=0), rows.std(axis=0, ddof=1)
 
 

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm
 from xarray import Dataset
 
+from roughvol.observables.at_state import at_state
 from roughvol.report.card import AXES, Card, unit_leak
 from roughvol.report.figures.origin import first_leg
 from roughvol.report.figures.style import (
@@ -151,7 +152,8 @@ def _against_load(ax: Axes, card: Card, fine: Dataset) -> None:
     loads = "nominal_pressure" if "nominal_pressure" in first else P
     pressure = first[loads].mean(cases).values
     state = float(fine["flux_at_mean_pressure"].mean())
-    at = float(np.interp(state, first[P].mean(cases).values, pressure))
+    starred = first[P].mean(cases).values
+    at = float(at_state(starred, pressure, np.clip(state, starred[0], starred[-1]), straight=True)[0])
     for order, (axis, way, look) in enumerate(zip(AXES, card.ways, looks(2), strict=True)):
         factor, _ = unit_leak(fine, axis)
         starred = (first[f"transmissivity_{axis}"] * first["free_volume"] ** 3).values.reshape(-1, pressure.size)

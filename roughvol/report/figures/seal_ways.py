@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from xarray import DataArray, Dataset
 
+from roughvol.observables.at_state import at_state
 from roughvol.report.figures.families import Family, several
 from roughvol.typing import Array
 
@@ -137,10 +138,10 @@ def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: flo
         load, closed = sign * member.load, sign * member.closed
         if load.size:
             inside = (points >= load[0]) & (points <= load[-1])
-            row[inside] = np.exp(np.interp(points[inside], load, np.log(member.value)))
+            row[inside] = np.exp(at_state(load, np.log(member.value), points[inside], straight=True))
             between = (points > load[-1]) & (points < closed)
             ends = [member.value[-1], member.value[-1] if hold else 0.0]
-            row[between] = np.interp(points[between], [load[-1], closed], ends)
+            row[between] = at_state([load[-1], closed], ends, points[between], straight=True)
         row[points >= closed] = beyond
     return rows
 

@@ -1,0 +1,47 @@
+"""The expected ensemble: near the one that runs, for quantities of the contact and of the void."""
+
+from __future__ import annotations
+
+import pytest
+from click.testing import CliRunner
+
+from roughvol.campaign import ensemble, expected, steps
+from roughvol.campaign.one_case import arrays_of_case
+from roughvol.cli import main
+from roughvol.study import loads
+
+SURFACE = "surface: {D: 2.3, m: 6}\nsweep: {steps: 12}\n"
+ASKED = {
+    "V*": "ensemble: {accuracy: {free_volume: 2 %}, at: {pressure: 0.3}}",
+    "A*": "ensemble: {accuracy: {contact_area: 6 %}, at: {pressure: 0.3}}",
+    "leak": "ensemble: {accuracy: {log_leak_rate: 0.2}, at: {pressure: 0.5}}\n"
+    "record: {transport: {transmissivity: every-step}}",
+}
+
+
+@pytest.mark.parametrize("name", ASKED)
+def test_the_expected_cost_is_that_of_the_run_to_a_factor_of_two(name: str) -> None:
+    study = loads(SURFACE + ASKED[name])
+    (row,) = expected.expected(study)
+    measured = steps.measured(study)
+    found = ensemble.estimate_means(study, lambda cases: {one.id: arrays_of_case(one) for one in cases}, measured)
+    cost, plain = found.samples.cost(2.3), found.estimates[2.3][0].plain_cost
+    assert 0.5 <= row.seconds / cost <= 2.0
+    assert 0.4 <= row.plain / plain <= 2.5  # a variance of few samples
+    assert row.steps == 12
+
+
+def test_finer_levels_need_fewer_samples() -> None:
+    text = "surface: {D: [2.2, 2.8], m: 10}\nensemble: {accuracy: {free_volume: 1 %}, at: {pressure: 0.3}}"
+    smooth, rough = expected.expected(loads(text))
+    counts = list(smooth.samples.values())
+    assert list(smooth.samples) == [4, 5, 6, 7, 8, 9, 10]
+    assert counts[1:] == sorted(counts[1:], reverse=True)
+    assert smooth.plain / smooth.seconds > rough.plain / rough.seconds > 1.0
+
+
+def test_check_prints_the_expected_ensemble(tmp_path: object) -> None:
+    done = CliRunner().invoke(main, ["check", "-", "--jobs", "1"], input=SURFACE + ASKED["V*"])
+    assert done.exit_code == 0, done.output
+    assert "surfaces without a solve, 12 steps: " in done.output
+    assert "plain Monte Carlo: " in done.output
