@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from roughvol.campaign import one_case, running
+from roughvol.campaign import collected, one_case, running
 from roughvol.store import dataset, run_status
 from roughvol.store.dataset import Dataset
 from roughvol.store.run_folder import case_file
@@ -126,7 +126,7 @@ def test_ten_thousand_cases(tmp_path: Path) -> None:
         return time.monotonic() - started
 
     started = time.monotonic()
-    assert running.collect(study, out).sizes["seed"] == 2500
+    assert collected.collect(study, out).sizes["seed"] == 2500
     collected = time.monotonic() - started
     running.run(study, out=out)
     shown = min(seconds_of_status() for _ in range(5))  # the best of five

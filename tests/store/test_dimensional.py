@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from roughvol.campaign import running
+from roughvol.campaign import collected, running
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import StudyError
 from roughvol.store import dataset, dimensional
@@ -196,7 +196,7 @@ def test_units_and_Sq_make_no_case_anew(tmp_path: Path) -> None:
     assert set(stored.data_vars) >= MADE
     assert stored.Sq.item() == pytest.approx(1.0, rel=1e-14)
     assert (stored.mean_gap.attrs["units"], stored.Sq.attrs["units"]) == ("um", "um")
-    assert_allclose(running.collect(wanted, out=tmp_path).leak_rate_x, stored.leak_rate_x, rtol=1e-15)
+    assert_allclose(collected.collect(wanted, out=tmp_path).leak_rate_x, stored.leak_rate_x, rtol=1e-15)
 
 
 # What is refused

@@ -20,7 +20,7 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from roughvol.campaign import batch, checks, cost, resources, running, sorting, workers
+from roughvol.campaign import batch, checks, collected, cost, resources, running, sorting, workers
 from roughvol.cli import main
 from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError, StudyError
 from roughvol.report.claims.stored_run import Run
@@ -137,9 +137,9 @@ def test_status_finds_a_flipped_bit_in_a_file_of_the_same_size_and_time(study: S
     found = run_status.status(study, place)
     assert list(found.damaged) == [id]
     assert "has been altered" in found.damaged[id]
-    assert running.collect(study, place).converged.sum() == 12
+    assert collected.collect(study, place).converged.sum() == 12
     assert sum("has been altered" in notice for notice in _notices(study, place)) == 1
-    assert running.collect(study, place).converged.sum() == 16
+    assert collected.collect(study, place).converged.sum() == 16
 
 
 def test_status_reads_only_the_stamp_of_large_files(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -160,7 +160,7 @@ def test_a_flipped_bit_is_found_named_set_aside_and_computed_again(study: Study,
     assert "has been altered" in told[0]
     assert path.name in told[0]
     assert (place / "cases" / "set_aside" / path.name).read_bytes() == content
-    xr.testing.assert_identical(_values(again), _values(running.collect(study, finished)))
+    xr.testing.assert_identical(_values(again), _values(collected.collect(study, finished)))
 
 
 def _relabelled(path: Path, **changed: str) -> None:
@@ -273,11 +273,11 @@ def test_files_of_another_file_format_are_outdated_not_damaged(study: Study, pla
 
 
 def test_variables_of_a_later_version_are_left_out(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = _values(running.collect(study, place))
+    before = _values(collected.collect(study, place))
     known = dict(dataset.VARIABLES)
     del known["Sdq"]  # as an older version would not know it
     monkeypatch.setattr(dataset, "VARIABLES", known)
-    xr.testing.assert_identical(_values(running.collect(study, place)), before.drop_vars("Sdq"))
+    xr.testing.assert_identical(_values(collected.collect(study, place)), before.drop_vars("Sdq"))
 
 
 # The same study
@@ -589,7 +589,7 @@ def test_a_disk_that_becomes_read_only_is_told(small_disk: Path, study: Study) -
     with pytest.raises(FolderError, match="read-only"):
         running.run(more, out=small_disk / "run", jobs=1)
     assert len(run_status.status(study, small_disk / "run").done) == 4
-    assert running.collect(study, small_disk / "run").sizes["seed"] == 4
+    assert collected.collect(study, small_disk / "run").sizes["seed"] == 4
 
 
 def test_a_run_whose_folder_was_moved_leaves_the_lock_of_the_next_one_alone(tmp_path: Path) -> None:
