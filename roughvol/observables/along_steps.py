@@ -30,6 +30,7 @@ class AlongSteps:
                 w: regions.window_of(regions.central(w), surface.shape, periodic=case.periodic) for w in widths.shares
             }
             self.values["region_width"] = list(widths.shares)
+        self._gas = void.over_sigma(case.gas, case.height or surface.unit)
         self.seconds = dict.fromkeys(self._levels, 0.0)
         rows, columns = window(case, surface.shape)
         self._origin, self._intervals = np.array([rows.start, columns.start]), surface.intervals[0]
@@ -37,7 +38,7 @@ class AlongSteps:
             self.values["size"] = void.size_classes((rows.stop - rows.start) * (columns.stop - columns.start))
         if "constriction" in self._levels:
             self.values["axis"] = ["x", "y"]
-        if {"transmissivity", "diffusivity"} & self._levels.keys():
+        if {"transmissivity", "diffusivity", void.GAS_FLOW} & self._levels.keys():
             self.values["region_aspect"] = (columns.stop - columns.start) / (rows.stop - rows.start)
 
     def state(self) -> Values:
@@ -61,7 +62,8 @@ class AlongSteps:
                 del (levels or {})[label]
             if levels is None or hit:
                 quantities.append(name)
-        outcome, seconds = void.of_state(contact, [name for name in quantities if name in void.QUANTITIES])
+        wanted = [name for name in quantities if name in void.QUANTITIES]
+        outcome, seconds = void.of_state(contact, wanted, self._gas)
         central = [name for name in quantities if name in regions.QUANTITIES]
         inside, more = regions.of_state(whole, central, self._windows)
         for name, taken in (seconds | more).items():

@@ -31,7 +31,7 @@ from roughvol.errors import ContactError, ConvergenceError
 from roughvol.observables.clusters import SIDES, check_gap, joined, labelled, spanning
 from roughvol.observables.network import flow_through, harmonic
 from roughvol.observables.transport import constriction
-from roughvol.typing import Array
+from roughvol.typing import Array, Mask
 
 LAWS = ("kinetic", "slip", "viscous")
 WINDOW = 1e7  # of conductances over that of the critical constriction, as in `transport`
@@ -112,11 +112,11 @@ def kinetic_integral(inverse_knudsen: Array) -> Array:
     total = np.where(D > 0.0, low * (first + (1.0 - np.log(low / FREE)) / math.sqrt(math.pi)), 0.0)
     ends = [*(start for start, _ in PIECES[1:]), np.inf]
     for (start, piece), end in zip(PIECES, ends, strict=True):
-        total = total + part(np.clip(D, start, end), piece) - part(start, piece)
+        total = total + (part(np.clip(D, start, end), piece) - part(start, piece))
     return total
 
 
-def local_flow(law: str, gap: Array, pressure: Array, path: float) -> Array:
+def local_flow(law: str, gap: Array | float, pressure: Array | float, path: float) -> Array:
     """Return f(g, p), the throughput per width and gradient of pressure times 12 μ.
 
     Parameters
@@ -136,12 +136,12 @@ def local_flow(law: str, gap: Array, pressure: Array, path: float) -> Array:
         f [length³].
     """
     if law == "kinetic":
-        D = 0.5 * math.sqrt(math.pi) / path * gap * pressure
+        D = np.asarray(0.5 * math.sqrt(math.pi) / path * gap * pressure)
         return np.asarray(12.0 * path / math.sqrt(math.pi) * gap**2 * kinetic_flow_rate(np.maximum(D, 1e-300)))
     return np.asarray(gap**3 * pressure + (SLIP * path if law == "slip" else 0.0) * gap**2)
 
 
-def plate_flow(law: str, gap: Array, inlet: Array, outlet: Array, path: float) -> Array:
+def plate_flow(law: str, gap: Array | float, inlet: Array | float, outlet: Array | float, path: float) -> Array:
     """Return ∫ f(g, p) dp from the outlet to the inlet: the throughput of plates per width over length, times 12 μ.
 
     Parameters
@@ -157,7 +157,7 @@ def plate_flow(law: str, gap: Array, inlet: Array, outlet: Array, path: float) -
         Integral [length³].
     """
     if law == "kinetic":
-        per = 0.5 * math.sqrt(math.pi) / path * gap
+        per = np.asarray(0.5 * math.sqrt(math.pi) / path * gap)
         difference = kinetic_integral(per * inlet) - kinetic_integral(per * outlet)
         return np.asarray(24.0 * path**2 / math.pi * gap * difference)
     slip = SLIP * path if law == "slip" else 0.0
@@ -210,9 +210,9 @@ def conduction_of_gas(
     along, free = (gap if axis == 0 else gap.T), path / critical
     wide = np.minimum(along / critical, math.sqrt(WINDOW))  # in free molecular flow g² counts
     middle = 0.5 * (1.0 + outlet)
-    at_critical = float(local_flow(law, np.float64(1.0), np.float64(middle), free))
+    at_critical = float(local_flow(law, 1.0, middle, free))
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(wide > 0.0, local_flow(law, wide, np.float64(middle), free), 0.0) / at_critical
+        share = np.where(wide > 0.0, local_flow(law, wide, middle, free), 0.0) / at_critical
     labels, _ = labelled(share >= 1.0 / WINDOW, SIDES, joined(0, periodic))
     flowing = np.isin(labels, spanning(labels, 0))
     solved = _iterated(np.where(flowing, wide, 0.0), flowing, law, free, outlet, periodic)
@@ -229,7 +229,7 @@ class _Solved(NamedTuple):
     turns: int
 
 
-def _iterated(gap: Array, flowing: Array, law: str, path: float, outlet: float, periodic: bool) -> _Solved:
+def _iterated(gap: Array, flowing: Mask, law: str, path: float, outlet: float, periodic: bool) -> _Solved:
     """Return the throughput along axis 0 times 12 μ; lengths are over the critical constriction."""
     slip = {"viscous": 0.0, "slip": SLIP, "kinetic": 1.5 * SLIP}[law] * path
     inlet_s, outlet_s = 0.5 + slip, outlet * (0.5 * outlet + slip)

@@ -1,9 +1,9 @@
 """The linear problem of a flow: pressures on nodes that are joined by conductances, some of them held.
 
 Σ w (P_i - P_j) over the neighbours j of node i = b_i: a symmetric M-matrix. Up to `DIRECT` unknowns it is factorised
-(SuperLU), which takes about 1.3 kB an element, and more on larger fields. Beyond, conjugate gradients are preconditioned
-by smoothed aggregation (pyamg, an optional dependency), in memory proportional to the unknowns. docs/gas-leak.md has
-the measured memory.
+(SuperLU). Its memory grows faster than the unknowns. Beyond, conjugate gradients are preconditioned by smoothed
+aggregation (pyamg, an optional dependency), in memory proportional to the unknowns. docs/gas-leak.md has the measured
+memory.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def inverse(tail: Index, head: Index, weight: Array, nodes: int, free: int) -> C
     ContactError
         If there are more than `DIRECT` unknowns and pyamg is not installed.
     """
-    diagonal = np.bincount(tail, weight, nodes) + np.bincount(head, weight, nodes)
+    diagonal: Any = np.bincount(tail, weight, nodes) + np.bincount(head, weight, nodes)
     if free > DIRECT:
         return _multigrid(tail, head, weight, diagonal[:free])
     scale = 1.0 / np.sqrt(diagonal)
@@ -87,7 +87,7 @@ def _pyamg(unknowns: int) -> Any:
         import pyamg
     except ImportError as error:
         message = (
-            f"a flow through {unknowns} open elements needs pyamg, the direct solver takes up to {DIRECT}: {EXTRA}, "
+            f"a flow through {unknowns} elements needs pyamg, the direct solver takes up to {DIRECT}: {EXTRA}, "
             "or record a smaller region"
         )
         raise ContactError(message) from error
@@ -183,7 +183,8 @@ def flow_through(down: Array, across: Array, flowing: Mask) -> Flow:
 
     for attempt in range(SOLVES):
         flux = w * drops()
-        u[:size] += solve(np.bincount(head, flux, size + 2) - np.bincount(tail, flux, size + 2))
+        surplus: Any = np.bincount(head, flux, size + 2) - np.bincount(tail, flux, size + 2)
+        u[:size] += solve(surplus)
         if attempt == 0:
             nearer[:size] = u[:size] > 0.5
             u[:size] -= nearer[:size]

@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -230,7 +230,8 @@ def cell_conduction(gap: Array, axis: int, exponent: float = 3.0) -> float:
     p = np.zeros(size)
     for _ in range(SOLVES):
         flux = w * (drop + p[tail] - p[head])
-        p[:free] += solve(np.bincount(head, flux, size) - np.bincount(tail, flux, size))
+        surplus: Any = np.bincount(head, flux, size) - np.bincount(tail, flux, size)
+        p[:free] += solve(surplus)
     drops = drop + p[tail] - p[head]
     largest = gap.max()
     log_mean = np.log(largest) - np.log(critical) + np.log(np.mean(gap / largest))

@@ -7,6 +7,9 @@ from .ensemble import STORED_AS as STORED_AS
 from .ensemble import Accuracy as Accuracy
 from .ensemble import Ensemble as Ensemble
 from .ensemble import levels_below as levels_below
+from .fluid import Fluid as Fluid
+from .fluid import Gas as Gas
+from .fluid import throughput as throughput
 from .height_file import HEIGHT_FORMATS as HEIGHT_FORMATS
 from .height_file import CounterBody as CounterBody
 from .height_file import HeightFile as HeightFile

@@ -21,6 +21,7 @@ from roughvol.study import spectral
 from roughvol.study.agreement import resolve
 from roughvol.study.conflicts import conflicts
 from roughvol.study.ensemble import Ensemble
+from roughvol.study.fluid import Fluid, Gas
 from roughvol.study.height_file import HeightFile
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
 from roughvol.study.record import Record
@@ -70,6 +71,7 @@ class Case:
     height: float | None = None  # Sq of the heights, where there is a hardness to compare with
     notes: tuple[str, ...] = ()  # on size and units of the files, for the user
     periodic: bool = False  # one period of a plane
+    gas: Gas | None = None  # whose flow is recorded
 
     @property
     def key(self) -> dict[str, Any]:
@@ -104,6 +106,8 @@ class Case:
         if self.sweep.has_units:  # cases without them keep their id
             modulus = convert(self.E_star, self.modulus_unit, "Pa") if self.modulus_unit else self.E_star
             key["units"] = {"E_star": float(f"{modulus:.12g}"), "length": self.length_unit}
+        if self.gas is not None:  # cases without it keep their id
+            key["gas"] = self.gas.key
         return key | {
             "sweep": self.sweep.model_dump(mode="json"),
             "solver": {
@@ -235,6 +239,10 @@ class Study(Strict):
         default=None, description="{accuracy, at, budget, first_seed}: accuracy of the mean over all surfaces"
     )
 
+    fluid: Fluid | None = Field(
+        default=None, description="{gas, inlet, outlet, temperature, law}: the gas of record.transport.gas_flow"
+    )
+
     comment: str | None = Field(default=None, description="any text for readers; it changes no answer")
 
     _places: Places = PrivateAttr(default_factory=Places)
@@ -253,8 +261,9 @@ class Study(Strict):
     def _plain(self, handler: Any) -> dict[str, Any]:
         """Leave out the seeds and the tolerance where an ensemble decides them."""
         data: dict[str, Any] = handler(self)
-        if self.comment is None:
-            del data["comment"]
+        for name in ("comment", "fluid"):
+            if data[name] is None:
+                del data[name]
         if self.ensemble is not None:
             data["surface"].pop("seeds", None)
             if self.solving != self.solver:  # its tolerance follows from the accuracy, when this is read again as well
@@ -284,7 +293,7 @@ class Study(Strict):
         modulus_unit = self.material.unit if sweep.has_units else None
         if isinstance(surface, MadeSurface):
             L, unit = float(surface.L), surface.length_unit
-            height = None if hardness is None and not sweep.has_units else surface.height
+            height = None if hardness is None and not sweep.has_units and not self.gas_flow else surface.height
             product = itertools.product(surface.dimensions, surface.m, surface.seeds)
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
                 finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
@@ -293,7 +302,7 @@ class Study(Strict):
                 )
             case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
             case = replace(case, plastic=hardness is not None and self.material.plastic, periodic=surface.periodic)
-            case = replace(case, modulus_unit=modulus_unit)
+            case = replace(case, modulus_unit=modulus_unit, gas=self._gas(unit))
             if isinstance(surface, SpectralSurface):
                 case = replace(case, spectrum=surface.spectrum)
             else:
@@ -327,9 +336,27 @@ class Study(Strict):
                     plastic=hardness is not None and self.material.plastic,
                     notes=measured.notes,
                     periodic=one.periodic,
+                    gas=self._gas(measured.unit),
                 )
             )
         return tuple(made)
+
+    @property
+    def gas_flow(self) -> bool:
+        """Whether the flow of a gas is recorded."""
+        return (
+            self.fluid is not None and self.record.transport is not None and self.record.transport.gas_flow is not None
+        )
+
+    def _gas(self, unit: str | None) -> Gas | None:
+        """Return the gas whose flow is recorded, its mean free path in a unit of length."""
+        if not self.gas_flow:
+            return None
+        if unit is None:
+            message = "needs the unit of length, and the file gives none: add surface: {L: 100 um}"
+            raise StudyError([Problem(message, "fluid")])
+        assert self.fluid is not None
+        return self.fluid.gas_in(unit)
 
     @property
     def solving(self) -> Solver:

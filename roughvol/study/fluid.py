@@ -1,27 +1,28 @@
 """The section ``fluid`` of a study: a gas, its temperature, and the pressures on both sides of the joint.
 
-Mean free path λ = (μ/p) √(π R T/(2 M)) with viscosity μ, molar mass M and the gas constant R (Cercignani 1988, section
-IV.4; ISO 12789 and vacuum tables use the same). λ p is constant at one temperature. The throughput p V̇ is the flow of volume at the
-temperature of the gas times the pressure there; over R T it is the flow of substance. sccm is a flow of substance: cm³
-a minute at 0 °C and 101325 Pa.
+The mean free path is that of the viscosity, λ = (μ/p) √(π R T/(2 M)), with molar mass M and gas constant R
+(Karniadakis, Beskok & Aluru 2005, Microflows and Nanoflows). λ p is constant at one temperature. The throughput p V̇ is
+a flow of volume at the temperature of the gas, times the pressure there; over R T it is a flow of substance. sccm is a
+flow of substance: cm³ a minute at 0 °C and 101325 Pa.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NamedTuple, get_args
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from roughvol.study.sections import Positive, Strict, refuse
-from roughvol.study.units import In, convert, in_unit
+from roughvol.study.units import In, convert, in_unit, length_unit
+from roughvol.study.yaml_text import KeyPath
 from roughvol.surfaces.length_units import METRES
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact since 2019
 ZERO_CELSIUS = 273.15  # K
-LEAST_PRESSURE = 0.0
 
 
 class Substance(NamedTuple):
@@ -36,7 +37,7 @@ class Substance(NamedTuple):
     molar_mass: float
 
 
-# White, Viscous Fluid Flow, 3rd edition (2006), table 1-2; molar masses of the IUPAC
+# constants of Sutherland: White, Viscous Fluid Flow (2006); tests compare with the CRC Handbook at 300 K
 SUBSTANCES = {
     "air": Substance(1.716e-5, 273.0, 111.0, 28.964e-3),
     "argon": Substance(2.125e-5, 273.0, 144.0, 39.948e-3),
@@ -201,4 +202,36 @@ def throughput(value: float, given: str, wanted: str, kelvin: float) -> float:
     return convert(value, given, wanted) * warm ** (of_substance(given) - of_substance(wanted))
 
 
-ALLOWED_LAWS = get_args(LAWS)
+def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield conflicts between the section ``fluid`` and others, see `conflicts.conflicts`.
+
+    Parameters
+    ----------
+    data : dict
+        A study as plain data, which may have other faults.
+
+    Yields
+    ------
+    tuple
+        Path of the key, and the message without it.
+    """
+    surface, transport = _mapping(data, "surface"), _mapping(data, "record", "transport")
+    asked = transport.get("gas_flow") is not None
+    if asked and data.get("fluid") is None:
+        yield (
+            ("record", "transport", "gas_flow"),
+            "needs the section fluid, as fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}",
+        )
+    if data.get("fluid") is None:
+        return
+    if not asked:
+        yield ("fluid",), "needs record.transport.gas_flow, which records the flow of the gas"
+    if {"D", "m", "H", "n"} & surface.keys() and length_unit(surface.get("L")) is None and surface.get("unit") is None:
+        yield ("fluid",), "needs the unit of length, as surface: {L: 100 um}"
+
+
+def _mapping(data: Any, *keys: str) -> dict[str, Any]:
+    """Return the mapping at a path of keys, an empty one where there is none."""
+    for key in keys:
+        data = data.get(key) if isinstance(data, dict) else None
+    return data if isinstance(data, dict) else {}
