@@ -57,7 +57,7 @@ def inverse(tail: Index, head: Index, weight: Array, nodes: int, free: int) -> C
     diagonal: Any = np.bincount(tail, weight, nodes) + np.bincount(head, weight, nodes)
     if free > DIRECT:
         return _multigrid(tail, head, weight, diagonal[:free])
-    scale = 1.0 / np.sqrt(diagonal)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))  # a held node may have no neighbour
     off, own = -weight * scale[tail] * scale[head], np.arange(nodes)
     places = np.concatenate([own, tail, head]), np.concatenate([own, head, tail])
     matrix = sparse.csc_matrix((np.concatenate([np.ones(nodes), off, off]), places))[:free, :free]
