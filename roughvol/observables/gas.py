@@ -12,7 +12,7 @@ Q(D) is the flow rate of the linearised Boltzmann equation (BGK) between plane p
 of Tribology 112 (1990) 78-83: D/6 + 1.0162 + … for D ≥ 5, with a minimum of 1.54 at D = 1. Below D = 0.01 it goes on as
 -ln(D)/√π + const, the free molecular limit. There a plane gap without end has no finite flow: molecules that fly along
 the plates never meet them. A rough gap cuts the logarithm off at the length of its channels, which the local f cannot
-know. Beyond λ/g of about 100, take Q as an upper estimate.
+know. Where λ exceeds that length, Q is an upper estimate.
 
 The flux between two points of an element is linear in Φ(p) = ∫ f dp. For f = g³ p + 6 λ g² one part is linear in p² and
 one in p, and where g varies no potential is common to all elements. Then the problem is nonlinear. `conduction_of_gas`
