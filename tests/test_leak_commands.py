@@ -89,7 +89,7 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas(tmp_path: Path, monke
     assert _call("run", "gas.yaml", "--jobs", "1").exit_code == 0
     shown = _call("show", "gas")
     assert "Q_g,x [sccm]" in shown.output
-    asked = [_call("ask", "gas", "--leak-rate", rate).output for rate in ("< 0.001 sccm", "1.8131e-05 mbar·l/s")]
+    asked = [_call("ask", "gas", "--leak-rate", rate).output for rate in ("< 0.001 sccm", "1.8124e-05 mbar·l/s")]
     assert "along x: pressure 0.0" in asked[0]
     first, second = (float(one.split("along x: pressure ")[1].split()[0]) for one in asked)
     assert abs(first / second - 1.0) < 1e-3

@@ -146,10 +146,12 @@ def plate_flow(law: str, gap: Array | float, inlet: Array | float, outlet: Array
 
     Parameters
     ----------
-    law, gap, path
+    law, gap
         As in `local_flow`.
     inlet, outlet : ndarray
         Pressures over that of the inlet of the joint.
+    path : float
+        As in `local_flow`.
 
     Returns
     -------

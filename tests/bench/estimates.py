@@ -6,6 +6,8 @@ estimate over the flow, the median factor between them, and the states where one
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from roughvol.campaign.one_case import run_case
@@ -32,7 +34,7 @@ def main() -> None:
             flow = [run["contact_area_fraction"], run[f"transmissivity_{axis}"], *estimates]
             rows.append(np.stack([one.values for one in flow], axis=1))
     table = np.concatenate(rows)
-    for low, high in zip(EDGES, EDGES[1:], strict=False):
+    for low, high in pairwise(EDGES):
         area, flow, *estimates = table[(table[:, 0] >= low) & (table[:, 0] < high)].T
         words = []
         for name, estimate in zip(NAMES, estimates, strict=True):
