@@ -257,7 +257,7 @@ def _closing(fine: Dataset, axis: str) -> str:
 
 def _gas_facts(fine: Dataset) -> list[tuple[str, str]]:
     """Return the leak of a gas at the state of the card, where one is recorded."""
-    facts = []
+    leaks, words = [], ""
     for axis in AXES:
         name, starred = f"gas_leak_rate_{axis}", f"flux_at_gas_transmissivity_{axis}"
         if name not in fine or starred not in fine:
@@ -266,9 +266,9 @@ def _gas_facts(fine: Dataset) -> list[tuple[str, str]]:
         factor = float((fine[name] / plates.where(plates > 0.0)).mean())
         flows = (fine[starred] * fine["flux_at_free_volume"] ** 3).isel(flux_at=0).values.ravel()
         leak = _mean(flows) * factor if (flows > 0.0).any() else 0.0
-        attrs = fine[name].attrs
-        facts.append((f"Gas leak along {axis}", f"{number(leak)} {attrs['units']} ({attrs['gas']})"))
-    return facts
+        leaks.append(f"{axis} {number(leak)}")
+        words = f"{fine[name].attrs['units']} ({fine[name].attrs['gas']})"
+    return [("Gas leak", f"{', '.join(leaks)} {words}")] if leaks else []
 
 
 def _facts(fine: Dataset) -> list[tuple[str, str]]:
