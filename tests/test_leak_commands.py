@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from roughvol.cli import main
+from roughvol.store import dataset
 
 
 def _call(*arguments: str) -> Result:
@@ -69,3 +70,34 @@ def test_a_rate_of_another_kind_is_refused(scan: Path) -> None:
     told = _call("ask", "scan", "--leak-rate", "3 MPa")
     assert told.exit_code == 2
     assert "--leak-rate is '3 MPa'" in told.output
+
+
+GAS = """
+name: gas
+surface: {D: 2.2, m: 5, L: 100 um, Sq: 0.4 um, seeds: 1}
+material: {E_star: 10 MPa}
+sweep: {steps: 6, to: {pressure: 1.0}}
+fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}
+record:
+  transport: {gas_flow: every-step}
+  dimensional: {pressure: MPa, gas_leak_rate: sccm}
+"""
+
+
+def test_the_unit_of_a_leak_decides_between_liquid_and_gas(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("gas.yaml").write_text(GAS)
+    assert _call("run", "gas.yaml", "--jobs", "1").exit_code == 0
+    shown = _call("show", "gas")
+    assert "Q_g,x [sccm]" in shown.output
+    flows = dataset.read(Path("runs/gas/study.nc")).gas_leak_rate_x.values.ravel()
+    rate = float(flows[2] * flows[3]) ** 0.5
+    same = rate * 101325e-6 / 60 * 293.15 / 273.15 * 10  # from 0 °C to the temperature of the gas
+    asked = [_call("ask", "gas", "--leak-rate", one).output for one in (f"< {rate} sccm", f"{same} mbar·l/s")]
+    assert "along x: pressure 0.0" in asked[0]
+    first, second = (float(one.split("along x: pressure ")[1].split()[0]) for one in asked)
+    assert abs(first / second - 1.0) < 1e-3
+    refused = _call("ask", "gas", "--leak-rate", "1 sccm", "--for", "Sq", "--pressure", "1 kPa")
+    assert refused.exit_code == 2
+    assert "mean free path" in refused.output
+    assert _call("ask", "gas", "--leak-rate", "1 mm^3/s").exit_code == 2

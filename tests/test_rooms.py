@@ -43,6 +43,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
     ),
     "lazy_loader": ("__init__", *(room for rooms in FLOORS[1:-3] for room in rooms)),
     "pyfftw": ("contact.convolution",),
+    "pyamg": ("observables.network",),
     "yaml": ("study",),
     "pydantic": ("study",),
     "pydantic_core": ("study",),

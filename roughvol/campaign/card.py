@@ -128,11 +128,16 @@ def _changed(study: Study, at: Level, keys: Mapping[str, Any], pressures: float,
     data = study.model_dump(mode="json")
     value = at.value if at.value is None or at.kind != "pressure" else at.value * pressures
     wanted: Any = "last" if value is None else {at.kind: value}
-    steps = dict.fromkeys(("percolation", "constriction", *further), "every-step")
     kept = {name: data["record"][name] for name in ("region", "dimensional") if data["record"].get(name) is not None}
     kept.get("dimensional", {}).pop("critical_gap", None)
-    if "transmissivity" not in further:
+    if study.gas_flow and "transmissivity" in further:
+        further = (*further, "gas_flow")
+    else:  # the budget is that of the liquid
+        data.pop("fluid", None)
+        kept.get("dimensional", {}).pop("gas_leak_rate", None)
+    if "transmissivity" not in further or not kept.get("dimensional"):
         kept.pop("dimensional", None)
+    steps = dict.fromkeys(("percolation", "constriction", *further), "every-step")
     data["record"] = {**kept, "transport": {**steps, "flux_at": wanted}, "fields_at": wanted}
     data["surface"] |= keys
     for leg in data["sweep"] if isinstance(data["sweep"], list) else [data["sweep"]]:

@@ -11,13 +11,17 @@ from pathlib import Path
 from roughvol.campaign import limits
 from roughvol.errors import CampaignError, ResourceError
 from roughvol.observables import recorded
+from roughvol.observables.network import check_multigrid, needs_multigrid
 from roughvol.study import Case
 
 # Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/cluster.md).
+FLOWS = ("transmissivity", "diffusivity", "cell_transmissivity", "gas_flow", "flux_at")  # keys of record.transport
 PROCESS_BYTES = 2e8  # of a process after its imports
 SURFACE_BYTES, NODE_BYTES = 50, 280  # per node: of a surface alone; of half space and solver
 SKEWED_BYTES = 25  # per node, in addition: while heights get their skewness
 CHANNEL_BYTES, FLOW_BYTES = 200, 1300  # per node, in addition: of a search for the last channel; of a flow
+LARGE_FLOW_BYTES = 650  # per node: of a flow by multigrid (python -m tests.bench.flow 12 0.1)
+GAS_BYTES = 150  # per node, in addition: conductances of a gas
 FIELD_BYTES = 16  # per node and stored field
 FILE_BYTES = 1.2e5  # of the file of a case without fields
 SMALL = 1e9  # never refused up to here: the estimate is rough
@@ -50,17 +54,24 @@ def memory_of(case: Case, nodes: int) -> float:
     if case.sweep.steps == 0:
         skewed = case.spectrum is not None and case.spectrum.Ssk is not None
         return PROCESS_BYTES + nodes * (SURFACE_BYTES + SKEWED_BYTES * skewed + FIELD_BYTES * fields_of(case))
-    transport, widths = case.record.transport, case.record.region_widths
-    flows = (
-        [transport.transmissivity, transport.diffusivity, transport.cell_transmissivity, transport.flux_at]
-        if transport
-        else []
-    )
-    flows += [widths.transmissivity] if widths else []
     per_node = NODE_BYTES + FIELD_BYTES * fields_of(case)
-    per_node += FLOW_BYTES * any(flow is not None for flow in flows)
+    if (elements := flow_elements(case, nodes)) > 0:
+        per_node += LARGE_FLOW_BYTES if needs_multigrid(elements) else FLOW_BYTES
+        per_node += GAS_BYTES * (case.gas is not None)
     per_node += CHANNEL_BYTES * any(leg.target.kind.startswith("percolation") for leg in case.sweep.legs)
     return PROCESS_BYTES + nodes * per_node
+
+
+def flow_elements(case: Case, nodes: int) -> int:
+    """Return the number of elements of the largest flow that a case asks for, 0 without one."""
+    transport, widths, region = case.record.transport, case.record.region_widths, case.record.region
+    elements = 0
+    if widths is not None and widths.transmissivity is not None:
+        elements = math.ceil(nodes * max(widths.shares) ** 2)
+    if transport is not None and any(getattr(transport, name) is not None for name in FLOWS):
+        share = 1.0 if region is None else (region.x[1] - region.x[0]) * (region.y[1] - region.y[0])
+        elements = max(elements, math.ceil(nodes * share))
+    return elements
 
 
 def disk_of(case: Case, nodes: int) -> float:
@@ -96,10 +107,14 @@ def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, folder:
     ------
     ResourceError
         If a case needs more memory than is available, or the files more disk than is free.
+    ContactError
+        If a flow needs pyamg, and it is not installed.
     CampaignError
         If the limit of a process on its memory is too small (``ulimit -v``).
     """
     problems = []
+    if here:
+        check_multigrid(max((flow_elements(c, n) for c, n in zip(cases, nodes, strict=True)), default=0))
     if here and cases:
         need, case = max(((memory_of(c, n), c) for c, n in zip(cases, nodes, strict=True)), key=lambda pair: pair[0])
         available, limit = available_memory(), limits.address_space()

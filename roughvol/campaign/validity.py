@@ -94,7 +94,11 @@ def setting(study: Study) -> Setting:
     surface, material, record = study.surface, study.material, study.record
     wanted, unit = record.dimensional, material.unit
     leak = wanted.leak_rate if wanted is not None else None
-    drop = in_unit(leak.pressure_drop, unit) if leak is not None and unit is not None else None
+    drops = [] if leak is None else [(in_unit(leak.pressure_drop, "Pa"), str(leak.pressure_drop))]
+    if (fluid := study.fluid) is not None:
+        drops.append((fluid.pressures[0] - fluid.pressures[1], f"{fluid.inlet} - {fluid.outlet}"))
+    pascal, drop_text = max(drops, default=(None, None))
+    drop = convert(pascal, "Pa", unit) if pascal is not None and unit is not None else None
     scaled = not isinstance(surface, MadeSurface) or bool(surface.Sq or surface.length_unit)
     scaled = scaled or (isinstance(surface, SpectralSurface) and surface.slope is not None)
     asks = record.transport is not None or wanted is not None or unit is not None
@@ -105,7 +109,7 @@ def setting(study: Study) -> Setting:
         hardness=material.indentation_hardness,
         hardness_text=_written(material.hardness, unit),
         yields=material.hardness is not None and material.plastic,
-        drop_text=str(leak.pressure_drop) if leak is not None else None,
+        drop_text=drop_text,
         drop=math.nan if drop is None else drop / material.contact_modulus,
         scaled=scaled,
         patch=asks and record.region is None and record.region_widths is None,
@@ -200,8 +204,9 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
     else:
         contact = (nominal / results["contact_area_fraction"]).where(starred > 0.0)
         findings += _metal(given, _at_highest(contact, starred) if given.scaled else math.nan, "")
-    if "leak_rate_x" in results or "leak_rate_y" in results:
-        flows = [results[name].notnull() for name in ("leak_rate_x", "leak_rate_y") if name in results]
+    leaks = [f"{name}_{axis}" for name in ("leak_rate", "gas_leak_rate") for axis in "xy"]
+    if any(name in results for name in leaks):
+        flows = [results[name].notnull() for name in leaks if name in results]
         findings += _drop(given, starred.where(sum(flows) > 0), nominal)
     if given.patch and "central_pressure_ratio" in results:
         findings += _rim(results["central_pressure_ratio"].values.ravel())

@@ -61,14 +61,20 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None) -> 
     Nothing is solved: starred numbers depend on E* and Sq through p* alone. Between two steps the logarithm of the leak
     is linear in the pressure.
     """
+    from roughvol.report import gas_leak
     from roughvol.report.ask import ask as read_off
     from roughvol.store import dataset
 
     results = dataset.read(results_file(run))
+    kelvin = None
+    if gas_leak.is_throughput(leak_rate.lstrip("<= ")):
+        results, kelvin = gas_leak.in_place(results, unknown)
     if "leak_rate_x" not in results or "nominal_pressure" not in results:
         largest, at = 1.0, None  # `ask` refuses with the reason
     else:
-        largest = _in_unit(leak_rate.lstrip("< "), str(results["leak_rate_x"].attrs["units"]), "--leak-rate", "flow")
+        own = str(results["leak_rate_x"].attrs["units"])
+        kind = "flow" if kelvin is None else "throughput"
+        largest = _in_unit(leak_rate.lstrip("<= "), own, "--leak-rate", kind, kelvin)
         own = str(results["nominal_pressure"].attrs["units"])
         at = _in_unit(pressure, own, "--pressure", "pressure") if pressure is not None else None
     click.echo(f"{run_name(results_file(run))}: leak up to {leak_rate.lstrip('< ')}")
@@ -84,14 +90,16 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None) -> 
         click.echo(f"along {answer.axis}: {words}")
 
 
-def _in_unit(text: str, unit: str, option: str, kind: str) -> float:
+def _in_unit(text: str, unit: str, option: str, kind: str, kelvin: float | None = None) -> float:
     """Return a quantity with a unit as a number in another unit."""
     from roughvol.errors import Problem, StudyError
-    from roughvol.study import convert, read
+    from roughvol.study import convert, read, throughput
     from roughvol.study.units import unit_of
 
     try:
         value = read(text, kind)
+        if kelvin is not None:
+            return throughput(float(value), unit_of(value) or unit, unit, kelvin)
         return float(convert(float(value), unit_of(value) or unit, unit))
     except (ValueError, StudyError) as error:
         message = f"{option} is {text!r}; allowed: a number with its unit, as in {unit} ({error})"

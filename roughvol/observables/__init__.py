@@ -19,7 +19,9 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `free_volume`      element volumes, their total, density and domains
 `box_counting`     boxes of side r, and the local dimension
 `clusters`         percolation, connected and trapped volume, sizes of contact and pockets
+`network`          pressures on nodes joined by conductances, by factorisation or multigrid
 `transport`        critical constriction, and flow
+`gas`              the flow of a gas, from viscous to free molecular
 `quick_estimates`  the flow by effective medium and by a single junction
 `void`             the transport that a study asks for, state by state
 `regions`          a part of the surface, and central squares

@@ -34,6 +34,7 @@ class AlongSteps:
         self._levels = {
             name: None if levels is None else on_legs(levels, case) for name, levels in self._levels.items()
         }
+        self._gas = void.over_sigma(case.gas, case.height or surface.unit)
         self.seconds = dict.fromkeys(self._levels, 0.0)
         rows, columns = window(case, surface.shape)
         self._origin, self._intervals = np.array([rows.start, columns.start]), surface.intervals[0]
@@ -41,7 +42,7 @@ class AlongSteps:
             self.values["size"] = void.size_classes((rows.stop - rows.start) * (columns.stop - columns.start))
         if "constriction" in self._levels:
             self.values["axis"] = ["x", "y"]
-        if {"transmissivity", "diffusivity"} & self._levels.keys():
+        if {"transmissivity", "diffusivity", void.GAS_FLOW} & self._levels.keys():
             self.values["region_aspect"] = (columns.stop - columns.start) / (rows.stop - rows.start)
 
     def state(self) -> Values:
@@ -65,7 +66,8 @@ class AlongSteps:
                 del (levels or {})[label]
             if levels is None or hit:
                 quantities.append(name)
-        outcome, seconds = void.of_state(contact, [name for name in quantities if name in void.QUANTITIES])
+        wanted = [name for name in quantities if name in void.QUANTITIES]
+        outcome, seconds = void.of_state(contact, wanted, self._gas)
         central = [name for name in quantities if name in regions.QUANTITIES]
         inside, more = regions.of_state(whole, central, self._windows)
         for name, taken in (seconds | more).items():

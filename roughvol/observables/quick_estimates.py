@@ -8,17 +8,22 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize
 
+from roughvol.errors import ContactError
 from roughvol.observables.clusters import check_exponent, check_gap
 from roughvol.observables.transport import constriction
 from roughvol.typing import Array
 
+CLOSES_AT = 0.415  # A* at the closing of isotropic roughness (Wang & Müser 2020)
 
-def effective_medium(gap: Array, exponent: float = 3.0) -> float:
-    """Return Bruggeman's estimate of the coefficient of `conduction`, from the distribution of the gap alone.
 
-    The root k of Σ (g^n - k)/(g^n + k) = 0 over all elements, contact included, over (mean g)^n. It is 0 where half of
-    the elements or more are closed. In two dimensions, after Bruggeman, Annalen der Physik 416 (1935) 636-664. For the
-    gap of a contact: Lorenz & Persson, Leak-rate of seals (2010), arXiv:0911.3019.
+def effective_medium(gap: Array, exponent: float = 3.0, *, closes_at: float = 0.5) -> float:
+    """Return the effective-medium estimate of the coefficient of `conduction`, from the distribution of the gap alone.
+
+    The root k of Σ (g^n - k)/(g^n + s k) = 0 over all elements, contact included, over (mean g)^n. It is 0 where a
+    share c of the elements or more are closed, s = c/(1 - c). For c = 1/2 it is Bruggeman's equation in two dimensions,
+    Annalen der Physik 416 (1935) 636-664; for the gap of a contact: Lorenz & Persson (2010), arXiv:0911.3019. Any other
+    c is Kirkpatrick's effective medium with s in place of z/2 - 1, Reviews of Modern Physics 45 (1973) 574.
+    Wang & Müser (2020), arXiv:2010.13470, find that roughness closes at `CLOSES_AT`.
 
     Parameters
     ----------
@@ -26,6 +31,8 @@ def effective_medium(gap: Array, exponent: float = 3.0) -> float:
         Gap g ≥ 0 [any length].
     exponent : float
         n of the local conductance, > 0.
+    closes_at : float
+        Share c of closed elements at which nothing flows any more, 0 < c < 1.
 
     Returns
     -------
@@ -35,18 +42,26 @@ def effective_medium(gap: Array, exponent: float = 3.0) -> float:
     Raises
     ------
     ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
+        If the gap is no 2-D field of finite numbers ≥ 0, the exponent not positive, or the share outside its range.
     """
     check_gap(gap)
     check_exponent(exponent)
+    if not 0.0 < closes_at < 1.0:
+        message = f"closes_at must be between 0 and 1, got {closes_at}"
+        raise ContactError(message)
     values = gap[gap > 0.0]
-    if 2 * values.size <= gap.size:
+    closed = gap.size - values.size
+    if closed >= closes_at * gap.size:
         return 0.0
     log_k = exponent * (np.log(values) - np.log(values.max()))
-    closed = gap.size - values.size
+    weight = closes_at / (1.0 - closes_at)
 
     def excess(log_effective: float) -> float:
-        return float(np.tanh(0.5 * (log_k - log_effective)).sum()) - closed  # (a - b)/(a + b) in logarithms
+        if weight == 1.0:
+            return float(np.tanh(0.5 * (log_k - log_effective)).sum()) - closed  # (a - b)/(a + b) in logarithms
+        # (a - b)/(a + s b) = 1 - (1 + s)/(a/b + s)
+        ratio = np.exp(np.minimum(log_k - log_effective, 700.0))
+        return float((1.0 - (1.0 + weight) / (ratio + weight)).sum()) - closed / weight
 
     low = float(log_k.min()) - np.log(gap.size)  # where all open elements count as +1 to one part in their number
     while excess(low) < 0.0:

@@ -31,7 +31,7 @@ def _fields(case: Case, surface: Surface, state: State) -> Values:
 
 def _flux(case: Case, surface: Surface, state: State) -> Values:
     """Return the flux on the nodes of the whole surface, NaN outside the region, and the transmissivities."""
-    values = void.flux(state)
+    values = void.flux(state, void.over_sigma(case.gas, case.height or surface.unit))
     for name in ("flux_x", "flux_y"):
         inside, values[name] = values[name], np.full(surface.shape, np.nan)
         values[name][window(case, surface.shape)] = inside

@@ -34,8 +34,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import linalg as sparse_linalg
 
 from roughvol.observables.clusters import (
     SIDES,
@@ -47,6 +45,7 @@ from roughvol.observables.clusters import (
     percolates,
     spanning,
 )
+from roughvol.observables.network import SOLVES, flow_through, harmonic, inverse
 from roughvol.typing import Array, Mask
 
 _WINDOW = 1e7
@@ -159,7 +158,9 @@ def conduction(gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool =
     labels, _ = labelled(log_k >= -np.log(_WINDOW), SIDES, joined(0, periodic))
     flowing = np.isin(labels, spanning(labels, 0))
     k = np.where(flowing, np.exp(np.clip(log_k, -np.log(_WINDOW), np.log(_WINDOW))), 0.0)
-    flow = _flow(k, flowing, periodic)
+    down = np.vstack([2.0 * k[:1], harmonic(k[:-1], k[1:]), 2.0 * k[-1:]])
+    across = harmonic(k, np.roll(k, -1, axis=1))[:, : k.shape[1] - (not periodic)]
+    flow = flow_through(down, across, flowing)
     inflow, outflow = float(flow.down[0].sum()), float(flow.down[-1].sum())
     # over the flux between the plates, as many elements apart, under the same drop of pressure
     largest = gap.max()
@@ -209,105 +210,32 @@ def cell_conduction(gap: Array, axis: int, exponent: float = 3.0) -> float:
     flowing = log_k >= -np.log(_WINDOW)
     labels, _ = labelled(flowing, SIDES, (True, True))
     k = np.where(flowing, np.exp(np.clip(log_k, -np.log(_WINDOW), np.log(_WINDOW))), 0.0)
-    number = np.cumsum(flowing.ravel()).reshape(along.shape) - 1
-    size, tails, heads, weights, imposed = int(flowing.sum()), [], [], [], []
+    size = int(flowing.sum())
+    first = np.zeros(along.shape, dtype=np.bool_)  # P is free to a constant in every cluster: its first element is held
+    first.ravel()[np.unique(labels, return_index=True)[1][int(not flowing.all()) :]] = True
+    number = np.full(along.shape, -1)
+    number[flowing & ~first] = np.arange(size - int(first.sum()))
+    number[first] = np.arange(size - int(first.sum()), size)
+    tails, heads, weights, imposed = [], [], [], []
     for shift in (0, 1):
-        w = _harmonic(k, np.roll(k, -1, axis=shift))
+        w = harmonic(k, np.roll(k, -1, axis=shift))
         joins = w > 0.0
         tails.append(number[joins])
         heads.append(np.roll(number, -1, axis=shift)[joins])
         weights.append(w[joins])
         imposed.append(np.full(weights[-1].size, 1.0 - shift))
     tail, head, w, drop = (np.concatenate(parts) for parts in (tails, heads, weights, imposed))
-    diagonal = np.bincount(tail, w, size) + np.bincount(head, w, size)
-    # P is free to a constant in every cluster: its first element is held
-    held = np.zeros(size, dtype=np.bool_)
-    held[np.unique(labels[flowing], return_index=True)[1]] = True
-    held |= diagonal == 0.0
-    free = np.flatnonzero(~held)
-    scale = np.zeros(size)
-    scale[free] = 1.0 / np.sqrt(diagonal[free])
-    off = -w * scale[tail] * scale[head]
-    places = np.concatenate([tail, head]), np.concatenate([head, tail])
-    matrix = sparse.csc_matrix((np.concatenate([off, off]), places), shape=(size, size))[free][:, free]
-    matrix = sparse.csc_matrix(matrix + sparse.eye_array(free.size))
-    factor = sparse_linalg.splu(matrix, **_SPLU)
+    free = size - int(first.sum())
+    solve = inverse(tail, head, w, size, free)
     p = np.zeros(size)
-    for _ in range(_SOLVES):
+    for _ in range(SOLVES):
         flux = w * (drop + p[tail] - p[head])
-        surplus = np.bincount(head, flux, size) - np.bincount(tail, flux, size)
-        p[free] += scale[free] * factor.solve((scale * surplus)[free])
+        surplus: Any = np.bincount(head, flux, size) - np.bincount(tail, flux, size)
+        p[:free] += solve(surplus)
     drops = drop + p[tail] - p[head]
     largest = gap.max()
     log_mean = np.log(largest) - np.log(critical) + np.log(np.mean(gap / largest))
     return float((w * drops) @ drops / gap.size * np.exp(-exponent * log_mean))
-
-
-class _Flow(NamedTuple):
-    """Fluxes through the faces of a field of shape (rows, columns), and the power they dissipate.
-
-    ``down``, shape (rows + 1, columns), runs from the inlet to the outlet; ``across`` has shape (rows, columns - 1), or
-    one column more with the faces between the last and the first column of a period.
-    """
-
-    down: Array
-    across: Array
-    dissipation: float
-
-
-def _flow(k: Array, flowing: Mask, periodic: bool) -> _Flow:
-    """Return the flow along axis 0 between P = 1 and P = 0 through the flowing elements, which are open and connected.
-
-    Unknown is u = P - R with R = 0 or 1, whichever is nearer. Where P differs from a reservoir by less than rounding, u
-    and the flux it drives still have all their digits.
-    """
-    size = int(np.count_nonzero(flowing))
-    number = np.full((k.shape[0] + 2, k.shape[1]), size)  # the inlet follows the elements, the outlet the inlet
-    number[-1] = size + 1
-    number[1:-1][flowing] = np.arange(size)
-    down = np.vstack([2.0 * k[:1], _harmonic(k[:-1], k[1:]), 2.0 * k[-1:]])
-    beside = np.roll(number[1:-1], -1, axis=1)[:, : k.shape[1] - (not periodic)]
-    across = _harmonic(k, np.roll(k, -1, axis=1))[:, : beside.shape[1]]
-    joins_down, joins_across = down > 0.0, across > 0.0
-    tail = np.concatenate([number[:-1][joins_down], number[1:-1, : beside.shape[1]][joins_across]])
-    head = np.concatenate([number[1:][joins_down], beside[joins_across]])
-    w = np.concatenate([down[joins_down], across[joins_across]])
-    scale = 1.0 / np.sqrt(np.bincount(tail, w, size + 2) + np.bincount(head, w, size + 2))
-    off, diagonal = -w * scale[tail] * scale[head], np.arange(size + 2)
-    places = np.concatenate([diagonal, tail, head]), np.concatenate([diagonal, head, tail])
-    matrix = sparse.csc_matrix((np.concatenate([np.ones(size + 2), off, off]), places))[:size, :size]
-    factor = sparse_linalg.splu(matrix, **_SPLU)
-    u, nearer = np.zeros(size + 2), np.zeros(size + 2)
-    nearer[size] = 1.0
-
-    def drops() -> Array:
-        return (nearer[tail] - nearer[head]) + (u[tail] - u[head])
-
-    for attempt in range(_SOLVES):
-        flux = w * drops()
-        surplus = np.bincount(head, flux, size + 2) - np.bincount(tail, flux, size + 2)
-        u[:size] += scale[:size] * factor.solve((scale * surplus)[:size])
-        if attempt == 0:
-            nearer[:size] = u[:size] > 0.5
-            u[:size] -= nearer[:size]
-    flux = w * drops()
-    down[joins_down], across[joins_across] = np.split(flux, [np.count_nonzero(joins_down)])
-    return _Flow(down, across, float(flux @ drops()))
-
-
-# an M-matrix needs no pivoting, so the order may follow the sparsity alone
-_SPLU: dict[str, Any] = {
-    "permc_spec": "MMD_AT_PLUS_A",
-    "diag_pivot_thresh": 0.0,
-    "options": {"SymmetricMode": True},
-}
-_SOLVES = 3  # the first solves, the second gives u the digits that P has not, the third takes rounding off
-
-
-def _harmonic(a: Array, b: Array) -> Array:
-    """Return 2ab/(a + b), 0 where one of them is."""
-    both = (a > 0.0) & (b > 0.0)
-    return np.divide(2.0 * a * b, a + b, out=np.zeros(a.shape), where=both)
 
 
 def _log_conductance(gap: Array, critical: float, exponent: float) -> Array:

@@ -8,16 +8,19 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from roughvol.observables import clusters, quick_estimates, transport
-from roughvol.study import Level, Select, Transport
+from roughvol.observables.gas import conduction_of_gas
+from roughvol.study import Gas, Level, Select, Transport
 from roughvol.typing import Array, Index, Mask
 
 Values = dict[str, Any]
 AXES = (("x", 0), ("y", 1))
+GAS_FLOW = "gas_flow"
 EXPONENTS = {"transmissivity": 3.0, "diffusivity": 1.0}
 
 
@@ -118,7 +121,7 @@ def leak_rates(state: Void) -> dict[str, float]:
     }
 
 
-def of_state(state: Void, quantities: list[str]) -> tuple[Values, dict[str, float]]:
+def of_state(state: Void, quantities: list[str], gas: Gas | None = None) -> tuple[Values, dict[str, float]]:
     """Return the numbers of the quantities, and the seconds that each took.
 
     Parameters
@@ -127,6 +130,8 @@ def of_state(state: Void, quantities: list[str]) -> tuple[Values, dict[str, floa
         A state of contact, in its region.
     quantities : list of str
         Keys of `QUANTITIES`.
+    gas : Gas, optional
+        The gas of ``gas_flow``, its mean free path over σ.
 
     Returns
     -------
@@ -142,7 +147,10 @@ def of_state(state: Void, quantities: list[str]) -> tuple[Values, dict[str, floa
     values: Values = {}
     seconds: dict[str, float] = {}
     for name in quantities:
-        values |= QUANTITIES[name].of_gap(gap, state.contact, state.periodic)
+        if name == GAS_FLOW:
+            values |= gas_flow(gap, gas, periodic=state.periodic)
+        else:
+            values |= QUANTITIES[name].of_gap(gap, state.contact, state.periodic)
         seconds[name] = time.perf_counter() - started - sum(seconds.values())
     values["transport_time"] = sum(seconds.values())
     return values, seconds
@@ -164,13 +172,58 @@ def size_classes(elements: int) -> Index:
     return 2 ** np.arange(int(elements).bit_length(), dtype=np.int64)
 
 
-def flux(state: Void) -> Values:
+def gas_flow(gap: Array, gas: Gas | None, *, periodic: bool) -> Values:
+    """Return the flow of a gas along x and y, over that of viscous flow between plates, and Knudsen numbers.
+
+    Parameters
+    ----------
+    gap : ndarray
+        Gap over σ.
+    gas : Gas
+        Law, mean free path over σ, pressure of the outlet over that of the inlet.
+    periodic : bool
+        Whether the gap is one period of a plane.
+
+    Returns
+    -------
+    dict
+        Numbers by stored name.
+    """
+    assert gas is not None
+    values: Values = {}
+    for axis, n in AXES:
+        flow = conduction_of_gas(gap, n, gas.law, gas.mean_free_path, gas.outlet, periodic=periodic)
+        values |= {f"gas_transmissivity_{axis}": flow.coefficient, f"knudsen_number_{axis}": flow.knudsen}
+    return values
+
+
+def over_sigma(gas: Gas | None, sigma: float) -> Gas | None:
+    """Return a gas with its mean free path over σ.
+
+    Parameters
+    ----------
+    gas : Gas or None
+        Mean free path in a unit of length.
+    sigma : float
+        σ in the same unit.
+
+    Returns
+    -------
+    Gas or None
+        The gas.
+    """
+    return None if gas is None else replace(gas, mean_free_path=gas.mean_free_path / sigma)
+
+
+def flux(state: Void, gas: Gas | None = None) -> Values:
     """Return how much flows through each element, and in all, for a flow along x and along y, over that of plates.
 
     Parameters
     ----------
     state : Void
         A state of contact, in its region.
+    gas : Gas, optional
+        A gas, its mean free path over σ.
 
     Returns
     -------
@@ -180,6 +233,9 @@ def flux(state: Void) -> Values:
     gap = state.gap()
     flows = {axis: transport.conduction(gap, n, periodic=state.periodic) for axis, n in AXES}
     values: Values = {f"flux_{axis}": np.hypot(*flow.flux) for axis, flow in flows.items()}
+    if gas is not None:
+        of_gas = gas_flow(gap, gas, periodic=state.periodic)
+        values |= {f"flux_at_{name}": of_gas[name] for name in of_gas if name.startswith("gas_transmissivity")}
     return values | {f"flux_at_transmissivity_{axis}": flow.coefficient for axis, flow in flows.items()}
 
 
@@ -222,6 +278,9 @@ def _estimates(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Value
     values: Values = {}
     for name, exponent in EXPONENTS.items():
         values[f"estimate_medium_{name}"] = quick_estimates.effective_medium(gap, exponent)
+        values[f"estimate_corrected_{name}"] = quick_estimates.effective_medium(
+            gap, exponent, closes_at=quick_estimates.CLOSES_AT
+        )
         for axis, n in AXES:
             values[f"estimate_junction_{name}_{axis}"] = quick_estimates.single_junction(
                 gap, n, exponent, periodic=periodic
@@ -234,7 +293,8 @@ class Quantity(NamedTuple):
 
     Attributes
     ----------
-    of_gap : gap field, a function for the contact mask, and whether they are one period ↦ numbers by stored name.
+    of_gap : gap field, a function for the contact mask, and whether they are one period ↦ numbers by stored name;
+        `gas_flow` needs the gas as well, and is called by name.
     seconds : per state and node, both axes together, timed at m = 7 … 9.
     flow : whether it factorises, so that its cost grows faster than the nodes.
     """
@@ -250,5 +310,6 @@ QUANTITIES = {
     "transmissivity": Quantity(functools.partial(_conduction, "transmissivity"), 7e-6, flow=True),
     "diffusivity": Quantity(functools.partial(_conduction, "diffusivity"), 7e-6, flow=True),
     "cell_transmissivity": Quantity(_cell, 7e-6, flow=True),
-    "estimates": Quantity(_estimates, 1e-6),
+    GAS_FLOW: Quantity(lambda gap, contact, periodic: {}, 1e-4, flow=True),
+    "estimates": Quantity(_estimates, 2e-6),
 }

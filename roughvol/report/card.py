@@ -255,6 +255,22 @@ def _closing(fine: Dataset, axis: str) -> str:
     return f"between {number(low)} and {number(high)} {words}"
 
 
+def _gas_facts(fine: Dataset) -> list[tuple[str, str]]:
+    """Return the leak of a gas at the state of the card, where one is recorded."""
+    leaks, words = [], ""
+    for axis in AXES:
+        name, starred = f"gas_leak_rate_{axis}", f"flux_at_gas_transmissivity_{axis}"
+        if name not in fine or starred not in fine:
+            continue
+        plates = fine[f"gas_transmissivity_{axis}"] * fine["free_volume"] ** 3
+        factor = float((fine[name] / plates.where(plates > 0.0)).mean())
+        flows = (fine[starred] * fine["flux_at_free_volume"] ** 3).isel(flux_at=0).values.ravel()
+        leak = _mean(flows) * factor if (flows > 0.0).any() else 0.0
+        leaks.append(f"{axis} {number(leak)}")
+        words = f"{fine[name].attrs['units']} ({fine[name].attrs['gas']})"
+    return [("Gas leak", f"{', '.join(leaks)} {words}")] if leaks else []
+
+
 def _facts(fine: Dataset) -> list[tuple[str, str]]:
     """Return surface and load of the card in pairs of words."""
     state = fine.isel(flux_at=0)
@@ -271,6 +287,7 @@ def _facts(fine: Dataset) -> list[tuple[str, str]]:
     facts.append(("Load", load))
     facts.append(("Contact area A*", number(float(state["flux_at_contact_area_fraction"].mean()))))
     volume = float(state["flux_at_free_volume"].mean())
+    facts += _gas_facts(fine)
     gap = f", {number(volume * float(fine['Sq'].mean()))} {unit}" if unit else ""
     facts.append(("Mean gap V*", f"{number(volume)} σ{gap}"))
     return facts

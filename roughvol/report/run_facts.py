@@ -51,6 +51,10 @@ COLUMNS = (  # of a table of states, where they are stored or follow from what i
     "transmissivity_y",
     "leak_rate_x",
     "leak_rate_y",
+    "knudsen_number_x",
+    "knudsen_number_y",
+    "gas_leak_rate_x",
+    "gas_leak_rate_y",
 )
 LOADS = ("nominal_pressure", P)
 
@@ -227,6 +231,10 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
     leak = ds.get("leak_rate_x")
     if leak is not None and "pressure_drop" in leak.attrs:
         yield "Leak rate", f"pressure drop {leak.attrs['pressure_drop']}, viscosity {leak.attrs['viscosity']}"
+    gas = ds.get("gas_leak_rate_x")
+    if gas is not None and "gas" in gas.attrs:
+        path = gas.attrs["mean_free_path"]
+        yield "Gas", f"{gas.attrs['gas']}; law {gas.attrs['law']}, mean free path {path}"
 
 
 # states

@@ -33,6 +33,8 @@ SHORT = (  # columns after a run and in a comparison, where they are stored or f
     "critical_opening_y",
     "leak_rate_x",
     "leak_rate_y",
+    "gas_leak_rate_x",
+    "gas_leak_rate_y",
 )
 FULL = (  # columns of all steps
     *SHORT[:5],
@@ -44,6 +46,8 @@ FULL = (  # columns of all steps
     "transmissivity_x",
     "transmissivity_y",
     *SHORT[10:],
+    "knudsen_number_x",
+    "knudsen_number_y",
 )
 MANY = 14  # states of a sweep to listed loads that are all shown after a run
 EQUAL = 5  # loads of a comparison

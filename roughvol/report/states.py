@@ -27,7 +27,15 @@ from roughvol.study.yaml_text import number_text
 from roughvol.typing import Array
 
 P, V = "mean_pressure", "free_volume"
-BY_LOGARITHM = ("leak_rate", "transmissivity", "diffusivity", "critical_opening", "critical_gap")
+BY_LOGARITHM = (
+    "leak_rate",
+    "gas_leak_rate",
+    "gas_transmissivity",
+    "transmissivity",
+    "diffusivity",
+    "critical_opening",
+    "critical_gap",
+)
 MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V}  # in units, of starred numbers
 LEAK = "leak_rate"
 RULE = "Between steps: straight lines over the quantity asked for, of the logarithm for flows and openings."

@@ -8,6 +8,7 @@ Room of the store. It computes nothing.
 `derived_variables`    rows that follow from others
 `axis_variables`       rows of the axes that lists make
 `variants`             combinations of lists joined, and taken apart
+`flow_variables`       rows of gases and of quick estimates of a flow
 `tradeoff_variables`   the table of a stored trade-off
 `provenance`           attributes of stored files
 `dataset`              build, write, read and combine datasets

@@ -4,6 +4,10 @@ Conventions: σ = Sq, all lengths in the unit of the study, p* = p L/(E* σ), V*
 its flow that between plates (Reynolds). The pressure drop over the region is ΔP, its length along the flow W_x, its
 width W_y. Plates at the mean gap pass g_mean³ ΔP W_y/(12 μ W_x); the gap passes T_x* times as much. The numbers belong
 to the patch: k patches side by side pass k times as much, k in a row one k-th.
+
+A gas is ideal and isothermal. Its throughput p V̇ is the same in every cross section. Viscous flow between plates at
+the mean gap has g_mean³ (p_in² - p_out²) W_y/(24 μ W_x); the gap passes T_g,x* times as much. It is given at the
+temperature of the gas, and as sccm at 0 °C and 101325 Pa.
 """
 
 from __future__ import annotations
@@ -14,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from roughvol.errors import Problem, StudyError
 from roughvol.store.variables import HEIGHT_POWERS, VARIABLES
-from roughvol.study import Case, GeneratedSurface, Study, convert
+from roughvol.study import Case, GeneratedSurface, Study, convert, throughput
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
@@ -66,6 +70,11 @@ def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset
     if wanted is not None and (leak := wanted.leak_rate) is not None:
         for name in {"leak_rate_x", "leak_rate_y"} & made.keys():
             results[name].attrs |= {"pressure_drop": str(leak.pressure_drop), "viscosity": str(leak.viscosity)}
+    if (fluid := study.fluid) is not None:
+        words = {"gas": fluid.label, "law": fluid.law, "temperature_K": fluid.kelvin, "viscosity": fluid.viscosity}
+        words["mean_free_path"] = f"{fluid.mean_free_path(101325.0) * 1e9:.4g} nm at 101325 Pa"
+        for name in {"gas_leak_rate_x", "gas_leak_rate_y"} & made.keys():
+            results[name].attrs |= words
     return results
 
 
@@ -103,10 +112,16 @@ def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[t
     for unit, name, starred in lengths:
         if unit is not None:
             yield name, _starred(results, starred) * sigma * convert(1.0, length_unit, unit), unit
-    leak = wanted.leak_rate
+    leak, gap = wanted.leak_rate, results["free_volume"] * sigma * convert(1.0, length_unit, "m")
+    if wanted.gas_leak_rate is not None and study.fluid is not None:
+        inlet, outlet = study.fluid.pressures
+        drive = throughput(inlet**2 - outlet**2, "Pa*m^3/s", wanted.gas_leak_rate, study.fluid.kelvin)
+        plates = gap**3 * (drive / (24.0 * study.fluid.viscosity))
+        for axis, power in (("x", 1), ("y", -1)):
+            flow = _starred(results, f"gas_transmissivity_{axis}") * plates * results["region_aspect"] ** power
+            yield f"gas_leak_rate_{axis}", flow, wanted.gas_leak_rate
     if leak is None:
         return
-    gap = results["free_volume"] * sigma * convert(1.0, length_unit, "m")
     plates = gap**3 * (leak.drive / 12.0)
     yield "leak_rate_x", _starred(results, "transmissivity_x") * plates * results["region_aspect"], leak.unit
     yield "leak_rate_y", _starred(results, "transmissivity_y") * plates / results["region_aspect"], leak.unit

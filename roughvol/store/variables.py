@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from roughvol.store import axis_variables, derived_variables
+from roughvol.store import axis_variables, derived_variables, flow_variables
 from roughvol.store.variable import Variable, rows
 
 VARIABLES: dict[str, Variable] = {}
@@ -222,22 +222,7 @@ VARIABLES |= rows(
     diffusivity_y=Variable("... step", "1", "flow along y with g, over that of plates at the mean gap", "D_y*"),
     diffusivity_conservation_error=Variable("... step", "1", "inflow against outflow over the flow", "ε_D"),
 )
-VARIABLES |= rows(
-    "observables.quick_estimates.effective_medium",
-    "estimates",
-    estimate_medium_transmissivity=Variable(
-        "... step", "1", "effective-medium estimate of the transmissivity", "T_em*"
-    ),
-    estimate_medium_diffusivity=Variable("... step", "1", "effective-medium estimate of the diffusivity", "D_em*"),
-)
-VARIABLES |= rows(
-    "observables.quick_estimates.single_junction",
-    "estimates",
-    estimate_junction_transmissivity_x=Variable("... step", "1", "critical-junction estimate along x", "T_cj,x*"),
-    estimate_junction_transmissivity_y=Variable("... step", "1", "critical-junction estimate along y", "T_cj,y*"),
-    estimate_junction_diffusivity_x=Variable("... step", "1", "critical-junction estimate along x", "D_cj,x*"),
-    estimate_junction_diffusivity_y=Variable("... step", "1", "critical-junction estimate along y", "D_cj,y*"),
-)
+VARIABLES |= flow_variables.ROWS
 VARIABLES |= rows(
     "observables.void.of_state",
     transport_time=Variable("... step", "s", "wall-clock time spent on the quantities of the void", "t"),

@@ -13,10 +13,12 @@ key, given value and allowed values.
 `targets`      lists of states of a sweep
 `treatment`    the treatment of measured heights
 `material`     the section ``material``
+`fluid`        the section ``fluid``: a gas and its pressures
 `record`       the section ``record``
 `ensemble`     the section ``ensemble``
 `agreement`    sizes and units of a study compared with its files
 `conflicts`    rules across the sections
+`one_case`     one case: all that determines its stored answer
 `cases`        the study as a whole, and its cases
 `axes`         lists in keys that take one value
 `reference`    the keys in words

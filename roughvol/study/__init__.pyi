@@ -1,8 +1,6 @@
 from .axes import AXES as AXES
 from .axes import Axis as Axis
 from .axes import Variant as Variant
-from .cases import ANSWER_FORMAT as ANSWER_FORMAT
-from .cases import Case as Case
 from .cases import Study as Study
 from .cases import json_schema as json_schema
 from .ensemble import CLOSING as CLOSING
@@ -10,11 +8,16 @@ from .ensemble import STORED_AS as STORED_AS
 from .ensemble import Accuracy as Accuracy
 from .ensemble import Ensemble as Ensemble
 from .ensemble import levels_below as levels_below
+from .fluid import Fluid as Fluid
+from .fluid import Gas as Gas
+from .fluid import throughput as throughput
 from .height_file import HEIGHT_FORMATS as HEIGHT_FORMATS
 from .height_file import CounterBody as CounterBody
 from .height_file import HeightFile as HeightFile
 from .material import ContactModulus as ContactModulus
 from .material import YoungPoisson as YoungPoisson
+from .one_case import ANSWER_FORMAT as ANSWER_FORMAT
+from .one_case import Case as Case
 from .reading import load as load
 from .reading import loads as loads
 from .reading import of_data as of_data

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import hashlib
 import itertools
-import json
-import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, PrivateAttr, SerializationInfo, Tag, model_serializer, model_validator
 
@@ -22,8 +19,10 @@ from roughvol.study.agreement import resolve
 from roughvol.study.axes import Axis, Variant
 from roughvol.study.conflicts import conflicts
 from roughvol.study.ensemble import Ensemble
+from roughvol.study.fluid import Fluid, Gas
 from roughvol.study.height_file import HeightFile
 from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
+from roughvol.study.one_case import Case
 from roughvol.study.record import Record
 from roughvol.study.sections import (
     GeneratedSurface,
@@ -35,148 +34,7 @@ from roughvol.study.sections import (
 from roughvol.study.spectral import MadeSurface, SpectralSurface
 from roughvol.study.sweep import Legs, Sweep, tag_sweep
 from roughvol.study.targets import need_length
-from roughvol.study.treatment import steps
-from roughvol.study.units import convert
 from roughvol.study.yaml_text import Places, key_text, write
-from roughvol.surfaces.body import UNTREATED, Body, Treatment
-from roughvol.surfaces.power_law import Spectrum
-
-ANSWER_FORMAT = 3  # part of every case id: raise it when equal settings no longer give equal stored numbers
-
-
-@dataclass(frozen=True)
-class Case:
-    """One surface pressed once: the picklable input of `campaign.run_case`.
-
-    A generated surface has ``D``, ``m``, ``seed`` and ``midpoint_law``, or ``spectrum`` instead of the last. A measured
-    one has ``bodies`` and ``treatment``.
-    """
-
-    L: float
-    E_star: float
-    sweep: Sweep | Legs
-    solver: Solver
-    record: Record
-    D: float | None = None
-    m: int | None = None
-    seed: int | None = None
-    midpoint_law: Literal["std", "variance"] | None = None
-    spectrum: Spectrum | None = None  # with H = 3 - D and n = 2^m
-    bodies: tuple[Body, ...] = ()  # whose heights come from files: none, one, or two facing each other
-    treatment: Treatment = UNTREATED
-    length_unit: str | None = None  # of L, the heights and all stored lengths; None for an arbitrary one
-    modulus_unit: str | None = None  # of E*, where the sweep has states with units
-    hardness: float | None = None  # over E*
-    plastic: bool = False  # pressures end at the hardness
-    height: float | None = None  # Sq of the heights, where there is a hardness to compare with
-    notes: tuple[str, ...] = ()  # on size and units of the files, for the user
-    periodic: bool = False  # one period of a plane
-    drive: float | None = None  # ΔP/μ of the fluid [1/s], where a state of the sweep is one of a leak rate
-
-    @property
-    def key(self) -> dict[str, Any]:
-        """Everything that changes the stored answer, as plain data.
-
-        Names and E* are absent: no starred number depends on them. So is ``record.dimensional``: its values are made
-        when the cases are collected.
-        """
-        surface: dict[str, Any]
-        if self.bodies:
-            # Heights with a unit of their own are converted to that of the study.
-            unit = self.length_unit if any(body.numbers_in for body in self.bodies) else None
-            surface = {"bodies": [body.key for body in self.bodies], "treatment": self.treatment.key, "unit": unit}
-        elif self.spectrum is not None:
-            surface = {"D": self.D, "m": self.m, "seed": self.seed, "spectrum": self.spectrum.key}
-        else:
-            surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
-        if self.periodic and self.spectrum is None:  # cases without it keep their id
-            surface["periodic"] = True
-        record = self.record.model_dump(mode="json", exclude={"dimensional"})
-        for name in ("residual_heights", "psd"):
-            if not record[name]:  # cases without it keep their id
-                del record[name]
-        if not record["all_legs"] or not isinstance(self.sweep, Legs):
-            del record["all_legs"]
-        key: dict[str, Any] = {
-            "format": ANSWER_FORMAT,
-            "surface": {"L": self.L, **surface},
-            "record": record,
-        }
-        if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
-            return key | {"sweep": {"steps": 0}}
-        solver, hardness = self.solver, self.hardness
-        if self.sweep.has_units or self.record.has_units:  # cases without them keep their id
-            modulus = convert(self.E_star, self.modulus_unit, "Pa") if self.modulus_unit else self.E_star
-            key["units"] = {"E_star": float(f"{modulus:.12g}"), "length": self.length_unit}
-            if self.drive is not None:
-                key["units"]["drive"] = float(f"{self.drive:.12g}")
-        return key | {
-            "sweep": self.sweep.key,
-            "solver": {
-                "rtol": solver.tolerance,
-                "pressure_error": solver.pressure_error,
-                "kernel": solver.kernel,
-                "method": solver.method,
-            },
-            # Rounded: the same in any unit.
-            "material": {
-                "hardness": None if hardness is None else float(f"{hardness:.12g}"),
-                "Sq": self.height,
-                **({"plastic": True} if self.plastic else {}),  # cases without it keep their id
-            },
-        }
-
-    @property
-    def file(self) -> Path | None:
-        """The file of the first body, None for a generated surface."""
-        return self.bodies[0].file if self.bodies else None
-
-    @property
-    def nodes_per_side(self) -> int | None:
-        """Nodes per side of a surface that is made, None for one from files."""
-        if self.m is None:
-            return None
-        return 2**self.m + (not self.periodic)
-
-    @functools.cached_property
-    def key_text(self) -> str:
-        """The key as JSON, as stored in the file of the case."""
-        return json.dumps(self.key, sort_keys=True, allow_nan=False)
-
-    @functools.cached_property
-    def id(self) -> str:
-        """A readable prefix and 8 hexadecimal digits of the sha256 of the key: ``D2.30_m8_s003-1f9c2a7b``."""
-        return f"{self._prefix}-{hashlib.sha256(self.key_text.encode()).hexdigest()[:8]}"
-
-    @property
-    def _prefix(self) -> str:
-        if self.file is not None:
-            return re.sub(r"[^A-Za-z0-9_.-]+", "_", self.file.stem).lstrip(".-")[:60] or "surface"
-        return f"D{self._D_text}_m{self.m}_s{self.seed:03d}"
-
-    @property
-    def _D_text(self) -> str:
-        text = f"{self.D:.2f}"
-        return text if float(text) == self.D else repr(self.D)
-
-    @property
-    def label(self) -> str:
-        """The case in words: ``D = 2.30, m = 8, seed 3``, or the names of the files."""
-        if not self.bodies:
-            return f"D = {self._D_text}, m = {self.m}, seed {self.seed}"
-        return " against ".join(body.file.name for body in self.bodies)
-
-    @property
-    def surface_text(self) -> str:
-        """The treatment of heights from files in words, empty for untreated ones."""
-        sentences = ["; ".join(steps(self.treatment, self.length_unit))]
-        for body in self.bodies[1:]:
-            turned = f", its axis {body.mirror} reversed" if body.mirror != "none" else ""
-            sentences.append(f"heights of {body.file.name} added{turned}")
-        units = {body.file.name: body.numbers_in for body in self.bodies if body.numbers_in}
-        sentences += [f"sizes and units in {body.file.name} ignored" for body in self.bodies if body.header]
-        sentences += [f"numbers of {name} are in {unit}" for name, unit in units.items()]
-        return "; ".join(filter(None, sentences))
 
 
 class Study(Strict):
@@ -217,6 +75,10 @@ class Study(Strict):
 
     ensemble: Ensemble | None = Field(
         default=None, description="{accuracy, at, budget, first_seed}: accuracy of the mean over all surfaces"
+    )
+
+    fluid: Fluid | None = Field(
+        default=None, description="{gas, inlet, outlet, temperature, law}: the gas of record.transport.gas_flow"
     )
 
     comment: str | None = Field(default=None, description="any text for readers; it changes no answer")
@@ -260,8 +122,9 @@ class Study(Strict):
         """Write lists; leave out the seeds and the tolerance where an ensemble decides them."""
         data: dict[str, Any] = handler(self)
         axes.write_lists(data, self._axes, self._sections, info.context)
-        if self.comment is None:
-            del data["comment"]
+        for name in ("comment", "fluid"):
+            if data[name] is None:
+                del data[name]
         if self.ensemble is not None:
             data["surface"].pop("seeds", None)
             if self.solving != self.solver:  # its tolerance follows from the accuracy, when this is read again as well
@@ -311,7 +174,7 @@ class Study(Strict):
         drive = wanted.leak_rate.rate if sweep.follows_leak and wanted is not None and wanted.leak_rate else None
         if isinstance(surface, MadeSurface):
             L, unit = float(surface.L), surface.length_unit
-            height = None if hardness is None and not has_units else surface.height
+            height = surface.height if hardness is not None or has_units or self.gas_flow else None
             product = itertools.product(surface.dimensions, surface.m, surface.seeds)
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
                 finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
@@ -320,7 +183,7 @@ class Study(Strict):
                 )
             case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
             case = replace(case, plastic=hardness is not None and self.material.plastic, periodic=surface.periodic)
-            case = replace(case, modulus_unit=modulus_unit, drive=drive)
+            case = replace(case, modulus_unit=modulus_unit, drive=drive, gas=self._gas(unit))
             if isinstance(surface, SpectralSurface):
                 case = replace(case, spectrum=surface.spectrum)
             else:
@@ -355,9 +218,27 @@ class Study(Strict):
                     notes=measured.notes,
                     periodic=one.periodic,
                     drive=drive,
+                    gas=self._gas(measured.unit),
                 )
             )
         return tuple(made)
+
+    @property
+    def gas_flow(self) -> bool:
+        """Whether the flow of a gas is recorded."""
+        return (
+            self.fluid is not None and self.record.transport is not None and self.record.transport.gas_flow is not None
+        )
+
+    def _gas(self, unit: str | None) -> Gas | None:
+        """Return the gas whose flow is recorded, its mean free path in a unit of length."""
+        if not self.gas_flow:
+            return None
+        if unit is None:
+            message = "needs the unit of length, and the file gives none: add surface: {L: 100 um}"
+            raise StudyError([Problem(message, "fluid")])
+        assert self.fluid is not None
+        return self.fluid.gas_in(unit)
 
     @property
     def solving(self) -> Solver:

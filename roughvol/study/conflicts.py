@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from roughvol.study import spectral
+from roughvol.study import fluid, spectral
 from roughvol.study.ensemble import CLOSING, RECORDED_BY, STORED_AS
 from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.record import EVERY_STEP, SELECTORS, Record
@@ -50,6 +50,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     yield from _path_conflicts(data)
     yield from _hardness_conflicts(data)
     yield from _unit_conflicts(surface, _mapping(data, "material"), record)
+    yield from fluid.conflicts(data)
     yield from _target_conflicts(data)
     yield from _ensemble_conflicts(data)
     yield from spectral.conflicts(data)
@@ -232,7 +233,7 @@ def _unit_conflicts(
             yield ("record", "dimensional", name), "needs the modulus with its unit, as material: {E_star: 100 GPa}"
         if name != "pressure" and not has_length and not FILES & surface.keys():
             yield ("record", "dimensional", name), "needs the unit of length, as surface: {L: 100 um}"
-        needs = {"leak_rate": "transmissivity", "critical_gap": "constriction"}.get(name)
+        needs = {"leak_rate": "transmissivity", "critical_gap": "constriction", "gas_leak_rate": "gas_flow"}.get(name)
         transport = record.get("transport")
         if needs and not (isinstance(transport, dict) and transport.get(needs) is not None):
             yield ("record", "dimensional", name), f"needs record.transport.{needs}"

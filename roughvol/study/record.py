@@ -163,6 +163,9 @@ class Transport(Choice):
         default=None,
         description=f"flow of div(g^3 grad P) = 0 through the endless plane of a periodic surface: {_WHEN}",
     )
+    gas_flow: States | None = Field(
+        default=None, description=f"flow of the gas of the section fluid, x and y, also at flux_at: {_WHEN}"
+    )
     estimates: States | None = Field(
         default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
     )
@@ -263,6 +266,10 @@ class Dimensional(Choice):
     )
     leak_rate: LeakRate | None = Field(
         default=None, description="store the leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
+    )
+    gas_leak_rate: Annotated[str, UnitOf("throughput")] | None = Field(
+        default=None,
+        description="store the leak rates of the gas (section fluid) in this unit, as mbar*l/s or sccm",
     )
 
     @model_validator(mode="after")

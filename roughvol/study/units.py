@@ -27,8 +27,16 @@ KINDS = {
     "viscosity": ("[mass]/[length]/[time]", "Pa*s, mPa*s, cP and the like"),
     "force": ("[mass]*[length]/[time]^2", "N, kN, mN, lbf and the like"),
     "flow": ("[length]^3/[time]", "mm^3/s, ml/min, um^3/s and the like"),
+    "throughput": ("[mass]*[length]^2/[time]^3", "mbar*l/s, Pa*m^3/s, sccm and the like"),
+    "temperature": ("[temperature]", "K, degC"),
+    "molar mass": ("[mass]/[substance]", "g/mol, kg/kmol and the like"),
 }
-EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "force": "20 N", "flow": "1e-3 mm^3/s"}
+EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "force": "20 N"} | {
+    "flow": "1e-3 mm^3/s",
+    "throughput": "1e-4 mbar*l/s",
+    "temperature": "293 K",
+    "molar mass": "29 g/mol",
+}
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", re.ASCII | re.DOTALL)
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
@@ -235,7 +243,10 @@ def _spelled(unit: str) -> str:
 def _registry() -> Any:
     import pint
 
-    return pint.UnitRegistry()
+    registry: Any = pint.UnitRegistry()
+    for name, time in (("sccm", "minute"), ("sccs", "second")):  # at 0 °C; see `fluid.throughput`
+        registry.define(f"{name} = 101325 * pascal * centimeter**3 / {time}")
+    return registry
 
 
 def _refuse(reason: str) -> NoReturn:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from roughvol.errors import ContactError
 from roughvol.observables.clusters import connectivity, percolates
-from roughvol.observables.quick_estimates import effective_medium, single_junction
+from roughvol.observables.quick_estimates import CLOSES_AT, effective_medium, single_junction
 from roughvol.observables.transport import conduction, constriction
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
@@ -269,15 +269,39 @@ def test_dead_ends_and_pockets_do_not_conduct() -> None:
     )
 
 
+def gaps_of_another_code() -> dict[str, Field]:
+    """Return 15 gaps of different kinds: waves, steps, channels, straits, random fields, and rough surfaces."""
+    i, j = (np.indices((32, 32)) + 0.5) / 32
+    random = np.random.default_rng(5)
+    wedge, strait = 1.0 - 0.8 * i, np.ones((32, 32))
+    strait[15:18] = 0.0
+    strait[15:18, 9:12] = 0.2
+    islands = np.where((i * 4 % 1 - 0.5) ** 2 + (j * 4 % 1 - 0.5) ** 2 < 0.1, 0.0, 1.0)
+    gaps = {
+        "plane": np.full((32, 32), 0.3),
+        "wedge": wedge,
+        "wave along": 1.0 + 0.9 * np.sin(2 * np.pi * i),
+        "wave across": 1.0 + 0.9 * np.sin(2 * np.pi * j),
+        "egg box": 1.1 + np.sin(4 * np.pi * i) * np.cos(2 * np.pi * j),
+        "steps": np.where(i < 0.5, 1.0, 0.1),
+        "checkerboard": np.where((np.indices((32, 32)) // 4).sum(axis=0) % 2, 1.0, 0.2),
+        "strait": strait,
+        "islands": islands,
+        "uniform random": random.uniform(0.1, 1.0, (32, 32)),
+        "lognormal": np.exp(random.normal(0.0, 0.5, (32, 32))),
+    }
+    return gaps | {f"rough, {share:.0%} closed": rough(share, 1) for share in (0.0, 0.05, 0.15, 0.25)}
+
+
 @pytest.mark.filterwarnings("ignore")  # of what it imports
-@pytest.mark.parametrize("share", [0.05, 0.25])
-def test_another_code_finds_the_same_flow(share) -> None:
+@pytest.mark.parametrize("kind", gaps_of_another_code())
+def test_another_code_finds_the_same_flow(kind) -> None:
     other = pytest.importorskip("reynoldsflow.transport", reason="pip install 'roughvol[crosscheck]'")
-    gap = rough(share, 1)
+    gap = gaps_of_another_code()[kind]
     gap[:, 0] = 0.0  # a wall: periodic sideways is then closed sideways
     filtered, _, flux = other.solve_fluid_problem(gap)
     total = abs(np.atleast_1d(other.compute_total_flux(filtered, flux, len(gap)))[0])
-    assert total == pytest.approx(conduction(gap, 0).coefficient * gap.mean() ** 3, rel=1e-7)
+    assert total == pytest.approx(conduction(gap, 0).coefficient * gap.mean() ** 3 * gap.shape[1] / len(gap), rel=1e-7)
 
 
 # Laws
@@ -389,3 +413,37 @@ def test_a_grid_of_the_paper_takes_well_under_a_second() -> None:
 def test_refused(call, words) -> None:
     with pytest.raises(ContactError, match=words):
         call()
+
+
+# Quick estimates
+
+
+def test_the_corrected_medium_closes_where_it_is_told_to() -> None:
+    gap = np.ones((20, 20))
+    for closed, flows in ((0.40, True), (0.43, False)):
+        gap.ravel()[: round(closed * 400)] = 0.0
+        assert (effective_medium(gap, closes_at=CLOSES_AT) > 0.0) == flows
+        assert effective_medium(gap) > 0.0
+
+
+def test_half_as_threshold_is_the_equation_of_bruggeman() -> None:
+    for share in (0.05, 0.3):
+        gap = rough(share, 1)
+        near = effective_medium(gap, closes_at=0.5 + 1e-12)
+        assert near == pytest.approx(effective_medium(gap), rel=1e-8)
+
+
+def test_the_corrected_medium_solves_its_equation() -> None:
+    gap, s = rough(0.2, 2), CLOSES_AT / (1 - CLOSES_AT)
+    k, effective = gap**3, effective_medium(gap, closes_at=CLOSES_AT) * gap.mean() ** 3
+    assert np.mean((k - effective) / (k + s * effective)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_medium_of_one_gap_has_its_flow() -> None:
+    assert effective_medium(np.full((4, 4), 0.3), closes_at=CLOSES_AT) == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("closes_at", [0.0, 1.0])
+def test_a_threshold_outside_its_range_is_refused(closes_at) -> None:
+    with pytest.raises(ContactError, match="closes_at"):
+        effective_medium(np.ones((3, 3)), closes_at=closes_at)

@@ -281,3 +281,21 @@ def test_levels_are_by_quantity() -> None:
         "percolation": None,
         "constriction": {"step=1": Level("step", 1), "step=2": Level("step", 2)},
     }
+
+
+def test_the_corrected_medium_is_nearer_to_the_flow_than_that_of_bruggeman_beyond_a_tenth_of_contact() -> None:
+    text = (
+        "surface: {D: [2.2, 2.4], m: 6, seeds: 2}\nsweep: {steps: 12, to: percolation}\nsolver: {accuracy: draft}\n"
+        "record: {region: interior, transport: {transmissivity: every-step, estimates: every-step}}"
+    )
+    off: dict[str, list[float]] = {"medium": [], "corrected": []}
+    for case in loads(text).cases():
+        run = run_case(case).squeeze()
+        for axis in "xy":
+            flow = run[f"transmissivity_{axis}"].values
+            both = (flow > 0.0) & (run.estimate_corrected_transmissivity.values > 0.0)
+            both &= run.contact_area_fraction.values > 0.1
+            for name, errors in off.items():
+                errors += list(np.abs(np.log(run[f"estimate_{name}_transmissivity"].values[both] / flow[both])))
+    assert len(off["medium"]) > 20
+    assert np.median(off["corrected"]) < 0.8 * np.median(off["medium"])

@@ -515,7 +515,7 @@ def test_what_does_not_fit_is_refused_by_check_and_run_before_anything_is_writte
         assert refused.exit_code == 2
         (line,) = [line for line in refused.stderr.splitlines() if line.startswith("error: ")]
         wanted = {
-            "memory": "m = 13, seed 0 needs about 106 GB of memory, 23 GB are available",
+            "memory": "m = 13, seed 0 needs about 62.6 GB of memory, 23 GB are available",
             "disk": "the results need up to 215 GB of disk, 79 GB are free",
         }
         assert wanted[lacking] in line

@@ -88,7 +88,7 @@ def _text(figure: Any, card: Card) -> None:
     """Write title, facts, leaks and budget."""
     figure.text(0.06, 0.97, f"Leak card: {card.title}", fontsize=16, weight="bold", va="top")
     facts = "\n".join(f"{name}:  {value}" for name, value in card.facts)
-    figure.text(0.06, 0.86, facts, fontsize=9.5, va="top", linespacing=1.5)
+    figure.text(0.06, 0.86, facts, fontsize=9.5, va="top", linespacing=1.5 if len(card.facts) < 7 else 1.2)
     for column, way in enumerate(card.ways):
         x = 0.06 + 0.47 * column
         figure.text(x, 0.52, f"Along {way.axis}", fontsize=11, weight="bold", va="top")

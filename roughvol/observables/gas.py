@@ -1,0 +1,298 @@
+"""The flow of a gas through the gap of a contact, from viscous to free molecular flow.
+
+Conventions are those of `transport`. Pressures p are over that of the inlet, lengths over one unit, λ is the mean free
+path at the inlet, so that the local one is λ/p. The gas is ideal and isothermal, and conserves div(f(g, p) grad p) = 0,
+where f is the throughput per width and gradient of pressure, over 1/(12 μ):
+
+    viscous   f = g³ p                       flow is linear in p²
+    slip      f = g³ p + 6 λ g²              first-order slip at walls of diffuse reflection (Maxwell 1879)
+    kinetic   f = (12 λ/√π) g² Q(D)          D = √π g p/(2 λ), the inverse Knudsen number of the element
+
+Q(D) is the flow rate of the linearised Boltzmann equation (BGK) between plane plates, fitted by Fukui & Kaneko, Journal
+of Tribology 112 (1990) 78-83: D/6 + 1.0162 + … for D ≥ 5, with a minimum of 1.54 at D = 1. Below D = 0.01 it goes on as
+-ln(D)/√π + const, the free molecular limit. There a plane gap without end has no finite flow: molecules that fly along
+the plates never meet them. A rough gap cuts the logarithm off at the length of its channels, which the local f cannot
+know. Where λ exceeds that length, Q is an upper estimate.
+
+The flux between two points of an element is linear in Φ(p) = ∫ f dp. For f = g³ p + 6 λ g² one part is linear in p² and
+one in p, and where g varies no potential is common to all elements. Then the problem is nonlinear. `conduction_of_gas`
+solves it by iteration: each turn is a linear problem in s = p²/2 + β p, where the conductance of a face is its exact
+throughput at the last pressures over its drop of s. A fixed point has the exact throughputs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from roughvol.errors import ContactError, ConvergenceError
+from roughvol.observables.clusters import SIDES, check_gap, joined, labelled, spanning
+from roughvol.observables.network import flow_through, harmonic
+from roughvol.observables.transport import constriction
+from roughvol.typing import Array, Mask
+
+LAWS = ("kinetic", "slip", "viscous")
+WINDOW = 1e7  # of conductances over that of the critical constriction, as in `transport`
+TURNS, CHANGE = 60, 1e-11  # largest number of iterations; relative change of the flow at the last one
+SLIP = 6.0  # of Maxwell's slip velocity λ du/dz, walls of diffuse reflection
+# Q = a D + b + c/D + d/D² from each D on (Fukui & Kaneko 1990)
+FREE = 0.01
+PIECES = (
+    (FREE, (-2.22919, 2.10673, 0.01653, -0.0000694)),
+    (0.15, (0.13852, 1.25087, 0.15653, -0.00969)),
+    (5.0, (1.0 / 6.0, 1.0162, 1.0653, -2.1354)),
+)
+VACUUM = 1e-12  # least pressure of an element: conductances for s stay finite at an outlet without gas
+NEAR = 0.02  # relative difference of two pressures, below which their mean conductance is a quadrature
+
+
+class GasFlow(NamedTuple):
+    """A stationary flow of a gas along an axis.
+
+    Attributes
+    ----------
+    coefficient : throughput over that of viscous flow between two smooth plates at the mean gap.
+    knudsen : λ at the mean of both pressures over the critical constriction; infinite without a way.
+    conservation_error : as that of `transport.Conduction`.
+    turns : iterations.
+    """
+
+    coefficient: float
+    knudsen: float
+    conservation_error: float
+    turns: int
+
+
+def kinetic_flow_rate(inverse_knudsen: Array) -> Array:
+    """Return Q(D), the flow rate between plane plates by kinetic theory.
+
+    Parameters
+    ----------
+    inverse_knudsen : ndarray
+        D = √π g/(2 λ) > 0.
+
+    Returns
+    -------
+    ndarray
+        Q [1].
+    """
+    D = np.asarray(inverse_knudsen, dtype=float)
+    a, b, c, d = PIECES[0][1]
+    rate = a * FREE + b + c / FREE + d / FREE**2 - np.log(D / FREE) / math.sqrt(math.pi)
+    for start, (a, b, c, d) in PIECES:
+        x = np.maximum(D, start)
+        rate = np.where(start <= D, a * x + b + c / x + d / x**2, rate)
+    return rate
+
+
+def kinetic_integral(inverse_knudsen: Array) -> Array:
+    """Return ∫ Q dD from 0 to D.
+
+    Parameters
+    ----------
+    inverse_knudsen : ndarray
+        D ≥ 0.
+
+    Returns
+    -------
+    ndarray
+        Integral [1].
+    """
+    D = np.asarray(inverse_knudsen, dtype=float)
+
+    def part(x: Array | float, piece: tuple[float, ...]) -> Array:
+        a, b, c, d = piece
+        return np.asarray(0.5 * a * np.square(x) + b * np.asarray(x) + c * np.log(x) - d / np.asarray(x))
+
+    a, b, c, d = PIECES[0][1]
+    first = a * FREE + b + c / FREE + d / FREE**2
+    low = np.clip(D, 1e-300, FREE)
+    total = np.where(D > 0.0, low * (first + (1.0 - np.log(low / FREE)) / math.sqrt(math.pi)), 0.0)
+    ends = [*(start for start, _ in PIECES[1:]), np.inf]
+    for (start, piece), end in zip(PIECES, ends, strict=True):
+        total = total + (part(np.clip(D, start, end), piece) - part(start, piece))
+    return total
+
+
+def local_flow(law: str, gap: Array | float, pressure: Array | float, path: float) -> Array:
+    """Return f(g, p), the throughput per width and gradient of pressure times 12 μ.
+
+    Parameters
+    ----------
+    law : {"kinetic", "slip", "viscous"}
+        Law of the module's docstring.
+    gap : ndarray
+        Gap > 0 [length].
+    pressure : ndarray
+        Pressure over that of the inlet, > 0.
+    path : float
+        Mean free path at the inlet [length].
+
+    Returns
+    -------
+    ndarray
+        f [length³].
+    """
+    if law == "kinetic":
+        D = np.asarray(0.5 * math.sqrt(math.pi) / path * gap * pressure)
+        return np.asarray(12.0 * path / math.sqrt(math.pi) * gap**2 * kinetic_flow_rate(np.maximum(D, 1e-300)))
+    return np.asarray(gap**3 * pressure + (SLIP * path if law == "slip" else 0.0) * gap**2)
+
+
+def plate_flow(law: str, gap: Array | float, inlet: Array | float, outlet: Array | float, path: float) -> Array:
+    """Return ∫ f(g, p) dp from the outlet to the inlet: the throughput of plates per width over length, times 12 μ.
+
+    Parameters
+    ----------
+    law, gap
+        As in `local_flow`.
+    inlet, outlet : ndarray
+        Pressures over that of the inlet of the joint.
+    path : float
+        As in `local_flow`.
+
+    Returns
+    -------
+    ndarray
+        Integral [length³].
+    """
+    if law == "kinetic":
+        per = np.asarray(0.5 * math.sqrt(math.pi) / path * gap)
+        difference = kinetic_integral(per * inlet) - kinetic_integral(per * outlet)
+        return np.asarray(24.0 * path**2 / math.pi * gap * difference)
+    slip = SLIP * path if law == "slip" else 0.0
+    return np.asarray((inlet - outlet) * (0.5 * gap**3 * (inlet + outlet) + slip * gap**2))
+
+
+def conduction_of_gas(
+    gap: Array, axis: int, law: str, path: float, outlet: float, *, periodic: bool = False
+) -> GasFlow:
+    """Return the throughput of a gas along an axis over that of viscous flow between plates at the mean gap.
+
+    Equations, sources and validity as at the top of this module; elements, faces and reservoirs as in `transport`.
+
+    Parameters
+    ----------
+    gap : ndarray, shape (rows, columns)
+        Gap g ≥ 0 [length]; open is g > 0.
+    axis : int
+        Direction of the flow, 0 for x, 1 for y.
+    law : {"kinetic", "slip", "viscous"}
+        Conductance of an element.
+    path : float
+        Mean free path at the pressure of the inlet [length], ≥ 0.
+    outlet : float
+        Pressure of the outlet over that of the inlet, 0 ≤ outlet < 1.
+    periodic : bool
+        Whether the field is one period: elements at opposite sides across the axis are neighbours.
+
+    Returns
+    -------
+    GasFlow
+        Coefficient, Knudsen number, error of conservation and iterations.
+
+    Raises
+    ------
+    ContactError
+        If an argument is outside its range.
+    ConvergenceError
+        If the flow still changes after `TURNS` iterations.
+    """
+    check_gap(gap)
+    if law not in LAWS or not 0.0 <= outlet < 1.0 or not 0.0 <= path < math.inf or (law == "kinetic" and path == 0.0):
+        message = (
+            f"law {law!r}, mean free path {path}, outlet {outlet}; allowed: {', '.join(LAWS)}, > 0, 0 <= outlet < 1"
+        )
+        raise ContactError(message)
+    critical = constriction(gap, axis, periodic=periodic).gap
+    if critical == 0.0:
+        return GasFlow(0.0, math.inf, 0.0, 0)
+    along, free = (gap if axis == 0 else gap.T), path / critical
+    wide = np.minimum(along / critical, math.sqrt(WINDOW))  # in free molecular flow g² counts
+    middle = 0.5 * (1.0 + outlet)
+    at_critical = float(local_flow(law, 1.0, middle, free))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(wide > 0.0, local_flow(law, wide, middle, free), 0.0) / at_critical
+    labels, _ = labelled(share >= 1.0 / WINDOW, SIDES, joined(0, periodic))
+    flowing = np.isin(labels, spanning(labels, 0))
+    solved = _iterated(np.where(flowing, wide, 0.0), flowing, law, free, outlet, periodic)
+    rows, columns = along.shape
+    largest = float(gap.max())
+    mean = largest / critical * float(np.mean(gap / largest))
+    plates = mean**3 * 0.5 * (1.0 - outlet**2) * columns / rows
+    return GasFlow(solved.throughput / plates, free / middle, solved.conservation_error, solved.turns)
+
+
+class _Solved(NamedTuple):
+    throughput: float
+    conservation_error: float
+    turns: int
+
+
+def _iterated(gap: Array, flowing: Mask, law: str, path: float, outlet: float, periodic: bool) -> _Solved:
+    """Return the throughput along axis 0 times 12 μ; lengths are over the critical constriction."""
+    slip = {"viscous": 0.0, "slip": SLIP, "kinetic": 1.5 * SLIP}[law] * path
+    inlet_s, outlet_s = 0.5 + slip, outlet * (0.5 * outlet + slip)
+    drop = inlet_s - outlet_s
+
+    def pressure_of(share: Array) -> Array:
+        """Return p of s, which runs from 0 at the outlet to 1 at the inlet."""
+        s = outlet_s + drop * np.clip(share, 0.0, 1.0)
+        root = slip + np.sqrt(slip**2 + 2.0 * s)
+        return np.maximum(np.divide(2.0 * s, root, out=np.zeros_like(s), where=root > 0.0), VACUUM)
+
+    def between(g: Array, one: Array, other: Array) -> Array:
+        """Return the mean of f over the pressures between two."""
+        if law != "kinetic":
+            return 0.5 * g**3 * (one + other) + slip * g**2
+        high, low = np.maximum(one, other), np.minimum(one, other)
+        far = (g > 0.0) & (high - low > NEAR * high)
+        close = (g > 0.0) & ~far
+        mean = np.zeros_like(g)
+        mean[far] = plate_flow(law, g[far], high[far], low[far], path) / (high[far] - low[far])
+        centre, half = 0.5 * (high[close] + low[close]), 0.5 * (high[close] - low[close])
+        points = ((5 / 18, -math.sqrt(0.6)), (8 / 18, 0.0), (5 / 18, math.sqrt(0.6)))  # Gauss
+        mean[close] = sum(
+            weight * local_flow(law, g[close], np.maximum(centre + half * at, 1e-300), path) for weight, at in points
+        )
+        return mean
+
+    def conductances(p: Array, faces: Array, beyond: Array, behind: Array) -> tuple[Array, Array]:
+        """Return conductances for s of the faces between elements in front and behind, and pressures of the faces.
+
+        ``beyond`` and ``behind`` are gaps, ``p`` the pair of pressures.
+        """
+        front, back = between(beyond, p[0], faces), between(behind, p[1], faces)
+        total = front + back
+        own = np.divide(front * p[0] + back * p[1], total, out=0.5 * (p[0] + p[1]), where=total > 0.0)
+        front, back = between(beyond, p[0], own), between(behind, p[1], own)
+        through = harmonic(front, back) / np.maximum(0.5 * (p[0] + p[1]) + slip, 1e-300)
+        return np.clip(through, np.where(through > 0.0, 1.0 / WINDOW, 0.0), WINDOW), own
+
+    rows = gap.shape[0]
+    share = np.repeat((1.0 - (np.arange(rows) + 0.5) / rows)[:, None], gap.shape[1], axis=1)
+    beside = np.roll(gap, -1, axis=1)[:, : gap.shape[1] - (not periodic)]
+    columns = beside.shape[1]
+    p = pressure_of(share)
+    down_faces, across_faces = 0.5 * (p[:-1] + p[1:]), 0.5 * (p + np.roll(p, -1, axis=1))[:, :columns]
+    ends = (np.ones(gap.shape[1]), np.full(gap.shape[1], outlet))
+    before = math.nan
+    for turn in range(1, TURNS + 1):
+        inner, down_faces = conductances(np.stack([p[:-1], p[1:]]), down_faces, gap[:-1], gap[1:])
+        sides = np.stack([p[:, :columns], np.roll(p, -1, axis=1)[:, :columns]])
+        across, across_faces = conductances(sides, across_faces, gap[:, :columns], beside)
+        outer = [
+            2.0 * between(gap[line], end, p[line]) / np.maximum(0.5 * (end + p[line]) + slip, 1e-300)
+            for line, end in zip((0, -1), ends, strict=True)
+        ]
+        outer = [np.clip(one, np.where(one > 0.0, 1.0 / WINDOW, 0.0), 2.0 * WINDOW) for one in outer]
+        flow = flow_through(np.vstack([outer[0], inner, outer[1]]), across, flowing)
+        if abs(flow.dissipation - before) <= CHANGE * flow.dissipation:
+            unequal = max(abs(float(flow.down[line].sum()) - flow.dissipation) for line in (0, -1))
+            return _Solved(flow.dissipation * drop, unequal / flow.dissipation, turn)
+        before = flow.dissipation
+        p = pressure_of(np.where(flowing, flow.pressure, 0.5))
+    message = f"the flow of the gas still changes after {TURNS} iterations"
+    raise ConvergenceError(message, indentation=math.nan, iterations=TURNS, residual=math.nan)

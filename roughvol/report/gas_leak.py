@@ -1,0 +1,61 @@
+"""The leak of a gas in the place of that of a liquid, for read-offs."""
+
+from __future__ import annotations
+
+from xarray import Dataset
+
+from roughvol.errors import Problem, StudyError
+from roughvol.report.card import AXES
+from roughvol.study import read
+from roughvol.study.units import unit_of
+
+
+def is_throughput(text: str) -> bool:
+    """Return whether a leak on a command line has a unit of throughput, as 1e-4 mbar*l/s or 2 sccm.
+
+    Parameters
+    ----------
+    text : str
+        Number and unit.
+
+    Returns
+    -------
+    bool
+        False also for text that is no quantity.
+    """
+    try:
+        return unit_of(read(text, "throughput")) is not None
+    except ValueError:
+        return False
+
+
+def in_place(run: Dataset, unknown: str) -> tuple[Dataset, float]:
+    """Return a run whose leak rates and transmissivities are those of its gas, and the temperature of the gas [K].
+
+    The leak of a gas depends on p* alone where Sq stays: its mean free path over Sq is then the same.
+
+    Parameters
+    ----------
+    run : Dataset
+        A study with ``gas_leak_rate_x``.
+    unknown : str
+        Quantity asked for: pressure or modulus.
+
+    Returns
+    -------
+    (Dataset, float)
+        The same run with other ``leak_rate_*`` and ``transmissivity_*``; kelvins.
+
+    Raises
+    ------
+    StudyError
+        If the run has no leak of a gas, or Sq is asked for.
+    """
+    if "gas_leak_rate_x" not in run:
+        message = "the run has no leak of a gas: record transport.gas_flow and dimensional.gas_leak_rate"
+        raise StudyError([Problem(message)])
+    if unknown == "Sq":
+        message = "the leak of a gas depends on its mean free path over Sq; allowed: for pressure, modulus"
+        raise StudyError([Problem(message)])
+    of_gas = {f"{name}_{axis}": run[f"gas_{name}_{axis}"] for name in ("leak_rate", "transmissivity") for axis in AXES}
+    return run.assign(of_gas), float(run["gas_leak_rate_x"].attrs["temperature_K"])

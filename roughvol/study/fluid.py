@@ -1,0 +1,237 @@
+"""The section ``fluid`` of a study: a gas, its temperature, and the pressures on both sides of the joint.
+
+The mean free path is that of the viscosity, λ = (μ/p) √(π R T/(2 M)), with molar mass M and gas constant R
+(Karniadakis, Beskok & Aluru 2005, Microflows and Nanoflows). λ p is constant at one temperature. The throughput p V̇ is
+a flow of volume at the temperature of the gas, times the pressure there; over R T it is a flow of substance. sccm is a
+flow of substance: cm³ a minute at 0 °C and 101325 Pa.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from roughvol.study.sections import Positive, Strict, refuse
+from roughvol.study.units import In, convert, in_unit, length_unit
+from roughvol.study.yaml_text import KeyPath
+from roughvol.surfaces.length_units import METRES
+
+GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact since 2019
+ZERO_CELSIUS = 273.15  # K
+
+
+class Substance(NamedTuple):
+    """A gas: viscosity at a temperature [Pa s, K], Sutherland's constant [K], molar mass [kg/mol].
+
+    μ(T) = μ₀ (T/T₀)^1.5 (T₀ + S)/(T + S).
+    """
+
+    viscosity: float
+    reference: float
+    sutherland: float
+    molar_mass: float
+
+
+# constants of Sutherland: White, Viscous Fluid Flow (2006); tests compare with the CRC Handbook at 300 K
+SUBSTANCES = {
+    "air": Substance(1.716e-5, 273.0, 111.0, 28.964e-3),
+    "argon": Substance(2.125e-5, 273.0, 144.0, 39.948e-3),
+    "carbon-dioxide": Substance(1.370e-5, 273.0, 222.0, 44.009e-3),
+    "helium": Substance(1.870e-5, 273.0, 79.4, 4.0026e-3),
+    "hydrogen": Substance(8.411e-6, 273.0, 97.0, 2.016e-3),
+    "nitrogen": Substance(1.663e-5, 273.0, 107.0, 28.014e-3),
+    "oxygen": Substance(1.919e-5, 273.0, 139.0, 31.998e-3),
+}
+LAWS = Literal["kinetic", "slip", "viscous"]
+
+
+class OwnGas(Strict):
+    """A gas by viscosity and molar mass."""
+
+    viscosity: Annotated[Positive, In("viscosity", needed=True)] = Field(
+        description="dynamic viscosity at the temperature of the study, > 0, with its unit as 18 uPa*s"
+    )
+    molar_mass: Annotated[Positive, In("molar mass", needed=True)] = Field(
+        description="molar mass, > 0, with its unit as 29 g/mol"
+    )
+
+
+def _known(value: Any) -> Any:
+    if isinstance(value, str) and value not in SUBSTANCES:
+        refuse(
+            "'{gas}' is no known gas; allowed: {known}, or {{viscosity: 18 uPa*s, molar_mass: 29 g/mol}}",
+            gas=value[:40],
+            known=", ".join(SUBSTANCES),
+        )
+    return value
+
+
+class Fluid(Strict):
+    """A gas between two pressures; isothermal and ideal."""
+
+    gas: Annotated[str | OwnGas, BeforeValidator(_known)] = Field(
+        description=f"{', '.join(SUBSTANCES)}, or {{viscosity: 18 uPa*s, molar_mass: 29 g/mol}}"
+    )
+    inlet: Annotated[Positive, In("pressure", needed=True)] = Field(
+        description="absolute pressure on the side of the inlet, > outlet, with its unit as 2 bar"
+    )
+    outlet: Annotated[float, Field(ge=0), In("pressure", needed=True)] = Field(
+        description="absolute pressure on the side of the outlet, >= 0, with its unit as 1 bar; 0 bar: vacuum"
+    )
+    temperature: Annotated[Positive, In("temperature", needed=True)] = Field(
+        default="293.15 K", validate_default=True, description="temperature of the gas, > 0, as 293 K"
+    )
+    law: LAWS = Field(
+        default="kinetic",
+        description="conductance of an element: 'kinetic' (all Knudsen numbers, Fukui & Kaneko 1990), 'slip' "
+        "(g^3 + 6 lambda g^2) or 'viscous' (g^3)",
+    )
+
+    @model_validator(mode="after")
+    def _falls(self) -> Fluid:
+        if self.pressures[0] <= self.pressures[1]:
+            refuse(
+                "inlet must be above outlet, given {inlet} and {outlet}", inlet=str(self.inlet), outlet=str(self.outlet)
+            )
+        return self
+
+    @property
+    def pressures(self) -> tuple[float, float]:
+        """Absolute pressures of inlet and outlet [Pa]."""
+        inlet, outlet = in_unit(self.inlet, "Pa"), in_unit(self.outlet, "Pa")
+        assert inlet is not None
+        assert outlet is not None
+        return float(inlet), float(outlet)
+
+    @property
+    def kelvin(self) -> float:
+        """Temperature [K]."""
+        kelvin = in_unit(self.temperature, "K")
+        assert kelvin is not None
+        return float(kelvin)
+
+    @property
+    def viscosity(self) -> float:
+        """Dynamic viscosity at the temperature [Pa s]."""
+        if isinstance(self.gas, OwnGas):
+            own = in_unit(self.gas.viscosity, "Pa*s")
+            assert own is not None
+            return float(own)
+        one = SUBSTANCES[self.gas]
+        ratio = self.kelvin / one.reference
+        return one.viscosity * ratio**1.5 * (one.reference + one.sutherland) / (self.kelvin + one.sutherland)
+
+    @property
+    def molar_mass(self) -> float:
+        """Molar mass [kg/mol]."""
+        if isinstance(self.gas, OwnGas):
+            own = in_unit(self.gas.molar_mass, "kg/mol")
+            assert own is not None
+            return float(own)
+        return SUBSTANCES[self.gas].molar_mass
+
+    def mean_free_path(self, pressure: float) -> float:
+        """Return λ [m] at a pressure [Pa]."""
+        return self.viscosity / pressure * math.sqrt(0.5 * math.pi * GAS_CONSTANT * self.kelvin / self.molar_mass)
+
+    @property
+    def label(self) -> str:
+        """The gas and its state in words."""
+        name = self.gas if isinstance(self.gas, str) else f"gas of {self.gas.viscosity} and {self.gas.molar_mass}"
+        return f"{name}, {self.inlet} to {self.outlet}, {self.temperature}"
+
+    def gas_in(self, length_unit: str) -> Gas:
+        """Return what the flow through a gap depends on, λ in a unit of length of a study."""
+        inlet, outlet = self.pressures
+        path = self.mean_free_path(inlet) / METRES[length_unit]
+        return Gas(self.law, float(f"{path:.12g}"), float(f"{outlet / inlet:.12g}"))
+
+
+@dataclass(frozen=True)
+class Gas:
+    """What the flow of a gas through a gap depends on, over that of viscous flow between plates.
+
+    Attributes
+    ----------
+    law : kinetic, slip or viscous.
+    mean_free_path : at the pressure of the inlet [unit of length of the study].
+    outlet : pressure of the outlet over that of the inlet.
+    """
+
+    law: str
+    mean_free_path: float
+    outlet: float
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {"law": self.law, "mean_free_path": self.mean_free_path, "outlet": self.outlet}
+
+
+_STANDARD = re.compile(r"\bscc(m|s)\b")
+
+
+def of_substance(unit: str) -> bool:
+    """Return whether a unit of throughput counts substance (sccm, sccs) and not pressure times volume."""
+    return _STANDARD.search(unit) is not None
+
+
+def throughput(value: float, given: str, wanted: str, kelvin: float) -> float:
+    """Return a throughput in another unit; sccm and sccs hold at 0 °C, the others at the temperature of the gas.
+
+    Parameters
+    ----------
+    value : float
+        Throughput in the unit ``given``.
+    given, wanted : str
+        Units, as mbar*l/s, Pa*m^3/s or sccm.
+    kelvin : float
+        Temperature of the gas [K].
+
+    Returns
+    -------
+    float
+        Throughput in the unit ``wanted``.
+    """
+    warm = kelvin / ZERO_CELSIUS
+    return convert(value, given, wanted) * warm ** (of_substance(given) - of_substance(wanted))
+
+
+def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield conflicts between the section ``fluid`` and others, see `conflicts.conflicts`.
+
+    Parameters
+    ----------
+    data : dict
+        A study as plain data, which may have other faults.
+
+    Yields
+    ------
+    tuple
+        Path of the key, and the message without it.
+    """
+    surface, transport = _mapping(data, "surface"), _mapping(data, "record", "transport")
+    asked = transport.get("gas_flow") is not None
+    if asked and data.get("fluid") is None:
+        yield (
+            ("record", "transport", "gas_flow"),
+            "needs the section fluid, as fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}",
+        )
+    if data.get("fluid") is None:
+        return
+    if not asked:
+        yield ("fluid",), "needs record.transport.gas_flow, which records the flow of the gas"
+    if {"D", "m", "H", "n"} & surface.keys() and length_unit(surface.get("L")) is None and surface.get("unit") is None:
+        yield ("fluid",), "needs the unit of length, as surface: {L: 100 um}"
+
+
+def _mapping(data: Any, *keys: str) -> dict[str, Any]:
+    """Return the mapping at a path of keys, an empty one where there is none."""
+    for key in keys:
+        data = data.get(key) if isinstance(data, dict) else None
+    return data if isinstance(data, dict) else {}

@@ -1,0 +1,162 @@
+"""One case: a surface pressed once, and everything that determines its stored answer."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from roughvol.study.fluid import Gas
+from roughvol.study.record import Record
+from roughvol.study.sections import (
+    Solver,
+)
+from roughvol.study.sweep import Legs, Sweep
+from roughvol.study.treatment import steps
+from roughvol.study.units import convert
+from roughvol.surfaces.body import UNTREATED, Body, Treatment
+from roughvol.surfaces.power_law import Spectrum
+
+ANSWER_FORMAT = 3  # part of every case id: raise it when equal settings no longer give equal stored numbers
+
+
+@dataclass(frozen=True)
+class Case:
+    """One surface pressed once: the picklable input of `campaign.run_case`.
+
+    A generated surface has ``D``, ``m``, ``seed`` and ``midpoint_law``, or ``spectrum`` instead of the last. A measured
+    one has ``bodies`` and ``treatment``.
+    """
+
+    L: float
+    E_star: float
+    sweep: Sweep | Legs
+    solver: Solver
+    record: Record
+    D: float | None = None
+    m: int | None = None
+    seed: int | None = None
+    midpoint_law: Literal["std", "variance"] | None = None
+    spectrum: Spectrum | None = None  # with H = 3 - D and n = 2^m
+    bodies: tuple[Body, ...] = ()  # whose heights come from files: none, one, or two facing each other
+    treatment: Treatment = UNTREATED
+    length_unit: str | None = None  # of L, the heights and all stored lengths; None for an arbitrary one
+    modulus_unit: str | None = None  # of E*, where the sweep has states with units
+    hardness: float | None = None  # over E*
+    plastic: bool = False  # pressures end at the hardness
+    height: float | None = None  # Sq of the heights, where there is a hardness to compare with
+    notes: tuple[str, ...] = ()  # on size and units of the files, for the user
+    periodic: bool = False  # one period of a plane
+    drive: float | None = None  # ΔP/μ of the fluid [1/s], where a state of the sweep is one of a leak rate
+    gas: Gas | None = None  # whose flow is recorded
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """Everything that changes the stored answer, as plain data.
+
+        Names and E* are absent: no starred number depends on them. So is ``record.dimensional``: its values are made
+        when the cases are collected.
+        """
+        surface: dict[str, Any]
+        if self.bodies:
+            # Heights with a unit of their own are converted to that of the study.
+            unit = self.length_unit if any(body.numbers_in for body in self.bodies) else None
+            surface = {"bodies": [body.key for body in self.bodies], "treatment": self.treatment.key, "unit": unit}
+        elif self.spectrum is not None:
+            surface = {"D": self.D, "m": self.m, "seed": self.seed, "spectrum": self.spectrum.key}
+        else:
+            surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
+        if self.periodic and self.spectrum is None:  # cases without it keep their id
+            surface["periodic"] = True
+        record = self.record.model_dump(mode="json", exclude={"dimensional"})
+        for name in ("residual_heights", "psd"):
+            if not record[name]:  # cases without it keep their id
+                del record[name]
+        if not record["all_legs"] or not isinstance(self.sweep, Legs):
+            del record["all_legs"]
+        key: dict[str, Any] = {
+            "format": ANSWER_FORMAT,
+            "surface": {"L": self.L, **surface},
+            "record": record,
+        }
+        if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
+            return key | {"sweep": {"steps": 0}}
+        solver, hardness = self.solver, self.hardness
+        if self.sweep.has_units or self.record.has_units:  # cases without them keep their id
+            modulus = convert(self.E_star, self.modulus_unit, "Pa") if self.modulus_unit else self.E_star
+            key["units"] = {"E_star": float(f"{modulus:.12g}"), "length": self.length_unit}
+            if self.drive is not None:
+                key["units"]["drive"] = float(f"{self.drive:.12g}")
+        if self.gas is not None:  # cases without it keep their id
+            key["gas"] = self.gas.key
+        return key | {
+            "sweep": self.sweep.key,
+            "solver": {
+                "rtol": solver.tolerance,
+                "pressure_error": solver.pressure_error,
+                "kernel": solver.kernel,
+                "method": solver.method,
+            },
+            # Rounded: the same in any unit.
+            "material": {
+                "hardness": None if hardness is None else float(f"{hardness:.12g}"),
+                "Sq": self.height,
+                **({"plastic": True} if self.plastic else {}),  # cases without it keep their id
+            },
+        }
+
+    @property
+    def file(self) -> Path | None:
+        """The file of the first body, None for a generated surface."""
+        return self.bodies[0].file if self.bodies else None
+
+    @property
+    def nodes_per_side(self) -> int | None:
+        """Nodes per side of a surface that is made, None for one from files."""
+        if self.m is None:
+            return None
+        return 2**self.m + (not self.periodic)
+
+    @functools.cached_property
+    def key_text(self) -> str:
+        """The key as JSON, as stored in the file of the case."""
+        return json.dumps(self.key, sort_keys=True, allow_nan=False)
+
+    @functools.cached_property
+    def id(self) -> str:
+        """A readable prefix and 8 hexadecimal digits of the sha256 of the key: ``D2.30_m8_s003-1f9c2a7b``."""
+        return f"{self._prefix}-{hashlib.sha256(self.key_text.encode()).hexdigest()[:8]}"
+
+    @property
+    def _prefix(self) -> str:
+        if self.file is not None:
+            return re.sub(r"[^A-Za-z0-9_.-]+", "_", self.file.stem).lstrip(".-")[:60] or "surface"
+        return f"D{self._D_text}_m{self.m}_s{self.seed:03d}"
+
+    @property
+    def _D_text(self) -> str:
+        text = f"{self.D:.2f}"
+        return text if float(text) == self.D else repr(self.D)
+
+    @property
+    def label(self) -> str:
+        """The case in words: ``D = 2.30, m = 8, seed 3``, or the names of the files."""
+        if not self.bodies:
+            return f"D = {self._D_text}, m = {self.m}, seed {self.seed}"
+        return " against ".join(body.file.name for body in self.bodies)
+
+    @property
+    def surface_text(self) -> str:
+        """The treatment of heights from files in words, empty for untreated ones."""
+        sentences = ["; ".join(steps(self.treatment, self.length_unit))]
+        for body in self.bodies[1:]:
+            turned = f", its axis {body.mirror} reversed" if body.mirror != "none" else ""
+            sentences.append(f"heights of {body.file.name} added{turned}")
+        units = {body.file.name: body.numbers_in for body in self.bodies if body.numbers_in}
+        sentences += [f"sizes and units in {body.file.name} ignored" for body in self.bodies if body.header]
+        sentences += [f"numbers of {name} are in {unit}" for name, unit in units.items()]
+        return "; ".join(filter(None, sentences))

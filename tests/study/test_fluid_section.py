@@ -1,0 +1,205 @@
+"""The section fluid: gases, pressures, units of throughput, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from roughvol.campaign import card as card_runs
+from roughvol.campaign import running
+from roughvol.campaign.one_case import run_case
+from roughvol.errors import StudyError
+from roughvol.observables.gas import plate_flow
+from roughvol.report import ask, gas_leak
+from roughvol.report.card import card_of
+from roughvol.store import dataset, dimensional
+from roughvol.store.dataset import Dataset
+from roughvol.study import Fluid, Study, loads, throughput
+
+TEXT = """
+name: gas
+surface: {D: 2.2, m: 5, L: 100 um, Sq: 0.4 um, seeds: 1}
+material: {E_star: 10 MPa}
+sweep: {steps: 6, to: {pressure: 1.0}}
+fluid: {gas: helium, inlet: 2 bar, outlet: 1 bar}
+record:
+  transport: {percolation: every-step, constriction: every-step, transmissivity: every-step, gas_flow: every-step}
+  dimensional: {pressure: MPa, gas_leak_rate: mbar*l/s}
+"""
+
+
+def fluid(text: str) -> Fluid:
+    made = loads(TEXT.replace("{gas: helium, inlet: 2 bar, outlet: 1 bar}", text)).fluid
+    assert made is not None
+    return made
+
+
+def made(text: str) -> Dataset:
+    study = loads(text)
+    return collected(study, [run_case(case) for case in study.cases()])
+
+
+def collected(study: Study, parts: list[Dataset]) -> Dataset:
+    return dimensional.in_units(dataset.combine(parts, {}), study, study.cases()[0].length_unit)
+
+
+@pytest.fixture(scope="module")
+def results() -> Dataset:
+    return made(TEXT)
+
+
+@pytest.mark.parametrize(
+    ("gas", "micro"),  # CRC Handbook of Chemistry and Physics, viscosity of gases at 300 K [µPa s]
+    [("air", 18.6), ("argon", 22.9), ("carbon-dioxide", 15.0), ("helium", 20.0), ("hydrogen", 9.0), ("nitrogen", 17.9)],
+)
+def test_viscosities_are_those_of_a_handbook(gas: str, micro: float) -> None:
+    one = fluid(f"{{gas: {gas}, inlet: 2 bar, outlet: 1 bar, temperature: 300 K}}")
+    assert_allclose(one.viscosity * 1e6, micro, rtol=0.025)
+
+
+def test_the_mean_free_path_of_air_is_the_known_one() -> None:
+    one = fluid("{gas: air, inlet: 2 bar, outlet: 1 bar, temperature: 20 degC}")
+    assert_allclose(one.mean_free_path(101325.0) * 1e9, 65.5, rtol=0.03)
+    assert_allclose(one.mean_free_path(10.0) * 10.0, one.mean_free_path(1e5) * 1e5, rtol=1e-12)
+
+
+def test_a_gas_of_ones_own_is_that_of_the_table() -> None:
+    known = fluid("{gas: nitrogen, inlet: 2 bar, outlet: 0 bar, temperature: 300 K}")
+    own = fluid(
+        f"{{gas: {{viscosity: {known.viscosity * 1e6} uPa*s, molar_mass: 28.014 g/mol}}, inlet: 200 kPa, outlet: 0 Pa, "
+        "temperature: 300 K}"
+    )
+    assert_allclose(own.mean_free_path(1.0), known.mean_free_path(1.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted", "factor"),
+    [
+        ("Pa*m^3/s", "mbar*l/s", 10.0),
+        ("mbar·l/s", "Pa m^3/s", 0.1),
+        ("sccm", "Pa*m^3/s", 101325e-6 / 60 * 293.15 / 273.15),  # warmer gas has more volume
+        ("mbar*l/s", "sccm", 0.1 * 60e6 / 101325 * 273.15 / 293.15),
+        ("sccs", "sccm", 60.0),
+    ],
+)
+def test_units_of_throughput(given: str, wanted: str, factor: float) -> None:
+    assert_allclose(throughput(2.0, given, wanted, 293.15), 2.0 * factor, rtol=1e-12)
+    assert_allclose(throughput(throughput(2.0, given, wanted, 300.0), wanted, given, 300.0), 2.0, rtol=1e-12)
+
+
+def test_the_leak_of_a_stored_gap_is_the_throughput_of_plates_times_its_coefficient(results: Dataset) -> None:
+    one = results.isel(D=0, m=0, seed=0, step=0)
+    gas = loads(TEXT).fluid
+    assert gas is not None
+    gap = float(one.free_volume) * 0.4e-6
+    plates = gap**3 * (2e5**2 - 1e5**2) / (24 * gas.viscosity)  # Pa m³/s of a square
+    assert_allclose(one.gas_leak_rate_x, float(one.gas_transmissivity_x) * plates * 10.0, rtol=1e-10)
+    assert_allclose(one.knudsen_number_x * one.critical_gap_x * 0.4e-6, gas.mean_free_path(1.5e5), rtol=1e-9)
+    assert results.gas_leak_rate_x.attrs["units"] == "mbar*l/s"
+
+
+def test_plates_far_apart_pass_what_viscous_flow_passes() -> None:
+    wide = made(TEXT.replace("Sq: 0.4 um, ", "Sq: 4 mm, ").replace("L: 100 um", "L: 1 m"))
+    assert_allclose(wide.gas_transmissivity_x, wide.transmissivity_x, rtol=1e-2)
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_helium_and_air_differ_by_viscosity_in_wide_gaps_and_by_molar_mass_in_narrow_ones(axis: str) -> None:
+    for sizes, ratio in (
+        (("4 mm", "1 m"), fluid("{gas: air, inlet: 2 bar, outlet: 1 bar}").viscosity / fluid_of_helium().viscosity),
+        (("4 pm", "1 nm"), math.sqrt(28.964 / 4.0026)),
+    ):
+        text = TEXT.replace("Sq: 0.4 um", f"Sq: {sizes[0]}").replace("L: 100 um", f"L: {sizes[1]}")
+        slip = text.replace("outlet: 1 bar", "outlet: 1 bar, law: slip")
+        light, heavy = made(slip), made(slip.replace("helium", "air"))
+        name = f"gas_leak_rate_{axis}"
+        assert_allclose(light[name] / heavy[name], ratio, rtol=2e-2 if sizes[0] == "4 mm" else 1e-3)
+
+
+def fluid_of_helium() -> Fluid:
+    return fluid("{gas: helium, inlet: 2 bar, outlet: 1 bar}")
+
+
+def test_a_gas_changes_neither_contact_nor_closing_nor_other_flows(results: Dataset) -> None:
+    without = TEXT.replace("fluid: {gas: helium, inlet: 2 bar, outlet: 1 bar}\n", "").replace(
+        ", gas_flow: every-step", ""
+    )
+    plain = made(without.replace(", gas_leak_rate: mbar*l/s", ""))
+    for name in ("contact_area_fraction", "mean_pressure", "transmissivity_x", "percolates_x", "critical_gap_y"):
+        np.testing.assert_array_equal(plain[name], results[name])
+
+
+def test_only_a_recorded_gas_enters_the_identity_of_a_case() -> None:
+    first, second = (
+        loads(TEXT.replace("outlet: 1 bar", text)).cases()[0] for text in ("outlet: 1 bar", "outlet: 0 Pa")
+    )
+    assert first.id != second.id
+    kilo = loads(TEXT.replace("inlet: 2 bar, outlet: 1 bar", "inlet: 200 kPa, outlet: 0.1 MPa")).cases()[0]
+    assert first.id == kilo.id
+    assert "fluid" not in loads("surface: {D: 2.2, m: 3}").stored()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("gas: helium", "gas: neon", "'neon' is no known gas; allowed: air, argon"),
+        ("outlet: 1 bar", "outlet: 3 bar", "inlet must be above outlet"),
+        ("inlet: 2 bar", "inlet: 2 m", "unit of length, not of pressure"),
+        ("inlet: 2 bar", "inlet: 2", "must be a number with a unit of pressure"),
+        ("outlet: 1 bar", "outlet: 1 bar, law: knudsen", "kinetic"),
+        ("outlet: 1 bar", "outlet: 1 bar, temperature: 20 m", "not of temperature"),
+        ("L: 100 um, Sq: 0.4 um", "L: 100", "needs the unit of length"),
+        (", gas_flow: every-step", "", "needs record.transport.gas_flow"),
+        ("fluid: {gas: helium, inlet: 2 bar, outlet: 1 bar}\n", "", "needs the section fluid"),
+        ("mbar*l/s", "mm^3/s", "unit of flow, not of throughput"),
+    ],
+)
+def test_refused(old: str, new: str, words: str) -> None:
+    with pytest.raises(StudyError, match=words):
+        loads(TEXT.replace(old, new))
+
+
+def test_a_file_without_unit_is_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.random.default_rng(0).random((9, 9)))
+    text = TEXT.replace("D: 2.2, m: 5, L: 100 um, Sq: 0.4 um, seeds: 1", "file: z.npy, L: 4")
+    with pytest.raises(StudyError, match="needs the unit of length"):
+        loads(text, tmp_path / "s.yaml").cases()
+
+
+# read-offs and the card
+
+
+def test_a_leak_of_a_gas_is_asked_for_by_its_unit(results: Dataset) -> None:
+    flows = results.gas_leak_rate_x.values.ravel()
+    wanted = float(np.sqrt(flows[2] * flows[3]))
+    assert gas_leak.is_throughput("1e-4 mbar*l/s")
+    assert gas_leak.is_throughput("2 sccm")
+    assert not gas_leak.is_throughput("1e-4 mm^3/s")
+    assert not gas_leak.is_throughput("nonsense")
+    run, kelvin = gas_leak.in_place(results, "pressure")
+    found = ask.ask(run, wanted, "pressure")[0].value
+    pressures = results.nominal_pressure.values.ravel()
+    assert pressures[2] < found < pressures[3]
+    assert kelvin == 293.15
+    with pytest.raises(StudyError, match="mean free path over Sq"):
+        gas_leak.in_place(results, "Sq")
+    with pytest.raises(StudyError, match="no leak of a gas"):
+        gas_leak.in_place(results.drop_vars("gas_leak_rate_x"), "pressure")
+
+
+def test_the_card_has_the_leak_of_the_gas(tmp_path: Path) -> None:
+    study = loads(TEXT)
+    runs = card_runs.compute(study, card_runs.level_of("pressure=0.5"), tmp_path, jobs=1)
+    facts = dict(card_of(runs, "gas").facts)
+    assert "mbar*l/s (helium, 2 bar to 1 bar" in facts["Gas leak"]
+    stored = running.run(study, jobs=1, out=tmp_path / "run").isel(D=0, m=0, seed=0)
+    at = np.exp(np.interp(0.5, stored.mean_pressure, np.log(stored.gas_leak_rate_x)))
+    assert_allclose(float(facts["Gas leak"].split()[1].rstrip(",")), at, rtol=0.2)
+
+
+def test_plates_of_the_study_and_of_the_solver_are_the_same() -> None:
+    assert_allclose(plate_flow("viscous", 2.0, 1.0, 0.5, 1.0), 8 * (1 - 0.25) / 2, rtol=1e-12)
