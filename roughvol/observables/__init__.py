@@ -14,6 +14,7 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `deformed`         texture before load and under load
 `waves`            power spectral density of the undeformed surface
 `plastic`          hardness in the unit of p*, the residual surface and its texture
+`perimeter`        edges between contact and void, and the contact area corrected by them
 `pressures`        shares above the hardness, the pressure in the middle
 `free_volume`      element volumes, their total, density and domains
 `box_counting`     boxes of side r, and the local dimension
