@@ -111,7 +111,10 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
         message = "no run to report on"
         raise DatasetError(message)
     runs = tuple(Run.of(name, dataset.read(path)) for name, path in zip(names_of(paths), paths, strict=True))
-    evidence = Evidence(runs, any_size)
+    rows = tuple(assess(Evidence(runs, any_size), LITERATURE))
+    named = {name for row in rows for name in row.source}
+    cited = tuple(run for run in runs if run.name in named)
+    evidence = Evidence(tuple(run for run in runs if run not in cited), any_size)
     claims = tuple(assess(evidence))
     try:
         many = many_seeds(evidence)
@@ -119,9 +122,6 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
         many = None
     used = {name for claim in claims for name in claim.source}
     used |= {run.name for needs in (*SERVES, ENOUGH, *ALONE) for run in evidence.fit(needs)}
-    rows = tuple(assess(evidence, LITERATURE))
-    named = {name for row in rows for name in row.source}
-    cited = tuple(run for run in runs if run.name in named - used)
     own = tuple(run for run in runs if run.name not in used | named)
     yielding = tuple(comparisons(runs))
     return Report(

@@ -95,6 +95,15 @@ class Rolled(Needs):
 
 
 @dataclass(frozen=True)
+class Light(Needs):
+    """Configuration of a run of free midpoint surfaces at given light loads; its end counts in trials as well."""
+
+    def relaxed(self) -> Light:
+        """Return the configuration without its size: variables, comparison and end."""
+        return Light(self.holds, self.by, ends=self.ends)
+
+
+@dataclass(frozen=True)
 class Files(Needs):
     """Configuration of a run of given height files.
 
