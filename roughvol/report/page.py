@@ -133,13 +133,17 @@ def _verdicts(report: Report) -> Html:
             tag("td", tag("a", claim.title, href=f"#claim-{claim.id}"), tag("small", claim.place)),
             tag("td", _badge(claim)),
             tag("td", claim.why, data_head="Why"),
-            # a long name of a run may break after each underscore
-            tag("td", Html(join(", ".join(claim.source)).replace("_", "_<wbr>")), _refused(claim), data_head="Run"),
+            tag("td", _breakable(claim.source), _refused(claim), data_head="Run"),
         )
         for claim in report.computed
     ]
     shown = table(("", "Claim", "Verdict", "Why", "Run"), rows, kind="verdicts")
     return join(tag("h2", "Verdicts", id="verdicts"), rule, shown, _absent(report.absent))
+
+
+def _breakable(names: Iterable[str]) -> Html:
+    """Return names of runs that may break after each underscore."""
+    return Html(join(", ".join(names)).replace("_", "_<wbr>"))
 
 
 def _refused(claim: Claim) -> Html:
@@ -220,16 +224,14 @@ def _literature(report: Report) -> Html:
         return Html()
     rows = []
     for row in report.literature:
-        published, ours, criteria, study = literature.cells(row)
-        link = tag("a", row.title, href=f"#literature-{row.id}")
+        link = row.title if row.verdict == ABSENT else tag("a", row.title, href=f"#literature-{row.id}")
         rows.append(
             (
                 tag("td", str(row.id), kind="n"),
-                tag("td", link, tag("small", published)),
-                tag("td", *ours, data_head="Computed"),
-                tag("td", *criteria, data_head="Criterion"),
+                tag("td", link, tag("small", literature.published(row))),
                 tag("td", _badge(row)),
-                tag("td", study, data_head="Study"),
+                tag("td", *(tag("div", line) for line in literature.computed(row)), data_head="Computed"),
+                tag("td", _breakable(row.source), data_head="Study"),
             )
         )
     shown = table(("", *literature.HEAD), rows, kind="verdicts")

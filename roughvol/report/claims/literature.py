@@ -127,10 +127,12 @@ def correction(given: Given) -> Outcome:
     coarse = [ratio for ratio in errors if ratio in (4.0, 8.0)] or list(errors)[:1]
     checks = [check for ratio in coarse for check in judged_correction(ratio, *errors[ratio])]
     numbers = [
-        mean(f"{key}_{ratio:g}", f"error of A* of {words}, λ_s/δ = {ratio:g}", values)
+        mean(f"{key}_{ratio:g}", f"error of {words}, λ_s/δ = {ratio:g}", values)
         for ratio, pair in errors.items()
         if ratio not in coarse
-        for key, words, values in zip(("raw", "corrected"), ("the elements", "the correction"), pair, strict=True)
+        for key, words, values in zip(
+            ("raw", "corrected"), ("A* of the elements", "the corrected A*"), pair, strict=True
+        )
     ]
     why = "; ".join(
         f"λ_s/δ = {ratio:g}: {errors[ratio][0].mean():+.1%} become {errors[ratio][1].mean():+.1%}" for ratio in coarse
@@ -144,9 +146,9 @@ def judged_correction(ratio: float, raw: Array, corrected: Array) -> list[Check]
     left = mean(f"corrected_{ratio:g}", f"error of the corrected A*, λ_s/δ = {ratio:g}", corrected)
     third = abs(elements.value) / 3.0
     return [
-        Check.above(f"the elements overestimate A* at λ_s/δ = {ratio:g}", elements, 0.0),
-        within(f"the correction leaves less than a third at λ_s/δ = {ratio:g}", left, (-third, third)),
-        *([within("and less than 2 %", left, (-0.02, 0.02), essential=False)] if ratio >= 8.0 else []),
+        Check.above("too large, > 0", elements, 0.0),
+        within("less than a third is left", left, (-third, third)),
+        *([within("less than 2 %", left, (-0.02, 0.02), essential=False)] if ratio >= 8.0 else []),
     ]
 
 
@@ -184,8 +186,8 @@ def order_of_closing(given: Given) -> Outcome:
     run = given.run()
     number = mean("closing", "corrected A* at which the last way closes", closings(run, _areas(run)[1]))
     checks = [
-        within("A* is between 0.35 and 0.45", number, ORDER),
-        Check.below("A* is below 0.5", number, BRUGGEMAN),
+        within("between 0.35 and 0.45", number, ORDER),
+        Check.below("below 0.5", number, BRUGGEMAN),
     ]
     return Outcome(checks, f"The void closes at A* = {number}.", [run])
 
@@ -223,7 +225,7 @@ def closing_area(area: Array, is_open: Array) -> Array:
 
 def judged_closing(number: Number) -> list[Check]:
     """Return the checks of `closing`."""
-    return [within(f"A* is within {CLOSED} ± {NEAR}", number, (CLOSED - NEAR, CLOSED + NEAR))]
+    return [within(f"within {CLOSED} ± {NEAR}", number, (CLOSED - NEAR, CLOSED + NEAR))]
 
 
 @claim(
@@ -249,7 +251,7 @@ def proportional_stiffness(given: Given) -> Outcome:
 
 def judged_proportional(number: Number) -> list[Check]:
     """Return the checks of `proportional_stiffness`."""
-    return [within("x is within 1 ± 0.1", number, (1.0 - PROPORTIONAL, 1.0 + PROPORTIONAL))]
+    return [within("within 1 ± 0.1", number, (1.0 - PROPORTIONAL, 1.0 + PROPORTIONAL))]
 
 
 def exponents_of_stiffness(pressure: Array, separation: Array, mask: Mask) -> Array:
@@ -296,15 +298,15 @@ def judged_fractals(exponents: dict[float, Array]) -> list[Check]:
     checks, numbers = [], {}
     for D, values in exponents.items():
         numbers[D] = mean(f"alpha_{D:g}", f"α, D = {D:g}", values)
-        checks.append(within(f"α is between 0.51 and 0.77 at D = {D:g}", numbers[D], STIFF))
+        checks.append(within("between 0.51 and 0.77", numbers[D], STIFF))
     first, last = min(exponents), max(exponents)
     if last > first:
         rise = mean("rise", f"α at D = {last:g} less that at D = {first:g}", exponents[last] - exponents[first])
-        checks.append(Check.above("α grows with D", rise, 0.0))
+        checks.append(Check.above("grows, > 0", rise, 0.0))
     for D, number in numbers.items():
         line = STIFF[0] + (STIFF[1] - STIFF[0]) * (D - 2.0)
         limits = (line - OFF_LINE, line + OFF_LINE)
-        checks.append(within(f"α is within {line:.3f} ± {OFF_LINE} at D = {D:g}", number, limits, essential=False))
+        checks.append(within(f"within {line:.3f} ± {OFF_LINE}", number, limits, essential=False))
     return checks
 
 
@@ -337,8 +339,8 @@ def exponential_gap(given: Given) -> Outcome:
 def judged_exponential(straight: Array, length: Array) -> list[Check]:
     """Return the checks of `exponential_gap` from R² and ū_α/h_rms of each surface."""
     return [
-        Check.above("R² of ln p over ū is above 0.99", mean("R2", "R², A* from 0.01 to 0.2", straight), STRAIGHT),
-        within("ū_α/h_rms is between 0.4 and 0.6", mean("length", "ū_α/h_rms", length), LENGTH, essential=False),
+        Check.above("above 0.99", mean("R2", "R² of ln p over ū, A* from 0.01 to 0.2", straight), STRAIGHT),
+        within("between 0.4 and 0.6", mean("length", "ū_α/h_rms", length), LENGTH, essential=False),
     ]
 
 
@@ -375,4 +377,4 @@ def largest_error(area: Array, reduced: Array, kappa: float) -> Array:
 
 def judged_area(number: Number) -> list[Check]:
     """Return the checks of `area_of_all_loads`."""
-    return [Check.below(f"the largest difference is below {AREA_ERROR}", number, AREA_ERROR)]
+    return [Check.below(f"below {AREA_ERROR}", number, AREA_ERROR)]

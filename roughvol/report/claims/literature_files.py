@@ -73,15 +73,15 @@ def width(given: Given) -> Outcome:
         finest = waves(given.run(kernel))[-1]
         off = float(np.abs(finest.area - 2.0 * finest.ratio).max()) * finest.nodes
         checks.append(
-            judged_width(exact(f"elements_{kernel}", f"largest |A* - 2a/λ| in elements, {kernel}", off), kernel)
+            judged_width(exact(f"elements_{kernel}", f"largest |A* - 2a/λ| in elements, kernel {kernel}", off))
         )
     largest = max(check.number.value for check in checks if check.number)
     return Outcome(checks, f"The width differs by {largest:.2f} elements at most.", _sources(given, SHARP))
 
 
-def judged_width(number: Number, kernel: str) -> Check:
+def judged_width(number: Number) -> Check:
     """Return the check of `width`."""
-    return Check(f"at most 2 elements, kernel {kernel}", number.value <= 2.0, number)
+    return Check("at most 2", number.value <= 2.0, number)
 
 
 @claim(
@@ -104,9 +104,9 @@ def gaps(given: Given) -> Outcome:
     for kernel in SHARP:
         for state in waves(given.run(kernel)):
             off = max(_distance_from_table(state, ratio) for ratio in GAPS)
-            name = f"largest error of the mean gap over 2h, {kernel}, {state.nodes} elements"
+            name = f"error of the mean gap over 2h, {kernel}, {state.nodes} elements"
             numbers.append(exact(f"gap_{kernel}_{state.nodes}", name, off))
-        checks.append(judged_gap(numbers.pop(), kernel))
+        checks.append(judged_gap(numbers.pop()))
     largest = max(check.number.value for check in checks if check.number)
     return Outcome(checks, f"The largest error is {largest:.1e}.", _sources(given, SHARP), numbers)
 
@@ -119,9 +119,9 @@ def _distance_from_table(state: WaveStates, ratio: float) -> float:
     return abs(float(state.gap[k]) + moved - GAPS[ratio])
 
 
-def judged_gap(number: Number, kernel: str) -> Check:
+def judged_gap(number: Number) -> Check:
     """Return the check of `gaps`."""
-    return Check(f"at most {GAP_ERROR:g}, kernel {kernel}", number.value <= GAP_ERROR, number)
+    return Check("at most 2e-6", number.value <= GAP_ERROR, number)
 
 
 @claim(
@@ -153,7 +153,7 @@ def judged_order(nodes: Array, errors: Array, kernel: str) -> Check:
     """Return the check of `orders` from the error on each grid."""
     order = ORDERS[kernel]
     number = exact(f"order_{kernel}", f"order, {kernel}", -slope(np.log(nodes), np.log(errors)))
-    return within(f"order within {order:g} ± {ORDER_ERROR}", number, (order - ORDER_ERROR, order + ORDER_ERROR))
+    return within(f"within {order:g} ± {ORDER_ERROR}", number, (order - ORDER_ERROR, order + ORDER_ERROR))
 
 
 def _sources(given: Given, uses: dict[str, Files]) -> list[Run]:
