@@ -72,4 +72,10 @@ def row(claim: Claim) -> tuple[str, ...]:
         Number, published, verdict, computed and study.
     """
     title = f"{claim.title}. {published(claim)}"
-    return str(claim.id), title, claim.verdict, ". ".join(computed(claim)), ", ".join(claim.source)
+    return (
+        str(claim.id),
+        title,
+        claim.verdict,
+        ". ".join(line.rstrip(".") for line in computed(claim)),
+        ", ".join(claim.source),
+    )

@@ -203,7 +203,7 @@ def closings(run: Run, area: Array) -> Array:
     """Return the area at which the void closes, mean over both axes, for each surface of the finest grid."""
     ways = [run.values(f"percolates_{axis}", D=run.D[0], m=max(run.m)) for axis in "xy"]
     found: Array = np.mean([closing_area(area, way) for way in ways], axis=0)
-    require(np.isfinite(found).any(), "a sweep in which the void closes along both axes")
+    require(np.isfinite(found).all(), "a sweep in which the void of every surface closes along both axes")
     return found
 
 
