@@ -8,9 +8,13 @@ SEAL := seal seal_map seal_region metal_seal metal_seal_elastic
 # Second readings of the paper's ambiguous passages, and more surfaces than it has: for the claims report.
 READINGS := ten_seeds_of_m many_seeds morphology_of_D full_contact first_contact in_plane_scaling \
             reading_variance_law reading_variance_law_D reading_summit_plane
+# Numbers of the literature. A study whose file is not on this machine is left out, and its row says so.
+LITERATURE := wave_love wave_fourier wave_punch two_codes area load closing stiffness \
+              mirco_sup2 mirco_supN6 mirco_sup5 mirco_sup7 challenge
 
 .DEFAULT_GOAL := setup
-.PHONY: help setup reproduce seal test bench bench-peers validation tradeoff extremes reference docs coverage test-slow lint smoke clean
+.PHONY: help setup reproduce seal literature test bench bench-peers validation tradeoff extremes reference docs coverage \
+        test-slow lint smoke clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
@@ -31,6 +35,14 @@ seal: setup  ## run the sealing studies and report on them
 	@for study in $(SEAL); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
 	@for study in $(SEAL); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
 	@$(BIN)/roughvol report $(SEAL) --out runs/seal_report
+
+literature: setup  ## run the studies of the literature and report on its numbers
+	@$(BIN)/python -m tests.bench.framework_surface
+	@cd configs/literature && for name in $(LITERATURE); do \
+	  file=$$(sed -n 's/^surface: {file: \([^,}]*\).*/\1/p' literature_$$name.yaml); \
+	  if [ -n "$$file" ] && [ ! -e "$$file" ]; then echo "literature_$$name: no configs/literature/$$file, left out"; continue; fi; \
+	  (cd ../.. && $(BIN)/roughvol run configs/literature/literature_$$name.yaml) || exit $$?; done
+	@$(BIN)/roughvol report runs/literature_*/study.nc --out runs/literature
 
 # worksteal: each of the two takes half of the files in order, so that few fixtures are made twice.
 test: setup  ## run the tests

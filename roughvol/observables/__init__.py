@@ -15,6 +15,7 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `deformed`         texture before load and under load
 `waves`            power spectral density of the undeformed surface
 `plastic`          hardness in the unit of p*, the residual surface and its texture
+`perimeter`        edges between contact and void, and the contact area corrected by them
 `pressures`        shares above the hardness, the pressure in the middle
 `free_volume`      element volumes, their total, density and domains
 `box_counting`     boxes of side r, and the local dimension
@@ -23,6 +24,7 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `transport`        critical constriction, and flow
 `gas`              the flow of a gas, from viscous to free molecular
 `quick_estimates`  the flow by effective medium and by a single junction
+`stiffness`        pressure per separation along a loading
 `void`             the transport that a study asks for, state by state
 `regions`          a part of the surface, and central squares
 `at_state`         quantities of a sweep at a given state, between its steps

@@ -19,6 +19,7 @@ from roughvol.contact.loading import Compliance, Contact
 from roughvol.observables import deformed, plastic, waves
 from roughvol.observables.along_steps import AlongSteps
 from roughvol.observables.levels import at_level, is_end, on_legs, reached
+from roughvol.observables.perimeter import contact_perimeter
 from roughvol.observables.pressures import above, central_pressure_ratio
 from roughvol.observables.recorded import AT_STATES, asked_at_states, fields_of
 from roughvol.observables.regions import State, within
@@ -123,6 +124,8 @@ class Reduction:
             self._per_step |= {name: [] for name in ABOVE_HARDNESS}
         if case.plastic:
             self._per_step |= {name: [] for name in PLASTIC}
+        if case.record.contact_perimeter:
+            self._per_step["contact_perimeter"] = []
         self._levels = {name: on_legs(by_label, case) for name, by_label in asked_at_states(case.record).items()}
         self._kept: dict[str, dict[str, tuple[int, Values]]] = {name: {} for name in self._levels}
         self._along = AlongSteps(case, surface)
@@ -163,6 +166,8 @@ class Reduction:
                 self._seconds[observable] += time.perf_counter() - started
         for name in (*PER_STEP, *(PLASTIC if self._case.plastic else ())):
             self._per_step[name].append(getattr(contact, name))
+        if self._case.record.contact_perimeter:
+            self._per_step["contact_perimeter"].append(contact_perimeter(contact.contact(), contact.periodic))
         if self._hardness is not None:
             for name, share in zip(ABOVE_HARDNESS, above(contact.pressure(), self._hardness), strict=True):
                 self._per_step[name].append(share)

@@ -14,7 +14,19 @@ from typing import Any
 
 from roughvol.errors import DatasetError
 from roughvol.report.answers import Answers, answers
-from roughvol.report.claims import ABSENT, CLAIMS, VERDICTS, Check, Claim, Evidence, Lacking, Reading, Run, assess
+from roughvol.report.claims import (
+    ABSENT,
+    CLAIMS,
+    LITERATURE,
+    VERDICTS,
+    Check,
+    Claim,
+    Evidence,
+    Lacking,
+    Reading,
+    Run,
+    assess,
+)
 from roughvol.report.claims.ambiguities import SERVES, readings
 from roughvol.report.claims.leak_estimates import Ratio, ratios
 from roughvol.report.claims.many_seeds import ENOUGH, ManySeeds, many_seeds
@@ -33,7 +45,7 @@ MARKS = {True: "met", None: "undecided", False: "not met"}
 class Report:
     """Results that the page shows: claims, readings, few seeds, ensembles, estimates of leakage, yield, and the runs.
 
-    ``own`` are the runs that do not serve the paper; each is reported for itself.
+    ``own`` are the runs that serve neither the paper nor the literature; each is reported for itself.
     """
 
     runs: tuple[Run, ...]
@@ -45,11 +57,13 @@ class Report:
     any_size: bool = False
     yielding: tuple[Comparison, ...] = ()
     answers: tuple[Answers, ...] = ()
+    literature: tuple[Claim, ...] = ()
+    cited: tuple[Run, ...] = ()
 
     @property
     def evidence(self) -> Evidence:
         """The runs that serve the paper, to be asked."""
-        return Evidence(tuple(run for run in self.runs if run not in self.own), self.any_size)
+        return Evidence(tuple(run for run in self.runs if run not in (*self.own, *self.cited)), self.any_size)
 
     @property
     def computed(self) -> tuple[Claim, ...]:
@@ -64,6 +78,12 @@ class Report:
     def counts(self) -> dict[str, int]:
         """Return how many claims have each verdict."""
         return {verdict: sum(claim.verdict == verdict for claim in self.claims) for verdict in VERDICTS}
+
+
+def counted(claims: Sequence[Claim]) -> str:
+    """Return how many claims have each verdict, in words."""
+    counts = {verdict: sum(claim.verdict == verdict for claim in claims) for verdict in VERDICTS}
+    return ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
 
 
 def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
@@ -92,7 +112,10 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
         raise DatasetError(message)
     named = zip(names_of(paths), paths, strict=True)
     runs = tuple(part for name, path in named for part in Run.of(name, dataset.read(path)).parts)
-    evidence = Evidence(runs, any_size)
+    rows = tuple(assess(Evidence(runs, any_size), LITERATURE))
+    sources = {name for row in rows for name in row.source}
+    cited = tuple(run for run in runs if run.name in sources)
+    evidence = Evidence(tuple(run for run in runs if run not in cited), any_size)
     claims = tuple(assess(evidence))
     try:
         many = many_seeds(evidence)
@@ -100,7 +123,7 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
         many = None
     used = {name for claim in claims for name in claim.source}
     used |= {run.name for needs in (*SERVES, ENOUGH, *ALONE) for run in evidence.fit(needs)}
-    own = tuple(run for run in runs if run.name not in used)
+    own = tuple(run for run in runs if run.name not in used | sources)
     yielding = tuple(comparisons(runs))
     return Report(
         runs,
@@ -112,6 +135,8 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
         any_size,
         yielding,
         tuple(answers(runs)),
+        rows if sources else (),
+        cited,
     )
 
 
@@ -159,7 +184,10 @@ def uses_of(figure: str) -> list[Any]:
 
 def heading(report: Report) -> str:
     """Return the title of a report: the question if any claim is answered, else the runs."""
-    return "Does the paper hold?" if report.computed else ", ".join(run.name for run in report.runs)
+    if report.computed:
+        return "Does the paper hold?"
+    names = ", ".join(run.name for run in report.own)
+    return "Do the published numbers hold?" if report.literature and not report.own else names
 
 
 def criterion(check: Check) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from roughvol._version import __version__
-from roughvol.report import run_facts
+from roughvol.report import literature, run_facts
 from roughvol.report.answers import HEAD as HEAD_OF_ANSWERS
 from roughvol.report.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Claim, Number
 from roughvol.report.claims.leak_estimates import HEAD
@@ -65,6 +65,7 @@ def to_html(report: Report) -> str:
         parts += [tag("h2", "Further figures", id="figures"), tag("div", *figures.values(), kind="figures")]
     for number, run in enumerate(report.own, start=1):
         parts.append(run_section(run_facts.facts(run), list(drawings_of(run)), f"run-{number}"))
+    parts.append(_literature(report))
     parts += [_estimates(report), _yielding(report), _answers(report), _decisions(report), _runs(report), _citation()]
     body = "\n".join(parts)
     return (
@@ -94,6 +95,7 @@ def _sections(report: Report) -> list[tuple[str, str]]:
         ("seeds", "Monte Carlo", report.seeds is not None),
         ("claims", "Claims", bool(report.computed)),
         *own,
+        ("literature", "Literature", bool(report.literature)),
         ("estimates", "Quick estimates", bool(report.estimates)),
         ("yielding", "Yield", bool(report.yielding)),
         ("answers", "Ensembles", bool(report.answers)),
@@ -131,13 +133,17 @@ def _verdicts(report: Report) -> Html:
             tag("td", tag("a", claim.title, href=f"#claim-{claim.id}"), tag("small", claim.place)),
             tag("td", _badge(claim)),
             tag("td", claim.why, data_head="Why"),
-            # a long name of a run may break after each underscore
-            tag("td", Html(join(", ".join(claim.source)).replace("_", "_<wbr>")), _refused(claim), data_head="Run"),
+            tag("td", _breakable(claim.source), _refused(claim), data_head="Run"),
         )
         for claim in report.computed
     ]
     shown = table(("", "Claim", "Verdict", "Why", "Run"), rows, kind="verdicts")
     return join(tag("h2", "Verdicts", id="verdicts"), rule, shown, _absent(report.absent))
+
+
+def _breakable(names: Iterable[str]) -> Html:
+    """Return names of runs that may break after each underscore."""
+    return Html(join(", ".join(names)).replace("_", "_<wbr>"))
 
 
 def _refused(claim: Claim) -> Html:
@@ -213,6 +219,26 @@ def _seeds(report: Report, figures: dict[str, Html]) -> Html:
     return join(title, tag("p", words), *tables, figures.pop("seeds", Html()))
 
 
+def _literature(report: Report) -> Html:
+    if not report.literature:
+        return Html()
+    rows = []
+    for row in report.literature:
+        link = row.title if row.verdict == ABSENT else tag("a", row.title, href=f"#literature-{row.id}")
+        rows.append(
+            (
+                tag("td", str(row.id), kind="n"),
+                tag("td", link, tag("small", literature.published(row))),
+                tag("td", _badge(row)),
+                tag("td", *(tag("div", line) for line in literature.computed(row)), data_head="Computed"),
+                tag("td", _breakable(row.source), data_head="Study"),
+            )
+        )
+    shown = table(("", *literature.HEAD), rows, kind="verdicts")
+    full = [_claim(row, {}, "literature") for row in report.literature if row.verdict != ABSENT]
+    return join(tag("h2", "Numbers of the literature", id="literature"), tag("p", literature.NOTE), shown, *full)
+
+
 def _estimates(report: Report) -> Html:
     if not report.estimates:
         return Html()
@@ -240,7 +266,7 @@ def _answers(report: Report) -> Html:
     return Html("\n".join(parts))
 
 
-def _claim(claim: Claim, figures: dict[str, Html]) -> Html:
+def _claim(claim: Claim, figures: dict[str, Html], kind: str = "claim") -> Html:
     rows = []
     for check in claim.checks:
         mark = tag("td", MARKS[check.met], kind=MARKS[check.met].replace(" ", "-"))
@@ -259,9 +285,9 @@ def _claim(claim: Claim, figures: dict[str, Html]) -> Html:
         fold("Criteria and numbers", checks) if claim.checks else Html(),
         fold("How it is judged, and why so", *method, source, _refused(claim)),
         tag("div", *(figures.pop(name) for name in claim.figures if name in figures), kind="figures"),
-        tag("p", tag("a", "↑ verdicts", href="#verdicts"), kind="up"),
+        tag("p", tag("a", "↑ verdicts", href="#verdicts" if kind == "claim" else f"#{kind}"), kind="up"),
         kind="claim",
-        id=f"claim-{claim.id}",
+        id=f"{kind}-{claim.id}",
     )
 
 

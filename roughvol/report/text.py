@@ -8,11 +8,11 @@ from dataclasses import asdict
 from typing import Any
 
 from roughvol._version import __version__
-from roughvol.report import run_facts
+from roughvol.report import literature, run_facts
 from roughvol.report.claims import VERDICTS, Claim, Reading, plain
 from roughvol.report.claims.leak_estimates import HEAD
 from roughvol.report.claims.many_seeds import ManySeeds
-from roughvol.report.model import CITE, MARKS, Report, agreement, criterion, facts_of, heading, span
+from roughvol.report.model import CITE, MARKS, Report, agreement, counted, criterion, facts_of, heading, span
 from roughvol.report.run_facts import Facts
 from roughvol.report.yielding import HEAD as HEAD_OF_YIELDING
 
@@ -22,16 +22,18 @@ FORMAT = "roughvol claims 1"
 def summary(report: Report) -> str:
     """Return runs of their own and the verdicts as lines of text for a terminal, the counts of verdicts last."""
     lines = [line for run in report.own for line in _lines(run_facts.facts(run))]
+    width = max(len(verdict) for verdict in VERDICTS)
+    lines += [f"{row.id:3d}  {row.verdict:<{width}}  {_titled(row)}" for row in report.literature]
+    if report.literature:
+        lines.append(f"{len(report.literature)} numbers of the literature: {counted(report.literature)}")
     if not report.computed:
         return "\n".join(lines)
-    width = max(len(verdict) for verdict in VERDICTS)
     lines += [f"{claim.id:3d}  {claim.verdict:<{width}}  {_titled(claim)}" for claim in report.claims]
     return "\n".join([*lines, _counts(report)])
 
 
 def _counts(report: Report) -> str:
-    counts = ", ".join(f"{count} {verdict}" for verdict, count in report.counts().items() if count)
-    return f"{len(report.claims)} claims: {counts}"
+    return f"{len(report.claims)} claims: {counted(report.claims)}"
 
 
 def _titled(claim: Claim) -> str:
@@ -60,6 +62,7 @@ def to_json(report: Report) -> str:
     data: dict[str, Any] = {"format": FORMAT, "roughvol_version": __version__, "counts": report.counts()}
     data["claims"] = plain(report.claims)
     data["readings"] = plain(report.readings)
+    data["literature"] = plain(report.literature)
     if report.seeds:
         data["seeds"] = _plain_seeds(report.seeds)
     data["surfaces"] = [run_facts.facts(run).plain() for run in report.own]
@@ -88,6 +91,9 @@ def to_markdown(report: Report) -> str:
         lines += ["", f"{_counts(report)}."]
     for run in report.own:
         lines += _section(run_facts.facts(run))
+    if report.literature:
+        lines += ["", "## Numbers of the literature", "", literature.NOTE, ""]
+        lines += _table(("", *literature.HEAD), [literature.row(claim) for claim in report.literature])
     if report.readings:
         lines += ["", "## Where the text is ambiguous"]
         for reading in report.readings:

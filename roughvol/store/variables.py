@@ -23,19 +23,13 @@ VARIABLES |= rows(
     case=Variable("case", "1", "height file", "case", "text"),
     L=Variable("", "length", "length of the first axis", "L"),
 )
-VARIABLES |= rows(
-    "observables.reduction.Reduction",
-    step=Variable("step", "1", "loading step", "k", "index"),
-)
+VARIABLES |= rows("observables.reduction.Reduction", step=Variable("step", "1", "loading step", "k", "index"))
 VARIABLES |= rows(
     "observables.reduction.of_surface",
     x=Variable("x", "1", "position along the first axis over L", "x/L"),
     y=Variable("y", "1", "position along the second axis over L", "y/L"),
 )
-VARIABLES |= rows(
-    "study.sweep.Legs.legs",
-    leg=Variable("step", "1", "leg of the path, from 1", "leg", "index"),
-)
+VARIABLES |= rows("study.sweep.Legs.legs", leg=Variable("step", "1", "leg of the path, from 1", "leg", "index"))
 VARIABLES |= rows(
     "study.record.Select.levels",
     field_at=Variable("field_at", "1", "state at which fields are kept", "state", "text"),
@@ -151,6 +145,10 @@ VARIABLES |= rows(
     residual=Variable("... step", "1", "largest violation of the contact conditions in the gap over Sq", "η/σ"),
     mean_pressure_bound=Variable("... step", "1", "certified bound of the relative error of p*", "|δp*|/p*"),
     converged=Variable("... step", "1", "the state was solved and met its residual", "converged", "flag"),
+)
+VARIABLES |= rows(
+    "observables.perimeter.contact_perimeter",
+    contact_perimeter=Variable("... step", "1", "edges between contact and void times L over the area", "S_d L/A_n"),
 )
 # where pressures end at a hardness
 VARIABLES |= rows(

@@ -85,7 +85,7 @@ def _dense_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
 def _without_contact(record: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     """Yield the recorded observables that need a contact, for a study without steps."""
     pressed = [name for name in Record.model_fields if name not in UNPRESSED]
-    paths: list[KeyPath] = [(name,) for name in pressed if record.get(name) is not None]
+    paths: list[KeyPath] = [(name,) for name in pressed if record.get(name) not in (None, False)]
     if _mapping(record, "texture").get("at") not in (None, "last"):  # texture before load needs no contact
         paths.append(("texture", "at"))
     for path in paths:

@@ -304,6 +304,11 @@ class Record(Strict):
         description="power spectral density of the undeformed surface, root mean square height, slope and curvature by "
         "scale, and Nayak's parameter: true or false",
     )
+    contact_perimeter: bool = Field(
+        default=False,
+        description="length of the edges between contact and void at every step, for the corrected contact area: true "
+        "or false",
+    )
     transport: Transport | None = Field(
         default=None,
         description="quantities of the void, each with its states",

@@ -354,8 +354,8 @@ def test_defaults_are_part_of_the_key_written_out_or_not(tmp_path: Path) -> None
     assert [case.id for case in cases] == ["z-da63bfa0"] * 2  # pinned: a change outdates every stored case
     assert cases[0].key["surface"]["treatment"].keys() == {field.name for field in fields(UNTREATED)}
     generated = loads("surface: {D: 2.3, m: 4}").cases()[0].key
-    # residual heights and the spectrum enter the key of cases that ask for them alone: others keep their id
-    asked_alone = {"dimensional", "residual_heights", "psd", "all_legs"}
+    # these enter the key of cases that ask for them alone: others keep their id
+    asked_alone = {"dimensional", "residual_heights", "psd", "all_legs", "contact_perimeter"}
     assert generated["record"].keys() == loads(SURFACE).record.model_dump().keys() - asked_alone
     assert generated["solver"].keys() == {"rtol", "pressure_error", "kernel", "method"}
 

@@ -1,6 +1,7 @@
 """The paper's claims as functions of datasets: numbers with intervals, criteria fixed in the code, a verdict by rule.
 
-Each claim argues its criterion in its docstring, which the report shows. ``assess(runs)`` answers all 24.
+Each claim argues its criterion in its docstring, which the report shows. ``assess(runs)`` answers all 24, and
+``assess(runs, LITERATURE)`` the rows of the literature.
 
 =================  ===================================================================
 `roughness`        claims 1, 2, 24: the surfaces, and scaling in the plane
@@ -11,6 +12,9 @@ Each claim argues its criterion in its docstring, which the report shows. ``asse
 `density`          claims 19 to 23: density of the volumes, volume at d = 0
 `ambiguities`      second readings of ambiguous passages
 `many_seeds`       results of ten surfaces where a hundred are known
+`literature`       numbers of the literature: area, closing, stiffness, mean gap
+`literature_files` numbers of the literature on given surfaces
+`literature_needs` configurations that these rows need
 `leak_estimates`   quick estimates of leakage over the flow
 `verdict`          numbers, checks, and the verdict that follows
 `evidence`         registration of a claim, choice of its runs, curves on common axes
@@ -23,10 +27,19 @@ Each claim argues its criterion in its docstring, which the report shows. ``asse
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from roughvol.report.claims import area_and_volume, density, formulas, refinement, roughness, shape
-from roughvol.report.claims.evidence import CLAIMS, Evidence, Lacking
+from roughvol.report.claims import (
+    area_and_volume,
+    density,
+    formulas,
+    literature,
+    literature_files,
+    refinement,
+    roughness,
+    shape,
+)
+from roughvol.report.claims.evidence import CLAIMS, LITERATURE, Evidence, Lacking, Question
 from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import (
     ABSENT,
@@ -47,6 +60,7 @@ __all__ = [
     "CLAIMS",
     "FAILS",
     "HOLDS",
+    "LITERATURE",
     "QUALIFIED",
     "VERDICTS",
     "Check",
@@ -62,9 +76,10 @@ __all__ = [
 ]
 
 MODULES = (roughness, area_and_volume, refinement, shape, formulas, density)  # importing them registers their claims
+ROWS = (literature, literature_files)  # and these the rows of the literature
 
 
-def assess(evidence: Evidence | Sequence[Run]) -> list[Claim]:
-    """Return every claim of the paper with its verdict, in the order of the checklist."""
+def assess(evidence: Evidence | Sequence[Run], among: Mapping[int, Question] = CLAIMS) -> list[Claim]:
+    """Return every claim of the paper with its verdict, or every row of `LITERATURE`, in their order."""
     evidence = evidence if isinstance(evidence, Evidence) else Evidence(tuple(evidence))
-    return [CLAIMS[id](evidence) for id in sorted(CLAIMS)]
+    return [among[id](evidence) for id in sorted(among)]

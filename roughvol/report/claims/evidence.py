@@ -142,16 +142,25 @@ class Question:
 
 
 CLAIMS: dict[int, Question] = {}
+LITERATURE: dict[int, Question] = {}
+"""Rows of the literature, beside the claims of the paper."""
 
 
 def claim(
-    id: int, title: str, place: str, sentence: str, *, needs: Needs | Mapping[str, Needs], figures: tuple[str, ...] = ()
+    id: int,
+    title: str,
+    place: str,
+    sentence: str,
+    *,
+    needs: Needs | Mapping[str, Needs],
+    figures: tuple[str, ...] = (),
+    among: dict[int, Question] = CLAIMS,
 ) -> Callable[[Answer], Answer]:
     """Register the function that answers a claim, with the configuration it needs."""
 
     def register(answer: Answer) -> Answer:
         uses = {"": needs} if isinstance(needs, Needs) else dict(needs)
-        CLAIMS[id] = Question(id, title, place, sentence, uses, answer, figures)
+        among[id] = Question(id, title, place, sentence, uses, answer, figures)
         return answer
 
     return register

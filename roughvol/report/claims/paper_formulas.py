@@ -142,6 +142,50 @@ def persson_area(mean_pressure: ArrayLike, Sdq: float, *, Sq: float, side: float
     return np.asarray(erf(math.sqrt(2.0) * np.asarray(mean_pressure, dtype=np.float64) * Sq / (side * Sdq)))
 
 
+def area_of_pressure(pressure: ArrayLike, slope: float, kappa: float = 2.0) -> Array:
+    """Return the area fraction A* = erf(√π κ p/(2 E* h')), with A* ≈ κ p/(E* h') at light load.
+
+    κ = √(8/π) is Persson's theory, erf(√2 p/(E* h')) (Persson 2001, as `persson_area`). κ = 2 gives erf(√π p/(E* h')),
+    the form with the light-load limit of numerical solutions: N. Prodanov, W. B. Dapp & M. H. Müser, Tribology Letters
+    53 (2014) 433-448.
+
+    Parameters
+    ----------
+    pressure : array_like
+        p/E* [1].
+    slope : float
+        Root mean square slope h' [1], positive.
+    kappa : float
+        κ [1], positive.
+    """
+    check_positive(slope=slope, kappa=kappa)
+    return np.asarray(erf(0.5 * math.sqrt(math.pi) * kappa / slope * np.asarray(pressure, dtype=np.float64)))
+
+
+def westergaard_mean_gap(ratio: ArrayLike) -> Array:
+    """Return the mean gap over 2h of Westergaard's wave, (1 - s² + s² ln s²)/2 with s = sin(π a/λ).
+
+    The integral of -dp/K: strips of width 2a, one a period λ, yield by (2λ/(π E*)) ln(1/s) under a mean pressure
+    (Johnson 1985, Section 13.2), and dp = (2π E* h/λ) s ds (`contact.closed_forms.westergaard`).
+
+    Parameters
+    ----------
+    ratio : array_like
+        a/λ, 0 < a/λ ≤ 1/2.
+
+    Raises
+    ------
+    ContactError
+        If a ratio lies outside its interval.
+    """
+    a = np.asarray(ratio, dtype=np.float64)
+    if not np.all((a > 0.0) & (a <= 0.5)):
+        message = f"ratio is {ratio!r}; allowed: 0 < a/λ <= 1/2"
+        raise ContactError(message)
+    square = np.sin(math.pi * a) ** 2
+    return np.asarray(0.5 * (1.0 - square + square * np.log(square)))
+
+
 def plasticity_index(Sq: float, radius: float, E_star: float, hardness: float) -> float:
     """Return Greenwood and Williamson's index, ψ = √(σ/ρ) E*/H; asperities yield from ψ = 1 on (Section 2).
 

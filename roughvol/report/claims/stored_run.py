@@ -47,6 +47,12 @@ class Run:
         return surface if isinstance(surface, GeneratedSurface) else None
 
     @property
+    def spectral(self) -> SpectralSurface | None:
+        """The spectrum that the surfaces were made with, None for other surfaces."""
+        surface = self.study.surface if self.study else None
+        return surface if isinstance(surface, SpectralSurface) else None
+
+    @property
     def law(self) -> str:
         """Midpoint law, empty for surfaces from files."""
         return self.generated.midpoint_law if self.generated else ""
@@ -61,7 +67,7 @@ class Run:
         """Where the heights come from if they were not made, empty if they were."""
         if self.generated is not None:
             return ""
-        if self.study is not None and isinstance(self.study.surface, SpectralSurface):
+        if self.spectral is not None:
             return "surfaces with a spectrum"
         return "heights from a file" if "case" in self.dataset.dims else "its study cannot be read again"
 

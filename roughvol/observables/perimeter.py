@@ -1,0 +1,75 @@
+"""Edges between contact and void on the grid, and the contact area corrected by them.
+
+The elements in contact overestimate the contact area, since an element counts as a whole where the contact ends inside
+it. The excess is proportional to the length of the edges and to the spacing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from roughvol.errors import ContactError
+from roughvol.typing import Array, Mask
+
+EXCESS = (math.pi - 1.0 + math.log(2.0)) / 24.0
+"""Area by which an edge of the grid between contact and void is overestimated, over δ²; Yastrebov et al. (2017)."""
+
+
+def contact_perimeter(contact: Mask, periodic: bool = False) -> float:
+    """Return the length of the edges between contact and void times L over the nominal area, S_d L/A_n.
+
+    S_d is δ times the number of pairs of neighbours along x or y, one in contact and one not. The sides of a patch are
+    no edges. With n nodes along the first axis, L = n δ is that of all elements.
+
+    Parameters
+    ----------
+    contact : ndarray of bool
+        True where p > 0.
+    periodic : bool
+        Whether the field is one period: elements at opposite sides are neighbours.
+
+    Returns
+    -------
+    float
+        S_d L/A_n [1]; S_d/L on a square.
+
+    Raises
+    ------
+    ContactError
+        If the mask is no 2-D field of bool.
+    """
+    if contact.ndim != 2 or contact.dtype != np.bool_ or contact.size == 0:
+        message = f"contact must be a 2-D mask of bool, got {contact.dtype} of shape {contact.shape}"
+        raise ContactError(message)
+    edges = int(np.sum(contact[1:] != contact[:-1])) + int(np.sum(contact[:, 1:] != contact[:, :-1]))
+    if periodic:
+        edges += int(np.sum(contact[0] != contact[-1])) + int(np.sum(contact[:, 0] != contact[:, -1]))
+    return edges / contact.shape[1]
+
+
+def corrected_area(area_fraction: ArrayLike, perimeter: ArrayLike, nodes: ArrayLike) -> Array:
+    """Return the contact area fraction corrected by the perimeter, A* - (π - 1 + ln 2)/24 S_d δ/A_n.
+
+    V. A. Yastrebov, G. Anciaux & J.-F. Molinari, The role of the roughness spectral breadth in elastic contact of rough
+    surfaces, J. Mech. Phys. Solids 107 (2017) 469-493; derived in the same authors' Tribology International 114 (2017)
+    161-171.
+
+    Parameters
+    ----------
+    area_fraction : array_like
+        A*, fraction of elements in contact [1].
+    perimeter : array_like
+        S_d L/A_n as `contact_perimeter` returns it [1], broadcast with the area.
+    nodes : array_like
+        n = L/δ, elements along the first axis, broadcast with the area.
+
+    Returns
+    -------
+    ndarray
+        Corrected A* [1], not below 0.
+    """
+    area, edges, n = (np.asarray(values, dtype=np.float64) for values in (area_fraction, perimeter, nodes))
+    return np.maximum(area - EXCESS * edges / n, 0.0)

@@ -1,0 +1,96 @@
+"""The perimeter of contact against a count by hand, and the area it corrects against circles of known area."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from roughvol.campaign import one_case
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import solve
+from roughvol.errors import ContactError, StudyError
+from roughvol.observables.perimeter import contact_perimeter, corrected_area
+from roughvol.study import loads
+from roughvol.surfaces.surface import Surface
+
+STUDY = """
+name: edges
+surface: {H: 0.8, n: 32, rolloff: 2, cut: 8, periodic: true, seeds: 1}
+sweep: {contact_areas: [0.1, 0.5, 1.0]}
+record: {contact_perimeter: true}
+"""
+
+
+def _counted(contact: np.ndarray, periodic: bool) -> int:
+    """Count the pairs one by one."""
+    rows, columns = contact.shape
+    pairs = 0
+    for i in range(rows):
+        for j in range(columns):
+            for k, m in ((i + 1, j), (i, j + 1)):
+                if periodic or (k < rows and m < columns):
+                    pairs += contact[i, j] != contact[k % rows, m % columns]
+    return pairs
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_edges_are_those_counted_by_hand(periodic: bool) -> None:
+    contact = np.random.default_rng(1).random((9, 6)) > 0.6
+    # S_d = pairs δ, L = 9 δ, A_n = 54 δ²
+    assert contact_perimeter(contact, periodic) == pytest.approx(_counted(contact, periodic) * 9 / 54)
+
+
+def test_full_contact_and_none_have_no_edge() -> None:
+    for value in (False, True):
+        assert contact_perimeter(np.full((4, 5), value), periodic=True) == 0.0
+
+
+def test_a_rolled_period_has_the_same_perimeter() -> None:
+    contact = np.random.default_rng(2).random((8, 8)) > 0.5
+    assert contact_perimeter(np.roll(contact, (3, 5), (0, 1)), True) == contact_perimeter(contact, True)
+
+
+def test_the_corrected_area_of_a_sphere_is_nearer_to_hertz() -> None:
+    """Mean over contact radii of 8 to 15 elements, with the tip of the sphere anywhere in an element."""
+    n, random = 65, np.random.default_rng(5)
+    space, errors = HalfSpace((n, n)), []
+    for radius in np.linspace(8.0, 15.0, 12) / n:
+        x, y = ((np.arange(n) - n // 2 - shift) / n for shift in random.random(2) - 0.5)
+        sphere = Surface(-(x[:, None] ** 2 + y**2) / 2.0, 1.0 / n)  # R = 1
+        indentation = radius**2 + sphere.z_max  # from the highest node and not from the tip
+        contact = solve(sphere, space, indentation / sphere.Sq, rtol=1e-8).contact()
+        corrected = corrected_area(contact.mean(), contact_perimeter(contact), n)
+        errors.append([contact.mean() / (np.pi * radius**2) - 1.0, corrected / (np.pi * radius**2) - 1.0])
+    raw, corrected = np.mean(errors, axis=0)
+    assert raw > 0.01
+    assert abs(corrected) < 0.5 * raw
+
+
+def test_a_study_stores_the_perimeter_of_every_step() -> None:
+    study = loads(STUDY, file="edges.yaml")
+    values = one_case.run_case(study.cases()[0])
+    found = values["contact_perimeter"].values.ravel()
+    assert found.shape == (3,)
+    assert found[2] == 0.0
+    assert found[1] > found[0] > 0.0
+
+
+def test_the_key_changes_the_identity_only_when_set() -> None:
+    with_key, without = loads(STUDY), loads(STUDY.replace("record: {contact_perimeter: true}", ""))
+    given = loads(STUDY.replace("contact_perimeter: true", "contact_perimeter: false"))
+    assert given.cases()[0].id == without.cases()[0].id != with_key.cases()[0].id
+
+
+def test_what_is_no_mask_is_refused() -> None:
+    with pytest.raises(ContactError, match="mask of bool"):
+        contact_perimeter(np.zeros((3, 3)))
+
+
+def test_the_corrected_area_is_never_negative() -> None:
+    assert_allclose(corrected_area([0.0, 0.1], [10.0, 1.0], 10), [0.0, 0.1 - (np.pi - 1 + np.log(2)) / 240])
+
+
+def test_without_contact_there_is_no_perimeter() -> None:
+    with pytest.raises(StudyError, match="contact_perimeter: no contact to record"):
+        loads("{surface: {D: 2.3, m: 4}, sweep: {steps: 0}, record: {contact_perimeter: true}}")
