@@ -20,6 +20,7 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `clusters`         percolation, connected and trapped volume, sizes of contact and pockets
 `transport`        critical constriction, and flow
 `quick_estimates`  the flow by effective medium and by a single junction
+`stiffness`        pressure per separation along a loading
 `void`             the transport that a study asks for, state by state
 `regions`          a part of the surface, and central squares
 `at_state`         quantities of a sweep at a given state, between its steps

@@ -1,0 +1,63 @@
+"""Interfacial stiffness: the pressure that one step of separation takes.
+
+Pressure and separation are in any units. With the stored p* and d/σ the stiffness is K L/E* [1].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from roughvol.errors import ContactError
+from roughvol.typing import Array
+
+FEWEST = 3  # states of a derivative of second order
+
+
+def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
+    """Return the interfacial stiffness K = -dp/dd at the stored states of a loading.
+
+    K = -p/(dd/d ln p). The derivative of d over ln p is taken from three neighbouring states: centred differences on
+    unequal steps, of second order, one-sided at both ends. The result belongs to the states themselves, where all
+    other quantities are stored. Over ln p the differences are exact for p ~ exp(-d/u), and full contact, where d no
+    longer moves, needs no exception. For K of rough interfaces: Pastewka et al., Physical Review E 87 (2013) 062809.
+
+    Parameters
+    ----------
+    pressure : array_like, shape (..., steps)
+        Mean pressure p ≥ 0 [any pressure], rising or falling along the last axis.
+    separation : array_like, shape (..., steps)
+        Separation d, or the mean gap [any length].
+
+    Returns
+    -------
+    ndarray, shape (..., steps)
+        Stiffness [pressure per length]. It is infinite where d no longer moves, and NaN where p is 0 or NaN, or where
+        fewer than three states are left.
+
+    Raises
+    ------
+    ContactError
+        If the shapes differ, a pressure is negative, or pressures neither rise nor fall throughout.
+    """
+    p, d = np.asarray(pressure, dtype=np.float64), np.asarray(separation, dtype=np.float64)
+    if p.shape != d.shape or p.ndim == 0:
+        message = f"pressure and separation must have one shape (..., steps), got {p.shape} and {d.shape}"
+        raise ContactError(message)
+    if np.any(p < 0.0):
+        message = f"pressure must be >= 0, got {np.nanmin(p):g}"
+        raise ContactError(message)
+    stiffness = np.full(p.shape, np.nan)
+    for row in np.ndindex(p.shape[:-1]):
+        states = np.flatnonzero((p[row] > 0.0) & np.isfinite(p[row]) & np.isfinite(d[row]))
+        if states.size < FEWEST:
+            continue
+        logarithm = np.log(p[row][states])
+        steps = np.diff(logarithm)
+        if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
+            message = "pressure must rise or fall throughout: give one leg of a path at a time"
+            raise ContactError(message)
+        slope = np.gradient(d[row][states], logarithm, edge_order=2)
+        with np.errstate(divide="ignore"):
+            stiffness[(*row, states)] = p[row][states] / np.abs(slope) * np.where(slope > 0.0, -1.0, 1.0)
+    return stiffness

@@ -1,0 +1,61 @@
+"""Interfacial stiffness: exact for an exponential, second order for a power, infinite at full contact."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from roughvol.errors import ContactError
+from roughvol.observables.stiffness import interfacial_stiffness
+
+
+def test_the_stiffness_of_an_exponential_is_the_pressure_over_its_length() -> None:
+    d = np.array([3.0, 2.5, 2.4, 1.0, 0.7])
+    p = 0.3 * np.exp(-d / 0.4)
+    assert_allclose(interfacial_stiffness(p, d), p / 0.4, rtol=1e-12)
+    assert_allclose(interfacial_stiffness(p[::-1], d[::-1]), p[::-1] / 0.4, rtol=1e-12)  # unloading
+
+
+@pytest.mark.parametrize("exponent", [1.5, 2.0])
+def test_the_error_for_a_power_falls_with_the_square_of_the_step(exponent: float) -> None:
+    def error(steps: int) -> float:
+        depth = np.linspace(0.5, 2.0, steps)
+        found = interfacial_stiffness(depth**exponent, -depth)
+        return float(np.abs(found / (exponent * depth ** (exponent - 1.0)) - 1.0)[1:-1].max())
+
+    assert error(81) < error(41) / 3.5
+    assert error(81) < 1e-3
+
+
+def test_an_interface_that_no_longer_moves_is_infinitely_stiff() -> None:
+    found = interfacial_stiffness([1.0, 2.0, 3.0, 4.0, 5.0], [0.2, 0.1, 0.0, 0.0, 0.0])
+    assert np.all(np.isinf(found[3:]))
+    assert np.all(found[:2] > 0.0)
+
+
+def test_a_softer_interface_under_more_load_has_a_negative_stiffness() -> None:
+    assert np.all(interfacial_stiffness([1.0, 2.0, 3.0], [0.1, 0.2, 0.3]) < 0.0)
+
+
+def test_states_without_load_and_missing_cases_have_none() -> None:
+    d = np.linspace(3.0, 1.0, 6)
+    p = np.exp(-d)
+    p[0] = 0.0
+    both = interfacial_stiffness([p, np.full(6, np.nan)], [d, d])
+    assert np.isnan(both[0, 0])
+    assert_allclose(both[0, 1:], p[1:], rtol=1e-12)
+    assert np.all(np.isnan(both[1]))
+
+
+@pytest.mark.parametrize(
+    ("pressure", "separation", "words"),
+    [
+        ([1.0, 2.0], [1.0], "one shape"),
+        ([1.0, 3.0, 2.0], [3.0, 2.0, 1.0], "one leg"),
+        ([-1.0, 1.0, 2.0], [3, 2, 1], "0"),
+    ],
+)
+def test_what_has_no_stiffness_is_refused(pressure: list[float], separation: list[float], words: str) -> None:
+    with pytest.raises(ContactError, match=words):
+        interfacial_stiffness(pressure, separation)
