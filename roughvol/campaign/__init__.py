@@ -26,6 +26,7 @@ Room of the campaign.
 `understood`    how a study was understood, in words
 `validity`      where a study leaves the model
 `card`          runs behind a leak card
+`inverse`       the load at which a leak has a given value, by solves
 `tradeoff`      speed against accuracy, measured
 ==============  ====================================================================
 """
