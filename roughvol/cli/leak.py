@@ -117,7 +117,7 @@ def _words(answer: Answer, unknown: str) -> str:
     low, high = answer.between
     steps = f"between the steps p* = {low:.4g} and {high:.4g}"
     error = f"read off to about {100.0 * answer.error:.1g} %" if math.isfinite(answer.error) else "read off"
-    return f"{unknown} {answer.value:.4g} {answer.unit}, {error}, {steps}"
+    return f"{unknown} {answer.value:.4g} {answer.unit}, {steps}, {error}"
 
 
 def _study_of(run: str | None, file: Path) -> tuple[Study | None, str]:

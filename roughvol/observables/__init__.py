@@ -19,6 +19,8 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `box_counting`     boxes of side r, and the local dimension
 `clusters`         percolation, connected and trapped volume, sizes of contact and pockets
 `transport`        critical constriction, and flow
+`fluid_pressure`   the pressure of a fluid in the gap
+`coupling`         contact and flow together: fluid pressure that lifts a seal
 `quick_estimates`  the flow by effective medium and by a single junction
 `stiffness`        pressure per separation along a loading
 `void`             the transport that a study asks for, state by state

@@ -6,6 +6,7 @@ Room of the store. It computes nothing.
 `variable`             a row of the table
 `variables`            the table of every stored variable
 `derived_variables`    rows that follow from others
+`fluid_variables`      rows of a contact under the pressure of a fluid
 `tradeoff_variables`   the table of a stored trade-off
 `provenance`           attributes of stored files
 `dataset`              build, write, read and combine datasets

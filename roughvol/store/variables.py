@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from roughvol.store import derived_variables
+from roughvol.store import derived_variables, fluid_variables
 from roughvol.store.variable import Variable, rows
 
 VARIABLES: dict[str, Variable] = {}
@@ -378,11 +378,10 @@ VARIABLES |= rows(
     ),
     nayak_parameter=Variable("...", "1", "Nayak's parameter m_0 m_4/m_2^2", "α"),
 )
-
+VARIABLES |= fluid_variables.FLUID
 STATES = tuple(name for name, row in VARIABLES.items() if row.dims == name and name.endswith("_at"))
 """Dimensions along which recorded states are stored."""
-VARIABLES |= derived_variables.of_parts(VARIABLES)
-VARIABLES |= derived_variables.at_states(VARIABLES, STATES)
+VARIABLES |= derived_variables.of_parts(VARIABLES) | derived_variables.at_states(VARIABLES, STATES)
 VARIABLES |= derived_variables.of_ensembles(VARIABLES)
 
 FIELDS = frozenset(name for name, row in VARIABLES.items() if row.dims.endswith(" x y"))

@@ -90,7 +90,7 @@ class Case:
         if self.periodic and self.spectrum is None:  # cases without it keep their id
             surface["periodic"] = True
         record = self.record.model_dump(mode="json", exclude={"dimensional"})
-        for name in ("residual_heights", "psd"):
+        for name in ("residual_heights", "psd", "fluid_pressure"):
             if not record[name]:  # cases without it keep their id
                 del record[name]
         key: dict[str, Any] = {
@@ -101,7 +101,7 @@ class Case:
         if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
             return key | {"sweep": {"steps": 0}}
         solver, hardness = self.solver, self.hardness
-        if self.sweep.has_units:  # cases without them keep their id
+        if self.sweep.has_units or self.record.has_units:  # cases without them keep their id
             modulus = convert(self.E_star, self.modulus_unit, "Pa") if self.modulus_unit else self.E_star
             key["units"] = {"E_star": float(f"{modulus:.12g}"), "length": self.length_unit}
         return key | {
@@ -281,10 +281,11 @@ class Study(Strict):
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solving, self.record
         hard = self.material.indentation_hardness
         hardness = None if hard is None else hard / E_star
-        modulus_unit = self.material.unit if sweep.has_units else None
+        has_units = sweep.has_units or record.has_units
+        modulus_unit = self.material.unit if has_units else None
         if isinstance(surface, MadeSurface):
             L, unit = float(surface.L), surface.length_unit
-            height = None if hardness is None and not sweep.has_units else surface.height
+            height = None if hardness is None and not has_units else surface.height
             product = itertools.product(surface.dimensions, surface.m, surface.seeds)
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
                 finest = surface.m[0] if surface.m else ensembles.AUTO_FROM

@@ -32,7 +32,7 @@ from roughvol.study.sections import (
     Word,
     refuse,
 )
-from roughvol.study.units import In, UnitOf, convert, in_unit
+from roughvol.study.units import In, UnitOf, convert, in_unit, unit_of
 from roughvol.study.yaml_text import number_text
 
 
@@ -240,6 +240,40 @@ class Dimensional(Choice):
         return self
 
 
+class FluidPressure(Strict):
+    """Pressure of a fluid that lifts the surfaces: contact and flow at the load of a state, along x and y."""
+
+    inlet: Annotated[Positive, In("pressure")] = Field(
+        description="fluid pressure at the inlet, > 0, over that around: in the unit of p*, or as 5 bar"
+    )
+    outlet: Annotated[float, Field(ge=0), In("pressure")] = Field(
+        default=0.0, description="fluid pressure at the outlet, 0 <= outlet < inlet: in the unit of p*, or as 1 bar"
+    )
+    coupling: Literal["one-way", "full"] = Field(
+        default="full",
+        description="'one-way': the fluid pressure of the dry gap changes the gap once; 'full': until gap and fluid "
+        "pressure agree",
+    )
+    at: Selector = Field(default=Select(), description=f"states, each at its load: {_STATES}")
+
+    @model_validator(mode="after")
+    def _falls(self) -> FluidPressure:
+        units = {unit_of(self.inlet) is None, unit_of(self.outlet) is None}
+        outlet: float | None = self.outlet
+        if len(units) > 1 and self.outlet != 0.0:
+            refuse("inlet and outlet: give both with a unit, or none")
+        if unit_of(self.outlet) is not None:
+            outlet = in_unit(self.outlet, unit_of(self.inlet))
+        if outlet is not None and outlet >= self.inlet:
+            refuse("the outlet must be below the inlet")
+        return self
+
+    @property
+    def has_units(self) -> bool:
+        """Whether the pressures have a unit."""
+        return unit_of(self.inlet) is not None
+
+
 INTERIOR = (("x", (0.25, 0.75)), ("y", (0.25, 0.75)))  # the central half of each side
 
 
@@ -269,6 +303,9 @@ class Record(Strict):
         default=None,
         description="quantities of the void, each with its states",
     )
+    fluid_pressure: FluidPressure | None = Field(
+        default=None, description="contact under the pressure of a fluid in its gap: {inlet: 5 bar, at: states}"
+    )
     region: Annotated[Region, Word("interior", INTERIOR)] | None = Field(
         default=None,
         description="region of all observables but heights and fields: 'interior' (the central half of each side) or "
@@ -281,6 +318,23 @@ class Record(Strict):
     dimensional: Dimensional | None = Field(
         default=None, description="quantities stored with units too: pressure, free_volume, mean_gap, leak_rate …"
     )
+
+    @model_validator(mode="after")
+    def _one_drop(self) -> Record:
+        fluid, leak = self.fluid_pressure, self.dimensional.leak_rate if self.dimensional else None
+        if fluid is not None and leak is not None and fluid.has_units:
+            inlet, outlet, drop = (in_unit(value, "Pa") for value in (fluid.inlet, fluid.outlet, leak.pressure_drop))
+            if abs((inlet or 0.0) - (outlet or 0.0) - (drop or 0.0)) > 1e-6 * (drop or 0.0):
+                refuse(
+                    "fluid_pressure: inlet - outlet must equal dimensional.leak_rate.pressure_drop, {drop}",
+                    drop=str(leak.pressure_drop),
+                )
+        return self
+
+    @property
+    def has_units(self) -> bool:
+        """Whether anything but `dimensional` has a unit."""
+        return self.fluid_pressure is not None and self.fluid_pressure.has_units
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
