@@ -211,7 +211,11 @@ def _surfaces(study: Study, run: Dataset, axis: str) -> list[OneSurface]:
             logs = np.log(starred[kept] * per_starred)[order], np.log(leak[kept])[order]
         stored = logs[0], approach[kept][order], logs[1]
         trials = Trials(surface, half_space, **options)
-        per_flow = float(np.mean(leak[open_] / flow[open_]))
+        ratio = leak[open_] / flow[open_]
+        per_flow = float(ratio.mean())
+        if np.ptp(ratio) > 1e-6 * per_flow:
+            message = "the leak is not that of a liquid: it does not go with T* V*^3"
+            raise CampaignError(message)
         made.append(OneSurface(trials, case, AXES.index(axis), per_starred, per_flow, stored))
     if not made:
         message = f"the run has no stored leak along {axis}"

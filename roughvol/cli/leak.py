@@ -100,10 +100,15 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_
         warn([f"the answers have the error of the read-off: {absent}"])
         return
     from roughvol.campaign import inverse
+    from roughvol.errors import CampaignError
 
     for answer in found:
         given = at if unknown == "Sq" else None
-        refined = inverse.refine(study, results, answer.axis, largest, answer.nominal, scaled_from=given)
+        try:
+            refined = inverse.refine(study, results, answer.axis, largest, answer.nominal, scaled_from=given)
+        except CampaignError as error:
+            warn([f"along {answer.axis} the answer has the error of the read-off: {error}"])
+            continue
         value = refined.nominal if at is None or unknown == "pressure" else at / refined.nominal
         click.echo(f"along {answer.axis}: {unknown} {value:.9g} {answer.unit}, to 1e-6 by {refined.solves} solves")
 
@@ -150,3 +155,44 @@ def _in_unit(text: str, unit: str, option: str, kind: str) -> float:
     except (ValueError, StudyError) as error:
         message = f"{option} is {text!r}; allowed: a number with its unit, as in {unit} ({error})"
         raise StudyError([Problem(message)]) from error
+
+
+@main.command(
+    epilog=examples(
+        'roughvol creep seal --law creep.yaml --pressure "0.1 MPa" --times "1 s..30 day"',
+        'roughvol creep seal --law creep.yaml --pressure "0.1 MPa" --times "1 min, 1 h, 1 day"',
+        "creep.yaml holds one of:",
+        "  prony: {shares: [0.3, 0.2], times: [10 s, 1 h]}        1 + sum of shares (1 - exp(-t/times))",
+        "  power: {exponent: 0.1, time: 1 s}                      1 + (t/time)^exponent",
+        "  table: {times: [1 s, 1 day], ratios: [1, 1.5]}         or moduli: [10 MPa, 6.7 MPa]",
+    )
+)
+@click.argument("run", required=False)
+@click.option("--law", required=True, type=click.Path(path_type=Path), help="YAML file of the creep law J(t)/J(0).")
+@click.option("--pressure", required=True, metavar="VALUE", help="Constant nominal pressure with its unit.")
+@click.option("--times", required=True, metavar="TIMES", help="Times under load: 'FROM..TO' or a list, with units.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of creep.csv and creep.png [default: the run's].")
+def creep(run: str | None, law: Path, pressure: str, times: str, out: Path | None) -> None:
+    """Show the leak of RUN over time, for a material that creeps under constant load.
+
+    The modulus of the study is that at once. States at later times are read off the stored sweep: at constant load the
+    contact is that of the modulus 1/J(t) (Lee and Radok 1960). Times whose states the sweep does not reach are refused.
+    """
+    from roughvol.report import creep as over_time
+    from roughvol.report.ask import check_leaks
+    from roughvol.report.figures.creep import drawing_of
+    from roughvol.store import dataset
+    from roughvol.study import load_creep, read_times
+
+    file = results_file(run)
+    results = dataset.read(file)
+    check_leaks(results)
+    at = _in_unit(pressure, str(results["nominal_pressure"].attrs["units"]), "--pressure", "pressure")
+    history = over_time.history(results, load_creep(law), at, read_times(times))
+    for line in over_time.lines_of(history):
+        click.echo(line)
+    folder = out or file.parent
+    over_time.write_csv(history, folder / "creep.csv")
+    drawing_of(history).savefig(folder / "creep.png")
+    click.echo(str(folder / "creep.csv"))
+    click.echo(str(folder / "creep.png"))

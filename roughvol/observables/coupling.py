@@ -271,7 +271,10 @@ class Coupling:
             following = fluid + _accelerated(change, fluid, earlier, step)
             earlier = [*earlier, (fluid, change)][-DEPTH:]
             fluid = np.clip(following, self.outlet, self.inlet)
-        message = f"contact and flow do not settle at p* = {load:.6g}: the fluid pressure still changes by {size:.2g} of the drop"
+        message = (
+            f"contact and flow do not settle at p* = {load:.6g}: the fluid pressure still changes by {size:.2g} of "
+            "the drop"
+        )
         raise ConvergenceError(message, indentation=near.indentation, iterations=ROUNDS, residual=size)
 
     def _displacement(self, pressure: Array) -> Array:

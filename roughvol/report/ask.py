@@ -125,6 +125,8 @@ def ask(run: Dataset, largest: float, unknown: str, *, pressure: float | None = 
         _refuse("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
     if unknown != "pressure" and not (pressure is not None and pressure > 0.0):
         _refuse(f"for {unknown} the pressure must be given, > 0")
+    if unknown == "Sq" and not _liquid(run):
+        _refuse("the leak is not that of a liquid, and does not go with Sq^3; allowed: for pressure or modulus")
     if not largest > 0.0:
         _refuse(f"the leak is {largest}; allowed: > 0")
     return [_answer(curves(run, axis), largest, unknown, axis, pressure or 0.0, _unit(run)) for axis in AXES]
@@ -208,6 +210,15 @@ def log_leak(surfaces: list[Curve], log_pressures: Array) -> tuple[Array, Array]
 
 def _refuse(message: str) -> NoReturn:
     raise StudyError([Problem(message)])
+
+
+def _liquid(run: Dataset) -> bool:
+    """Return whether leaks go with T* V*³ on each surface."""
+    flow = run["transmissivity_x"] * run["free_volume"] ** 3
+    ratio = run["leak_rate_x"] / flow.where(flow > 0.0)
+    return bool(
+        (ratio.max("step") - ratio.min("step") <= 1e-6 * ratio.max("step")).where(flow.max("step") > 0, True).all()
+    )
 
 
 def _unit(run: Dataset) -> str:

@@ -13,6 +13,7 @@ key, given value and allowed values.
 `targets`      lists of states of a sweep
 `treatment`    the treatment of measured heights
 `material`     the section ``material``
+`creep`        a creep law, and times of a command line
 `record`       the section ``record``
 `ensemble`     the section ``ensemble``
 `agreement`    sizes and units of a study compared with its files

@@ -2,6 +2,9 @@ from .cases import ANSWER_FORMAT as ANSWER_FORMAT
 from .cases import Case as Case
 from .cases import Study as Study
 from .cases import json_schema as json_schema
+from .creep import Creep as Creep
+from .creep import load_creep as load_creep
+from .creep import read_times as read_times
 from .ensemble import CLOSING as CLOSING
 from .ensemble import STORED_AS as STORED_AS
 from .ensemble import Accuracy as Accuracy

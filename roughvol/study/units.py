@@ -26,9 +26,12 @@ KINDS = {
     "pressure": ("[mass]/[length]/[time]^2", "Pa, kPa, MPa, GPa, bar, psi and the like"),
     "viscosity": ("[mass]/[length]/[time]", "Pa*s, mPa*s, cP and the like"),
     "force": ("[mass]*[length]/[time]^2", "N, kN, mN, lbf and the like"),
+    "time": ("[time]", "s, min, h, day, year"),
+    "conductivity": ("[mass]*[length]/[time]^3/[temperature]", "W/(m K) as W/m/K"),
     "flow": ("[length]^3/[time]", "mm^3/s, ml/min, um^3/s and the like"),
 }
-EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "force": "20 N"}
+EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "force": "20 N", "time": "10 s"}
+EXAMPLES |= {"conductivity": "50 W/m/K"}
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", re.ASCII | re.DOTALL)
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
