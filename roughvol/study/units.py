@@ -31,7 +31,7 @@ KINDS = {
     "flow": ("[length]^3/[time]", "mm^3/s, ml/min, um^3/s and the like"),
 }
 EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "force": "20 N", "time": "10 s"}
-EXAMPLES |= {"conductivity": "50 W/m/K"}
+EXAMPLES["conductivity"] = "50 W/m/K"
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", re.ASCII | re.DOTALL)
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
@@ -177,6 +177,7 @@ class UnitOf:
 
 
 _Positive = Annotated[float, Field(gt=0)]
+Conductivity = Annotated[_Positive, In("conductivity", needed=True)]
 Length = Annotated[_Positive, In("length")]
 Pressure = Annotated[_Positive, In("pressure")]
 
