@@ -127,8 +127,12 @@ def variants(study: Study, at: Level) -> dict[str, Study]:
     made = {FINE: fine}
     for factor in COARSER:
         keys = _coarser(study, factor)
-        if keys is not None:
+        if keys is None:
+            continue
+        try:
             made[f"spacing × {factor}"] = _at_equal_pressure(study, at, keys)
+        except StudyError:  # a grid too coarse for the waves of the surface; the card says what is not known
+            break
     if isinstance(surface, HeightFile):
         other = OTHER_LEVEL[str(surface.level)]
         made[f"level: {other}"] = _at_equal_pressure(study, at, {"level": other})
@@ -176,8 +180,11 @@ def _changed(study: Study, at: Level, keys: Mapping[str, Any], pressures: float,
     data["record"] = {**kept, "transport": {**steps, "flux_at": wanted}, "fields_at": wanted}
     data["surface"] |= keys
     for leg in data["sweep"] if isinstance(data["sweep"], list) else [data["sweep"]]:
-        if isinstance(leg.get("to"), dict) and "pressure" in leg["to"]:
+        # pressures with a unit are equal already
+        if isinstance(leg.get("to"), dict) and isinstance(leg["to"].get("pressure"), float):
             leg["to"]["pressure"] *= pressures
+        if "pressures" in leg:
+            leg["pressures"] = [p * pressures if isinstance(p, float) else p for p in leg["pressures"]]
     with study.placing():
         return loads(write(data))
 

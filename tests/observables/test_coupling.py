@@ -18,13 +18,14 @@ from roughvol.contact.pressed import state_under
 from roughvol.errors import ContactError, ConvergenceError, StudyError
 from roughvol.observables import coupling
 from roughvol.observables.clusters import percolates
-from roughvol.observables.coupling import Coupling, Lifted
+from roughvol.observables.coupling import Coupling
 from roughvol.observables.fluid_pressure import fluid_pressure
 from roughvol.observables.transport import conduction
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
+from tests.bench.wavy_channel import Channel
 
 
 @pytest.fixture(autouse=True)
@@ -163,47 +164,9 @@ def test_what_does_not_settle_is_an_error(
 # the wavy channel of Shvarts & Yastrebov, Tribol. Int. 126 (2018) 116: a sine across, flow along
 
 
-ACROSS, ALONG = 8, 32
-
-
-class Channel:
-    """A sine of amplitude 1 across, pressed under the pressure of a fluid that flows along it."""
-
-    def __init__(self) -> None:
-        z = np.tile(np.cos(2 * np.pi * np.arange(ACROSS) / ACROSS), (ALONG, 1))
-        self.surface = Surface(z, 1.0 / ALONG, periodic=True)
-        self.half_space = PeriodicHalfSpace(self.surface.shape, kernel="fourier")
-        # Westergaard (1939): closed at the mean pressure π E* h/λ
-        self.closed = np.pi * ALONG / ACROSS / self.surface.unit
-        self.near = state_under(Trials(self.surface, self.half_space, rtol=1e-9), 0.7 * self.closed, 1.0)
-
-    def closing(self, inlet: float, outlet: float = 0.0, accuracy: float = 0.005) -> float:
-        """Return the largest load with an open way, of loads rising under pressure; all over that of Westergaard."""
-        both = Coupling(self.surface, self.half_space, 0, inlet * self.closed, outlet * self.closed)
-        fluid = np.full(self.surface.shape, inlet * self.closed)
-        last, step = 0.9 + 0.4 * inlet, 0.08
-        state = both.solve(last * self.closed, self.near, fluid)
-        assert self.is_open(state)
-        while step > accuracy:
-            try:
-                tried = both.solve((last + step) * self.closed, self.near, state.fluid)
-            except ConvergenceError:
-                step *= 0.5
-                continue
-            if self.is_open(tried):
-                last, state = last + step, tried
-            else:
-                step *= 0.5
-        return last
-
-    @staticmethod
-    def is_open(state: Lifted) -> bool:
-        return percolates(state.gap > 0.0, 0, periodic=True)
-
-
 @pytest.fixture(scope="module")
 def channel() -> Channel:
-    return Channel()
+    return Channel(32, 8)
 
 
 def test_a_dry_channel_closes_at_the_pressure_of_westergaard(channel: Channel) -> None:
