@@ -12,45 +12,85 @@ from roughvol.campaign.batch import Progress
 from roughvol.campaign.one_case import surface_of
 from roughvol.errors import Problem, StudyError
 from roughvol.store.dataset import Dataset
-from roughvol.study import HeightFile, Level, Study, loads
+from roughvol.study import HeightFile, Level, Scale, Study, loads, read
+from roughvol.study.scale import ALWAYS, KINDS
+from roughvol.study.spectral import MadeSurface
+from roughvol.study.units import unit_of
 from roughvol.study.yaml_text import write
 
 FINE = "finest grid"
 COARSER = (2, 4)  # spacings of the coarser grids over that of the finest
 OTHER_LEVEL = {"none": "tilt", "mean": "tilt", "tilt": "quadratic", "quadratic": "tilt"}
-KINDS = ("pressure", "contact_area", "separation", "indentation")
 FEWEST_NODES = 30  # nodes of a side of the coarsest grid
 
 
-def level_of(text: str) -> Level:
-    """Return the state that ``pressure=0.3`` or ``last`` names.
+def level_of(text: str, study: Study | None = None) -> Level:
+    """Return the state that ``pressure=0.3``, ``pressure=0.5 MPa`` or ``last`` names.
 
     Parameters
     ----------
     text : str
-        Name of a quantity and its starred value, or ``last``.
+        Name of a quantity and its starred value, or its value with a unit; or ``last``.
+    study : Study, optional
+        Gives modulus, L and Sq for a value with a unit.
 
     Returns
     -------
     Level
-        The state.
+        The state, by a starred value.
 
     Raises
     ------
     StudyError
-        If it names no state.
+        If it names no state, or the study gives no starred value for it.
     """
     kind, _, value = text.partition("=")
     if text == "last":
         return Level("last")
     try:
-        number = float(value)
-    except ValueError:
-        number = math.nan
-    if kind not in KINDS or not math.isfinite(number):
-        message = f"at is {text!r}; allowed: last, or one of {', '.join(KINDS)} with a number, as pressure=0.3"
+        number = read(value, KINDS.get(kind, ("", ""))[0])
+        known = kind in KINDS and math.isfinite(number) and (kind not in ALWAYS or unit_of(number) is not None)
+    except ValueError as error:
+        known, reason = False, f" ({error})"
+    else:
+        reason = ""
+    if not known:
+        message = (
+            f"at is {text!r}; allowed: last, or one of {', '.join(KINDS)} with a number or a unit, as pressure=0.3 or "
+            f'pressure="0.5 MPa"{reason}'
+        )
         raise StudyError([Problem(message)])
-    return Level(kind, number)
+    return Level(kind, number) if unit_of(number) is None else _starred(kind, number, text, study)
+
+
+def _starred(kind: str, value: float, text: str, study: Study | None) -> Level:
+    """Return a value with a unit as a starred one, equal for all surfaces of a study."""
+    if study is None:
+        message = f"at is {text!r}; a unit needs a study"
+        raise StudyError([Problem(message)])
+    levels = set()
+    for case in study.cases():
+        surface = surface_of(case)
+        height = study.surface.height if isinstance(study.surface, MadeSurface) else None
+        scale = Scale(
+            case.E_star,
+            surface.side,
+            height or surface.Sq,
+            surface.heights.size * surface.spacing**2,
+            study.material.unit,
+            case.length_unit,
+        )
+        try:
+            starred, number = scale.starred(kind, value)
+        except ValueError as error:
+            raise StudyError([Problem(f"at: {error}")]) from error
+        levels.add((starred, float(f"{number:.12g}")))
+    if len(levels) > 1:
+        message = (
+            f"at is {text!r}: the surfaces differ in Sq, so that no starred value fits; give surface: {{Sq: 1 um}}"
+        )
+        raise StudyError([Problem(message)])
+    return Level(*levels.pop())
 
 
 def variants(study: Study, at: Level) -> dict[str, Study]:
@@ -87,8 +127,12 @@ def variants(study: Study, at: Level) -> dict[str, Study]:
     made = {FINE: fine}
     for factor in COARSER:
         keys = _coarser(study, factor)
-        if keys is not None:
+        if keys is None:
+            continue
+        try:
             made[f"spacing × {factor}"] = _at_equal_pressure(study, at, keys)
+        except StudyError:  # a grid too coarse for the waves of the surface; the card says what is not known
+            break
     if isinstance(surface, HeightFile):
         other = OTHER_LEVEL[str(surface.level)]
         made[f"level: {other}"] = _at_equal_pressure(study, at, {"level": other})
@@ -141,8 +185,11 @@ def _changed(study: Study, at: Level, keys: Mapping[str, Any], pressures: float,
     data["record"] = {**kept, "transport": {**steps, "flux_at": wanted}, "fields_at": wanted}
     data["surface"] |= keys
     for leg in data["sweep"] if isinstance(data["sweep"], list) else [data["sweep"]]:
-        if isinstance(leg.get("to"), dict) and "pressure" in leg["to"]:
+        # pressures with a unit are equal already
+        if isinstance(leg.get("to"), dict) and isinstance(leg["to"].get("pressure"), float):
             leg["to"]["pressure"] *= pressures
+        if "pressures" in leg:
+            leg["pressures"] = [p * pressures if isinstance(p, float) else p for p in leg["pressures"]]
     with study.placing():
         return loads(write(data))
 

@@ -161,7 +161,7 @@ def _asked(
         values = undeformed(case, surface)
         if case.sweep.steps > 0:
             held = {} if half_spaces is None else half_spaces
-            half_space = _half_space(surface, case.solver.kernel, threads, held)
+            half_space = half_space_of(surface, case.solver.kernel, threads, held)
             large = checkpoint is not None and math.prod(surface.shape) >= checkpoints.NODES
             kept = Checkpoint(checkpoint, case, checkpoints.numerics()) if checkpoint is not None and large else None
             values |= _swept(path.starred(case, surface), surface, half_space, kept, on_step, stopping)
@@ -272,7 +272,25 @@ def surface_of(case: Case) -> Surface:
     )
 
 
-def _half_space(surface: Surface, kernel: str, threads: int, held: HalfSpaces) -> HalfSpace | PeriodicHalfSpace:
+def half_space_of(surface: Surface, kernel: str, threads: int, held: HalfSpaces) -> HalfSpace | PeriodicHalfSpace:
+    """Return the half space of a surface: the one held if it fits, else a new one, which is held from then on.
+
+    Parameters
+    ----------
+    surface : Surface
+        Gives shape and period.
+    kernel : str
+        Kernel of the study.
+    threads : int
+        Threads inside a convolution.
+    held : mutable mapping
+        Half space of the last shape and kernel.
+
+    Returns
+    -------
+    HalfSpace or PeriodicHalfSpace
+        The half space.
+    """
     key = (surface.shape, surface.periodic, kernel, threads)
     if key not in held:
         held.clear()  # one at a time: it is the largest thing in memory

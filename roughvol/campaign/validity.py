@@ -318,7 +318,8 @@ def _drop(given: Setting, starred: DataArray, nominal: DataArray) -> list[Findin
     highest = float(nominal.where(beyond).max())
     text = (
         f"pressure_drop {given.drop_text} is more than {LARGEST_DROP} of the nominal pressure at {extent}, "
-        f"up to {_pressure(given, highest)}: the fluid would carry part of the load there, and widen the gap"
+        f"up to {_pressure(given, highest)}: the fluid would carry part of the load there, and widen the gap; "
+        "record.fluid_pressure computes it"
     )
     return [Finding("pressure_drop", text, LARGEST_DROP, COUPLING, extent)]
 

@@ -4,20 +4,33 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from roughvol.cli.group import examples, main, results_file, run_name
+from roughvol.cli.group import STUDY_SUFFIXES, examples, main, results_file, run_name, warn
+
+if TYPE_CHECKING:
+    from roughvol.report.ask import Answer
+    from roughvol.study import Study
 
 
 @main.command(
     epilog=examples(
         "roughvol card scan.yaml                          at the end of its sweep",
         "roughvol card scan.yaml --at pressure=0.3        at p* = 0.3",
+        'roughvol card scan.yaml --at "pressure=0.5 MPa"  at a nominal pressure; also load, mean_gap and lengths',
     )
 )
 @click.argument("study", type=click.Path(path_type=Path))
-@click.option("--at", "state", default="last", show_default=True, metavar="KIND=VALUE", help="The load of the card.")
+@click.option(
+    "--at",
+    "state",
+    default="last",
+    show_default=True,
+    metavar="KIND=VALUE",
+    help="The load of the card, starred or with its unit.",
+)
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the card [default: runs/NAME_card].")
 @click.option("--jobs", type=int, metavar="N", help="Processes [default: all cores].")
 def card(study: Path, state: str, out: Path | None, jobs: int | None) -> None:
@@ -32,7 +45,7 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None) -> None:
 
     asked = load(study)
     folder = out or Path("runs") / f"{asked.name}_card"
-    made = runs.compute(asked, runs.level_of(state), folder, jobs=jobs)
+    made = runs.compute(asked, runs.level_of(state, asked), folder, jobs=jobs)
     for line in card_page.lines_of(made, asked.name):
         click.echo(line)
     click.echo(str(card_page.write(made, asked.name, folder)))
@@ -42,6 +55,7 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None) -> None:
     epilog=examples(
         'roughvol ask seal --leak-rate "1e-3 mm^3/s"                                   the pressure needed',
         'roughvol ask seal --leak-rate "1e-3 mm^3/s" --for modulus --pressure "0.5 MPa"',
+        'roughvol ask seal --leak-rate "1e-3 mm^3/s" --no-solve                        at once, with its error',
     )
 )
 @click.argument("run", required=False)
@@ -55,17 +69,20 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None) -> None:
     help="Quantity asked for.",
 )
 @click.option("--pressure", metavar="VALUE", help="Nominal pressure with its unit, for modulus and Sq.")
-def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None) -> None:
-    """Read off a stored sweep where the leak of RUN falls below a value: RUN is a folder, a study.nc, or a name.
+@click.option("--no-solve", is_flag=True, help="Read off the stored sweep alone.")
+def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_solve: bool) -> None:
+    """Find where the leak of RUN falls below a value: RUN is a folder, a study.nc, a study file, or a name.
 
-    Nothing is solved: starred numbers depend on E* and Sq through p* alone. Between two steps the logarithm of the leak
-    is linear in the pressure.
+    First the answer is read off the stored sweep: numbers depend on E* and Sq through p* alone. It has the error of an
+    interpolation, which is estimated. Then a few states are solved, and the answer equals a new run at that value to
+    1e-6. Their number is printed.
     """
     from roughvol.report import gas_leak
     from roughvol.report.ask import ask as read_off
     from roughvol.store import dataset
 
-    results = dataset.read(results_file(run))
+    file = results_file(run)
+    results = dataset.read(file)
     kelvin = None
     if gas_leak.is_throughput(leak_rate.lstrip("<= ")):
         results, kelvin = gas_leak.in_place(results, unknown)
@@ -77,17 +94,62 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None) -> 
         largest = _in_unit(leak_rate.lstrip("<= "), own, "--leak-rate", kind, kelvin)
         own = str(results["nominal_pressure"].attrs["units"])
         at = _in_unit(pressure, own, "--pressure", "pressure") if pressure is not None else None
-    click.echo(f"{run_name(results_file(run))}: leak up to {leak_rate.lstrip('< ')}")
-    for answer in read_off(results, largest, unknown, pressure=at):
-        low, high = answer.between
-        enough = math.isinf(answer.value) if unknown != "pressure" else answer.value == 0.0
-        if enough:
-            words = f"any {unknown}"
-        elif math.isinf(answer.value) or answer.value == 0.0:
-            words = f"no {unknown} within the stored loads"
-        else:
-            words = f"{unknown} {answer.value:.4g} {answer.unit}, between the steps p* = {low:.4g} and {high:.4g}"
-        click.echo(f"along {answer.axis}: {words}")
+    answers = read_off(results, largest, unknown, pressure=at)
+    click.echo(f"{run_name(file)}: leak up to {leak_rate.lstrip('<= ')}")
+    for answer in answers:
+        click.echo(f"along {answer.axis}: {_words(answer, unknown)}")
+    found = [answer for answer in answers if math.isfinite(answer.nominal) and answer.nominal > 0.0]
+    if no_solve or not found:
+        return
+    if kelvin is not None:
+        warn(["the answers have the error of the read-off: solves refine the leak of a liquid alone"])
+        return
+    study, absent = _study_of(run, file)
+    if study is None:
+        warn([f"the answers have the error of the read-off: {absent}"])
+        return
+    from roughvol.campaign import inverse
+    from roughvol.errors import CampaignError
+
+    for answer in found:
+        given = at if unknown == "Sq" else None
+        try:
+            refined = inverse.refine(study, results, answer.axis, largest, answer.nominal, scaled_from=given)
+        except CampaignError as error:
+            warn([f"along {answer.axis} the answer has the error of the read-off: {error}"])
+            continue
+        value = refined.nominal if at is None or unknown == "pressure" else at / refined.nominal
+        click.echo(f"along {answer.axis}: {unknown} {value:.9g} {answer.unit}, to 1e-6 by {refined.solves} solves")
+
+
+def _words(answer: Answer, unknown: str) -> str:
+    """Return a read-off in words."""
+    if answer.nominal == 0.0:
+        return f"any {unknown}: the first step leaks less"
+    if math.isinf(answer.nominal):
+        return f"no {unknown} within the stored loads"
+    low, high = answer.between
+    steps = f"between the steps p* = {low:.4g} and {high:.4g}"
+    error = f"read off to about {100.0 * answer.error:.1g} %" if math.isfinite(answer.error) else "read off"
+    return f"{unknown} {answer.value:.4g} {answer.unit}, {steps}, {error}"
+
+
+def _study_of(run: str | None, file: Path) -> tuple[Study | None, str]:
+    """Return the study of a run if its cases can be made again, and the reason if not."""
+    from roughvol.errors import RoughvolError
+    from roughvol.store import run_folder
+    from roughvol.study import load, loads
+
+    folder = file.parent
+    try:
+        given = run is not None and Path(run).suffix in STUDY_SUFFIXES and Path(run).is_file()
+        study = load(Path(run or "")) if given else loads(run_folder.stored_study(folder) or "")
+        made = [case.id for case in study.cases()]
+    except RoughvolError as error:
+        return None, f"the study of the run cannot be read again, give its file instead of the run ({error})"
+    if not all(run_folder.case_file(folder, id).is_file() for id in made):
+        return None, "the cases of the study are not those of the run"
+    return study, ""
 
 
 def _in_unit(text: str, unit: str, option: str, kind: str, kelvin: float | None = None) -> float:
@@ -104,3 +166,44 @@ def _in_unit(text: str, unit: str, option: str, kind: str, kelvin: float | None 
     except (ValueError, StudyError) as error:
         message = f"{option} is {text!r}; allowed: a number with its unit, as in {unit} ({error})"
         raise StudyError([Problem(message)]) from error
+
+
+@main.command(
+    epilog=examples(
+        'roughvol creep seal --law creep.yaml --pressure "0.1 MPa" --times "1 s..30 day"',
+        'roughvol creep seal --law creep.yaml --pressure "0.1 MPa" --times "1 min, 1 h, 1 day"',
+        "creep.yaml holds one of:",
+        "  prony: {shares: [0.3, 0.2], times: [10 s, 1 h]}        1 + sum of shares (1 - exp(-t/times))",
+        "  power: {exponent: 0.1, time: 1 s}                      1 + (t/time)^exponent",
+        "  table: {times: [1 s, 1 day], ratios: [1, 1.5]}         or moduli: [10 MPa, 6.7 MPa]",
+    )
+)
+@click.argument("run", required=False)
+@click.option("--law", required=True, type=click.Path(path_type=Path), help="YAML file of the creep law J(t)/J(0).")
+@click.option("--pressure", required=True, metavar="VALUE", help="Constant nominal pressure with its unit.")
+@click.option("--times", required=True, metavar="TIMES", help="Times under load: 'FROM..TO' or a list, with units.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of creep.csv and creep.png [default: the run's].")
+def creep(run: str | None, law: Path, pressure: str, times: str, out: Path | None) -> None:
+    """Show the leak of RUN over time, for a material that creeps under constant load.
+
+    The modulus of the study is that at once. States at later times are read off the stored sweep: at constant load the
+    contact is that of the modulus 1/J(t) (Lee and Radok 1960). Times whose states the sweep does not reach are refused.
+    """
+    from roughvol.report import creep as over_time
+    from roughvol.report.ask import check_leaks
+    from roughvol.report.figures.creep import drawing_of
+    from roughvol.store import dataset
+    from roughvol.study import load_creep, read_times
+
+    file = results_file(run)
+    results = dataset.read(file)
+    check_leaks(results)
+    at = _in_unit(pressure, str(results["nominal_pressure"].attrs["units"]), "--pressure", "pressure")
+    history = over_time.history(results, load_creep(law), at, read_times(times))
+    for line in over_time.lines_of(history):
+        click.echo(line)
+    folder = out or file.parent
+    over_time.write_csv(history, folder / "creep.csv")
+    drawing_of(history).savefig(folder / "creep.png")
+    click.echo(str(folder / "creep.csv"))
+    click.echo(str(folder / "creep.png"))

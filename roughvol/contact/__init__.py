@@ -6,6 +6,7 @@ The room of the solver. It knows surfaces and arrays, no study and no results.
 `loading`             one state, or a sweep over many
 `search`              indentation at which a quantity reaches a value
 `crossing`            indentation at which a quantity crosses a value, on any leg of a path
+`pressed`             state under a given load
 `active_set`          loop: free elements, residual, direction, exact step
 `problem`             scaled problem: convolution, verification, record
 `state`               solved state

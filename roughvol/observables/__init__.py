@@ -23,8 +23,11 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `network`          pressures on nodes joined by conductances, by factorisation or multigrid
 `transport`        critical constriction, and flow
 `gas`              the flow of a gas, from viscous to free molecular
+`fluid_pressure`   the pressure of a fluid in the gap
+`coupling`         contact and flow together: fluid pressure that lifts a seal
 `quick_estimates`  the flow by effective medium and by a single junction
 `stiffness`        pressure per separation along a loading
+`conductance`      contact conductance from the stiffness
 `void`             the transport that a study asks for, state by state
 `regions`          a part of the surface, and central squares
 `at_state`         quantities of a sweep at a given state, between its steps

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.search import TARGETS
-from roughvol.observables import box_counting, deformed, free_volume, regions, void
+from roughvol.observables import box_counting, coupling, deformed, free_volume, regions, void
 from roughvol.observables.regions import State, window
 from roughvol.study import Case, Level, Record, Select
 from roughvol.surfaces.surface import Surface
@@ -87,22 +87,24 @@ class AtStates:
     ----------
     dim : dimension along which its states are stored.
     key : key of the section ``record`` that selects its states, as ``box_counting.at``.
-    of_state : case, surface, state in the region ↦ values by stored name.
+    of_state : case, surface, state in the region ↦ values by stored name; and the half space, if it ``solves``.
     seconds : per state and node, timed at m = 7 … 9.
     labels : case, surface ↦ coordinates of its values.
     parts : section ``record`` ↦ how often its function passes over the nodes.
     fields : how many fields it stores for each state.
     flow : whether it factorises, so that its cost grows faster than the nodes.
+    solves : whether it solves contacts, and takes the half space as its last argument.
     """
 
     dim: str
     key: str
-    of_state: Callable[[Case, Surface, State], Values]
+    of_state: Callable[..., Values]
     seconds: float
     labels: Callable[[Case, Surface], Values] = lambda case, surface: {}
     parts: Callable[[Record], int] = lambda record: 1
     fields: int = 0
     flow: bool = False
+    solves: bool = False
 
 
 AT_STATES = {
@@ -123,6 +125,15 @@ AT_STATES = {
         void.QUANTITIES["transmissivity"].seconds,
         fields=2,
         flow=True,
+    ),
+    "fluid_pressure": AtStates(
+        "fluid_at",
+        "fluid_pressure.at",
+        coupling.of_state,
+        8e-5,
+        parts=lambda record: 8 if record.fluid_pressure and record.fluid_pressure.coupling == "full" else 1,
+        flow=True,
+        solves=True,
     ),
     "texture": AtStates("texture_at", "texture.at", deformed.under_load, 3e-7),
 }

@@ -161,8 +161,9 @@ class Reduction:
             state = within(self._at(level, step, whole), self._case)
             for observable, label in wanted:
                 started, row = time.perf_counter(), AT_STATES[observable]
+                solver = (self._half_space,) if row.solves else ()
                 own = {f"{row.dim}_{name}": getattr(state, name) for name in OF_STATE}
-                self._kept[observable][label] = step, own | row.of_state(self._case, self._surface, state)
+                self._kept[observable][label] = step, own | row.of_state(self._case, self._surface, state, *solver)
                 self._seconds[observable] += time.perf_counter() - started
         for name in (*PER_STEP, *(PLASTIC if self._case.plastic else ())):
             self._per_step[name].append(getattr(contact, name))

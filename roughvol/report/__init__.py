@@ -13,6 +13,7 @@ Room of the report. It reads datasets and computes no contact.
 `card_page`     its HTML and PDF
 `ask`           pressure, modulus or Sq at which a leak falls below a value
 `gas_leak`      the leak of a gas in the place of that of a liquid
+`creep`         the leak of a seal over time
 `yielding`      leak up and down a path, and with yield against without
 `states`        the state of stored surfaces at a load, on a step or between two
 `screen`        tables of numbers for a screen

@@ -118,6 +118,12 @@ def leaks(run: Dataset, axis: str) -> Array:
     return np.asarray((flow * volume**3).isel(flux_at=0).values, dtype=float).ravel()
 
 
+def _compared(run: Dataset, fine: Dataset, axis: str) -> Array:
+    """Return T* V*³ of another grid or levelling, over the Sq³ of the finest grid: that of a map changes with both."""
+    values = leaks(run, axis)
+    return values * (float(run["Sq"].mean()) / float(fine["Sq"].mean())) ** 3 if "case" in fine.dims else values
+
+
 def unit_leak(run: Dataset, axis: str) -> tuple[float, str]:
     """Return the leak rate of T* V*³ = 1 in the unit of the study; 1 without a unit."""
     name = f"leak_rate_{axis}"
@@ -138,9 +144,9 @@ def _way(fine: Dataset, coarser: Sequence[Dataset], levelled: Mapping[str, Datas
     if open_.any():
         parts = [
             _solver(fine, axis),
-            _grid([values, *(leaks(run, axis) for run in coarser)]),
+            _grid([values, *(_compared(run, fine, axis) for run in coarser)]),
             _window(fine, values, axis),
-            *(_levelling(values, leaks(run, axis), label) for label, run in levelled.items()),
+            *(_levelling(values, _compared(run, fine, axis), label) for label, run in levelled.items()),
         ]
     return Way(axis, leak, unit, _closing(fine, axis), tuple(parts))
 

@@ -14,12 +14,16 @@ from typing import Any
 import numpy as np
 from xarray import DataArray, Dataset
 
+from roughvol.errors import ContactError
+from roughvol.observables.conductance import contact_conductance, harmonic_conductivity
+from roughvol.observables.stiffness import interfacial_stiffness
 from roughvol.report.claims import Run
 from roughvol.report.legs import first_leg
 from roughvol.report.tables import Table, number
 from roughvol.report.yielding import hysteresis
 from roughvol.store.variables import VARIABLES
-from roughvol.study import HeightFile, SpectralSurface, Study
+from roughvol.study import HeightFile, SpectralSurface, Study, convert
+from roughvol.study.units import in_unit
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array
 
@@ -56,6 +60,9 @@ COLUMNS = (  # of a table of states, where they are stored or follow from what i
     "gas_leak_rate_x",
     "gas_leak_rate_y",
 )
+STIFFNESS = "interfacial stiffness -dp/d(mean gap) times L/E*; with h and k_s the conductance h L/k_s"
+CONDUCTANCE = "contact conductance per nominal area"
+CONDUCTIVITY = "W/m/K"
 LOADS = ("nominal_pressure", P)
 
 
@@ -241,7 +248,21 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
 
 
 def derived(ds: Dataset, study: Study | None) -> Dataset:
-    """Return a dataset with the mean gap, the nominal pressure where the study has its unit, and the open ways."""
+    """Return a dataset with the mean gap, the nominal pressure where the study has its unit, open ways and stiffness.
+
+    Parameters
+    ----------
+    ds : Dataset
+        A study with states.
+    study : Study or None
+        Its study.
+
+    Returns
+    -------
+    Dataset
+        The same with further variables.
+    """
+    ds = _with_stiffness(ds, study)
     if "mean_gap" not in ds and "Sq" in ds:
         gap = ds[V] * ds["Sq"]
         ds = ds.assign(mean_gap=gap.assign_attrs(units=ds.attrs.get("length_unit", "length"), symbol="g_mean"))
@@ -255,6 +276,25 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
                 is_open = (ds[name] > 0.0).astype(float).where(ds[name].notnull())
                 ds = ds.assign({f"open_{axis}": is_open.assign_attrs(units="1", symbol=f"open along {axis}")})
                 break
+    return ds
+
+
+def _with_stiffness(ds: Dataset, study: Study | None) -> Dataset:
+    """Return a dataset with the interfacial stiffness on the first leg, and the conductance that follows."""
+    first = first_leg(ds)
+    try:
+        pressure, gap = (first[name].transpose(..., "step") for name in (P, V))
+        stiffness = pressure.copy(data=interfacial_stiffness(pressure.values, gap.values)).reindex(step=ds["step"])
+    except (ContactError, KeyError):  # pressures that do not rise throughout, as those of a region may
+        return ds
+    ds = ds.assign(interfacial_stiffness=stiffness.assign_attrs(units="1", symbol="K L/E*", long_name=STIFFNESS))
+    unit, bodies = ds.attrs.get("length_unit"), study.material.conductivity if study is not None else None
+    if unit and bodies:
+        first_body, second = (in_unit(value, CONDUCTIVITY) or math.nan for value in bodies)
+        length = convert(float(ds["L"]), unit, "m")
+        value = contact_conductance(stiffness.values, harmonic_conductivity(first_body, second), length)
+        conductance = stiffness.copy(data=value).assign_attrs(units="W/m^2/K", symbol="h", long_name=CONDUCTANCE)
+        ds = ds.assign(contact_conductance=conductance)
     return ds
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.errors import DatasetError
+from roughvol.observables.conductance import stiffness_exponent
 from roughvol.report.claims import Run
 from roughvol.report.legs import first_leg
 from roughvol.report.run_facts import cell, closing, derived, groups, head
@@ -48,6 +49,8 @@ FULL = (  # columns of all steps
     *SHORT[10:],
     "knudsen_number_x",
     "knudsen_number_y",
+    "interfacial_stiffness",
+    "contact_conductance",
 )
 MANY = 14  # states of a sweep to listed loads that are all shown after a run
 EQUAL = 5  # loads of a comparison
@@ -186,9 +189,20 @@ def shown(run: Run, states: Sequence[Wanted] = ()) -> list[Table]:
             rows.append((*line, *_row(columns, data)))
         heads = ("step", *(["leg"] if "leg" in group else []), *_heads(columns, [group]))
         count = group.sizes["seed"]
-        note = f"Mean over {count} surfaces; open ways are counted." if count > 1 else ""
+        notes = [f"Mean over {count} surfaces; open ways are counted."] if count > 1 else []
+        note = " ".join([*notes, *_exponent(group)])
         tables.append(Table(name, heads, tuple(rows), note))
     return tables
+
+
+def _exponent(group: Dataset) -> list[str]:
+    """Return how the stiffness goes with the pressure, in words; empty with too few states."""
+    if "interfacial_stiffness" not in group:
+        return []
+    pressure, stiffness = (group[name].transpose("seed", "step").values for name in (P, "interfacial_stiffness"))
+    exponents = [stiffness_exponent(p, k) for p, k in zip(pressure, stiffness, strict=True)]
+    finite = [value for value in exponents if math.isfinite(value)]
+    return [f"K goes with p^{np.mean(finite):.2f} over the first leg."] if finite else []
 
 
 def _reaching(run: Run, named: Sequence[tuple[str, Dataset]], state: Wanted) -> list[tuple[str, State]]:

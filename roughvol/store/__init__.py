@@ -9,6 +9,7 @@ Room of the store. It computes nothing.
 `axis_variables`       rows of the axes that lists make
 `variants`             combinations of lists joined, and taken apart
 `flow_variables`       rows of gases and of quick estimates of a flow
+`fluid_variables`      rows of a contact under the pressure of a fluid
 `tradeoff_variables`   the table of a stored trade-off
 `provenance`           attributes of stored files
 `dataset`              build, write, read and combine datasets

@@ -125,6 +125,13 @@ def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[t
     plates = gap**3 * (leak.drive / 12.0)
     yield "leak_rate_x", _starred(results, "transmissivity_x") * plates * results["region_aspect"], leak.unit
     yield "leak_rate_y", _starred(results, "transmissivity_y") * plates / results["region_aspect"], leak.unit
+    fluid = study.record.fluid_pressure
+    if fluid is None or not fluid.has_units:
+        return
+    for axis, aspect in (("x", results["region_aspect"]), ("y", 1.0 / results["region_aspect"])):
+        if f"fluid_leak_{axis}" in results:  # under the same drop
+            plates = (sigma * convert(1.0, length_unit, "m")) ** 3 * (leak.drive / 12.0)
+            yield f"fluid_leak_rate_{axis}", results[f"fluid_leak_{axis}"] * plates * aspect, leak.unit
 
 
 def _starred(results: Dataset, name: str) -> DataArray:

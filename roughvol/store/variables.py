@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from roughvol.store import axis_variables, derived_variables, flow_variables
+from roughvol.store import axis_variables, derived_variables, flow_variables, fluid_variables
 from roughvol.store.variable import Variable, rows
 
 VARIABLES: dict[str, Variable] = {}
@@ -361,7 +361,7 @@ VARIABLES |= rows(
     ),
     nayak_parameter=Variable("...", "1", "Nayak's parameter m_0 m_4/m_2^2", "α"),
 )
-
+VARIABLES |= fluid_variables.FLUID
 STATES = tuple(name for name, row in VARIABLES.items() if row.dims == name and name.endswith("_at"))
 """Dimensions along which recorded states are stored."""
 VARIABLES |= axis_variables.ROWS | derived_variables.of_parts(VARIABLES)

@@ -14,7 +14,10 @@ key, given value and allowed values.
 `treatment`    the treatment of measured heights
 `material`     the section ``material``
 `fluid`        the section ``fluid``: a gas and its pressures
+`creep`        a creep law, and times of a command line
+`selected`     states that a study selects
 `record`       the section ``record``
+`dimensional`  what ``record`` has with units
 `ensemble`     the section ``ensemble``
 `agreement`    sizes and units of a study compared with its files
 `conflicts`    rules across the sections

@@ -3,6 +3,10 @@ from .axes import Axis as Axis
 from .axes import Variant as Variant
 from .cases import Study as Study
 from .cases import json_schema as json_schema
+from .creep import Creep as Creep
+from .creep import load_creep as load_creep
+from .creep import read_times as read_times
+from .dimensional import Dimensional as Dimensional
 from .ensemble import CLOSING as CLOSING
 from .ensemble import STORED_AS as STORED_AS
 from .ensemble import Accuracy as Accuracy
@@ -23,7 +27,6 @@ from .reading import loads as loads
 from .reading import of_data as of_data
 from .record import EVERY_STEP as EVERY_STEP
 from .record import BoxCounting as BoxCounting
-from .record import Dimensional as Dimensional
 from .record import Record as Record
 from .record import Region as Region
 from .record import RegionWidths as RegionWidths

@@ -227,6 +227,13 @@ def _unit_conflicts(
     other = material.get("against")
     if isinstance(other, dict) and has_unit(other.get("E")) and not has_unit(modulus):
         yield ("material", "against", "E"), "has a unit and that of the first body has none: give both with units"
+    fluid = record.get("fluid_pressure")
+    if isinstance(fluid, dict):
+        for name in ("inlet", "outlet"):
+            if has_unit(fluid.get(name)) and not has_unit(modulus):
+                yield ("record", "fluid_pressure", name), "has a unit and the modulus has none: give both with units"
+        if material.get("hardness") is not None and material.get("plastic", True):
+            yield ("record", "fluid_pressure"), "needs elastic contact: material.plastic is true and a hardness given"
     wanted = record.get("dimensional")
     for name in [key for key, value in wanted.items() if value is not None] if isinstance(wanted, dict) else ():
         if name == "pressure" and not has_unit(modulus):

@@ -7,11 +7,14 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from roughvol.study.sections import Strict
-from roughvol.study.units import Pressure, in_unit, unit_of
+from roughvol.study.units import Conductivity, Pressure, in_unit, unit_of
 
 PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
 _HARDNESS = "hardness, > 0, in the unit of the modulus, or as 2 GPa: the largest contact pressure; default: elastic"
 _PLASTIC = "true: pressures end at the hardness; false: contact is elastic, and the share above the hardness is stored"
+
+Conductivities = Annotated[list[Conductivity], Field(min_length=2, max_length=2)]
+_CONDUCTIVITY = "[k1, k2]: heat conductivities of both bodies, > 0, as [50 W/m/K, 15 W/m/K]: shows the conductance"
 
 
 class ContactModulus(Strict):
@@ -20,6 +23,7 @@ class ContactModulus(Strict):
     E_star: Pressure = Field(default=1.0, description="contact modulus E/(1-nu^2), > 0, as 1 or 100 GPa")
     hardness: Pressure | None = Field(default=None, description=_HARDNESS)
     plastic: bool = Field(default=True, description=_PLASTIC)
+    conductivity: Conductivities | None = Field(default=None, description=_CONDUCTIVITY)
 
     @property
     def contact_modulus(self) -> float:
@@ -54,6 +58,7 @@ class YoungPoisson(Strict):
     )
     hardness: Pressure | None = Field(default=None, description=_HARDNESS)
     plastic: bool = Field(default=True, description=_PLASTIC)
+    conductivity: Conductivities | None = Field(default=None, description=_CONDUCTIVITY)
 
     @property
     def contact_modulus(self) -> float:

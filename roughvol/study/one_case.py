@@ -73,7 +73,7 @@ class Case:
         if self.periodic and self.spectrum is None:  # cases without it keep their id
             surface["periodic"] = True
         record = self.record.model_dump(mode="json", exclude={"dimensional"})
-        for name in ("residual_heights", "psd", "contact_perimeter"):
+        for name in ("residual_heights", "psd", "contact_perimeter", "fluid_pressure"):
             if not record[name]:  # cases without it keep their id
                 del record[name]
         if not record["all_legs"] or not isinstance(self.sweep, Legs):

@@ -14,90 +14,31 @@ from pydantic import (
     GetJsonSchemaHandler,
     Tag,
     field_validator,
-    model_serializer,
     model_validator,
 )
 from pydantic_core import core_schema
 
+from roughvol.study.dimensional import Dimensional, FluidPressure
 from roughvol.study.sections import (
     AreaFraction,
     Choice,
     Fraction,
     Level,
     Many,
-    Positive,
-    StepNumber,
     Strict,
     Whole,
     Word,
     refuse,
 )
-from roughvol.study.units import In, Quantity, Starred, UnitOf, convert, in_unit, unit_of
+from roughvol.study.selected import STATES_IN_WORDS, Select, Selector
+from roughvol.study.units import in_unit, unit_of
 from roughvol.study.yaml_text import number_text
-
-
-class Select(Choice):
-    """States to record: the last one, steps, or levels.
-
-    Fields, densities and box counts are those of the state at the level, solved for them. Quantities along the steps
-    are those of the first step at the level or beyond it.
-    """
-
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
-
-    step: Many[StepNumber] = Field(default_factory=tuple, description="step numbers, from 1 to sweep.steps")
-    contact_area: Many[AreaFraction] = Field(default_factory=tuple, description="levels of A*, 0 < A* <= 1")
-    pressure: Many[Annotated[Positive, In("pressure")]] = Field(
-        default_factory=tuple, description="levels of p* > 0, or of p as 0.5 MPa"
-    )
-    separation: Many[Annotated[float, In("length")]] = Field(
-        default_factory=tuple, description="levels of d/σ, reached from above, or of d as 0.5 um"
-    )
-    indentation: Many[Annotated[Positive, In("length")]] = Field(
-        default_factory=tuple, description="levels of Δ/σ > 0, or of Δ as 2 um"
-    )
-    free_volume: Many[Positive] = Field(default_factory=tuple, description="levels of V* > 0, reached from above")
-    mean_gap: Many[Annotated[Positive, In("length", needed=True)]] = Field(
-        default_factory=tuple, description="levels of the mean gap, as 1 um, reached from above"
-    )
-    load: Many[Annotated[Positive, In("force", needed=True)]] = Field(
-        default_factory=tuple, description="levels of the load on the whole surface, as 20 N"
-    )
-
-    @model_serializer
-    def _plain(self) -> Any:
-        written = {
-            kind: [str(value) if isinstance(value, Quantity) else value for value in values]
-            for kind, values in self.named.items()
-        }
-        return written or "last"
-
-    @property
-    def levels(self) -> tuple[Level, ...]:
-        """Levels, kind by kind; ``Level("last")`` without any."""
-        levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
-        return tuple(levels) or (Level("last"),)
-
-    def starred(self, of: Callable[[Level], Level]) -> Select:
-        """Return the same states as starred numbers, each with its label in the study."""
-        values: dict[str, tuple[float, ...]] = {}
-        for level in self.levels:
-            if level.value is None:
-                return self
-            new = of(level)
-            value = new.value if unit_of(level.value) is None else Starred(new.value or 0.0, level.label)
-            values[new.kind] = (*values.get(new.kind, ()), value or 0.0)
-        return type(self).model_construct(None, **values)
-
-
-Selector = Annotated[Select, Word("last")]
-_STATES = "'last', or levels of step, contact_area, pressure, separation, indentation, free_volume, mean_gap, load"
 
 
 class BoxCounting(Strict):
     """Box counting of the domains v <= threshold × max(v)."""
 
-    at: Selector = Field(default=Select(), description=f"states: {_STATES}")
+    at: Selector = Field(default=Select(), description=f"states: {STATES_IN_WORDS}")
     thresholds: Many[Fraction] = Field(
         default=(0.0, 0.1, 0.25, 0.5, 1.0), description="fractions of the largest element volume, 0 to 1; a list"
     )
@@ -107,7 +48,7 @@ class VolumeDensity(Strict):
     """The density f(v) of the free volume per element."""
 
     bins: Annotated[Whole, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
-    at: Selector = Field(default=Select(), description=f"states: {_STATES}")
+    at: Selector = Field(default=Select(), description=f"states: {STATES_IN_WORDS}")
     include_contact: bool = Field(default=False, description="include elements in contact (v = 0): true or false")
 
 
@@ -132,7 +73,7 @@ class Switch:
 class Texture(Strict):
     """The texture before load, and of the deformed surface under load."""
 
-    at: Selector = Field(default=Select(), description=f"the states under load to take it at: {_STATES}")
+    at: Selector = Field(default=Select(), description=f"the states under load to take it at: {STATES_IN_WORDS}")
 
 
 EVERY_STEP = "every-step"
@@ -145,7 +86,7 @@ def _tag_states(value: Any) -> str:
 States = Annotated[
     Annotated[Literal["every-step"], Tag("<every>")] | Annotated[Selector, Tag("<states>")], Discriminator(_tag_states)
 ]
-_WHEN = f"'{EVERY_STEP}', {_STATES}"
+_WHEN = f"'{EVERY_STEP}', {STATES_IN_WORDS}"
 
 
 class Transport(Choice):
@@ -169,7 +110,9 @@ class Transport(Choice):
     estimates: States | None = Field(
         default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
     )
-    flux_at: Selector | None = Field(default=None, description=f"flux of div(g^3 grad P) = 0 as fields: {_STATES}")
+    flux_at: Selector | None = Field(
+        default=None, description=f"flux of div(g^3 grad P) = 0 as fields: {STATES_IN_WORDS}"
+    )
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> Transport:
@@ -219,66 +162,6 @@ class RegionWidths(Strict):
     transmissivity: States | None = Field(default=None, description=f"states of the transmissivity, x and y: {_WHEN}")
 
 
-class LeakRate(Strict):
-    """Volume flow of an incompressible liquid through the gap: pressure drop, viscosity, unit."""
-
-    pressure_drop: Annotated[Positive, In("pressure", needed=True)] = Field(
-        description="pressure difference between two sides of the region, > 0, with its unit as 1 bar"
-    )
-    viscosity: Annotated[Positive, In("viscosity", needed=True)] = Field(
-        description="dynamic viscosity, > 0, with its unit as 1 mPa*s"
-    )
-    unit: Annotated[str, UnitOf("flow")] = Field(default="mm^3/s", description="unit of the leak rate, as mm^3/s")
-
-    @property
-    def drive(self) -> float:
-        """ΔP/μ times 1 m³, in the unit of the leak rate."""
-        return convert(self.rate, "m^3/s", self.unit)
-
-    @property
-    def rate(self) -> float:
-        """ΔP/μ [1/s]."""
-        drop, viscosity = in_unit(self.pressure_drop, "Pa"), in_unit(self.viscosity, "Pa*s")
-        assert drop is not None
-        assert viscosity is not None
-        return drop / viscosity
-
-
-class Dimensional(Choice):
-    """Quantities stored with a unit beside the starred value. They need no further solution."""
-
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
-
-    pressure: Annotated[str, UnitOf("pressure")] | None = Field(
-        default=None, description="store the nominal contact pressure p* E* Sq/L in this unit, as MPa"
-    )
-    free_volume: Annotated[str, UnitOf("volume per area")] | None = Field(
-        default=None, description="store the free volume over the nominal area in this unit, as mm^3/m^2"
-    )
-    mean_gap: Annotated[str, UnitOf("length")] | None = Field(
-        default=None, description="store the mean gap V* Sq in this unit, as um"
-    )
-    separation: Annotated[str, UnitOf("length")] | None = Field(
-        default=None, description="store the separation d of the mean planes in this unit, as um"
-    )
-    critical_gap: Annotated[str, UnitOf("length")] | None = Field(
-        default=None, description="store the critical gaps along x and y in this unit, as um"
-    )
-    leak_rate: LeakRate | None = Field(
-        default=None, description="store the leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
-    )
-    gas_leak_rate: Annotated[str, UnitOf("throughput")] | None = Field(
-        default=None,
-        description="store the leak rates of the gas (section fluid) in this unit, as mbar*l/s or sccm",
-    )
-
-    @model_validator(mode="after")
-    def _asks_for_something(self) -> Dimensional:
-        if not self.named:
-            refuse("must name at least one of {known}", known=", ".join(type(self).model_fields))
-        return self
-
-
 INTERIOR = (("x", (0.25, 0.75)), ("y", (0.25, 0.75)))  # the central half of each side
 
 
@@ -289,7 +172,7 @@ class Record(Strict):
     residual_heights: bool = Field(
         default=False, description="store the heights left by plastic displacement, at the end: true or false"
     )
-    fields_at: Selector | None = Field(default=None, description=f"gap and pressure as fields: {_STATES}")
+    fields_at: Selector | None = Field(default=None, description=f"gap and pressure as fields: {STATES_IN_WORDS}")
     box_counting: BoxCounting | None = Field(default=None, description="box counting; {}: defaults")
     volume_density: VolumeDensity | None = Field(
         default=None, description="density of the element volumes; {}: defaults"
@@ -313,6 +196,9 @@ class Record(Strict):
         default=None,
         description="quantities of the void, each with its states",
     )
+    fluid_pressure: FluidPressure | None = Field(
+        default=None, description="contact under the pressure of a fluid in its gap: {inlet: 5 bar, at: states}"
+    )
     region: Annotated[Region, Word("interior", INTERIOR)] | None = Field(
         default=None,
         description="region of all observables but heights and fields: 'interior' (the central half of each side) or "
@@ -332,6 +218,18 @@ class Record(Strict):
         "false: on the first leg that reaches them",
     )
 
+    @model_validator(mode="after")
+    def _one_drop(self) -> Record:
+        fluid, leak = self.fluid_pressure, self.dimensional.leak_rate if self.dimensional else None
+        if fluid is not None and leak is not None and fluid.has_units:
+            inlet, outlet, drop = (in_unit(value, "Pa") for value in (fluid.inlet, fluid.outlet, leak.pressure_drop))
+            if abs((inlet or 0.0) - (outlet or 0.0) - (drop or 0.0)) > 1e-6 * (drop or 0.0):
+                refuse(
+                    "fluid_pressure: inlet - outlet must equal dimensional.leak_rate.pressure_drop, {drop}",
+                    drop=str(leak.pressure_drop),
+                )
+        return self
+
     @property
     def selects(self) -> dict[tuple[str, ...], Select]:
         """The states of each key that selects some."""
@@ -346,7 +244,9 @@ class Record(Strict):
 
     @property
     def has_units(self) -> bool:
-        """Whether any level has a unit."""
+        """Whether anything but `dimensional` has a unit."""
+        if self.fluid_pressure is not None and self.fluid_pressure.has_units:
+            return True
         return any(unit_of(level.value) is not None for select in self.selects.values() for level in select.levels)
 
     def starred(self, of: Callable[[Level], Level]) -> Record:

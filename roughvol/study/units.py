@@ -26,6 +26,8 @@ KINDS = {
     "pressure": ("[mass]/[length]/[time]^2", "Pa, kPa, MPa, GPa, bar, psi and the like"),
     "viscosity": ("[mass]/[length]/[time]", "Pa*s, mPa*s, cP and the like"),
     "force": ("[mass]*[length]/[time]^2", "N, kN, mN, lbf and the like"),
+    "time": ("[time]", "s, min, h, day, year"),
+    "conductivity": ("[mass]*[length]/[time]^3/[temperature]", "W/(m K) as W/m/K"),
     "flow": ("[length]^3/[time]", "mm^3/s, ml/min, um^3/s and the like"),
     "throughput": ("[mass]*[length]^2/[time]^3", "mbar*l/s, Pa*m^3/s, sccm and the like"),
     "temperature": ("[temperature]", "K, degC"),
@@ -36,6 +38,8 @@ EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "
     "throughput": "1e-4 mbar*l/s",
     "temperature": "293 K",
     "molar mass": "29 g/mol",
+    "time": "10 s",
+    "conductivity": "50 W/m/K",
 }
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", re.ASCII | re.DOTALL)
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
@@ -198,6 +202,7 @@ class Starred(float):
 
 
 _Positive = Annotated[float, Field(gt=0)]
+Conductivity = Annotated[_Positive, In("conductivity", needed=True)]
 Length = Annotated[_Positive, In("length")]
 Pressure = Annotated[_Positive, In("pressure")]
 

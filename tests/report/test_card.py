@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import running
 from roughvol.errors import StudyError
-from roughvol.report import ask, card, card_page
+from roughvol.report import card, card_page
 from roughvol.store.dataset import Dataset
 from roughvol.study import Level, Study, load, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -130,55 +130,30 @@ def test_what_is_no_card_is_refused(old: str, new: str, words: str) -> None:
         card_runs.variants(loads(text), Level("last"))
 
 
-@pytest.mark.parametrize("text", ["pressure", "pressure=", "load=3", "pressure=nan", ""])
-def test_a_load_that_is_none_is_refused(text: str) -> None:
+@pytest.mark.parametrize(
+    "text", ["pressure", "pressure=", "load=3", "pressure=nan", "", "pressure=1 um", "contact_area=1 um"]
+)
+def test_a_load_that_is_none_is_refused(text: str, study: Study) -> None:
     with pytest.raises(StudyError, match="allowed: last, or one of"):
-        card_runs.level_of(text)
-
-
-# read-offs
-
-
-@pytest.fixture(scope="module")
-def swept(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    text = TEXT.replace("seeds: 3", "seeds: 1").replace("m: 7", "m: 6").replace("steps: 4", "steps: 40")
-    return running.run(loads(text), jobs=1, out=tmp_path_factory.mktemp("ask"))
-
-
-def _leak_at(text: str, pressure: float, tmp_path: Path) -> float:
-    """The leak along x of a new run that ends at a nominal pressure [MPa]."""
-    once = running.run(loads(text), jobs=1, out=tmp_path / "once")
-    per_starred = float((once.nominal_pressure / once.mean_pressure).isel(step=-1).mean())
-    text = text.replace("to: {pressure: 1.2}", f"to: {{pressure: {pressure / per_starred}}}")
-    return float(running.run(loads(text), jobs=1, out=tmp_path / "there").leak_rate_x.isel(step=-1).item())
-
-
-@pytest.mark.parametrize("unknown", ["pressure", "modulus", "Sq"])
-def test_answers_are_met_by_a_new_run_at_that_value(unknown: str, swept: Dataset, tmp_path: Path) -> None:
-    largest = float(np.sqrt(swept.leak_rate_x.values.ravel()[20] * swept.leak_rate_x.values.ravel()[25]))
-    pressure = float(swept.nominal_pressure.values.ravel()[15])
-    answer = ask.ask(swept, largest, unknown, pressure=pressure)[0]
-    text = TEXT.replace("seeds: 3", "seeds: 1").replace("m: 7", "m: 6").replace("rtol: 1.0e-4", "rtol: 1.0e-8")
-    if unknown == "pressure":
-        pressure = answer.value
-    elif unknown == "modulus":
-        text = text.replace("E_star: 10 MPa", f"E_star: {10 * answer.value} MPa")
-    else:
-        text = text.replace("Sq: 0.4 um", f"Sq: {0.4 * answer.value} um")
-    assert_allclose(_leak_at(text, pressure, tmp_path), largest, rtol=5e-3)  # of the interpolation between steps
-
-
-def test_a_value_beyond_the_stored_loads_is_infinite_and_one_above_all_is_zero(swept: Dataset) -> None:
-    assert ask.ask(swept, 1e-30, "pressure")[0].value == math.inf
-    assert ask.ask(swept, 1e30, "pressure")[0].value == 0.0
+        card_runs.level_of(text, study)
 
 
 @pytest.mark.parametrize(
-    ("largest", "unknown", "pressure", "words"),
-    [(1.0, "E", None, "allowed: pressure"), (0.0, "pressure", None, "> 0"), (1.0, "Sq", None, "must be given")],
+    ("text", "kind", "value"),
+    [
+        ("pressure=0.02 MPa", "pressure", 1.0),  # p* = p L/(E* Sq)
+        ("pressure=20kPa", "pressure", 1.0),
+        ("mean_gap=400 nm", "free_volume", 1.0),
+        ("separation=0.2 um", "separation", 0.5),
+        ("contact_area=0.1", "contact_area", 0.1),
+    ],
 )
-def test_questions_without_answer_are_refused(
-    largest: float, unknown: str, pressure: float | None, words: str, swept: Dataset
-) -> None:
-    with pytest.raises(StudyError, match=words):
-        ask.ask(swept, largest, unknown, pressure=pressure)
+def test_a_load_may_have_a_unit(text: str, kind: str, value: float, study: Study) -> None:
+    level = card_runs.level_of(text, study)
+    assert level.kind == kind
+    assert_allclose(level.value, value, rtol=1e-12)
+
+
+def test_surfaces_of_different_heights_have_no_common_load_with_a_unit() -> None:
+    with pytest.raises(StudyError, match="differ in Sq"):
+        card_runs.level_of("pressure=0.02 MPa", loads(TEXT.replace(", Sq: 0.4 um", "")))

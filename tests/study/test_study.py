@@ -144,7 +144,7 @@ def test_the_smoke_study_is_small_and_records_everything() -> None:
     study = load(CONFIGS / "smoke.yaml")
     assert len(study.cases()) * study.sweep.steps * max(4 ** (case.m or 0) for case in study.cases()) < 200_000
     left_out = {name for name, value in study.record.model_dump().items() if not value}
-    assert left_out <= {"region", "region_widths", "dimensional", "residual_heights", "all_legs"}
+    assert left_out <= {"region", "region_widths", "dimensional", "residual_heights", "all_legs", "fluid_pressure"}
 
 
 def test_a_number_may_have_a_unit() -> None:
@@ -355,7 +355,7 @@ def test_defaults_are_part_of_the_key_written_out_or_not(tmp_path: Path) -> None
     assert cases[0].key["surface"]["treatment"].keys() == {field.name for field in fields(UNTREATED)}
     generated = loads("surface: {D: 2.3, m: 4}").cases()[0].key
     # these enter the key of cases that ask for them alone: others keep their id
-    asked_alone = {"dimensional", "residual_heights", "psd", "all_legs", "contact_perimeter"}
+    asked_alone = {"dimensional", "residual_heights", "psd", "all_legs", "contact_perimeter", "fluid_pressure"}
     assert generated["record"].keys() == loads(SURFACE).record.model_dump().keys() - asked_alone
     assert generated["solver"].keys() == {"rtol", "pressure_error", "kernel", "method"}
 

@@ -33,6 +33,8 @@ VARIABLES_OF = {  # the first one that all runs have is drawn
     "gap": ("mean_gap",),
     "leak": ("leak_rate_x",),
     "flow": ("transmissivity_x",),
+    "stiffness": ("interfacial_stiffness",),
+    "conductance": ("contact_conductance",),
 }
 BELOW = ("p", "a", "v", "d", "i", "gap")
 DRAWN = ("v_of_p", "a_of_p", "v_of_a", "v_of_d", "gap_of_p", "leak_of_p")
@@ -43,8 +45,11 @@ WORDS = {
     "mean_gap": r"mean gap $\bar g$",
     "leak_rate_x": "leak rate along $x$ $Q_x$",
     "transmissivity_x": r"transmissivity along $x$ $T_x^{\ast}$",
+    "interfacial_stiffness": r"interfacial stiffness $K L/E^{\ast}$",
+    "contact_conductance": r"contact conductance $h$",
 }
-LOGARITHMIC = ("leak", "flow")
+POWERS = ("stiffness", "conductance")  # that go about with a power of the pressure: both axes are logarithmic
+LOGARITHMIC = ("leak", "flow", *POWERS)
 MANY = 6  # height files of a run that have a curve each; more are one family
 NAMES = tuple(f"{y}_of_{x}" for y, x in itertools.product(VARIABLES_OF, BELOW) if y != x)
 """Names of all figures by content."""
@@ -127,6 +132,8 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
         plot(ax, some, members, (_label(x, ready), _label(y, ready)), title, log=log)
         if log:
             ax.set_yscale("log")
+        if y_key in POWERS and x_key == "p":
+            ax.set_xscale("log")
         if len(ready) == 1:
             run = ready[0]
             fig.note(f"Run {file_text(run.name)}: {surfaces(run.dataset, {'surfaces': [f.surfaces for f in some]})}.")

@@ -31,6 +31,7 @@ from roughvol.report.figures.style import (
 from roughvol.report.tables import number
 
 A4 = (8.27, 11.69)
+CROWDED = 50.0  # largest factor from which on only its powers of ten are labelled
 FLUX_RANGE = (1e-2, 1e2)  # of the flux over its mean
 
 
@@ -202,5 +203,5 @@ def _budget(ax: Axes, card: Card) -> None:
     ax.set(xscale="log", xlabel="factor of the leak")
     ax.set_yticks(range(len(names) + 1), [*names, "together"])
     ax.set_xlim(1.0, None)
-    plain_ticks(ax.xaxis, (1.0, 2.0, 5.0))
+    plain_ticks(ax.xaxis, (1.0, 2.0, 5.0) if ax.get_xlim()[1] < CROWDED else (1.0,))
     ax.invert_yaxis()

@@ -1,0 +1,206 @@
+"""A creep law: the compliance of a material over time under constant stress, over that of the study's modulus.
+
+J(t)/J(0) is what a load held for the time t deforms, over what it deforms at once. One of three forms is given:
+
+    prony: {shares: [0.3, 0.2], times: [10 s, 1 h]}           1 + Σ shares (1 - exp(-t/times))
+    power: {exponent: 0.1, time: 1 s}                         1 + (t/time)^exponent
+    table: {times: [1 s, 1 h, 1 day], ratios: [1, 1.2, 1.5]}  log-log lines between the times; or moduli: [10 MPa, …]
+
+The modulus of the study belongs to J(0). Poisson's ratio is constant.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, ValidationError, model_validator
+
+from roughvol.errors import Problem, StudyError
+from roughvol.study.material import ContactModulus, YoungPoisson
+from roughvol.study.sections import Positive, Strict, refuse
+from roughvol.study.units import In, convert, in_unit, read, unit_of
+from roughvol.study.yaml_text import Reading, UnreadableError
+
+SECOND = "s"
+Time = Annotated[Positive, In("time", needed=True)]
+Modulus = Annotated[Positive, In("pressure", needed=True)]
+_PER_DECADE = 4  # times of a range, each decade
+_MOST = 1000
+
+
+class Prony(Strict):
+    """A sum of exponential approaches."""
+
+    shares: list[Annotated[float, Field(ge=0)]] = Field(min_length=1, description="final shares of J over J(0), >= 0")
+    times: list[Time] = Field(min_length=1, description="retardation times, as 10 s")
+
+    @model_validator(mode="after")
+    def _pairs(self) -> Prony:
+        if len(self.shares) != len(self.times):
+            refuse("needs as many times as shares")
+        return self
+
+
+class Power(Strict):
+    """A power of time."""
+
+    exponent: Annotated[float, Field(gt=0, le=1)] = Field(description="exponent, 0 < n <= 1")
+    time: Time = Field(description="time at which J has doubled, as 1 s")
+
+
+class Table(Strict):
+    """Compliances or moduli at given times."""
+
+    times: list[Time] = Field(min_length=2, description="times, rising, as 1 s")
+    ratios: list[Positive] | None = Field(default=None, description="J(t)/J(0), not falling")
+    moduli: list[Modulus] | None = Field(default=None, description="1/J(t), not rising, with units")
+
+    @model_validator(mode="after")
+    def _orders(self) -> Table:
+        given = self.ratios if self.ratios is not None else self.moduli
+        if (self.ratios is None) == (self.moduli is None) or given is None:
+            refuse("needs ratios or moduli")
+        if len(given) != len(self.times):
+            refuse("needs one value for each time")
+        seconds = [_seconds(time) for time in self.times]
+        if any(later <= one for one, later in itertools.pairwise(seconds)):
+            refuse("times must rise")
+        values = given if self.ratios is not None else [-(in_unit(value, "Pa") or 0.0) for value in given]
+        if any(later < one for one, later in itertools.pairwise(values)):
+            refuse("the compliance must not fall: the contact would recede")
+        return self
+
+
+class Creep(Strict):
+    """A creep law."""
+
+    prony: Prony | None = Field(default=None, description="{shares, times}: 1 + sum of shares (1 - exp(-t/times))")
+    power: Power | None = Field(default=None, description="{exponent, time}: 1 + (t/time)^exponent")
+    table: Table | None = Field(default=None, description="{times, ratios} or {times, moduli}")
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Creep:
+        if sum(form is not None for form in (self.prony, self.power, self.table)) != 1:
+            refuse("needs one of prony, power, table")
+        return self
+
+    def ratio(self, seconds: float, material: ContactModulus | YoungPoisson) -> float:
+        """Return J(t)/J(0).
+
+        Parameters
+        ----------
+        seconds : float
+            Time under load [s], ≥ 0.
+        material : ContactModulus or YoungPoisson
+            Of the study; its modulus belongs to J(0), where a table gives moduli.
+
+        Returns
+        -------
+        float
+            The ratio, ≥ 1 but for a table.
+
+        Raises
+        ------
+        StudyError
+            If a table does not hold the time, or moduli cannot be compared.
+        """
+        if self.prony is not None:
+            pairs = zip(self.prony.shares, self.prony.times, strict=True)
+            return 1.0 - math.fsum(share * math.expm1(-seconds / _seconds(time)) for share, time in pairs)
+        if self.power is not None:
+            return 1.0 + float((seconds / _seconds(self.power.time)) ** self.power.exponent)
+        assert self.table is not None
+        return self._of_table(self.table, seconds, material)
+
+    @staticmethod
+    def _of_table(table: Table, seconds: float, material: ContactModulus | YoungPoisson) -> float:
+        times = [_seconds(time) for time in table.times]
+        if not times[0] * (1 - 1e-12) <= seconds <= times[-1] * (1 + 1e-12):
+            message = f"the creep table ends at {table.times[0]} and {table.times[-1]}, asked: {seconds:.6g} s"
+            raise StudyError([Problem(message, "table.times")])
+        if table.ratios is not None:
+            ratios = [float(value) for value in table.ratios]
+        else:
+            own = material.E_star if isinstance(material, ContactModulus) else material.E
+            if unit_of(own) is None or (isinstance(material, YoungPoisson) and material.against is not None):
+                message = "moduli need one material whose modulus has a unit; allowed: ratios"
+                raise StudyError([Problem(message, "table.moduli")])
+            modulus = convert(float(own), unit_of(own) or "", "Pa")
+            ratios = [modulus / (in_unit(value, "Pa") or math.nan) for value in table.moduli or ()]
+        k = max(1, next((n for n, time in enumerate(times) if time >= seconds), len(times) - 1))
+        share = math.log(max(seconds, times[0]) / times[k - 1]) / math.log(times[k] / times[k - 1])
+        return math.exp((1.0 - share) * math.log(ratios[k - 1]) + share * math.log(ratios[k]))
+
+
+def load_creep(path: Path) -> Creep:
+    """Return the creep law of a YAML file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    Creep
+        The law.
+
+    Raises
+    ------
+    StudyError
+        If it cannot be read, or is no creep law.
+    """
+    try:
+        data = Reading().read(path.read_text(encoding="utf-8"))
+        return Creep.model_validate(data)
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError([Problem(f"cannot read the creep law: {error}", file=str(path))]) from error
+    except UnreadableError as error:
+        raise StudyError([Problem(str(error), line=error.line, file=str(path))]) from error
+    except ValidationError as error:
+        problems = [
+            Problem(item["msg"], ".".join(map(str, item["loc"])), file=str(path))
+            for item in error.errors(include_url=False)
+        ]
+        raise StudyError(problems) from error
+
+
+def read_times(text: str) -> list[float]:
+    """Return times of a command line in seconds.
+
+    Parameters
+    ----------
+    text : str
+        A range, as ``1 s..10 day``, or a list, as ``1 s, 1 h, 1 day``.
+
+    Returns
+    -------
+    list of float
+        Times [s], rising; four each decade of a range, with its ends.
+
+    Raises
+    ------
+    StudyError
+        If they are no times, or do not rise.
+    """
+    first, dots, last = text.partition("..")
+    try:
+        given = [_seconds(read(part.strip(), "time")) for part in ((first, last) if dots else text.split(","))]
+    except ValueError as error:
+        message = f"times are {text!r}; allowed: a range as '1 s..10 day', or a list as '1 s, 1 h' ({error})"
+        raise StudyError([Problem(message)]) from error
+    if min(given) <= 0.0 or any(later <= one for one, later in itertools.pairwise(given)):
+        raise StudyError([Problem(f"times are {text!r}; allowed: > 0, rising")])
+    if not dots:
+        return given
+    decades = math.log10(given[1] / given[0])
+    count = min(_MOST, max(2, math.ceil(_PER_DECADE * decades) + 1))
+    return [given[0] * 10.0 ** (decades * k / (count - 1)) for k in range(count)]
+
+
+def _seconds(time: float) -> float:
+    """Return a time in seconds; a plain number is one already."""
+    return convert(float(time), unit_of(time) or SECOND, SECOND)

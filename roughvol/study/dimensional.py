@@ -1,0 +1,114 @@
+"""What `record` has with units: numbers stored in a unit, and the pressure of a fluid in the gap."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import (
+    ConfigDict,
+    Field,
+    model_validator,
+)
+
+from roughvol.study.sections import (
+    Choice,
+    Positive,
+    Strict,
+    refuse,
+)
+from roughvol.study.selected import STATES_IN_WORDS, Select, Selector
+from roughvol.study.units import In, UnitOf, convert, in_unit, unit_of
+
+
+class LeakRate(Strict):
+    """Volume flow of an incompressible liquid through the gap: pressure drop, viscosity, unit."""
+
+    pressure_drop: Annotated[Positive, In("pressure", needed=True)] = Field(
+        description="pressure difference between two sides of the region, > 0, with its unit as 1 bar"
+    )
+    viscosity: Annotated[Positive, In("viscosity", needed=True)] = Field(
+        description="dynamic viscosity, > 0, with its unit as 1 mPa*s"
+    )
+    unit: Annotated[str, UnitOf("flow")] = Field(default="mm^3/s", description="unit of the leak rate, as mm^3/s")
+
+    @property
+    def drive(self) -> float:
+        """ΔP/μ times 1 m³, in the unit of the leak rate."""
+        return convert(self.rate, "m^3/s", self.unit)
+
+    @property
+    def rate(self) -> float:
+        """ΔP/μ [1/s]."""
+        drop, viscosity = in_unit(self.pressure_drop, "Pa"), in_unit(self.viscosity, "Pa*s")
+        assert drop is not None
+        assert viscosity is not None
+        return drop / viscosity
+
+
+class Dimensional(Choice):
+    """Quantities stored with a unit beside the starred value. They need no further solution."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    pressure: Annotated[str, UnitOf("pressure")] | None = Field(
+        default=None, description="store the nominal contact pressure p* E* Sq/L in this unit, as MPa"
+    )
+    free_volume: Annotated[str, UnitOf("volume per area")] | None = Field(
+        default=None, description="store the free volume over the nominal area in this unit, as mm^3/m^2"
+    )
+    mean_gap: Annotated[str, UnitOf("length")] | None = Field(
+        default=None, description="store the mean gap V* Sq in this unit, as um"
+    )
+    separation: Annotated[str, UnitOf("length")] | None = Field(
+        default=None, description="store the separation d of the mean planes in this unit, as um"
+    )
+    critical_gap: Annotated[str, UnitOf("length")] | None = Field(
+        default=None, description="store the critical gaps along x and y in this unit, as um"
+    )
+    leak_rate: LeakRate | None = Field(
+        default=None, description="store the leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
+    )
+    gas_leak_rate: Annotated[str, UnitOf("throughput")] | None = Field(
+        default=None,
+        description="store the leak rates of the gas (section fluid) in this unit, as mbar*l/s or sccm",
+    )
+
+    @model_validator(mode="after")
+    def _asks_for_something(self) -> Dimensional:
+        if not self.named:
+            refuse("must name at least one of {known}", known=", ".join(type(self).model_fields))
+        return self
+
+
+class FluidPressure(Strict):
+    """Pressure of a fluid that lifts the surfaces: contact and flow at the load of a state, along x and y."""
+
+    inlet: Annotated[Positive, In("pressure")] = Field(
+        description="fluid pressure at the inlet, > 0, over that around: in the unit of p*, or as 5 bar"
+    )
+    outlet: Annotated[float, Field(ge=0), In("pressure")] = Field(
+        default=0.0, description="fluid pressure at the outlet, 0 <= outlet < inlet: in the unit of p*, or as 1 bar"
+    )
+    coupling: Literal["one-way", "full"] = Field(
+        default="full",
+        description="'one-way': the fluid pressure of the dry gap changes the gap once; 'full': until gap and fluid "
+        "pressure agree",
+    )
+    at: Selector = Field(default=Select(), description=f"states, each at its load: {STATES_IN_WORDS}")
+
+    @model_validator(mode="after")
+    def _falls(self) -> FluidPressure:
+        units = {unit_of(self.inlet) is None, unit_of(self.outlet) is None}
+        outlet: float | None = self.outlet
+        if len(units) > 1 and self.outlet != 0.0:
+            refuse("inlet and outlet: give both with a unit, or none")
+        if unit_of(self.outlet) is not None:
+            outlet = in_unit(self.outlet, unit_of(self.inlet))
+        if outlet is not None and outlet >= self.inlet:
+            refuse("the outlet must be below the inlet")
+        return self
+
+    @property
+    def has_units(self) -> bool:
+        """Whether the pressures have a unit."""
+        return unit_of(self.inlet) is not None

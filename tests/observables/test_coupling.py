@@ -1,0 +1,236 @@
+"""Fluid pressure that lifts a seal: laws of the coupled state, and the wavy channel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from roughvol.campaign import running
+from roughvol.campaign.one_case import one_thread
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import Contact, Trials
+from roughvol.contact.periodic import PeriodicHalfSpace
+from roughvol.contact.pressed import state_under
+from roughvol.errors import ContactError, ConvergenceError, StudyError
+from roughvol.observables import coupling
+from roughvol.observables.clusters import percolates
+from roughvol.observables.coupling import Coupling
+from roughvol.observables.fluid_pressure import fluid_pressure
+from roughvol.observables.transport import conduction
+from roughvol.store.dataset import Dataset
+from roughvol.study import loads
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.surfaces.surface import Surface
+from tests.bench.wavy_channel import Channel
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Iterator[None]:
+    with one_thread():
+        yield
+
+
+@pytest.fixture(scope="module")
+def surface() -> Surface:
+    return random_midpoint_displacement(2.2, 5, seed=3, periodic=True)
+
+
+@pytest.fixture(scope="module")
+def half_space(surface: Surface) -> PeriodicHalfSpace:
+    return PeriodicHalfSpace(surface.shape)
+
+
+LOAD = 1.0
+
+
+@pytest.fixture(scope="module")
+def dry(surface: Surface, half_space: PeriodicHalfSpace) -> Contact:
+    return state_under(Trials(surface, half_space, rtol=1e-9), LOAD, 1.0)
+
+
+def _flow(gap: np.ndarray) -> float:
+    return conduction(gap, 0, periodic=True).coefficient * float(gap.mean()) ** 3
+
+
+# the state under a load
+
+
+@pytest.mark.parametrize("guess", [-1.0, 0.01, 2.0, 8.0])
+def test_a_load_is_met_from_any_guess(guess: float, surface: Surface, half_space: PeriodicHalfSpace) -> None:
+    state = state_under(Trials(surface, half_space, rtol=1e-9), LOAD, guess)
+    assert_allclose(state.mean_pressure, LOAD, rtol=1e-9)
+
+
+# the pressure of the fluid
+
+
+def test_in_a_plane_gap_the_pressure_falls_linearly() -> None:
+    x = (np.arange(10) + 0.5) / 10
+    for periodic in (False, True):
+        assert_allclose(fluid_pressure(np.ones((10, 6)), 0, periodic=periodic), np.outer(1 - x, np.ones(6)), atol=1e-9)
+        assert_allclose(fluid_pressure(np.ones((6, 10)), 1, periodic=periodic), np.outer(np.ones(6), 1 - x), atol=1e-9)
+
+
+def test_a_dead_end_has_the_pressure_of_its_reservoir_and_a_pocket_one_between() -> None:
+    gap = np.zeros((11, 11))
+    gap[:, 0] = 0.01  # the way
+    gap[:4, 3] = gap[8:, 3] = 1.0  # joined to inlet or outlet
+    gap[5, 7] = 1.0  # a pocket
+    pressure = fluid_pressure(gap, 0)
+    assert_allclose(pressure[:4, 3], 1.0, atol=1e-3)
+    assert_allclose(pressure[8:, 3], 0.0, atol=1e-3)
+    assert 0.1 < pressure[5, 7] < 0.9
+
+
+def test_the_drop_lies_at_a_constriction() -> None:
+    gap = np.ones((9, 5))
+    gap[6] = 0.01
+    pressure = fluid_pressure(gap, 0)
+    assert_allclose(pressure[:6], 1.0, atol=1e-4)
+    assert_allclose(pressure[7:], 0.0, atol=1e-4)
+
+
+# contact and flow together
+
+
+def test_the_load_is_kept_and_pressures_balance(surface: Surface, half_space: PeriodicHalfSpace, dry: Contact) -> None:
+    both = Coupling(surface, half_space, 0, 0.5)
+    state = both.solve(LOAD, dry)
+    assert_allclose(state.pressure.mean(), LOAD, rtol=1e-8)
+    assert_allclose(state.fluid, both.fluid_in(state.gap), atol=0.5 * coupling.ACCURACY)
+    open_ = state.gap > 0.0
+    assert_allclose(state.pressure[open_], state.fluid[open_])
+    assert np.all(state.pressure >= state.fluid - 1e-12)
+    # the gap is that of an elastic half space under these pressures
+    q = state.pressure / (np.pi * surface.intervals[0])
+    u = half_space.displacement(q)
+    misfit = state.gap - u + surface.heights / surface.unit
+    assert np.ptp(misfit) < 1e-6
+    assert 0.0 < state.fluid_share < 0.5
+    assert state.contact_area_fraction < dry.contact_area_fraction
+    assert _flow(state.gap) > _flow(dry.gap())
+
+
+def test_one_way_is_the_first_order_of_the_coupling(
+    surface: Surface, half_space: PeriodicHalfSpace, dry: Contact
+) -> None:
+    dry_gap = float(dry.gap().mean())
+    apart = []
+    for inlet in (0.02, 0.01):
+        both = Coupling(surface, half_space, 0, inlet)
+        one, full = (float(state.gap.mean()) - dry_gap for state in (both.one_way(LOAD, dry), both.solve(LOAD, dry)))
+        assert one > 0.0
+        apart.append((full - one) / one)
+    assert apart[1] < 0.05
+    assert_allclose(apart[1] / apart[0], 0.5, rtol=0.3)  # the difference is of second order
+
+
+def test_the_same_pressure_on_both_sides_only_adds_to_the_load(
+    surface: Surface, half_space: PeriodicHalfSpace, dry: Contact
+) -> None:
+    one = Coupling(surface, half_space, 0, 0.3, 0.0).solve(LOAD, dry)
+    more = Coupling(surface, half_space, 0, 0.8, 0.5).solve(LOAD + 0.5, dry)
+    assert_allclose(more.gap, one.gap, atol=2e-5)
+
+
+def test_a_free_patch_is_lifted_as_well() -> None:
+    surface = random_midpoint_displacement(2.2, 4, seed=1)
+    half_space = HalfSpace(surface.shape)
+    dry = state_under(Trials(surface, half_space, rtol=1e-9), 1.0, 1.0)
+    state = Coupling(surface, half_space, 1, 0.4).solve(1.0, dry)
+    assert_allclose(state.pressure.mean(), 1.0, rtol=1e-8)
+    assert state.gap.mean() > dry.gap().mean()
+
+
+def test_a_fluid_that_carries_the_whole_load_is_refused(
+    surface: Surface, half_space: PeriodicHalfSpace, dry: Contact
+) -> None:
+    with pytest.raises(ContactError, match="carries the whole load"):
+        Coupling(surface, half_space, 0, 3.0).solve(LOAD, dry)
+
+
+def test_what_does_not_settle_is_an_error(
+    surface: Surface, half_space: PeriodicHalfSpace, dry: Contact, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(coupling, "ROUNDS", 2)
+    with pytest.raises(ConvergenceError, match="do not settle"):
+        Coupling(surface, half_space, 0, 0.5).solve(LOAD, dry)
+
+
+# the wavy channel of Shvarts & Yastrebov, Tribol. Int. 126 (2018) 116: a sine across, flow along
+
+
+@pytest.fixture(scope="module")
+def channel() -> Channel:
+    return Channel(32, 8)
+
+
+def test_a_dry_channel_closes_at_the_pressure_of_westergaard(channel: Channel) -> None:
+    trials = Trials(channel.surface, channel.half_space, rtol=1e-9)
+    for load, open_ in ((0.99, True), (1.01, False)):
+        gap = state_under(trials, load * channel.closed, channel.near.approach).gap()
+        assert percolates(gap > 0.0, 0, periodic=True) is open_
+
+
+def test_the_closing_load_is_affine_in_the_inlet_pressure(channel: Channel) -> None:
+    inlets = np.array([0.1, 0.2, 0.4])
+    closing = np.array([channel.closing(inlet) for inlet in inlets])
+    slope, dry = np.polyfit(inlets, closing, 1)
+    assert_allclose(closing, dry + slope * inlets, atol=0.01)
+    assert_allclose(dry, 1.0, atol=0.015)
+    assert 0.5 < slope < 1.0
+
+
+# in a study
+
+
+TEXT = """name: lift
+surface: {D: 2.2, m: 5, L: 100 um, Sq: 0.5 um, seeds: 1, periodic: true}
+material: {E_star: 10 MPa}
+sweep: {steps: 3, to: {pressure: 1.0}}
+record:
+  transport: {transmissivity: every-step}
+  fluid_pressure: {inlet: 0.2 bar, at: last}
+  dimensional: {leak_rate: {pressure_drop: 0.2 bar, viscosity: 1 mPa*s}}
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    return running.run(loads(TEXT), jobs=1, out=tmp_path_factory.mktemp("lift"))
+
+
+def test_a_study_stores_leaks_under_pressure_with_their_unit(run: Dataset) -> None:
+    assert_allclose(run.fluid_at_inlet, 0.02 * 100 / (10 * 0.5), rtol=1e-12)  # P L/(E* Sq), 0.2 bar = 0.02 MPa
+    last = run.isel(step=-1)
+    for axis in ("x", "y"):
+        dry = (last[f"transmissivity_{axis}"] * last.free_volume**3).item()
+        assert_allclose(run[f"fluid_leak_dry_{axis}"].item(), dry, rtol=1e-4)
+        assert run[f"fluid_leak_{axis}"].item() > run[f"fluid_leak_one_way_{axis}"].item() > dry
+        rate = last[f"leak_rate_{axis}"].item() * run[f"fluid_leak_{axis}"].item() / dry
+        assert_allclose(run[f"fluid_leak_rate_{axis}"].item(), rate, rtol=1e-6)
+
+
+def test_a_pressure_in_the_unit_of_p_gives_the_same_state(run: Dataset, tmp_path: Path) -> None:
+    text = TEXT.replace("inlet: 0.2 bar", "inlet: 0.4").split("  dimensional")[0]
+    again = running.run(loads(text), jobs=1, out=tmp_path)
+    assert_allclose(again.fluid_leak_x, run.fluid_leak_x, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("inlet: 0.2 bar", "inlet: 0.2 bar, outlet: 0.3 bar", "outlet must be below the inlet"),
+        ("inlet: 0.2 bar", "inlet: 0.2 bar, outlet: 0.1", "give both with a unit"),
+        ("inlet: 0.2 bar", "inlet: 0.5 bar", "must equal dimensional.leak_rate.pressure_drop"),
+        ("E_star: 10 MPa", "E_star: 10", "the modulus has none"),
+        ("E_star: 10 MPa", "E_star: 10 MPa, hardness: 1 MPa", "needs elastic contact"),
+    ],
+)
+def test_fluid_pressures_that_mean_nothing_are_refused(old: str, new: str, words: str) -> None:
+    with pytest.raises(StudyError, match=words):
+        loads(TEXT.replace(old, new))
