@@ -16,7 +16,7 @@ from roughvol.study.sections import (
     Strict,
     refuse,
 )
-from roughvol.study.selected import STATES_IN_WORDS, Select, Selector
+from roughvol.study.selected import IN_WORDS, Select, Selector
 from roughvol.study.units import In, UnitOf, convert, in_unit, unit_of
 
 
@@ -94,7 +94,7 @@ class FluidPressure(Strict):
         description="'one-way': the fluid pressure of the dry gap changes the gap once; 'full': until gap and fluid "
         "pressure agree",
     )
-    at: Selector = Field(default=Select(), description=f"states, each at its load: {STATES_IN_WORDS}")
+    at: Selector = Field(default=Select(), description=f"states, each at its load: {IN_WORDS}")
 
     @model_validator(mode="after")
     def _falls(self) -> FluidPressure:

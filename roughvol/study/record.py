@@ -30,7 +30,7 @@ from roughvol.study.sections import (
     Word,
     refuse,
 )
-from roughvol.study.selected import STATES_IN_WORDS, Select, Selector
+from roughvol.study.selected import IN_WORDS, Select, Selector
 from roughvol.study.units import in_unit, unit_of
 from roughvol.study.yaml_text import number_text
 
@@ -38,7 +38,7 @@ from roughvol.study.yaml_text import number_text
 class BoxCounting(Strict):
     """Box counting of the domains v <= threshold × max(v)."""
 
-    at: Selector = Field(default=Select(), description=f"states: {STATES_IN_WORDS}")
+    at: Selector = Field(default=Select(), description=f"states: {IN_WORDS}")
     thresholds: Many[Fraction] = Field(
         default=(0.0, 0.1, 0.25, 0.5, 1.0), description="fractions of the largest element volume, 0 to 1; a list"
     )
@@ -48,7 +48,7 @@ class VolumeDensity(Strict):
     """The density f(v) of the free volume per element."""
 
     bins: Annotated[Whole, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
-    at: Selector = Field(default=Select(), description=f"states: {STATES_IN_WORDS}")
+    at: Selector = Field(default=Select(), description=f"states: {IN_WORDS}")
     include_contact: bool = Field(default=False, description="include elements in contact (v = 0): true or false")
 
 
@@ -73,7 +73,7 @@ class Switch:
 class Texture(Strict):
     """The texture before load, and of the deformed surface under load."""
 
-    at: Selector = Field(default=Select(), description=f"the states under load to take it at: {STATES_IN_WORDS}")
+    at: Selector = Field(default=Select(), description=f"the states under load to take it at: {IN_WORDS}")
 
 
 EVERY_STEP = "every-step"
@@ -86,7 +86,7 @@ def _tag_states(value: Any) -> str:
 States = Annotated[
     Annotated[Literal["every-step"], Tag("<every>")] | Annotated[Selector, Tag("<states>")], Discriminator(_tag_states)
 ]
-_WHEN = f"'{EVERY_STEP}', {STATES_IN_WORDS}"
+_WHEN = f"'{EVERY_STEP}', {IN_WORDS}"
 
 
 class Transport(Choice):
@@ -110,9 +110,7 @@ class Transport(Choice):
     estimates: States | None = Field(
         default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
     )
-    flux_at: Selector | None = Field(
-        default=None, description=f"flux of div(g^3 grad P) = 0 as fields: {STATES_IN_WORDS}"
-    )
+    flux_at: Selector | None = Field(default=None, description=f"flux of div(g^3 grad P) = 0 as fields: {IN_WORDS}")
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> Transport:
@@ -172,7 +170,7 @@ class Record(Strict):
     residual_heights: bool = Field(
         default=False, description="store the heights left by plastic displacement, at the end: true or false"
     )
-    fields_at: Selector | None = Field(default=None, description=f"gap and pressure as fields: {STATES_IN_WORDS}")
+    fields_at: Selector | None = Field(default=None, description=f"gap and pressure as fields: {IN_WORDS}")
     box_counting: BoxCounting | None = Field(default=None, description="box counting; {}: defaults")
     volume_density: VolumeDensity | None = Field(
         default=None, description="density of the element volumes; {}: defaults"

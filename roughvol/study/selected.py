@@ -78,6 +78,4 @@ class Select(Choice):
 
 
 Selector = Annotated[Select, Word("last")]
-STATES_IN_WORDS = (
-    "'last', or levels of step, contact_area, pressure, separation, indentation, free_volume, mean_gap, load"
-)
+IN_WORDS = "'last', or levels of step, contact_area, pressure, separation, indentation, free_volume, mean_gap, load"
