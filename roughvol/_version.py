@@ -1,3 +1,0 @@
-"""The version, in a file of its own so that reading it imports nothing."""
-
-__version__ = "0.10.0"
