@@ -16,7 +16,7 @@ from roughvol.store.variable import Variable, rows
 VARIABLES: dict[str, Variable] = {}
 # coordinates
 VARIABLES |= rows(
-    "study.cases.Case",
+    "study.one_case.Case",
     D=Variable("D", "1", "fractal dimension of the surface", "D"),
     m=Variable("m", "1", "levels of midpoint displacement; 2^m + 1 nodes per side", "m", "index"),
     seed=Variable("seed", "1", "seed of the random stream of heights", "seed", "index"),

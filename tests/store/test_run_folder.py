@@ -26,7 +26,8 @@ from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolEr
 from roughvol.report.claims.stored_run import Run
 from roughvol.store import dataset, lock, provenance, run_folder, run_status, stamped_file
 from roughvol.store.dataset import Dataset
-from roughvol.study import Study, cases, loads
+from roughvol.study import Study, loads
+from roughvol.study import one_case as one_of_study
 
 TEXT = "name: small\nsurface: {D: 2.4, m: 3, seeds: 4}\nsweep: {steps: 4}\n"
 FIELDS = (
@@ -224,9 +225,9 @@ def test_answers_of_an_older_format_are_set_aside_with_that_word_and_computed_an
         stamped_file.store(
             path, stamped_file.stamped(content, {k: v for k, v in labels.items() if k != "format_of_answers"})
         )
-    now = cases.ANSWER_FORMAT
+    now = one_of_study.ANSWER_FORMAT
     old = now if named else 1  # only files of the first format do not name it
-    monkeypatch.setattr(cases, "ANSWER_FORMAT", now + 1)
+    monkeypatch.setattr(one_of_study, "ANSWER_FORMAT", now + 1)
     later = loads(TEXT)
     found = run_status.status(later, place)
     assert (len(found.done), len(found.missing), found.damaged, len(found.outdated)) == (0, 4, {}, 4)

@@ -140,7 +140,7 @@ def test_only_a_recorded_gas_enters_the_identity_of_a_case() -> None:
     assert first.id != second.id
     kilo = loads(TEXT.replace("inlet: 2 bar, outlet: 1 bar", "inlet: 200 kPa, outlet: 0.1 MPa")).cases()[0]
     assert first.id == kilo.id
-    assert "fluid" not in loads("surface: {D: 2.2, m: 3}").stored()
+    assert "\nfluid:" not in loads("surface: {D: 2.2, m: 3}").stored()
 
 
 @pytest.mark.parametrize(
