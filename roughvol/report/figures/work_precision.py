@@ -74,6 +74,7 @@ def tradeoff_answer(ds: Dataset) -> Drawing:
     choices = ds["answer_choice"].values
     for ax, D in zip(panels, dimensions, strict=True):
         one = ds.sel(answer_D=D)
+        ax.margins(0.08, 0.12)  # room for the values at the ends of lines
         for (name, label), look in zip(WORDS.items(), looks(len(WORDS)), strict=True):
             rows = one.isel(answer_row=np.flatnonzero(choices == name))
             error = 100.0 * np.sum([rows[part].values for part in PARTS], axis=0)
