@@ -257,6 +257,7 @@ def test_plot_draws_what_the_latest_run_can_feed(place: Path) -> None:
     assert "fig08" not in drawn.stdout  # it needs fields
     for line in drawn.stdout.splitlines():
         assert Path(line).read_bytes().startswith(b"\x89PNG")
+        assert (Path(line).parent.name == "paper") == Path(line).stem.startswith("fig")
 
 
 @pytest.mark.parametrize("run", ["tiny", "runs/tiny", "runs/tiny/study.nc", None])

@@ -16,6 +16,7 @@ from roughvol.cli.group import examples, main, results_file, run_name, warn
 from roughvol.errors import CampaignError, DatasetError
 
 LEAST, MOST = 1.0, 40.0  # inches of a figure
+PAPER = re.compile(r"fig\d\d[ab]?")  # names of the figures of the paper
 
 
 @main.command(
@@ -40,7 +41,7 @@ LEAST, MOST = 1.0, 40.0  # inches of a figure
 def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None, out: Path | None) -> None:
     """Draw figures from RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
 
-    Figures of the paper are fig01 to fig12b; those of the flow through the gap are seal_volume to seal_map. Others are
+    Figures of the paper are fig01 to fig12b, in the folder paper; those of the flow through the gap are seal_volume to seal_map. Others are
     named by content: v_of_p is V* over p*, with p, a, v, d, i for p*, A*, V*, d/σ, Δ/σ, and gap, leak, flow.
 
     Several runs are overlaid in figures named by content, into runs/compared, and so are the combinations of a study
@@ -87,6 +88,8 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
         left = _shaped(figure, inches, log)
         warn(f"{name} has no positive {axis}: this axis stays linear" for axis in left)
         target = folder / f"{name}.{suffix}"
+        if out is None and PAPER.fullmatch(target.stem):
+            target = target.parent / "paper" / target.name
         try:
             if suffix == "csv":
                 try:
