@@ -41,8 +41,9 @@ PAPER = re.compile(r"fig\d\d[ab]?")  # names of the figures of the paper
 def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None, out: Path | None) -> None:
     """Draw figures from RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
 
-    Figures of the paper are fig01 to fig12b, in the folder paper; those of the flow through the gap are seal_volume to seal_map. Others are
-    named by content: v_of_p is V* over p*, with p, a, v, d, i for p*, A*, V*, d/σ, Δ/σ, and gap, leak, flow.
+    Figures of the paper are fig01 to fig12b, in the folder paper. Those of the flow through the gap are seal_volume to
+    seal_map. Others are named by content: v_of_p is V* over p*, with p, a, v, d, i for p*, A*, V*, d/σ, Δ/σ, and gap,
+    leak, flow.
 
     Several runs are overlaid in figures named by content, into runs/compared, and so are the combinations of a study
     with lists, into its own figures. Without FIGURE, all figures of the run
