@@ -56,7 +56,7 @@ def _boxes(case: Case, surface: Surface, state: State) -> Values:
     volumes, mask = _volumes(surface, state), state.contact()
     largest = float(volumes.max())
     domains = [free_volume.domain(volumes, share * largest, mask) for share in case.record.box_counting.thresholds]
-    counts = [box_counting.box_counts(domain) for domain in domains]
+    counts = [box_counting.box_counts(domain, periodic=state.periodic) for domain in domains]
     dimensions = [box_counting.local_dimension(count).dimension for count in counts]
     return {"volume_max": largest, "box_count": [count.counts for count in counts], "local_dimension": dimensions}
 

@@ -95,6 +95,22 @@ def within(contact: Contact, case: Case) -> State:
     return contact if case.record.region is None else Within(contact, window(case, contact.shape))
 
 
+def is_period(case: Case) -> bool:
+    """Return whether a study observes one period: a part of it is none.
+
+    Parameters
+    ----------
+    case : Case
+        Names the region.
+
+    Returns
+    -------
+    bool
+        Whether opposite sides of the region are joined.
+    """
+    return case.periodic and case.record.region is None
+
+
 def window(case: Case, shape: tuple[int, int]) -> Window:
     """Return the rows and columns of the elements in the region that a study observes.
 
