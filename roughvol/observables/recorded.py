@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.search import TARGETS
-from roughvol.observables import box_counting, deformed, free_volume, regions, void
+from roughvol.observables import box_counting, deformed, free_volume, regions, void, waves
 from roughvol.observables.regions import State, window
 from roughvol.study import Case, Level, Record, Select
 from roughvol.surfaces.surface import Surface
@@ -125,6 +125,7 @@ AT_STATES = {
         flow=True,
     ),
     "texture": AtStates("texture_at", "texture.at", deformed.under_load, 3e-7),
+    "psd": AtStates("psd_at", "psd.at", waves.under_load, 2e-7),
 }
 
 

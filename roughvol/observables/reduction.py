@@ -72,8 +72,8 @@ def of_surface(case: Case, surface: Surface) -> Values:
         values["heights"] = heights
     if case.record.texture is not None:
         values |= deformed.before_load(case, surface)
-    if case.record.psd:
-        values |= waves.of_surface(surface)
+    if case.record.psd is not None:
+        values |= waves.before_load(case, surface)
     return values
 
 

@@ -95,6 +95,8 @@ class Case:
         for name in ("residual_heights", "psd"):
             if not record[name]:  # cases without it keep their id
                 del record[name]
+        if "psd" in record and record["region"] is not None:  # of the region; before, it was of the whole surface
+            record["psd"] = {"at": None} if record["psd"] is True else record["psd"]
         if not record["all_legs"] or not isinstance(self.sweep, Legs):
             del record["all_legs"]
         key: dict[str, Any] = {

@@ -87,6 +87,8 @@ def _without_contact(record: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     paths: list[KeyPath] = [(name,) for name in pressed if record.get(name) is not None]
     if _mapping(record, "texture").get("at") not in (None, "last"):  # texture before load needs no contact
         paths.append(("texture", "at"))
+    if _mapping(record, "psd").get("at") is not None:
+        paths.append(("psd", "at"))
     for path in paths:
         yield ("record", *path), "no contact to record: sweep.steps is 0"
 

@@ -135,6 +135,18 @@ class Texture(Strict):
     at: Selector = Field(default=Select(), description=f"the states under load to take it at: {_STATES}")
 
 
+class Psd(Strict):
+    """The spectrum before load, and of the deformed surface where states are named."""
+
+    at: Selector | None = Field(
+        default=None, description=f"states under load to take it at: {_STATES}; default: before load alone"
+    )
+
+    @model_serializer
+    def _plain(self) -> Any:
+        return True if self.at is None else {"at": self.at}
+
+
 EVERY_STEP = "every-step"
 
 
@@ -292,10 +304,10 @@ class Record(Strict):
         description="texture before load and of the deformed surface (Sa, Ssk, Sku, Sp, Sv, Sz, Svi, Sbi, material "
         "ratio, structure function): true, false or {at: states}",
     )
-    psd: bool = Field(
-        default=False,
-        description="power spectral density of the undeformed surface, root mean square height, slope and curvature by "
-        "scale, and Nayak's parameter: true or false",
+    psd: Annotated[Psd | None, Switch()] = Field(
+        default=None,
+        description="power spectral density before load and of the deformed surface, root mean square height, slope "
+        "and curvature by scale, and Nayak's parameter: true (before load), false or {at: states}",
     )
     transport: Transport | None = Field(
         default=None,

@@ -3,9 +3,10 @@
 Conventions: z(x, y) are heights [length] of shape (rows, columns), positive up, axis 0 is x. ζ = z - z̄ are heights
 about the mean plane. No form is removed and no filter applied: the whole field is the scale-limited surface. Every mean
 is over nodes of equal weight. Functions with ``periodic`` join the opposite sides of one period. Gradients and summits
-take the heights with their neighbours (`Surface.with_neighbours`); the other numbers depend on single heights. Amplitudes
-of any scale are allowed (1e-250, 1e250): heights are brought to unit range before they are squared. A ratio that a flat
-surface leaves undefined is NaN.
+take the heights with their neighbours (`Surface.with_neighbours`); other numbers depend on single heights.
+
+Amplitudes of any scale are allowed (1e-250, 1e250): heights are brought to unit range before they are squared. A ratio
+that a flat surface leaves undefined is NaN.
 """
 
 from __future__ import annotations
