@@ -91,18 +91,10 @@ class Case:
             surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
         if self.periodic and self.spectrum is None:  # cases without it keep their id
             surface["periodic"] = True
-        record = self.record.model_dump(mode="json", exclude={"dimensional"})
-        for name in ("residual_heights", "psd"):
-            if not record[name]:  # cases without it keep their id
-                del record[name]
-        if "psd" in record and record["region"] is not None:  # of the region; before, it was of the whole surface
-            record["psd"] = {"at": None} if record["psd"] is True else record["psd"]
-        if not record["all_legs"] or not isinstance(self.sweep, Legs):
-            del record["all_legs"]
         key: dict[str, Any] = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},
-            "record": record,
+            "record": self.record.key(legs=isinstance(self.sweep, Legs)),
         }
         if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
             return key | {"sweep": {"steps": 0}}
@@ -316,7 +308,7 @@ class Study(Strict):
             height = None if hardness is None and not has_units else surface.height
             product = itertools.product(surface.dimensions, surface.m, surface.seeds)
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
-                finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
+                finest = spectral.first_finest(surface)
                 product = itertools.product(
                     surface.dimensions, ensembles.levels_below(finest), [self.ensemble.first_seed]
                 )

@@ -344,6 +344,18 @@ class Record(Strict):
                 found[path] = here
         return found
 
+    def key(self, *, legs: bool) -> dict[str, Any]:
+        """Return everything that changes a stored case, as plain data; later keys only where they are set."""
+        record = self.model_dump(mode="json", exclude={"dimensional"})
+        for name in ("residual_heights", "psd"):
+            if not record[name]:
+                del record[name]
+        if self.psd is not None and self.region is not None:  # it was of the whole surface before
+            record["psd"] = {"at": self.psd.at and record["psd"]["at"]}
+        if not record["all_legs"] or not legs:
+            del record["all_legs"]
+        return record
+
     @property
     def has_units(self) -> bool:
         """Whether any level has a unit."""
