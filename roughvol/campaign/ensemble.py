@@ -18,12 +18,13 @@ from roughvol.campaign.steps import Steps, measured
 from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.store.dataset import Arrays
 from roughvol.study import Case, MadeSurface, Study
-from roughvol.study.ensemble import AUTO_FROM, AUTO_TO
+from roughvol.study.ensemble import AUTO_TO
+from roughvol.study.spectral import SpectralSurface, first_finest, holds_all_waves
 
 ROUNDS = 40  # largest number of rounds
 MOST_SAMPLES = 1_000_000  # largest number of samples for one mean without a budget
 FEW_SURFACES = 10_000  # surfaces without a solve that a round may make in any case: six seconds
-BIAS_SHARE = 0.5  # largest bias with `m: auto`, as a share of the accuracy
+BIAS_SHARE = 0.5  # largest bias with `m: auto` or `n: auto`, as a share of the accuracy
 
 Compute = Callable[[Sequence[Case]], Mapping[str, Arrays]]
 Estimates = dict[float, list[MeanEstimate]]  # by D
@@ -88,7 +89,7 @@ def estimate_means(
     Raises
     ------
     StudyError
-        If a sweep ends before a state, or a mean has no limit in m that ``m: auto`` could approach.
+        If a sweep ends before a state, or a mean has no limit that ``m: auto`` or ``n: auto`` could approach.
     CampaignError
         If the accuracy is out of reach.
 
@@ -101,7 +102,7 @@ def estimate_means(
     assert isinstance(study.surface, MadeSurface)
     automatic = not study.surface.m
     steps = measured(study) if steps is None else steps
-    table = SampleTable(study.with_steps(steps.number), AUTO_FROM if automatic else study.surface.m[0], steps.errors)
+    table = SampleTable(study.with_steps(steps.number), first_finest(study.surface), steps.errors)
     start, budget = clock(), study.ensemble.budget
     counts: Counts = {D: pilot(table.levels) for D in table.dimensions}
     answer = Answer(table, steps, {}, {D: [] for D in table.dimensions})
@@ -113,13 +114,16 @@ def estimate_means(
         estimates = {D: estimates_of(table, D) for D in table.dimensions}
         _record(answer, estimates)
         on_round(estimates)
-        if automatic:
-            _require_limits(estimates)
+        divergent = [pair for pair in _all(estimates) if not pair[1].weak_error.converges] if automatic else []
+        if divergent:
+            if holds_all_waves(study.surface, table.finest):
+                raise _no_limit(divergent, "n" if isinstance(study.surface, SpectralSurface) else "m")
+            counts = _refined(table, counts)
+            continue
         if all(estimate.reached for _, estimate in _all(estimates)):
             if not automatic or table.finest == AUTO_TO or not _biased(estimates):
                 return answer
-            table.finest += 1
-            counts = {D: pilot(table.levels) | counts[D] for D in table.dimensions}
+            counts = _refined(table, counts)
             continue
         if answer.stopped:
             return answer
@@ -190,16 +194,20 @@ def _require_feasible(estimates: Estimates) -> None:
         raise CampaignError(message)
 
 
-def _require_limits(estimates: Estimates) -> None:
-    """Refuse ``m: auto`` for a mean that has no limit in m."""
-    divergent = [(D, estimate) for D, estimate in _all(estimates) if not estimate.weak_error.converges]
-    if divergent:
-        lines = "; ".join(
-            f"{_label(D, estimate)}: its last levels change it by {_changes(estimate.level_means)}"
-            for D, estimate in divergent[:3]
-        )
-        message = f"'auto' needs means that converge with m, and these do not ({lines}): give a number"
-        raise StudyError([Problem(message, "surface.m")])
+def _refined(table: SampleTable, counts: Counts) -> Counts:
+    """Add a finer level to a table, and return the samples with its pilot."""
+    table.finest += 1
+    return {D: pilot(table.levels) | counts[D] for D in table.dimensions}
+
+
+def _no_limit(divergent: Sequence[tuple[float, MeanEstimate]], key: str) -> StudyError:
+    """Return the refusal of ``m: auto`` or ``n: auto`` for means that have no limit."""
+    lines = "; ".join(
+        f"{_label(D, estimate)}: its last levels change it by {_changes(estimate.level_means)}"
+        for D, estimate in divergent[:3]
+    )
+    message = f"'auto' needs means that converge with {key}, and these do not ({lines}): give a number"
+    return StudyError([Problem(message, f"surface.{key}")])
 
 
 def _label(D: float, estimate: MeanEstimate) -> str:

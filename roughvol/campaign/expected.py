@@ -21,7 +21,7 @@ from roughvol.campaign.sampling import pilot
 from roughvol.observables import allocation, multilevel
 from roughvol.observables.multilevel import Link
 from roughvol.study import MadeSurface, Record, Study, levels_below
-from roughvol.study.ensemble import AUTO_FROM
+from roughvol.study.spectral import first_finest
 from roughvol.typing import Array
 
 FINEST = 6  # finest level solved
@@ -64,7 +64,7 @@ class Expected:
 
 
 def expected(study: Study) -> list[Expected]:
-    """Return the expected samples and costs of an ensemble; with ``m: auto``, of its first resolution.
+    """Return the expected samples and costs of an ensemble; with ``m: auto`` or ``n: auto``, of its first resolution.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def expected(study: Study) -> list[Expected]:
     """
     surface = study.surface
     assert isinstance(surface, MadeSurface)
-    levels = levels_below(surface.m[0] if surface.m else AUTO_FROM)
+    levels = levels_below(first_finest(surface))
     found = steps.measured(study)
     table = samples.SampleTable(study.with_steps(found.number), min(levels[-1], max(FINEST, levels[0])), found.errors)
     return [_of_dimension(table, D, levels) for D in surface.dimensions]

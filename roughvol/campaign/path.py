@@ -284,7 +284,7 @@ def _plane(target: Level, surface: Surface) -> float:
     if target.kind == "indentation":
         return target.value or 0.0
     if target.kind == "summit-plane":
-        return (surface.z_max - texture.summit_plane(surface.heights)) / surface.unit
+        return (surface.z_max - texture.summit_plane(surface.with_neighbours)) / surface.unit
     # d/σ = value; 0 on the mean plane
     return (surface.z_max - surface.mean_height) / surface.unit - (target.value or 0.0)
 

@@ -162,7 +162,7 @@ class SampleTable:
         with one_thread():
             for seed in range(len(known), number):
                 surface = surface_of(self.study.sample(D, m, first + seed))
-                steepness = surface.Sq / (surface.side * texture.Sdq(surface.heights, surface.spacing))
+                steepness = surface.Sq / (surface.side * texture.Sdq(surface.with_neighbours, surface.spacing))
                 known.append((steepness, (surface.z_max - surface.mean_height) / surface.Sq))
 
     def missing(self, counts: Counts) -> list[Case]:

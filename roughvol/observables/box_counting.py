@@ -3,6 +3,9 @@
 Conventions: lengths are in nodes (r = 1 is one element, r δ its length). The mask is cropped, from
 index 0, to as many squares of 2^k nodes as fit side by side; k is the largest that fits the shorter axis. Of the
 (2^m + 1)² nodes of a surface 2^m × 2^m are left, without the last row and column.
+
+A period has no first index. Its boxes go around it, and N(r) is the mean over all positions of the lattice of boxes. It
+is rows · columns/r² times the share of all boxes of side r that hold a part of the domain. Nothing is cropped.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ class BoxCounts(NamedTuple):
     """Box sides ``r`` = 1, 2, 4 … 2^k [nodes] and the ``counts`` N(r) of boxes with at least one node of the domain."""
 
     r: Index
-    counts: Index
+    counts: Index | Array
 
 
 class LocalDimension(NamedTuple):
@@ -29,13 +32,15 @@ class LocalDimension(NamedTuple):
     dimension: Array
 
 
-def box_counts(mask: Mask) -> BoxCounts:
+def box_counts(mask: Mask, *, periodic: bool = False) -> BoxCounts:
     """Return N(r), the boxes of side r that hold at least one True node (the paper's Section 3.2, Fig. 11a).
 
     Parameters
     ----------
     mask : ndarray of bool, shape (rows, columns)
         The domain; cropped as at the top of this module.
+    periodic : bool
+        Whether it is one period. Numbers are means then, and not whole.
 
     Returns
     -------
@@ -51,6 +56,9 @@ def box_counts(mask: Mask) -> BoxCounts:
         message = f"mask must be a 2-D array of bool, got {mask.dtype} of shape {mask.shape}"
         raise SurfaceError(message)
     levels = min(mask.shape).bit_length() - 1
+    sides = 2 ** np.arange(levels + 1, dtype=np.int64)
+    if periodic:
+        return BoxCounts(sides, _means_around(mask, sides))
     side = 1 << levels
     rows, columns = (side * (length // side) for length in mask.shape)
     boxes = mask[:rows, :columns]
@@ -59,7 +67,18 @@ def box_counts(mask: Mask) -> BoxCounts:
         # A box of side 2r is black if one of its four boxes of side r is.
         boxes = boxes[::2, ::2] | boxes[1::2, ::2] | boxes[::2, 1::2] | boxes[1::2, 1::2]
         counts.append(np.count_nonzero(boxes))
-    return BoxCounts(2 ** np.arange(levels + 1, dtype=np.int64), np.array(counts, dtype=np.int64))
+    return BoxCounts(sides, np.array(counts, dtype=np.int64))
+
+
+def _means_around(mask: Mask, sides: Index) -> Array:
+    """Return N(r) of one period, the mean over all positions of the boxes."""
+    means = []
+    for side in sides.tolist():
+        means.append(np.count_nonzero(mask) / side**2)
+        # Now of the boxes of side 2r that begin at each node: one of their four boxes of side r is black.
+        mask = mask | np.roll(mask, -side, axis=0)
+        mask = mask | np.roll(mask, -side, axis=1)
+    return np.array(means)
 
 
 def local_dimension(counts: BoxCounts) -> LocalDimension:

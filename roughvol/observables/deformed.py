@@ -22,10 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from roughvol.observables.regions import State, window
+from roughvol.observables.regions import State, is_period, window
 from roughvol.study import Case
 from roughvol.surfaces import texture
-from roughvol.surfaces.surface import Surface
+from roughvol.surfaces.surface import Surface, intervals, with_neighbours
 from roughvol.typing import Array, Index
 
 Values = dict[str, Any]
@@ -34,7 +34,7 @@ LEVELS = np.arange(-50, 51) / 10.0  # of the material ratio, from the mean plane
 STORED_ANYWAY = ("Sq", "Sdq", "hurst_measured")  # of the whole surface, whatever a study asks for
 
 
-def numbers(heights: Array, spacing: float) -> dict[str, float]:
+def numbers(heights: Array, spacing: float, *, periodic: bool = False) -> dict[str, float]:
     """Return the numbers of `texture` by stored name.
 
     Parameters
@@ -43,6 +43,8 @@ def numbers(heights: Array, spacing: float) -> dict[str, float]:
         Heights z [length].
     spacing : float
         Distance δ of neighbouring nodes [length].
+    periodic : bool
+        Whether the heights are one period.
 
     Returns
     -------
@@ -51,19 +53,21 @@ def numbers(heights: Array, spacing: float) -> dict[str, float]:
     """
     names = ("Sq", "Sa", "Ssk", "Sku", "Sp", "Sv", "Sz", "Svi", "Sbi")
     return {name: getattr(texture, name)(heights) for name in names} | {
-        "Sdq": texture.Sdq(heights, spacing),
-        "hurst_structure": texture.hurst_structure(heights, spacing),
-        "hurst_measured": texture.hurst_spectrum(heights, spacing),
+        "Sdq": texture.Sdq(with_neighbours(heights, periodic), spacing),
+        "hurst_structure": texture.hurst_structure(heights, spacing, periodic=periodic),
+        "hurst_measured": texture.hurst_spectrum(heights, spacing, periodic=periodic),
     }
 
 
-def curves(z: Array) -> Values:
+def curves(z: Array, *, periodic: bool = False) -> Values:
     """Return the material ratio at `LEVELS` above the mean plane, and the structure function at `lags`.
 
     Parameters
     ----------
     z : ndarray, shape (rows, columns)
         Heights over σ [1].
+    periodic : bool
+        Whether the heights are one period.
 
     Returns
     -------
@@ -72,24 +76,26 @@ def curves(z: Array) -> Values:
     """
     return {
         "material_ratio": texture.material_ratio(z, LEVELS + z.mean()),
-        "structure_function": texture.structure_function(z, lags(z.shape)),
+        "structure_function": texture.structure_function(z, lags(z.shape, periodic=periodic), periodic=periodic),
     }
 
 
-def lags(shape: tuple[int, ...]) -> Index:
+def lags(shape: tuple[int, ...], *, periodic: bool = False) -> Index:
     """Return the lags of the structure function, 1, 2, 4 … nodes up to half of the shorter axis.
 
     Parameters
     ----------
     shape : tuple of int
         Nodes along both axes.
+    periodic : bool
+        Whether the axes are one period.
 
     Returns
     -------
     ndarray of int
         Lags, increasing.
     """
-    return texture.dyadic_lags((min(shape) - 1) // 2)
+    return texture.dyadic_lags(intervals(min(shape), periodic) // 2)
 
 
 def before_load(case: Case, surface: Surface) -> Values:
@@ -109,12 +115,13 @@ def before_load(case: Case, surface: Surface) -> Values:
         are left out where the region is the whole surface.
     """
     heights = surface.heights[window(case, surface.shape)]
-    values: Values = dict(numbers(heights, surface.spacing))
+    periodic = is_period(case)
+    values: Values = dict(numbers(heights, surface.spacing, periodic=periodic))
     inside = {f"{name}_region": values.pop(name) for name in STORED_ANYWAY}
     if case.record.region is not None:
         values |= inside
-    values |= curves((heights - surface.mean_height) / surface.unit)
-    return values | {"material_level": LEVELS, "lag": lags(heights.shape)}
+    values |= curves((heights - surface.mean_height) / surface.unit, periodic=periodic)
+    return values | {"material_level": LEVELS, "lag": lags(heights.shape, periodic=periodic)}
 
 
 def under_load(case: Case, surface: Surface, state: State) -> Values:
@@ -135,5 +142,6 @@ def under_load(case: Case, surface: Surface, state: State) -> Values:
         Values by stored name.
     """
     z = -state.gap()
-    values = numbers(z * surface.unit, surface.spacing) | curves(z)
+    periodic = state.periodic
+    values = numbers(z * surface.unit, surface.spacing, periodic=periodic) | curves(z, periodic=periodic)
     return {f"{name}_loaded": value for name, value in values.items()}

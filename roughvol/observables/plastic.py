@@ -10,7 +10,7 @@ from typing import Any
 
 from roughvol.contact.loading import Contact
 from roughvol.observables import deformed
-from roughvol.observables.regions import window
+from roughvol.observables.regions import is_period, window
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
 
@@ -75,6 +75,7 @@ def residual(case: Case, surface: Surface, last: Contact) -> Values:
     if case.record.texture is not None:
         inside = heights[window(case, surface.shape)]
         z = (inside - heights.mean()) / surface.unit
-        texture = deformed.numbers(inside, surface.spacing) | deformed.curves(z)
+        periodic = is_period(case)
+        texture = deformed.numbers(inside, surface.spacing, periodic=periodic) | deformed.curves(z, periodic=periodic)
         values |= {f"{name}_residual": value for name, value in texture.items()}
     return values

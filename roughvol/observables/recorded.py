@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.search import TARGETS
-from roughvol.observables import box_counting, coupling, deformed, free_volume, regions, void
+from roughvol.observables import box_counting, coupling, deformed, free_volume, regions, void, waves
 from roughvol.observables.regions import State, window
 from roughvol.study import Case, Level, Record, Select
 from roughvol.surfaces.surface import Surface
@@ -56,7 +56,7 @@ def _boxes(case: Case, surface: Surface, state: State) -> Values:
     volumes, mask = _volumes(surface, state), state.contact()
     largest = float(volumes.max())
     domains = [free_volume.domain(volumes, share * largest, mask) for share in case.record.box_counting.thresholds]
-    counts = [box_counting.box_counts(domain) for domain in domains]
+    counts = [box_counting.box_counts(domain, periodic=state.periodic) for domain in domains]
     dimensions = [box_counting.local_dimension(count).dimension for count in counts]
     return {"volume_max": largest, "box_count": [count.counts for count in counts], "local_dimension": dimensions}
 
@@ -136,6 +136,7 @@ AT_STATES = {
         solves=True,
     ),
     "texture": AtStates("texture_at", "texture.at", deformed.under_load, 3e-7),
+    "psd": AtStates("psd_at", "psd.at", waves.under_load, 2e-7),
 }
 
 

@@ -64,7 +64,7 @@ def of_surface(case: Case, surface: Surface) -> Values:
     """
     heights, spacing = surface.heights, surface.spacing
     values: Values = {"Sq": surface.Sq, "Sdq": texture.Sdq(surface.with_neighbours, spacing), "z_max": surface.z_max}
-    values["hurst_measured"] = texture.hurst_spectrum(heights, spacing)
+    values["hurst_measured"] = texture.hurst_spectrum(heights, spacing, periodic=surface.periodic)
     rows, columns = surface.shape
     values |= {"nodes_x": rows, "nodes_y": columns}
     if fields_of(case.record) > 0:
@@ -73,8 +73,8 @@ def of_surface(case: Case, surface: Surface) -> Values:
         values["heights"] = heights
     if case.record.texture is not None:
         values |= deformed.before_load(case, surface)
-    if case.record.psd:
-        values |= waves.of_surface(surface)
+    if case.record.psd is not None:
+        values |= waves.before_load(case, surface)
     return values
 
 

@@ -95,6 +95,22 @@ def within(contact: Contact, case: Case) -> State:
     return contact if case.record.region is None else Within(contact, window(case, contact.shape))
 
 
+def is_period(case: Case) -> bool:
+    """Return whether a study observes one period: a part of it is none.
+
+    Parameters
+    ----------
+    case : Case
+        Names the region.
+
+    Returns
+    -------
+    bool
+        Whether opposite sides of the region are joined.
+    """
+    return case.periodic and case.record.region is None
+
+
 def window(case: Case, shape: tuple[int, int]) -> Window:
     """Return the rows and columns of the elements in the region that a study observes.
 
@@ -166,16 +182,21 @@ def check(case: Case, shape: tuple[int, int]) -> None:
     StudyError
         With the region and the shape.
     """
-    widths = case.record.region_widths
+    widths, least = case.record.region_widths, 3 if case.record.psd is not None else 2
     asked = [] if case.record.region is None else [("record.region", case.record.region)]
     if widths is not None:
         asked += [("record.region_widths.shares", central(share)) for share in widths.shares]
     problems = []
     for key, region in asked:
         try:
-            window_of(region, shape, periodic=case.periodic)
+            inside = window_of(region, shape, periodic=case.periodic)
         except ContactError as error:
             problems.append(Problem(str(error), key))
+            continue
+        rows, columns = (part.stop - part.start for part in inside)
+        if key == "record.region" and min(rows, columns) < least:
+            message = f"the region {region.label} has {rows} × {columns} elements; record.psd needs 3 × 3"
+            problems.append(Problem(message, key))
     if problems:
         raise StudyError(problems)
 

@@ -99,7 +99,8 @@ CAPTIONS: dict[str, str] = {
     "is the error that the solver certifies.",
     # the spectrum of the surfaces
     "psd": "Left: radially averaged power spectral density of the undeformed surfaces by fractal dimension D; the "
-    "dashed line is the law of the study. Right: root mean square slope of the waves up to each wave number.",
+    "dashed line is the law of the study, dotted lines are the deformed surface under load. Right: root mean square "
+    "slope of the waves up to each wave number.",
     # speed against accuracy
     "tradeoff_answer": "Error of the mean V* over all surfaces against cost. Each line varies one choice about the "
     "circle; numbers are seeds and m. The error is the half-width over seeds plus those of resolution, steps, solver.",

@@ -48,6 +48,43 @@ OF_MEAN = {  # suffix: dimensions, long name, symbol
     "level_samples": ("D m ensemble_at", "samples used on each level for the mean of the {}", "n({})"),
     "round_half_width": ("D ensemble_at round", "half-width of the interval after each round of the {}", "h_k({})"),
 }
+SPECTRUM = rows(
+    "surfaces.psd.spectral",
+    "",
+    wave=Variable("wave", "1", "ring of wave numbers, q L/2π with L that of the region", "qL/2π", "index"),
+    wave_number=Variable("... wave", "length^-1", "wave number of the ring in the region", "q"),
+    psd=Variable("... wave", "length^4", "radially averaged power spectral density", "C^iso(q)", height_power=2),
+    rms_height=Variable("...", "length", "root mean square height of all waves", "h_rms", height_power=1),
+    rms_slope=Variable("...", "1", "root mean square slope of all waves", "h'_rms", height_power=1),
+    rms_curvature=Variable(
+        "...", "length^-1", "root mean square of the mean curvature of all waves", "h''_rms", height_power=1
+    ),
+    rms_height_below=Variable(
+        "... wave", "length", "root mean square height of the waves up to the ring", "h_rms(q)", height_power=1
+    ),
+    rms_slope_below=Variable(
+        "... wave", "1", "root mean square slope of the waves up to the ring", "h'_rms(q)", height_power=1
+    ),
+    rms_curvature_below=Variable(
+        "... wave", "length^-1", "root mean square curvature of the waves up to the ring", "h''_rms(q)", height_power=1
+    ),
+    nayak_parameter=Variable("...", "1", "Nayak's parameter m_0 m_4/m_2^2", "α"),
+)
+"""The spectrum of the undeformed surface in the region, where a study asks for it."""
+SPECTRUM |= rows(
+    "surfaces.psd.spectral",
+    "psd",
+    **{
+        f"{name}_loaded": replace(
+            row,
+            dims=row.dims.replace("...", "... psd_at"),
+            long_name=f"{row.long_name}, of the deformed surface under load",
+            symbol=f"{row.symbol}(load)",
+        )
+        for name, row in SPECTRUM.items()
+        if not name.startswith("wave")
+    },
+)
 FLAGS = {"step_error_high": "flag"}
 
 

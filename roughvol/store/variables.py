@@ -37,6 +37,7 @@ VARIABLES |= rows(
     box_at=Variable("box_at", "1", "state of the box counting", "state", "text"),
     flux_at=Variable("flux_at", "1", "state at which fluxes are kept", "state", "text"),
     texture_at=Variable("texture_at", "1", "state under load at which texture is taken", "state", "text"),
+    psd_at=Variable("psd_at", "1", "state under load at which the spectrum is taken", "state", "text"),
 )
 VARIABLES |= rows(
     "observables.free_volume.volume_density",
@@ -339,29 +340,8 @@ VARIABLES |= rows(
     "observables.deformed.lags",
     lag=Variable("lag", "1", "distance of two nodes in elements", "l/δ", "index"),
 )
-# spectrum, where a study asks for it: of the whole undeformed surface
-VARIABLES |= rows(
-    "surfaces.psd.spectral",
-    "",
-    wave=Variable("wave", "1", "ring of wave numbers, q L/2π", "qL/2π", "index"),
-    psd=Variable("... wave", "length^4", "radially averaged power spectral density", "C^iso(q)", height_power=2),
-    rms_height=Variable("...", "length", "root mean square height of all waves", "h_rms", height_power=1),
-    rms_slope=Variable("...", "1", "root mean square slope of all waves", "h'_rms", height_power=1),
-    rms_curvature=Variable(
-        "...", "length^-1", "root mean square of the mean curvature of all waves", "h''_rms", height_power=1
-    ),
-    rms_height_below=Variable(
-        "... wave", "length", "root mean square height of the waves up to the ring", "h_rms(q)", height_power=1
-    ),
-    rms_slope_below=Variable(
-        "... wave", "1", "root mean square slope of the waves up to the ring", "h'_rms(q)", height_power=1
-    ),
-    rms_curvature_below=Variable(
-        "... wave", "length^-1", "root mean square curvature of the waves up to the ring", "h''_rms(q)", height_power=1
-    ),
-    nayak_parameter=Variable("...", "1", "Nayak's parameter m_0 m_4/m_2^2", "α"),
-)
-VARIABLES |= fluid_variables.FLUID
+VARIABLES |= derived_variables.SPECTRUM | fluid_variables.FLUID
+
 STATES = tuple(name for name, row in VARIABLES.items() if row.dims == name and name.endswith("_at"))
 """Dimensions along which recorded states are stored."""
 VARIABLES |= axis_variables.ROWS | derived_variables.of_parts(VARIABLES)

@@ -177,7 +177,7 @@ class Study(Strict):
             height = surface.height if hardness is not None or has_units or self.gas_flow else None
             product = itertools.product(surface.dimensions, surface.m, surface.seeds)
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
-                finest = surface.m[0] if surface.m else ensembles.AUTO_FROM
+                finest = spectral.first_finest(surface)
                 product = itertools.product(
                     surface.dimensions, ensembles.levels_below(finest), [self.ensemble.first_seed]
                 )

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from roughvol.study import fluid, spectral
-from roughvol.study.ensemble import CLOSING, RECORDED_BY, STORED_AS
+from roughvol.study.ensemble import CLOSING, FEWEST_LEVELS, RECORDED_BY, STORED_AS
 from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.record import EVERY_STEP, SELECTORS, Record
 from roughvol.study.sections import PAPER_MAX_M, names, whole
@@ -88,6 +88,8 @@ def _without_contact(record: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     paths: list[KeyPath] = [(name,) for name in pressed if record.get(name) not in (None, False)]
     if _mapping(record, "texture").get("at") not in (None, "last"):  # texture before load needs no contact
         paths.append(("texture", "at"))
+    if _mapping(record, "psd").get("at") is not None:
+        paths.append(("psd", "at"))
     for path in paths:
         yield ("record", *path), "no contact to record: sweep.steps is 0"
 
@@ -272,7 +274,7 @@ def _target_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
 def _ensemble_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     """Yield keys that an ensemble excludes, and means without scatter."""
     surface, sweep = _mapping(data, "surface"), _mapping(data, "sweep")
-    for keys in (("surface", "m"), ("sweep", "steps")):
+    for keys in (("surface", "m"), ("surface", "n"), ("sweep", "steps")):
         if _mapping(data, keys[0]).get(keys[1]) == "auto" and data.get("ensemble") is None:
             yield keys, "'auto' needs the section 'ensemble', whose accuracy decides it"
     if not isinstance(data.get("ensemble"), dict):
@@ -282,9 +284,16 @@ def _ensemble_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         return
     if "seeds" in surface:
         yield ("surface", "seeds"), "cannot be given beside 'ensemble', which decides how many: leave it out"
-    for name, other in (("m", ", or 'auto'"), ("n", "")):
+    for name in ("m", "n"):
         if isinstance(surface.get(name), list) and len(surface[name]) > 1:
-            yield ("surface", name), f"must be one number beside 'ensemble': the finest resolution{other}"
+            yield ("surface", name), "must be one number beside 'ensemble': the finest resolution, or 'auto'"
+    fewest = {"n": spectral.FEWEST << FEWEST_LEVELS - 1}
+    if surface.get("periodic") is True:
+        fewest["m"] = PERIODIC_LEAST_M + FEWEST_LEVELS - 1
+    for name, least in fewest.items():
+        for path, finest in _numbers(surface.get(name), "surface", name):
+            if finest < least:
+                yield path, f"must be at least {least} beside 'ensemble', which takes {FEWEST_LEVELS} levels or more"
     if sweep.get("steps") == 0:
         yield ("ensemble",), "there is no contact to average, since sweep.steps is 0"
     states = _mapping(data, "ensemble", "at")

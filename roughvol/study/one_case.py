@@ -72,16 +72,12 @@ class Case:
             surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
         if self.periodic and self.spectrum is None:  # cases without it keep their id
             surface["periodic"] = True
-        record = self.record.model_dump(mode="json", exclude={"dimensional"})
-        for name in ("residual_heights", "psd", "contact_perimeter", "fluid_pressure"):
-            if not record[name]:  # cases without it keep their id
-                del record[name]
-        if not record["all_legs"] or not isinstance(self.sweep, Legs):
-            del record["all_legs"]
+        if self.periodic:  # its estimators join opposite sides
+            surface["joined"] = True
         key: dict[str, Any] = {
             "format": ANSWER_FORMAT,
             "surface": {"L": self.L, **surface},
-            "record": record,
+            "record": self.record.key(legs=isinstance(self.sweep, Legs)),
         }
         if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
             return key | {"sweep": {"steps": 0}}

@@ -14,6 +14,7 @@ from pydantic import (
     GetJsonSchemaHandler,
     Tag,
     field_validator,
+    model_serializer,
     model_validator,
 )
 from pydantic_core import core_schema
@@ -74,6 +75,18 @@ class Texture(Strict):
     """The texture before load, and of the deformed surface under load."""
 
     at: Selector = Field(default=Select(), description=f"the states under load to take it at: {IN_WORDS}")
+
+
+class Psd(Strict):
+    """The spectrum before load, and of the deformed surface where states are named."""
+
+    at: Selector | None = Field(
+        default=None, description=f"states under load to take it at: {IN_WORDS}; default: before load alone"
+    )
+
+    @model_serializer
+    def _plain(self) -> Any:
+        return True if self.at is None else {"at": self.at}
 
 
 EVERY_STEP = "every-step"
@@ -180,10 +193,10 @@ class Record(Strict):
         description="texture before load and of the deformed surface (Sa, Ssk, Sku, Sp, Sv, Sz, Svi, Sbi, material "
         "ratio, structure function): true, false or {at: states}",
     )
-    psd: bool = Field(
-        default=False,
-        description="power spectral density of the undeformed surface, root mean square height, slope and curvature by "
-        "scale, and Nayak's parameter: true or false",
+    psd: Annotated[Psd | None, Switch()] = Field(
+        default=None,
+        description="power spectral density before load and of the deformed surface, root mean square height, slope "
+        "and curvature by scale, and Nayak's parameter: true (before load), false or {at: states}",
     )
     contact_perimeter: bool = Field(
         default=False,
@@ -239,6 +252,18 @@ class Record(Strict):
             if isinstance(here, Select):
                 found[path] = here
         return found
+
+    def key(self, *, legs: bool) -> dict[str, Any]:
+        """Return everything that changes a stored case, as plain data; later keys only where they are set."""
+        record = self.model_dump(mode="json", exclude={"dimensional"})
+        for name in ("residual_heights", "psd", "contact_perimeter", "fluid_pressure"):
+            if not record[name]:
+                del record[name]
+        if self.psd is not None and self.region is not None:  # it was of the whole surface before
+            record["psd"] = {"at": self.psd.at and record["psd"]["at"]}
+        if not record["all_legs"] or not legs:
+            del record["all_legs"]
+        return record
 
     @property
     def has_units(self) -> bool:

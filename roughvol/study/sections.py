@@ -120,7 +120,7 @@ LengthUnit = Annotated[str, UnitOf("length")]
 UNIT = "unit of L, of the heights and of stored lengths; default: none"
 
 
-class _Auto:
+class Auto:
     """Accept the word 'auto', which is read as no number at all, and say so in the JSON schema."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
@@ -157,7 +157,7 @@ class GeneratedSurface(Strict):
     """Surfaces by random midpoint displacement; every combination of D, m and seed is a case."""
 
     D: Many[Dimension] = Field(description="fractal dimension of the generated surface, 2 < D < 3; a number or a list")
-    m: Annotated[Many[Refinement], _Auto()] = Field(
+    m: Annotated[Many[Refinement], Auto()] = Field(
         description="2^m + 1 nodes per side, whole, 1 <= m <= 13; a number or a list; 'auto' for an ensemble"
     )
     L: Length = Field(default=100.0, description="lateral size, L > 0, as 100 or 100 um")

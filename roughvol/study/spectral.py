@@ -9,9 +9,11 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationError, field_validator, model_serializer
 
 from roughvol.study import sections
+from roughvol.study.ensemble import AUTO, AUTO_FROM, AUTO_TO
 from roughvol.study.sections import (
     MAX_SEEDS,
     UNIT,
+    Auto,
     Dimension,
     GeneratedSurface,
     LengthUnit,
@@ -30,6 +32,8 @@ from roughvol.surfaces.power_law import Spectrum
 OWN = ("H", "n", "rolloff", "cut", "shortest", "slope", "Ssk", "anisotropy", "phases")  # keys of no other surface
 FEWEST, MOST = 8, 8192  # nodes per side
 STEEPEST = 3.0  # skewness
+ROLLOFF_NODES = 8  # elements of λ_r on the first grid of `n: auto`: the power law has two octaves
+CUT_NODES = 16  # elements of λ_s from which a mean that changes with n has no limit: the three below have all waves
 
 
 def _power_of_two(value: int) -> int:
@@ -47,8 +51,9 @@ class SpectralSurface(Strict):
 
     H: Many[Hurst] = Field(default=(), description="Hurst exponent, 0 < H < 1; a number or a list")
     D: Many[Dimension] = Field(default=(), description="fractal dimension instead of H, D = 3 - H, 2 < D < 3")
-    n: Many[Nodes] = Field(
-        description=f"nodes per side of the period, a power of two, {FEWEST} to {MOST}; a number or a list"
+    n: Annotated[Many[Nodes], Auto()] = Field(
+        description=f"nodes per side of the period, a power of two, {FEWEST} to {MOST}; a number or a list; "
+        "'auto' for an ensemble, with cut or shortest"
     )
     rolloff: Annotated[float, Field(ge=1)] = Field(
         default=1.0, description="L over the roll-off wavelength λ_r, >= 1; 1: a power law up to L"
@@ -94,10 +99,11 @@ class SpectralSurface(Strict):
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
-        """Leave out the keys that were not given and have no default."""
+        """Leave out the keys that were not given and have no default; write 'auto' where an ensemble chooses n."""
         data: dict[str, Any] = handler(self)
         left_out = ("H", "D", "cut", "shortest", "Sq", "slope", "Ssk")
-        return {name: value for name, value in data.items() if name not in left_out or value not in (None, (), [])}
+        data = {name: value for name, value in data.items() if name not in left_out or value not in (None, (), [])}
+        return data if self.n else data | {"n": AUTO}
 
     @property
     def dimensions(self) -> tuple[float, ...]:
@@ -157,6 +163,44 @@ MadeSurface = GeneratedSurface | SpectralSurface
 """Surfaces that are made and not measured."""
 
 
+def first_finest(surface: MadeSurface) -> int:
+    """Return m of the finest level with which an ensemble begins.
+
+    Parameters
+    ----------
+    surface : GeneratedSurface or SpectralSurface
+        Section of the study.
+
+    Returns
+    -------
+    int
+        The m or log2 n of the study. Of 'auto' the smallest, with a spectrum that whose elements show the power law.
+    """
+    if surface.m:
+        return surface.m[0]
+    if not isinstance(surface, SpectralSurface):
+        return AUTO_FROM
+    return min(max(AUTO_FROM, math.ceil(math.log2(ROLLOFF_NODES * surface.rolloff))), AUTO_TO)
+
+
+def holds_all_waves(surface: MadeSurface, m: int) -> bool:
+    """Return whether a level and the three below hold all waves of a surface, so that a limit would show.
+
+    Parameters
+    ----------
+    surface : GeneratedSurface or SpectralSurface
+        Section of the study.
+    m : int
+        Level.
+
+    Returns
+    -------
+    bool
+        True of midpoint surfaces, which have no shortest wave.
+    """
+    return not isinstance(surface, SpectralSurface) or 2**m >= CUT_NODES * surface.shortest_ratio or m >= AUTO_TO
+
+
 def tag_surface(value: Any) -> str:
     """Return the tag of `SpectralSurface` for its own keys, else that of `sections.tag_surface`."""
     if isinstance(value, SpectralSurface):
@@ -186,15 +230,20 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         surface = SpectralSurface.model_validate({name: value for name, value in given.items() if name != "seeds"})
     except ValidationError:
         return
-    cut, most = surface.shortest_ratio, max(surface.n) / 2.0
+    if not surface.n and not {"cut", "shortest"} & given.keys():
+        yield ("surface", "n"), "'auto' needs cut or shortest: without them λ_s is 2 δ, and each n is another surface"
+        return
+    cut, most = surface.shortest_ratio, max(surface.n, default=2**AUTO_TO) / 2.0
     key = ("surface", "shortest" if "shortest" in given else "cut" if "cut" in given else "n")
     if cut <= surface.rolloff:
         yield key, f"L/λ_s is {number_text(cut)}; allowed: more than rolloff, {number_text(surface.rolloff)}"
     elif cut > most * (1.0 + 1e-9):
-        yield key, f"L/λ_s is {number_text(cut)}; allowed: at most half the largest n, {number_text(most)}"
+        largest = f"half the largest n{'' if surface.n else ' of auto'}, {number_text(most)}"
+        yield key, f"L/λ_s is {number_text(cut)}; allowed: at most {largest}"
     elif surface.anisotropy >= cut:
         yield ("surface", "anisotropy"), f"must be less than L/λ_s, {number_text(cut)}: no wave along x is left"
-    if (data.get("solver") == "paper" or _named(data, "solver", "method") == "paper") and max(surface.m) > 6:
+    dense = data.get("solver") == "paper" or _named(data, "solver", "method") == "paper"
+    if dense and max(surface.m, default=AUTO_TO) > 6:
         yield ("surface", "n"), "solver method 'paper' is dense and takes n <= 64"
 
 

@@ -72,7 +72,7 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     return np.where(mask, np.ldexp(left, exponent), np.nan)
 
 
-def fill(heights: Array, rule: str) -> Array:
+def fill(heights: Array, rule: str, *, periodic: bool = False) -> Array:
     """Return the heights with those filled in that are not known.
 
     ``nearest`` takes the height of the nearest known node (of several equally near ones always the same). With
@@ -84,6 +84,8 @@ def fill(heights: Array, rule: str) -> Array:
     heights : array, shape (rows, columns)
         z [length], NaN where not known, at most half of them.
     rule : {"nearest", "interpolate"}
+    periodic : bool
+        Whether the heights are one period; neighbours across its edges are then those of the next one.
 
     Returns
     -------
@@ -107,10 +109,10 @@ def fill(heights: Array, rule: str) -> Array:
         return heights.copy()
     filled = heights.copy()
     if rule == "nearest":
-        row, column = ndimage.distance_transform_edt(missing, return_distances=False, return_indices=True)
+        row, column = _nearest(missing, periodic)
         filled[missing] = heights[row[missing], column[missing]]
     else:
-        filled[missing] = _harmonic(heights, missing)
+        filled[missing] = _harmonic(heights, missing, periodic)
     return filled
 
 
@@ -182,8 +184,23 @@ def _exponent(heights: Array) -> int:
     return math.frexp(float(np.nanmax(np.abs(heights))))[1]
 
 
-def _harmonic(heights: Array, missing: Mask) -> Array:
-    """Return the missing heights from the discrete Laplace equation, with natural conditions at the rim."""
+def _nearest(missing: Mask, periodic: bool) -> tuple[Index, Index]:
+    """Return the row and column of the known node nearest to each node."""
+    rows, columns = missing.shape
+    # every known node of a period has an image within half a period along each axis
+    frame = ((rows // 2 + 1,) * 2, (columns // 2 + 1,) * 2) if periodic else ((0, 0), (0, 0))
+    padded = np.pad(missing, frame, mode="wrap") if periodic else missing
+    row, column = ndimage.distance_transform_edt(padded, return_distances=False, return_indices=True)
+    top, left = frame[0][0], frame[1][0]
+    here = np.s_[top : top + rows, left : left + columns]
+    return (row[here] - top) % rows, (column[here] - left) % columns
+
+
+def _harmonic(heights: Array, missing: Mask, periodic: bool) -> Array:
+    """Return the missing heights from the discrete Laplace equation, with natural conditions at the rim.
+
+    A period has no rim.
+    """
     rows, columns = heights.shape
     number = np.full(heights.shape, -1)
     number[missing] = np.arange(missing.sum())
@@ -195,6 +212,8 @@ def _harmonic(heights: Array, missing: Mask) -> Array:
     entries: list[tuple[Index, Index]] = []
     for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
         there_row, there_column = row + down, column + right
+        if periodic:
+            there_row, there_column = there_row % rows, there_column % columns
         inside = (there_row >= 0) & (there_row < rows) & (there_column >= 0) & (there_column < columns)
         neighbours += inside
         own, there = here[inside], (there_row[inside], there_column[inside])

@@ -54,20 +54,20 @@ def surface(
         differ in shape, heights are missing and ``treatment`` refuses them, or the treatment is not possible.
     """
     measured = [_measured(body, treatment, unit) for body in bodies]
-    total, filled, removed = _pressed(bodies, measured, treatment, L)
+    total, filled, removed = _pressed(bodies, measured, treatment, L, periodic)
     peak_before = None
     if treatment.outliers is not None:
-        before = _pressed(bodies, measured, replace(treatment, outliers=None), L)[0] if removed else total
+        before = _pressed(bodies, measured, replace(treatment, outliers=None), L, periodic)[0] if removed else total
         peak_before = Surface(before, 1.0).peak
     return Surface(total, L / intervals(len(total), periodic), filled, removed, peak_before, periodic)
 
 
 def _pressed(
-    bodies: Sequence[Body], measured: Sequence[Array], treatment: Treatment, L: float
+    bodies: Sequence[Body], measured: Sequence[Array], treatment: Treatment, L: float, periodic: bool
 ) -> tuple[Array, int, int]:
     """Return the heights that are pressed, the number of filled ones, and the number of outliers taken out."""
     (total, filled, removed), *others = (
-        _treated(heights, body, treatment, L) for heights, body in zip(measured, bodies, strict=True)
+        _treated(heights, body, treatment, L, periodic) for heights, body in zip(measured, bodies, strict=True)
     )
     for body, (heights, missing, count) in zip(bodies[1:], others, strict=True):
         if heights.shape != total.shape:
@@ -121,7 +121,7 @@ def _measured(body: Body, treatment: Treatment, unit: str | None) -> Array:
     return heights
 
 
-def _treated(heights: Array, body: Body, treatment: Treatment, L: float) -> tuple[Array, Mask, int]:
+def _treated(heights: Array, body: Body, treatment: Treatment, L: float, periodic: bool) -> tuple[Array, Mask, int]:
     """Return the heights of one body as they are pressed, which of them were filled, and the number of outliers."""
     mirror, removed = _MIRRORS[body.mirror], 0
     try:
@@ -130,8 +130,8 @@ def _treated(heights: Array, body: Body, treatment: Treatment, L: float) -> tupl
             (left, right), (front, back) = treatment.crop
             heights = heights[left : right + 1, front : back + 1]
         if treatment.outliers is not None:
-            degree = treatment.level if treatment.level == "quadratic" else "tilt"
-            mask = outliers.outliers(heights, *treatment.outliers, degree=degree)
+            degree = "mean" if periodic else treatment.level if treatment.level == "quadratic" else "tilt"
+            mask = outliers.outliers(heights, *treatment.outliers, degree=degree, periodic=periodic)
             heights, removed = np.where(mask, np.nan, heights), int(mask.sum())
         if treatment.downsample != 1:
             heights = lattice.block_means(heights, treatment.downsample)
@@ -142,7 +142,7 @@ def _treated(heights: Array, body: Body, treatment: Treatment, L: float) -> tupl
         if treatment.level != "none":
             heights = levelling.level(heights, treatment.level)
         if treatment.filling is not None:
-            heights = levelling.fill(heights, treatment.filling)
+            heights = levelling.fill(heights, treatment.filling, periodic=periodic)
         if treatment.low_pass is not None:
             heights = levelling.low_pass(heights, L / (len(heights) - 1), treatment.low_pass)
     except SurfaceError as error:

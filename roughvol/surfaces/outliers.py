@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces import levelling
-from roughvol.typing import Array, Mask
+from roughvol.typing import Array, Index, Mask
 
 NORMAL = 1.482602218505602  # 1/Φ⁻¹(3/4): the median absolute deviation of normal heights is their deviation over this
 ROUNDS = 10  # fits of the plane: two sets of outliers may follow each other for ever
@@ -18,7 +18,7 @@ LARGEST_SHARE = 0.05  # of heights taken out: beyond, they are a part of the sur
 AT_ONCE = 1 << 22  # heights of all windows that are sorted together
 
 
-def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt") -> Mask:
+def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt", *, periodic: bool = False) -> Mask:
     """Return which heights lie farther than so many robust deviations from the median of their neighbourhood.
 
         |r - med_w(r)| > sigma s,   s = 1.4826 med |r - med(r)|
@@ -50,7 +50,9 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
     window : int
         Nodes a side of the neighbourhood, odd, at least 3; it is cut off at the rim.
     degree : {"mean", "tilt", "quadratic"}
-        What r is taken from, as in `levelling.level`.
+        What r is taken from, as in `levelling.level`; a period has neither tilt nor bow, and takes "mean".
+    periodic : bool
+        Whether the map is one period; windows then reach into the next one and are not cut off.
 
     Returns
     -------
@@ -67,15 +69,16 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
     limit = sigma * deviation
     mask = np.zeros(heights.shape, dtype=bool)
     # Only a node whose window holds a height so far below or above it can be so far from the median.
-    low = ndimage.minimum_filter(np.where(known, rest, np.inf), size=window, mode="nearest")
-    high = ndimage.maximum_filter(np.where(known, rest, -np.inf), size=window, mode="nearest")
+    reach = window // 2
+    framed = np.pad(rest, reach, mode="wrap") if periodic else np.pad(rest, reach, constant_values=np.nan)
+    here = (slice(reach, -reach),) * 2
+    low = ndimage.minimum_filter(np.where(np.isnan(framed), np.inf, framed), size=window)[here]
+    high = ndimage.maximum_filter(np.where(np.isnan(framed), -np.inf, framed), size=window)[here]
     with np.errstate(invalid="ignore"):
         suspect = known & ((rest - low > limit) | (high - rest > limit) | (np.abs(rest - middle) > limit))
     row, column = np.nonzero(suspect)
-    reach = window // 2
-    framed = np.pad(rest, reach, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(framed, (window, window))
-    inside = [np.minimum(np.arange(n) + reach, n - 1) - np.maximum(np.arange(n) - reach, 0) + 1 for n in heights.shape]
+    inside = [_nodes_inside(n, reach, periodic) for n in heights.shape]
     step = max(AT_ONCE // window**2, 1)
     for start in range(0, len(row), step):
         part = row[start : start + step], column[start : start + step]
@@ -93,6 +96,14 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
         )
         raise SurfaceError(message)
     return mask
+
+
+def _nodes_inside(nodes: int, reach: int, periodic: bool) -> Index:
+    """Return how many nodes along an axis are in the window around each node."""
+    node = np.arange(nodes)
+    if periodic:
+        return np.full(nodes, 2 * reach + 1)
+    return np.asarray(np.minimum(node + reach, nodes - 1) - np.maximum(node - reach, 0) + 1)
 
 
 def _robust(heights: Array, known: Mask, sigma: float, degree: str) -> tuple[Array, float, float]:

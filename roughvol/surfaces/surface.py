@@ -74,7 +74,7 @@ class Surface:
     @property
     def with_neighbours(self) -> Array:
         """Heights, with one line of the next period on each side of a periodic surface."""
-        return np.pad(self.heights, 1, mode="wrap") if self.periodic else self.heights
+        return with_neighbours(self.heights, self.periodic)
 
     @property
     def side(self) -> float:
@@ -137,6 +137,11 @@ class Surface:
 def intervals(nodes: int, periodic: bool) -> int:
     """Return the spacings along an axis: one less than its nodes, and as many where the next period follows."""
     return nodes if periodic else nodes - 1
+
+
+def with_neighbours(heights: Array, periodic: bool) -> Array:
+    """Return heights with one line of the next period on each side; those of a patch unchanged."""
+    return np.pad(heights, 1, mode="wrap") if periodic else heights
 
 
 def _checked_heights(heights: ArrayLike) -> Array:

@@ -2,8 +2,11 @@
 
 Conventions: z(x, y) are heights [length] of shape (rows, columns), positive up, axis 0 is x. ζ = z - z̄ are heights
 about the mean plane. No form is removed and no filter applied: the whole field is the scale-limited surface. Every mean
-is over nodes of equal weight. Amplitudes of any scale are allowed (1e-250, 1e250): heights are brought to unit range
-before they are squared. A ratio that a flat surface leaves undefined is NaN.
+is over nodes of equal weight. Functions with ``periodic`` join the opposite sides of one period. Gradients and summits
+take the heights with their neighbours (`Surface.with_neighbours`); other numbers depend on single heights.
+
+Amplitudes of any scale are allowed (1e-250, 1e250): heights are brought to unit range before they are squared. A ratio
+that a flat surface leaves undefined is NaN.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from roughvol.errors import SurfaceError
+from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array, Index, Mask
 
 FEWEST_CELLS_FOR_SPECTRUM = 32  # below, the range of `hurst_spectrum` spans less than one octave
@@ -222,7 +226,7 @@ def Sbi(heights: Array) -> float:
     return 1.0 / level if level != 0.0 else math.nan
 
 
-def structure_function(heights: Array, lags: Index) -> Array:
+def structure_function(heights: Array, lags: Index, *, periodic: bool = False) -> Array:
     """Return the structure function, S(l) = mean((z(x + l) - z(x))²) [length²], the mean of both axes.
 
     A self-affine surface has S ~ l^(2H). Far beyond its correlation length S is 2 Sq².
@@ -233,6 +237,8 @@ def structure_function(heights: Array, lags: Index) -> Array:
         Heights z [length]; their squares must be in the range of doubles.
     lags : ndarray of int
         Distances l in nodes, from 1 to the shorter axis less one.
+    periodic : bool
+        Whether the heights are one period; every node then has a partner at each lag.
 
     Returns
     -------
@@ -250,14 +256,18 @@ def structure_function(heights: Array, lags: Index) -> Array:
         raise SurfaceError(message)
     structure = np.empty(lags.shape)
     for place, lag in enumerate(lags):
-        squares_x = np.square(heights[lag:] - heights[:-lag])
-        squares_y = np.square(heights[:, lag:] - heights[:, :-lag])
+        if periodic:
+            squares_x = np.square(np.roll(heights, -lag, axis=0) - heights)
+            squares_y = np.square(np.roll(heights, -lag, axis=1) - heights)
+        else:
+            squares_x = np.square(heights[lag:] - heights[:-lag])
+            squares_y = np.square(heights[:, lag:] - heights[:, :-lag])
         # Mean of the two axes, not of all pairs: their shares change with the lag where the axes differ in length.
         structure[place] = 0.5 * (squares_x.mean() + squares_y.mean())
     return structure
 
 
-def hurst_structure(heights: Array, spacing: float = 1.0) -> float:
+def hurst_structure(heights: Array, spacing: float = 1.0, *, periodic: bool = False) -> float:
     """Return the Hurst exponent from `structure_function`, H = ½ d log S / d log l.
 
     Least squares over the lags l = 1, 2, 4, … δ up to an eighth of the shorter side (at least 1 and 2).
@@ -270,16 +280,18 @@ def hurst_structure(heights: Array, spacing: float = 1.0) -> float:
         Heights z [length].
     spacing : float
         Distance δ of neighbouring nodes [length]; H does not depend on it.
+    periodic : bool
+        Whether the heights are one period.
 
     Returns
     -------
     float
-        H, or NaN for fewer than 3 nodes on an axis or if S vanishes at a lag (flat or periodic heights).
+        H, or NaN for fewer than 3 nodes on an axis or if S vanishes at a lag (flat heights, or a wave of that length).
     """
     if min(heights.shape) < 3:
         return math.nan
-    lags = dyadic_lags(max(2, (min(heights.shape) - 1) // 8))
-    structure = structure_function(_about_mean_plane(heights)[0], lags)
+    lags = dyadic_lags(max(2, intervals(min(heights.shape), periodic) // 8))
+    structure = structure_function(_about_mean_plane(heights)[0], lags, periodic=periodic)
     if structure.min() <= 0.0:
         return math.nan
     return 0.5 * _slope(np.log(lags * spacing), np.log(structure))
@@ -290,14 +302,15 @@ def dyadic_lags(longest: int) -> Index:
     return np.array([2**k for k in range(max(longest, 1).bit_length())], dtype=np.intp)
 
 
-def hurst_spectrum(heights: Array, spacing: float = 1.0) -> float:
+def hurst_spectrum(heights: Array, spacing: float = 1.0, *, periodic: bool = False) -> float:
     """Return the Hurst exponent from the power spectrum, C(q) ~ q^(-2-2H) in two dimensions.
 
     The heights about their weighted mean are multiplied by a parabolic (Welch) window. |FFT|² is averaged over eight
     rings of wave vectors, of equal width in log q. H comes from least squares of log C against log q over
     4 q₀ ≤ q < q_N / 2. Here q₀ = 2π / shorter side and q_N = π / δ. Below, the window counts; above, aliasing does.
     Midpoint surfaces of H = 0.2 … 0.8 give H - 0.05 on average at m = 8. The deviation between seeds is 0.04
-    (tests/surfaces/test_texture.py holds the bounds).
+    (tests/surfaces/test_texture.py holds the bounds). One period has its waves exactly, and is not multiplied by a
+    window.
 
     Parameters
     ----------
@@ -305,20 +318,24 @@ def hurst_spectrum(heights: Array, spacing: float = 1.0) -> float:
         Heights z [length].
     spacing : float
         Distance δ of neighbouring nodes [length]; H does not depend on it.
+    periodic : bool
+        Whether the heights are one period.
 
     Returns
     -------
     float
-        H, or NaN for fewer than 33 nodes on an axis or flat heights.
+        H, or NaN for fewer than 33 nodes on an axis (32 of a period), or flat heights.
     """
-    cells = min(heights.shape) - 1
+    cells = intervals(min(heights.shape), periodic)
     if cells < FEWEST_CELLS_FOR_SPECTRUM:
         return math.nan
     unit, _ = _about_mean_plane(heights)
     rows, columns = unit.shape
-    window = np.outer(1.0 - np.linspace(-1.0, 1.0, rows) ** 2, 1.0 - np.linspace(-1.0, 1.0, columns) ** 2)
-    unit -= float((window * unit).sum() / window.sum())
-    power = np.square(np.abs(np.fft.rfft2(window * unit)))
+    if not periodic:
+        window = np.outer(1.0 - np.linspace(-1.0, 1.0, rows) ** 2, 1.0 - np.linspace(-1.0, 1.0, columns) ** 2)
+        unit -= float((window * unit).sum() / window.sum())
+        unit *= window
+    power = np.square(np.abs(np.fft.rfft2(unit)))
     # rfft2 holds half the plane; the other half has the same power, and the ring means do not need it.
     wave = 2.0 * np.pi * np.hypot(np.fft.fftfreq(rows, spacing)[:, None], np.fft.rfftfreq(columns, spacing))
     lowest, highest = 4.0 * 2.0 * np.pi / (cells * spacing), 0.5 * np.pi / spacing

@@ -324,3 +324,42 @@ def test_the_intervals_of_two_hundred_studies_contain_the_mean(few: bool) -> Non
     found = measure(5, 2.3, "4 %", 200, quantity="free_volume", few=few, seeds=5000)
     assert 0.92 <= found["coverage"] <= 0.98
     assert found["holds"] == 1.0
+
+
+def _spectral(cut: int, rolloff: int, accuracy: str) -> Study:
+    return loads(
+        f"surface: {{H: 0.7, n: auto, cut: {cut}, rolloff: {rolloff}, periodic: true}}\nsweep: {{steps: 8}}\n"
+        f"ensemble: {{accuracy: {{free_volume: {accuracy}}}}}"
+    )
+
+
+def test_a_grid_of_a_spectrum_is_refined_until_the_bias_fits() -> None:
+    means = {m: 1.0 + 2.0**-m for m in range(4, 13)}
+    found = ensemble.estimate_means(_spectral(64, 4, "0.3 %"), _made(means, spread=0.02))
+    assert found.samples.finest == 10
+
+
+def test_a_mean_that_changes_while_waves_are_missing_is_followed_to_the_shortest_wave() -> None:
+    """It falls by 30 % at every level up to 2^7 nodes, λ_s = 2 δ, and then converges."""
+    means = {m: 0.7 ** min(m, 7) * (1.0 + 0.3 * 4.0 ** -max(m - 7, 0)) for m in range(4, 13)}
+    found = ensemble.estimate_means(_spectral(64, 4, "4 %"), _made(means, spread=0.02))
+    assert 8 < found.samples.finest < 12
+    (one,) = found.estimates[2.3]
+    assert abs(one.mean.value - 0.7**7) < 0.04 * 0.7**7
+
+
+def test_a_mean_without_a_limit_where_four_grids_have_all_waves_is_refused() -> None:
+    solved: list[int] = []
+
+    def counted(cases: Sequence[Case]) -> Mapping[str, Arrays]:
+        solved.extend(case.m or 0 for case in cases)
+        return _made({m: 0.7**m for m in range(4, 13)})(cases)
+
+    with pytest.raises(StudyError, match=r"surface.n: 'auto' needs means that converge with n.*-30"):
+        ensemble.estimate_means(_spectral(32, 4, "1 %"), counted)
+    assert max(solved) == 9  # 512 = 16 · 32
+
+
+def test_the_first_grid_shows_the_power_law() -> None:
+    for rolloff, finest in ((1, 7), (16, 7), (17, 8), (64, 9)):
+        assert max(case.m or 0 for case in _spectral(128, rolloff, "1 %").cases()) == finest

@@ -53,6 +53,7 @@ ADDED = {
     "texture": "texture: {at: {pressure: 0.5}}",
     "flux": "transport: {flux_at: {pressure: 0.5}, transmissivity: every-step}",
     "of the surface": "heights: true, psd: true",
+    "spectrum under load": "psd: {at: {pressure: 0.5}}",
     "fewer": "fields_at: {pressure: 0.5}",
     "fewer steps": "transport: {transmissivity: {pressure: 0.6}}",
     "at steps with fields": "transport: {percolation: {step: 2}, constriction: last, transmissivity: every-step}",

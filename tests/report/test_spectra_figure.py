@@ -55,3 +55,16 @@ def test_it_needs_the_record_and_is_found_by_name() -> None:
 def test_midpoint_surfaces_have_no_law() -> None:
     ds = results("surface: {D: 2.3, m: 4, seeds: 2}\nsweep: {steps: 0}\nrecord: {psd: true}")
     assert len(FIGURES["psd"](ds).axes[0].lines) == 1
+
+
+@pytest.mark.parametrize("region", ["", ", region: interior"])
+def test_the_deformed_surface_is_drawn_beside_the_undeformed_one(region: str) -> None:
+    text = "surface: {D: [2.3, 2.6], m: 4, seeds: 2, periodic: true}\nsweep: {steps: 2, to: {pressure: 1}}\n"
+    ds = results(f"{text}record: {{psd: {{at: {{pressure: [0.5, 1]}}}}{region}}}")
+    left, right = FIGURES["psd"](ds).axes
+    assert (len(left.lines), len(right.lines)) == (4, 4)
+    wanted = ds["psd_loaded"].sel(D=2.6, m=4).isel(psd_at=1).mean("seed").values
+    np.testing.assert_allclose(left.lines[3].get_ydata(), wanted)
+    assert left.lines[3].get_color() == left.lines[2].get_color()
+    assert left.lines[3].get_xdata()[0] == pytest.approx(2.0 if region else 1.0)
+    assert "dotted: pressure 1" in left.get_legend().get_title().get_text()

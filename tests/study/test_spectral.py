@@ -165,6 +165,25 @@ def test_an_ensemble_has_nested_levels_of_one_spectrum() -> None:
                                            "{accuracy: {free_volume: 20 %}}")["surface.seeds"]  # fmt: skip
 
 
+ASKED = "ensemble: {accuracy: {free_volume: 20 %}}\n"
+AUTO = "surface: {H: 0.8, cut: 20, n: auto, periodic: true}\n"
+
+
+def test_auto_is_read_back_and_has_the_levels_of_its_first_grid() -> None:
+    study = loads(AUTO + ASKED)
+    assert "n: auto" in study.to_yaml()
+    assert loads(study.to_yaml()) == study
+    assert [case.m for case in study.cases()] == [4, 5, 6, 7]
+    assert {case.spectrum.cut for case in study.cases() if case.spectrum} == {20.0}
+
+
+def test_auto_is_refused_where_it_cannot_choose() -> None:
+    assert problems(AUTO) == {"surface.n": "'auto' needs the section 'ensemble', whose accuracy decides it"}
+    assert "needs cut or shortest" in problems(AUTO.replace("cut: 20, ", "") + ASKED)["surface.n"]
+    assert "half the largest n of auto, 2048" in problems(AUTO.replace("20", "3000") + ASKED)["surface.cut"]
+    assert "must be at least 32" in problems(AUTO.replace("cut: 20, n: auto", "n: 16") + ASKED)["surface.n"]
+
+
 # What is stored
 
 

@@ -171,7 +171,7 @@ def in_plane_scaling(given: Given) -> Outcome:
 
 
 def _radius(surface: Surface) -> float:
-    return texture.summit_radius(surface.heights, surface.spacing)
+    return texture.summit_radius(surface.with_neighbours, surface.spacing)
 
 
 def _pair(runs: Sequence[Run]) -> tuple[Run, Run, Shared]:

@@ -36,23 +36,26 @@ def psd(ds: Dataset) -> Drawing:
     """Draw the radial power spectral density C^iso, and the root mean square slope of the waves up to each one.
 
     Means of the squares over the surfaces of each D, at the finest m. Dashed: the law of a study with a spectrum.
-    To see: a plateau up to L/λ_r, then a line of slope -2 - 2H up to L/λ_s; the slope grows up to the shortest wave.
+    Dotted: the deformed surface, at the last state of ``psd_at``. To see: a plateau up to L/λ_r, then a line of slope
+    -2 - 2H up to L/λ_s; the slope grows up to the shortest wave. Load takes the long waves first.
     """
     fig, (left, right) = axes(PAGE, 3.0, 2)
     members, title = families(ds, "D", *NEEDED)
     for order, family in enumerate(members):
-        wave = family.data["wave"].values
+        wave = _waves(family)
         every = marked(wave.size, order)
-        left.loglog(wave, _mean(family, "psd", 1.0), label=family.label, markevery=every, **family.look)
-        right.loglog(wave, _mean(family, "rms_slope_below", 2.0), label=family.label, markevery=every, **family.look)
-        if asked := _asked(ds, family):
+        for ax, name, power in ((left, "psd", 1.0), (right, "rms_slope_below", 2.0)):
+            ax.loglog(wave, _mean(family, name, power), label=family.label, markevery=every, **family.look)
+            if f"{name}_loaded" in family.data:
+                ax.loglog(wave, _mean(family, f"{name}_loaded", power), color=family.look["color"], ls=":", lw=1.3)
+        if asked := _asked(ds, family, wave):
             left.loglog(wave, asked, color=GREY, ls="--", lw=0.8, zorder=0)
     fourth = unit_of(ds, "psd")
     left.set(xlabel=r"wave number $qL/2\pi$", ylabel=rf"$C^{{\mathrm{{iso}}}}$ [{fourth}]")
     right.set(xlabel=r"waves up to $qL/2\pi$", ylabel=r"root mean square slope $h'_{\mathrm{rms}}$")
     for ax in (left, right):
         ax.grid(visible=True)
-        legend(ax, title)
+        legend(ax, title + (f", dotted: {_loaded_at(ds)}" if "psd_loaded" in ds else ""))
     shown = {"surfaces": sorted({float(family.surfaces) for family in members})}
     if "D" in ds.dims:
         shown |= {"D": [family.value for family in members], "m": [float(members[0].data["m"])]}
@@ -62,16 +65,33 @@ def psd(ds: Dataset) -> Drawing:
 
 def _mean(family: Family, name: str, power: float) -> Array:
     """Return the mean of a power over the surfaces, and its root; NaN where only rounding is left of it."""
-    values = family.data[name].transpose("seed", "wave").values ** power
+    data = family.data[name]
+    if "psd_at" in data.dims:
+        data = data.isel(psd_at=-1)
+    values = data.transpose("seed", "wave").values ** power
     mean: Array = values.mean(axis=0) ** (1.0 / power)
-    return np.where(mean > ROUNDING * np.nanmax(mean), mean, np.nan)
+    return np.where(mean > ROUNDING * np.nanmax(mean, initial=0.0), mean, np.nan)
 
 
-def _asked(ds: Dataset, family: Family) -> list[float]:
+def _waves(family: Family) -> Array:
+    """Return q L/2π of the rings, with L that of the whole surface; those of a region are fewer."""
+    if "wave_number" not in family.data:
+        return np.asarray(family.data["wave"].values, dtype=np.float64)
+    wave_number: Array = family.data["wave_number"].isel(seed=0).values
+    return wave_number * float(family.data["L"]) / (2.0 * np.pi)
+
+
+def _loaded_at(ds: Dataset) -> str:
+    """Return the last state under load in words."""
+    kind, _, value = str(ds["psd_at"].values[-1]).partition("=")
+    return "end of the sweep" if kind == "last" else f"{kind.replace('_', ' ')} {value}"
+
+
+def _asked(ds: Dataset, family: Family, wave: Array) -> list[float]:
     """Return the law that a study asks for at the waves, empty without one."""
     study = study_of(ds)
     if study is None or not isinstance(study.surface, SpectralSurface) or study.surface.anisotropy > 1.0:
         return []
     spectrum, side = study.surface.spectrum, float(ds["L"])
-    values = [density(spectrum, 3.0 - family.value, side, float(k)) for k in family.data["wave"].values]
+    values = [density(spectrum, 3.0 - family.value, side, float(k)) for k in wave]
     return [value or float("nan") for value in values]

@@ -215,7 +215,8 @@ def theory_start(evidence: Evidence) -> Drawing:
     forces = [closed_forms.single_element_pressure(d * surface.Sq, surface.spacing) for d in indentation]
     element = [force / nodes * scale for force in forces]
     i, j = np.unravel_index(int(surface.heights.argmax()), surface.shape)
-    tip = surface.heights[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
+    i, j = (place + surface.periodic for place in (i, j))  # in the heights with their neighbours
+    tip = surface.with_neighbours[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
     fig, ax = axes()
     ax.plot(indentation, pressure, "ko", ms=2.5, label="computed")
     ax.plot(indentation, element, color=ACCENT, label="one element")

@@ -1,0 +1,188 @@
+"""Estimators of one period: numbers do not depend on the node at which the period begins."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from roughvol.campaign.one_case import surface_of
+from roughvol.contact.loading import sweep
+from roughvol.contact.periodic import PeriodicHalfSpace
+from roughvol.errors import SurfaceError
+from roughvol.observables import box_counting, clusters, deformed, free_volume, transport
+from roughvol.study import loads
+from roughvol.surfaces import levelling, outliers, psd, texture
+from roughvol.surfaces.power_law import Spectrum
+from roughvol.surfaces.spectrum import power_law_surface
+from roughvol.surfaces.surface import Surface
+
+Heights = NDArray[np.float64]
+SHIFTS = [(1, 0), (0, -3), (17, 29)]
+SPACING = 0.3
+
+
+@pytest.fixture(scope="module")
+def heights() -> Heights:
+    """One period of 48 × 32 nodes whose sides are far from equal in height to those of a patch."""
+    x, y = np.meshgrid(np.arange(48) / 48, np.arange(32) / 32, indexing="ij")
+    rough = np.random.default_rng(4).normal(size=x.shape)
+    return np.sin(2 * np.pi * (x + 0.1)) + np.cos(2 * np.pi * (y + 2 * x)) + 0.3 * rough
+
+
+def _texture(z: Heights) -> dict[str, Any]:
+    surface = Surface(z, SPACING, periodic=True)
+    found = psd.spectral(surface)
+    curves = deformed.curves(z - z.mean(), periodic=True)
+    return (
+        deformed.numbers(z, SPACING, periodic=True)
+        | curves
+        | {"summit_plane": texture.summit_plane(surface.with_neighbours)}
+        | {"summit_radius": texture.summit_radius(surface.with_neighbours, SPACING)}
+        | {name: getattr(found, name) for name in ("psd", "rms_height", "rms_slope", "rms_curvature", "nayak")}
+    )
+
+
+def _void(gap: Heights) -> dict[str, Any]:
+    contact = gap <= 0.0
+    volumes = free_volume.element_volumes(gap, SPACING, contact)
+    domain = free_volume.domain(volumes, 0.3 * float(volumes.max()), contact)
+    connected = clusters.connectivity(gap, contact, periodic=True)
+    cells = [transport.cell_conduction(gap, n, 3.0) for n in (0, 1)]
+    return {
+        "box_counts": box_counting.box_counts(domain, periodic=True).counts,
+        "cells": [getattr(cell, "coefficient", cell) for cell in cells],
+        **{name: value for name, value in connected._asdict().items() if np.ndim(value) == 0},
+    }
+
+
+@pytest.mark.parametrize("shift", SHIFTS)
+def test_texture_and_spectrum(heights: Heights, shift: tuple[int, int]) -> None:
+    shifted = _texture(np.roll(heights, shift, (0, 1)))
+    for name, value in _texture(heights).items():
+        np.testing.assert_allclose(shifted[name], value, rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("shift", SHIFTS)
+def test_box_counts_clusters_and_the_cell(heights: Heights, shift: tuple[int, int]) -> None:
+    gap = np.maximum(0.4 - heights, 0.0)
+    shifted = _void(np.roll(gap, shift, (0, 1)))
+    for name, value in _void(gap).items():
+        np.testing.assert_allclose(shifted[name], value, rtol=1e-7, err_msg=name)
+
+
+@pytest.mark.parametrize(("axis", "shift"), [(0, (0, 11)), (1, (11, 0))])
+def test_what_leads_from_side_to_side_does_not_feel_a_shift_across(
+    heights: Heights, axis: int, shift: tuple[int, int]
+) -> None:
+    for level in (-0.6, -0.2, 0.2):
+        gap = np.maximum(level - heights, 0.0)
+        moved = np.roll(gap, shift, (0, 1))
+        percolates = clusters.percolates(gap > 0.0, axis, periodic=True)
+        assert clusters.percolates(moved > 0.0, axis, periodic=True) == percolates
+        one, other = (transport.conduction(g, axis, periodic=True).coefficient for g in (gap, moved))
+        assert other == pytest.approx(one, rel=1e-6, abs=1e-300)
+
+
+@pytest.mark.parametrize("shift", SHIFTS)
+def test_a_contact_and_the_texture_under_load(heights: Heights, shift: tuple[int, int]) -> None:
+    (case,) = loads("surface: {D: 2.3, m: 5, seeds: 1, periodic: true}\nrecord: {texture: true}").cases()
+    found = []
+    for z in (heights, np.roll(heights, shift, (0, 1))):
+        surface = Surface(z, SPACING, periodic=True)
+        (contact,) = sweep(surface, PeriodicHalfSpace(surface.shape), [1.0], rtol=1e-9)
+        found.append(deformed.under_load(case, surface, contact) | {"pressure": contact.mean_pressure})
+    for name, value in found[0].items():
+        np.testing.assert_allclose(found[1][name], value, rtol=1e-5, atol=1e-6, err_msg=name)
+
+
+@pytest.mark.parametrize("shift", SHIFTS)
+@pytest.mark.parametrize("rule", levelling.FILLS)
+def test_filling_and_outliers_reach_into_the_next_period(heights: Heights, rule: str, shift: tuple[int, int]) -> None:
+    """Holes lie on the edges and the corner, and so do spikes."""
+    z = heights.copy()
+    z[0, 5:9] = z[-3:, 20:22] = z[10:14, 0] = z[30, -4:] = z[-2:, -2:] = z[0, 0] = np.nan
+    moved = np.roll(z, shift, (0, 1))
+    filled = levelling.fill(z, rule, periodic=True)
+    np.testing.assert_allclose(
+        levelling.fill(moved, rule, periodic=True), np.roll(filled, shift, (0, 1)), rtol=1e-9, atol=1e-12
+    )
+    assert np.isfinite(filled).all()
+    z[0, 15] += 40.0
+    z[25, -1] -= 40.0
+    z[4, 4] += 40.0
+    mask = outliers.outliers(z, 6.0, degree="mean", periodic=True)
+    moved = outliers.outliers(np.roll(z, shift, (0, 1)), 6.0, degree="mean", periodic=True)
+    np.testing.assert_array_equal(moved, np.roll(mask, shift, (0, 1)))
+    assert {(0, 15), (25, 31), (4, 4)} == set(zip(*map(list, np.nonzero(mask)), strict=True))
+
+
+def test_a_hole_on_the_edge_is_filled_from_both_sides() -> None:
+    x = np.arange(16) / 16
+    wave = np.cos(2 * np.pi * x)[:, None] + np.zeros(12)
+    holed = wave.copy()
+    holed[0] = np.nan  # the crest
+    filled = levelling.fill(holed, "interpolate", periodic=True)
+    np.testing.assert_allclose(filled[0], wave[1], rtol=1e-12)  # the mean of rows 1 and 15, which are equal
+    one_sided = levelling.fill(holed, "interpolate")
+    np.testing.assert_allclose(one_sided[0], wave[1], rtol=1e-12)
+    holed[-1] = np.nan
+    between = levelling.fill(holed, "interpolate", periodic=True)
+    np.testing.assert_allclose(between[0], (2 * wave[1] + wave[-2]) / 3, rtol=1e-12)
+    assert levelling.fill(holed, "nearest", periodic=True)[-1, 0] == wave[-2, 0]
+
+
+@pytest.mark.parametrize("hurst", [0.2, 0.5, 0.8])
+def test_the_exponent_of_a_generated_period_is_that_of_its_law(hurst: float) -> None:
+    """Amplitudes are those of the law; without a window nothing but the width of the rings is left."""
+    made = power_law_surface(Spectrum(rolloff=1.0, cut=64.0, phases="random"), hurst, 128, side=1.0, seed=1)
+    assert texture.hurst_spectrum(made.heights, made.spacing, periodic=True) == pytest.approx(hurst, abs=0.01)
+
+
+def test_structure_and_gradients_are_the_sums_over_the_waves_of_a_generated_period() -> None:
+    made = power_law_surface(Spectrum(rolloff=1.0, cut=12.0), 0.7, 64, side=2.0, seed=3)
+    power = np.abs(np.fft.fft2(made.heights, norm="forward")) ** 2
+    waves = np.fft.fftfreq(64)
+    lags = texture.dyadic_lags(32)
+    along = [2.0 * (power * (1.0 - np.cos(2 * np.pi * waves * lag))[:, None]).sum() for lag in lags.tolist()]
+    across = [2.0 * (power * (1.0 - np.cos(2 * np.pi * waves * lag))[None, :]).sum() for lag in lags.tolist()]
+    found = texture.structure_function(made.heights, lags, periodic=True)
+    np.testing.assert_allclose(found, 0.5 * (np.array(along) + across), rtol=1e-10)
+    # central differences damp each wave by sinc
+    q = np.sin(2 * np.pi * waves) / made.spacing
+    slope = math.sqrt((power * (q[:, None] ** 2 + q[None, :] ** 2)).sum())
+    assert texture.Sdq(made.with_neighbours, made.spacing) == pytest.approx(slope, rel=1e-10)
+
+
+def test_box_counts_of_a_period_are_the_mean_over_all_beginnings() -> None:
+    mask = np.random.default_rng(2).random((16, 16)) < 0.05
+    found = box_counting.box_counts(mask, periodic=True)
+    every = [
+        box_counting.box_counts(np.roll(mask, (i, j), (0, 1))).counts for i in range(16) for j in range(16)
+    ]  # fmt: skip
+    np.testing.assert_allclose(found.counts, np.mean(every, axis=0), rtol=1e-12)
+    assert found.counts[0] == mask.sum()
+    assert (found.counts[:-1] >= found.counts[1:]).all()
+    assert (4 * found.counts[1:] >= found.counts[:-1]).all()
+    plane = box_counting.box_counts(np.ones((24, 16), dtype=np.bool_), periodic=True)
+    np.testing.assert_allclose(box_counting.local_dimension(plane).dimension, 2.0)
+
+
+def test_a_study_joins_the_sides_of_a_period_and_not_those_of_a_region() -> None:
+    text = "surface: {D: 2.3, m: 5, seeds: 1, periodic: true}\nsweep: {steps: 0}\nrecord: {texture: true"
+    (whole,), (part,) = (loads(f"{text}{more}}}").cases() for more in ("", ", region: interior"))
+    surface = surface_of(whole)
+    stored = deformed.before_load(whole, surface)
+    assert stored["lag"].tolist() == [1, 2, 4, 8, 16]
+    lags = np.asarray(stored["lag"])
+    np.testing.assert_allclose(
+        stored["structure_function"],
+        texture.structure_function(surface.heights / surface.unit, lags, periodic=True),
+    )
+    inside = surface.heights[8:25, 8:25]
+    assert deformed.before_load(part, surface)["hurst_structure"] == pytest.approx(texture.hurst_structure(inside))
+    with pytest.raises(SurfaceError):
+        texture.structure_function(inside, np.array([17]))
