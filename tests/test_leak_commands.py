@@ -1,4 +1,4 @@
-"""The commands card and ask, from an empty folder on."""
+"""The commands card, ask and creep, from an empty folder on."""
 
 from __future__ import annotations
 
@@ -101,3 +101,43 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas(tmp_path: Path, monke
     assert refused.exit_code == 2
     assert "mean free path" in refused.output
     assert _call("ask", "gas", "--leak-rate", "1 mm^3/s").exit_code == 2
+
+
+def test_a_study_with_lists_is_refused_where_one_combination_is_needed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("lists.yaml").write_text(
+        "surface: {D: 2.2, m: 4, L: 200 um, Sq: 0.5 um, seeds: [1]}\n"
+        "material: {E_star: [5 MPa, 10 MPa]}\n"
+        "sweep: {steps: 4, to: {pressure: 0.1 MPa}}\n"
+        "record:\n  region: [none, interior]\n  transport: {transmissivity: every-step}\n"
+        "  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s}}\n"
+    )
+    Path("creep.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
+    assert _call("run", "lists.yaml", "--jobs", "1").exit_code == 0
+    for arguments, words in (
+        (["card", "lists.yaml"], "E_star: a card shows one combination"),
+        (["ask", "lists.yaml", "--leak-rate", "1 mm^3/s"], "the run has several E_star (5, 10)"),
+        (["creep", "lists.yaml", "--law", "creep.yaml", "--pressure", "1 kPa", "--times", "1 s"], "several E_star"),
+    ):
+        refused = _call(*arguments)
+        assert refused.exit_code == 2, refused.output
+        assert words in refused.output
+
+
+def test_creep_of_a_closed_seal_draws_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tight.yaml").write_text(
+        "surface: {D: 2.2, m: 4, L: 200 um, Sq: 0.5 um, seeds: [1]}\n"
+        "material: {E_star: 5 MPa}\n"
+        "sweep: {pressures: [0.3 MPa, 1 MPa]}\n"
+        "record:\n  transport: {transmissivity: every-step}\n"
+        "  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s}}\n"
+    )
+    Path("creep.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
+    assert _call("run", "tight.yaml", "--jobs", "1").exit_code == 0
+    shown = _call("creep", "tight", "--law", "creep.yaml", "--pressure", "0.5 MPa", "--times", "1 s, 1 h")
+    assert shown.exit_code == 0, shown.output
+    assert "no figure is drawn" in shown.output
+    assert not Path("runs/tight/creep.png").exists()

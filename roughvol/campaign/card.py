@@ -218,7 +218,15 @@ def compute(
     -------
     dict
         Datasets by name, the finest grid first.
+
+    Raises
+    ------
+    StudyError
+        If the study has lists.
     """
+    if study.axes:
+        message = "a card shows one combination; allowed: one value in place of each list"
+        raise StudyError([Problem(f"{axis.name}: {message}") for axis in study.axes])
     runs = {}
     for name, variant in variants(study, at).items():
         inside = folder / "runs" / at.label / name.replace(" × ", "_").replace(": ", "_").replace(" ", "_")

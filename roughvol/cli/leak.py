@@ -204,6 +204,9 @@ def creep(run: str | None, law: Path, pressure: str, times: str, out: Path | Non
         click.echo(line)
     folder = out or file.parent
     over_time.write_csv(history, folder / "creep.csv")
-    drawing_of(history).savefig(folder / "creep.png")
     click.echo(str(folder / "creep.csv"))
-    click.echo(str(folder / "creep.png"))
+    if any((leak > 0.0).any() for leak in history.leak.values()):
+        drawing_of(history).savefig(folder / "creep.png")
+        click.echo(str(folder / "creep.png"))
+    else:
+        warn(["nothing leaks at these times, so no figure is drawn"])

@@ -28,10 +28,11 @@ from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, kept_steps
 from roughvol.report.card import AXES
 from roughvol.report.legs import first_leg
+from roughvol.store import axis_variables
 from roughvol.typing import Array
 
 UNKNOWNS = ("pressure", "modulus", "Sq")
-ONE_OF_EACH = ("D", "m")  # a mean over surfaces is one over seeds or files
+ONE_OF_EACH = ("D", "m", *axis_variables.ROWS)  # a mean over surfaces is one over seeds or files
 
 
 @dataclass(frozen=True)
@@ -143,14 +144,14 @@ def check_leaks(run: Dataset) -> None:
     Raises
     ------
     StudyError
-        If it lacks leak rates or pressures, or has several D or m.
+        If it lacks leak rates or pressures, or has several D, m, or values of a list.
     """
     if "leak_rate_x" not in run or "nominal_pressure" not in run:
         _refuse("the run has no leak rates: record dimensional.pressure and dimensional.leak_rate")
     several = [dim for dim in ONE_OF_EACH if run.sizes.get(dim, 1) > 1]
     if several:
-        held = ", ".join(f"{value:g}" for value in run[several[0]].values)
-        _refuse(f"the run has several {several[0]} ({held}); allowed: surfaces of one kind, as surface: {{D: 2.2}}")
+        held = ", ".join(f"{value:g}" if np.isreal(value) else str(value) for value in run[several[0]].values.tolist())
+        _refuse(f"the run has several {several[0]} ({held}); allowed: surfaces of one kind at one value of each key")
 
 
 def curves(run: Dataset, axis: str) -> list[Curve]:
@@ -200,6 +201,9 @@ def log_leak(surfaces: list[Curve], log_pressures: Array) -> tuple[Array, Array]
     """
     values, errors = np.zeros(len(log_pressures)), np.zeros(len(log_pressures))
     for one in surfaces:
+        if one.open == 0:  # closed from the first step on
+            values += np.nan
+            continue
         x, y = np.log(one.pressure[: one.open]), np.log(one.leak[: one.open])
         cubic = at_state(x, y, log_pressures)
         bent = np.abs(cubic - at_state(x, y, log_pressures, straight=True))  # next to the ends the cubic is no better

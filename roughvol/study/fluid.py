@@ -64,9 +64,10 @@ class OwnGas(Strict):
 def _known(value: Any) -> Any:
     if isinstance(value, str) and value not in SUBSTANCES:
         refuse(
-            "'{gas}' is no known gas; allowed: {known}, or {{viscosity: 18 uPa*s, molar_mass: 29 g/mol}}",
+            "'{gas}' is no known gas; allowed: {known}, or a mapping as {own}",
             gas=value[:40],
             known=", ".join(SUBSTANCES),
+            own="{viscosity: 18 uPa*s, molar_mass: 29 g/mol}",
         )
     return value
 
