@@ -274,6 +274,7 @@ def _predict(problem: Problem, indentation: float, latest: State, previous: Stat
     # Where Δ falls, the contact of the state before takes part: the secant has tension on the elements that have left.
     falls = previous.indentation > latest.indentation
     candidates, gap = latest.within(max(0.0, advance, previous.indentation - latest.indentation))
+    latest.forget()
     w = gap + theta * (gap - previous.gap(candidates))
     # Gaps are not convex while a surface yields: elements near contact take part as well.
     margin = problem.tuning.yield_margin * max(0.0, advance) if problem.limit < np.inf else 0.0

@@ -14,6 +14,7 @@ smaller than the approximations.
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -170,28 +171,25 @@ class Level:
         of_element = number[block]
         within = (row % side) * side + column % side
         position = of_element.astype(np.intp) * side**2 + within
-        shapes = np.zeros((count, side**2), dtype=np.float32)
+        shapes = np.zeros((count + 1, side**2), dtype=np.float32)  # the last one: an absent block
         shapes.ravel()[position] = np.maximum(t, 1e-9 * t.max()) if t.any() else 1.0  # no block without force
-        self.mass: Single = shapes.sum(axis=1)
-        shapes /= self.mass[:, None]
+        self.mass: Single = shapes[:count].sum(axis=1)
+        shapes[:count] /= self.mass[:, None]
         share = shapes.ravel().take(position)
         start = np.arange(elements.size + 1, dtype=np.int32)
         self.spread = sparse.csr_array((share, of_element, start), shape=(elements.size, count))
 
         # Displacement of every element under a unit force on each of the blocks around. The last column is E.
-        fields = np.empty((count + 2, len(_AROUND) * side**2), dtype=np.float32)
-        fields[count:] = [[0.0], [1.0]]  # for an absent block, and for E
         given = influence[: 2 * side, : 2 * side]
-        np.matmul(shapes, _tables(given.tobytes(), given.shape[0], side), out=fields[:count])
-        begin = np.full((count, len(_AROUND) + 1), (count + 1) * fields.shape[1], dtype=np.intp)
-        begin[:, :-1] = self.neighbours * fields.shape[1] + np.arange(len(_AROUND)) * side**2
+        tables = _tables(given.tobytes(), given.shape[0], side)
+        pieces = _whole_rows(row // side, x - 1, tuning.cache // 64)  # in cache
         data = np.empty((elements.size, len(_AROUND) + 1), dtype=np.float32)
-        gathered = tuning.cache // 64  # elements at a time, to stay in cache
-        pieces = [slice(first, first + gathered) for first in range(0, elements.size, gathered)]
-        for some in pieces:
-            at = begin.take(of_element[some], axis=0)
-            at += within[some, None]
-            fields.ravel().take(at, out=data[some], mode="clip")
+        data[:, -1] = 1.0
+        for some, blocks in pieces:
+            at = position[some] - blocks.start * side**2
+            for j, table in enumerate(tables):
+                field = shapes[self.neighbours[blocks, j]] @ table
+                data[some, j] = field.ravel().take(at)
         if below is not None:  # the elements are blocks: blocks around them act with their exact coefficients
             points = [_at(influence, i, j) for i, j in _AROUND]
             target, k = np.nonzero(below.neighbours < elements.size)
@@ -205,11 +203,11 @@ class Level:
         means = self.spread.T @ data
         self.near: Single = means[:, :-1].copy()
         means[:, -1] = 0.0
-        of_block = np.empty(begin.shape, dtype=np.int32)
+        of_block = np.empty((count, data.shape[1]), dtype=np.int32)
         of_block[:, :-1] = np.minimum(self.neighbours, count - 1)
         of_block[:, -1] = np.arange(count, 2 * count)
         columns = np.empty(data.shape, dtype=np.int32)
-        for some in pieces:
+        for some, _ in pieces:
             data[some] -= means.take(of_element[some], axis=0)
             of_block.take(of_element[some], axis=0, out=columns[some], mode="clip")
         start = np.arange(0, data.size + 1, data.shape[1], dtype=np.int32)
@@ -218,17 +216,28 @@ class Level:
 
 @lru_cache(maxsize=16)
 def _tables(influence: bytes, rows: int, side: int) -> Single:
-    """Return the displacement of each element of a block by each element of the blocks around, side by side."""
+    """Return the displacement by each element of a block around (rows) of each element of a block (columns)."""
     given = np.frombuffer(influence).reshape(rows, -1)
     kernel = np.zeros((2 * side, 2 * side))
     kernel[: given.shape[0], : given.shape[1]] = given
     node = np.arange(side)
-    tables = np.empty((side**2, len(_AROUND), side**2), dtype=np.float32)
+    tables = np.empty((len(_AROUND), side**2, side**2), dtype=np.float32)
     for k, (i, j) in enumerate(_AROUND):
         row = np.abs(node[:, None] + i * side - node)
         column = np.abs(node[:, None] + j * side - node)
-        tables[:, k] = kernel[row[:, None, :, None], column[None, :, None, :]].reshape(side**2, side**2)
-    return tables.reshape(side**2, -1)
+        tables[k] = kernel[row[:, None, :, None], column[None, :, None, :]].reshape(side**2, side**2)
+    return tables
+
+
+def _whole_rows(block_row: NDArray[Any], rows: NDArray[Any], count: int) -> list[tuple[slice, slice]]:
+    """Return pieces of whole rows of blocks: about `count` elements each, and their blocks.
+
+    Both arrays increase: the row of blocks of each element, and of each block.
+    """
+    until = np.searchsorted(block_row, np.arange(1, rows[-1] + 2))
+    ends = np.flatnonzero(np.diff(until // count, append=-1)) + 1
+    edges = [0, *until[ends - 1].tolist()], [0, *np.searchsorted(rows, ends).tolist()]
+    return list(zip(*([slice(*pair) for pair in pairwise(edge)] for edge in edges), strict=True))
 
 
 def _at(influence: Array, row: int, column: int) -> float:

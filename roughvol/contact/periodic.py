@@ -88,9 +88,8 @@ class PeriodicHalfSpace:
             raise ContactError(message)
         self.influence = _influence(spectrum, self.shape)
         self.influence.flags.writeable = False
-        self._mean = float(spectrum[0, 0])
+        self._mean = np.float64(spectrum[0, 0])
         self._spectrum = spectrum / math.prod(self.shape)
-        self._compliance: Array | None = None
         self._engines: dict[str, Convolution] = {}
         self._positions: dict[str, tuple[NDArray[np.intp], tuple[list[int], NDArray[Any]]]] = {}
         self.convolutions = 0.0
@@ -176,10 +175,7 @@ class PeriodicHalfSpace:
     @property
     def total_compliance(self) -> Array:
         """Displacement λ(0) under unit pressure everywhere, array (rows, columns) [lattice units]."""
-        if self._compliance is None:
-            self._compliance = np.full(self.shape, self._mean)
-            self._compliance.flags.writeable = False
-        return self._compliance
+        return np.broadcast_to(self._mean, self.shape)
 
     def _engine(self, precision: str) -> Convolution:
         if precision not in self._engines:

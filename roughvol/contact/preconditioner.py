@@ -58,8 +58,9 @@ def approximate_inverse(
     free : array (n,) of bool
         Elements expected in contact.
     """
+    reach = tuning.near_reach_periodic if periodic else tuning.near_reach
     if rates is None:
-        return near_field(influence, shape[1], elements, tuning.near_reach, periodic=periodic), free
+        return near_field(influence, shape[1], elements, reach, periodic=periodic), free
     rate, displacement = rates
 
     def both_fields(near: Map, kept: Index) -> Map:
@@ -68,7 +69,7 @@ def approximate_inverse(
         return by_blocks(near, influence, shape, elements[kept], t, tuning, periodic=periodic)
 
     kept = np.flatnonzero(free) if free.any() else np.arange(free.size)
-    near = near_field(influence, shape[1], elements[kept], tuning.near_reach, periodic=periodic)
+    near = near_field(influence, shape[1], elements[kept], reach, periodic=periodic)
     inverse = near
     searches = tuning.lifted_rounds if shape[0] * shape[1] >= tuning.lifted_again_from else 1
     for _ in range(searches):
@@ -76,7 +77,8 @@ def approximate_inverse(
         if not tuning.lifted_share * kept.size < np.count_nonzero(lifted) < kept.size:
             break
         kept = kept[~lifted]
-        near = near_field(influence, shape[1], elements[kept], tuning.near_reach, periodic=periodic)
+        del near, inverse  # before the memory of the next ones
+        near = near_field(influence, shape[1], elements[kept], reach, periodic=periodic)
         inverse = both_fields(near, kept)
     if inverse is near:
         inverse = both_fields(near, kept)

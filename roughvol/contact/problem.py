@@ -268,11 +268,13 @@ class Problem:
         The residual of a state not solved is NaN, and its record has not converged.
         """
         touching = state.pressure > TENSILE * state.pressure.max(initial=0.0)
-        elements, pressure = state.elements[touching], state.pressure[touching]
+        elements, pressure = state.elements, state.pressure
+        if not touching.all():
+            elements, pressure = elements[touching], pressure[touching]
         size = self.heights.size
         separation = -self.mean_height - state.indentation
         # mean(u) without a field: Σu = Σ (K ∗ 1) q
-        mean_displacement = float(self.half_space.total_compliance.ravel()[elements] @ pressure) / size
+        mean_displacement = float(self.half_space.total_compliance.flat[elements] @ pressure) / size
         full = elements.size == size
         done = self.counts()
         residual += self.leg.carried

@@ -214,7 +214,7 @@ class State:
     def within(self, reach: float) -> tuple[Index, Array]:
         """Return all elements with w < reach or q > 0, in increasing order, and their w.
 
-        The result of one pass over the grid is kept. A shorter reach gets the same elements.
+        The result of one pass over the grid is kept until `forget`. A shorter reach gets the same elements.
         """
         if self._near is None or self._near[0] < reach:
             near = self.touch_at < self.indentation + reach
@@ -222,3 +222,7 @@ class State:
             elements = np.flatnonzero(near)
             self._near = reach, elements, self.gap(elements)
         return self._near[1:]
+
+    def forget(self) -> None:
+        """Free the memory of what `within` has kept."""
+        self._near = None

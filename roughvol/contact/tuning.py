@@ -19,6 +19,8 @@ class Tuning:
         Most candidates for a Cholesky factorisation in place of the iteration.
     near_reach : float
         Distance of the farthest neighbours in a row of the near field G, in spacings; at most √8.
+    near_reach_periodic : float
+        The same on a period of a plane, where half of the elements may be in contact.
     block_side : int
         Elements along the side of a block of the far field.
     factorised_up_to : int
@@ -67,6 +69,7 @@ class Tuning:
 
     dense_up_to: int = 240
     near_reach: float = 5.0**0.5
+    near_reach_periodic: float = 2.0**0.5
     block_side: int = 8
     factorised_up_to: int = 256
     least_pivot: float = 0.05
