@@ -100,6 +100,7 @@ def solve_indentation(
         if residual <= rtol:
             return state, iterations, residual
         start = _corrected(problem, state, latest)
+        del state
     message = f"contact not converged to {rtol:g}"
     raise ConvergenceError(message, indentation=indentation, iterations=iterations, residual=residual)
 
@@ -117,7 +118,7 @@ def conjugate_gradients(
     problem, indentation
         As in `solve_indentation`; the indentation is for errors alone.
     start : Start
-        Candidates, and q and w there.
+        Candidates, and q and w there, which the iteration changes.
     rtol
         As in `solve_indentation`.
     mode : Mode
@@ -139,7 +140,7 @@ def conjugate_gradients(
     single = problem.single(rtol) and mode is not Mode.EXACT
     tolerance, limit = tuning.safety * rtol, problem.limit
     yields = limit < np.inf
-    q, w = start.q.copy(), start.w.copy()
+    q, w = start.q, start.w
     # First free set: (6) without the elements that M⁻¹ expects lifted clear. The verification finds a wrong guess.
     free = (q > 0.0) | (w < 0.0)
     if yields:
@@ -296,6 +297,7 @@ def _predict(problem: Problem, indentation: float, latest: State, previous: Stat
 def _corrected(problem: Problem, state: State, latest: State) -> Start:
     """Return the start of a further round, from a verified state: its contact, and every element that penetrates."""
     candidates, w = state.within(0.0)
+    state.forget()
     mask = w < 0.0  # `within` may return more
     mask[problem.positions(candidates, state.elements)[0]] = True
     candidates, w = candidates[mask], w[mask]

@@ -4,6 +4,8 @@
     python -m tests.bench.paired ../old . --m 7 8 --D 2.1 2.5 --rounds 5
     python -m tests.bench.paired . ".:dense_up_to=160" --m 7
 
+With `--kernel love` or `fourier` surfaces are periods of a plane, and the last step is at A* = 0.5.
+
 Versions are folders, with constants of `Tuning` behind a colon. Each sweep has a process of its own; the versions take
 turns, so that a busy machine slows all of them. The ratio is the median over the rounds.
 """
@@ -32,15 +34,22 @@ except ImportError:  # up to 0.8.0
     from roughvol.physics.halfspace import HalfSpace
     from roughvol.physics.surface import random_midpoint_displacement
 
-m, D, seed, steps, repeats, rtol, constants = json.loads(sys.argv[1])
-options = {}
+m, D, seed, steps, repeats, rtol, kernel, constants = json.loads(sys.argv[1])
+options, made = {}, {"side": 100.0, "seed": seed}
 if constants:
     from roughvol.contact import Tuning
     options["tuning"] = Tuning(**constants)
-surface = random_midpoint_displacement(D, m, side=100.0, seed=seed)
-half_space = HalfSpace(surface.shape, **options)
-assert half_space.total_compliance.size
-end = (surface.z_max - surface.mean_height) / surface.Sq
+if kernel == "free":
+    surface = random_midpoint_displacement(D, m, **made)
+    half_space = HalfSpace(surface.shape, **options)
+    assert half_space.total_compliance.size
+    end = (surface.z_max - surface.mean_height) / surface.Sq
+else:
+    from roughvol.contact.periodic import PeriodicHalfSpace
+    from roughvol.contact.search import indentation_for
+    surface = random_midpoint_displacement(D, m, **made, periodic=True)
+    half_space = PeriodicHalfSpace(surface.shape, kernel, **options)
+    end = round(indentation_for(surface, half_space, "contact_area", 0.5, rtol=1e-4), 2)
 seconds = []
 with threadpool_limits(1):
     for _ in range(repeats):
@@ -76,11 +85,12 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=60)
     parser.add_argument("--rtol", type=float, default=1e-6)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--kernel", default="free", help="free, or that of a period: love, punch, fourier")
     parser.add_argument("--repeats", type=int, default=1, help="sweeps in each process; the median counts")
     given = parser.parse_args()
     print("| m | D | version | CPU s | ratio | fp64 | fp32 | iterations |\n|---|---|---|---|---|---|---|---|")
     for m, D in product(given.m, given.D):
-        case = [m, D, given.seed, given.steps, given.repeats, given.rtol]
+        case = [m, D, given.seed, given.steps, given.repeats, given.rtol, given.kernel]
         rounds = np.array([[measure(version, case) for version in given.versions] for _ in range(given.rounds)])
         ratios = np.median(rounds[:, :, 0] / rounds[:, :1, 0], axis=0)
         for version, (seconds, *counts), ratio in zip(given.versions, np.median(rounds, axis=0), ratios, strict=True):
