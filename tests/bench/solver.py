@@ -6,8 +6,8 @@ machine: `--compare` holds them against the stored baseline and fails if one has
 "timed" is the time of all convolutions over that of the unit. Seconds, shares and memory are measured in a process per
 row.
 
-With `--kernel love` or `fourier` the surfaces are periods of a plane. Steps are equal in the approach, to A* = 0.5, and
-the unit is a convolution without padding.
+With `--kernel love` or `fourier` the surfaces are periods of a plane. Steps are equal in the approach, to A* = 0.5 or
+another `--area`, and the unit is a convolution without padding.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from typing import Any
 import numpy as np
 
 BASELINE = Path(__file__).with_name("baseline.json")
-PERIODIC_END = 0.5  # A* at the last step of periodic surfaces
 GROWTH = 1.02  # of a count per step, beyond which `--compare` fails: rounding can shift single iterations
 
 
@@ -37,8 +36,6 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
     from roughvol.contact.halfspace import HalfSpace
     from roughvol.contact.loading import sweep
     from roughvol.contact.periodic import PeriodicHalfSpace
-    from roughvol.contact.search import indentation_for
-    from roughvol.surfaces.midpoint import random_midpoint_displacement
 
     before = _memory("VmRSS")
     periodic = case["kernel"] != "free"
@@ -59,20 +56,14 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
             self.spent += time.perf_counter() - start
             return result
 
-    options = {"side": 100.0, "seed": case["seed"], "periodic": periodic}
-    surface = random_midpoint_displacement(case["D"], case["m"], **options)
+    surface = _surface(case)
     half_space = Timed(surface.shape, **({"kernel": case["kernel"]} if periodic else {}), threads=case["threads"])
     elements = np.arange(0, surface.heights.size, 7)
     unit, unit_fp32 = (_seconds(half_space, elements, single) for single in (False, True))
     assert half_space.total_compliance.size  # belongs to the grid, not to the sweep
     half_space.spent = 0.0
-    last = (surface.z_max - surface.mean_height) / surface.Sq
-    if periodic:
-        last = indentation_for(surface, half_space, "contact_area", PERIODIC_END, rtol=1e-3)
-        half_space.spent = 0.0
-        _forget_peak()
     steps = case["steps"]
-    at = last * np.arange(1, steps + 1) / steps
+    at = case["last"] * np.arange(1, steps + 1) / steps
     hardness = case.get("hardness")
     limit = hardness and hardness * surface.side / surface.Sq
     with threadpool_limits(1):
@@ -104,9 +95,24 @@ def _memory(name: str) -> float:
     return 1024.0 * float(line.split()[1])
 
 
-def _forget_peak() -> None:
-    """Let the most so far begin with the memory now."""
-    Path("/proc/self/clear_refs").write_text("5")
+def _surface(case: dict[str, Any]) -> Any:
+    from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+    return random_midpoint_displacement(
+        case["D"], case["m"], side=100.0, seed=case["seed"], periodic=case["kernel"] != "free"
+    )
+
+
+def last_step(case: dict[str, Any]) -> float:
+    """Return the indentation of the last step: at d = 0, or at an area on a period."""
+    from roughvol.contact.periodic import PeriodicHalfSpace
+    from roughvol.contact.search import indentation_for
+
+    surface = _surface(case)
+    if case["kernel"] == "free":
+        return float((surface.z_max - surface.mean_height) / surface.Sq)
+    half_space = PeriodicHalfSpace(surface.shape, case["kernel"], threads=case["threads"])
+    return indentation_for(surface, half_space, "contact_area", case["area"], rtol=1e-3)
 
 
 def _seconds(half_space: Any, elements: Any, single: bool) -> float:
@@ -125,11 +131,14 @@ def rows(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     context = multiprocessing.get_context("spawn")
     found = []
     print(HEADER)
-    fixed = {"threads": arguments.threads, "steps": arguments.steps, "hardness": arguments.hardness}
+    fixed = {name: getattr(arguments, name) for name in ("threads", "steps", "hardness", "area")}
     lists = itertools.product(arguments.kernel, arguments.m, arguments.rtol, arguments.D, range(arguments.seeds))
     for kernel, m, rtol, D, seed in lists:
+        case = {"m": m, "D": D, "rtol": rtol, "seed": seed, "kernel": kernel} | fixed
+        with context.Pool(1) as pool:  # the memory of the search is not that of the sweep
+            case["last"] = pool.apply(last_step, (case,))
         with context.Pool(1) as pool:
-            row = pool.apply(measure, ({"m": m, "D": D, "rtol": rtol, "seed": seed, "kernel": kernel} | fixed,))
+            row = pool.apply(measure, (case,))
         found.append(row)
         print(_line(row), flush=True)
     return found
@@ -226,6 +235,7 @@ def main() -> int:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--steps", type=int, default=60, help="1: a single solve at the last one")
     parser.add_argument("--kernel", nargs="+", default=["free"], choices=["free", "love", "fourier"])
+    parser.add_argument("--area", type=float, default=0.5, help="A* at the last step of periodic surfaces")
     parser.add_argument("--hardness", type=float, help="H/E*, the largest pressure; default: elastic contact")
     parser.add_argument("--out", type=Path, default=Path("runs/bench"))
     parser.add_argument("--compare", action="store_true", help="fail if a count has grown beyond the baseline")
