@@ -150,7 +150,7 @@ def test_paths_up_and_down_with_a_hardness() -> None:
 
 def test_full_contact_is_the_deepest_end() -> None:
     with pytest.raises(ContactError, match="allowed on a periodic surface: up to"):
-        solved("sweep: {steps: 3, to: {separation: -0.5}}")
+        solved("sweep: {steps: 3, to: {indentation: 50}}")
     data, surface = solved("sweep: {steps: 2, to: summit-plane}")
     expected = (surface.z_max - summit_plane(surface.with_neighbours)) / surface.Sq
     assert float(data["indentation"][-1]) == pytest.approx(expected, abs=1e-4)
