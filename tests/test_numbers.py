@@ -137,6 +137,17 @@ def test_equal_states_in_other_units_are_one_state() -> None:
         assert row["indentation"] == pytest.approx(float(third.indentation), rel=1e-6)
 
 
+def test_a_load_acts_on_the_whole_period(tmp_path: Path) -> None:
+    study = tmp_path / "period.yaml"
+    study.write_text(
+        "surface: {D: 2.3, m: 3, L: 100 um, Sq: 1 um, seeds: 1, periodic: true}\n"
+        "material: {E_star: 1 GPa}\nsweep: {loads: [20 mN, 50 mN]}\n"
+    )
+    _call("run", str(study), "--out", str(tmp_path / "period"), "--jobs", "1")
+    shown = json.loads(_call("show", str(tmp_path / "period"), "--json", "--at", "load=49.99mN").stdout)
+    assert shown["rows"][0]["nominal_pressure"] == pytest.approx(4.999e-3, rel=1e-4)  # GPa: 50 mN on (100 um)²
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from roughvol.campaign import cost, path, resources, validity, workers
 from roughvol.campaign.one_case import surface_of
-from roughvol.errors import DatasetError
+from roughvol.contact.periodic import LEAST
+from roughvol.errors import DatasetError, Problem, StudyError
 from roughvol.observables import regions
 from roughvol.store import dimensional, run_folder
 from roughvol.study import Case, MadeSurface, Study
@@ -60,10 +61,18 @@ def check_surfaces(study: Study) -> Surface | None:
     with study.placing():
         dimensional.check(case)
         surface = surface or surface_of(case)
-        regions.check(case, surface.shape)
+        _check_shape(case, surface.shape)
         for other in others if here else ():
-            regions.check(other, surface_of(other).shape)
+            _check_shape(other, surface_of(other).shape)
     return surface
+
+
+def _check_shape(case: Case, shape: tuple[int, int]) -> None:
+    """Refuse a height file with too few elements for a period, or for the regions of the study."""
+    if case.periodic and min(shape) < LEAST:
+        message = f"{case.label} has {shape[0]} x {shape[1]} heights; a period needs {LEAST} x {LEAST}"
+        raise StudyError([Problem(message, "surface.periodic")])
+    regions.check(case, shape)
 
 
 def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Finding]:

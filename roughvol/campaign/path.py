@@ -180,7 +180,7 @@ def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
 
 def _reaching(case: Case, target: Level, surface: Surface, half_space: Compliance, reduced: Reduction) -> float:
     """Return Δ/σ at a state on the way from the last one."""
-    target = _level(target, surface)
+    target = _level(target, surface, plastic=case.plastic)
     states = reduced.states
     if not states and not case.plastic:
         return _first(case, target, surface, half_space)
@@ -188,25 +188,26 @@ def _reaching(case: Case, target: Level, surface: Surface, half_space: Complianc
         end = _plane(target, surface)
         return end if states else _positive(end, target)
     options, (measure, value) = options_of(case, surface), measure_of(target, case, surface)
-    largest = options["hardness"]
+    largest, elements = options["hardness"], target.kind.startswith(("percolation", "contact_area"))
     if target.kind == "pressure" and largest is not None and value > largest:
         message = f"p* = {value:.6g} is not reached: pressures end at the hardness, p* = {largest:.6g}"
         raise ContactError(message)
     if not states:
+        if target.kind == "indentation":
+            _positive(value, target)
         trials = Trials(surface, half_space, **options)
-        return state_crossing(trials, measure, value, trials.untouched).approach
+        return state_crossing(trials, measure, value, trials.untouched, elements=elements).approach
     last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
     trials = Trials(surface, half_space, after=last, **options)
     start = trials.known(last, reduced.residual)
     falls, fell = value < measure(start), last["indentation"] < before
     if target.kind in ("contact_area", "pressure") and not (case.plastic or falls or fell):
         trials.least = start
-        elements = target.kind == "contact_area"
         return state_reaching(trials, measure, value, [start], elements=elements, below=True).approach
     if falls != fell:
         trials = Trials(surface, half_space, after=last, turned=True, **options)
         start = trials.known(last, reduced.residual)
-    return state_crossing(trials, measure, value, start).approach
+    return state_crossing(trials, measure, value, start, elements=elements).approach
 
 
 def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:
@@ -258,8 +259,8 @@ def _first(case: Case, target: Level, surface: Surface, half_space: Compliance) 
     return _positive(_plane(target, surface), target)
 
 
-def _level(target: Level, surface: Surface) -> Level:
-    """Return the level that a target is on a periodic surface, where no plane can pass the mean one.
+def _level(target: Level, surface: Surface, *, plastic: bool = False) -> Level:
+    """Return the level that a target is on a periodic surface, where no plane can pass the mean one unless it yields.
 
     Raises
     ------
@@ -269,6 +270,8 @@ def _level(target: Level, surface: Surface) -> Level:
     if not surface.periodic or target.kind not in ("indentation", "separation", "mean-plane", "summit-plane"):
         return target
     indentation, deepest = _plane(target, surface), _plane(Level("mean-plane"), surface)
+    if plastic:
+        return Level("indentation", indentation)
     if indentation > deepest * (1.0 + 1e-12):
         message = (
             f"a sweep to {target.label} would end at Δ/σ = {indentation:.6g}; allowed on a periodic surface: up to "

@@ -89,15 +89,26 @@ def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
         _require_value(float(quantity[-1]), stored, state, case)
         return float(quantity[-1])
     along = series[STORED_AS.get(state.kind, state.kind)]
-    if not math.isfinite(float(at_state(along, along, state.value)[0])):
+    place = _place(along, state.value, state, case)
+    if not math.isfinite(place):
         message = (
             f"{number_text(state.value)} is not reached by {case.label}, whose sweep ends at {state.kind} "
             f"{float(along[-1]):.4g}: sweep further, as to: {{{state.kind}: {number_text(state.value)}}}"
         )
         raise StudyError([Problem(message, f"ensemble.at.{state.kind}")])
-    value = float(at_state(along, quantity, state.value)[0])
+    value = float(at_state(along, quantity, place)[0])
     _require_value(value, stored, state, case)
     return value
+
+
+def _place(along: Array, value: float, state: Level, case: Case) -> float:
+    """Return the value of a state, that of the last step where it ends the sweep, or NaN if it is not reached.
+
+    The last step reaches the end by definition; its solve may fall short by the residual.
+    """
+    if math.isfinite(float(at_state(along, along, value)[0])):
+        return value
+    return float(along[-1]) if state == case.sweep.target else math.nan
 
 
 def error_at(series: Series, stored: str, state: Level, case: Case, every: int) -> float:
@@ -124,7 +135,7 @@ def error_at(series: Series, stored: str, state: Level, case: Case, every: int) 
     if state.value is None:
         return 0.0
     along = series[STORED_AS.get(state.kind, state.kind)]
-    return error_of_fewer_steps(along, series[stored], state.value, every)
+    return error_of_fewer_steps(along, series[stored], _place(along, state.value, state, case), every)
 
 
 def _require_value(value: float, stored: str, state: Level, case: Case) -> None:

@@ -84,7 +84,7 @@ class Setting:
     drop_text: str | None = None  # pressure drop of a leak rate
     drop: float = math.nan  # over E*; NaN for a modulus without a unit
     scaled: bool = False  # the ratio of heights to L is that of a real surface
-    patch: bool = False  # the patch is a sample of a larger joint
+    patch: bool = False  # a free patch that is a sample of a larger joint
     measured: bool = False  # heights come from files
     cleaned: bool = False  # outliers were removed
 
@@ -112,7 +112,7 @@ def setting(study: Study) -> Setting:
         drop_text=drop_text,
         drop=math.nan if drop is None else drop / material.contact_modulus,
         scaled=scaled,
-        patch=asks and record.region is None and record.region_widths is None,
+        patch=asks and not surface.periodic and record.region is None and record.region_widths is None,
         measured=not isinstance(surface, MadeSurface),
         cleaned=not isinstance(surface, MadeSurface) and surface.outliers is not None,
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from roughvol.contact.loading import Contact, Trials
+from roughvol.contact.tuning import SEARCH_TUNING
 from roughvol.errors import ContactError
 
 ACCURACY = 1e-6  # relative, of the indentation
@@ -24,6 +25,7 @@ def state_crossing(
     end: Contact | None = None,
     *,
     accuracy: float = ACCURACY,
+    elements: bool = False,
 ) -> Contact:
     """Return the first state at which a quantity reaches a value, on the way from a solved state.
 
@@ -42,6 +44,9 @@ def state_crossing(
         found by steps that double where it is above.
     accuracy : float
         Relative accuracy of the indentation.
+    elements : bool
+        Whether the quantity jumps with single elements, as A* does. On loading, elements on the brink of contact do not
+        count then, as in `search`: any other solve of this accuracy finds the value reached too.
 
     Returns
     -------
@@ -51,7 +56,7 @@ def state_crossing(
     Raises
     ------
     ContactError
-        If the start has the value, or full contact does not reach it.
+        If the start has the value, or neither full contact nor a state without contact reaches it.
     ConvergenceError
         If a trial does not converge.
     """
@@ -62,20 +67,39 @@ def state_crossing(
     sign = 1.0 if value > begin else -1.0
 
     def excess(contact: Contact) -> float:
+        if elements and sign > 0.0:
+            contact = trials.line(contact, contact)(contact.approach, SEARCH_TUNING.sure * trials.rtol)
         return sign * (measure(contact) - value)
 
-    near, far = start, trials.untouched if end is None and sign < 0.0 else end
-    reach, solves = (GROWTH - 1.0) * (start.approach or start.separation), 0
+    touch = trials.untouched
+    far = touch if end is None and sign < 0.0 else end
+    before = sign > 0.0 and start.approach < touch.approach
+    if (far is touch and excess(far) < 0.0) or (before and excess(touch) >= 0.0):
+        return _apart(trials, measure, value)
+    near = touch if before else start  # nothing to solve before the first touch
+    reach, solves = (GROWTH - 1.0) * (near.approach or near.separation), 0
     while far is None or excess(far) < 0.0:
         if far is not None:
-            full = far.contact_area_fraction >= 1.0 and measure(far) <= measure(near)
+            full = not elements and far.contact_area_fraction >= 1.0 and measure(far) <= measure(near)
             if full or solves == SOLVES:
                 message = f"the value {value:g} is not reached up to Δ/σ = {far.approach:g}"
                 raise ContactError(message)
             near = far
         far = trials.at(near.approach + reach, near)
         reach, solves = 2.0 * reach, solves + 1
+    if far is touch and excess(far) == 0.0:
+        return far  # contact is lost there and not before
     return _between(trials, excess, near, far, accuracy)
+
+
+def _apart(trials: Trials, measure: Callable[[Contact], float], value: float) -> Contact:
+    """Return the state without contact that has a value of a quantity that moves with the surface, as a volume does."""
+    touch = trials.untouched
+    state = trials.apart(touch.approach - (measure(touch) - value))
+    if abs(measure(state) - value) > ACCURACY * max(1.0, abs(value)):
+        message = f"the value {value:g} is not reached in contact, which begins at Δ/σ = {touch.approach:g}"
+        raise ContactError(message)
+    return state
 
 
 def _between(
@@ -85,9 +109,10 @@ def _between(
     low, high = excess(near), excess(far)
     for trial in range(SOLVES):
         width = far.approach - near.approach
-        if high == 0.0 or abs(width) <= accuracy * far.approach + 2.0 * (near.residual + far.residual):
+        if abs(width) <= accuracy * far.approach + 2.0 * (near.residual + far.residual):
             return far
-        share = 0.5 if trial % 3 == 2 else min(max(low / (low - high), 0.01), 0.99)
+        plateau = high == 0.0  # as of percolation and of whole elements: it begins before this state
+        share = 0.5 if plateau or trial % 3 == 2 else min(max(low / (low - high), 0.01), 0.99)
         above, below = (far, near) if width > 0.0 else (near, far)
         middle = trials.at(near.approach + share * width, above, below)
         value = excess(middle)

@@ -248,8 +248,11 @@ class Trials:
         self._solve = _method(method)
         self.rtol, self.pressure_error = rtol, pressure_error
         self.least: Contact | None = None
-        untouched = self.problem.untouched(self.problem.touch)
-        self.untouched = self.problem.record(untouched, self.problem.counts(), 0, 0.0)
+        self.untouched = self.apart(self.problem.touch)
+
+    def apart(self, indentation: float) -> Contact:
+        """Return the state without contact at an indentation, at or below the first touch."""
+        return self.problem.record(self.problem.untouched(indentation), self.problem.counts(), 0, 0.0)
 
     def at(self, indentation: float, latest: Contact, previous: Contact | None = None, *, rtol: float = 0.0) -> Contact:
         """Return the contact at an indentation, started from the straight line through two contacts.

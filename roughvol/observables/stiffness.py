@@ -18,9 +18,11 @@ def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
     """Return the interfacial stiffness K = -dp/dd at the stored states of a loading.
 
     K = -p/(dd/d ln p). The derivative of d over ln p is taken from three neighbouring states: centred differences on
-    unequal steps, of second order, one-sided at both ends. The result belongs to the states themselves, where all
-    other quantities are stored. Over ln p the differences are exact for p ~ exp(-d/u), and full contact, where d no
-    longer moves, needs no exception. For K of rough interfaces: Pastewka et al., Physical Review E 87 (2013) 062809.
+    unequal steps, of second order, one-sided at both ends. Where such a parabola turns before its end, as at a kink
+    before full contact, the straight line to the neighbour is taken there. The result belongs to the states themselves,
+    where all other quantities are stored. Over ln p the differences are exact for p ~ exp(-d/u), and full contact,
+    where d no longer moves, needs no exception. For K of rough interfaces: Pastewka et al., Physical Review E 87 (2013)
+    062809.
 
     Parameters
     ----------
@@ -57,7 +59,11 @@ def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
         if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
             message = "pressure must rise or fall throughout: give one leg of a path at a time"
             raise ContactError(message)
-        slope = np.gradient(d[row][states], logarithm, edge_order=2)
+        gaps = d[row][states]
+        slope = np.gradient(gaps, logarithm, edge_order=2)
+        straight = np.diff(gaps) / steps
+        for end in (0, -1):
+            slope[end] = slope[end] if slope[end] * straight[end] > 0.0 else straight[end]
         with np.errstate(divide="ignore"):
             stiffness[(*row, states)] = p[row][states] / np.abs(slope) * np.where(slope > 0.0, -1.0, 1.0)
     return stiffness

@@ -97,9 +97,12 @@ def scales(run: Run, surfaces: Dataset) -> list[Scale]:
     modulus, modulus_unit = (material.contact_modulus, material.unit) if material else (math.nan, None)
     sizes = surfaces["Sq"].values.tolist()
     nodes = [surfaces[name].values for name in ("nodes_x", "nodes_y") if name in surfaces]
+    periodic = "periodic" in ds.attrs
     if len(nodes) < 2 and "m" in surfaces.coords:
-        nodes = [np.full(len(sizes), 2.0 ** float(surfaces["m"]) + 1.0)] * 2
-    areas = (nodes[0] * nodes[1] * (L / (nodes[0] - 1.0)) ** 2).tolist() if len(nodes) == 2 else [math.nan] * len(sizes)
+        nodes = [np.full(len(sizes), 2.0 ** float(surfaces["m"]) + (not periodic))] * 2
+    areas = [math.nan] * len(sizes)
+    if len(nodes) == 2:
+        areas = (nodes[0] * nodes[1] * (L / (nodes[0] - (not periodic))) ** 2).tolist()
     return [Scale(modulus, L, Sq, area, modulus_unit, unit) for Sq, area in zip(sizes, areas, strict=True)]
 
 

@@ -47,6 +47,7 @@ def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     yield from _dense_conflicts(data)
     yield from _file_conflicts(surface, _mapping(data, "surface", "against"))
     yield from _periodic_conflicts(surface, _mapping(data, "solver"), record)
+    yield from _beyond_full_contact(data)
     yield from _path_conflicts(data)
     yield from _hardness_conflicts(data)
     yield from _unit_conflicts(surface, _mapping(data, "material"), record)
@@ -131,12 +132,17 @@ def _path_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
 
 def _hardness_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     """Yield what needs a hardness that acts, and what excludes one."""
-    material = _mapping(data, "material")
-    yields = material.get("hardness") is not None and material.get("plastic") is not False
+    yields = _yields(data)
     if _mapping(data, "record").get("residual_heights") is True and not yields:
         yield ("record", "residual_heights"), "no plastic displacement: give material.hardness"
     if yields and "paper" in (data.get("solver"), _mapping(data, "solver").get("method")):
         yield ("solver",), "solver method 'paper' takes no hardness; allowed: material.plastic: false"
+
+
+def _yields(data: dict[str, Any]) -> bool:
+    """Return whether a hardness acts."""
+    material = _mapping(data, "material")
+    return material.get("hardness") is not None and material.get("plastic") is not False
 
 
 def _legs(data: dict[str, Any]) -> list[tuple[KeyPath, dict[str, Any]]]:
@@ -211,6 +217,16 @@ def _periodic_conflicts(
             yield ("surface", key), message
     if surface.get("level", "none") not in ("none", "mean"):
         yield ("surface", "level"), "a tilted or curved surface is not periodic; allowed with periodic: none, mean"
+
+
+def _beyond_full_contact(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
+    """Yield negative separations of a periodic surface that does not yield: d is its mean gap."""
+    if _mapping(data, "surface").get("periodic") is not True or _yields(data):
+        return
+    for path, kind, value in sections_of(data.get("sweep")):
+        if kind == "separation" and str(value).lstrip().startswith("-"):
+            message = "must be >= 0, given {}: d of a periodic surface is its mean gap, 0 at full contact"
+            yield path, message.format(value if isinstance(value, str) else number_text(value))
 
 
 def _unit_conflicts(

@@ -89,6 +89,8 @@ class Case:
                 key["units"]["drive"] = float(f"{self.drive:.12g}")
         if self.gas is not None:  # cases without it keep their id
             key["gas"] = self.gas.key
+        if self._ends_by_elements:  # cases without it keep their id
+            key["ends"] = "first"
         return key | {
             "sweep": self.sweep.key,
             "solver": {
@@ -104,6 +106,14 @@ class Case:
                 **({"plastic": True} if self.plastic else {}),  # cases without it keep their id
             },
         }
+
+    @property
+    def _ends_by_elements(self) -> bool:
+        """Whether a leg ends at an area, closed ways or a plane of a period, where the surface yields or turns."""
+        ends = [leg.target for leg in self.sweep.legs[not self.plastic :]]
+        planes = [end.kind == "mean-plane" or (end.kind == "separation" and end.value == 0.0) for end in ends]
+        areas = [end.kind == "contact_area" or end.kind.startswith("percolation") for end in ends]
+        return any(areas) or (self.periodic and any(planes))
 
     @property
     def file(self) -> Path | None:

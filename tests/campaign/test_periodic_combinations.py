@@ -63,7 +63,19 @@ REFUSED = {
     "ensemble of too few waves": (SPECTRUM.replace(", seeds: 2", "") + ENSEMBLE, "surface.n: must be at least 32"),
     "beyond full contact": (
         MIDPOINT.replace("seeds: 2", "seeds: 1") + "sweep: {steps: 2, to: {separation: -0.5}}",
+        "sweep.to.separation: must be >= 0, given -0.5",
+    ),
+    "listed beyond full contact": (
+        MIDPOINT.replace("D: 2.4", "D: 2.4, L: 1 um") + "sweep: {separations: [0.2 um, -1 nm]}",
+        "sweep.separations[1]: must be >= 0, given -1 nm",
+    ),
+    "indented beyond full contact": (
+        MIDPOINT.replace("seeds: 2", "seeds: 1") + "sweep: {steps: 2, to: {indentation: 50}}",
         "up to",
+    ),
+    "too few elements": (
+        "surface: {file: few.npy, L: 1, periodic: true}",
+        "surface.periodic: few.npy has 4 x 9 heights",
     ),
 }
 
@@ -74,6 +86,7 @@ def _map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     z = np.random.default_rng(0).normal(size=(18, 16))
     z[0, 3:6] = np.nan
     np.save("z.npy", z)
+    np.save("few.npy", z[4:8, :9])
 
 
 @pytest.fixture(scope="module")

@@ -69,6 +69,75 @@ def test_levels_between_steps_are_solved_for() -> None:
     assert data["x"].values == pytest.approx(np.arange(32) / 32)
 
 
+@pytest.mark.parametrize(
+    ("to", "name", "value"),
+    [
+        ("mean-plane", "separation", 0.0),
+        ("{separation: 0.0}", "separation", 0.0),
+        ("{separation: -0.2}", "separation", -0.2),
+        ("{indentation: 1.2}", "indentation", 1.2),
+    ],
+)
+@pytest.mark.parametrize("path", ["sweep: {%s}", "sweep: [{steps: 1, to: {pressure: 0.2}}, {%s}]"])
+def test_a_plane_is_that_of_the_separation_where_the_surface_yields(
+    to: str, name: str, value: float, path: str
+) -> None:
+    data, _ = solved(f"material: {{E_star: 1, hardness: 0.4}}\n{path % f'steps: 2, to: {to}'}")
+    assert float(data[name][-1]) == pytest.approx(value, abs=2e-5)
+    assert float(data["contact_area_fraction"][-1]) < 1.0
+
+
+def test_a_plane_under_a_hardness_that_nothing_reaches_is_that_of_elastic_contact() -> None:
+    ends = [
+        solved(f"material: {{E_star: 1, {given}}}\nsweep: {{steps: 1}}")[0]
+        for given in ("hardness: null", "hardness: 1e5")
+    ]
+    elastic, hard = (float(np.ravel(data["mean_pressure"])[-1]) for data in ends)
+    assert hard == pytest.approx(elastic, rel=1e-4)
+
+
+@pytest.mark.parametrize("periodic", ["true", "false"])
+@pytest.mark.parametrize("to", ["{percolation: x}", "percolation", "{contact_area: 1.0}", "{contact_area: 0.5}"])
+def test_an_end_by_elements_is_the_first_on_every_path(periodic: str, to: str) -> None:
+    surface = f"surface: {{D: 2.3, m: 4, seeds: [1], periodic: {periodic}}}\n"
+    ends = []
+    for text in (
+        f"sweep: {{steps: 2, to: {to}}}",
+        f"material: {{E_star: 1, hardness: 1e5}}\nsweep: {{steps: 2, to: {to}}}",
+        "sweep: [{steps: 1, to: {contact_area: 0.3}}, {steps: 1, to: {contact_area: 0.05}}, "
+        + f"{{steps: 2, to: {to}}}]",
+    ):
+        ends.append(run_case(loads(surface + text).cases()[0]).squeeze())
+    for data in ends[1:]:
+        assert float(data["mean_pressure"][-1]) == pytest.approx(float(ends[0]["mean_pressure"][-1]), rel=3e-4)
+        assert float(data["contact_area_fraction"][-1]) == float(ends[0]["contact_area_fraction"][-1])
+
+
+@pytest.mark.parametrize("periodic", ["true", "false"])
+@pytest.mark.parametrize("hardness", ["null", "0.4"])
+@pytest.mark.parametrize(
+    ("to", "name", "value"),
+    [
+        ("{separation: 3}", "separation", 3.0),
+        ("{indentation: 0}", "indentation", 0.0),
+        ("{free_volume: 5}", "free_volume", 5.0),
+    ],
+)
+def test_a_leg_may_lose_contact_and_the_next_one_find_it(
+    periodic: str, hardness: str, to: str, name: str, value: float
+) -> None:
+    up = "{steps: 2, to: {pressure: 0.2}}"
+    study = loads(
+        f"surface: {{D: 2.3, m: 4, L: 1, seeds: [1], periodic: {periodic}}}\n"
+        f"material: {{E_star: 1, hardness: {hardness}}}\nsweep: [{up}, {{steps: 2, to: {to}}}, {up}]"
+    )
+    data = run_case(study.cases()[0]).squeeze()
+    assert float(data[name][3]) == pytest.approx(value, abs=1e-6)
+    assert float(data["mean_pressure"][3]) == 0.0
+    assert float(data["mean_pressure"][-1]) == pytest.approx(0.2, rel=1e-4)
+    assert float(data["separation"][-1]) == pytest.approx(float(data["separation"][1]), abs=2e-5)
+
+
 def test_paths_up_and_down_with_a_hardness() -> None:
     legs = "[{steps: 3, to: {separation: 0.6}}, {steps: 2, to: {separation: 1.0}}, {steps: 2, to: {pressure: 3}}]"
     data, _ = solved(f"material: {{E_star: 1, hardness: 2.0}}\nsweep: {legs}")
@@ -81,7 +150,7 @@ def test_paths_up_and_down_with_a_hardness() -> None:
 
 def test_full_contact_is_the_deepest_end() -> None:
     with pytest.raises(ContactError, match="allowed on a periodic surface: up to"):
-        solved("sweep: {steps: 3, to: {separation: -0.5}}")
+        solved("sweep: {steps: 3, to: {indentation: 50}}")
     data, surface = solved("sweep: {steps: 2, to: summit-plane}")
     expected = (surface.z_max - summit_plane(surface.with_neighbours)) / surface.Sq
     assert float(data["indentation"][-1]) == pytest.approx(expected, abs=1e-4)

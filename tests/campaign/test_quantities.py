@@ -43,6 +43,17 @@ def test_the_pressure_at_which_the_void_closes_is_that_of_a_sweep_to_percolation
         assert abs(error_at(*of_case, 2)) <= steps.max()
 
 
+def test_the_last_step_is_the_end_of_its_sweep_even_if_its_solve_falls_short() -> None:
+    case = _case("{separation: 0.3}", 12, "")
+    series = dict(_series(case))
+    series["separation"] = np.append(series["separation"][:-1], 0.3 + 1e-6)
+    end = Level("separation", 0.3)
+    assert value_at(series, "mean_pressure", end, case) == pytest.approx(series["mean_pressure"][-1], rel=1e-12)
+    assert abs(error_at(series, "mean_pressure", end, case, 2)) < 1e-2
+    with pytest.raises(StudyError, match="is not reached by"):
+        value_at(series, "mean_pressure", Level("separation", 0.29), case)
+
+
 def test_a_void_still_open_has_no_closing_pressure() -> None:
     case = _case("mean-plane")
     with pytest.raises(StudyError, match=r"ensemble.accuracy.percolation_pressure: the void of .* is still open"):

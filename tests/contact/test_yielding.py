@@ -14,6 +14,7 @@ from oracles import DenseHalfSpace
 from roughvol.contact.crossing import state_crossing
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials, solve, sweep
+from roughvol.contact.search import first_indentation
 from roughvol.contact.tuning import Tuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -169,6 +170,22 @@ def test_a_pressure_is_found_on_the_way_down_and_up_again(surface, half_space, h
     again = state_crossing(trials, lambda contact: contact.mean_pressure, 0.9 * top.mean_pressure, state)
     assert again.mean_pressure == pytest.approx(0.9 * top.mean_pressure, rel=1e-4)
     assert again.indentation > state.indentation
+
+
+@pytest.mark.parametrize("start", ["touch", "unloaded"])
+def test_the_first_state_of_a_condition_that_stays_true_is_found(surface, half_space, start):
+    def closed(contact):
+        return float(contact.contact_area_fraction > 0.25)
+
+    first = first_indentation(surface, half_space, lambda contact: closed(contact) > 0.0, accuracy=1e-6)
+    trials = Trials(surface, half_space, hardness=1e6)
+    begin = trials.untouched
+    if start == "unloaded":
+        begin = list(sweep(surface, half_space, [0.5, 0.3], hardness=1e6))[-1]
+    state = state_crossing(trials, closed, 1.0, begin, elements=True)
+    assert state.indentation == pytest.approx(first, rel=1e-4)
+    again = solve(surface, half_space, state.indentation)
+    assert closed(again) == 1.0
 
 
 def test_a_pressure_above_the_hardness_is_refused(surface, half_space):

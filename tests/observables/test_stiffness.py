@@ -34,6 +34,14 @@ def test_an_interface_that_no_longer_moves_is_infinitely_stiff() -> None:
     assert np.all(found[:2] > 0.0)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_an_end_beyond_a_kink_keeps_the_sign_of_its_last_step(order: int) -> None:
+    p, d = np.array([1.3, 10.7, 23.2, 43.6])[::order], np.array([0.9, 0.072, 0.003, 0.0])[::order]
+    found = interfacial_stiffness(p, d)[::order]
+    assert np.all(found > 0.0)
+    assert found[-1] == pytest.approx(43.6 / (0.003 / np.log(43.6 / 23.2)))
+
+
 def test_a_softer_interface_under_more_load_has_a_negative_stiffness() -> None:
     assert np.all(interfacial_stiffness([1.0, 2.0, 3.0], [0.1, 0.2, 0.3]) < 0.0)
 

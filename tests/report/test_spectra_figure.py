@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import xarray as xr
 
 from roughvol.campaign.one_case import run_case
+from roughvol.campaign.running import run
 from roughvol.errors import DatasetError
 from roughvol.report.figures import selection
 from roughvol.report.figures.spectra import FIGURES
@@ -68,3 +72,15 @@ def test_the_deformed_surface_is_drawn_beside_the_undeformed_one(region: str) ->
     assert left.lines[3].get_color() == left.lines[2].get_color()
     assert left.lines[3].get_xdata()[0] == pytest.approx(2.0 if region else 1.0)
     assert "dotted: pressure 1" in left.get_legend().get_title().get_text()
+
+
+def test_the_title_of_one_surface_is_that_of_the_load_alone(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.random.default_rng(0).normal(size=(16, 16)))
+    study = loads(
+        "surface: {file: z.npy, L: 1, periodic: true}\nsweep: {steps: 2}\nrecord: {psd: {at: last}}",
+        tmp_path / "s.yaml",
+    )
+    run(study, out=tmp_path / "out", jobs=1)
+    with xr.open_dataset(tmp_path / "out" / "study.nc") as ds:
+        left, _ = FIGURES["psd"](ds.load()).axes
+    assert left.get_legend().get_title().get_text() == "dotted: end of the sweep"

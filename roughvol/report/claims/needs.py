@@ -82,7 +82,7 @@ class Needs:
 
     def unfit(self, run: Run) -> tuple[str, ...]:
         """Return every reason for which a run is refused, in words; none if it fits."""
-        if run.generated is None:
+        if run.origin:
             return (run.origin,)
         absent = [name for name in self.holds if name not in run.dataset]
         if absent:

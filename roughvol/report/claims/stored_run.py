@@ -64,9 +64,9 @@ class Run:
 
     @property
     def origin(self) -> str:
-        """Where the heights come from if they were not made, empty if they were."""
+        """Where the heights come from, empty of free patches by midpoint displacement."""
         if self.generated is not None:
-            return ""
+            return "periodic surfaces" if self.generated.periodic else ""
         if self.spectral is not None:
             return "surfaces with a spectrum"
         return "heights from a file" if "case" in self.dataset.dims else "its study cannot be read again"

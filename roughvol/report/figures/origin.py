@@ -75,8 +75,10 @@ def run_name(ds: Dataset) -> str:
 
 
 def is_paper_surface(ds: Dataset) -> bool:
-    """Return whether the surfaces have the paper's size and heights: midpoint displacement, L = 100 without a unit."""
+    """Return whether the surfaces have the paper's size and heights: free midpoint patches, L = 100 without a unit."""
     if "case" in ds.dims or abs(float(ds["L"]) - SIDE) > 1e-9 or unit_of(ds, "L") != "length":
+        return False
+    if "periodic" in ds.attrs:
         return False
     study = study_of(ds)
     return study is None or (isinstance(study.surface, GeneratedSurface) and study.surface.height is None)

@@ -35,7 +35,7 @@ from roughvol.report.figures.families import (
     state,
     volumes,
 )
-from roughvol.report.figures.origin import Draw, is_paper_surface, lacking, register
+from roughvol.report.figures.origin import Draw, is_paper_surface, lacking, register, study_of
 from roughvol.report.figures.relief import reliefs
 from roughvol.report.figures.style import (
     ACCENT,
@@ -59,6 +59,7 @@ from roughvol.report.figures.style import (
     volume_label,
 )
 from roughvol.report.paper_rules import PAPER_D, PAPER_M, area_slopes
+from roughvol.study import GeneratedSurface
 from roughvol.surfaces.midpoint import midpoint_levels
 
 FIGURES: dict[str, Draw] = {}
@@ -73,6 +74,9 @@ def missing(name: str, ds: Dataset) -> str | None:
         return reason
     if by in ("recursion", "m") and "case" in ds.dims:
         return f"{name} needs surfaces made from D and m, and those of the dataset were read from files"
+    study = study_of(ds) if by == "recursion" else None
+    if by == "recursion" and ("periodic" in ds.attrs or (study and not isinstance(study.surface, GeneratedSurface))):
+        return f"{name} shows midpoint displacement of a free patch, and the surfaces of the dataset are others"
     # One D alone is still worth drawing, unless the dataset compares m: then that figure has the same axes.
     lone = by in ("D", "m") and len(families(ds, by, *variables)[0]) < 2
     if lone and (by == "m" or ds.sizes.get("m", 0) > 1):

@@ -55,7 +55,7 @@ def psd(ds: Dataset) -> Drawing:
     right.set(xlabel=r"waves up to $qL/2\pi$", ylabel=r"root mean square slope $h'_{\mathrm{rms}}$")
     for ax in (left, right):
         ax.grid(visible=True)
-        legend(ax, title + (f", dotted: {_loaded_at(ds)}" if "psd_loaded" in ds else ""))
+        legend(ax, ", ".join([*filter(None, [title]), *([f"dotted: {_loaded_at(ds)}"] if "psd_loaded" in ds else [])]))
     shown = {"surfaces": sorted({float(family.surfaces) for family in members})}
     if "D" in ds.dims:
         shown |= {"D": [family.value for family in members], "m": [float(members[0].data["m"])]}
