@@ -59,8 +59,9 @@ def level_of(text: str, study: Study | None = None) -> Level:
     else:
         reason = ""
     if not known:
+        kinds = ", ".join(kind for kind in KINDS if kind not in LEAKS)
         message = (
-            f"at is {text!r}; allowed: last, or one of {', '.join(kind for kind in KINDS if kind not in LEAKS)} with a number or a unit, as pressure=0.3 or "
+            f"at is {text!r}; allowed: last, or one of {kinds} with a number or a unit, as pressure=0.3 or "
             f'pressure="0.5 MPa"{reason}'
         )
         raise StudyError([Problem(message)])
