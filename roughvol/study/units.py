@@ -41,7 +41,7 @@ EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "
     "time": "10 s",
     "conductivity": "50 W/m/K",
 }
-_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", re.ASCII | re.DOTALL)
+_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?![eE][-+]?\d)(\D.*)", re.ASCII | re.DOTALL)
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
 _UNIT = re.compile(rf"°?[^\W\d_]{{1,30}}{_POWER}(?:(?: ?[*·/] ?| )[^\W\d_]{{1,30}}{_POWER}){{0,5}}")

@@ -301,6 +301,7 @@ def test_the_rim_is_told_of_in_studies_of_a_joint_alone() -> None:
         surface + "record: {transport: {percolation: last}}": True,
         surface + "material: {E_star: 3 MPa}": True,
         surface + "record: {transport: {percolation: last}, region: interior}": False,
+        "surface: {D: 2.3, m: 4, periodic: true}\nrecord: {transport: {percolation: last}}": False,
         surface + "record: {transport: {percolation: last}, region_widths: {}}": False,
     }.items():
         given = validity.setting(loads(text))
