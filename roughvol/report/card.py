@@ -195,7 +195,9 @@ def _bound(fine: Dataset) -> float:
 def _grid(values: Sequence[Array]) -> Part:
     """Return the part of the grid, from the leak at spacings in the ratio 1, 2, 4."""
     means = [np.log(_paired(values[0], other)) for other in values]
-    if len(values) < 2 or not np.isfinite(means[1]).any():
+    if len(values) < 2:
+        return Part("grid", math.nan, "too few nodes for a coarser grid")
+    if not np.isfinite(means[1]).any():
         return Part("grid", math.nan, "no coarser grid with an open way")
     first = -float(np.nanmean(means[1]))
     if len(values) < 3 or not np.isfinite(means[2]).any():
@@ -271,7 +273,10 @@ def _closing(fine: Dataset, axis: str) -> str:
     """Return between which pressures the last way along an axis closes."""
     name = "nominal_pressure" if "nominal_pressure" in fine else "mean_pressure"
     unit = str(fine[name].attrs.get("units", "1"))
-    words = "p*" if unit == "1" else unit
+
+    def words(load: float) -> str:
+        return f"p* = {number(load)}" if unit == "1" else f"{number(load)} {unit}"
+
     first = fine.isel(step=fine["leg"].values == 1) if "leg" in fine else fine
     opens, closes = [], []
     case_dims = [dim for dim in ("D", "m", "seed", "case") if dim in first.dims]
@@ -280,10 +285,15 @@ def _closing(fine: Dataset, axis: str) -> str:
         last = int(np.flatnonzero(way)[-1]) if way.any() else -1
         opens.append(p[last] if last >= 0 else 0.0)
         closes.append(p[last + 1] if last + 1 < p.size else math.inf)
-    low, high = float(np.mean(opens)), float(np.mean(closes))
-    if not math.isfinite(high):
-        return f"open up to {number(max(opens))} {words}"
-    return f"between {number(low)} and {number(high)} {words}"
+    closed = np.isfinite(closes)
+    if not closed.any():
+        return f"open up to {words(max(opens))}"
+    low, high = (words(float(np.mean(np.array(ends)[closed]))) for ends in (opens, closes))
+    between = f"between {low.removesuffix(f' {unit}')} and {high.removeprefix('p* = ')}"
+    if closed.all():
+        return between
+    still = max(np.array(opens)[~closed])
+    return f"{np.count_nonzero(closed)} of {closed.size} surfaces {between}, the others open up to {words(still)}"
 
 
 def _gas_facts(fine: Dataset) -> list[tuple[str, str]]:

@@ -46,6 +46,7 @@ SUBSTANCES = {
     "nitrogen": Substance(1.663e-5, 273.0, 107.0, 28.014e-3),
     "oxygen": Substance(1.919e-5, 273.0, 139.0, 31.998e-3),
 }
+EQUAL = 1e-11  # relative difference of two pressures that are equal: their ratio is kept with 12 digits
 LAWS = Literal["kinetic", "slip", "viscous"]
 
 
@@ -107,7 +108,7 @@ class Fluid(Strict):
 
     @model_validator(mode="after")
     def _falls(self) -> Fluid:
-        if self.pressures[0] <= self.pressures[1]:
+        if self.pressures[0] * (1.0 - EQUAL) <= self.pressures[1]:
             refuse(
                 "inlet must be above outlet, given {inlet} and {outlet}", inlet=str(self.inlet), outlet=str(self.outlet)
             )

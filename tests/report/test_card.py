@@ -118,6 +118,17 @@ def test_a_load_beyond_some_surfaces_is_that_of_the_others(tmp_path: Path) -> No
     assert ("Surface", "2 generated surfaces, 1 of them pressed to this load") in made.facts
 
 
+def test_surfaces_that_close_and_that_do_not_are_counted(tmp_path: Path) -> None:
+    ends = running.run(loads(VARIED), jobs=1, out=tmp_path / "sweep").mean_pressure.max("step").values.ravel()
+    few, many = int(np.argmin(ends)), int(np.argmax(ends))
+    load = float(ends[many] + ends[few]) / 2
+    text = VARIED.replace("seeds: 3", f"seeds: [{few}, {many}]").replace("to: percolation", f"to: {{pressure: {load}}}")
+    closing = [way.closing for way in _finest(text, Level("last"), tmp_path / "card").ways]
+    assert any(line.startswith("1 of 2 surfaces between ") and "the others open up to " in line for line in closing)
+    text = text.replace(DIMENSIONAL, "heights: true")
+    assert "p* = " in _finest(text, Level("last"), tmp_path / "starred").ways[0].closing
+
+
 def test_a_load_that_no_surface_reaches_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match=r"at pressure=99 is not reached: .* have pressure 0\.\d+ to \d"):
         card_runs.compute(loads(VARIED), Level("pressure", 99.0), tmp_path, jobs=1)

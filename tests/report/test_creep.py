@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -150,3 +151,9 @@ def test_the_command_writes_a_table_and_a_figure(run: Dataset, folder: Path, tmp
     late = CliRunner().invoke(main, ["creep", *arguments[:-4], "--pressure", "1 MPa", "--times", "1 s"])
     assert late.exit_code == 2
     assert "the sweep ends at" in late.output
+
+
+def test_a_seal_that_is_closed_has_no_error_of_its_leak(run: Dataset, tmp_path: Path) -> None:
+    over_time = creep.history(run, _law(PRONY, tmp_path), 0.016, [1.0])
+    closed = {axis: np.full(1, math.nan) for axis in "xy"}
+    assert creep.lines_of(replace(over_time, leak=closed, error=closed))[-1] == "read off the stored sweep"

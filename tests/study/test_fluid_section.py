@@ -171,6 +171,7 @@ def test_only_a_recorded_gas_enters_the_identity_of_a_case() -> None:
     [
         ("gas: helium", "gas: neon", "'neon' is no known gas; allowed: air, argon"),
         ("outlet: 1 bar", "outlet: 3 bar", "inlet must be above outlet"),
+        ("outlet: 1 bar", "outlet: 1.9999999999999 bar", "inlet must be above outlet"),
         ("inlet: 2 bar", "inlet: 2 m", "unit of length, not of pressure"),
         ("inlet: 2 bar", "inlet: 2", "must be a number with a unit of pressure"),
         ("outlet: 1 bar", "outlet: 1 bar, law: knudsen", "kinetic"),
