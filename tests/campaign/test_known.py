@@ -155,6 +155,17 @@ def test_heights_of_a_file_with_another_record_are_the_same_study(request: pytes
     assert "volume_density" in ds
 
 
+FLUID = "fluid_pressure: {inlet: 0.2, at: {pressure: 0.5}}"
+
+
+@pytest.mark.parametrize("record", [FLUID.replace("0.2", "0.3"), FLUID.replace("at", "coupling: one-way, at"), FLUID])
+@pytest.mark.parametrize("before", [FLUID, "fields_at: {pressure: 0.5}"])
+def test_a_contact_under_another_fluid_pressure_is_computed(before: str, record: str) -> None:
+    anew = roughvol.run(loads(_changed(record), "x.yaml"), out="anew", jobs=1)
+    roughvol.run(loads(_changed(before), "x.yaml"), jobs=1)
+    xr.testing.assert_identical(_values(roughvol.run(loads(_changed(record), "x.yaml"), jobs=1)), _values(anew))
+
+
 def test_a_region_of_its_own_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     first = roughvol.run(loads(TEXT, "x.yaml"), jobs=1)
     inner = roughvol.run(loads(_changed("region: interior"), "x.yaml"), jobs=1)
