@@ -188,7 +188,7 @@ class _Stored:
         state: Any = whole if case.record.region is None else Within(cast("Contact", whole), window(case, shape))
         rows, columns = window(case, shape)
         if name in void.QUANTITIES:
-            values, _ = void.of_state(state, [name])
+            values, _ = void.of_state(state, [name], void.over_sigma(case.gas, case.height or self._surface.unit))
             del values["transport_time"]
             for variable in values:
                 if variable.startswith("critical_position"):

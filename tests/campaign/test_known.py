@@ -155,6 +155,17 @@ def test_heights_of_a_file_with_another_record_are_the_same_study(request: pytes
     assert "volume_density" in ds
 
 
+def test_the_flow_of_a_gas_is_taken_from_stored_fields(request: pytest.FixtureRequest) -> None:
+    text = TEXT.replace("seeds: 2", "seeds: 2, L: 100 um, Sq: 0.4 um")
+    text += "fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}\n"
+    text = text.replace("transmissivity: every-step", "gas_flow: last")
+    study = loads(text.replace("gas_flow: last", "gas_flow: {step: 2}, flux_at: {step: 4}"), "x.yaml")
+    anew = roughvol.run(study, out="anew", jobs=1)
+    roughvol.run(loads(text, "x.yaml"), jobs=1)
+    request.getfixturevalue("idle")
+    xr.testing.assert_identical(_values(roughvol.run(study, jobs=1)), _values(anew))
+
+
 FLUID = "fluid_pressure: {inlet: 0.2, at: {pressure: 0.5}}"
 
 
