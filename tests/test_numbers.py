@@ -155,6 +155,7 @@ def test_a_load_acts_on_the_whole_period(tmp_path: Path) -> None:
         (["show", "dry", "--at", "presure=1"], "allowed: KIND=VALUE"),
         (["show", "dry", "--at", "pressure=1um"], "is a unit of length, not of pressure"),
         (["show", "dry", "--at", "mean_gap=1"], "needs its unit"),
+        (["show", "dry", "--at", "leak_rate=0 mm^3/s"], "allowed: a leak rate > 0"),
         (["show", "dry", "--at", "pressure=inf"], "must be a number"),
         (["show", "dry", "--at", "contact_area=1um"], "must be a number without a unit"),
         (["show", "path", "--at", "pressure=1MPa"], "the modulus has none"),

@@ -13,7 +13,7 @@ from roughvol.campaign.one_case import surface_of
 from roughvol.errors import Problem, StudyError
 from roughvol.store.dataset import Dataset
 from roughvol.study import HeightFile, Level, Scale, Study, loads, read
-from roughvol.study.scale import ALWAYS, KINDS
+from roughvol.study.scale import ALWAYS, KINDS, STORED
 from roughvol.study.spectral import MadeSurface
 from roughvol.study.units import unit_of
 from roughvol.study.yaml_text import write
@@ -21,6 +21,7 @@ from roughvol.study.yaml_text import write
 FINE = "finest grid"
 COARSER = (2, 4)  # spacings of the coarser grids over that of the finest
 OTHER_LEVEL = {"none": "tilt", "mean": "tilt", "tilt": "quadratic", "quadratic": "tilt"}
+LEAKS = tuple(kind for kind in KINDS if kind.startswith("leak_rate"))  # no states of a record
 FEWEST_NODES = 30  # nodes of a side of the coarsest grid
 
 
@@ -47,6 +48,9 @@ def level_of(text: str, study: Study | None = None) -> Level:
     kind, _, value = text.partition("=")
     if text == "last":
         return Level("last")
+    if kind in LEAKS:
+        message = f'at is {text!r}, a leak rate: roughvol ask --leak-rate "{value}" finds its pressure'
+        raise StudyError([Problem(message)])
     try:
         number = read(value, KINDS.get(kind, ("", ""))[0])
         known = kind in KINDS and math.isfinite(number) and (kind not in ALWAYS or unit_of(number) is not None)
@@ -55,8 +59,9 @@ def level_of(text: str, study: Study | None = None) -> Level:
     else:
         reason = ""
     if not known:
+        kinds = ", ".join(kind for kind in KINDS if kind not in LEAKS)
         message = (
-            f"at is {text!r}; allowed: last, or one of {', '.join(KINDS)} with a number or a unit, as pressure=0.3 or "
+            f"at is {text!r}; allowed: last, or one of {kinds} with a number or a unit, as pressure=0.3 or "
             f'pressure="0.5 MPa"{reason}'
         )
         raise StudyError([Problem(message)])
@@ -222,7 +227,7 @@ def compute(
     Raises
     ------
     StudyError
-        If the study has lists.
+        If the study has lists, or no surface reaches the load.
     """
     if study.axes:
         message = "a card shows one combination; allowed: one value in place of each list"
@@ -231,4 +236,18 @@ def compute(
     for name, variant in variants(study, at).items():
         inside = folder / "runs" / at.label / name.replace(" × ", "_").replace(": ", "_").replace(" ", "_")
         runs[name] = running.run(variant, jobs=jobs, out=inside, on_event=on_event, stopping=stopping)
+        if name == FINE:
+            _check_reached(runs[name], at)
     return runs
+
+
+def _check_reached(fine: Dataset, at: Level) -> None:
+    """Refuse a card at a load that no surface reaches."""
+    if "flux_at_transmissivity_x" in fine and bool(fine["flux_at_transmissivity_x"].notnull().any()):
+        return
+    reach = fine[STORED[at.kind]] if at.kind in STORED else fine["mean_pressure"]
+    message = (
+        f"at {at.label} is not reached: the steps of the sweep have {at.kind} {float(reach.min()):.4g} to "
+        f"{float(reach.max()):.4g}; press farther, or ask for less"
+    )
+    raise StudyError([Problem(message)])

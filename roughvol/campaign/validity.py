@@ -102,6 +102,7 @@ def setting(study: Study) -> Setting:
     scaled = not isinstance(surface, MadeSurface) or bool(surface.Sq or surface.length_unit)
     scaled = scaled or (isinstance(surface, SpectralSurface) and surface.slope is not None)
     asks = record.transport is not None or wanted is not None or unit is not None
+    whole = record.region is None and record.region_widths is None
     return Setting(
         modulus=material.contact_modulus,
         unit=unit,
@@ -112,7 +113,7 @@ def setting(study: Study) -> Setting:
         drop_text=drop_text,
         drop=math.nan if drop is None else drop / material.contact_modulus,
         scaled=scaled,
-        patch=asks and not surface.periodic and record.region is None and record.region_widths is None,
+        patch=asks and whole and not surface.periodic,  # a period has no rim
         measured=not isinstance(surface, MadeSurface),
         cleaned=not isinstance(surface, MadeSurface) and surface.outliers is not None,
     )

@@ -80,22 +80,24 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_
     from roughvol.report import gas_leak
     from roughvol.report.ask import ask as read_off
     from roughvol.store import dataset
+    from roughvol.study.units import has_unit
 
     file = results_file(run)
     results = dataset.read(file)
-    kelvin = None
-    if gas_leak.is_throughput(leak_rate.lstrip("<= ")):
+    kelvin, given = None, leak_rate.lstrip("<= ")
+    if gas_leak.is_throughput(given):
         results, kelvin = gas_leak.in_place(results, unknown)
     if "leak_rate_x" not in results or "nominal_pressure" not in results:
         largest, at = 1.0, None  # `ask` refuses with the reason
     else:
         own = str(results["leak_rate_x"].attrs["units"])
         kind = "flow" if kelvin is None else "throughput"
-        largest = _in_unit(leak_rate.lstrip("<= "), own, "--leak-rate", kind, kelvin)
+        largest = _in_unit(given, own, "--leak-rate", kind, kelvin)
+        given = given if has_unit(given) else f"{given} {own}"
         own = str(results["nominal_pressure"].attrs["units"])
         at = _in_unit(pressure, own, "--pressure", "pressure") if pressure is not None else None
     answers = read_off(results, largest, unknown, pressure=at)
-    click.echo(f"{run_name(file)}: leak up to {leak_rate.lstrip('<= ')}")
+    click.echo(f"{run_name(file)}: leak up to {given}")
     for answer in answers:
         click.echo(f"along {answer.axis}: {_words(answer, unknown)}")
     found = [answer for answer in answers if math.isfinite(answer.nominal) and answer.nominal > 0.0]
@@ -112,9 +114,9 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_
     from roughvol.errors import CampaignError
 
     for answer in found:
-        given = at if unknown == "Sq" else None
+        start = at if unknown == "Sq" else None
         try:
-            refined = inverse.refine(study, results, answer.axis, largest, answer.nominal, scaled_from=given)
+            refined = inverse.refine(study, results, answer.axis, largest, answer.nominal, scaled_from=start)
         except CampaignError as error:
             warn([f"along {answer.axis} the answer has the error of the read-off: {error}"])
             continue
@@ -124,11 +126,11 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_
 
 def _words(answer: Answer, unknown: str) -> str:
     """Return a read-off in words."""
-    if answer.nominal == 0.0:
-        return f"any {unknown}: the first step leaks less"
-    if math.isinf(answer.nominal):
-        return f"no {unknown} within the stored loads"
     low, high = answer.between
+    if answer.nominal == 0.0:
+        return f"any {unknown} of p* = {high:.4g} or more: the first step leaks less; smaller loads are not stored"
+    if math.isinf(answer.nominal):
+        return f"no {unknown} within the stored loads, up to p* = {low:.4g}"
     steps = f"between the steps p* = {low:.4g} and {high:.4g}"
     error = f"read off to about {100.0 * answer.error:.1g} %" if math.isfinite(answer.error) else "read off"
     return f"{unknown} {answer.value:.4g} {answer.unit}, {steps}, {error}"

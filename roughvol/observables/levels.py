@@ -12,6 +12,7 @@ from roughvol.contact import search
 from roughvol.contact.crossing import state_crossing
 from roughvol.contact.loading import Compliance, Contact, Trials, sweep
 from roughvol.contact.search import TARGETS
+from roughvol.errors import ContactError
 from roughvol.observables import void
 from roughvol.observables.plastic import largest_pressure
 from roughvol.observables.regions import State, within
@@ -298,11 +299,15 @@ def at_level(
 
     Raises
     ------
+    ContactError
+        If the level lies before the first touch.
     ConvergenceError
         If the state is not solved to the tolerance.
     """
     value = level.value or 0.0
     options = options_of(case, surface)
+    if not earlier and level.kind in ("free_volume", "separation"):
+        _check_touch(level, case, surface, Trials(surface, half_space, **options).untouched)
     falls = bool(earlier) and after.approach < earlier[-1]["indentation"]
     if searched(level, surface):
         measure, value = measure_of(level, case, surface)
@@ -327,3 +332,12 @@ def at_level(
     if abs(indentation - after.indentation) <= ROUNDING * after.indentation:
         return after
     return next(sweep(surface, half_space, [indentation], resume=earlier, **options))
+
+
+def _check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) -> None:
+    """Refuse a free volume or a separation that is not below that of the first touch."""
+    separation = (surface.z_max - surface.mean_height) / surface.unit
+    most = separation if level.kind == "separation" else float(within(untouched, case).gap().mean())
+    if (level.value or 0.0) >= most:
+        message = f"{level.label} lies before the first touch; allowed: below {most:.6g}, that of the first touch"
+        raise ContactError(message)

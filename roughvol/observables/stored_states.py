@@ -188,7 +188,7 @@ class _Stored:
         state: Any = whole if case.record.region is None else Within(cast("Contact", whole), window(case, shape))
         rows, columns = window(case, shape)
         if name in void.QUANTITIES:
-            values, _ = void.of_state(state, [name])
+            values, _ = void.of_state(state, [name], void.over_sigma(case.gas, case.height or self._surface.unit))
             del values["transport_time"]
             for variable in values:
                 if variable.startswith("critical_position"):
@@ -247,7 +247,7 @@ class _Stored:
         seconds = self._seconds.get(name, 0.0) if same else 0.0
         for label in labels:
             dim = row.dim if same and label in self._labels(row.dim) else "field_at"
-            if label not in self._labels(dim):
+            if label not in self._labels(dim) or (row.solves and dim == "field_at"):
                 message = f"{name} at {label}"
                 raise Unanswerable(message)
             place = self._labels(dim).index(label)
@@ -282,7 +282,7 @@ def _options(record: Record, name: str) -> Any:
     return {key: value for key, value in section.model_dump().items() if key != "at"} if name in _WITH_OPTIONS else None
 
 
-_WITH_OPTIONS = ("volume_density", "box_counting")
+_WITH_OPTIONS = ("volume_density", "box_counting", "fluid_pressure")
 
 
 def _seconds(stored: Mapping[str, Any]) -> dict[str, float]:

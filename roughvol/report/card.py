@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
-from xarray import Dataset
+from xarray import DataArray, Dataset
 
 from roughvol.observables.transport import conduction
 from roughvol.report.tables import number
+from roughvol.study import loads
 from roughvol.typing import Array
 
 AXES = ("x", "y")
@@ -124,28 +125,33 @@ def _compared(run: Dataset, fine: Dataset, axis: str) -> Array:
     return values * (float(run["Sq"].mean()) / float(fine["Sq"].mean())) ** 3 if "case" in fine.dims else values
 
 
-def unit_leak(run: Dataset, axis: str) -> tuple[float, str]:
-    """Return the leak rate of T* V*³ = 1 in the unit of the study; 1 without a unit."""
+def unit_leaks(run: Dataset, axis: str) -> tuple[Array, str]:
+    """Return the leak rate of T* V*³ = 1 on every surface in the unit of the study; 1 without a unit."""
     name = f"leak_rate_{axis}"
     if name not in run:
-        return 1.0, ""
+        return np.ones(leaks(run, axis).shape), ""
     starred = run[f"transmissivity_{axis}"] * run["free_volume"] ** 3
-    ratio = (run[name] / starred.where(starred > 0.0)).values
-    ratio = ratio[np.isfinite(ratio)]
-    return (float(ratio.mean()), str(run[name].attrs["units"])) if ratio.size else (1.0, "")
+    return _over(run, run[name], starred, 3), str(run[name].attrs["units"])
+
+
+def _over(run: Dataset, quantity: DataArray, starred: DataArray, power: int) -> Array:
+    """Return a quantity over its starred number on every surface; it goes with that power of Sq."""
+    per_height = (quantity / starred.where(starred > 0.0) / run["Sq"] ** power).mean("step")
+    filled = per_height.fillna(per_height.mean())  # a surface that is closed at all steps
+    return np.asarray((filled * run["Sq"] ** power).values, dtype=float).ravel()
 
 
 def _way(fine: Dataset, coarser: Sequence[Dataset], levelled: Mapping[str, Dataset], axis: str) -> Way:
     values = leaks(fine, axis)
-    factor, unit = unit_leak(fine, axis)
+    factors, unit = unit_leaks(fine, axis)
     open_ = values > 0.0
-    leak = _mean(values) * factor
+    leak = _mean(values * factors)
     parts = []
     if open_.any():
         parts = [
             _solver(fine, axis),
             _grid([values, *(_compared(run, fine, axis) for run in coarser)]),
-            _window(fine, values, axis),
+            _window(fine, values * factors, axis),
             *(_levelling(values, _compared(run, fine, axis), label) for label, run in levelled.items()),
         ]
     return Way(axis, leak, unit, _closing(fine, axis), tuple(parts))
@@ -158,25 +164,40 @@ def _mean(values: Array) -> float:
 
 
 def _solver(fine: Dataset, axis: str) -> Part:
-    """Return the certified part: the flow falls where a gap falls, and every gap is right to η."""
-    gap, _ = _field(fine)
-    bound = float(fine["residual"].max())
-    exponent = 3.0
-    flows = []
-    for shift in (-bound, 0.0, bound):  # elements in contact may be open by η as well
-        shifted = np.where(gap > 0.0, np.maximum(gap + shift, 0.0), max(shift, 0.0))
-        flows.append(conduction(shifted, AXES.index(axis), exponent).coefficient * shifted.mean() ** exponent)
-    low, middle, high = flows
+    """Return the certified part: the flow falls where a gap falls, and every gap is right to η.
+
+    The mean of several surfaces has the geometric mean of their factors.
+    """
+    bound = _bound(fine)
     words = f"certified: every gap is right to η/σ = {bound:.1e}"
-    if not low > 0.0 < middle:
-        return Part("solver", math.inf if middle > 0.0 else math.nan, f"{words}; the way may be closed")
-    return Part("solver", max(high / middle, middle / low), words)
+    logs = []
+    for surface in np.flatnonzero(leaks(fine, axis) > 0.0):
+        gap, whole = _field(fine, int(surface))
+        periodic = whole and "periodic" in fine.attrs
+        flows = []
+        for shift in (-bound, 0.0, bound):  # elements in contact may be open by η as well
+            shifted = np.where(gap > 0.0, np.maximum(gap + shift, 0.0), max(shift, 0.0))
+            through = conduction(shifted, AXES.index(axis), periodic=periodic).coefficient
+            flows.append(through * shifted.mean() ** 3)
+        low, middle, high = flows
+        if not low > 0.0:
+            return Part("solver", math.inf, f"{words}; the way may be closed")
+        logs.append(math.log(max(high / middle, middle / low)))
+    return Part("solver", math.exp(float(np.mean(logs))), words)
+
+
+def _bound(fine: Dataset) -> float:
+    """Return η/σ: the largest of the steps, and that to which a state between two steps is solved."""
+    largest = float(fine["residual"].max())
+    return max(largest, loads(str(fine.attrs["study"]), stored=True).solver.tolerance)
 
 
 def _grid(values: Sequence[Array]) -> Part:
     """Return the part of the grid, from the leak at spacings in the ratio 1, 2, 4."""
     means = [np.log(_paired(values[0], other)) for other in values]
-    if len(values) < 2 or not np.isfinite(means[1]).any():
+    if len(values) < 2:
+        return Part("grid", math.nan, "too few nodes for a coarser grid")
+    if not np.isfinite(means[1]).any():
         return Part("grid", math.nan, "no coarser grid with an open way")
     first = -float(np.nanmean(means[1]))
     if len(values) < 3 or not np.isfinite(means[2]).any():
@@ -206,7 +227,7 @@ def _window(fine: Dataset, values: Array, axis: str) -> Part:
         closed = values.size - open_.size
         words = f"95 % interval of the mean over {open_.size} surfaces" + (f", {closed} closed" if closed else "")
         return Part("window", math.exp(float(half)), words)
-    gap, _ = _field(fine)
+    gap, _ = _field(fine, int(np.flatnonzero(values > 0.0)[0]))
     middle = [n // 2 for n in gap.shape]
     quadrants = [gap[rows, columns] for rows in _halves(middle[0]) for columns in _halves(middle[1])]
     flows = np.array([conduction(part, AXES.index(axis)).coefficient * part.mean() ** 3 for part in quadrants])
@@ -230,23 +251,32 @@ def _levelling(values: Array, other: Array, label: str) -> Part:
     return Part("levelling", math.exp(abs(change)), f"with {label}: × {number(math.exp(change))}")
 
 
-def _field(fine: Dataset) -> tuple[Array, Array]:
-    """Return the gap over σ of the first surface at the recorded state, in the region, and its flux along x."""
+def state_of(fine: Dataset, surface: int) -> Dataset:
+    """Return the recorded state of one surface, by its place in `leaks`."""
     state = fine.isel(field_at=0, flux_at=0)
-    first = {dim: 0 for dim in ("D", "m", "seed", "case") if dim in state.dims}
-    state = state.isel(first)
-    gap = state["gap"].transpose("x", "y").values
-    inside = np.isfinite(state["flux_x"].transpose("x", "y").values)
+    cases = [dim for dim in ("D", "m", "seed", "case") if dim in state.dims]
+    places = np.unravel_index(surface, [state.sizes[dim] for dim in cases])
+    return state.isel(dict(zip(cases, map(int, places), strict=True)))
+
+
+def _field(fine: Dataset, surface: int) -> tuple[Array, bool]:
+    """Return the gap over σ of a surface at the recorded state, in the region, and whether that is the whole."""
+    state = state_of(fine, surface)
+    gap, flux = (state[name].transpose("x", "y").values for name in ("gap", "flux_x"))
+    inside, solved = np.isfinite(flux), np.isfinite(gap)
     rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
     window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    return gap[window], state["flux_x"].transpose("x", "y").values[window]
+    return gap[window], bool(inside[solved].all())
 
 
 def _closing(fine: Dataset, axis: str) -> str:
     """Return between which pressures the last way along an axis closes."""
     name = "nominal_pressure" if "nominal_pressure" in fine else "mean_pressure"
     unit = str(fine[name].attrs.get("units", "1"))
-    words = "p*" if unit == "1" else unit
+
+    def words(load: float) -> str:
+        return f"p* = {number(load)}" if unit == "1" else f"{number(load)} {unit}"
+
     first = fine.isel(step=fine["leg"].values == 1) if "leg" in fine else fine
     opens, closes = [], []
     case_dims = [dim for dim in ("D", "m", "seed", "case") if dim in first.dims]
@@ -255,10 +285,15 @@ def _closing(fine: Dataset, axis: str) -> str:
         last = int(np.flatnonzero(way)[-1]) if way.any() else -1
         opens.append(p[last] if last >= 0 else 0.0)
         closes.append(p[last + 1] if last + 1 < p.size else math.inf)
-    low, high = float(np.mean(opens)), float(np.mean(closes))
-    if not math.isfinite(high):
-        return f"open up to {number(max(opens))} {words}"
-    return f"between {number(low)} and {number(high)} {words}"
+    closed = np.isfinite(closes)
+    if not closed.any():
+        return f"open up to {words(max(opens))}"
+    low, high = (words(float(np.mean(np.array(ends)[closed]))) for ends in (opens, closes))
+    between = f"between {low.removesuffix(f' {unit}')} and {high.removeprefix('p* = ')}"
+    if closed.all():
+        return between
+    still = max(np.array(opens)[~closed])
+    return f"{np.count_nonzero(closed)} of {closed.size} surfaces {between}, the others open up to {words(still)}"
 
 
 def _gas_facts(fine: Dataset) -> list[tuple[str, str]]:
@@ -268,11 +303,9 @@ def _gas_facts(fine: Dataset) -> list[tuple[str, str]]:
         name, starred = f"gas_leak_rate_{axis}", f"flux_at_gas_transmissivity_{axis}"
         if name not in fine or starred not in fine:
             continue
-        plates = fine[f"gas_transmissivity_{axis}"] * fine["free_volume"] ** 3
-        factor = float((fine[name] / plates.where(plates > 0.0)).mean())
+        factors = _over(fine, fine[name], fine[f"gas_transmissivity_{axis}"] * fine["free_volume"] ** 3, 3)
         flows = (fine[starred] * fine["flux_at_free_volume"] ** 3).isel(flux_at=0).values.ravel()
-        leak = _mean(flows) * factor if (flows > 0.0).any() else 0.0
-        leaks.append(f"{axis} {number(leak)}")
+        leaks.append(f"{axis} {number(_mean(flows * factors))}")
         words = f"{fine[name].attrs['units']} ({fine[name].attrs['gas']})"
     return [("Gas leak", f"{', '.join(leaks)} {words}")] if leaks else []
 
@@ -280,16 +313,19 @@ def _gas_facts(fine: Dataset) -> list[tuple[str, str]]:
 def _facts(fine: Dataset) -> list[tuple[str, str]]:
     """Return surface and load of the card in pairs of words."""
     state = fine.isel(flux_at=0)
-    count = int(np.isfinite(leaks(fine, "x")).sum())
+    reached = np.isfinite(leaks(fine, "x"))
     unit = fine.attrs.get("length_unit", "")
-    surface = str(fine["case"].values[0]) if "case" in fine.dims else f"{count} generated surfaces"
-    pressure = float(state["flux_at_mean_pressure"].mean())
+    surface = str(fine["case"].values[0]) if "case" in fine.dims else f"{reached.size} generated surfaces"
+    if not reached.all():
+        surface += f", {np.count_nonzero(reached)} of them pressed to this load"
+    pressures = state["flux_at_mean_pressure"].values.ravel()
+    pressure = float(np.nanmean(pressures))
     facts = [("Surface", surface), ("Sq", f"{number(float(fine['Sq'].mean()))} {unit}".strip())]
     facts.append(("Sdq", number(float(fine["Sdq"].mean()))))
     load = f"p* = {number(pressure)}"
     if "nominal_pressure" in fine:
-        ratio = (fine["nominal_pressure"] / fine["mean_pressure"].where(fine["mean_pressure"] > 0.0)).mean()
-        load = f"{number(pressure * float(ratio))} {fine['nominal_pressure'].attrs['units']} ({load})"
+        nominal = float(np.nanmean(pressures * _over(fine, fine["nominal_pressure"], fine["mean_pressure"], 1)))
+        load = f"{number(nominal)} {fine['nominal_pressure'].attrs['units']} ({load})"
     facts.append(("Load", load))
     facts.append(("Contact area A*", number(float(state["flux_at_contact_area_fraction"].mean()))))
     volume = float(state["flux_at_free_volume"].mean())

@@ -221,10 +221,10 @@ def lines_of(over_time: History) -> list[str]:
     for seconds, ratio, equivalent, area, x, y, *_ in rows_of(over_time):
         flows = "  ".join(f"{_leak(value):>16}" for value in (x, y))
         lines.append(f"{_time(seconds):>10}  {ratio:8.4f}  {equivalent:16.4g}  {area:8.4g}  {flows}")
-    worst = [float(np.nanmax(error)) for error in over_time.error.values() if np.isfinite(error).any()]
-    lines.append(
-        f"read off the stored sweep; estimated error of a leak up to {100.0 * max(worst, default=math.nan):.2g} %"
-    )
+    leaking = [over_time.error[axis][over_time.leak[axis] > 0.0] for axis in over_time.leak]
+    worst = np.concatenate(leaking).max(initial=0.0)
+    about = f"; estimated error of a leak up to {100.0 * worst:.2g} %" if worst > 0.0 else ""
+    lines.append(f"read off the stored sweep{about}")
     return lines
 
 

@@ -84,6 +84,9 @@ def wanted(text: str) -> Wanted:
     except ValueError as error:
         message = f"{text}: {error}"
         raise DatasetError(message) from error
+    if kind.startswith(LEAK) and not state.value > 0.0:
+        message = f"{text}: allowed: a leak rate > 0; roughvol show has the load at which each way closes"
+        raise DatasetError(message)
     if kind in ALWAYS and not isinstance(state.value, Quantity):
         message = f"{text}: needs its unit, as {kind}={EXAMPLES[KINDS[kind][0]].replace(' ', '')}"
         raise DatasetError(message)

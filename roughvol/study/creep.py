@@ -13,16 +13,18 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, model_validator
 
 from roughvol.errors import Problem, StudyError
 from roughvol.study.material import ContactModulus, YoungPoisson
+from roughvol.study.reading import in_words
 from roughvol.study.sections import Positive, Strict, refuse
 from roughvol.study.units import In, convert, in_unit, read, unit_of
-from roughvol.study.yaml_text import Reading, UnreadableError
+from roughvol.study.yaml_text import KeyPath, Reading, UnreadableError, key_text
 
 SECOND = "s"
 Time = Annotated[Positive, In("time", needed=True)]
@@ -55,7 +57,7 @@ class Table(Strict):
     """Compliances or moduli at given times."""
 
     times: list[Time] = Field(min_length=2, description="times, rising, as 1 s")
-    ratios: list[Positive] | None = Field(default=None, description="J(t)/J(0), not falling")
+    ratios: list[Positive] | None = Field(default=None, description="J(t)/J(0), >= 1, not falling")
     moduli: list[Modulus] | None = Field(default=None, description="1/J(t), not rising, with units")
 
     @model_validator(mode="after")
@@ -68,6 +70,8 @@ class Table(Strict):
         seconds = [_seconds(time) for time in self.times]
         if any(later <= one for one, later in itertools.pairwise(seconds)):
             refuse("times must rise")
+        if self.ratios is not None and self.ratios[0] < 1.0:
+            refuse("ratios are J(t)/J(0), which is 1 at once; allowed: >= 1")
         values = given if self.ratios is not None else [-(in_unit(value, "Pa") or 0.0) for value in given]
         if any(later < one for one, later in itertools.pairwise(values)):
             refuse("the compliance must not fall: the contact would recede")
@@ -100,7 +104,7 @@ class Creep(Strict):
         Returns
         -------
         float
-            The ratio, ≥ 1 but for a table.
+            The ratio, ≥ 1 but for moduli above that of the study.
 
         Raises
         ------
@@ -153,19 +157,34 @@ def load_creep(path: Path) -> Creep:
     StudyError
         If it cannot be read, or is no creep law.
     """
+    reading = Reading(f"a creep law is a mapping (key: value) with one of {', '.join(Creep.model_fields)}")
     try:
-        data = Reading().read(path.read_text(encoding="utf-8"))
-        return Creep.model_validate(data)
+        data = reading.read(path.read_text(encoding="utf-8"))
+        law = Creep.model_validate(data)
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError([Problem(f"cannot read the creep law: {error}", file=str(path))]) from error
     except UnreadableError as error:
         raise StudyError([Problem(str(error), line=error.line, file=str(path))]) from error
     except ValidationError as error:
-        problems = [
-            Problem(item["msg"], ".".join(map(str, item["loc"])), file=str(path))
-            for item in error.errors(include_url=False)
-        ]
-        raise StudyError(problems) from error
+        found = {item["loc"]: _message(item) for item in error.errors(include_url=False)} | reading.problems
+        raise StudyError(_placed(found, reading, path)) from error
+    if reading.problems:
+        raise StudyError(_placed(reading.problems, reading, path))
+    return law
+
+
+def _message(item: Any) -> str:
+    """Return one error of pydantic in plain words."""
+    if item["type"] != "extra_forbidden":
+        return in_words(item)
+    form: Any = {"prony": Prony, "power": Power, "table": Table}.get(item["loc"][0], Creep)
+    return f"unknown key; allowed: {', '.join((form if item['loc'][1:] else Creep).model_fields)}"
+
+
+def _placed(problems: Mapping[KeyPath, str], reading: Reading, path: Path) -> list[Problem]:
+    """Return messages by key path as problems with their lines."""
+    lines = {key: reading.marks.get(key, reading.marks.get(key[:-1], (None, 0)))[0] for key in problems}
+    return [Problem(text, key_text(key), lines[key], str(path)) for key, text in problems.items()]
 
 
 def read_times(text: str) -> list[float]:

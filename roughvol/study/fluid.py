@@ -9,16 +9,15 @@ flow of substance: cm³ a minute at 0 °C and 101325 Pa.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from roughvol.study.sections import Positive, Strict, refuse
-from roughvol.study.units import In, convert, in_unit, length_unit
-from roughvol.study.yaml_text import KeyPath
+from roughvol.study.units import In, convert, counts_substance, in_unit, length_unit, unit_of
+from roughvol.study.yaml_text import KeyPath, number_text
 from roughvol.surfaces.length_units import METRES
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact since 2019
@@ -47,6 +46,7 @@ SUBSTANCES = {
     "nitrogen": Substance(1.663e-5, 273.0, 107.0, 28.014e-3),
     "oxygen": Substance(1.919e-5, 273.0, 139.0, 31.998e-3),
 }
+EQUAL = 1e-11  # relative difference of two pressures that are equal: their ratio is kept with 12 digits
 LAWS = Literal["kinetic", "slip", "viscous"]
 
 
@@ -59,6 +59,17 @@ class OwnGas(Strict):
     molar_mass: Annotated[Positive, In("molar mass", needed=True)] = Field(
         description="molar mass, > 0, with its unit as 29 g/mol"
     )
+
+
+def _above_zero(temperature: float) -> float:
+    if not (kelvin := convert(float(temperature), unit_of(temperature) or "K", "K")) > 0.0:
+        refuse("must be above 0 K, is {kelvin} K", kelvin=number_text(kelvin))
+    return temperature
+
+
+def _of_ones_own(value: Any) -> str:
+    """Return the tag of `OwnGas` for a mapping, else that of a name."""
+    return "<own>" if isinstance(value, dict | OwnGas) else "<name>"
 
 
 def _known(value: Any) -> Any:
@@ -75,17 +86,19 @@ def _known(value: Any) -> Any:
 class Fluid(Strict):
     """A gas between two pressures; isothermal and ideal."""
 
-    gas: Annotated[str | OwnGas, BeforeValidator(_known)] = Field(
-        description=f"{', '.join(SUBSTANCES)}, or {{viscosity: 18 uPa*s, molar_mass: 29 g/mol}}"
-    )
+    gas: Annotated[
+        Annotated[str, Tag("<name>")] | Annotated[OwnGas, Tag("<own>")],
+        Discriminator(_of_ones_own),
+        BeforeValidator(_known),
+    ] = Field(description=f"{', '.join(SUBSTANCES)}, or {{viscosity: 18 uPa*s, molar_mass: 29 g/mol}}")
     inlet: Annotated[Positive, In("pressure", needed=True)] = Field(
         description="absolute pressure on the side of the inlet, > outlet, with its unit as 2 bar"
     )
     outlet: Annotated[float, Field(ge=0), In("pressure", needed=True)] = Field(
         description="absolute pressure on the side of the outlet, >= 0, with its unit as 1 bar; 0 bar: vacuum"
     )
-    temperature: Annotated[Positive, In("temperature", needed=True)] = Field(
-        default="293.15 K", validate_default=True, description="temperature of the gas, > 0, as 293 K"
+    temperature: Annotated[float, In("temperature", needed=True), AfterValidator(_above_zero)] = Field(
+        default="293.15 K", validate_default=True, description="temperature of the gas, > 0 K, as 293 K or 20 degC"
     )
     law: LAWS = Field(
         default="kinetic",
@@ -95,7 +108,7 @@ class Fluid(Strict):
 
     @model_validator(mode="after")
     def _falls(self) -> Fluid:
-        if self.pressures[0] <= self.pressures[1]:
+        if self.pressures[0] * (1.0 - EQUAL) <= self.pressures[1]:
             refuse(
                 "inlet must be above outlet, given {inlet} and {outlet}", inlet=str(self.inlet), outlet=str(self.outlet)
             )
@@ -174,16 +187,8 @@ class Gas:
         return {"law": self.law, "mean_free_path": self.mean_free_path, "outlet": self.outlet}
 
 
-_STANDARD = re.compile(r"\bscc(m|s)\b")
-
-
-def of_substance(unit: str) -> bool:
-    """Return whether a unit of throughput counts substance (sccm, sccs) and not pressure times volume."""
-    return _STANDARD.search(unit) is not None
-
-
 def throughput(value: float, given: str, wanted: str, kelvin: float) -> float:
-    """Return a throughput in another unit; sccm and sccs hold at 0 °C, the others at the temperature of the gas.
+    """Return a throughput in another unit; sccm, sccs and slpm hold at 0 °C, the others at the temperature of the gas.
 
     Parameters
     ----------
@@ -200,7 +205,7 @@ def throughput(value: float, given: str, wanted: str, kelvin: float) -> float:
         Throughput in the unit ``wanted``.
     """
     warm = kelvin / ZERO_CELSIUS
-    return convert(value, given, wanted) * warm ** (of_substance(given) - of_substance(wanted))
+    return convert(value, given, wanted) * warm ** (counts_substance(given) - counts_substance(wanted))
 
 
 def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:

@@ -193,6 +193,7 @@ def _mark(marks: dict[KeyPath, tuple[int, int]], key: KeyPath) -> tuple[int, int
 _PLAIN = {
     "missing": "missing",
     "float_type": "must be a number",
+    "list_type": "must be a list",
     "int_type": "must be a whole number",
     "string_type": "must be text (in quotes if it looks like a number)",
     "bool_type": "must be true or false",
@@ -208,6 +209,25 @@ _PLAIN = {
 }
 
 
+def in_words(item: Mapping[str, Any]) -> str:
+    """Return one error of pydantic in plain words, with the value given.
+
+    Parameters
+    ----------
+    item : mapping
+        Of `ValidationError.errors`.
+
+    Returns
+    -------
+    str
+        Message.
+    """
+    kind = item["type"]
+    context = {k: number_text(v) if isinstance(v, int | float) else v for k, v in item.get("ctx", {}).items()}
+    message = _PLAIN[kind].format(**context) if kind in _PLAIN else str(item["msg"])  # may hold braces
+    return message if kind == "missing" else f"{message}, given {show(item['input'])}"
+
+
 def _translate(error: ValidationError, data: Any) -> Iterator[tuple[KeyPath, str]]:
     """Yield the key path and a message in plain words for each error of pydantic."""
     messages: list[tuple[KeyPath, str]] = []
@@ -218,17 +238,14 @@ def _translate(error: ValidationError, data: Any) -> Iterator[tuple[KeyPath, str
         for part in item["loc"]:  # without branches of unions and indices of single values
             if part in here if isinstance(here, dict) else isinstance(here, list) and isinstance(part, int):
                 path, here = (*path, part), here[part]
-        context = {k: number_text(v) if isinstance(v, int | float) else v for k, v in item.get("ctx", {}).items()}
-        message = _PLAIN[kind].format(**context) if kind in _PLAIN else item["msg"]  # may hold braces
+        message = in_words(item)
         if kind == "missing":
             path = (*path, item["loc"][-1])
         elif kind == "extra_forbidden":
             message, meant = _unknown(path, data)
             misspelt |= {(*path[:-1], meant)} if meant else set()
-        else:
-            message += f", given {show(given)}"
         if kind == "literal_error" and isinstance(given, str):
-            meant = nearest(given, re.findall(r"'([^']*)'", context["expected"]))
+            meant = nearest(given, re.findall(r"'([^']*)'", item["ctx"]["expected"]))
             message += f"; did you mean '{meant}'?" if meant else ""
         messages.append((path, message + _about(path)))
     # a misspelt key is not missing as well; conflicts have no path, and are found by the caller

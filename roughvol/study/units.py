@@ -41,10 +41,11 @@ EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "
     "time": "10 s",
     "conductivity": "50 W/m/K",
 }
-_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", re.ASCII | re.DOTALL)
+_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?![eE][-+]?\d)(\D.*)", re.ASCII | re.DOTALL)
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
-_UNIT = re.compile(rf"[^\W\d_]{{1,30}}{_POWER}(?:(?: ?[*·/] ?| )[^\W\d_]{{1,30}}{_POWER}){{0,5}}")
+_UNIT = re.compile(rf"°?[^\W\d_]{{1,30}}{_POWER}(?:(?: ?[*·/] ?| )[^\W\d_]{{1,30}}{_POWER}){{0,5}}")
+_STANDARD = re.compile(r"(?:sccm|sccs|standard_liter_per_minute)\b")  # pint's full names, behind a prefix
 _NOT_KNOWN = (AttributeError, ValueError, TypeError, AssertionError)  # bases of pint's errors beside PintError
 
 
@@ -98,6 +99,11 @@ def in_unit(value: float | None, wanted: str | None) -> float | None:
     return value if value is None or given is None or wanted is None else convert(float(value), given, wanted)
 
 
+def counts_substance(unit: str) -> bool:
+    """Return whether a unit of throughput is one of standard volume over time, as sccm, ksccm or slpm."""
+    return _STANDARD.search(str(_registry().parse_units(_spelled(unit)))) is not None
+
+
 def length_unit(text: Any) -> str | None:
     """Return the unit of length in the text of a value, None without one."""
     match = _NUMBER.fullmatch(text.strip()) if isinstance(text, str) else None
@@ -134,8 +140,8 @@ def read(text: str, kind: str) -> float:
             return plain
     match = _NUMBER.fullmatch(text.strip())
     try:
-        if match is not None and kind:
-            return Quantity(float(match[1]), _checked(match[2], kind))
+        if match is not None and kind and math.isfinite(value := float(match[1])):
+            return Quantity(value, _checked(match[2], kind))
         message = f"no number: {text!r}"
         raise ValueError(message)
     except PydanticCustomError as error:
@@ -241,7 +247,7 @@ def _dimension(unit: str) -> Any:
 
 
 def _spelled(unit: str) -> str:
-    return unit.replace("·", "*")
+    return unit.replace("·", "*").replace("°", "deg")
 
 
 @functools.cache

@@ -32,7 +32,8 @@ class UnreadableError(Exception):
 class Reading:
     """Line and column of every key path of a text, and its problems."""
 
-    def __init__(self) -> None:
+    def __init__(self, form: str = "a study is a mapping (key: value) with at least the key 'surface'") -> None:
+        self.form = form
         self.marks: dict[KeyPath, tuple[int, int]] = {}
         self.problems: dict[KeyPath, str] = {}
 
@@ -52,7 +53,7 @@ class Reading:
             raise UnreadableError(message) from error
         data = None if node is None else self._build(node, ())
         if not isinstance(data, dict):
-            message = f"a study is a mapping (key: value) with at least the key 'surface', given {show(data)}"
+            message = f"{self.form}, given {show(data)}"
             raise UnreadableError(message, None if node is None else node.start_mark.line + 1)
         return data
 

@@ -155,6 +155,28 @@ def test_heights_of_a_file_with_another_record_are_the_same_study(request: pytes
     assert "volume_density" in ds
 
 
+def test_the_flow_of_a_gas_is_taken_from_stored_fields(request: pytest.FixtureRequest) -> None:
+    text = TEXT.replace("seeds: 2", "seeds: 2, L: 100 um, Sq: 0.4 um")
+    text += "fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}\n"
+    text = text.replace("transmissivity: every-step", "gas_flow: last")
+    study = loads(text.replace("gas_flow: last", "gas_flow: {step: 2}, flux_at: {step: 4}"), "x.yaml")
+    anew = roughvol.run(study, out="anew", jobs=1)
+    roughvol.run(loads(text, "x.yaml"), jobs=1)
+    request.getfixturevalue("idle")
+    xr.testing.assert_identical(_values(roughvol.run(study, jobs=1)), _values(anew))
+
+
+FLUID = "fluid_pressure: {inlet: 0.2, at: {pressure: 0.5}}"
+
+
+@pytest.mark.parametrize("record", [FLUID.replace("0.2", "0.3"), FLUID.replace("at", "coupling: one-way, at"), FLUID])
+@pytest.mark.parametrize("before", [FLUID, "fields_at: {pressure: 0.5}"])
+def test_a_contact_under_another_fluid_pressure_is_computed(before: str, record: str) -> None:
+    anew = roughvol.run(loads(_changed(record), "x.yaml"), out="anew", jobs=1)
+    roughvol.run(loads(_changed(before), "x.yaml"), jobs=1)
+    xr.testing.assert_identical(_values(roughvol.run(loads(_changed(record), "x.yaml"), jobs=1)), _values(anew))
+
+
 def test_a_region_of_its_own_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     first = roughvol.run(loads(TEXT, "x.yaml"), jobs=1)
     inner = roughvol.run(loads(_changed("region: interior"), "x.yaml"), jobs=1)

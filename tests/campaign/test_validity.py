@@ -303,6 +303,7 @@ def test_the_rim_is_told_of_in_studies_of_a_joint_alone() -> None:
         surface.replace("m: 4", "m: 4, periodic: true") + "material: {E_star: 3 MPa}": False,
         "surface: {H: 0.8, n: 16, periodic: true}\nrecord: {transport: {percolation: last}}": False,
         surface + "record: {transport: {percolation: last}, region: interior}": False,
+        "surface: {D: 2.3, m: 4, periodic: true}\nrecord: {transport: {percolation: last}}": False,
         surface + "record: {transport: {percolation: last}, region_widths: {}}": False,
     }.items():
         given = validity.setting(loads(text))

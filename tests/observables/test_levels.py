@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from roughvol.campaign.one_case import run_case, surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve
+from roughvol.errors import ContactError
 from roughvol.observables import reduction
 from roughvol.observables.regions import within
 from roughvol.store.dataset import Dataset
@@ -146,3 +147,14 @@ def test_quantities_along_the_steps_stay_at_the_first_step_beyond() -> None:
     assert float(result.mean_pressure[step - 1]) > 0.5
     # the flow through the state at the level is one through more gap
     assert float(result.flux_at_transmissivity_x[0]) > float(result.transmissivity_x[step - 1])
+
+
+@pytest.mark.parametrize("periodic", ["", ", periodic: true"])
+@pytest.mark.parametrize("region", ["", "region: interior, "])
+@pytest.mark.parametrize("kind", ["free_volume", "separation"])
+def test_levels_before_the_first_touch_are_refused(kind: str, region: str, periodic: str) -> None:
+    text = STUDY.format(
+        m=4, steps=3, to="{indentation: 1}", solver="{}", record=f"{region}fields_at: {{{kind}: 600}}"
+    ).replace("seeds: [3]", f"seeds: [3]{periodic}")
+    with pytest.raises(ContactError, match=rf"{kind}=600 lies before the first touch; allowed: below \d\.\d"):
+        run_case(loads(text).cases()[0])

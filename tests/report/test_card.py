@@ -82,6 +82,65 @@ def test_the_window_is_the_interval_over_surfaces(runs: dict[str, Dataset]) -> N
     assert_allclose(math.log(part.factor), 4.302653 * values.std(ddof=1) / math.sqrt(3), rtol=1e-6)
 
 
+VARIED = (
+    TEXT.replace("m: 7", "m: 5")
+    .replace(", Sq: 0.4 um", "")
+    .replace("sweep: {steps: 4, to: {pressure: 1.2}}", "sweep: {steps: 8, to: percolation}")
+)
+
+
+@pytest.fixture(scope="module")
+def varied(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """Surfaces of different Sq that close at different loads."""
+    study = card_runs.variants(loads(VARIED), Level("pressure", 0.6))[card_runs.FINE]
+    return running.run(study, jobs=1, out=tmp_path_factory.mktemp("varied"))
+
+
+def test_surfaces_of_different_sq_have_the_geometric_mean_of_their_leaks(varied: Dataset) -> None:
+    assert np.ptp(varied.Sq.values) > 0.1 * varied.Sq.values.mean()
+    way = card.card_of({card_runs.FINE: varied}, "seal").ways[1]
+    gaps = (varied.flux_at_free_volume.values * varied.Sq.values[..., None] * 1e-6).ravel()  # m
+    rates = varied.flux_at_transmissivity_y.values.ravel() * gaps**3 * 1e3 / (12 * 1e-3) * 1e9  # mm³/s
+    assert_allclose(way.leak, np.exp(np.log(rates).mean()), rtol=1e-9)
+    part = next(part for part in way.parts if part.name == "window")
+    spread = math.log(part.factor) * math.sqrt(3) / np.log(rates).std(ddof=1)
+    assert_allclose(spread, 4.3027, rtol=1e-4)  # t of two degrees of freedom
+
+
+def test_a_load_beyond_some_surfaces_is_that_of_the_others(tmp_path: Path) -> None:
+    ends = running.run(loads(VARIED), jobs=1, out=tmp_path / "sweep").mean_pressure.max("step").values.ravel()
+    text, beyond = VARIED, float(np.sort(ends)[-2:].mean())
+    seed = int(np.argsort(ends)[0])
+    assert ends[seed] < beyond
+    made = _finest(
+        text.replace("seeds: 3", f"seeds: [{seed}, {int(np.argmax(ends))}]"), Level("pressure", beyond), tmp_path
+    )
+    assert ("Surface", "2 generated surfaces, 1 of them pressed to this load") in made.facts
+
+
+def test_surfaces_that_close_and_that_do_not_are_counted(tmp_path: Path) -> None:
+    ends = running.run(loads(VARIED), jobs=1, out=tmp_path / "sweep").mean_pressure.max("step").values.ravel()
+    few, many = int(np.argmin(ends)), int(np.argmax(ends))
+    load = float(ends[many] + ends[few]) / 2
+    text = VARIED.replace("seeds: 3", f"seeds: [{few}, {many}]").replace("to: percolation", f"to: {{pressure: {load}}}")
+    closing = [way.closing for way in _finest(text, Level("last"), tmp_path / "card").ways]
+    assert any(line.startswith("1 of 2 surfaces between ") and "the others open up to " in line for line in closing)
+    text = text.replace(DIMENSIONAL, "heights: true")
+    assert "p* = " in _finest(text, Level("last"), tmp_path / "starred").ways[0].closing
+
+
+def test_a_load_that_no_surface_reaches_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"at pressure=99 is not reached: .* have pressure 0\.\d+ to \d"):
+        card_runs.compute(loads(VARIED), Level("pressure", 99.0), tmp_path, jobs=1)
+
+
+def test_a_periodic_surface_is_certified_with_its_ways_across_the_edge(tmp_path: Path) -> None:
+    text = VARIED.replace("seeds: 3", "seeds: [2], periodic: true").replace("to: percolation", "to: {pressure: 3.0}")
+    way = _finest(text, Level("last"), tmp_path).ways[0]  # its only way along x passes the edge
+    part = next(part for part in way.parts if part.name == "solver")
+    assert 1.0 < part.factor < 1.01
+
+
 def test_parts_add_in_squares_of_their_logarithms() -> None:
     parts = tuple(card.Part(name, factor, "") for name, factor in (("a", 2.0), ("b", 3.0), ("c", math.nan)))
     way = card.Way("x", 1.0, "", "", parts)
@@ -131,10 +190,10 @@ def test_what_is_no_card_is_refused(old: str, new: str, words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["pressure", "pressure=", "load=3", "pressure=nan", "", "pressure=1 um", "contact_area=1 um"]
+    "text", ["pressure", "pressure=", "load=3", "pressure=nan", "", "pressure=1 um", "contact_area=1 um", "leak_rate=1"]
 )
 def test_a_load_that_is_none_is_refused(text: str, study: Study) -> None:
-    with pytest.raises(StudyError, match="allowed: last, or one of"):
+    with pytest.raises(StudyError, match=r"allowed: last, or one of|roughvol ask"):
         card_runs.level_of(text, study)
 
 

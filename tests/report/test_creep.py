@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,11 +72,16 @@ def test_the_forms_of_a_law(tmp_path: Path) -> None:
         ("table: {times: [2 s, 1 s], ratios: [1, 2]}", "times must rise"),
         ("table: {times: [1 s, 2 s]}", "needs ratios or moduli"),
         ("prony: {shares: [0.1], times: [1 s, 2 s]}", "as many times"),
-        ("prony: {shares: [-0.1], times: [1 s]}", "greater than or equal to 0"),
+        ("prony: {shares: [-0.1], times: [1 s]}", "creep.yaml:1: prony.shares.0.: must be >= 0, given -0.1"),
         ("prony: {shares: [0.1], times: [1 m]}", "unit of length"),
         ("{}", "needs one of"),
-        ("spring: 1", "spring"),
-        ("[1]", "mapping"),
+        ("spring: 1", "creep.yaml:1: spring: unknown key; allowed: prony, power, table"),
+        ("power: {n: 1, exponent: 1, time: 1 s}", "power.n: unknown key; allowed: exponent, time"),
+        ("power: {exponent: 0.1,\n  time: 1}", "creep.yaml:2: power.time: must be a number with a unit of time"),
+        ("prony: {shares: [.inf], times: [1 s]}", "must be a finite number, given .inf"),
+        ("power: {exponent: 0.1, time: 1 s}\npower: {exponent: 0.2, time: 1 s}", "creep.yaml:2: power: "),
+        ("table: {times: [1 s, 2 s], ratios: [0.5, 1]}", "allowed: >= 1"),
+        ("[1]", "a creep law is a mapping"),
     ],
 )
 def test_what_is_no_law_is_refused(text: str, words: str, tmp_path: Path) -> None:
@@ -86,7 +92,7 @@ def test_what_is_no_law_is_refused(text: str, words: str, tmp_path: Path) -> Non
 def test_times_are_a_range_or_a_list() -> None:
     assert_allclose(read_times("1 s..100 s"), np.logspace(0, 2, 9))
     assert_allclose(read_times("1 s, 1 min,1 day"), [1, 60, 86400])
-    for wrong in ("", "1 MPa", "2 s, 1 s", "0 s..1 s"):
+    for wrong in ("", "1 MPa", "2 s, 1 s", "0 s..1 s", "1e400 s", "1 s..1e400 s"):
         with pytest.raises(StudyError, match="times are"):
             read_times(wrong)
 
@@ -145,3 +151,9 @@ def test_the_command_writes_a_table_and_a_figure(run: Dataset, folder: Path, tmp
     late = CliRunner().invoke(main, ["creep", *arguments[:-4], "--pressure", "1 MPa", "--times", "1 s"])
     assert late.exit_code == 2
     assert "the sweep ends at" in late.output
+
+
+def test_a_seal_that_is_closed_has_no_error_of_its_leak(run: Dataset, tmp_path: Path) -> None:
+    over_time = creep.history(run, _law(PRONY, tmp_path), 0.016, [1.0])
+    closed = {axis: np.full(1, math.nan) for axis in "xy"}
+    assert creep.lines_of(replace(over_time, leak=closed, error=closed))[-1] == "read off the stored sweep"

@@ -77,6 +77,26 @@ def test_a_gas_of_ones_own_is_that_of_the_table() -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "kelvin"), [("0 degC", 273.15), ("-20 degC", 253.15), ("-20 °C", 253.15), ("68 degF", 293.15)]
+)
+def test_a_temperature_may_be_below_the_zero_of_its_scale(text: str, kelvin: float) -> None:
+    one = fluid(f"{{gas: air, inlet: 2 bar, outlet: 1 bar, temperature: {text}}}")
+    assert_allclose(one.kelvin, kelvin, rtol=1e-12)
+
+
+@pytest.mark.parametrize("text", ["-300 degC", "0 K", "-1 K"])
+def test_a_temperature_below_absolute_zero_is_refused(text: str) -> None:
+    with pytest.raises(StudyError, match=r"fluid\.temperature: must be above 0 K, is .* K, given"):
+        fluid(f"{{gas: air, inlet: 2 bar, outlet: 1 bar, temperature: {text}}}")
+
+
+def test_a_wrong_gas_of_ones_own_has_one_message() -> None:
+    with pytest.raises(StudyError) as caught:
+        fluid("{gas: {viscosity: 0 uPa*s, molar_mass: 29 g/mol}, inlet: 2 bar, outlet: 1 bar}")
+    assert [problem.key for problem in caught.value.problems] == ["fluid.gas.viscosity"]
+
+
+@pytest.mark.parametrize(
     ("given", "wanted", "factor"),
     [
         ("Pa*m^3/s", "mbar*l/s", 10.0),
@@ -84,6 +104,9 @@ def test_a_gas_of_ones_own_is_that_of_the_table() -> None:
         ("sccm", "Pa*m^3/s", 101325e-6 / 60 * 293.15 / 273.15),  # warmer gas has more volume
         ("mbar*l/s", "sccm", 0.1 * 60e6 / 101325 * 273.15 / 293.15),
         ("sccs", "sccm", 60.0),
+        ("slpm", "sccm", 1e3),
+        ("msccm", "sccm", 1e-3),
+        ("ksccm", "Pa*m^3/s", 1e3 * 101325e-6 / 60 * 293.15 / 273.15),
     ],
 )
 def test_units_of_throughput(given: str, wanted: str, factor: float) -> None:
@@ -148,6 +171,7 @@ def test_only_a_recorded_gas_enters_the_identity_of_a_case() -> None:
     [
         ("gas: helium", "gas: neon", "'neon' is no known gas; allowed: air, argon"),
         ("outlet: 1 bar", "outlet: 3 bar", "inlet must be above outlet"),
+        ("outlet: 1 bar", "outlet: 1.9999999999999 bar", "inlet must be above outlet"),
         ("inlet: 2 bar", "inlet: 2 m", "unit of length, not of pressure"),
         ("inlet: 2 bar", "inlet: 2", "must be a number with a unit of pressure"),
         ("outlet: 1 bar", "outlet: 1 bar, law: knudsen", "kinetic"),

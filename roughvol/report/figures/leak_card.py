@@ -12,7 +12,7 @@ from matplotlib.colors import ListedColormap, LogNorm
 from xarray import Dataset
 
 from roughvol.observables.at_state import at_state
-from roughvol.report.card import AXES, Card, unit_leak
+from roughvol.report.card import AXES, Card, leaks, state_of, unit_leaks
 from roughvol.report.figures.origin import first_leg
 from roughvol.report.figures.style import (
     CONTACT,
@@ -156,10 +156,10 @@ def _against_load(ax: Axes, card: Card, fine: Dataset) -> None:
     starred = first[P].mean(cases).values
     at = float(at_state(starred, pressure, np.clip(state, starred[0], starred[-1]), straight=True)[0])
     for order, (axis, way, look) in enumerate(zip(AXES, card.ways, looks(2), strict=True)):
-        factor, _ = unit_leak(fine, axis)
+        factors, _ = unit_leaks(fine, axis)
         starred = (first[f"transmissivity_{axis}"] * first["free_volume"] ** 3).values.reshape(-1, pressure.size)
         with np.errstate(divide="ignore"):
-            mean = factor * np.exp(np.log(starred).mean(axis=0))
+            mean = np.exp(np.log(starred * factors[:, None]).mean(axis=0))
         drawn = np.where(mean > 0.0, mean, np.nan)
         ax.plot(pressure, drawn, ls=DASHES[order], color=look["color"], label=f"along ${axis}$")
         if way.leak > 0.0:
@@ -174,9 +174,8 @@ def _against_load(ax: Axes, card: Card, fine: Dataset) -> None:
 
 
 def _flux_map(ax: Axes, fine: Dataset) -> None:
-    """Draw the flux along x over its mean on one surface."""
-    state = fine.isel(field_at=0, flux_at=0)
-    state = state.isel({dim: 0 for dim in ("D", "m", "seed", "case") if dim in state.dims})
+    """Draw the flux along x over its mean on the first surface that reaches the load."""
+    state = state_of(fine, int(np.flatnonzero(np.isfinite(leaks(fine, "x")))[0]))
     flux, gap = (state[name].transpose("x", "y").values for name in ("flux_x", "gap"))
     mean = np.nanmean(flux)
     image = np.where(flux > 0.0, flux / mean, np.nan) if mean > 0.0 else np.full(flux.shape, np.nan)
