@@ -223,6 +223,8 @@ def _translate(error: ValidationError, data: Any) -> Iterator[tuple[KeyPath, str
         if kind == "missing":
             path = (*path, item["loc"][-1])
         elif kind == "extra_forbidden":
+            while isinstance(path[-1], int):  # an item of a list of combinations: the key is unknown
+                path = path[:-1]
             message, meant = _unknown(path, data)
             misspelt |= {(*path[:-1], meant)} if meant else set()
         else:

@@ -122,22 +122,32 @@ def test_cases_without_lists_keep_their_id() -> None:
     ("material", "key", "part"),
     [
         ("{E: [5 MPa, -1 MPa], nu: 0.5}", "material.E[1]", "must be > 0"),
-        ("{E: [], nu: 0.5}", "", "empty list"),
-        ("{E: [5 MPa, 5000 kPa], nu: 0.5}", "", "twice"),
+        ("{E: [], nu: 0.5}", "material.E", "must have at least one item, given an empty list"),
+        ("{E: [5 MPa, 5000 kPa], nu: 0.5}", "material.E[1]", "is item 1 of the list again, given '5000 kPa'"),
+        ("{E: 5 MPa, nu: 0.5, hardness: [none, null]}", "material.hardness[1]", "again, given nothing"),
+        ("{E: [5 MPa, 6], nu: 0.5}", "material.E[1]", "either all items have a unit, or none, given 6"),
+        (f"{{E: {list(range(1, 1002))}, nu: 0.5}}", "material.E", "make 1001 combinations"),
         ("{E: 5 MPa, nu: [0.3, 0.9]}", "material.nu[1]", "must be <= 0.5"),
-        ("{E: 5 MPa, nu: 0.3, hardness: [1, 1 GPa]}", "", "either all items have a unit"),
-        ("[{E: 5 MPa, nu: 0.3}, {E: 5 MPa}]", "material[1]", "missing"),
+        ("{E: 5 MPa, nu: 0.3, hardness: [1, 1 GPa]}", "material.hardness[0]", "either all items have a unit"),
+        ("[{E: 5 MPa, nu: 0.3}, {E: 5 MPa}]", "material[1].nu", "missing"),
     ],
 )
 def test_items_without_meaning_are_refused(material: str, key: str, part: str) -> None:
     with pytest.raises(StudyError) as refused:
         loads(f"{MADE}material: {material}\nsweep: {{steps: 1}}\n")
-    assert any(problem.key.startswith(key) and part in problem.message for problem in refused.value.problems), (
-        refused.value
-    )
+    found = [problem for problem in refused.value.problems if problem.key == key and part in problem.message]
+    assert found, refused.value
+    assert found[0].line == 2
+
+
+@pytest.mark.parametrize("key", ["level: [none, tilt]", "low_pass: [none, 5 um]"])
+def test_generated_surfaces_take_no_list_of_treatments(key: str) -> None:
+    with pytest.raises(StudyError, match=rf"surface\.{key.partition(':')[0]}: excluded by 'D'") as refused:
+        loads(MADE.replace("m: 4", f"m: 4, {key}"))
+    assert len(refused.value.problems) == 1
 
 
 def test_an_ensemble_takes_no_list() -> None:
     text = "surface: {D: 2.3, m: auto}\nmaterial: {E: [5 MPa, 6 MPa], nu: 0.5}\n"
-    with pytest.raises(StudyError, match=r"an ensemble takes no list in material\.E"):
+    with pytest.raises(StudyError, match=r":2: material\.E: an ensemble takes one value"):
         loads(text + "ensemble: {accuracy: {free_volume: 5 %}}\nsweep: {to: {pressure: 1}}")
