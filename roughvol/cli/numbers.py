@@ -75,8 +75,8 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) 
 def compare(run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json: bool) -> None:
     """Print the numbers of RUN RUN... side by side at equal loads; of one run with lists, its combinations.
 
-    Without --at, the loads are nominal pressures that all runs reach, or p* where one has no units. The rule between
-    steps is that of `roughvol show`.
+    Without --at, the loads are nominal pressures that all runs reach, or p* where one has no units. Units are those of
+    the first run. The rule between steps is that of `roughvol show`.
     """
     from roughvol.report import screen
 

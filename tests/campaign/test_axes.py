@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from click.testing import CliRunner
 import roughvol
 from roughvol.cli import main
 from roughvol.errors import StudyError
+from roughvol.report.figures import content
 from roughvol.store import dataset
 from roughvol.store.variants import parts_of
 from roughvol.study import load, loads
@@ -68,6 +70,37 @@ def test_numbers_on_the_screen_name_the_combination() -> None:
         done = CliRunner().invoke(main, command)
         assert done.exit_code == 0, done.output
     assert Path("runs/many/figures/E_5_MPa").is_dir()
+
+
+def test_combinations_in_several_units_come_in_that_of_the_first() -> None:
+    text = MADE + "material: {E_star: [10 MPa, 200 bar]}\nsweep: {pressures: [0.1 MPa, 0.4 MPa]}"
+    roughvol.run(loads(text, "mixed.yaml"), jobs=1)
+    shown = CliRunner().invoke(main, ["show", "mixed", "--json"])
+    table = json.loads(shown.stdout)
+    assert table["units"]["nominal_pressure"] == "MPa"
+    pressures = [row["nominal_pressure"] for row in table["rows"]]
+    np.testing.assert_allclose(pressures, np.tile([0.1, 0.4], 4), rtol=1e-5)
+    compared = CliRunner().invoke(main, ["compare", "mixed", "--at", "pressure=0.4 MPa"])
+    assert compared.exit_code == 0, compared.output
+    assert "p [MPa]" in compared.stdout
+    assert CliRunner().invoke(main, ["compare", "mixed"]).exit_code == 0
+    drawn = CliRunner().invoke(main, ["plot", "mixed", "v_of_p", "--format", "csv"])
+    assert drawn.exit_code == 0, drawn.output
+    with Path("runs/mixed/figures/v_of_p.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert {row["x_label"] for row in rows} == {"nominal pressure $p$ [MPa]"}
+    assert max(float(row["x"]) for row in rows) < 0.41
+
+
+def test_many_combinations_leave_room_for_their_figure() -> None:
+    text = MADE + "material: {E: [5 MPa, 10 MPa], nu: [0.3, 0.5], hardness: [none, 90 MPa]}\n"
+    text += "sweep: {steps: 2, to: [mean-plane, summit-plane]}\nrecord: {region: [none, interior]}"
+    roughvol.run(loads(text, "many.yaml"), jobs=1)
+    figure = content.draw("v_of_p", content.parts("many", dataset.read(Path("runs/many/study.nc")), alone=True))
+    figure.draw_without_rendering()  # a warning of matplotlib is an error of the test
+    box = figure.axes[0].get_window_extent()
+    assert box.height > 1.4 * figure.dpi
+    assert box.width > 0.5 * figure.bbox.width
 
 
 def test_equal_starred_loads_share_their_cases() -> None:
