@@ -172,7 +172,8 @@ def _change(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change:
         inside = isinstance(here, list) and isinstance(key, int) and key < len(here)
         if not inside and not (isinstance(here, dict) and isinstance(key, str)):
             where = key_text(tuple(keys[:place])) or "a study"
-            kind = f"has {len(here)} items" if isinstance(here, list) else "is no mapping"
+            wanted = "list" if isinstance(key, int) else "mapping"
+            kind = f"has {len(here)} items" if isinstance(here, list) and isinstance(key, int) else f"is no {wanted}"
             raise StudyError([Problem(f"{where} {kind} in the study", name.strip(), file="--set")])
         if place == len(keys) - 1:
             here[key] = value

@@ -92,6 +92,19 @@ def test_combinations_in_several_units_come_in_that_of_the_first() -> None:
     assert max(float(row["x"]) for row in rows) < 0.41
 
 
+def test_progress_tells_combinations_apart_and_an_unfinished_run_is_named() -> None:
+    text = MADE.replace("seeds: 2", "seeds: [5]") + "material: {E: [10 MPa, 20 MPa], nu: 0.3}\n"
+    Path("two.yaml").write_text(text + "sweep: {steps: 2, to: {mean_gap: 2.4 um}}", encoding="utf-8")
+    done = CliRunner().invoke(main, ["run", "two.yaml", "--jobs", "1"])
+    ids = [case.id for case in load("two.yaml").cases()]
+    assert all(f"{id}: done · " in done.stderr for id in ids)
+    Path("runs/two/study.nc").unlink()
+    for name in ("two", "two.yaml", "runs/two"):
+        refused = CliRunner().invoke(main, ["show", name])
+        assert refused.exit_code == 2
+        assert "has no study.nc: its run has not ended; see: roughvol status runs/two" in refused.stderr
+
+
 def test_many_combinations_leave_room_for_their_figure() -> None:
     text = MADE + "material: {E: [5 MPa, 10 MPa], nu: [0.3, 0.5], hardness: [none, 90 MPa]}\n"
     text += "sweep: {steps: 2, to: [mean-plane, summit-plane]}\nrecord: {region: [none, interior]}"

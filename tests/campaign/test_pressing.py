@@ -91,6 +91,7 @@ def test_changes_are_those_of_the_file() -> None:
         ("surface.m=99", "surface.m: must be <= 13"),
         ("surface.m", "must be KEY=VALUE"),
         ("surface.D.x=3", "surface.D is no mapping"),
+        ("surface.D[0]=3", "surface.D is no list"),
         ("surface.m=[1", "not YAML"),
     ],
 )
