@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -119,6 +120,9 @@ class Batch:
         self._forecast = Forecast(works, rates=rates, later=later)
         self._expected = sum(work.total for work in works.values())
         self._cases = sorted(cases, key=lambda case: -works[case.id].total)  # the longest first
+        labels = collections.Counter(case.label for case in cases)
+        # combinations of lists press one surface several times
+        self._names = {case.id: case.label if labels[case.label] == 1 else case.id for case in cases}
         self._steps = {case.id: case.sweep.steps for case in cases}
         self._all_steps, self._more = sum(self._steps.values()), bool(later)
         self._reached: dict[str, int] = {}  # steps of the cases at work
@@ -209,11 +213,11 @@ class Batch:
         if error is None:
             self._done += 1
             self._steps_done += self._steps[case.id]
-            self._tell(f"{case.label}: done")
+            self._tell(f"{self._names[case.id]}: done")
         else:
             self._failures[case.id] = error
             run_folder.record_failure(self._folder, case.id, _text(error), type(error).__name__)
-            self._tell(f"{case.label}: FAILED, {_text(error)}")
+            self._tell(f"{self._names[case.id]}: FAILED, {_text(error)}")
         self._note()
 
     def _stored(self, case: Case, result: bytes) -> CampaignError | None:

@@ -118,6 +118,10 @@ def results_file(run: str | None) -> Path:
     for file in files:
         if file.is_file():
             return file
+    for folder in (file.parent for file in files if file.name == "study.nc"):
+        if (folder / "study.yaml").is_file():
+            message = f"{folder} has no study.nc: its run has not ended; see: roughvol status {folder}"
+            raise DatasetError(message)
     message = f"no results of {run!r}: looked for {', '.join(map(str, files))}"
     raise DatasetError(message)
 

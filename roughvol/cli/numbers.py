@@ -46,7 +46,7 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) 
 
     Between two steps, numbers lie on straight lines over the quantity asked for; flows and openings on those of their
     logarithms. A state beyond the steps is an error. Several surfaces are shown by their mean; --csv and --json have
-    each of them. `roughvol explain NAME` describes a column.
+    each of them. An ensemble has its means last. `roughvol explain NAME` describes a column.
     """
     from roughvol.report import screen
 
@@ -59,6 +59,8 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) 
     for part in opened.parts:
         for table in screen.shown(part, wanted):
             say_table(table.under(part.name.removeprefix(opened.name).removeprefix(", ")))
+    if answer := opened.dataset.attrs.get("answer"):
+        click.echo(answer)
 
 
 @main.command(
@@ -75,8 +77,8 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) 
 def compare(run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json: bool) -> None:
     """Print the numbers of RUN RUN... side by side at equal loads; of one run with lists, its combinations.
 
-    Without --at, the loads are nominal pressures that all runs reach, or p* where one has no units. The rule between
-    steps is that of `roughvol show`.
+    Without --at, the loads are nominal pressures that all runs reach, or p* where one has no units. Units are those of
+    the first run. The rule between steps is that of `roughvol show`.
     """
     from roughvol.report import screen
 

@@ -18,6 +18,7 @@ Room of the report. It reads datasets and computes no contact.
 `states`        the state of stored surfaces at a load, on a step or between two
 `screen`        tables of numbers for a screen
 `legs`          legs of a path in a dataset
+`common_units`  several runs in the units of the first
 `literature`    a number of the literature as the row of a table
 `answers`       statements judged by ten seeds and by an ensemble
 `tables`        tables of a report

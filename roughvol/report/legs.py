@@ -4,7 +4,29 @@ from __future__ import annotations
 
 from xarray import Dataset
 
+from roughvol.store.variables import STATES
+
 
 def first_leg(ds: Dataset) -> Dataset:
-    """Return the steps of the first leg, where a dataset has a path of several."""
-    return ds.isel(step=ds["leg"].values == 1) if "leg" in ds else ds
+    """Return the steps of the first leg and the states recorded there, where a dataset has a path of several."""
+    if "leg" not in ds:
+        return ds
+    first = ds.isel(step=ds["leg"].values == 1)
+    last = int(first["step"].values.max(initial=0))
+    for dim in (dim for dim in STATES if f"{dim}_step" in first):
+        first = _states_until(last, first, dim)
+    return first
+
+
+def _states_until(last: int, ds: Dataset, dim: str) -> Dataset:
+    """Return a dataset without the states along one dimension that lie beyond a step."""
+    name = f"{dim}_step"
+    inside = ds[name] <= last
+    ds = ds.isel({dim: inside.any([other for other in inside.dims if other != dim]).values})
+    beyond = ds[name] > last
+    if not bool(beyond.any()):
+        return ds
+    # other cases have such a state on the first leg
+    held = {str(key): ds[key] for key in ds.data_vars if dim in ds[key].dims and ds[key].dtype.kind == "f"}
+    masked = {key: variable.where(~beyond).assign_attrs(variable.attrs) for key, variable in held.items()}
+    return ds.assign(masked | {name: ds[name].where(~beyond, -1).assign_attrs(ds[name].attrs)})

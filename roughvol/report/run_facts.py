@@ -235,6 +235,9 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
         yield "Certified residual η/σ", f"{float(ds['residual'].max()):.1e} at most, which bounds the error of V*"
     if "mean_pressure_bound" in ds and bool(ds["mean_pressure_bound"].notnull().any()):
         yield "Certified error of p*", f"{float(ds['mean_pressure_bound'].max()):.1e} at most, relative"
+    for name, colon, text in (line.partition(": ") for line in str(ds.attrs.get("answer", "")).splitlines()):
+        if colon:
+            yield name, text
     leak = ds.get("leak_rate_x")
     if leak is not None and "pressure_drop" in leak.attrs:
         yield "Leak rate", f"pressure drop {leak.attrs['pressure_drop']}, viscosity {leak.attrs['viscosity']}"

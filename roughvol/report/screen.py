@@ -12,6 +12,7 @@ from xarray import Dataset
 from roughvol.errors import DatasetError
 from roughvol.observables.conductance import stiffness_exponent
 from roughvol.report.claims import Run
+from roughvol.report.common_units import in_units
 from roughvol.report.legs import first_leg
 from roughvol.report.run_facts import cell, closing, derived, groups, head
 from roughvol.report.states import RULE, State, Wanted, at, wanted
@@ -57,12 +58,14 @@ EQUAL = 5  # loads of a comparison
 CASE = ("D", "m", "seed", "case")
 
 
-def _named(run: Run) -> list[tuple[str, Dataset]]:
+def _named(run: Run, units: dict[str, str] | None = None) -> list[tuple[str, Dataset]]:
+    """Return the groups of surfaces of a run by name, in common units where these are given."""
     ds = run.dataset
     if "step" not in ds.sizes or P not in ds:
         message = f"{run.name} has no state: nothing was pressed"
         raise DatasetError(message)
-    return list(groups(derived(ds, run.study)))
+    ready = derived(ds, run.study)
+    return list(groups(ready if units is None else in_units(ready, units)))
 
 
 def _columns(names: Sequence[str], data: Sequence[Dataset]) -> list[str]:
@@ -236,7 +239,8 @@ def records(run: Run, states: Sequence[Wanted] = ()) -> tuple[list[str], list[li
     parts = parts_of(run.dataset)
     if not parts[0].words:
         return _records(run, states)
-    tables = [(part, _records(Run.of(run.name, part.dataset), states)) for part in parts]
+    units: dict[str, str] = {}
+    tables = [(part, _records(Run.of(run.name, part.dataset), states, units)) for part in parts]
     columns = list(dict.fromkeys(name for _, (names, _, _) in tables for name in names))
     lines = [
         [
@@ -246,14 +250,16 @@ def records(run: Run, states: Sequence[Wanted] = ()) -> tuple[list[str], list[li
         for part, (names, rows, _) in tables
         for row in rows
     ]
-    units = {name: unit for _, (_, _, units) in tables for name, unit in units.items()}
+    held = {name: unit for _, (_, _, own) in tables for name, unit in own.items()}
     axes = {name: str(run.dataset[name].attrs.get("units", "1")) for name in parts[0].labels}
-    return [*axes, *columns], lines, axes | units
+    return [*axes, *columns], lines, axes | held
 
 
-def _records(run: Run, states: Sequence[Wanted]) -> tuple[list[str], list[list[Any]], dict[str, str]]:
-    """Return the rows of one combination."""
-    named = _named(run)
+def _records(
+    run: Run, states: Sequence[Wanted], common: dict[str, str] | None = None
+) -> tuple[list[str], list[list[Any]], dict[str, str]]:
+    """Return the rows of one combination, in common units where these are given."""
+    named = _named(run, common)
     case = [name for name in CASE if any(name in group.coords for _, group in named)]
     ds = named[0][1]
     numbers = [
@@ -317,14 +323,15 @@ def compared(runs: Sequence[Run], states: Sequence[Wanted] = ()) -> Table:
     Returns
     -------
     Table
-        A row for each state, run and group of surfaces.
+        A row for each state, run and group of surfaces, in the units of the first run.
 
     Raises
     ------
     DatasetError
-        If no load is common to all runs, or a state asked for is not reached in one of them.
+        If no load is common to all runs, a state asked for is not reached in one of them, or units do not convert.
     """
-    named = [(run, _named(run)) for run in runs]
+    common: dict[str, str] = {}
+    named = [(run, _named(run, common)) for run in runs]
     rows = []
     for state in states or _equal_loads(named):
         for run, some in named:
@@ -358,9 +365,9 @@ def _equal_loads(named: Sequence[tuple[Run, list[tuple[str, Dataset]]]]) -> list
                 spans.append((positive.min(), positive.max()))
     low, high = max(span[0] for span in spans), min(span[1] for span in spans)
     if not low < high:
-        message = (
-            f"no load is common to these runs: the largest first step has {name} {low:.4g}, the smallest end {high:.4g}"
-        )
+        unit = "" if name == P else f" {next(iter(units))}"
+        found = f"the largest first step has {name} {low:.4g}{unit}, the smallest end {high:.4g}{unit}"
+        message = f"no load is common to these runs: {found}"
         raise DatasetError(message)
     rounded = dict.fromkeys(float(f"{value:.2g}") for value in np.geomspace(low, high, EQUAL))
     inside = [value for value in rounded if low <= value <= high] or [0.5 * (low + high)]

@@ -11,6 +11,9 @@ from roughvol.errors import DatasetError, FolderError, StudyError
 from roughvol.store.run_folder import case_file, outdated, stored_study, strangers
 from roughvol.study import Case, HeightFile, Study, loads
 
+AXES = ("surface.D", "surface.H", "surface.m", "surface.n", "surface.seeds")
+UNASKED = (*AXES, "name", "comment")  # keys without a line of their own among the differences
+
 
 def check_same_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> None:
     """Refuse a folder that holds another study, see `another_study`.
@@ -71,8 +74,7 @@ def differences(old: Study, new: Study) -> list[str]:
     """Return the settings that change the answer of a shared case, or of all if none is shared; a line each."""
     before, after = (dict(_flat(study.model_dump(mode="json", context={"stored": True}))) for study in (old, new))
     lines, shared = [], True
-    axes = ("surface.D", "surface.H", "surface.m", "surface.n", "surface.seeds")
-    for name in axes:
+    for name in AXES:
         if name in before and name in after:
             gone = [value for value in before[name] if value not in after[name]]
             shared = shared and len(gone) < len(before[name])
@@ -82,7 +84,7 @@ def differences(old: Study, new: Study) -> list[str]:
     if stored == asked if not (old.axes or new.axes) else any(one in asked for one in stored):
         return [] if shared else lines
     for name in dict.fromkeys([*before, *after]):
-        if before.get(name) != after.get(name) and name not in (*axes, "name"):
+        if before.get(name) != after.get(name) and name not in UNASKED and not name.startswith("record."):
             lines.append(f"{name}: {_shown(before, name)} → {_shown(after, name)}")
     return lines or ["the surface: its file has changed"]
 

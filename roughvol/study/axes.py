@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from roughvol.study.record import INTERIOR
-from roughvol.study.sections import refuse
+from roughvol.study.sections import refuse_at
 from roughvol.study.units import Quantity, convert
 from roughvol.study.yaml_text import KeyPath, number_text, show
 
@@ -160,18 +160,18 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> list[tuple[Place
     Raises
     ------
     ValidationError
-        With the problems of all combinations, each once.
-    PydanticCustomError
-        If a list is empty, or there are too many combinations.
+        With the problems of all combinations, each once; if a list is empty, or there are too many combinations.
     """
     items = lists(data)
     for name, values in items.items():
         if not values:
-            refuse("{name} is an empty list", name=".".join(AXES[name]))
+            refuse_at(AXES[name], values, "must have at least one item")
     if (number := math.prod(map(len, items.values()))) > MOST:
-        refuse(
+        refuse_at(
+            AXES[max(items, key=lambda name: len(items[name]))],
+            [None],
             "the lists of {names} make {number} combinations; allowed: at most {most}",
-            names=", ".join(items),
+            names=", ".join(".".join(AXES[name]) for name in items),
             number=str(number),
             most=str(MOST),
         )
@@ -195,24 +195,26 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> list[tuple[Place
     return made
 
 
-def axes_of(made: Sequence[tuple[Places, Any]]) -> tuple[Axis, ...]:
-    """Return the axes of the combinations of a study.
+def axes_of(made: Sequence[tuple[Places, Any]], given: Mapping[str, Sequence[Any]]) -> tuple[Axis, ...]:
+    """Return the axes of the combinations of a study, whose lists are given as plain data.
 
     Raises
     ------
-    PydanticCustomError
+    ValidationError
         If only some items have a unit, or two have one label.
     """
     found = []
     for name in made[0][0]:
         items = [_item(name, next(study for places, study in made if places[name] == k)) for k in _places(made, name)]
         units = [item.unit for item in items if isinstance(item, Quantity)]
-        if units and any(isinstance(item, float) and not isinstance(item, Quantity) for item in items):
-            refuse("{name}: either all items have a unit, or none", name=".".join(AXES[name]))
+        for k, item in enumerate(items):
+            if units and isinstance(item, float) and not isinstance(item, Quantity):
+                refuse_at((*AXES[name], k), given[name][k], "either all items have a unit, or none")
         unit = units[0] if units else None
         labels = [_label(name, item, unit) for item in items]
-        if twice := [label for label in labels if labels.count(label) > 1]:
-            refuse("{name} has {item} twice", name=".".join(AXES[name]), item=str(twice[0]))
+        for k, label in enumerate(labels):
+            if (first := labels.index(label)) < k:
+                refuse_at((*AXES[name], k), given[name][k], "is item {first} of the list again", first=str(first + 1))
         found.append(Axis(name, tuple(labels), unit))
     return tuple(found)
 

@@ -30,6 +30,7 @@ from roughvol.study.sections import (
     Strict,
     Word,
     refuse,
+    refuse_at,
 )
 from roughvol.study.spectral import MadeSurface, SpectralSurface
 from roughvol.study.sweep import Legs, Sweep, tag_sweep
@@ -111,8 +112,9 @@ class Study(Strict):
         made = axes.read(data, handler)
         first: Study = made[0][1]
         if first.ensemble is not None:
-            refuse("an ensemble takes no list in {names}", names=", ".join(".".join(axes.AXES[k]) for k in made[0][0]))
-        first._axes = axes.axes_of(made)
+            for name, items in axes.lists(data).items():
+                refuse_at(axes.AXES[name], items, "an ensemble takes one value")
+        first._axes = axes.axes_of(made, axes.lists(data))
         names = {axes.AXES[axis.name][0] for axis in first._axes}
         first._sections = tuple({name: getattr(study, name) for name in names} for _, study in made)
         return first

@@ -34,6 +34,7 @@ from roughvol.study.yaml_text import (
 )
 
 NO_FILES = ("<string>", "<stdin>", "<dict>")
+SET = "--set"  # the option, in place of a file
 
 
 def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
@@ -135,8 +136,7 @@ def _study(text: str, file: str, path: Path, *, stored: bool = False, changes: S
         data = reading.read(text)
     except UnreadableError as error:
         raise StudyError([Problem(str(error), "", error.line, file)]) from error
-    for change in changes:
-        _change(data, reading.marks, change)
+    changed = [_change(data, reading.marks, change) for change in changes]
     problems = dict(reading.problems)
     try:
         name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
@@ -151,29 +151,38 @@ def _study(text: str, file: str, path: Path, *, stored: bool = False, changes: S
         # A missing key has the line of its mapping.
         marks = {key: _mark(reading.marks, key) for key in problems}
         ordered = sorted(problems, key=lambda key: marks[key])
-        raise StudyError([Problem(problems[key], key_text(key), marks[key][0], file) for key in ordered])
+        set_here = {key for key in ordered if any(key[: len(path)] == path for path in changed)}
+        raise StudyError(
+            [
+                Problem(problems[key], key_text(key), file=SET)
+                if key in set_here
+                else Problem(problems[key], key_text(key), marks[key][0], file)
+                for key in ordered
+            ]
+        )
     study._places = Places(file, {key_text(key): line for key, (line, _) in reading.marks.items()})
     return study
 
 
-def _change(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change: str) -> None:
-    """Set a key of plain data, as ``surface.m=6``; the key has the line of its mapping."""
+def _change(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change: str) -> KeyPath:
+    """Set a key of plain data, as ``surface.m=6``, and return its path; it has the line of its mapping."""
     name, equals, text = change.partition("=")
     parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", name.strip())
     keys: list[str | int] = [int(index) if index else word.strip() for index, word in parts]
     if not equals or not keys or key_text(tuple(keys)) != name.strip():
-        raise StudyError([Problem(f"must be KEY=VALUE, as surface.m=6, given {show(change)}", file="--set")])
+        raise StudyError([Problem(f"must be KEY=VALUE, as surface.m=6, given {show(change)}", file=SET)])
     try:
         value = Reading().read(f"value: {text.strip()}")["value"]
     except UnreadableError as error:
-        raise StudyError([Problem(f"{text.strip()!r}: {error}", name.strip(), file="--set")]) from error
+        raise StudyError([Problem(f"{text.strip()!r}: {error}", name.strip(), file=SET)]) from error
     here: Any = data
     for place, key in enumerate(keys):
         inside = isinstance(here, list) and isinstance(key, int) and key < len(here)
         if not inside and not (isinstance(here, dict) and isinstance(key, str)):
             where = key_text(tuple(keys[:place])) or "a study"
-            kind = f"has {len(here)} items" if isinstance(here, list) else "is no mapping"
-            raise StudyError([Problem(f"{where} {kind} in the study", name.strip(), file="--set")])
+            wanted = "list" if isinstance(key, int) else "mapping"
+            kind = f"has {len(here)} items" if isinstance(here, list) and isinstance(key, int) else f"is no {wanted}"
+            raise StudyError([Problem(f"{where} {kind} in the study", name.strip(), file=SET)])
         if place == len(keys) - 1:
             here[key] = value
         else:
@@ -181,6 +190,7 @@ def _change(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change:
     for path in [path for path in marks if path[: len(keys)] == tuple(keys)]:
         del marks[path]
     marks[tuple(keys)] = _mark(marks, tuple(keys))
+    return tuple(keys)
 
 
 def _mark(marks: dict[KeyPath, tuple[int, int]], key: KeyPath) -> tuple[int, int]:
@@ -242,6 +252,8 @@ def _translate(error: ValidationError, data: Any) -> Iterator[tuple[KeyPath, str
         if kind == "missing":
             path = (*path, item["loc"][-1])
         elif kind == "extra_forbidden":
+            while isinstance(path[-1], int):  # an item of a list of combinations: the key is unknown
+                path = path[:-1]
             message, meant = _unknown(path, data)
             misspelt |= {(*path[:-1], meant)} if meant else set()
         if kind == "literal_error" and isinstance(given, str):

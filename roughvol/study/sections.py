@@ -18,14 +18,15 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    ValidationError,
     field_validator,
     model_serializer,
     model_validator,
 )
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from roughvol.study.units import Length, Quantity, Starred, UnitOf, unit_of
-from roughvol.study.yaml_text import number_text
+from roughvol.study.yaml_text import KeyPath, number_text
 from roughvol.surfaces.length_units import factor
 
 ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
@@ -48,6 +49,13 @@ def refuse(message: str, **context: str) -> NoReturn:
     """Raise the error of a validator with this message."""
     kind = "refused"
     raise PydanticCustomError(kind, message, context)
+
+
+def refuse_at(path: KeyPath, given: Any, message: str, **context: str) -> NoReturn:
+    """Raise the error of a validator with this message at a key inside its own, with the value given there."""
+    kind, title = "refused", "Study"
+    details = InitErrorDetails(type=PydanticCustomError(kind, message, context), loc=path, input=given)
+    raise ValidationError.from_exception_data(title, [details])
 
 
 def names(*models: type[BaseModel]) -> list[str]:

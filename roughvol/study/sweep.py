@@ -20,9 +20,9 @@ from pydantic import (
 )
 
 from roughvol.study.ensemble import AutoSteps, StepsText
-from roughvol.study.sections import AreaFraction, Choice, Level, Many, Positive, Strict, Whole, Word, refuse
-from roughvol.study.targets import LISTS, direction, listed_of, spelled
-from roughvol.study.units import In, unit_of
+from roughvol.study.sections import AreaFraction, Choice, Level, Many, Positive, Strict, Whole, Word, refuse, refuse_at
+from roughvol.study.targets import LISTS, listed_of, misplaced, spelled
+from roughvol.study.units import In, Quantity, unit_of
 
 
 class Target(Choice):
@@ -125,8 +125,13 @@ class Sweep(Strict):
 
     @model_validator(mode="after")
     def _in_order(self) -> Sweep:
-        if self.listed is not None and (reason := direction(self.listed, either=isinstance(self, Leg))):
-            refuse("{reason}", reason=reason)
+        if self.listed is not None and (wrong := misplaced(self.listed, either=isinstance(self, Leg))):
+            index, reason = wrong
+            name = next(name for name in LISTS if getattr(self, name))
+            if index is None:
+                refuse_at((name,), list(getattr(self, name)), "{reason}", reason=reason)
+            value = self.listed[index].value
+            refuse_at((name, index), str(value) if isinstance(value, Quantity) else value, "{reason}", reason=reason)
         if self.first is not None and self.equal != "log pressure":
             refuse("'first' needs equal: log pressure")
         return self

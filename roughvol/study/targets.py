@@ -54,8 +54,10 @@ def spelled(data: Any) -> Any:
     return {**data, "steps": len(values), "to": {LISTS[name]: values[-1]}}
 
 
-def direction(levels: Sequence[Any], *, either: bool) -> str:
-    """Return what is wrong with the order of listed levels, empty if nothing.
+def misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str] | None:
+    """Return the place of the first listed level out of order, and the rule it breaks; None if all are in order.
+
+    The place is None where only some levels have a unit.
 
     Parameters
     ----------
@@ -65,19 +67,18 @@ def direction(levels: Sequence[Any], *, either: bool) -> str:
         Whether they may also unload.
     """
     values, units = [level.value for level in levels], [unit_of(level.value) for level in levels]
-    kind = levels[0].kind
     if any((unit is None) != (units[0] is None) for unit in units):
-        return "either all values have a unit, or none"
+        return None, "either all values have a unit, or none"
     if (wanted := units[0]) is not None:
         values = [convert(float(value), unit or wanted, wanted) for value, unit in zip(values, units, strict=True)]
-    rises = all(one < other for one, other in itertools.pairwise(values))
-    falls = all(one > other for one, other in itertools.pairwise(values))
-    if either and not (rises or falls):
-        return "must rise or fall from value to value: give each way as a leg of its own"
-    if not either and not (falls if kind in FALLING else rises):
-        way = "fall" if kind in FALLING else "rise"
-        return f"must {way} from value to value, as on loading; a list of legs also unloads"
-    return ""
+    falls = values[:2] != sorted(values[:2]) if either else levels[0].kind in FALLING
+    for index, (one, other) in enumerate(itertools.pairwise(values), start=1):
+        if not (one > other if falls else one < other):
+            if either:
+                return index, "must rise or fall from value to value: give each way as a leg of its own"
+            way = "fall" if falls else "rise"
+            return index, f"must {way} from value to value, as on loading; a list of legs also unloads"
+    return None
 
 
 def sections_of(sweep: Any) -> list[tuple[tuple[str | int, ...], str, Any]]:

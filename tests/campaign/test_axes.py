@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from click.testing import CliRunner
 import roughvol
 from roughvol.cli import main
 from roughvol.errors import StudyError
+from roughvol.report.figures import content
 from roughvol.store import dataset
 from roughvol.store.variants import parts_of
 from roughvol.study import load, loads
@@ -70,6 +72,50 @@ def test_numbers_on_the_screen_name_the_combination() -> None:
     assert Path("runs/many/figures/E_5_MPa").is_dir()
 
 
+def test_combinations_in_several_units_come_in_that_of_the_first() -> None:
+    text = MADE + "material: {E_star: [10 MPa, 200 bar]}\nsweep: {pressures: [0.1 MPa, 0.4 MPa]}"
+    roughvol.run(loads(text, "mixed.yaml"), jobs=1)
+    shown = CliRunner().invoke(main, ["show", "mixed", "--json"])
+    table = json.loads(shown.stdout)
+    assert table["units"]["nominal_pressure"] == "MPa"
+    pressures = [row["nominal_pressure"] for row in table["rows"]]
+    np.testing.assert_allclose(pressures, np.tile([0.1, 0.4], 4), rtol=1e-5)
+    compared = CliRunner().invoke(main, ["compare", "mixed", "--at", "pressure=0.4 MPa"])
+    assert compared.exit_code == 0, compared.output
+    assert "p [MPa]" in compared.stdout
+    assert CliRunner().invoke(main, ["compare", "mixed"]).exit_code == 0
+    drawn = CliRunner().invoke(main, ["plot", "mixed", "v_of_p", "--format", "csv"])
+    assert drawn.exit_code == 0, drawn.output
+    with Path("runs/mixed/figures/v_of_p.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert {row["x_label"] for row in rows} == {"nominal pressure $p$ [MPa]"}
+    assert max(float(row["x"]) for row in rows) < 0.41
+
+
+def test_progress_tells_combinations_apart_and_an_unfinished_run_is_named() -> None:
+    text = MADE.replace("seeds: 2", "seeds: [5]") + "material: {E: [10 MPa, 20 MPa], nu: 0.3}\n"
+    Path("two.yaml").write_text(text + "sweep: {steps: 2, to: {mean_gap: 2.4 um}}", encoding="utf-8")
+    done = CliRunner().invoke(main, ["run", "two.yaml", "--jobs", "1"])
+    ids = [case.id for case in load("two.yaml").cases()]
+    assert all(f"{id}: done · " in done.stderr for id in ids)
+    Path("runs/two/study.nc").unlink()
+    for name in ("two", "two.yaml", "runs/two"):
+        refused = CliRunner().invoke(main, ["show", name])
+        assert refused.exit_code == 2
+        assert "has no study.nc: its run has not ended; see: roughvol status runs/two" in refused.stderr
+
+
+def test_many_combinations_leave_room_for_their_figure() -> None:
+    text = MADE + "material: {E: [5 MPa, 10 MPa], nu: [0.3, 0.5], hardness: [none, 90 MPa]}\n"
+    text += "sweep: {steps: 2, to: [mean-plane, summit-plane]}\nrecord: {region: [none, interior]}"
+    roughvol.run(loads(text, "many.yaml"), jobs=1)
+    figure = content.draw("v_of_p", content.parts("many", dataset.read(Path("runs/many/study.nc")), alone=True))
+    figure.draw_without_rendering()  # a warning of matplotlib is an error of the test
+    box = figure.axes[0].get_window_extent()
+    assert box.height > 1.4 * figure.dpi
+    assert box.width > 0.5 * figure.bbox.width
+
+
 def test_equal_starred_loads_share_their_cases() -> None:
     study = loads(MADE + "material: {E: [5 MPa, 10 MPa], nu: [0.3, 0.5]}\nsweep: {pressures: [0.5, 1]}")
     assert len(study.cases()) == 2
@@ -122,22 +168,32 @@ def test_cases_without_lists_keep_their_id() -> None:
     ("material", "key", "part"),
     [
         ("{E: [5 MPa, -1 MPa], nu: 0.5}", "material.E[1]", "must be > 0"),
-        ("{E: [], nu: 0.5}", "", "empty list"),
-        ("{E: [5 MPa, 5000 kPa], nu: 0.5}", "", "twice"),
+        ("{E: [], nu: 0.5}", "material.E", "must have at least one item, given an empty list"),
+        ("{E: [5 MPa, 5000 kPa], nu: 0.5}", "material.E[1]", "is item 1 of the list again, given '5000 kPa'"),
+        ("{E: 5 MPa, nu: 0.5, hardness: [none, null]}", "material.hardness[1]", "again, given nothing"),
+        ("{E: [5 MPa, 6], nu: 0.5}", "material.E[1]", "either all items have a unit, or none, given 6"),
+        (f"{{E: {list(range(1, 1002))}, nu: 0.5}}", "material.E", "make 1001 combinations"),
         ("{E: 5 MPa, nu: [0.3, 0.9]}", "material.nu[1]", "must be <= 0.5"),
-        ("{E: 5 MPa, nu: 0.3, hardness: [1, 1 GPa]}", "", "either all items have a unit"),
-        ("[{E: 5 MPa, nu: 0.3}, {E: 5 MPa}]", "material[1]", "missing"),
+        ("{E: 5 MPa, nu: 0.3, hardness: [1, 1 GPa]}", "material.hardness[0]", "either all items have a unit"),
+        ("[{E: 5 MPa, nu: 0.3}, {E: 5 MPa}]", "material[1].nu", "missing"),
     ],
 )
 def test_items_without_meaning_are_refused(material: str, key: str, part: str) -> None:
     with pytest.raises(StudyError) as refused:
         loads(f"{MADE}material: {material}\nsweep: {{steps: 1}}\n")
-    assert any(problem.key.startswith(key) and part in problem.message for problem in refused.value.problems), (
-        refused.value
-    )
+    found = [problem for problem in refused.value.problems if problem.key == key and part in problem.message]
+    assert found, refused.value
+    assert found[0].line == 2
+
+
+@pytest.mark.parametrize("key", ["level: [none, tilt]", "low_pass: [none, 5 um]"])
+def test_generated_surfaces_take_no_list_of_treatments(key: str) -> None:
+    with pytest.raises(StudyError, match=rf"surface\.{key.partition(':')[0]}: excluded by 'D'") as refused:
+        loads(MADE.replace("m: 4", f"m: 4, {key}"))
+    assert len(refused.value.problems) == 1
 
 
 def test_an_ensemble_takes_no_list() -> None:
     text = "surface: {D: 2.3, m: auto}\nmaterial: {E: [5 MPa, 6 MPa], nu: 0.5}\n"
-    with pytest.raises(StudyError, match=r"an ensemble takes no list in material\.E"):
+    with pytest.raises(StudyError, match=r":2: material\.E: an ensemble takes one value"):
         loads(text + "ensemble: {accuracy: {free_volume: 5 %}}\nsweep: {to: {pressure: 1}}")

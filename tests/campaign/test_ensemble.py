@@ -9,13 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
 from roughvol.campaign import answered, ensemble, samples, sampling, steps
 from roughvol.campaign.batch import Progress
 from roughvol.campaign.collected import collect
 from roughvol.campaign.running import run
+from roughvol.cli import main
 from roughvol.errors import CampaignError, StudyError
+from roughvol.report.claims import Run
+from roughvol.report.run_facts import facts
 from roughvol.store import dataset
 from roughvol.store.dataset import Arrays
 from roughvol.store.run_status import status
@@ -236,7 +240,11 @@ def test_the_answer_is_stored_beside_its_cases(finished: Path) -> None:
     counted = results.residual.notnull().any("step").sum("seed")
     assert_allclose(results.ensemble_samples, counted)
     assert all(results[name].attrs["units"] for name in results.data_vars)
-    assert "mean V* at pressure = 0.1, D = 2.3, m = 4" in results.attrs["answer"]
+    answer = results.attrs["answer"]
+    assert "mean V* at pressure = 0.1, D = 2.3, m = 4" in answer
+    assert CliRunner().invoke(main, ["show", str(finished)]).stdout.endswith(f"{answer}\n")
+    loading = facts(Run.of("finished", results)).loading
+    assert answer.splitlines()[0] in [f"{name}: {text}" for name, text in loading]
 
 
 def test_no_number_depends_on_the_processes_or_on_an_interruption(finished: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import roughvol
 from roughvol.campaign import batch, known
 from roughvol.cli import main
 from roughvol.store import dataset, run_status, stamped_file
+from roughvol.store.same_study import differences
 from roughvol.study import loads
 
 TEXT = """
@@ -195,3 +196,9 @@ def test_metal_that_has_yielded_answers_densities_and_no_texture_without_it(requ
     xr.testing.assert_identical(_values(roughvol.run(loads(more, "x.yaml"), jobs=1)), _values(anew))
     with pytest.raises(AssertionError, match="a case is computed"):
         roughvol.run(loads(text.replace("{step: [1, 4]}", "{step: [1, 4]}, residual_heights: true"), "x.yaml"), jobs=1)
+
+
+def test_a_changed_record_is_no_reason_to_refuse_a_folder() -> None:
+    text = "surface: {D: 2.3, m: 3, seeds: 1}\n"
+    old = loads(text + "sweep: {steps: 4}\nrecord: {volume_density: {}}\ncomment: four", "x.yaml")
+    assert differences(old, loads(text + "sweep: {steps: 3}", "x.yaml")) == ["sweep.steps: 4 → 3"]

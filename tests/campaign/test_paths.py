@@ -210,3 +210,22 @@ def test_levels_on_all_legs_are_states_of_each(hardness: str, tmp_path: Path) ->
     loading, unloading = ds.gap.sel(field_at="pressure=0.5"), ds.gap.sel(field_at="pressure=0.5, leg 2")
     difference = float(np.abs(loading - unloading).max())
     assert difference > 0.01 if hardness else difference < 1e-4  # metal remembers, rubber does not
+
+
+@pytest.mark.parametrize(("record", "drawn"), [("0.5], all_legs: true", True), ("1], all_legs: false", False)])
+def test_states_of_later_legs_hinder_no_figure(record: str, drawn: bool, tmp_path: Path) -> None:
+    record = record.replace("], ", "]}, ")
+    text = (
+        "surface: {D: 2.3, m: 4, seeds: [4, 5], Sq: 1}\nmaterial: {E_star: 100}\n"
+        "sweep: [{steps: 3, to: {pressure: 0.7}}, {steps: 2, to: {pressure: 0.1}}, {steps: 3, to: {pressure: 2}}]\n"
+        f"record: {{fields_at: {{pressure: [{record}}}\n"
+    )
+    out = tmp_path / "legs"
+    roughvol.run(loads(text, "legs.yaml"), out=out, jobs=1)
+    for command in ("plot", "report"):
+        done = CliRunner().invoke(main, [command, str(out)])
+        assert done.exit_code == 0, done.output
+    assert (out / "figures" / "paper" / "fig09.png").is_file() is drawn
+    named = CliRunner().invoke(main, ["plot", str(out), "fig09"])
+    assert (named.exit_code == 0) is drawn
+    assert drawn or "no case of the dataset has a value of each on the first leg" in named.stderr

@@ -87,10 +87,11 @@ def test_changes_are_those_of_the_file() -> None:
 @pytest.mark.parametrize(
     ("change", "part"),
     [
-        ("surface.q=3", "surface.q: unknown key"),
-        ("surface.m=99", "surface.m: must be <= 13"),
+        ("surface.q=3", "--set: surface.q: unknown key"),
+        ("surface.m=99", "--set: surface.m: must be <= 13"),
         ("surface.m", "must be KEY=VALUE"),
         ("surface.D.x=3", "surface.D is no mapping"),
+        ("surface.D[0]=3", "surface.D is no list"),
         ("surface.m=[1", "not YAML"),
     ],
 )

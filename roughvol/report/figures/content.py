@@ -8,6 +8,7 @@ one.
 from __future__ import annotations
 
 import itertools
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,10 +17,11 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.errors import DatasetError
+from roughvol.report.common_units import in_units
 from roughvol.report.figures.curves import plot
 from roughvol.report.figures.families import Curve, Family, curves, families, file_text, held
 from roughvol.report.figures.origin import lacking, study_of, surfaces
-from roughvol.report.figures.style import COLUMN, LABELS, STYLE, Drawing, canvas, looks, unit_text
+from roughvol.report.figures.style import COLUMN, LABELS, STYLE, WIDE, Drawing, canvas, looks, unit_text
 from roughvol.report.legs import first_leg
 from roughvol.report.run_facts import derived
 from roughvol.store.variants import parts_of
@@ -51,6 +53,8 @@ WORDS = {
 POWERS = ("stiffness", "conductance")  # that go about with a power of the pressure: both axes are logarithmic
 LOGARITHMIC = ("leak", "flow", *POWERS)
 MANY = 6  # height files of a run that have a curve each; more are one family
+FEW, LINE = 4, 0.19  # lines of a legend over a figure of usual height, and inches that each further one adds
+KEY = 6  # characters of the line beside a name of a legend
 NAMES = tuple(f"{y}_of_{x}" for y, x in itertools.product(VARIABLES_OF, BELOW) if y != x)
 """Names of all figures by content."""
 IN_WORDS = f"Y_of_X as v_of_p, X of {', '.join(BELOW)}, Y of these or {', '.join(LOGARITHMIC)}"
@@ -116,17 +120,19 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
     Raises
     ------
     DatasetError
-        If a run lacks a quantity, or two runs have it in different units.
+        If a run lacks a quantity, or two runs have it in units that do not convert.
     """
     if reason := missing(name, runs):
         raise DatasetError(reason)
     y_key, x_key = name.split("_of_")
-    ready = [Named(run.name, first_leg(derived(run.dataset, study_of(run.dataset)))) for run in runs]
+    common: dict[str, str] = {}
+    ready = [Named(run.name, in_units(first_leg(derived(run.dataset, study_of(run.dataset))), common)) for run in runs]
     x, y = _variable(x_key, ready), _variable(y_key, ready)
     with mpl.rc_context(STYLE):
-        fig = canvas(COLUMN, 3.0)
-        ax = fig.subplots()
         some, title = _families(ready, x, y)
+        some = [family._replace(label=textwrap.fill(family.label, WIDE - KEY)) for family in some]
+        fig = canvas(COLUMN, 3.0 + LINE * max(0, _legend_lines(some) - FEW))
+        ax = fig.subplots()
         log = y_key in LOGARITHMIC
         members: list[list[Curve]] = [[_positive(curve) if log else curve for curve in curves(f, x, y)] for f in some]
         plot(ax, some, members, (_label(x, ready), _label(y, ready)), title, log=log)
@@ -138,8 +144,22 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
             run = ready[0]
             fig.note(f"Run {file_text(run.name)}: {surfaces(run.dataset, {'surfaces': [f.surfaces for f in some]})}.")
         else:
-            fig.note(f"Runs {', '.join(file_text(run.name) for run in ready)}.")
+            fig.note(_names(ready))
     return fig
+
+
+def _legend_lines(some: Sequence[Family]) -> int:
+    """Return the lines of the legend of families, in as many columns as fit."""
+    lines = [line for family in some for line in family.label.splitlines()]
+    columns = max(1, WIDE // (KEY + max(map(len, lines), default=0)))
+    return -(-len(lines) // columns)
+
+
+def _names(runs: Sequence[Named]) -> str:
+    """Return the names of the runs, or their number where the legend has them and they are many."""
+    if len(runs) > MANY:
+        return f"{len(runs)} runs or combinations; the legend names them."
+    return f"Runs {', '.join(file_text(run.name) for run in runs)}."
 
 
 def _positive(curve: Curve) -> Curve:

@@ -172,8 +172,9 @@ def lacking(name: str, ds: Dataset, variables: Sequence[str]) -> str | None:
     absent = [variable for variable in variables if variable not in ds]
     if absent:
         return f"{name} needs {', '.join(absent)}, which the study did not record"
-    if not bool(held(ds, *variables).any()):
-        return f"{name} needs {', '.join(variables)}, and no case of the dataset has a value of each"
+    if not bool(held(first_leg(ds), *variables).any()):
+        where = " on the first leg" if "leg" in ds else ""
+        return f"{name} needs {', '.join(variables)}, and no case of the dataset has a value of each{where}"
     return None
 
 

@@ -1,0 +1,40 @@
+"""Datasets of several runs in the units of the first that has each variable, as MPa beside kPa."""
+
+from __future__ import annotations
+
+from collections.abc import MutableMapping
+
+from xarray import Dataset
+
+from roughvol.study import convert
+
+PLAIN = ("", "1")  # units of pure numbers
+
+
+def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
+    """Return a dataset with its variables in given units.
+
+    Parameters
+    ----------
+    ds : Dataset
+        Numbers with units.
+    units : mapping
+        Unit of each variable. That of a variable without one is added, so that later datasets follow.
+
+    Returns
+    -------
+    Dataset
+        The same; a variable whose unit cannot be converted is unchanged.
+    """
+    changed = {}
+    for name, variable in ds.data_vars.items():
+        own = str(variable.attrs.get("units", "1"))
+        wanted = units.setdefault(str(name), own)
+        if own == wanted or own in PLAIN or wanted in PLAIN:
+            continue
+        try:
+            factor = convert(1.0, own, wanted)
+        except (AttributeError, ValueError, TypeError):  # bases of pint's errors, as for the unit "length"
+            continue
+        changed[name] = (variable * factor).assign_attrs(variable.attrs | {"units": wanted})
+    return ds.assign(changed)
