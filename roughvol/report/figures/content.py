@@ -8,6 +8,7 @@ one.
 from __future__ import annotations
 
 import itertools
+import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -130,7 +131,7 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
     x, y = _variable(x_key, ready), _variable(y_key, ready)
     with mpl.rc_context(STYLE):
         some, title = _families(ready, x, y)
-        some = [family._replace(label=textwrap.fill(family.label, WIDE - KEY)) for family in some]
+        some = [family._replace(label=wrapped(family.label)) for family in some]
         fig = canvas(COLUMN, 3.0 + LINE * max(0, _legend_lines(some) - FEW))
         ax = fig.subplots()
         log = y_key in LOGARITHMIC
@@ -146,6 +147,12 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
         else:
             fig.note(_names(ready))
     return fig
+
+
+def wrapped(label: str) -> str:
+    """Return a label in lines that fit the legend, none of which ends within a formula."""
+    joined = re.sub(r"\$[^$]*\$", lambda formula: formula.group().replace(" ", "\0"), label)
+    return textwrap.fill(joined, WIDE - KEY).replace("\0", " ")
 
 
 def _legend_lines(some: Sequence[Family]) -> int:
