@@ -1,6 +1,7 @@
 """Quantities of one surface at a state, from the stored numbers of its sweep.
 
-Between two steps a quantity is interpolated by `observables.at_state`. The step before the first is first touch. There
+A quantity at a state that the sweep defines, or that a step reaches (`observables.levels`), is that of the step.
+Between two steps it is interpolated by `observables.at_state`. The step before the first is first touch. There
 all void is connected; the transmissivity of that state is not stored.
 """
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
+from roughvol.observables.levels import defined_step, step_at
 from roughvol.store.dataset import Arrays
 from roughvol.study import CLOSING, STORED_AS, Case, Level
 from roughvol.study.yaml_text import number_text
@@ -85,30 +87,39 @@ def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
     if stored in CLOSING:
         return _closing_pressure(series, stored, case)
     quantity = series[stored]
-    if state.value is None:
-        _require_value(float(quantity[-1]), stored, state, case)
-        return float(quantity[-1])
-    along = series[STORED_AS.get(state.kind, state.kind)]
-    place = _place(along, state.value, state, case)
-    if not math.isfinite(place):
-        message = (
-            f"{number_text(state.value)} is not reached by {case.label}, whose sweep ends at {state.kind} "
-            f"{float(along[-1]):.4g}: sweep further, as to: {{{state.kind}: {number_text(state.value)}}}"
-        )
-        raise StudyError([Problem(message, f"ensemble.at.{state.kind}")])
-    value = float(at_state(along, quantity, place)[0])
+    along = series[STORED_AS.get(state.kind, state.kind)] if state.value is not None else quantity
+    step = _step(along, state, case)
+    if step is None:
+        assert state.value is not None
+        _require_reached(along, state.kind, state.value, case)
+        value = float(at_state(along, quantity, state.value)[0])
+    else:
+        value = float(quantity[step])
     _require_value(value, stored, state, case)
     return value
 
 
-def _place(along: Array, value: float, state: Level, case: Case) -> float:
-    """Return the value of a state, that of the last step where it ends the sweep, or NaN if it is not reached.
+def _step(along: Array, state: Level, case: Case) -> int | None:
+    """Return the index in a series of the step that is a state, None for a state between steps.
 
-    The last step reaches the end by definition; its solve may fall short by the residual.
+    It is the last step, the step defined by the sweep, or one that reaches the state.
     """
-    if math.isfinite(float(at_state(along, along, value)[0])):
-        return value
-    return float(along[-1]) if state == case.sweep.target else math.nan
+    if state.value is None:
+        return len(along) - 1
+    step = defined_step(state, case.sweep)
+    if step is None:
+        step = step_at(state, along[1:])
+    return None if step is None else step + 1
+
+
+def _require_reached(along: Array, kind: str, value: float, case: Case) -> None:
+    """Refuse a state beyond the end of a sweep."""
+    if not math.isfinite(float(at_state(along, along, value)[0])):
+        message = (
+            f"{number_text(value)} is not reached by {case.label}, whose sweep ends at {kind} "
+            f"{float(along[-1]):.4g}: sweep further, as to: {{{kind}: {number_text(value)}}}"
+        )
+        raise StudyError([Problem(message, f"ensemble.at.{kind}")])
 
 
 def error_at(series: Series, stored: str, state: Level, case: Case, every: int) -> float:
@@ -135,7 +146,9 @@ def error_at(series: Series, stored: str, state: Level, case: Case, every: int) 
     if state.value is None:
         return 0.0
     along = series[STORED_AS.get(state.kind, state.kind)]
-    return error_of_fewer_steps(along, series[stored], _place(along, state.value, state, case), every)
+    step = _step(along, state, case)
+    value = state.value if step is None else float(along[step])
+    return error_of_fewer_steps(along, series[stored], value, every)
 
 
 def _require_value(value: float, stored: str, state: Level, case: Case) -> None:

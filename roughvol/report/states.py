@@ -16,6 +16,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.errors import DatasetError
+from roughvol.observables.levels import REACHED
 from roughvol.report.claims import Run
 from roughvol.report.tables import number
 from roughvol.store.derived_variables import OF_STATE
@@ -126,7 +127,7 @@ def place_of(values: Array, value: float, *, between: bool = True) -> float | No
     float or None
         Position on the axis ``step``, from 0; 2.25 lies a quarter of the way from the third to the fourth.
     """
-    slack = 1e-6 * max(abs(value), 1e-12)
+    slack = REACHED * max(abs(value), 1e-12)
     solved = np.flatnonzero(np.isfinite(values)).tolist()
     for k in solved:
         if abs(values[k] - value) <= slack:

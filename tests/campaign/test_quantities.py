@@ -128,3 +128,43 @@ def test_the_mean_of_a_quantity_of_the_void_is_stored(tmp_path: Path) -> None:
     assert abs(closing.percolation_pressure_mean.item() / float(last.mean()) - 1.0) < 0.5
     assert 0.0 < results.sel(ensemble_at="pressure=0.1").connected_volume_fraction_mean.item() <= 1.0
     assert "mean p_c*, D = 2.3, m = 3" in results.attrs["answer"]
+
+
+LISTED = """surface: {D: 2.3, m: 4, seeds: 40}
+sweep: {pressures: [0.2, 0.4]}
+record: {transport: {transmissivity: every-step}}
+solver: {accuracy: ACCURACY}
+"""
+
+
+@pytest.mark.parametrize("accuracy", ["standard", "draft"])
+def test_a_listed_load_is_a_step_although_a_level_falls_beside_it(accuracy: str) -> None:
+    """A listed load is solved: its numbers are those of the step, also of the first one, before which nothing is."""
+    for case in loads(LISTED.replace("ACCURACY", accuracy)).cases():
+        arrays = dataset.arrays_of(run_case(case))
+        series = series_of(arrays)
+        for step, pressure in enumerate((0.2, 0.4)):
+            T = [float(arrays[f"transmissivity_{axis}"][1].ravel()[step]) for axis in "xy"]
+            assert value_at(series, "transmissivity", Level("pressure", pressure), case) == np.mean(T)
+            volume = value_at(series, "free_volume", Level("pressure", pressure), case)
+            assert volume == arrays["free_volume"][1].ravel()[step]
+
+
+@pytest.mark.parametrize("missed", [-9e-6, -1e-7, 0.0, 1e-7, 9e-6])
+def test_a_step_that_reaches_a_state_to_the_tolerance_is_that_state(missed: float) -> None:
+    case = _case("{pressure: 0.4}", 4)
+    series = dict(_series(case))
+    series["mean_pressure"] = np.array([0.0, 0.1 * (1.0 + missed), 0.2, 0.3, 0.4])
+    assert value_at(series, "transmissivity", Level("pressure", 0.1), case) == series["transmissivity"][1]
+
+
+def test_an_ensemble_at_listed_loads_has_a_mean_there(tmp_path: Path) -> None:
+    text = (
+        "surface: {D: 2.3, m: 5}\nsweep: {pressures: [0.2, 0.4]}\n"
+        "record: {transport: {transmissivity: every-step}}\n"
+        "ensemble: {accuracy: {transmissivity: 20 %}, at: {pressure: [0.2]}}"
+    )
+    results = run(loads(text), out=tmp_path, jobs=1)
+    T = 0.5 * (results.transmissivity_x + results.transmissivity_y).isel(step=0, m=-1).squeeze("D").dropna("seed")
+    assert results.transmissivity_mean.item() == pytest.approx(float(T.mean()), rel=0.2)
+    assert results.transmissivity_step_error.item() == 0.0
