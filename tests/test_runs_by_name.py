@@ -28,7 +28,9 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("run", ["tiny", "tiny.yaml", "runs/tiny"])
-@pytest.mark.parametrize("command", [["status"], ["show"], ["plot", "v_of_p"], ["report"], ["compare"]])
+@pytest.mark.parametrize(
+    "command", [["run"], ["check"], ["status"], ["show"], ["plot", "v_of_p"], ["report"], ["compare"]]
+)
 def test_a_command_takes_a_run_in_each_form(
     place: Path, monkeypatch: pytest.MonkeyPatch, command: list[str], run: str
 ) -> None:

@@ -3,7 +3,7 @@
 Options choose how a study is run. The physics is in the study alone.
 
 ============  =============================================================
-`group`       the group of all commands: exit codes, where a run is found
+`group`       the group of all commands: exit codes, shared options
 `studies`     commands that take a study: check, run, status, tradeoff
 `results`     commands that read results: plot, report
 `numbers`     numbers on the screen: show, ls, compare

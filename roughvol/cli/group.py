@@ -1,4 +1,4 @@
-"""The group of all commands: exit codes, options that several take, and where a run is found."""
+"""The group of all commands: exit codes, and options that several take."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ import click
 from roughvol import cli_text
 from roughvol._version import __version__
 from roughvol.campaign import limits
-from roughvol.errors import CampaignError, ContactError, ConvergenceError, DatasetError, RoughvolError
+from roughvol.errors import CampaignError, ContactError, ConvergenceError, RoughvolError
 
 if TYPE_CHECKING:
     from roughvol.study import Study
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 LIGHT = ("schema", "status", "ls", "init", "explain")  # commands that import no library for computations
-STUDY_SUFFIXES = (".yaml", ".yml")
 
 
 def examples(*lines: str) -> str:
@@ -84,48 +83,12 @@ def warn(sentences: Iterable[str]) -> None:
         click.echo(f"warning: {sentence}", err=True)
 
 
-def study_of(path: Path, changes: Sequence[str] = ()) -> Study:
-    """Return the study of a file, or of standard input for ``-``, with changes as ``surface.m=6``."""
-    from roughvol.study import load, loads
+def study_of(study: Path, changes: Sequence[str] = ()) -> tuple[Study, Path]:
+    """Return a study and the folder of its results: of a study file, a run, or standard input for ``-``."""
+    from roughvol.store import folder_of, run
+    from roughvol.study import loads
 
-    if str(path) == "-":
-        return loads(sys.stdin.read(), "<stdin>", changes=changes)
-    return load(path, changes)
-
-
-def results_file(run: str | None) -> Path:
-    """Return the study.nc of a run: a folder, a study.nc, a study file, or a name under runs/; without one, the latest.
-
-    Raises
-    ------
-    DatasetError
-        If there is none.
-    """
-    if run is None:
-        # every run writes study.yaml, also without a case to compute
-        studies = [path for path in Path("runs").glob("*/study.yaml") if path.with_name("study.nc").is_file()]
-        if not studies:
-            message = "no finished run under runs/; start one with: roughvol run STUDY (roughvol init writes a study)"
-            raise DatasetError(message)
-        return max(studies, key=lambda path: path.stat().st_mtime).with_name("study.nc")
-    if Path(run).suffix in STUDY_SUFFIXES and Path(run).is_file():
-        from roughvol.store import run_folder
-        from roughvol.study import load
-
-        files = [run_folder.folder_of(load(run)) / "study.nc"]
-    else:
-        files = [Path(run), Path(run) / "study.nc", Path("runs") / run / "study.nc"]
-    for file in files:
-        if file.is_file():
-            return file
-    for folder in (file.parent for file in files if file.name == "study.nc"):
-        if (folder / "study.yaml").is_file():
-            message = f"{folder} has no study.nc: its run has not ended; see: roughvol status {folder}"
-            raise DatasetError(message)
-    message = f"no results of {run!r}: looked for {', '.join(map(str, files))}"
-    raise DatasetError(message)
-
-
-def run_name(path: Path) -> str:
-    """Return the name of a run: that of the folder of its study.nc."""
-    return path.resolve().parent.name if path.name == "study.nc" else path.stem
+    if str(study) == "-":
+        read = loads(sys.stdin.read(), "<stdin>", changes=changes)
+        return read, folder_of(read)
+    return run.study_of(study, changes)

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from roughvol.cli.group import STUDY_SUFFIXES, examples, main, results_file, run_name, warn
+from roughvol.cli.group import examples, main, study_of, warn
 
 if TYPE_CHECKING:
     from roughvol.report.ask import Answer
-    from roughvol.study import Study
 
 
 @main.command(
@@ -41,9 +40,8 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None) -> None:
     """
     from roughvol.campaign import card as runs
     from roughvol.report import card_page
-    from roughvol.study import load
 
-    asked = load(study)
+    asked, _ = study_of(study)
     folder = out or Path("runs") / f"{asked.name}_card"
     made = runs.compute(asked, runs.level_of(state, asked), folder, jobs=jobs)
     for line in card_page.lines_of(made, asked.name):
@@ -79,11 +77,11 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_
     """
     from roughvol.report import gas_leak
     from roughvol.report.ask import ask as read_off
-    from roughvol.store import dataset
+    from roughvol.store import StoredRun
     from roughvol.study.units import has_unit
 
-    file = results_file(run)
-    results = dataset.read(file)
+    opened = StoredRun.open(run)
+    results = opened.dataset
     kelvin, given = None, leak_rate.lstrip("<= ")
     if gas_leak.is_throughput(given):
         results, kelvin = gas_leak.in_place(results, unknown)
@@ -97,7 +95,7 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_
         own = str(results["nominal_pressure"].attrs["units"])
         at = _in_unit(pressure, own, "--pressure", "pressure") if pressure is not None else None
     answers = read_off(results, largest, unknown, pressure=at)
-    click.echo(f"{run_name(file)}: leak up to {given}")
+    click.echo(f"{opened.name}: leak up to {given}")
     for answer in answers:
         click.echo(f"along {answer.axis}: {_words(answer, unknown)}")
     found = [answer for answer in answers if math.isfinite(answer.nominal) and answer.nominal > 0.0]
@@ -106,13 +104,14 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_
     if kelvin is not None:
         warn(["the answers have the error of the read-off: solves refine the leak of a liquid alone"])
         return
-    study, absent = _study_of(run, file)
-    if study is None:
-        warn([f"the answers have the error of the read-off: {absent}"])
-        return
     from roughvol.campaign import inverse
-    from roughvol.errors import CampaignError
+    from roughvol.errors import CampaignError, DatasetError
 
+    try:
+        study = opened.pressable()
+    except DatasetError as error:
+        warn([f"the answers have the error of the read-off: {error}"])
+        return
     for answer in found:
         start = at if unknown == "Sq" else None
         try:
@@ -134,24 +133,6 @@ def _words(answer: Answer, unknown: str) -> str:
     steps = f"between the steps p* = {low:.4g} and {high:.4g}"
     error = f"read off to about {100.0 * answer.error:.1g} %" if math.isfinite(answer.error) else "read off"
     return f"{unknown} {answer.value:.4g} {answer.unit}, {steps}, {error}"
-
-
-def _study_of(run: str | None, file: Path) -> tuple[Study | None, str]:
-    """Return the study of a run if its cases can be made again, and the reason if not."""
-    from roughvol.errors import RoughvolError
-    from roughvol.store import run_folder
-    from roughvol.study import load, loads
-
-    folder = file.parent
-    try:
-        given = run is not None and Path(run).suffix in STUDY_SUFFIXES and Path(run).is_file()
-        study = load(Path(run or "")) if given else loads(run_folder.stored_study(folder) or "")
-        made = [case.id for case in study.cases()]
-    except RoughvolError as error:
-        return None, f"the study of the run cannot be read again, give its file instead of the run ({error})"
-    if not all(run_folder.case_file(folder, id).is_file() for id in made):
-        return None, "the cases of the study are not those of the run"
-    return study, ""
 
 
 def _in_unit(text: str, unit: str, option: str, kind: str, kelvin: float | None = None) -> float:
@@ -194,17 +175,17 @@ def creep(run: str | None, law: Path, pressure: str, times: str, out: Path | Non
     from roughvol.report import creep as over_time
     from roughvol.report.ask import check_leaks
     from roughvol.report.figures.creep import drawing_of
-    from roughvol.store import dataset
+    from roughvol.store import StoredRun
     from roughvol.study import load_creep, read_times
 
-    file = results_file(run)
-    results = dataset.read(file)
+    opened = StoredRun.open(run)
+    results = opened.dataset
     check_leaks(results)
     at = _in_unit(pressure, str(results["nominal_pressure"].attrs["units"]), "--pressure", "pressure")
     history = over_time.history(results, load_creep(law), at, read_times(times))
     for line in over_time.lines_of(history):
         click.echo(line)
-    folder = out or file.parent
+    folder = out or opened.folder
     over_time.write_csv(history, folder / "creep.csv")
     click.echo(str(folder / "creep.csv"))
     if any((leak > 0.0).any() for leak in history.leak.values()):

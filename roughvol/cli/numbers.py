@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from roughvol import cli_text
-from roughvol.cli.group import examples, main, results_file, run_name
+from roughvol.cli.group import examples, main
 
 if TYPE_CHECKING:
     from roughvol.report.claims import Run
@@ -125,10 +125,10 @@ def say_table(table: Table) -> None:
 
 def _opened(run: str | None) -> Run:
     from roughvol.report.claims import Run
-    from roughvol.store import dataset
+    from roughvol.store import StoredRun
 
-    path = results_file(run)
-    return Run.of(run_name(path), dataset.read(path))
+    stored = StoredRun.open(run)
+    return Run.of(stored.name, stored.dataset)
 
 
 def _wanted(states: Sequence[str]) -> list[Wanted]:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from roughvol import cli_text
-from roughvol.cli.group import examples, main, results_file, run_name, warn
+from roughvol.cli.group import examples, main, warn
 from roughvol.errors import CampaignError, DatasetError
+
+if TYPE_CHECKING:
+    from roughvol.store import StoredRun
 
 LEAST, MOST = 1.0, 40.0  # inches of a figure
 PAPER = re.compile(r"fig\d\d[ab]?")  # names of the figures of the paper
@@ -50,21 +53,22 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
     are drawn, or v_of_p, a_of_p, v_of_a, v_of_d, gap_of_p, leak_of_p of several runs.
     """
     from roughvol.report.figures import content, selection
-    from roughvol.store import dataset
+    from roughvol.store import StoredRun
+    from roughvol.store.run import is_run, names_of
 
     inches = _inches(size)
     figures = selection.figures()
     known = {*figures, *content.NAMES}
     wanted = [name for name in names if name in known and not Path(name).exists()]
     others = [name for name in names if name not in wanted]
-    if len(others) > 1 and others[0] not in known:  # a name after the first run may be a misspelt figure
-        others, misspelt = _runs(others)
-        wanted += misspelt
-    paths = [results_file(name) for name in others] or [results_file(None)]
-    stored = [(name, dataset.read(path)) for name, path in zip(_names(paths), paths, strict=True)]
-    runs = [part for name, ds in stored for part in content.parts(name, ds, alone=len(stored) == 1)]
+    misspelt = [name for name in others if not is_run(name)]
+    if len(misspelt) < len(others):
+        selection.check_known(misspelt)
+    opened = [StoredRun.open(name) for name in others] or [StoredRun.open()]
+    stored = zip(names_of([run.file for run in opened]), opened, strict=True)
+    runs = [part for name, run in stored for part in content.parts(name, run.dataset, alone=len(opened) == 1)]
     drawings: dict[str, Callable[[], Any]] = {}
-    if len(paths) == 1:
+    if len(opened) == 1:
         by_content = [name for name in wanted if name in content.NAMES]
         paper = [name for name in wanted if name not in content.NAMES]
         if len(runs) > 1 and not wanted:  # the combinations of a study with lists, in one figure
@@ -83,7 +87,7 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
         if reason := content.missing(name, runs):
             raise DatasetError(reason)
         drawings[name] = partial(content.draw, name, runs)
-    folder = out or (paths[0].parent / "figures" if len(paths) == 1 else Path("runs/compared"))
+    folder = out or (opened[0].folder / "figures" if len(opened) == 1 else Path("runs/compared"))
     for name in sorted(drawings, key=lambda name: wanted.index(Path(name).name)) if wanted else drawings:
         figure = drawings[name]()
         left = _shaped(figure, inches, log)
@@ -113,31 +117,6 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
             message = f"cannot write {target}: {error}"
             raise DatasetError(message) from error
         click.echo(target)
-
-
-def _runs(names: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return the names that are runs, and those that are none and so may be misspelt figures."""
-    runs, figures = [], []
-    for name in names:
-        try:
-            results_file(name)
-        except DatasetError:
-            figures.append(name)
-        else:
-            runs.append(name)
-    if not runs:
-        results_file(names[0])  # says where it looked
-    if figures:
-        from roughvol.report.figures import selection
-
-        selection.check_known(figures)
-    return runs, figures
-
-
-def _names(paths: Sequence[Path]) -> list[str]:
-    """Return the names of runs, with their folders where two are equal."""
-    names = [run_name(path) for path in paths]
-    return [name if names.count(name) == 1 else str(path.parent) for name, path in zip(names, paths, strict=True)]
 
 
 def slug(words: str) -> str:
@@ -193,11 +172,11 @@ def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> Non
     section: surface, loading, states, closing pressures, warnings, figures.
     """
     from roughvol.report import write as reporting
+    from roughvol.store import StoredRun
 
-    finished = sorted(Path("runs").glob("*/study.nc"))
-    paths = [results_file(name) for name in run] or finished or [results_file(None)]
-    answered = reporting.assemble(paths)
-    page = reporting.write(answered, out or (paths[0].parent if len(paths) == 1 else Path("runs/report")))
+    opened = [StoredRun.open(name) for name in run] or _all_runs()
+    answered = reporting.assemble(opened)
+    page = reporting.write(answered, out or (opened[0].folder if len(opened) == 1 else Path("runs/report")))
     click.echo(reporting.summary(answered))
     click.echo(page)
     departures = reporting.departures(answered, expected.read_text(encoding="utf-8")) if expected else []
@@ -205,3 +184,20 @@ def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> Non
         head = f"{cli_text.count(len(departures), 'answer')} left the bands of {expected}"
         message = "\n".join([head, *(f"  {departure}" for departure in departures)])
         raise CampaignError(message)
+
+
+def _all_runs() -> list[StoredRun]:
+    """Return all runs under runs/, with a warning for those whose results are of another study."""
+    from roughvol.store import StoredRun
+    from roughvol.store.run import with_results
+
+    opened, refused = [], []
+    for folder in with_results():
+        try:
+            opened.append(StoredRun.open(folder))
+        except DatasetError as error:
+            refused.append(error)
+    if not opened:
+        opened.append(StoredRun.open())
+    warn(f"{error}" for error in refused)
+    return opened

@@ -40,9 +40,8 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: 
     A study beyond the memory or disk of this machine is an error. One of more than 30 days draws a warning.
     """
     from roughvol.campaign import checks, cost, understood, validity
-    from roughvol.store import run_folder
 
-    loaded = study_of(study, changes)
+    loaded, folder = study_of(study, changes)
     surface = understood.shown(loaded, checks.check_surfaces(loaded))
     cases = loaded.cases()
     click.echo(loaded.to_yaml())
@@ -58,7 +57,7 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: 
     if loaded.ensemble is not None:
         _say_expected(loaded, jobs)
         warn(validity.sentences(checks.foreseen(loaded, surface), ()))
-        cost.check_fits(loaded, run_folder.folder_of(loaded))
+        cost.check_fits(loaded, folder)
         return
     estimated = cost.estimate(loaded, jobs)
     click.echo(cli_text.cost(estimated))
@@ -72,7 +71,7 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: 
         )
     if warning := cost.warning(estimated.seconds, estimated.jobs):
         warn([warning])
-    cost.check_fits(loaded, run_folder.folder_of(loaded))
+    cost.check_fits(loaded, folder)
 
 
 @main.command(
@@ -106,9 +105,9 @@ def run(
     """
     started = time.monotonic()
     from roughvol.campaign import running, workers
-    from roughvol.store import run_folder
 
-    loaded = study_of(study, changes)
+    loaded, folder = study_of(study, changes)
+    folder = out or folder
     only = None
     if figures:
         from roughvol.report.figures import selection
@@ -124,7 +123,7 @@ def run(
     with _progress() as draw, workers.first_interrupt(_say_how_to_stop) as interrupted:
         results = running.run(
             loaded,
-            out=out,
+            out=folder,
             jobs=jobs,
             fresh=fresh,
             on_event=follow,
@@ -135,7 +134,7 @@ def run(
     assert last is not None
     click.echo(cli_text.ran(last, time.monotonic() - started))
     _say_numbers(loaded.name, results)
-    click.echo(cli_text.summary(results, run_folder.folder_of(loaded, out) / "study.nc"))
+    click.echo(cli_text.summary(results, folder / "study.nc"))
     warn(results.attrs["warnings"].splitlines())
 
 
@@ -151,15 +150,9 @@ def status(study: Path, out: Path | None, changes: tuple[str, ...]) -> None:
     STUDY is a study file, - for standard input, the folder of a run, or a name under runs/.
     """
     from roughvol.store import run_folder, run_status
-    from roughvol.study import loads
 
-    folder = next((path for path in (study, Path("runs") / study) if (path / "study.yaml").is_file()), None)
-    if folder is not None and not study.is_file():
-        # Height files of a stored study are relative to the study file, taken to be in the current folder.
-        text = run_folder.stored_study(folder) or ""
-        state = run_status.status(loads(text, f"{folder.name}.yaml", changes=changes), out or folder)
-    else:
-        state = run_status.status(study_of(study, changes), out)
+    loaded, folder = study_of(study, changes)
+    state = run_status.status(loaded, out or folder)
     left, several = len(state.running) + len(state.missing), (state.failed, state.damaged)
     total = len(state.done) + left + sum(map(len, several))
     click.echo(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))
@@ -201,10 +194,10 @@ def tradeoff(study: Path, out: Path | None) -> None:
     from roughvol.campaign import tradeoff as trade
     from roughvol.report import convergence
     from roughvol.report.figures import work_precision
-    from roughvol.store import dataset, run_folder
+    from roughvol.store import dataset
 
-    loaded = study_of(study)
-    folder = run_folder.folder_of(loaded, out)
+    loaded, folder = study_of(study)
+    folder = out or folder
     show = sys.stderr.isatty()
     measured = trade.measure(
         loaded, lambda k, n: click.echo(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None

@@ -32,7 +32,8 @@ from roughvol.report.claims.leak_estimates import Ratio, ratios
 from roughvol.report.claims.many_seeds import ENOUGH, ManySeeds, many_seeds
 from roughvol.report.claims.needs import ALONE
 from roughvol.report.yielding import Comparison, comparisons
-from roughvol.store import dataset
+from roughvol.store import StoredRun
+from roughvol.store.run import names_of
 
 CITE = (
     "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, Wear 336-337 (2015) 86-95, "
@@ -86,13 +87,13 @@ def counted(claims: Sequence[Claim]) -> str:
     return ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
 
 
-def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
-    """Return the report of stored runs, each the path of a ``study.nc``.
+def assemble(stored: Sequence[StoredRun | str | Path], *, any_size: bool = False) -> Report:
+    """Return the report of stored runs.
 
     Parameters
     ----------
-    paths : sequence of Path
-        The files.
+    stored : sequence of StoredRun, or of what `StoredRun.open` takes
+        The runs.
     any_size : bool
         Answer claims from runs too small for them as well: to try the claims out, not for a verdict.
 
@@ -106,12 +107,13 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
     DatasetError
         If one cannot be read, or there is none.
     """
-    paths = list({path.resolve(): path for path in paths}.values())
-    if not paths:
+    opened = [run if isinstance(run, StoredRun) else StoredRun.open(run) for run in stored]
+    opened = list({run.file.resolve(): run for run in opened}.values())
+    if not opened:
         message = "no run to report on"
         raise DatasetError(message)
-    named = zip(names_of(paths), paths, strict=True)
-    runs = tuple(part for name, path in named for part in Run.of(name, dataset.read(path)).parts)
+    named = zip(names_of([run.file for run in opened]), opened, strict=True)
+    runs = tuple(part for name, run in named for part in Run.of(name, run.dataset).parts)
     rows = tuple(assess(Evidence(runs, any_size), LITERATURE))
     sources = {name for row in rows for name in row.source}
     cited = tuple(run for run in runs if run.name in sources)
@@ -138,18 +140,6 @@ def assemble(paths: Sequence[Path], *, any_size: bool = False) -> Report:
         rows if sources else (),
         cited,
     )
-
-
-def names_of(paths: Sequence[Path]) -> list[str]:
-    """Return the names of the folders; where two are equal, with the folders above by which they differ."""
-    whole = [path.resolve().parent for path in paths]
-    names = []
-    for path in whole:
-        parts = 1
-        while sum(other.parts[-parts:] == path.parts[-parts:] for other in whole) > 1 and parts < len(path.parts):
-            parts += 1
-        names.append("/".join(path.parts[-parts:]))
-    return names
 
 
 def facts_of(run: Run) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from roughvol.errors import DatasetError
-from roughvol.store import dataset
+from roughvol.store import StoredRun
 
 if TYPE_CHECKING:
     from roughvol.report.figures.style import Drawing
@@ -23,7 +23,8 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
     Parameters
     ----------
     results : Dataset, path, or mapping
-        Dataset of `roughvol.run` or `roughvol.press`, a ``study.nc``, or the folder of a run. Several by name.
+        Dataset of `roughvol.run` or `roughvol.press`; or a run: its folder, ``study.nc``, study file or name. Several
+        by name.
     figure : str
         Name of the figure, as ``v_of_p``, ``leak_of_p`` or ``fig05``.
 
@@ -57,12 +58,7 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
 
 
 def _opened(one: Dataset | str | Path) -> Dataset:
-    """Return a dataset; a path is a ``study.nc``, the folder of a run, or a name under runs/."""
-    if not isinstance(one, str | Path):
-        return one.expand_dims("case") if "case" in one.coords and "case" not in one.dims else one  # of `press`
-    files = [Path(one), Path(one) / "study.nc", Path("runs") / one / "study.nc"]
-    for file in files:
-        if file.is_file():
-            return dataset.read(file)
-    message = f"no results of {str(one)!r}: looked for {', '.join(map(str, files))}"
-    raise DatasetError(message)
+    """Return a dataset, or that of a run."""
+    if isinstance(one, str | Path):
+        return StoredRun.open(one).dataset
+    return one.expand_dims("case") if "case" in one.coords and "case" not in one.dims else one  # of `press`

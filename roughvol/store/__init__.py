@@ -15,6 +15,7 @@ Room of the store. It computes nothing.
 `dataset`              build, write, read and combine datasets
 `small_file`           the file of a small case, written quickly
 `dimensional`          starred numbers in the units of the study
+`run`                  the run of a name, path or study file, checked to be of its study
 `run_folder`           the files of a run: names, labels, failures
 `lock`                 one process at a time in a folder
 `same_study`           whether a folder holds the results of a study

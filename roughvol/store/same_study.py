@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,8 @@ from roughvol.store.run_folder import case_file, outdated, stored_study, strange
 from roughvol.study import Case, HeightFile, Study, loads
 
 AXES = ("surface.D", "surface.H", "surface.m", "surface.n", "surface.seeds")
-UNASKED = (*AXES, "name", "comment")  # keys without a line of their own among the differences
+WORDS = ("name", "comment")  # keys that change no number
+UNASKED = (*AXES, *WORDS)  # keys without a line of their own among the differences
 
 
 def check_same_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> None:
@@ -72,7 +73,7 @@ def _other_heights(folder: Path, id: str, case: Case) -> bool:
 
 def differences(old: Study, new: Study) -> list[str]:
     """Return the settings that change the answer of a shared case, or of all if none is shared; a line each."""
-    before, after = (dict(_flat(study.model_dump(mode="json", context={"stored": True}))) for study in (old, new))
+    before, after = _keys(old), _keys(new)
     lines, shared = [], True
     for name in AXES:
         if name in before and name in after:
@@ -83,10 +84,23 @@ def differences(old: Study, new: Study) -> list[str]:
     stored, asked = _answers(_with_files_of(old, new)), _answers(new)
     if stored == asked if not (old.axes or new.axes) else any(one in asked for one in stored):
         return [] if shared else lines
-    for name in dict.fromkeys([*before, *after]):
-        if before.get(name) != after.get(name) and name not in UNASKED and not name.startswith("record."):
-            lines.append(f"{name}: {_shown(before, name)} → {_shown(after, name)}")
+    lines += _changed(before, after, [name for name in (*before, *after) if name.startswith("record.")] + [*UNASKED])
     return lines or ["the surface: its file has changed"]
+
+
+def changed_keys(old: Study, new: Study) -> list[str]:
+    """Return the keys of two studies that differ and may change a number, with both values; a line each."""
+    return _changed(_keys(old), _keys(new), WORDS)
+
+
+def _keys(study: Study) -> dict[str, Any]:
+    """Return the dotted keys of a study, as in files of results."""
+    return dict(_flat(study.model_dump(mode="json", context={"stored": True})))
+
+
+def _changed(before: Mapping[str, Any], after: Mapping[str, Any], left_out: Collection[str]) -> list[str]:
+    names = [name for name in dict.fromkeys([*before, *after]) if before.get(name) != after.get(name)]
+    return [f"{name}: {' → '.join(_shown(before, after, name))}" for name in names if name not in left_out]
 
 
 def _with_files_of(old: Study, new: Study) -> Study:
@@ -128,5 +142,10 @@ def _flat(data: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]
             yield f"{before}{name}", value
 
 
-def _shown(values: Mapping[str, Any], name: str) -> str:
-    return "absent" if name not in values else json.dumps(values[name], ensure_ascii=False)
+def _shown(before: Mapping[str, Any], after: Mapping[str, Any], name: str) -> list[str]:
+    """Return the two values of a key as text; lists of one item as that item."""
+    values = [keys[name] for keys in (before, after) if name in keys]
+    if all(isinstance(value, list) and len(value) == 1 for value in values):
+        values = [value[0] for value in values]
+    texts = iter([json.dumps(value, ensure_ascii=False) for value in values])
+    return [next(texts) if name in keys else "absent" for keys in (before, after)]

@@ -1,0 +1,293 @@
+"""The run of a name, a folder, a study.nc or a study file, checked to hold the results of its study.
+
+Every command that reads results opens them here. Two rules hold:
+
+- The study of ``study.nc`` is that of ``study.yaml`` beside it. They differ after an interrupted extension, or where a
+  ``study.nc`` of another run was copied into the folder.
+- A study file opens the run of its name only if the run holds its results: equal keys (``name`` and ``comment`` may
+  differ) and equal height files.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from roughvol.errors import DatasetError, FolderError, StudyError
+from roughvol.store import answer, run_folder, same_study
+from roughvol.study import Study, load, loads
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+RUNS = Path("runs")
+RESULTS = "study.nc"
+STUDY_SUFFIXES = (".yaml", ".yml")
+
+
+@dataclass(frozen=True, eq=False)
+class StoredRun:
+    """A run with results.
+
+    Attributes
+    ----------
+    file : Path
+        Its ``study.nc``.
+    dataset : Dataset
+        Its results, loaded.
+    given : Study or None
+        The study of the study file that the run was opened by.
+    """
+
+    file: Path
+    dataset: Dataset
+    given: Study | None = None
+
+    @classmethod
+    def open(cls, run: str | Path | None = None, changes: Sequence[str] = ()) -> StoredRun:
+        """Open the run of a name, a folder, a ``study.nc`` or a study file.
+
+        Parameters
+        ----------
+        run : path, optional
+            A folder, a ``study.nc``, a study file, or a name under ``runs``. Default: the latest run with results.
+        changes : sequence of str
+            Other values of keys of the study, as ``surface.m=6``.
+
+        Returns
+        -------
+        StoredRun
+            The run, with its results in memory.
+
+        Raises
+        ------
+        DatasetError
+            If there are no results, or they are damaged.
+        FolderError
+            If the results are of another study. The message has the keys that differ.
+        StudyError
+            If the study file has problems.
+        """
+        from roughvol.store import dataset  # xarray: a second
+
+        given = load(run, changes) if run is not None and is_study_file(run) else None
+        files = [_latest()] if run is None else _files(run, given)
+        file = next((file for file in files if _is_file(file)), None)
+        if file is None:
+            raise _no_results(str(run), files)
+        results = dataset.read(file)
+        if run is not None and changes and given is None:
+            given = study_of(run, changes)[0]
+        _check(file, results, given, str(run))
+        return cls(file, results, given)
+
+    @property
+    def folder(self) -> Path:
+        """Its folder."""
+        return self.file.parent
+
+    @property
+    def name(self) -> str:
+        """Name of its folder; of a dataset not named ``study.nc``, that of the file without its suffix."""
+        return _whole(self.file).name
+
+    def pressable(self) -> Study:
+        """Return the study of the run, whose surfaces can be pressed again.
+
+        Returns
+        -------
+        Study
+            As in its study file, or as stored with the run. Height files of a stored study are relative to the
+            current folder.
+
+        Raises
+        ------
+        DatasetError
+            If a height file is missing or has changed.
+        """
+        try:
+            study = self.given or loads(str(self.dataset.attrs.get("study", "")))
+            made = [case.id for case in study.cases()]
+        except StudyError as error:
+            reason = "; ".join(problem.message for problem in error.problems)
+            message = f"the study of {self.folder} cannot be read again: {reason}; give its study file instead"
+            raise DatasetError(message) from error
+        if not all(_is_file(run_folder.case_file(self.folder, id)) for id in made):
+            message = f"the cases of the study are not those in {self.folder}"
+            raise DatasetError(message)
+        return study
+
+
+def with_results(folder: Path = RUNS) -> list[Path]:
+    """Return the folders of runs that have results, by name."""
+    return [file.parent for file in sorted(folder.glob(f"*/{RESULTS}"))]
+
+
+def study_of(run: str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]:
+    """Return the study of a study file or of a run, and the folder of its results, which need not exist.
+
+    Parameters
+    ----------
+    run : path
+        A study file, the folder of a run, its ``study.nc``, or a name under ``runs``.
+    changes : sequence of str
+        Other values of keys, as ``surface.m=6``.
+
+    Returns
+    -------
+    Study
+        The study. Height files of a stored one are relative to the current folder: a run stores their names alone.
+    Path
+        The folder of the results.
+
+    Raises
+    ------
+    StudyError
+        If there is no such study, or it has problems.
+    """
+    path = Path(run)
+    if not _is_file(path) or path.name == RESULTS:
+        for folder in _folders(run):
+            if _is_file(folder / "study.yaml"):
+                text = run_folder.stored_study(folder) or ""
+                study = loads(text, f"{folder.name}.yaml", changes=changes)
+                renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
+                return study, run_folder.folder_of(study) if renamed else folder
+    study = load(path, changes)
+    return study, run_folder.folder_of(study)
+
+
+def is_study_file(run: str | Path) -> bool:
+    """Return whether a path is a study file, by its suffix."""
+    return Path(run).suffix in STUDY_SUFFIXES and _is_file(Path(run))
+
+
+def is_run(run: str | Path) -> bool:
+    """Return whether a text leads to a study file, to results, or to the folder of a run."""
+    files = [*_files(run, None), *(folder / "study.yaml" for folder in _folders(run))]
+    return is_study_file(run) or any(map(_is_file, files))
+
+
+def names_of(files: Sequence[Path]) -> list[str]:
+    """Return the names of runs by their ``study.nc``; where two are equal, with the folders by which they differ."""
+    paths = [_whole(file) for file in files]
+    names = []
+    for path in paths:
+        parts = 1
+        while sum(other.parts[-parts:] == path.parts[-parts:] for other in paths) > 1 and parts < len(path.parts):
+            parts += 1
+        names.append("/".join(path.parts[-parts:]))
+    return names
+
+
+def _whole(file: Path) -> Path:
+    """Return the path of a run: the folder of a ``study.nc``, another dataset without its suffix."""
+    return file.resolve().parent if file.name == RESULTS else file.resolve().with_suffix("")
+
+
+def _files(run: str | Path, given: Study | None) -> list[Path]:
+    """Return the files that may hold the results of a study file, a path or a name."""
+    if given is not None:
+        return [run_folder.folder_of(given) / RESULTS]
+    return [Path(run), *(folder / RESULTS for folder in _folders(run))]
+
+
+def _folders(run: str | Path) -> Iterator[Path]:
+    """Yield the folders that may be meant by a path or a name."""
+    yield Path(run).parent if Path(run).name == RESULTS else Path(run)
+    yield RUNS / run
+
+
+def _latest() -> Path:
+    # every run writes study.yaml, also without a case to compute
+    studies = [folder / "study.yaml" for folder in with_results() if _is_file(folder / "study.yaml")]
+    if not studies:
+        message = "no finished run under runs/; start one with: roughvol run STUDY (roughvol init writes a study)"
+        raise DatasetError(message)
+    return max(studies, key=lambda path: path.stat().st_mtime).with_name(RESULTS)
+
+
+def _no_results(run: str, files: Sequence[Path]) -> DatasetError:
+    for folder in (file.parent for file in files if file.name == RESULTS):
+        if _is_file(folder / "study.yaml"):
+            return DatasetError(f"{folder} has no {RESULTS}: its run has not ended; see: roughvol status {folder}")
+    return DatasetError(f"no results of {run!r}: looked for {', '.join(map(str, files))}")
+
+
+def _check(file: Path, results: Dataset, given: Study | None, run: str) -> None:
+    """Refuse results that are not those of the study file, or not those of their folder."""
+    stored = str(results.attrs.get("study", ""))
+    within = _of_another_folder(file, results, stored)
+    if given is not None and (lines := _of_another_study(file, results, stored, given)):
+        show = "" if within else f"; to see what the folder holds: roughvol show {file.parent}"
+        message = (
+            f"{file} does not hold the results of {run}:\n{_indented(lines)}\nto compute: roughvol run {run}{show}"
+        )
+        raise FolderError(message)
+    if within:
+        message = (
+            f"{file} does not hold the results of the study.yaml beside it (stored → study.yaml):\n"
+            f"{_indented(within)}\n"
+            f"an interrupted run goes on with: roughvol run STUDY; a {RESULTS} of another run opens in its own folder"
+        )
+        raise FolderError(message)
+
+
+def _of_another_study(file: Path, results: Dataset, stored: str, given: Study) -> list[str]:
+    """Return how the study and the height files of results differ from those of a study; a line each."""
+    if stored != given.stored():
+        try:
+            if lines := same_study.changed_keys(loads(stored, file, stored=True), given):
+                return lines
+        except StudyError as error:
+            return [f"its study cannot be read by this version: {error}"]
+    cases = answer.cases_of(given, file.parent)
+    now = {(body.file.name, body.sha256) for case in cases.values() for body in case.bodies}
+    lines = [
+        f"surface.file: the content of {name} has changed (sha256 {old[:8]} → {new[:8]})"
+        for name, old in sorted(_height_files(results) - now)
+        for new in [min(digest for other, digest in now if other == name)]
+    ]
+    return lines or _of_other_cases(results, cases)
+
+
+def _of_another_folder(file: Path, results: Dataset, stored: str) -> list[str]:
+    """Return how results differ from the study.yaml and the cases beside them; a line each."""
+    text = run_folder.stored_study(file.parent) if file.name == RESULTS else None
+    if text is None:
+        return []
+    if text != stored:
+        try:
+            old, new = (loads(one, file.with_name("study.yaml"), stored=True) for one in (stored, text))
+            if lines := same_study.changed_keys(old, new):
+                return lines
+        except StudyError as error:
+            return [f"one of both studies cannot be read by this version: {error}"]
+    return _of_other_cases(results, run_folder.stored_ids(file.parent))
+
+
+def _of_other_cases(results: Dataset, ids: Collection[str]) -> list[str]:
+    """Return a line if results and a study or folder of equal keys share no case."""
+    held = json.loads(results.attrs.get("case_ids", "[]"))
+    if not held or not ids or not set(held).isdisjoint(ids):
+        return []
+    return [f"cases: {held[0]} → {min(ids)}, of other heights or of a version with other answers"]
+
+
+def _height_files(results: Dataset) -> set[tuple[str, str]]:
+    """Return name and sha256 of the height files of results."""
+    return {(body["file"], body["sha256"]) for body in json.loads(results.attrs.get("height_files", "[]"))}
+
+
+def _indented(lines: Sequence[str]) -> str:
+    return "\n".join(f"  {line}" for line in lines)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, a folder without access, a null character
+        return False

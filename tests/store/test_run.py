@@ -1,0 +1,164 @@
+"""The run of a name, a folder, a study.nc or a study file: the numbers are those of the study, or they are refused."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import roughvol
+from roughvol.cli import main
+from roughvol.errors import DatasetError
+from roughvol.store import StoredRun
+
+TEXT = """
+surface: {D: 2.3, m: 5, seeds: 1, L: 100 um, Sq: 1 um}
+material: {E: 10 MPa, nu: 0.5}
+sweep: {pressures: [0.1 MPa, 0.2 MPa]}
+record:
+  transport: {transmissivity: every-step}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
+"""
+SCAN = """
+surface: {file: heights.txt, L: 100 um, heights_unit: um}
+material: {E: 10 MPa, nu: 0.5}
+sweep: {pressures: [0.1 MPa, 0.2 MPa]}
+record:
+  transport: {transmissivity: every-step}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
+"""
+COMMANDS = (
+    ["show"],
+    ["show", "--at", "pressure=0.15 MPa"],
+    ["show", "--json"],
+    ["plot", "v_of_p"],
+    ["report"],
+    ["ask", "--leak-rate", "1e-3 mm^3/s", "--no-solve"],
+    ["compare"],
+)
+
+
+@pytest.fixture(scope="module")
+def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("computed")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        Path("tiny.yaml").write_text(TEXT, encoding="utf-8")
+        roughvol.run("tiny.yaml", jobs=1)
+        np.savetxt("heights.txt", _heights(0))
+        Path("scan.yaml").write_text(SCAN, encoding="utf-8")
+        roughvol.run("scan.yaml", jobs=1)
+    return folder
+
+
+@pytest.fixture
+def place(computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copytree(computed, tmp_path / "here")
+    monkeypatch.chdir(tmp_path / "here")
+    return tmp_path / "here"
+
+
+def _heights(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(9, 9))
+
+
+def _refused(command: list[str], run: str) -> str:
+    others = ["scan"] if command[0] == "compare" and not run.startswith(("scan", "runs/scan")) else []
+    others = others or (["tiny"] if command[0] == "compare" else [])
+    done = CliRunner().invoke(main, [command[0], run, *others, *command[1:]])
+    assert done.exit_code == 2, done.output
+    return done.stderr
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+@pytest.mark.parametrize(
+    ("old", "new", "difference"),
+    [
+        ("m: 5", "m: 4", "surface.m: 5 → 4"),
+        ("E: 10 MPa", "E: 20 GPa", 'material.E: "10 MPa" → "20 GPa"'),
+        ("seeds: 1", "seeds: 2", "surface.seeds: [0] → [0, 1]"),
+        ("1 mPa*s", "2 mPa*s", '→ "2 mPa*s"'),
+    ],
+)
+def test_a_changed_study_file_does_not_get_the_numbers_of_the_old_one(
+    place: Path, command: list[str], old: str, new: str, difference: str
+) -> None:
+    Path("tiny.yaml").write_text(TEXT.replace(old, new), encoding="utf-8")
+    message = _refused(command, "tiny.yaml")
+    assert difference in message
+    assert "roughvol run tiny.yaml" in message
+    assert "runs/tiny" in message
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_a_changed_height_file_does_not_get_the_numbers_of_the_old_one(place: Path, command: list[str]) -> None:
+    np.savetxt("heights.txt", _heights(1))
+    message = _refused(command, "scan.yaml")
+    assert "surface.file: the content of heights.txt" in message
+    assert "roughvol run scan.yaml" in message
+
+
+@pytest.mark.parametrize("run", ["scan", "runs/scan", "runs/scan/study.nc"])
+def test_a_run_opens_by_its_name_without_its_height_file(place: Path, run: str) -> None:
+    Path("heights.txt").unlink()
+    assert CliRunner().invoke(main, ["show", run]).exit_code == 0
+    opened = StoredRun.open(run)
+    assert opened.name == "scan"
+    with pytest.raises(DatasetError, match=r"no such file.*heights\.txt"):
+        opened.pressable()
+
+
+@pytest.mark.parametrize("run", ["tiny", "runs/tiny", "runs/tiny/study.nc", "tiny.yaml"])
+def test_an_interrupted_extension_is_not_shown_as_finished(
+    place: Path, monkeypatch: pytest.MonkeyPatch, run: str
+) -> None:
+    Path("tiny.yaml").write_text(TEXT.replace("seeds: 1", "seeds: 3"), encoding="utf-8")
+    asked = iter([False, False, True])
+    with pytest.raises(KeyboardInterrupt):
+        roughvol.run("tiny.yaml", jobs=1, stopping=lambda: next(asked, True))
+    message = _refused(["show"], run)
+    assert "surface.seeds: [0] → [0, 1, 2]" in message
+    assert "roughvol run" in message
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+@pytest.mark.parametrize("run", ["tiny", "runs/tiny", "runs/tiny/study.nc", "tiny.yaml"])
+def test_the_results_of_another_run_are_not_shown_as_those_of_this_one(
+    place: Path, command: list[str], run: str
+) -> None:
+    shutil.copy("runs/scan/study.nc", "runs/tiny/study.nc")
+    message = _refused(command, run)
+    assert "surface.file" in message
+    assert "runs/tiny" in message
+
+
+def test_the_results_of_a_run_of_equal_settings_and_other_heights_are_not_those_of_this_one(place: Path) -> None:
+    Path("other").mkdir()
+    np.savetxt("other/heights.txt", _heights(1))
+    shutil.copy("scan.yaml", "other/scan.yaml")
+    roughvol.run("other/scan.yaml", out="runs/other", jobs=1)
+    shutil.copy("runs/other/study.nc", "runs/scan/study.nc")
+    assert "heights-" in _refused(["show"], "scan")
+
+
+@pytest.mark.parametrize("text", [TEXT + "comment: measured twice\n", "# a comment\n" + TEXT, "name: tiny\n" + TEXT])
+def test_words_of_a_study_file_change_no_number(place: Path, text: str) -> None:
+    Path("tiny.yaml").write_text(text, encoding="utf-8")
+    assert CliRunner().invoke(main, ["show", "tiny.yaml"]).exit_code == 0
+
+
+def test_a_copied_study_nc_opens_in_a_folder_of_its_own(place: Path) -> None:
+    Path("elsewhere").mkdir()
+    for name in ("study.nc", "kept.nc"):
+        shutil.copy("runs/tiny/study.nc", f"elsewhere/{name}")
+    assert [StoredRun.open(run).name for run in ("elsewhere", "elsewhere/kept.nc")] == ["elsewhere", "kept"]
+
+
+def test_a_name_longer_than_any_file_has_no_results(place: Path) -> None:
+    for command in ("show", "status", "plot"):
+        done = CliRunner().invoke(main, [command, "n" * 300])
+        assert done.exit_code == 2, done.output
+        assert isinstance(done.exception, SystemExit)
