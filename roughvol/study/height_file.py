@@ -27,7 +27,7 @@ from roughvol.study.yaml_text import printable
 from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, Resampling
 
 BARE_FORMATS = (".npy", ".npz")  # formats without size and unit
-HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".tif", ".tiff")
+HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".grd", ".tif", ".tiff")
 EXTRA = "roughvol[measured]"  # adds the formats of instruments
 
 _FILE = (

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import tifffile
 from netCDF4 import Dataset
+from written import surfer_7
 
 from roughvol.errors import DatasetError, SurfaceError
 from roughvol.study import HEIGHT_FORMATS
@@ -69,6 +70,7 @@ WRITERS: dict[str, Callable[[Path], Any]] = {
     "plain.asc": lambda path: path.write_text(_rows(HEIGHTS)),
     "ended.dat": lambda path: path.write_text(_rows(HEIGHTS, ";").replace("\n", ";\n")),  # as MIRCO writes them
     "points.xyz": lambda path: path.write_text(_points(HEIGHTS)),
+    "surfer.grd": lambda path: path.write_bytes(surfer_7(HEIGHTS)),
     "image.tif": lambda path: tifffile.imwrite(path, HEIGHTS.T),
     "IMAGE.TIFF": lambda path: tifffile.imwrite(path, HEIGHTS.T, compression="zlib"),
 }
@@ -242,7 +244,7 @@ def test_a_file_is_described_without_reading_its_heights(tmp_path: Path, name: s
     WRITERS[name](tmp_path / name)
     description = reading.describe(tmp_path / name)
     assert description.shape == HEIGHTS.shape
-    sides = {"grid.asc": (8.0, 6.0), "wrapped.asc": (8.0, 6.0), "points.xyz": (2.0, 1.5)}
+    sides = {"grid.asc": (8.0, 6.0), "wrapped.asc": (8.0, 6.0), "points.xyz": (2.0, 1.5), "surfer.grd": (2.5, 4.0)}
     assert description.sides == sides.get(name)
     assert (description.unit, description.heights_unit) == (None, "um" if name == "blanks.txt" else None)
     assert description.reader

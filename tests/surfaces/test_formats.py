@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import tifffile
 import xarray as xr
+from written import surfer_6, surfer_7, surfer_text
 
 from roughvol.campaign import one_case
 from roughvol.study import loads
@@ -39,6 +40,10 @@ def rows(numbers: np.ndarray, between: str = " ") -> str:
 
 def _text(text: str, encoding: str = "utf-8") -> Callable[[Path], Any]:
     return lambda path: path.write_text(text, encoding=encoding)
+
+
+def _surfer(write: Callable[..., bytes]) -> Callable[[Path], Any]:
+    return lambda path: path.write_bytes(write(MAP, (7.0, 7.0 + X[-1]), (-3.0, Y[-1] - 3.0)))
 
 
 def _grid(dims: tuple[str, str], unit: str, scale: float, down: bool = False) -> Callable[[Path], Any]:
@@ -97,6 +102,9 @@ FORMATS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "library.txt": (_library("to_matrix"), ""),
     "iso.sdf": (_text(SDF + rows(MAP.T) + "*\nend\n*\n"), ""),
     "iso.txt": (_text(SDF + rows(MAP.T) + "*\nend\n*\n"), ""),
+    "text.grd": (_surfer(surfer_text), "unit: um"),
+    "surfer-6.grd": (_surfer(surfer_6), "unit: um"),
+    "surfer-7.grd": (_surfer(surfer_7), "unit: um"),
     "image.tif": (lambda path: tifffile.imwrite(path, MAP.T), "L: 4 um"),
     "imagej.tif": (
         lambda path: tifffile.imwrite(

@@ -295,6 +295,49 @@ def test_a_tiff_gives_its_size_where_a_tag_is_no_default(tmp_path: Path) -> None
     assert np.isnan(reading.read(path, holes=True)).any()
 
 
+@pytest.mark.parametrize(
+    ("kind", "text", "stored"),
+    [
+        ("f4", "-3.4028234663852886e+38", -3.4028234663852886e38),
+        ("f4", "-3.40282346638529e+38", -3.4028234663852886e38),
+        ("f4", "-3.40282e+38", -3.4028234663852886e38),  # as written with six digits
+        ("f4", "-9.9999", -9.9999),
+        ("f4", "1e+39", np.inf),  # beyond the type of the image
+        ("f4", "nan", np.nan),
+        ("f8", "-9.9999", -9.9999),
+        ("u2", "65535", 65535),
+        ("i4", "-2147483648", -2147483648),
+    ],
+)
+def test_nodata_of_a_tiff_is_compared_in_the_type_of_the_image(
+    tmp_path: Path, kind: str, text: str, stored: float
+) -> None:
+    path = tmp_path / "z.tif"
+    image = np.arange(30).reshape(6, 5).astype(kind)
+    image[HOLES] = np.array(stored).astype(kind)
+    tifffile.imwrite(path, image.T, extratags=[(42113, "s", 0, text, True)])
+    expected = np.where(HOLES, np.nan, np.arange(30.0).reshape(6, 5))
+    assert np.array_equal(reading.read(path, holes=True), expected, equal_nan=True)
+    with pytest.raises(SurfaceError, match=r"z\.tif: 3 heights are missing"):
+        reading.read(path)
+
+
+@pytest.mark.parametrize(
+    "mark", [1.70141e38, 1.7014118346046923e38, 1.71041e38, -3.4028234663852886e38, -1e37, 9.97e36]
+)
+@pytest.mark.parametrize("kind", ["f4", "f8"])
+def test_numbers_too_large_for_any_height_are_missing_ones(tmp_path: Path, mark: float, kind: str) -> None:
+    """Surfer's blank, the limits of float32 and the fill value of netCDF, also as the only number beside zeros."""
+    path = tmp_path / "z.npy"
+    for heights in (HEIGHTS, np.zeros(HEIGHTS.shape)):
+        np.save(path, np.where(HOLES, mark, heights).astype(kind))
+        expected = np.where(HOLES, np.nan, heights).astype(kind)
+        assert np.array_equal(reading.read(path, holes=True), expected, equal_nan=True)
+    np.save(path, np.full(HEIGHTS.shape, mark).astype(kind))
+    with pytest.raises(SurfaceError, match=r"z\.npy: 30 heights are missing"):
+        reading.read(path)
+
+
 def test_what_roughvol_reads_itself_needs_no_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 

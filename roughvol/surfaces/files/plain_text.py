@@ -84,15 +84,7 @@ def split(path: Path) -> Text:
     SurfaceError
         If there is no line of numbers.
     """
-    content = path.read_bytes()
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        text = content.decode("utf-16")
-    else:
-        try:
-            text = content.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = content.decode("latin-1")  # µ is one byte there
-    lines = list(enumerate(re.split("\r\n|\r|\n", text), start=1))  # str.splitlines also breaks at form feeds
+    lines = numbered(path)
     first = next((index for index, (_, line) in enumerate(lines) if _is_data(line)), None)
     if first is None:
         message = f"{path}: holds no numbers"
@@ -101,6 +93,30 @@ def split(path: Path) -> Text:
     data = [(number, bare) for number, line in lines[first:] if (bare := _bare(line))]
     comments = [(number, line.strip()) for number, line in lines[first:] if line.lstrip().startswith("#")]
     return Text(path, header, data, comments)
+
+
+def numbered(path: Path) -> list[tuple[int, str]]:
+    """Return the lines of a text file, each with its number.
+
+    Parameters
+    ----------
+    path : Path
+        File in UTF-8, UTF-16 or Latin-1.
+
+    Returns
+    -------
+    list of (int, str)
+        Numbers from 1, and lines without their ends.
+    """
+    content = path.read_bytes()
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        text = content.decode("utf-16")
+    else:
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = content.decode("latin-1")  # µ is one byte there
+    return list(enumerate(re.split("\r\n|\r|\n", text), start=1))  # str.splitlines also breaks at form feeds
 
 
 def words(text: Text) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import DatasetError, SurfaceError
-from roughvol.surfaces.files import instrument, netcdf, plain_text, text_map, tiff
+from roughvol.surfaces.files import instrument, netcdf, plain_text, surfer, text_map, tiff
 from roughvol.surfaces.files.description import Description, HeightMap, NotRead, array_name, reading, refuse_huge
 from roughvol.typing import Array
 
@@ -36,7 +36,9 @@ _UNREADABLE = (
 MAX_BYTES = 1 << 32  # like MAX_NODES far above the size of any contact problem
 TEXT = (".txt", ".csv", ".xyz", ".dat", ".asc")
 TIFF = (".tif", ".tiff")
-SENTINELS = (-9999.0, 9999.0, -99999.0, 99999.0, -999999.0, -32768.0, float(np.float32(-3.4028235e38)), 1e38, -1e38)
+GRID = ".grd"  # an ending of many programs
+SENTINELS = (-9999.0, 9999.0, -99999.0, 99999.0, -999999.0, -32768.0)
+BEYOND = 9e36  # pm or more: no height. Programs mark missing heights with larger numbers: 9.97e36, 1.70141e38, -3.4e38
 _FAR = 3.0  # least distance of a mark of missing heights from the others, over their range
 
 
@@ -77,7 +79,7 @@ def read(
     ----------
     path : str or Path
         An array in ``.npy``; one of the arrays in ``.npz`` or ``.nc``; text of heights or of points x y z; an ESRI
-        ASCII grid; a grey-scale TIFF. SurfaceTopography reads all other files, see `instrument`.
+        ASCII grid; a Surfer grid; a grey-scale TIFF. SurfaceTopography reads all other files, see `instrument`.
     variable : str, optional
         Array in an ``.npz`` or ``.nc`` file, channel of an instrument, or page of a TIFF: its name, or its number from
         0. Default: the only array with two dimensions.
@@ -124,11 +126,23 @@ def _by_content(path: Path, variable: str | None, columns: str | None, ignore_he
         return _npy(path, variable)
     if suffix == ".npz":
         return _npz(path, variable)
-    if suffix == ".nc":
+    if suffix in netcdf.ENDINGS or netcdf.is_classic(path) or (suffix == GRID and netcdf.is_hdf5(path)):
         return netcdf.opened(path, variable, ignore_header=ignore_header)
+    if surfer.is_grid(path):
+        _refuse_variable(path, variable)
+        return surfer.opened(path)
     if suffix in TEXT and plain_text.is_text(path):
         return _text(path, variable, columns, ignore_header)
-    return _instrument(path, variable, columns, ignore_header)
+    try:
+        return _instrument(path, variable, columns, ignore_header)
+    except NotRead as refused:
+        if suffix != GRID:
+            raise
+        message = (
+            f"{path}: is no Surfer grid; allowed in {GRID}: Surfer grids (DSAA, DSBB, DSRB), netCDF and ESRI ASCII "
+            "grids; save it as one of them"
+        )
+        raise DatasetError(message) from refused
 
 
 def _reading(path: Path) -> contextlib.AbstractContextManager[None]:
@@ -181,8 +195,8 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
     _two(path, array.shape)
     with np.errstate(over="ignore"):  # a long double beyond float64 becomes inf, and is refused below
         heights = np.ascontiguousarray(array, dtype=np.float64)
-    missing = ~np.isfinite(heights)
-    marks = []
+    missing = ~(np.abs(heights) < BEYOND)
+    marks = [f"{mark:g}" for mark in np.unique(heights[missing & np.isfinite(heights)])]
     for mark in SENTINELS:
         marked = heights == mark
         if marked.any() and _far(mark, heights[~marked & ~missing]):
@@ -191,9 +205,9 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
     if missing.any() and not holes:
         row, column = np.argwhere(missing)[0]
         count = f"{missing.sum()} height{' is' if missing.sum() == 1 else 's are'}"
+        marked_by = f" ({', '.join(marks[:3])} marks a missing one)" if marks else ""
         message = (
-            f"{path}: {count} missing or not finite, the first in row {row}, column {column}"
-            f"{f' ({chr(44).join(marks)} marks a missing one)' if marks else ''}; "
+            f"{path}: {count} missing or not finite, the first in row {row}, column {column}{marked_by}; "
             "a study may have them filled (surface.missing)"
         )
         raise SurfaceError(message)

@@ -7,7 +7,6 @@ count. TIFF has no unit of grey values.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import re
 from pathlib import Path
@@ -84,9 +83,18 @@ def _read(path: Path, number: int, nodata: Any) -> NDArray[Any]:
     with reading(path, "TIFF"), TiffFile(path) as stored:
         image = stored.pages[number].asarray()
     heights = np.asarray(image, dtype=np.float64)
-    with contextlib.suppress(TypeError, ValueError):  # no such tag
-        heights[heights == float(nodata)] = math.nan
+    heights[_missing(image, nodata)] = math.nan
     return heights.T
+
+
+def _missing(image: NDArray[Any], nodata: Any) -> NDArray[np.bool_]:
+    """Return the pixels with the value of GDAL_NODATA. A float32 image holds it rounded to its own type."""
+    try:
+        mark = float(nodata)
+    except (TypeError, ValueError):  # no such tag
+        return np.zeros(image.shape, dtype=bool)
+    with np.errstate(over="ignore"):
+        return np.asarray(image == (image.dtype.type(mark) if image.dtype.kind == "f" else mark))
 
 
 def _tag(page: Any, code: int) -> Any:

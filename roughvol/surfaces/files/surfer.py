@@ -1,0 +1,177 @@
+"""Height maps in grids of Surfer: text (DSAA), Surfer 6 (DSBB) and Surfer 7 (DSRB).
+
+Conventions: a row runs along x and has one y, the first row the lowest. The array is the transpose of the rows, so both
+axes ascend with the index. The limits of x and y are the coordinates of the outer nodes. A grid has no units. Missing
+heights are 1.70141e38, as `reading` marks them; a grid of Surfer 7 may name another number (BlankValue).
+
+Layouts: Golden Software, Surfer help, pages "Surfer 6 Text Grid Format", "Surfer 6 Binary Grid File Format" and
+"Surfer 7 Grid File Format".
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from roughvol.errors import DatasetError, SurfaceError
+from roughvol.surfaces.files import plain_text
+from roughvol.surfaces.files.description import Description, HeightMap, refuse_huge
+from roughvol.typing import Array
+
+TEXT, SIX, SEVEN = "DSAA", "DSBB", "DSRB"
+_HEAD_6 = struct.Struct("<4s2h6d")  # name, nodes along x and y, limits of x, y and z
+_GRID_7 = struct.Struct("<2i8d")  # nodes along y and x, lowest x and y, spacings, limits of z, rotation, blank
+_TAG_7 = struct.Struct("<4si")  # name and bytes of a section
+
+
+def is_grid(path: Path) -> bool:
+    """Return whether a file starts with the name of a Surfer grid.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+
+    Returns
+    -------
+    bool
+        Whether it does.
+    """
+    return _name(path) in (TEXT, SIX, SEVEN)
+
+
+def opened(path: Path) -> HeightMap:
+    """Return the map in a Surfer grid; binary heights are read on demand.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+
+    Returns
+    -------
+    HeightMap
+        The map.
+
+    Raises
+    ------
+    DatasetError
+        If the file is cut, or a cell of a text is no number.
+    SurfaceError
+        If the header has no nodes or limits of a grid.
+    """
+    return {TEXT: _text, SIX: _six, SEVEN: _seven}[_name(path)](path)
+
+
+def _name(path: Path) -> str:
+    with path.open("rb") as stream:
+        return stream.read(4).decode("latin-1")
+
+
+def _text(path: Path) -> HeightMap:
+    (number, start), *others = plain_text.numbered(path)
+    lines = [(number, start.removeprefix(TEXT)), *others]
+    filled = [(number, line.strip(" \t\x1a")) for number, line in lines if line.strip(" \t\x1a")]
+    numbers = plain_text.words(plain_text.Text(path, [], filled, []))
+    if len(numbers) < 8:
+        message = f"{path}: ends within its header"
+        raise DatasetError(message)
+    nx, ny, *limits = numbers[:8].tolist()
+    described = _described(path, (nx, ny), (limits[0], limits[1]), (limits[2], limits[3]), "text")
+    columns, rows = described.shape
+    if len(numbers) - 8 != rows * columns:
+        message = f"{path}: holds {len(numbers) - 8} heights; its header gives {columns} x {rows}"
+        raise SurfaceError(message)
+    return HeightMap(described, lambda: numbers[8:].reshape(rows, columns).T)
+
+
+def _six(path: Path) -> HeightMap:
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD_6.size)
+    if len(head) < _HEAD_6.size:
+        message = f"{path}: ends within its header"
+        raise DatasetError(message)
+    _, nx, ny, *limits = _HEAD_6.unpack(head)
+    described = _described(path, (nx, ny), (limits[0], limits[1]), (limits[2], limits[3]), "Surfer 6")
+    _check_bytes(path, path.stat().st_size - len(head), 4, described.shape)
+    return HeightMap(described, lambda: _binary(path, "<f4", len(head), described.shape))
+
+
+def _seven(path: Path) -> HeightMap:
+    sections = _sections(path)
+    if not {b"GRID", b"DATA"} <= sections.keys() or sections[b"GRID"][1] < _GRID_7.size:
+        message = f"{path}: holds the sections {', '.join(map(_printable, sections))}; needed: sections GRID and DATA"
+        raise DatasetError(message)
+    with path.open("rb") as stream:
+        version = int.from_bytes(stream.read(_TAG_7.size + 4)[_TAG_7.size :], "little")
+        stream.seek(sections[b"GRID"][0])
+        ny, nx, left, front, dx, dy, *_, blank = _GRID_7.unpack(stream.read(_GRID_7.size))
+    if version not in (1, 2):
+        message = f"{path}: is of version {version}; allowed: 1 and 2"
+        raise SurfaceError(message)
+    limits = (left, left + dx * (nx - 1)), (front, front + dy * (ny - 1))
+    described = _described(path, (nx, ny), *limits, "Surfer 7")
+    start, size = sections[b"DATA"]
+    _check_bytes(path, size, 8, described.shape)
+
+    def heights() -> Array:
+        values = _binary(path, "<f8", start, described.shape)
+        return np.where(values >= blank if version == 1 else values == blank, math.nan, values)
+
+    return HeightMap(described, heights)
+
+
+def _sections(path: Path) -> dict[bytes, tuple[int, int]]:
+    """Return start and size of each section of a grid of Surfer 7 by its name; the first of equal names."""
+    sections: dict[bytes, tuple[int, int]] = {}
+    end = path.stat().st_size
+    with path.open("rb") as stream:
+        while len(tag := stream.read(_TAG_7.size)) == _TAG_7.size:
+            name, size = _TAG_7.unpack(tag)
+            left = end - stream.tell()
+            if not 0 <= size <= left:
+                message = f"{path}: its section {_printable(name)} has {size} bytes, the file {left} from there"
+                raise DatasetError(message)
+            sections.setdefault(name, (stream.tell(), size))
+            stream.seek(size, 1)
+    return sections
+
+
+def _printable(name: bytes) -> str:
+    return name.decode("ascii", errors="replace") if name.isalnum() else repr(name)
+
+
+def _described(
+    path: Path, nodes: tuple[float, float], x: tuple[float, float], y: tuple[float, float], kind: str
+) -> Description:
+    if not all(math.isfinite(number) and number == int(number) and number > 0 for number in nodes):
+        message = f"{path}: its header gives {nodes[0]:g} x {nodes[1]:g} nodes; allowed: whole numbers above 0"
+        raise SurfaceError(message)
+    shape = int(nodes[0]), int(nodes[1])
+    refuse_huge(path, shape)
+    for name, (low, high) in (("x", x), ("y", y)):
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            message = f"{path}: its header gives {name} from {low:g} to {high:g}; allowed: rising and finite"
+            raise SurfaceError(message)
+    counted = all(low in (0.0, 1.0) and high - low == n - 1 for n, (low, high) in zip(shape, (x, y), strict=True))
+    sides = x[1] - x[0], y[1] - y[0]
+    reader = f"Surfer grid, {kind}"
+    return Description(
+        shape, sides, reader=reader, read_as="surfer", source="the limits in its header", counted=counted
+    )
+
+
+def _check_bytes(path: Path, size: int, each: int, shape: tuple[int, int]) -> None:
+    if size != each * shape[0] * shape[1]:
+        message = (
+            f"{path}: holds {size} bytes of heights; its header gives {shape[0]} x {shape[1]} of {each} bytes each"
+        )
+        raise DatasetError(message)
+
+
+def _binary(path: Path, kind: str, start: int, shape: tuple[int, int]) -> Array:
+    values = np.fromfile(path, kind, shape[0] * shape[1], offset=start)
+    return values.reshape(shape[1], shape[0]).T.astype(np.float64)
