@@ -1,9 +1,9 @@
 """The load at which a leak has a given value, by solves of the cases of a run.
 
-A read-off from a stored sweep is right to its interpolation (`report.ask`). Here the states themselves are solved: one
-state of every surface in each round, at the indentation that its last two states give for the pressure sought. The
-pressure follows by the secant of log(leak) over log(pressure), inside a bracket as soon as there is one. Several
-surfaces have the geometric mean of their leaks at one nominal pressure.
+A read-off from a stored sweep is right to its interpolation (`analysis.read_off`). Here the states themselves are
+solved: one state of every surface in each round, at the indentation that its last two states give for the pressure
+sought. The pressure follows by the secant of log(leak) over log(pressure), inside a bracket as soon as there is one.
+Several surfaces have the geometric mean of their leaks at one nominal pressure.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import click
 from roughvol.cli.group import examples, main, study_of, warn
 
 if TYPE_CHECKING:
-    from roughvol.report.ask import Answer
+    from roughvol.analysis.read_off import Answer
 
 
 @main.command(
@@ -75,8 +75,8 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_
     interpolation, which is estimated. Then a few states are solved, and the answer equals a new run at that value to
     1e-6. Their number is printed.
     """
-    from roughvol.report import gas_leak
-    from roughvol.report.ask import ask as read_off
+    from roughvol.analysis import gas_leak
+    from roughvol.analysis.read_off import ask as read_off
     from roughvol.store import StoredRun
     from roughvol.study.units import has_unit
 
@@ -172,8 +172,8 @@ def creep(run: str | None, law: Path, pressure: str, times: str, out: Path | Non
     The modulus of the study is that at once. States at later times are read off the stored sweep: at constant load the
     contact is that of the modulus 1/J(t) (Lee and Radok 1960). Times whose states the sweep does not reach are refused.
     """
-    from roughvol.report import creep as over_time
-    from roughvol.report.ask import check_leaks
+    from roughvol.analysis import creep as over_time
+    from roughvol.analysis.read_off import check_leaks
     from roughvol.report.figures.creep import drawing_of
     from roughvol.store import StoredRun
     from roughvol.study import load_creep, read_times

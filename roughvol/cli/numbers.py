@@ -15,9 +15,9 @@ from roughvol import cli_text
 from roughvol.cli.group import examples, main
 
 if TYPE_CHECKING:
-    from roughvol.report.claims import Run
-    from roughvol.report.states import Wanted
-    from roughvol.report.tables import Table
+    from roughvol.analysis.stored_run import Run
+    from roughvol.analysis.tables import Table
+    from roughvol.study import Level
 
 AT = click.option(
     "--at",
@@ -124,17 +124,17 @@ def say_table(table: Table) -> None:
 
 
 def _opened(run: str | None) -> Run:
-    from roughvol.report.claims import Run
+    from roughvol.analysis.stored_run import Run
     from roughvol.store import StoredRun
 
     stored = StoredRun.open(run)
     return Run.of(stored.name, stored.dataset)
 
 
-def _wanted(states: Sequence[str]) -> list[Wanted]:
-    from roughvol.report.states import wanted
+def _wanted(states: Sequence[str]) -> list[Level]:
+    from roughvol.analysis.at import parse
 
-    return [wanted(text) for text in states]
+    return [parse(text) for text in states]
 
 
 def _one_form(as_csv: bool, as_json: bool) -> None:

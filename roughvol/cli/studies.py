@@ -244,8 +244,8 @@ def _say_numbers(name: str, results: Dataset) -> None:
     """Print the chief states of a run, and where its ways through the gap close."""
     if "step" not in results.sizes:
         return
+    from roughvol.analysis.stored_run import Run
     from roughvol.report import screen
-    from roughvol.report.claims import Run
 
     for run in Run.of(name, results).parts:
         for table in screen.summary(run):

@@ -9,19 +9,10 @@ Room of the report. It reads datasets and computes no contact.
 `paper_rules`   the paper's state and the slope A*/p*, for figures and claims
 `model`         contents of a report, and the words that all its forms share
 `run_facts`     one run in words and tables: surface, loading, states, closing
-`card`          leak card: leak along x and y, closing, error budget
 `card_page`     its HTML and PDF
-`ask`           pressure, modulus or Sq at which a leak falls below a value
-`gas_leak`      the leak of a gas in the place of that of a liquid
-`creep`         the leak of a seal over time
-`yielding`      leak up and down a path, and with yield against without
-`states`        the state of stored surfaces at a load, on a step or between two
 `screen`        tables of numbers for a screen
-`legs`          legs of a path in a dataset
-`common_units`  several runs in the units of the first
 `literature`    a number of the literature as the row of a table
 `answers`       statements judged by ten seeds and by an ensemble
-`tables`        tables of a report
 `drawings`      figures that a report shows, and the run of each
 `captions`      their captions
 `page`          the report as one HTML page

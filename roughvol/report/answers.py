@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from xarray import Dataset
 
-from roughvol.report.claims import Run
+from roughvol.analysis.stored_run import Run
 from roughvol.report.claims.statistics import student_quantile
 from roughvol.report.claims.verdict import Number, above
 

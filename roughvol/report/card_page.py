@@ -7,13 +7,13 @@ from pathlib import Path
 
 from xarray import Dataset
 
+from roughvol.analysis.leak_budget import Card, card_of
+from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
-from roughvol.report.card import Card, card_of
 from roughvol.report.drawings import Drawing
 from roughvol.report.figures import leak_card
 from roughvol.report.html import Html, figure_html, items, join, pairs, table, tag
 from roughvol.report.style import CSS
-from roughvol.report.tables import number
 
 CAPTION = (
     "Leak against load with the interval at the load of the card (left); flux along x over its mean (middle); parts of "

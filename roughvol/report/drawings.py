@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
+from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
 from roughvol.report.captions import caption
-from roughvol.report.claims import Evidence, Lacking, Run
+from roughvol.report.claims import Evidence, Lacking
 from roughvol.report.figures.paper import FIGURES, NEEDS, missing
 from roughvol.report.figures.selection import figures
 from roughvol.report.figures.theory import THEORY

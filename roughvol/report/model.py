@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from roughvol.analysis.hysteresis import Comparison, comparisons
 from roughvol.errors import DatasetError
 from roughvol.report.answers import Answers, answers
 from roughvol.report.claims import (
@@ -31,7 +32,6 @@ from roughvol.report.claims.ambiguities import SERVES, readings
 from roughvol.report.claims.leak_estimates import Ratio, ratios
 from roughvol.report.claims.many_seeds import ENOUGH, ManySeeds, many_seeds
 from roughvol.report.claims.needs import ALONE
-from roughvol.report.yielding import Comparison, comparisons
 from roughvol.store import StoredRun
 from roughvol.store.run import names_of
 

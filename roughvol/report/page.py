@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from roughvol._version import __version__
+from roughvol.analysis.hysteresis import HEAD as HEAD_OF_YIELDING
+from roughvol.analysis.hysteresis import NOTE as NOTE_OF_YIELDING
 from roughvol.report import literature, run_facts
 from roughvol.report.answers import HEAD as HEAD_OF_ANSWERS
 from roughvol.report.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Claim, Number
@@ -21,8 +23,6 @@ from roughvol.report.drawings import Drawing, drawings, drawings_of
 from roughvol.report.html import Html, box, figure_html, fold, items, join, pairs, table, tag
 from roughvol.report.model import CITE, MARKS, Report, agreement, criterion, facts_of, heading, span
 from roughvol.report.style import CSS
-from roughvol.report.yielding import HEAD as HEAD_OF_YIELDING
-from roughvol.report.yielding import NOTE as NOTE_OF_YIELDING
 
 DECISIONS = (
     "Heights and gaps: rigid overlap ū = Δ - (z_max - z), so that the highest point touches first; the paper's Δ - ξ "

@@ -7,23 +7,22 @@ nominal pressure p* E* Sq/L.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from xarray import DataArray, Dataset
 
-from roughvol.errors import ContactError
-from roughvol.observables.conductance import contact_conductance, harmonic_conductivity
-from roughvol.observables.stiffness import interfacial_stiffness
-from roughvol.report.claims import Run
-from roughvol.report.legs import first_leg
-from roughvol.report.tables import Table, number
-from roughvol.report.yielding import hysteresis
+from roughvol.analysis import average, leak
+from roughvol.analysis.closing import load_of, spans
+from roughvol.analysis.derived import derived, groups
+from roughvol.analysis.hysteresis import hysteresis
+from roughvol.analysis.legs import first_leg
+from roughvol.analysis.stored_run import Run
+from roughvol.analysis.tables import Table, number
 from roughvol.store.variables import VARIABLES
-from roughvol.study import HeightFile, SpectralSurface, Study, convert
-from roughvol.study.units import in_unit
+from roughvol.study import HeightFile, SpectralSurface
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array
 
@@ -36,6 +35,14 @@ LEVELLED = {
     "quadratic": "a quadratic taken off",
 }
 CLOSING = "Where it closes"
+WAYS = tuple(
+    f"{name}_{axis}" for name in ("open", "open_dry", "critical_opening", "critical_opening_dry") for axis in "xy"
+)
+LEAKS = tuple(
+    f"{name}_{axis}"
+    for name in ("leak_rate", "flow", "leak_rate_dry", "gas_leak_rate", "gas_leak_rate_dry")
+    for axis in "xy"
+)
 COLUMNS = (  # of a table of states, where they are stored or follow from what is
     "nominal_pressure",
     P,
@@ -47,23 +54,15 @@ COLUMNS = (  # of a table of states, where they are stored or follow from what i
     "load_above_hardness_fraction",
     "plastic_volume",
     "plastic_area_fraction",
-    "open_x",
-    "open_y",
-    "critical_opening_x",
-    "critical_opening_y",
+    *WAYS,
     "transmissivity_x",
     "transmissivity_y",
-    "leak_rate_x",
-    "leak_rate_y",
+    "transmissivity_dry_x",
+    "transmissivity_dry_y",
+    *LEAKS,
     "knudsen_number_x",
     "knudsen_number_y",
-    "gas_leak_rate_x",
-    "gas_leak_rate_y",
 )
-STIFFNESS = "interfacial stiffness -dp/d(mean gap) times L/E*; with h and k_s the conductance h L/k_s"
-CONDUCTANCE = "contact conductance per nominal area"
-CONDUCTIVITY = "W/m/K"
-LOADS = ("nominal_pressure", P)
 
 
 @dataclass(frozen=True)
@@ -250,73 +249,8 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
 # states
 
 
-def derived(ds: Dataset, study: Study | None) -> Dataset:
-    """Return a dataset with the mean gap, the nominal pressure where the study has its unit, open ways and stiffness.
-
-    Parameters
-    ----------
-    ds : Dataset
-        A study with states.
-    study : Study or None
-        Its study.
-
-    Returns
-    -------
-    Dataset
-        The same with further variables.
-    """
-    ds = _with_stiffness(ds, study)
-    if "mean_gap" not in ds and "Sq" in ds:
-        gap = ds[V] * ds["Sq"]
-        ds = ds.assign(mean_gap=gap.assign_attrs(units=ds.attrs.get("length_unit", "length"), symbol="g_mean"))
-    if "nominal_pressure" not in ds and "Sq" in ds and study is not None and study.material.unit:
-        pressure = ds[P] * ds["Sq"] * (study.material.contact_modulus / float(ds["L"]))
-        ds = ds.assign(nominal_pressure=pressure.assign_attrs(units=study.material.unit, symbol="p"))
-    for axis in "xy":
-        # any of them is 0 where the way is closed; the first one stored is taken
-        for name in (f"percolates_{axis}", f"critical_gap_{axis}", f"transmissivity_{axis}"):
-            if name in ds and bool(ds[name].notnull().any()):
-                is_open = (ds[name] > 0.0).astype(float).where(ds[name].notnull())
-                ds = ds.assign({f"open_{axis}": is_open.assign_attrs(units="1", symbol=f"open along {axis}")})
-                break
-    return ds
-
-
-def _with_stiffness(ds: Dataset, study: Study | None) -> Dataset:
-    """Return a dataset with the interfacial stiffness on the first leg, and the conductance that follows."""
-    first = first_leg(ds)
-    try:
-        pressure, gap = (first[name].transpose(..., "step") for name in (P, V))
-        stiffness = pressure.copy(data=interfacial_stiffness(pressure.values, gap.values)).reindex(step=ds["step"])
-    except (ContactError, KeyError):  # pressures that do not rise throughout, as those of a region may
-        return ds
-    ds = ds.assign(interfacial_stiffness=stiffness.assign_attrs(units="1", symbol="K L/E*", long_name=STIFFNESS))
-    unit, bodies = ds.attrs.get("length_unit"), study.material.conductivity if study is not None else None
-    if unit and bodies:
-        first_body, second = (in_unit(value, CONDUCTIVITY) or math.nan for value in bodies)
-        length = convert(float(ds["L"]), unit, "m")
-        value = contact_conductance(stiffness.values, harmonic_conductivity(first_body, second), length)
-        conductance = stiffness.copy(data=value).assign_attrs(units="W/m^2/K", symbol="h", long_name=CONDUCTANCE)
-        ds = ds.assign(contact_conductance=conductance)
-    return ds
-
-
-def groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
-    """Yield the surfaces that share a table, those computed along `seed`: each file, or each D at each m."""
-    if "case" in ds.dims:
-        for place, label in enumerate(ds["case"].values.tolist()):
-            yield str(label), ds.isel(case=place).expand_dims("seed")
-        return
-    for D in ds["D"].values:
-        for m in ds["m"].values:
-            group = ds.sel(D=D, m=m)
-            computed = np.flatnonzero(group[P].notnull().any("step").values)
-            if computed.size:
-                yield f"D = {D:g}, m = {m}", group.isel(seed=computed)
-
-
 def _states(name: str, group: Dataset, *, several: bool) -> Table | None:
-    """Return the states of one group: one surface as it is, several by their mean."""
+    """Return the states of one group: one surface as it is, several by the convention of `average`."""
     names = [column for column in COLUMNS if column in group and bool(group[column].notnull().any())]
     steps = np.flatnonzero(group[P].notnull().any("seed").values)
     if not len(steps):
@@ -331,70 +265,83 @@ def _states(name: str, group: Dataset, *, several: bool) -> Table | None:
         cells = [str(int(group["step"].values[k]))]
         cells += [cell(column, values[column][:, k]) for column in names]
         rows.append(tuple(cells))
-    notes = [f"Mean over {count} surfaces; open ways are counted."] if count > 1 else []
+    notes = [conventions(names, count, dry=leak.is_lifted(group))]
     if len(shown) < len(steps):
         notes.append(f"{len(shown)} of {len(steps)} states; study.nc has all.")
-    heads = ("step", *(head(group[column]) for column in names))
-    return Table(f"States, {name}" if several else "States", heads, tuple(rows), " ".join(notes))
+    heads = ("step", *(head(group[column], count) for column in names))
+    return Table(f"States, {name}" if several else "States", heads, tuple(rows), " ".join(filter(None, notes)))
 
 
-def head(variable: DataArray) -> str:
-    """Return the head of a column: symbol, and unit where there is one."""
+def conventions(names: Sequence[str], surfaces: int, *, dry: bool = False) -> str:
+    """Return what the numbers of a table are: means, medians, counts, and which leak counts.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Stored names of the columns.
+    surfaces : int
+        Largest number of surfaces in a row.
+    dry : bool
+        Whether fluid pressure lifts the gap, so that the dry gap has columns of its own.
+
+    Returns
+    -------
+    str
+        Sentences; empty for one surface without fluid pressure.
+    """
+    notes = [f"Mean over {surfaces} surfaces; open ways are counted."] if surfaces > 1 else []
+    if surfaces > 1 and any(map(average.is_flow, names)):
+        notes.append(f"Flows: {average.IN_WORDS}.")
+    return " ".join([*notes, *([leak.DRY_NOTE] if dry else [])])
+
+
+def head(variable: DataArray, surfaces: int = 1) -> str:
+    """Return the head of a column: symbol, unit where there is one, and ``median`` for a flow of several surfaces."""
     unit = str(variable.attrs.get("units", "1"))
     symbol = str(variable.attrs.get("symbol", variable.name))
-    return symbol if unit == "1" else f"{symbol} [{unit}]"
+    median = "median " if surfaces > 1 and average.is_flow(str(variable.name)) else ""
+    return f"{median}{symbol}" if unit == "1" else f"{median}{symbol} [{unit}]"
 
 
 def cell(name: str, values: Array) -> str:
-    """Return the mean over surfaces as text; of an open way, how many of them have one."""
-    finite = values[np.isfinite(values)]
-    if finite.size == 0:
+    """Return the number of one surface or of several as text; of an open way, how many surfaces have one."""
+    found = average.average(name, values)
+    if found.count == 0:
         return ""
     if name.startswith("open_"):
-        open_ = int(finite.sum())
-        return ("open" if open_ else "closed") if finite.size == 1 and len(values) == 1 else f"{open_} of {finite.size}"
-    return number(float(finite.mean()))
+        open_ = int(np.nansum(values))
+        return ("open" if open_ else "closed") if len(values) == 1 else f"{open_} of {found.count}"
+    if average.is_flow(name) and found.count > 1:
+        return f"{number(found.value)} ({number(found.low)} to {number(found.high)})"
+    return number(found.value)
 
 
 # closing
 
 
 def closing(some: list[tuple[str, Dataset]]) -> Iterator[Table]:
-    """Yield at which load the last way along each axis closes."""
+    """Yield at which load the last way along each axis closes; of several surfaces, mean and range of those closed."""
     rows = []
     title: tuple[str, ...] = ()
+    dry = any(leak.is_lifted(group) for _, group in some)
     for name, group in some:
-        load = next(column for column in LOADS if column in group)
+        load = load_of(group)
         unit = str(group[load].attrs.get("units", "1"))
-        symbol = "p" if load == LOADS[0] else "p*"
+        symbol = "p*" if load == P else "p"
         words = symbol if unit == "1" else f"{symbol} [{unit}]"
         title = ("surface", "axis", f"open up to {words}", f"closed from {words}", "ways closed")
-        for axis in "xy":
-            if f"open_{axis}" not in group:
+        for axis in leak.AXES:
+            if not (found := spans(group, axis, load)):
                 continue
-            spans = [_span(group.isel(seed=k), f"open_{axis}", load) for k in range(group.sizes["seed"])]
-            reached = [span for span in spans if span is not None]
-            closed = [span for span in reached if math.isfinite(span[1])]
-            if not reached:
-                continue
-            low, high = (_range(np.array([span[k] for span in closed or reached])) for k in (0, 1))
-            rows.append((name, axis, low, high, f"{len(closed)} of {len(reached)}"))
+            closed = [span for span in found if span.closes]
+            low = _range(np.array([span.open_up_to for span in closed or found]))
+            high = _range(np.array([span.closed_from for span in closed]))
+            rows.append((name, axis, low, high, f"{len(closed)} of {len(found)}"))
     if rows:
         yield Table(
             CLOSING,
             title,
             tuple(rows),
-            "The last way from side to side closes between the two loads, those of neighbouring states.",
+            "The last way from side to side closes between the two loads, those of neighbouring states. The bracket "
+            "leaves out the error of grid and window." + (" The loads are those of the dry gap." if dry else ""),
         )
-
-
-def _span(surface: Dataset, name: str, load: str) -> tuple[float, float] | None:
-    """Return the largest load at which a way is open and the smallest beyond at which it is closed, NaN for none."""
-    open_, loads = surface[name].values, surface[load].values
-    mask = np.isfinite(open_) & np.isfinite(loads)
-    if not mask.any():
-        return None
-    open_, loads = open_[mask] > 0.0, loads[mask]
-    last = int(np.flatnonzero(open_)[-1]) if open_.any() else -1
-    below = float(loads[last]) if last >= 0 else 0.0
-    return below, float(loads[last + 1]) if last + 1 < len(loads) else math.nan

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from xarray import Dataset
 
+from roughvol.analysis import leak
+from roughvol.analysis.at import RULE, State, at, legs_of, parse
+from roughvol.analysis.derived import derived, groups
+from roughvol.analysis.legs import first_leg
+from roughvol.analysis.stored_run import Run
+from roughvol.analysis.tables import Table
+from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.observables.conductance import stiffness_exponent
-from roughvol.report.claims import Run
-from roughvol.report.common_units import in_units
-from roughvol.report.legs import first_leg
-from roughvol.report.run_facts import cell, closing, derived, groups, head
-from roughvol.report.states import RULE, State, Wanted, at, wanted
-from roughvol.report.tables import Table
+from roughvol.report.run_facts import LEAKS, WAYS, cell, closing, conventions, head
 from roughvol.store.variables import STATES
 from roughvol.store.variants import parts_of
-from roughvol.study import Quantity
+from roughvol.study import Level, Quantity
 
 P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"
 SHORT = (  # columns after a run and in a comparison, where they are stored or follow from what is
@@ -29,25 +32,26 @@ SHORT = (  # columns after a run and in a comparison, where they are stored or f
     V,
     "mean_gap",
     "plastic_volume",
-    "open_x",
-    "open_y",
-    "critical_opening_x",
-    "critical_opening_y",
-    "leak_rate_x",
-    "leak_rate_y",
-    "gas_leak_rate_x",
-    "gas_leak_rate_y",
+    *WAYS,
+    *LEAKS,
 )
 FULL = (  # columns of all steps
-    *SHORT[:5],
+    "nominal_pressure",
+    P,
+    A,
+    V,
+    "mean_gap",
     "separation",
     "mean_plane_separation",
     "indentation",
     "load_above_hardness_fraction",
-    *SHORT[5:10],
+    "plastic_volume",
+    *WAYS,
     "transmissivity_x",
     "transmissivity_y",
-    *SHORT[10:],
+    "transmissivity_dry_x",
+    "transmissivity_dry_y",
+    *LEAKS,
     "knudsen_number_x",
     "knudsen_number_y",
     "interfacial_stiffness",
@@ -68,10 +72,10 @@ def _named(run: Run, units: dict[str, str] | None = None) -> list[tuple[str, Dat
     return list(groups(ready if units is None else in_units(ready, units)))
 
 
-def _columns(names: Sequence[str], data: Sequence[Dataset]) -> list[str]:
-    """Return the columns that any of the datasets has; a pressure with a unit replaces p*."""
+def _columns(names: Sequence[str], data: Sequence[Dataset], *, short: bool = False) -> list[str]:
+    """Return the columns that any of the datasets has; in a short table a pressure with a unit replaces p*."""
     held = [name for name in names if any(name in ds and bool(ds[name].notnull().any()) for ds in data)]
-    if names is SHORT and all("nominal_pressure" in ds for ds in data):
+    if short and all("nominal_pressure" in ds for ds in data) and P in held:
         held.remove(P)
     return held
 
@@ -80,34 +84,36 @@ def _row(columns: Sequence[str], data: Dataset) -> list[str]:
     return [cell(name, np.atleast_1d(data[name].values)) if name in data else "" for name in columns]
 
 
-def _heads(columns: Sequence[str], data: Sequence[Dataset]) -> list[str]:
-    return [head(next(ds[name] for ds in data if name in ds)) for name in columns]
+def _heads(columns: Sequence[str], data: Sequence[Dataset], surfaces: int) -> list[str]:
+    return [head(next(ds[name] for ds in data if name in ds), surfaces) for name in columns]
 
 
-def _note(states: Sequence[State], *more: str) -> str:
-    most = max((state.data.sizes["seed"] for state in states), default=1)
-    less = any(state.data.sizes["seed"] < state.surfaces for state in states)
-    notes = ["Mean over surfaces; open ways are counted." if most > 1 else ""]
-    notes += ["Not all surfaces reach each state: the column 'surfaces' counts those that do." if less else ""]
+def _most(states: Sequence[State]) -> int:
+    """Return the largest number of surfaces of a row."""
+    return max((state.surfaces for state in states), default=1)
+
+
+def _note(states: Sequence[State], columns: Sequence[str], *more: str) -> str:
+    notes = [conventions(columns, _most(states), dry=any(leak.is_lifted(state.data) for state in states))]
+    if any(state.reached < state.surfaces for state in states):
+        notes.append("Not all surfaces reach each state: the column 'surfaces' counts those that do.")
+    if any(state.closed for state in states):
+        notes.append("A surface that closed before a state has flows of 0 there, and no other number.")
     return " ".join(filter(None, [*notes, *more]))
 
 
 def _table(title: str, rows: Sequence[tuple[str, State]], columns: Sequence[str], *notes: str) -> Table:
     """Return states as rows: group, state, number of surfaces where they differ, numbers."""
-    datasets = [state.data for _, state in rows]
+    datasets, states = [state.data for _, state in rows], [state for _, state in rows]
     grouped = len({name for name, _ in rows}) > 1
-    counted = any(state.surfaces > 1 for _, state in rows)
+    counted = _most(states) > 1 or any(state.closed for state in states)
     first = [*(["surface"] if grouped else []), "state", *(["surfaces"] if counted else [])]
     lines = []
     for name, state in rows:
-        line = [name] if grouped else []
-        line.append(state.label)
-        if counted:
-            reached = state.data.sizes["seed"]
-            line.append(str(reached) if reached == state.surfaces else f"{reached} of {state.surfaces}")
+        line = [*([name] if grouped else []), state.label, *([state.count] if counted else [])]
         lines.append((*line, *_row(columns, state.data)))
-    note = _note([state for _, state in rows], *notes)
-    return Table(title, (*first, *_heads(columns, datasets)), tuple(lines), note)
+    heads = (*first, *_heads(columns, datasets, _most(states)))
+    return Table(title, heads, tuple(lines), _note(states, columns, *notes))
 
 
 def summary(run: Run) -> list[Table]:
@@ -125,46 +131,41 @@ def summary(run: Run) -> list[Table]:
     """
     named = _named(run)
     rows = [(name, state) for name, group in named for state in _chief(run, group)]
-    columns = _columns(SHORT, [state.data for _, state in rows])
+    columns = _columns(SHORT, [state.data for _, state in rows], short=True)
     tables = [_table("", rows, columns)]
     return [*tables, *closing([(name, first_leg(group)) for name, group in named])]
 
 
 def _chief(run: Run, group: Dataset) -> Iterator[State]:
     """Yield the levels asked for that any surface reaches, then the end of each leg, or all listed loads."""
-    surfaces = group.sizes["seed"]
     labels = [str(label) for dim in STATES if dim in group.dims for label in group[dim].values.tolist()]
     for label in dict.fromkeys(labels):
         if "=" not in label or label.startswith("step"):
             continue
         try:
-            yield at(run, group, wanted(label))
+            yield at(run, group, parse(label))
         except DatasetError:
             continue  # `cli_text.summary` names levels that no surface reaches
-    legs = group["leg"].values if "leg" in group else np.ones(group.sizes["step"])
+    legs = legs_of(group)
     sweeps = run.study.sweep.legs if run.study else ()
-    for number_of_leg in dict.fromkeys(legs.tolist()):
-        steps = np.flatnonzero(legs == number_of_leg)
-        sweep = sweeps[int(number_of_leg) - 1] if len(sweeps) >= number_of_leg else None
+    solved = group[P].notnull().any("seed").values
+    for leg in legs:
+        steps = group["step"].values[solved & (group["leg"].values == leg if "leg" in group else True)]
+        sweep = sweeps[leg - 1] if len(sweeps) >= leg else None
         listed = sweep is not None and getattr(sweep, "listed", None) is not None
-        shown = steps if listed and len(steps) <= MANY else steps[-1:]
-        for k in shown.tolist():
-            several = len(set(legs.tolist())) > 1
-            label = f"step {int(group['step'].values[k])}" + (f", leg {int(number_of_leg)}" if several else "")
-            held = np.flatnonzero(group[P].isel(step=k).notnull().values)
-            if held.size:
-                data = group.isel(step=k, seed=held)
-                yield State(label, data.drop_vars("step"), surfaces)
+        for step in steps.tolist() if listed and len(steps) <= MANY else steps[-1:].tolist():
+            words = f"step {int(step)}" + (f", leg {leg}" if len(legs) > 1 else "")
+            yield replace(at(run, group, Level("step", float(step), leg)), label=words)
 
 
-def shown(run: Run, states: Sequence[Wanted] = ()) -> list[Table]:
+def shown(run: Run, states: Sequence[Level] = ()) -> list[Table]:
     """Return the tables of ``roughvol show``: all steps of each group of surfaces, or the states asked for.
 
     Parameters
     ----------
     run : Run
         A stored run.
-    states : sequence of Wanted
+    states : sequence of Level
         States asked for. Default: every step.
 
     Returns
@@ -183,18 +184,17 @@ def shown(run: Run, states: Sequence[Wanted] = ()) -> list[Table]:
         return [_table("", found, _columns(FULL, [state.data for _, state in found]), RULE)]
     tables = []
     for name, group in named:
-        columns = _columns(FULL, [group])
+        columns, count = _columns(FULL, [group]), group.sizes["seed"]
         rows: list[tuple[str, ...]] = []
         for k in np.flatnonzero(group[P].notnull().any("seed").values).tolist():
             data = group.isel(step=k)
             label = str(int(group["step"].values[k]))
             line = (label, *([str(int(group["leg"].values[k]))] if "leg" in group else []))
-            rows.append((*line, *_row(columns, data)))
-        heads = ("step", *(["leg"] if "leg" in group else []), *_heads(columns, [group]))
-        count = group.sizes["seed"]
-        notes = [f"Mean over {count} surfaces; open ways are counted."] if count > 1 else []
-        note = " ".join([*notes, *_exponent(group)])
-        tables.append(Table(name, heads, tuple(rows), note))
+            held = [str(int(data[P].notnull().sum()))] if count > 1 else []
+            rows.append((*line, *held, *_row(columns, data)))
+        heads = ["step", *(["leg"] if "leg" in group else []), *(["surfaces"] if count > 1 else [])]
+        note = " ".join(filter(None, [conventions(columns, count, dry=leak.is_lifted(group)), *_exponent(group)]))
+        tables.append(Table(name, (*heads, *_heads(columns, [group], count)), tuple(rows), note))
     return tables
 
 
@@ -208,7 +208,7 @@ def _exponent(group: Dataset) -> list[str]:
     return [f"K goes with p^{np.mean(finite):.2f} over the first leg."] if finite else []
 
 
-def _reaching(run: Run, named: Sequence[tuple[str, Dataset]], state: Wanted) -> list[tuple[str, State]]:
+def _reaching(run: Run, named: Sequence[tuple[str, Dataset]], state: Level) -> list[tuple[str, State]]:
     """Return a state of every group with a surface that reaches it; raise `DatasetError` if there is none."""
     found, errors = [], []
     for name, group in named:
@@ -221,14 +221,14 @@ def _reaching(run: Run, named: Sequence[tuple[str, Dataset]], state: Wanted) -> 
     return found
 
 
-def records(run: Run, states: Sequence[Wanted] = ()) -> tuple[list[str], list[list[Any]], dict[str, str]]:
+def records(run: Run, states: Sequence[Level] = ()) -> tuple[list[str], list[list[Any]], dict[str, str]]:
     """Return the numbers of every surface as plain rows, for CSV and JSON; the lists of a study make columns.
 
     Parameters
     ----------
     run : Run
         A stored run.
-    states : sequence of Wanted
+    states : sequence of Level
         States asked for. Default: every step.
 
     Returns
@@ -256,7 +256,7 @@ def records(run: Run, states: Sequence[Wanted] = ()) -> tuple[list[str], list[li
 
 
 def _records(
-    run: Run, states: Sequence[Wanted], common: dict[str, str] | None = None
+    run: Run, states: Sequence[Level], common: dict[str, str] | None = None
 ) -> tuple[list[str], list[list[Any]], dict[str, str]]:
     """Return the rows of one combination, in common units where these are given."""
     named = _named(run, common)
@@ -274,8 +274,8 @@ def _records(
     if "leg" in ds and not states:
         numbers = ["leg", *numbers]
 
-    def add(data: Dataset, steps: Sequence[tuple[int, Any]]) -> None:
-        """Add a row for each surface and solved step, given as place and label."""
+    def add(data: Dataset, steps: Sequence[tuple[int, Any]], reached: int | None = None) -> None:
+        """Add a row for each surface and solved step, given as place and label; then those closed before a state."""
         count = data.sizes["seed"]
         labels = [
             np.broadcast_to(data[name].values, count).tolist() if name in data.coords else [None] * count
@@ -289,13 +289,13 @@ def _records(
         for k in range(count):
             own = [values[k] for values in labels]
             for place, label in steps:
-                if solved[k, place]:
+                if solved[k, place] or (reached is not None and k >= reached):
                     columns = (arrays[name] for name in numbers)
                     rows.append([*own, label, *(None if one is None else _plain(one[k][place]) for one in columns)])
 
     for state in states:
         for _, found in _reaching(run, named, state):
-            add(found.data.expand_dims("step", axis=1), [(0, found.label)])
+            add(found.data.expand_dims("step", axis=1), [(0, found.label)], found.reached)
     for _, group in () if states else named:
         add(group, list(enumerate(group["step"].values.tolist())))
     names = [*case, "state" if states else "step", *numbers]
@@ -310,14 +310,14 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def compared(runs: Sequence[Run], states: Sequence[Wanted] = ()) -> Table:
+def compared(runs: Sequence[Run], states: Sequence[Level] = ()) -> Table:
     """Return numbers of several runs side by side at equal loads.
 
     Parameters
     ----------
     runs : sequence of Run
         Two or more stored runs.
-    states : sequence of Wanted
+    states : sequence of Level
         States to compare at. Default: `EQUAL` nominal pressures that all runs reach, or p* where one has no unit.
 
     Returns
@@ -337,19 +337,23 @@ def compared(runs: Sequence[Run], states: Sequence[Wanted] = ()) -> Table:
         for run, some in named:
             for name, found in _reaching(run, some, state):
                 rows.append((f"{run.name}, {name}" if len(some) > 1 else run.name, found))
-    datasets = [found.data for _, found in rows]
-    columns = _columns(SHORT, datasets)
+    datasets, found_states = [found.data for _, found in rows], [found for _, found in rows]
+    columns = _columns(SHORT, datasets, short=True)
     for name in columns:
         units = {str(ds[name].attrs.get("units", "1")) for ds in datasets if name in ds}
         if len(units) > 1:
             message = f"the runs have {name} in different units: {', '.join(sorted(units))}"
             raise DatasetError(message)
-    lines = [(found.label, name, *_row(columns, found.data)) for name, found in rows]
-    note = _note([found for _, found in rows], RULE)
-    return Table("", ("state", "run", *_heads(columns, datasets)), tuple(lines), note)
+    counted = _most(found_states) > 1 or any(found.closed for found in found_states)
+    first = ("state", "run", *(["surfaces"] if counted else []))
+    lines = [
+        (found.label, name, *([found.count] if counted else []), *_row(columns, found.data)) for name, found in rows
+    ]
+    heads = (*first, *_heads(columns, datasets, _most(found_states)))
+    return Table("", heads, tuple(lines), _note(found_states, columns, RULE))
 
 
-def _equal_loads(named: Sequence[tuple[Run, list[tuple[str, Dataset]]]]) -> list[Wanted]:
+def _equal_loads(named: Sequence[tuple[Run, list[tuple[str, Dataset]]]]) -> list[Level]:
     """Return loads that all groups of all runs reach, in equal ratios and rounded to two digits."""
     every = [group for _, some in named for _, group in some]
     units = {
@@ -372,4 +376,4 @@ def _equal_loads(named: Sequence[tuple[Run, list[tuple[str, Dataset]]]]) -> list
     rounded = dict.fromkeys(float(f"{value:.2g}") for value in np.geomspace(low, high, EQUAL))
     inside = [value for value in rounded if low <= value <= high] or [0.5 * (low + high)]
     unit = units.pop() if name != P else ""
-    return [Wanted("pressure", Quantity(value, unit) if unit else value) for value in inside]
+    return [Level("pressure", Quantity(value, unit) if unit else value) for value in inside]

@@ -8,13 +8,13 @@ from dataclasses import asdict
 from typing import Any
 
 from roughvol._version import __version__
+from roughvol.analysis.hysteresis import HEAD as HEAD_OF_YIELDING
 from roughvol.report import literature, run_facts
 from roughvol.report.claims import VERDICTS, Claim, Reading, plain
 from roughvol.report.claims.leak_estimates import HEAD
 from roughvol.report.claims.many_seeds import ManySeeds
 from roughvol.report.model import CITE, MARKS, Report, agreement, counted, criterion, facts_of, heading, span
 from roughvol.report.run_facts import Facts
-from roughvol.report.yielding import HEAD as HEAD_OF_YIELDING
 
 FORMAT = "roughvol claims 1"
 

@@ -12,13 +12,13 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
+from roughvol.analysis.stored_run import Run
 from roughvol.campaign import answered, ensemble, samples, sampling, steps
 from roughvol.campaign.batch import Progress
 from roughvol.campaign.collected import collect
 from roughvol.campaign.running import run
 from roughvol.cli import main
 from roughvol.errors import CampaignError, StudyError
-from roughvol.report.claims import Run
 from roughvol.report.run_facts import facts
 from roughvol.store import dataset
 from roughvol.store.dataset import Arrays

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from roughvol.analysis.derived import derived
+from roughvol.analysis.stored_run import Run
 from roughvol.campaign import running
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
@@ -15,9 +17,7 @@ from roughvol.errors import ContactError, StudyError
 from roughvol.observables.conductance import contact_conductance, harmonic_conductivity, stiffness_exponent
 from roughvol.observables.stiffness import interfacial_stiffness
 from roughvol.report import screen
-from roughvol.report.claims import Run
 from roughvol.report.figures import content
-from roughvol.report.run_facts import derived
 from roughvol.study import loads
 from roughvol.surfaces.surface import Surface
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from roughvol.analysis.stored_run import Run
 from roughvol.campaign.running import run
 from roughvol.report.answers import HEAD, answers
-from roughvol.report.claims import Run
 from roughvol.report.model import assemble
 from roughvol.report.page import to_html
 from roughvol.store import dataset

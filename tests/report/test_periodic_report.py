@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from roughvol.analysis.stored_run import Run
 from roughvol.campaign import running
 from roughvol.report import write
 from roughvol.report.claims.needs import Needs
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.figures.origin import is_paper_surface
 from roughvol.report.figures.paper import missing
 from roughvol.store import dataset

@@ -20,10 +20,10 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
+from roughvol.analysis.stored_run import Run
 from roughvol.campaign import batch, checks, collected, cost, resources, running, sorting, workers
 from roughvol.cli import main
 from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError, StudyError
-from roughvol.report.claims.stored_run import Run
 from roughvol.store import dataset, lock, provenance, run_folder, run_status, stamped_file
 from roughvol.store.dataset import Dataset
 from roughvol.study import Study, loads

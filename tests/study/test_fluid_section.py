@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from roughvol.analysis import gas_leak
+from roughvol.analysis import read_off as ask
+from roughvol.analysis.leak_budget import card_of
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import running
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import StudyError
 from roughvol.observables.gas import plate_flow
-from roughvol.report import ask, gas_leak
-from roughvol.report.card import card_of
 from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
 from roughvol.study import Fluid, Study, loads, throughput

@@ -19,7 +19,6 @@ Each claim argues its criterion in its docstring, which the report shows. ``asse
 `verdict`          numbers, checks, and the verdict that follows
 `evidence`         registration of a claim, choice of its runs, curves on common axes
 `needs`            configuration that a claim needs, and reasons to refuse a run
-`stored_run`       one stored run
 `statistics`       means and intervals over surfaces
 `paper_formulas`   formulas of the paper and of the literature
 =================  ===================================================================
@@ -29,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from roughvol.analysis.stored_run import Run
 from roughvol.report.claims import (
     area_and_volume,
     density,
@@ -40,7 +40,6 @@ from roughvol.report.claims import (
     shape,
 )
 from roughvol.report.claims.evidence import CLAIMS, LITERATURE, Evidence, Lacking, Question
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import (
     ABSENT,
     FAILS,

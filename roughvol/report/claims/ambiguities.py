@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from roughvol.analysis.stored_run import Run
 from roughvol.report.claims.area_and_volume import EXPONENT, EXPONENT_ROUNDING, exponents
 from roughvol.report.claims.density import EDGES, FULCRUM, F, densities, fulcrum, moments
 from roughvol.report.claims.evidence import D_SIGMA, A, Evidence, Lacking, P, V, at
@@ -18,7 +19,6 @@ from roughvol.report.claims.formulas import BINS, KINDS, close, estimates
 from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, FIELD, ONE_D
 from roughvol.report.claims.shape import REACHED, field
 from roughvol.report.claims.statistics import bootstrap, exact, mean, single, slope
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Number, Reading, Row, above, below
 from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M, nearest
 

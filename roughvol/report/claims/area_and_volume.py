@@ -9,11 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from roughvol.analysis.stored_run import Run
 from roughvol.observables.at_state import at_state
 from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, area_slopes, at, claim, common, require
 from roughvol.report.claims.needs import BY_D, BY_M, MANY
 from roughvol.report.claims.statistics import bootstrap, exact, mean, ratio, single, slope
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number
 from roughvol.report.paper_rules import PAPER_D
 from roughvol.typing import Array, Index

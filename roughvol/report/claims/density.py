@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from roughvol.analysis.stored_run import Run
 from roughvol.report.claims.evidence import Given, Outcome, V, claim, require
 from roughvol.report.claims.needs import BY_D, BY_M, DENSITY, MANY
 from roughvol.report.claims.statistics import bootstrap, exact, mean, ratio, slope, straightness
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check
 from roughvol.report.paper_rules import PAPER_D, PAPER_M, nearest
 from roughvol.typing import Array, Index

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from roughvol.analysis.stored_run import Run
 from roughvol.errors import RoughvolError
 from roughvol.observables.at_state import at_state
 from roughvol.report import paper_rules
 from roughvol.report.claims.needs import Needs
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Claim, Number
 from roughvol.typing import Array
 

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from roughvol.analysis.stored_run import Run
 from roughvol.report.claims.evidence import A, Evidence
-from roughvol.report.claims.stored_run import Run
 
 ESTIMATES = {
     "effective medium": "estimate_medium_transmissivity",

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from roughvol.analysis.stored_run import Run
 from roughvol.observables.at_state import at_state
 from roughvol.observables.perimeter import corrected_area
 from roughvol.observables.stiffness import interfacial_stiffness
@@ -17,7 +18,6 @@ from roughvol.report.claims.evidence import D_SIGMA, LITERATURE, A, Given, Outco
 from roughvol.report.claims.literature_needs import Light, Rolled, ratios_of
 from roughvol.report.claims.paper_formulas import area_of_pressure
 from roughvol.report.claims.statistics import mean, slope, straightness
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number, above, below
 from roughvol.typing import Array, Mask
 

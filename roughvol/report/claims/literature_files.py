@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from xarray import Dataset
 
+from roughvol.analysis.stored_run import Run
 from roughvol.observables.at_state import at_state
 from roughvol.observables.perimeter import corrected_area
 from roughvol.report.claims.evidence import LITERATURE, A, Given, Outcome, P, V, claim, require
@@ -18,7 +19,6 @@ from roughvol.report.claims.literature import ASPERITIES, PERIMETER, PERSSON, SL
 from roughvol.report.claims.literature_needs import Files
 from roughvol.report.claims.paper_formulas import westergaard_mean_gap
 from roughvol.report.claims.statistics import exact, slope
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number
 from roughvol.typing import Array
 

@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from roughvol.analysis.stored_run import Run
 from roughvol.report.claims.needs import SAME, Needs, symbol
-from roughvol.report.claims.stored_run import Run
 
 AREA = "contact_area_fraction"
 ROUND = 0.02  # relative difference between the A* of a step and that asked for

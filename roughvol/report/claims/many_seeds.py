@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from roughvol.analysis.stored_run import Run
 from roughvol.report.claims import statistics
 from roughvol.report.claims.area_and_volume import exponents
 from roughvol.report.claims.density import mean_volume_exponents
 from roughvol.report.claims.evidence import A, Evidence, P, V, area_slopes, require
 from roughvol.report.claims.needs import MANY
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Number
 from roughvol.report.paper_rules import PAPER_D, nearest
 from roughvol.typing import Array

@@ -17,7 +17,7 @@ from roughvol.report.paper_rules import PAPER_D, PAPER_M, nearest
 from roughvol.store.variables import VARIABLES
 
 if TYPE_CHECKING:
-    from roughvol.report.claims.stored_run import Run
+    from roughvol.analysis.stored_run import Run
 
 SAME = 1e-9  # largest difference of two equal D, L or tolerances
 

@@ -7,11 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from roughvol.analysis.stored_run import Run
 from roughvol.report.claims.area_and_volume import SMALL
 from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, at, claim, common, require
 from roughvol.report.claims.needs import BY_M, Needs
 from roughvol.report.claims.statistics import exact, mean, slope
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number
 from roughvol.report.paper_rules import PAPER_D
 from roughvol.typing import Array

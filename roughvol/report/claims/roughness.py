@@ -9,11 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from roughvol.analysis.stored_run import Run
 from roughvol.report.claims.evidence import A, Given, Lacking, Outcome, P, V, claim, require
 from roughvol.report.claims.needs import BY_D, BY_M, Needs
 from roughvol.report.claims.paper_formulas import critical_radius, plasticity_index
 from roughvol.report.claims.statistics import exact, mean, ratio
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number
 from roughvol.report.paper_rules import PAPER_M, nearest
 from roughvol.surfaces import texture

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from roughvol.analysis.stored_run import Run
 from roughvol.observables.free_volume import domain, element_volumes, free_volume
 from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, require
 from roughvol.report.claims.needs import BOXES, BY_D, FIELD, ONE_D
 from roughvol.report.claims.statistics import exact, mean, single, slope, straightness
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.claims.verdict import Check, Number
 from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M, nearest, nearest_state
 from roughvol.store.dataset import at_state

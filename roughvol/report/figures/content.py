@@ -17,14 +17,14 @@ import matplotlib as mpl
 import numpy as np
 from xarray import Dataset
 
+from roughvol.analysis.derived import derived
+from roughvol.analysis.legs import first_leg
+from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
-from roughvol.report.common_units import in_units
 from roughvol.report.figures.curves import plot
 from roughvol.report.figures.families import Curve, Family, curves, families, file_text, held
 from roughvol.report.figures.origin import lacking, study_of, surfaces
 from roughvol.report.figures.style import COLUMN, LABELS, STYLE, WIDE, Drawing, canvas, looks, unit_text
-from roughvol.report.legs import first_leg
-from roughvol.report.run_facts import derived
 from roughvol.store.variants import parts_of
 
 VARIABLES_OF = {  # the first one that all runs have is drawn

@@ -5,7 +5,7 @@ from __future__ import annotations
 import matplotlib as mpl
 import numpy as np
 
-from roughvol.report.creep import History
+from roughvol.analysis.creep import History
 from roughvol.report.figures.style import COLUMN, DASHES, STYLE, Drawing, canvas, looks, unit_text
 
 

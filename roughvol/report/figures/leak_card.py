@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm
 from xarray import Dataset
 
+from roughvol.analysis.leak_budget import AXES, Card, leaks, state_of, unit_leaks
+from roughvol.analysis.tables import number
 from roughvol.observables.at_state import at_state
-from roughvol.report.card import AXES, Card, leaks, state_of, unit_leaks
 from roughvol.report.figures.origin import first_leg
 from roughvol.report.figures.style import (
     CONTACT,
@@ -28,7 +29,6 @@ from roughvol.report.figures.style import (
     plain_ticks,
     unit_text,
 )
-from roughvol.report.tables import number
 
 A4 = (8.27, 11.69)
 CROWDED = 50.0  # largest factor from which on only its powers of ten are labelled

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import matplotlib as mpl
 from xarray import Dataset
 
+from roughvol.analysis.legs import first_leg
 from roughvol.errors import DatasetError, StudyError
 from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import STYLE, Drawing, unit_of
-from roughvol.report.legs import first_leg
 from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M
 from roughvol.study import GeneratedSurface, Study, loads
 

@@ -15,13 +15,13 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import NDArray
 
+from roughvol.analysis.stored_run import Run
 from roughvol.contact import closed_forms
 from roughvol.report.claims import Evidence, density, formulas, paper_formulas, shape
 from roughvol.report.claims.area_and_volume import exponents
 from roughvol.report.claims.evidence import D_SIGMA, A, P, V, area_slopes, at, common, require
 from roughvol.report.claims.many_seeds import FEW
 from roughvol.report.claims.needs import Needs
-from roughvol.report.claims.stored_run import Run
 from roughvol.report.figures.origin import is_paper_surface
 from roughvol.report.figures.style import (
     ACCENT,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from xarray import Dataset
 
+from roughvol.analysis.leak_budget import AXES
 from roughvol.errors import Problem, StudyError
-from roughvol.report.card import AXES
 from roughvol.study import read
 from roughvol.study.units import unit_of
 

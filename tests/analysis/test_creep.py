@@ -12,10 +12,10 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
+from roughvol.analysis import creep
 from roughvol.campaign import running
 from roughvol.cli import main
 from roughvol.errors import StudyError
-from roughvol.report import creep
 from roughvol.store.dataset import Dataset
 from roughvol.study import Creep, load_creep, loads, read_times
 

@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
+from roughvol.analysis import leak_budget as card
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import running
 from roughvol.cli import main
-from roughvol.report import card
 from roughvol.study import Level, load, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 

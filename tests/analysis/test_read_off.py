@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
+from roughvol.analysis import read_off as ask
 from roughvol.campaign import inverse, running
 from roughvol.cli import main
 from roughvol.errors import StudyError
-from roughvol.report import ask
 from roughvol.store.dataset import Dataset
 from roughvol.study import Study, loads
 

@@ -24,10 +24,10 @@ import numpy as np
 from scipy import optimize
 from xarray import Dataset
 
+from roughvol.analysis.leak_budget import AXES
+from roughvol.analysis.legs import first_leg
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, kept_steps
-from roughvol.report.card import AXES
-from roughvol.report.legs import first_leg
 from roughvol.store import axis_variables
 from roughvol.typing import Array
 

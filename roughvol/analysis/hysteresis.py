@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from xarray import Dataset
 
+from roughvol.analysis.stored_run import Run
+from roughvol.analysis.tables import Table, number
 from roughvol.observables.at_state import at_state
-from roughvol.report.claims import Run
-from roughvol.report.tables import Table, number
 from roughvol.typing import Array
 
 P = "mean_pressure"

@@ -22,11 +22,11 @@ from typing import NoReturn
 import numpy as np
 from xarray import Dataset
 
+from roughvol.analysis.leak_budget import AXES
+from roughvol.analysis.legs import first_leg
+from roughvol.analysis.read_off import check_leaks, curves, log_leak
 from roughvol.errors import DatasetError, Problem, StudyError
 from roughvol.observables.at_state import at_state
-from roughvol.report.ask import check_leaks, curves, log_leak
-from roughvol.report.card import AXES
-from roughvol.report.legs import first_leg
 from roughvol.study import Creep, loads
 from roughvol.typing import Array
 

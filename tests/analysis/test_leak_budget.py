@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from roughvol.analysis import leak_budget as card
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import running
 from roughvol.errors import StudyError
-from roughvol.report import card, card_page
+from roughvol.report import card_page
 from roughvol.store.dataset import Dataset
 from roughvol.study import Level, Study, load, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement

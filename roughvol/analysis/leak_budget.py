@@ -15,8 +15,8 @@ import numpy as np
 from scipy import stats
 from xarray import DataArray, Dataset
 
+from roughvol.analysis.tables import number
 from roughvol.observables.transport import conduction
-from roughvol.report.tables import number
 from roughvol.study import loads
 from roughvol.typing import Array
 

@@ -1,0 +1,25 @@
+"""A dataset in, an answer out: at a load, over surfaces, in units, read off, with its error.
+
+Room of the analysis. It reads datasets, solves no contact, and draws nothing.
+
+=============  ==================================================================
+`stored_run`   a stored run: its name, dataset and study
+`derived`      numbers that follow from stored numbers; surfaces that share a table
+`leak`         the leak that counts: lifted by the fluid where a study asks for it
+`at`           the states of stored surfaces at a load, on a step or between two
+`average`      the one number of several surfaces: convention, range, counts
+`closing`      the loads between which the last way closes
+`legs`         legs of a path in a dataset
+`units`        several runs in the units of the first
+`hysteresis`   leak up and down a path, and with yield against without
+`read_off`     pressure, modulus or Sq at which a leak falls below a value
+`gas_leak`     the leak of a gas in the place of that of a liquid
+`creep`        the leak of a seal over time
+`leak_budget`  the leak at a load along x and y, its closing and its error budget
+`tables`       rows of text under a head
+=============  ==================================================================
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

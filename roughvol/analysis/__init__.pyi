@@ -1,0 +1,10 @@
+from .at import State as State
+from .at import parse as parse
+from .average import Average as Average
+from .average import averages as averages
+from .closing import Span as Span
+from .closing import spans as spans
+from .derived import derived as derived
+from .derived import groups as groups
+from .leak import counted as counted
+from .stored_run import Run as Run

@@ -1,0 +1,428 @@
+"""The states of stored surfaces at a load, on a step or between two steps.
+
+Between two steps, a number lies on the straight line over the quantity of the level; a leak rate, a flow or an opening
+on the straight line of its logarithm. Whether a way is open, and other counts, are those of the step beyond. A state
+that a study records is the state solved for it.
+
+A step that misses a level by less than `levels.REACHED` is the level. A sweep that ended at a target has reached this
+target, and a listed load is the step solved for it.
+A surface whose sweep ended before a higher load is closed there if its last state is closed: its flow is 0, and its
+other numbers are missing. A level that no surface reaches is an error.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from xarray import Dataset
+
+from roughvol.analysis import leak
+from roughvol.analysis.stored_run import Run
+from roughvol.analysis.tables import number
+from roughvol.errors import DatasetError
+from roughvol.observables.levels import REACHED
+from roughvol.store.derived_variables import OF_STATE
+from roughvol.store.variables import STATES, VARIABLES
+from roughvol.study import KINDS, STORED, Level, Quantity, Scale, convert, read
+from roughvol.study.scale import ALWAYS
+from roughvol.study.units import EXAMPLES
+from roughvol.typing import Array
+
+P, V = "mean_pressure", "free_volume"
+BY_LOGARITHM = (
+    "leak_rate",
+    "gas_leak_rate",
+    "gas_transmissivity",
+    "transmissivity",
+    "diffusivity",
+    "critical_opening",
+    "critical_gap",
+)
+MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V}  # in units, of starred numbers
+LEAK = "leak_rate"
+STARRED = tuple(kind for kind in KINDS if not kind.startswith(LEAK))
+FALLING = ("separation", "free_volume", "mean_gap")  # kinds that fall while the load grows
+SYMBOLS = {"p": "pressure", "A": "contact_area", "V": "free_volume", "d": "separation", "Δ": "indentation"}
+RULE = "Between steps: straight lines over the quantity asked for, of the logarithm for flows and openings."
+LAST = Level("last")
+_LEG = re.compile(r",\s*leg\s*=?\s*(\d+)\s*$")
+
+
+def parse(text: str) -> Level:
+    """Return the level that a text names, as ``pressure=0.5MPa`` or ``last, leg 1``.
+
+    Parameters
+    ----------
+    text : str
+        ``last``, or a kind of `study.KINDS` or ``step`` with its value, joined by ``=``. ``, leg 2`` names the leg of
+        a path. p, A, V, d and Δ stand for pressure, contact_area, free_volume, separation and indentation.
+
+    Returns
+    -------
+    Level
+        The level; its value is a `Quantity` where it has a unit.
+
+    Raises
+    ------
+    DatasetError
+        If the kind is unknown, or the value is no number with a fitting unit.
+    """
+    found = _LEG.search(text)
+    leg, rest = (int(found[1]), text[: found.start()]) if found else (None, text)
+    if leg == 0:
+        message = f"no leg 0 in {text!r}; allowed: legs from 1"
+        raise DatasetError(message)
+    kind, equals, value = (part.strip() for part in rest.partition("="))
+    if kind == "last" and not equals:
+        return replace(LAST, leg=leg)
+    kind = SYMBOLS.get(kind, kind)
+    if not equals or kind not in (*KINDS, "step"):
+        message = (
+            f"no state {text!r}; allowed: last, or KIND=VALUE with a KIND of {', '.join((*KINDS, 'step'))}, as "
+            "pressure=0.5MPa; then a leg of a path, as pressure=0.5MPa, leg 2"
+        )
+        raise DatasetError(message)
+    try:
+        level = Level(kind, read(value, KINDS[kind][0] if kind in KINDS else ""), leg)
+    except ValueError as error:
+        message = f"{text}: {error}"
+        raise DatasetError(message) from error
+    if kind.startswith(LEAK) and not float(level.value or 0.0) > 0.0:
+        message = f"{text}: allowed: a leak rate > 0; roughvol show has the load at which each way closes"
+        raise DatasetError(message)
+    if kind in ALWAYS and not isinstance(level.value, Quantity):
+        message = f"{text}: needs its unit, as {kind}={EXAMPLES[KINDS[kind][0]].replace(' ', '')}"
+        raise DatasetError(message)
+    return level
+
+
+def scales(run: Run, surfaces: Dataset) -> list[Scale]:
+    """Return what turns numbers with units into starred ones, for each surface along ``seed``."""
+    ds, material = run.dataset, run.study.material if run.study else None
+    L, unit = float(ds["L"]), ds.attrs.get("length_unit")
+    modulus, modulus_unit = (material.contact_modulus, material.unit) if material else (math.nan, None)
+    sizes = surfaces["Sq"].values.tolist()
+    nodes = [surfaces[name].values for name in ("nodes_x", "nodes_y") if name in surfaces]
+    periodic = "periodic" in ds.attrs
+    if len(nodes) < 2 and "m" in surfaces.coords:
+        nodes = [np.full(len(sizes), 2.0 ** float(surfaces["m"]) + (not periodic))] * 2
+    areas = [math.nan] * len(sizes)
+    if len(nodes) == 2:
+        areas = (nodes[0] * nodes[1] * (L / (nodes[0] - (not periodic))) ** 2).tolist()
+    return [Scale(modulus, L, Sq, area, modulus_unit, unit) for Sq, area in zip(sizes, areas, strict=True)]
+
+
+def slack(kind: str, value: float) -> float:
+    """Return by how much a state may miss a starred level that it has reached."""
+    return REACHED * max(abs(value), 1.0 if kind == "separation" else 1e-12)
+
+
+def place_of(values: Array, value: float, slack: float, *, between: bool = True) -> float | None:
+    """Return where on its path a surface reaches a value first, None if no two steps enclose it.
+
+    Parameters
+    ----------
+    values : array (steps,)
+        The quantity at each step; NaN where none was solved.
+    value : float
+        Its value.
+    slack : float
+        Distance within which a step has the value.
+    between : bool
+        Whether places between two steps count.
+
+    Returns
+    -------
+    float or None
+        Position on the axis ``step``, from 0; 2.25 lies a quarter of the way from the third to the fourth.
+    """
+    solved = np.flatnonzero(np.isfinite(values)).tolist()
+    for k in solved:
+        if abs(values[k] - value) <= slack:
+            return float(k)
+    for before, k in itertools.pairwise(solved) if between else ():
+        low, high = float(values[before]), float(values[k])
+        if min(low, high) < value < max(low, high):
+            return float(before + (value - low) / (high - low) * (k - before))
+    return None
+
+
+def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
+    """Return the numbers of surfaces at places on their paths, without ``step``.
+
+    Parameters
+    ----------
+    group : Dataset
+        Surfaces along ``seed`` and states along ``step``.
+    seeds : list of int
+        Surfaces, by their place along ``seed``.
+    places : list of float
+        Position of each on the axis ``step``, from 0.
+
+    Returns
+    -------
+    Dataset
+        Numbers along ``seed``.
+    """
+    rows = np.array(seeds, dtype=int)
+    low, high = np.floor(places).astype(int), np.ceil(places).astype(int)
+    share = np.array(places) - low
+    values: dict[str, Any] = {}
+    for name, variable in group.data_vars.items():
+        if set(variable.dims) == {"seed"}:
+            values[str(name)] = ("seed", variable.values[rows], variable.attrs)
+        if set(variable.dims) != {"seed", "step"}:
+            continue
+        array = variable.transpose("seed", "step").values
+        before, after = array[rows, low], array[rows, high]
+        row = VARIABLES.get(str(name))
+        if (row is None or row.kind == "real") and not str(name).startswith("open_") and array.dtype.kind == "f":
+            mixed = before + share * (after - before)
+            if str(name).startswith(BY_LOGARITHM):
+                positive = (before > 0.0) & (after > 0.0)
+                one, other = np.where(positive, before, 1.0), np.where(positive, after, 1.0)
+                mixed = np.where(positive, one * (other / one) ** share, after)
+            after = np.where(share == 0.0, before, mixed)
+        values[str(name)] = ("seed", after, variable.attrs)
+    kept = {name: variable for name, variable in group.coords.items() if set(variable.dims) <= {"seed"}}
+    coords = {name: variable[rows] if variable.dims else variable for name, variable in kept.items()}
+    return Dataset(values, coords={name: (v.dims, v.values) for name, v in coords.items()})
+
+
+@dataclass(frozen=True)
+class State:
+    """A state of the surfaces that share a row.
+
+    Attributes
+    ----------
+    label : str
+        The state in words.
+    data : Dataset
+        Its numbers along ``seed``: the surfaces that reach it, then the surfaces that closed before. A closed surface
+        has flows of 0 and no other number.
+    surfaces : int
+        Number of all surfaces.
+    closed : int
+        Number of the surfaces in ``data`` that closed before the state.
+    """
+
+    label: str
+    data: Dataset
+    surfaces: int
+    closed: int = 0
+
+    @property
+    def reached(self) -> int:
+        """Number of surfaces that reach the state."""
+        return int(self.data.sizes["seed"]) - self.closed
+
+    @property
+    def count(self) -> str:
+        """The surfaces in words, as ``2 of 3 (1 closed before)``."""
+        text = str(self.surfaces) if self.reached == self.surfaces else f"{self.reached} of {self.surfaces}"
+        return f"{text} ({self.closed} closed before)" if self.closed else text
+
+
+def legs_of(group: Dataset) -> list[int]:
+    """Return the legs of a path with a solved state; ``[1]`` without legs."""
+    return [int(leg) for leg in dict.fromkeys(group["leg"].values.tolist())] if "leg" in group else [1]
+
+
+def at(run: Run, group: Dataset, level: Level) -> State:
+    """Return the surfaces of a group at a level.
+
+    Parameters
+    ----------
+    run : Run
+        Their run, which has the units and the ends of its legs.
+    group : Dataset
+        Surfaces along ``seed``, of `derived.groups`.
+    level : Level
+        The level, as `parse` returns it. Without a leg: the first leg on which any surface reaches it; of ``last``, the
+        last leg.
+
+    Returns
+    -------
+    State
+        The surfaces that reach the level, and those that closed before. Its label names the leg of a path of several.
+
+    Raises
+    ------
+    DatasetError
+        If no surface reaches the level or closes before, or the level has a unit and the run has none.
+    """
+    legs = legs_of(group)
+    if level.leg is not None and level.leg not in legs:
+        message = f"{run.name} has no leg {level.leg}; allowed: {', '.join(map(str, legs))}"
+        raise DatasetError(message)
+    every = legs[-1:] if level.kind == "last" else legs
+    searched = every if level.leg is None else [level.leg]
+    reach: list[float] = []
+    for leg in searched:
+        label = level.label if len(legs) == 1 or level.leg is not None else f"{level.label}, leg {leg}"
+        if (state := _on_leg(run, group, replace(level, leg=None), leg, label, reach)) is not None:
+            return state
+    reach = reach or group["step"].values.astype(float).tolist()
+    unit = f" {level.value.unit}" if isinstance(level.value, Quantity) else ""
+    message = (
+        f"{run.name} has no state at {level.label}: its steps have {level.kind} {number(min(reach))} to "
+        f"{number(max(reach))}{unit}"
+    )
+    raise DatasetError(message)
+
+
+def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach: list[float]) -> State | None:
+    """Return the surfaces at a level of a leg, None if there are none; add the values of the leg to ``reach``."""
+    on_leg = group["leg"].values == leg if "leg" in group else np.ones(group.sizes["step"], dtype=bool)
+    part = group.isel(step=np.flatnonzero(on_leg))
+    offset = int(np.flatnonzero(on_leg)[0])
+    own = _recorded(group, level, leg)
+    lifted = {} if level.kind == "last" else leak.recorded(group, _label(level, leg))
+    shut = {axis: leak.closed(part, axis) for axis in leak.AXES}
+    reached, places, beyond = list[int](), list[float](), list[int]()
+    for k, scale in enumerate(scales(run, group)):
+        values, value, near = _path(run, part, k, level, scale, reach)
+        solved = np.flatnonzero(np.isfinite(values))
+        if not solved.size:
+            continue
+        if own and math.isfinite(own[STORED[KINDS[level.kind][1]]][k]):
+            value = own[STORED[KINDS[level.kind][1]]][k]
+        if level.kind == "last":
+            place: float | None = float(solved[-1])
+        elif own or (place := _defined(run, level, leg, scale, solved.tolist())) is None:
+            place = place_of(values, value, near, between=level.kind != "step")
+        if place is not None:
+            reached.append(k)
+            places.append(place + offset)
+        elif level.kind in STARRED and (shut["x"][k] or shut["y"][k]):
+            farther = value < values[solved].min() if level.kind in FALLING else value > values[solved].max()
+            beyond += [k] if farther else []
+    if not reached and not beyond:
+        return None
+    data = between(group, reached + beyond, [*places, *[float(offset)] * len(beyond)])
+    _take(data, own, group, reached, places)
+    for name, flows in lifted.items():
+        there = flows[reached + beyond]
+        old = data[name].values if name in data else np.full(there.shape, np.nan)
+        data[name] = ("seed", np.where(np.isfinite(there), there, old), group[name].attrs if name in group else {})
+    _close(data, len(reached), {axis: shut[axis][beyond] for axis in leak.AXES})
+    return State(label, data, group.sizes["seed"], len(beyond))
+
+
+def _label(level: Level, leg: int) -> str:
+    """Return the label of a recorded state on a leg."""
+    return level.label if leg == 1 else replace(level, leg=leg).label
+
+
+def _path(
+    run: Run, part: Dataset, k: int, level: Level, scale: Scale, reach: list[float]
+) -> tuple[Array, float, float]:
+    """Return the quantity of a level at each step of a surface, its value, and the slack of the value."""
+    if level.kind in ("step", "last"):
+        solved = np.isfinite(part[P].transpose("seed", "step").values[k])
+        return np.where(solved, part["step"].values.astype(float), np.nan), float(level.value or 0.0), 0.0
+    if level.kind.startswith(LEAK):
+        values, value = _leak(run, part, k, level)
+        reach += values[np.isfinite(values)].tolist()
+        return np.log(np.where(values > 0.0, values, np.nan)), math.log(value), REACHED
+    assert level.value is not None
+    try:
+        kind, value = scale.starred(level.kind, level.value)
+    except ValueError as error:
+        message = f"{level.kind} {error}"
+        raise DatasetError(message) from error
+    values = part[STORED[kind]].transpose("seed", "step").values[k]
+    reach += (values[np.isfinite(values)] * (float(level.value) / value if value else 1.0)).tolist()
+    return values, value, slack(kind, value)
+
+
+def _defined(run: Run, level: Level, leg: int, scale: Scale, solved: list[int]) -> float | None:
+    """Return the place of the step that a leg defines as a level, its target or a listed load; else None."""
+    legs = run.study.sweep.legs if run.study else ()
+    if not 1 <= leg <= len(legs) or level.value is None or level.kind not in STARRED:
+        return None
+    kind, value = scale.starred(level.kind, level.value)
+    defined = legs[leg - 1]
+    targets = dict(enumerate(defined.listed)) if defined.listed is not None else {solved[-1]: defined.target}
+    for place, target in targets.items():
+        if target.value is None or target.kind not in STARRED or place not in solved:
+            continue
+        starred, wanted = scale.starred(target.kind, target.value)
+        if starred == kind and abs(wanted - value) <= slack(kind, value):
+            return float(place)
+    return None
+
+
+def _take(data: Dataset, own: dict[str, Array], group: Dataset, reached: list[int], places: list[float]) -> None:
+    """Put the numbers of a recorded state in the place of those between two steps."""
+    if not own or not reached:
+        return
+    beyond = between(group, reached, np.ceil(places).tolist())
+    for name, of in MADE.items():
+        if name in data and of in own:
+            ratio = beyond[name].values / beyond[of].values
+            own[name] = np.full(group.sizes["seed"], np.nan)
+            own[name][reached] = ratio * own[of][reached]
+    for name, numbers in own.items():
+        values = data[name].values.copy()
+        there = numbers[reached]
+        values[: len(reached)] = np.where(np.isfinite(there), there, values[: len(reached)])
+        data[name] = ("seed", values, data[name].attrs)
+
+
+def _close(data: Dataset, reached: int, shut: dict[str, Array]) -> None:
+    """Give the surfaces beyond the end of a closed sweep no flow, and no other number.
+
+    Under fluid pressure the dry flows alone are known: the fluid may open the way again.
+    """
+    for name, variable in list(data.data_vars.items()):
+        if variable.dtype.kind != "f" or variable.dims != ("seed",) or str(name) in ("Sq", "Sdq"):
+            continue
+        values = variable.values.copy()
+        values[reached:] = np.nan
+        axis = str(name)[-1]
+        if str(name)[:-2] in leak.zero_beyond(data) and axis in shut:
+            values[reached:][shut[axis]] = 0.0
+        data[name] = ("seed", values, variable.attrs)
+
+
+def _leak(run: Run, part: Dataset, k: int, level: Level) -> tuple[Array, float]:
+    """Return the leak rate of a surface at each step, the larger along both axes if none is named, and that asked for.
+
+    Both are in the unit of the level.
+    """
+    assert level.value is not None
+    unit = level.value.unit if isinstance(level.value, Quantity) else ""
+    names = [f"{LEAK}_{axis}" for axis in level.kind.removeprefix(LEAK).strip("_") or "xy"]
+    if leak.is_lifted(part):
+        message = (
+            f"{run.name} has its leak under fluid pressure at recorded states alone: a state of {level.kind} is not "
+            "known; allowed: loads of record.fluid_pressure.at"
+        )
+        raise DatasetError(message)
+    if absent := [name for name in names if name not in part]:
+        message = f"{run.name} has no {absent[0]}: add record.dimensional.leak_rate to its study"
+        raise DatasetError(message)
+    rows = [part[name].transpose("seed", "step").values[k] for name in names]
+    values = np.max(rows, axis=0) * convert(1.0, str(part[names[0]].attrs["units"]), unit)
+    return values, float(level.value)
+
+
+def _recorded(group: Dataset, level: Level, leg: int) -> dict[str, Array]:
+    """Return the numbers of a recorded state by surface, NaN where it is not reached; empty without one."""
+    stored = STORED.get(KINDS[level.kind][1]) if level.kind in KINDS else None
+    if stored is None:
+        return {}
+    label = _label(level, leg)
+    for dim in STATES:
+        if dim in group.dims and label in group[dim].values.tolist():
+            own = group.sel({dim: label})
+            values = {name: own[f"{dim}_{name}"].values for name in OF_STATE if f"{dim}_{name}" in own}
+            if stored in values:
+                return {name: np.where(own[f"{dim}_step"].values >= 1, array, np.nan) for name, array in values.items()}
+    return {}

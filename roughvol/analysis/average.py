@@ -1,0 +1,102 @@
+"""The one number of several surfaces: the convention of each quantity, its range, and the counts.
+
+Patches are samples of one joint. A flow varies by decades between patches and is 0 where a patch is closed: its number
+is the median over surfaces, with the 16 to 84 % range, and a closed surface counts as 0. Every other quantity has the
+arithmetic mean over the surfaces that have a value.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from xarray import DataArray, Dataset
+
+FLOWS = ("leak_rate", "gas_leak_rate", "flow", "transmissivity", "gas_transmissivity", "diffusivity")
+"""Quantities with a median over surfaces, with and without an axis, lifted or dry."""
+RANGE = (0.16, 0.84)
+IN_WORDS = "median and 16-84 % range over the surfaces, closed surfaces counted as 0"
+
+
+@dataclass(frozen=True)
+class Average:
+    """The number of several surfaces.
+
+    Attributes
+    ----------
+    value : float
+        Median of a flow, else mean; NaN without a value.
+    low, high : float
+        Ends of the 16 to 84 % range over surfaces.
+    count : int
+        Number of surfaces with a value.
+    surfaces : int
+        Number of all surfaces.
+    """
+
+    value: float
+    low: float
+    high: float
+    count: int
+    surfaces: int
+
+
+def is_flow(name: str) -> bool:
+    """Return whether the number of several surfaces is a median, as for ``leak_rate_x`` or ``leak_rate_dry_y``."""
+    stem = name.removesuffix("_x").removesuffix("_y").removesuffix("_dry")
+    return stem in FLOWS
+
+
+def average(name: str, values: ArrayLike) -> Average:
+    """Return the number of several surfaces.
+
+    Parameters
+    ----------
+    name : str
+        Stored name of the quantity.
+    values : array (surfaces,)
+        Values of the surfaces; NaN where a surface has none, 0 for the flow of a closed surface.
+
+    Returns
+    -------
+    Average
+        Value, range, and counts.
+    """
+    all_values = np.atleast_1d(np.asarray(values, dtype=np.float64)).ravel()
+    known = all_values[np.isfinite(all_values)]
+    if known.size == 0:
+        return Average(np.nan, np.nan, np.nan, 0, all_values.size)
+    low, high = np.quantile(known, RANGE)
+    value = np.median(known) if is_flow(name) else known.mean()
+    return Average(float(value), float(low), float(high), known.size, all_values.size)
+
+
+def averages(surfaces: Dataset, over: str = "seed") -> Dataset:
+    """Return the numbers of several surfaces for every variable along a dimension.
+
+    Parameters
+    ----------
+    surfaces : Dataset
+        Numbers of the surfaces, as `at` returns them.
+    over : str
+        Dimension of the surfaces.
+
+    Returns
+    -------
+    Dataset
+        Each variable without ``over``, beside ``<name>_range`` along ``bound`` (lower, upper) and ``<name>_count``.
+    """
+    found: dict[str, DataArray] = {}
+    for key, variable in surfaces.data_vars.items():
+        name = str(key)
+        if over not in variable.dims or variable.dtype.kind not in "fib":
+            continue
+        values = variable.astype(float)
+        value = values.median(over) if is_flow(name) else values.mean(over)
+        words = f"{'median' if is_flow(name) else 'mean'} over surfaces of {variable.attrs.get('long_name', name)}"
+        found[name] = value.assign_attrs(variable.attrs | {"long_name": words})
+        ends = values.quantile(list(RANGE), over).rename(quantile="bound").assign_coords(bound=["lower", "upper"])
+        found[f"{name}_range"] = ends.assign_attrs(variable.attrs | {"long_name": f"16-84 % range of {name}"})
+        found[f"{name}_count"] = values.count(over).assign_attrs(units="1", long_name=f"surfaces with {name}")
+    return Dataset(found, attrs=surfaces.attrs)

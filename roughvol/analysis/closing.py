@@ -1,0 +1,79 @@
+"""The load at which the last way along an axis closes, surface by surface.
+
+A way is known at its computed states alone. The last way closes between the last state with an open way and the
+next state. Both loads are given: the closing load lies between them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from xarray import Dataset
+
+from roughvol.analysis.leak import ways
+from roughvol.typing import Array
+
+LOADS = ("nominal_pressure", "mean_pressure")
+
+
+@dataclass(frozen=True)
+class Span:
+    """The loads between which the last way along an axis of a surface closes.
+
+    Attributes
+    ----------
+    open_up_to : float
+        Largest load of a state with an open way; 0 if no state has an open way.
+    closed_from : float
+        Load of the next state; infinite if the way is open at the last state.
+    """
+
+    open_up_to: float
+    closed_from: float
+
+    @property
+    def closes(self) -> bool:
+        """Whether the way closes within the stored states."""
+        return math.isfinite(self.closed_from)
+
+
+def load_of(group: Dataset) -> str:
+    """Return the name of the load of a table: the nominal pressure where it is known, else p*."""
+    return next(name for name in LOADS if name in group)
+
+
+def spans(group: Dataset, axis: str, load: str = "") -> list[Span]:
+    """Return where the last way along an axis of each surface closes.
+
+    Parameters
+    ----------
+    group : Dataset
+        Surfaces along ``seed`` and states along ``step`` of one loading leg, with the ways of `derived.derived`. Under
+        fluid pressure the ways are those of the dry gap.
+    axis : {"x", "y"}
+        Direction of the way.
+    load : str
+        Variable of the load. Default: that of `load_of`.
+
+    Returns
+    -------
+    list of Span
+        Spans of the surfaces with a computed state, in their order; empty where the ways are not followed.
+    """
+    if not (name := ways(group, axis)):
+        return []
+    rows, loads = (group[key].transpose("seed", "step").values for key in (name, load or load_of(group)))
+    return [found for way, at in zip(rows, loads, strict=True) if (found := _span(way, at)) is not None]
+
+
+def _span(way: Array, loads: Array) -> Span | None:
+    """Return the span of one surface, None without a computed state."""
+    known = np.isfinite(way) & np.isfinite(loads)
+    if not known.any():
+        return None
+    loads, still = loads[known], np.flatnonzero(way[known] > 0.0)
+    last = int(still[-1]) if still.size else -1
+    below = float(loads[last]) if last >= 0 else 0.0
+    return Span(below, float(loads[last + 1]) if last + 1 < loads.size else math.inf)

@@ -1,0 +1,87 @@
+"""Numbers that follow from a stored run, and the surfaces that share a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from xarray import Dataset
+
+from roughvol.analysis.leak import counted
+from roughvol.analysis.legs import first_leg
+from roughvol.errors import ContactError
+from roughvol.observables.conductance import contact_conductance, harmonic_conductivity
+from roughvol.observables.stiffness import interfacial_stiffness
+from roughvol.study import Study, convert
+from roughvol.study.units import in_unit
+
+P, V = "mean_pressure", "free_volume"
+STIFFNESS = "interfacial stiffness -dp/d(mean gap) times L/E*; with h and k_s the conductance h L/k_s"
+CONDUCTANCE = "contact conductance per nominal area"
+CONDUCTIVITY = "W/m/K"
+
+
+def derived(ds: Dataset, study: Study | None) -> Dataset:
+    """Return a dataset with mean gap, nominal pressure, open ways, stiffness, and the leak that counts.
+
+    Parameters
+    ----------
+    ds : Dataset
+        A study with states.
+    study : Study or None
+        Its study.
+
+    Returns
+    -------
+    Dataset
+        The same with further variables.
+    """
+    ds = _with_stiffness(ds, study)
+    if "mean_gap" not in ds and "Sq" in ds:
+        gap = ds[V] * ds["Sq"]
+        ds = ds.assign(mean_gap=gap.assign_attrs(units=ds.attrs.get("length_unit", "length"), symbol="g_mean"))
+    if "nominal_pressure" not in ds and "Sq" in ds and study is not None and study.material.unit:
+        pressure = ds[P] * ds["Sq"] * (study.material.contact_modulus / float(ds["L"]))
+        ds = ds.assign(nominal_pressure=pressure.assign_attrs(units=study.material.unit, symbol="p"))
+    for axis in "xy":
+        # any of them is 0 where the way is closed; the first one stored is taken
+        for name in (f"percolates_{axis}", f"critical_gap_{axis}", f"transmissivity_{axis}"):
+            if name in ds and bool(ds[name].notnull().any()):
+                is_open = (ds[name] > 0.0).astype(float).where(ds[name].notnull())
+                ds = ds.assign({f"open_{axis}": is_open.assign_attrs(units="1", symbol=f"open along {axis}")})
+                break
+    return counted(ds)
+
+
+def _with_stiffness(ds: Dataset, study: Study | None) -> Dataset:
+    """Return a dataset with the interfacial stiffness on the first leg, and the conductance that follows."""
+    first = first_leg(ds)
+    try:
+        pressure, gap = (first[name].transpose(..., "step") for name in (P, V))
+        stiffness = pressure.copy(data=interfacial_stiffness(pressure.values, gap.values)).reindex(step=ds["step"])
+    except (ContactError, KeyError):  # pressures that do not rise throughout, as those of a region may
+        return ds
+    ds = ds.assign(interfacial_stiffness=stiffness.assign_attrs(units="1", symbol="K L/E*", long_name=STIFFNESS))
+    unit, bodies = ds.attrs.get("length_unit"), study.material.conductivity if study is not None else None
+    if unit and bodies:
+        first_body, second = (in_unit(value, CONDUCTIVITY) or math.nan for value in bodies)
+        length = convert(float(ds["L"]), unit, "m")
+        value = contact_conductance(stiffness.values, harmonic_conductivity(first_body, second), length)
+        conductance = stiffness.copy(data=value).assign_attrs(units="W/m^2/K", symbol="h", long_name=CONDUCTANCE)
+        ds = ds.assign(contact_conductance=conductance)
+    return ds
+
+
+def groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
+    """Yield the surfaces that share a table, those computed along `seed`: each file, or each D at each m."""
+    if "case" in ds.dims:
+        for place, label in enumerate(ds["case"].values.tolist()):
+            yield str(label), ds.isel(case=place).expand_dims("seed")
+        return
+    for D in ds["D"].values:
+        for m in ds["m"].values:
+            group = ds.sel(D=D, m=m)
+            computed = np.flatnonzero(group[P].notnull().any("step").values)
+            if computed.size:
+                yield f"D = {D:g}, m = {m}", group.isel(seed=computed)
