@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import collections
 import contextlib
+import functools
+import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +18,7 @@ from roughvol.campaign.one_case import HalfSpaces, Stopped, file_of_case
 from roughvol.errors import CampaignError, RoughvolError
 from roughvol.store import lock, run_folder, stamped_file
 from roughvol.store.run_folder import case_file, checkpoint_file, failed_file
-from roughvol.study import Case
+from roughvol.study import Case, one_case
 from roughvol.surfaces.surface import Surface
 
 SMALL = 0.25  # share of the available memory up to which a single worker is this process itself
@@ -63,7 +65,7 @@ Task = tuple[Case, str, int, Path, str | None, Surface | None]
 _held: HalfSpaces = {}  # of a worker process: the half space of its last case
 
 
-def run_task(task: Task, tell: workers.Tell) -> bytes | None:
+def run_task(task: Task, tell: workers.Tell, *, answers: int | None = None) -> bytes | None:
     """Run one case in a worker.
 
     Parameters
@@ -73,12 +75,25 @@ def run_task(task: Task, tell: workers.Tell) -> bytes | None:
         on this machine), and the surface of a height file.
     tell : callable
         Receives the id of the case and the number of finished steps.
+    answers : int, optional
+        Answer format of the run. Default: that of this process.
 
     Returns
     -------
     bytes or None
         Content of the file of the case; None if the case was stopped and has stored its steps.
+
+    Raises
+    ------
+    CampaignError
+        If this process computes answers of another format. Nothing is computed.
     """
+    if answers not in (None, one_case.ANSWER_FORMAT):
+        message = (
+            f"the worker on {platform.node()} has roughvol {__version__} with answers of format "
+            f"{one_case.ANSWER_FORMAT}, here {answers}; start workers with the version of this run"
+        )
+        raise CampaignError(message)
     case, text, threads, checkpoint, mark, surface = task
     # On another machine the path may be another folder: the lock is the same only in the folder of this run.
     shared = mark is None or lock.mark(checkpoint.parent.parent) == mark != ""
@@ -157,7 +172,7 @@ class Batch:
         ]
         try:
             workers.each(
-                run_task,
+                functools.partial(run_task, answers=one_case.ANSWER_FORMAT),
                 tasks,
                 jobs=processes,
                 on_begin=self._begun,

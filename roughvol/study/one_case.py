@@ -6,7 +6,7 @@ import functools
 import hashlib
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
@@ -53,6 +53,10 @@ class Case:
     periodic: bool = False  # one period of a plane
     drive: float | None = None  # ΔP/μ of the fluid [1/s], where a state of the sweep is one of a leak rate
     gas: Gas | None = None  # whose flow is recorded
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle the fields alone: key and id name the answer format of the process that computes."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     def key(self) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import socket
 import subprocess
 import sys
@@ -19,9 +20,9 @@ from roughvol.campaign import batch, running, workers
 from roughvol.campaign import cluster as pool
 from roughvol.cli import main
 from roughvol.errors import CampaignError
-from roughvol.store import dataset, run_status
+from roughvol.store import dataset, run_status, stamped_file
 from roughvol.store.dataset import Dataset
-from roughvol.study import loads
+from roughvol.study import ANSWER_FORMAT, loads
 
 pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'roughvol[cluster]'")
 # The client of Dask leaves its loop's sockets to the garbage collector.
@@ -143,6 +144,42 @@ def test_a_long_sweep_goes_on_elsewhere_where_the_folder_is_shared(scheduler: Cl
     assert min(again) > 200  # and the next does not begin with the first
     assert not list((tmp_path / "there" / "cases").glob(".*"))
     xr.testing.assert_identical(_values(there), _values(running.run(study, out=tmp_path / "here", jobs=1)))
+
+
+def test_a_worker_whose_answers_are_of_another_format_computes_nothing(scheduler: Cluster, tmp_path: Path) -> None:
+    (scheduler.place / "later.py").write_text(
+        "from roughvol.campaign import batch\n"
+        "from roughvol.study import one_case\n"
+        "one_case.ANSWER_FORMAT = 99\n"
+        "batch.file_of_case = lambda *_, **__: 1 / 0\n"
+    )
+    scheduler.end_workers()
+    scheduler.start("--no-nanny", "--preload", "later.py")
+    study = loads(TEXT.replace("seeds: 6", "seeds: 2").replace("steps: 120", "steps: 2"))
+    study.cases()[0].key_text  # noqa: B018, cached before it is sent
+    try:
+        with pytest.raises(CampaignError, match=rf"(?s)4 of 4 cases failed.*worker.*answers.*99.*here {ANSWER_FORMAT}"):
+            running.run(study, out=tmp_path, scheduler=scheduler.address)
+    finally:
+        scheduler.end_workers()
+    found = run_status.status(study, tmp_path)
+    assert (len(found.failed), found.done) == (4, ())
+
+
+def test_a_process_labels_its_file_by_its_own_format_of_answers(tmp_path: Path) -> None:
+    case = loads(TEXT.replace("steps: 120", "steps: 1").replace("m: 5", "m: 2")).cases()[0]
+    assert case.key_text  # cached before it is sent
+    (tmp_path / "case").write_bytes(pickle.dumps(case))
+    code = (
+        "import pathlib, pickle\n"
+        "from roughvol.study import one_case\n"
+        "one_case.ANSWER_FORMAT = 99\n"
+        "from roughvol.campaign.one_case import file_of_case\n"
+        "case = pickle.loads(pathlib.Path('case').read_bytes())\n"
+        "pathlib.Path('case.nc').write_bytes(file_of_case(case))\n"
+    )
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    assert stamped_file.labels(tmp_path / "case.nc")["format_of_answers"] == "99"
 
 
 def test_a_stopped_run_leaves_what_the_workers_had_not_begun(cluster: Cluster, tmp_path: Path) -> None:
