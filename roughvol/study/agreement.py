@@ -80,6 +80,9 @@ def resolve(surface: HeightFile) -> Measured:
         sha256 = _digest(Path(section.file), f"{key}.file")
         descriptions.append(_described(section, sha256, key))
         bodies.append(_body(surface, section, sha256, descriptions[-1], key))
+    for description, section in zip(descriptions, surface.bodies, strict=False):
+        if surface.L is None and description and description.unsized:
+            _wrong(f"missing: {section.file} does not give the length of its axes: {description.unsized}", "surface.L")
     unit = _unit(surface, descriptions, bodies)
     sides = [_sides(surface.L, description, unit, surface.periodic) for description in descriptions]
     L = surface.L if surface.L is not None else next((side[0] for side in sides if side), None)
@@ -192,7 +195,7 @@ def _agrees(
 def _notes(L: float, unit: str | None, descriptions: list[Description | None]) -> tuple[str, ...]:
     texts = [text for text in descriptions if text]
     notes = [note for text in texts for note in text.notes]
-    if any(text.counted for text in texts):
+    if any(text.counted and not text.unsized for text in texts):
         notes.append("the coordinates in the file count nodes and have no unit: is L right?")
     shape = texts[0].shape if texts else None
     if unit and L * METRES[unit] > LONGEST:

@@ -423,7 +423,7 @@ def test_without_the_extra_files_of_instruments_are_refused_with_its_name(
         loads("surface: {file: scan.al3d}", tmp_path / "study.yaml")
     (problem,) = caught.value.problems
     assert (problem.key, problem.line) == ("surface.file", 1)
-    assert "must end in one of .npy .npz .nc .txt .csv .xyz .dat .asc .tif .tiff" in problem.message
+    assert "must end in one of .npy .npz .nc .txt .csv .xyz .dat .asc .grd .tif .tiff" in problem.message
     assert "pip install 'roughvol[measured]'" in problem.message
 
 

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.io
 import tifffile
 import xarray as xr
-from written import surfer_6, surfer_7, surfer_text
+from written import nms, surfer_6, surfer_7, surfer_text, wsxm
 
 from roughvol.campaign import one_case
 from roughvol.study import loads
@@ -46,13 +47,13 @@ def _surfer(write: Callable[..., bytes]) -> Callable[[Path], Any]:
     return lambda path: path.write_bytes(write(MAP, (7.0, 7.0 + X[-1]), (-3.0, Y[-1] - 3.0)))
 
 
-def _grid(dims: tuple[str, str], unit: str, scale: float, down: bool = False) -> Callable[[Path], Any]:
+def _grid(dims: tuple[str, str], unit: str, scale: float, down: bool = False, **more: str) -> Callable[[Path], Any]:
     def write(path: Path) -> None:
         heights = MAP if dims == ("x", "y") else MAP.T
         y = Y[::-1] if down else Y
         values = scale * (heights[::-1] if down else heights)
         coordinates = {"x": ("x", X, {"units": "um"}), "y": ("y", y, {"units": "um"})}
-        xr.Dataset({"h": (dims, values, {"units": unit})}, coords=coordinates).to_netcdf(path)
+        xr.Dataset({"h": (dims, values, {"units": unit, **more})}, coords=coordinates).to_netcdf(path)
 
     return write
 
@@ -63,6 +64,11 @@ def _library(name: str) -> Callable[[Path], Any]:
         getattr(topography(MAP, (NX * PIXEL, NY * PIXEL), unit="µm"), name)(str(path))
 
     return write
+
+
+def _hdf5(path: Path) -> None:
+    with pytest.importorskip("h5py").File(path, "w") as stored:
+        stored["scan/z"], stored["scan/quality"] = MAP, np.ones(MAP.shape)
 
 
 # name -> writer of the file, and further keys of the study
@@ -96,6 +102,11 @@ FORMATS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "xy.nc": (_grid(("x", "y"), "um", 1.0), ""),
     "yx.nc": (_grid(("y", "x"), "nm", 1e3), ""),
     "down.nc": (_grid(("y", "x"), "um", 1.0, down=True), ""),
+    "depths.nc": (_grid(("y", "x"), "um", -1.0, positive="down"), ""),
+    "z.h5": (_hdf5, "L: 4 um, variable: scan/z"),
+    "z.mat": (lambda path: scipy.io.savemat(path, {"z": MAP, "L": 4.0}), "L: 4 um"),
+    "image.stp": (lambda path: path.write_bytes(wsxm(MAP[:, ::-1], "double", (NX * PIXEL, NY * PIXEL))), ""),
+    "image.nms": (lambda path: path.write_bytes(nms(MAP, 500.0, 500.0)), "L: 4 um"),
     "library.nc": (_library("to_netcdf"), ""),
     "library.x3p": (_library("to_x3p"), ""),
     "library.gwy": (_library("to_gwy"), ""),
@@ -157,8 +168,8 @@ def test_one_scan_gives_the_same_pressures_in_every_format(folder: Path, name: s
 
 def test_every_format_is_described_by_the_reader_that_the_docs_name(folder: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "measured.md").read_text(encoding="utf-8")
-    for name, (write, _) in FORMATS.items():
+    for name, (write, keys) in FORMATS.items():
         write(folder / name)
-        description = reading.describe(folder / name)
+        description = reading.describe(folder / name, keys.partition("variable: ")[2] or None)
         assert description.shape == MAP.shape
         assert description.reader.split(",")[0].removeprefix("SurfaceTopography ") in page, name

@@ -5,16 +5,19 @@ from __future__ import annotations
 import contextlib
 import random
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy.io
+from written import nms, wsxm
 
 from roughvol.campaign import one_case
 from roughvol.errors import DatasetError, RoughvolError, StudyError, SurfaceError
 from roughvol.study import loads
 from roughvol.surfaces import lattice
-from roughvol.surfaces.files import reading
+from roughvol.surfaces.files import instrument, reading
 
 topography = pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")
 
@@ -255,3 +258,150 @@ def test_a_broken_file_is_a_problem_of_the_study(tmp_path: Path) -> None:
     (tmp_path / "scan.sur").write_bytes(b"DIGITAL SURF" + bytes(10))
     with pytest.raises(StudyError, match=r"surface\.file: .*scan\.sur: is damaged, or in none of the formats"):
         _study(tmp_path, "surface: {file: scan.sur, L: 1}").cases()
+
+
+# Several arrays or channels
+
+
+def _hdf5(path: Path, **arrays: np.ndarray) -> Path:
+    with pytest.importorskip("h5py").File(path, "w") as stored:
+        for name, array in arrays.items():
+            stored[name.replace("__", "/")] = array
+    return path
+
+
+def _matlab(path: Path, **arrays: np.ndarray) -> Path:
+    scipy.io.savemat(path, arrays)
+    return path
+
+
+@pytest.mark.parametrize("write", [_hdf5, _matlab])
+def test_of_several_arrays_one_must_be_named(tmp_path: Path, write: Any) -> None:
+    suffix = ".h5" if write is _hdf5 else ".mat"
+    path = write(tmp_path / f"several{suffix}", branch=np.zeros((17, 30)), z=HEIGHTS, L=np.full((1, 1), 2.0))
+    with pytest.raises(
+        DatasetError, match=r"several.*give the array of heights \(variable\); arrays in the file: .*z \(7, 5\)"
+    ):
+        reading.describe(path)
+    with pytest.raises(StudyError, match=r"surface\.file: .*several.*variable.*branch \(17, 30\)"):
+        loads(f"surface: {{file: {path.name}, L: 1 um}}", tmp_path / "study.yaml").cases()
+    assert np.array_equal(reading.read(path, "z"), HEIGHTS)
+    assert reading.describe(path, "z").channel == "z"
+    with pytest.raises(DatasetError, match=r"has no array 'Z'; arrays in the file: .*z \(7, 5\)"):
+        reading.describe(path, "Z")
+    path = write(tmp_path / f"one{suffix}", z=HEIGHTS, dx=np.full((1, 1), 0.5), corners=np.zeros((2, 2)))
+    assert np.array_equal(reading.read(path), HEIGHTS)
+    path = write(tmp_path / f"none{suffix}", dx=np.full((1, 1), 0.5))
+    with pytest.raises(DatasetError, match=r"holds no map of at least 3 x 3 nodes; arrays in the file: dx \(1, 1\)"):
+        reading.describe(path)
+
+
+def test_a_data_set_in_a_group_is_named_by_its_path(tmp_path: Path) -> None:
+    path = _hdf5(tmp_path / "scan.h5", Channel_000__Error=np.zeros((64, 4)), Channel_000__Height=HEIGHTS)
+    with pytest.raises(DatasetError, match=r"Channel_000/Error \(64, 4\), Channel_000/Height \(7, 5\)"):
+        reading.describe(path)
+    assert np.array_equal(reading.read(path, "Channel_000/Height"), HEIGHTS)
+    with pytest.raises(SurfaceError, match=r"Channel_000/Error holds no heights, by its name"):
+        reading.describe(path, "Channel_000/Error")
+
+
+def _gwyddion(path: Path, *titles: str) -> Path:
+    """Write channels i + 1 times the heights, each with a title of ten letters."""
+    items = b""
+    for number, title in enumerate(titles):
+        _write(path, (number + 1.0) * HEIGHTS)
+        content = path.read_bytes().replace(b"Topography\0", title.encode("ascii") + b"\0")
+        start = content.index(b"GwyContainer\0") + len(b"GwyContainer\0")
+        items += content[start + 4 :].replace(b"/0/data", f"/{number}/data".encode("ascii"))
+    path.write_bytes(content[:start] + len(items).to_bytes(4, "little") + items)
+    return path
+
+
+@pytest.mark.parametrize("title", ["Deflection", "AmplError_1", "PhaseTrace", "Lock-In Am", "Modulus 12"])
+def test_a_channel_that_is_no_heights_by_its_name_is_refused(tmp_path: Path, title: str) -> None:
+    title = title[:10]
+    path = _gwyddion(tmp_path / "scan.gwy", title, "Topography", "Height Ret")
+    description = reading.describe(path)
+    assert description.channel == "Topography"
+    assert "2 maps (1: Topography, 2: Height Ret); 1 is read" in description.notes[0]
+    assert np.allclose(reading.read(path) * 1e6, 2.0 * HEIGHTS)
+    assert np.allclose(reading.read(path, "Height Ret") * 1e6, 3.0 * HEIGHTS)
+    for named in (title, "0"):
+        with pytest.raises(
+            SurfaceError,
+            match=rf"scan\.gwy: {title} holds no heights, by its name; channels of heights: 1: Topography, 2: Height",
+        ):
+            reading.describe(path, named)
+    with pytest.raises(
+        DatasetError, match=rf"has no channel 'z'; .*0: {title} \(no heights\), 1: Topography \(height\)"
+    ):
+        reading.describe(path, "z")
+    _gwyddion(path, title)
+    with pytest.raises(SurfaceError, match=rf"{title} holds no heights, by its name; channels of heights: none"):
+        reading.describe(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "unit", "reason"),
+    [
+        ("Height", "height", "nm", ""),
+        ("ZSensor", "height", "nm", ""),
+        ("Scan forward (Z-Axis)", "height", "m", ""),
+        ("Amplitude of the height", "height", "m", ""),
+        ("Default", "height", None, ""),
+        ("Phase", "height", ("nm", None), "its unit is no length"),
+        ("Sensor", "voltage", "m", "holds voltage, not heights"),
+        ("HeightError", "height", "nm", "by its name"),
+        ("AmplitudeTrace", "height", "m", "by its name"),
+        ("AmplitudeError", "height", "nm", "by its name"),
+        ("Lock-In Amplitude", "height", "m", "by its name"),
+        ("lockInPhase", "height", "m", "by its name"),
+    ],
+)
+def test_kind_unit_and_name_tell_heights_from_other_channels(name: str, kind: str, unit: Any, reason: str) -> None:
+    data = SimpleNamespace(name=name, data_kind=SimpleNamespace(value=kind), unit=unit)
+    found = instrument._no_heights(data)
+    assert reason in found
+    assert bool(found) == bool(reason)
+
+
+# Formats whose library is at odds with other readers
+
+
+@pytest.mark.parametrize(("dx", "dy", "keys"), [(312.5, 312.5, ""), (312.5, 250.0, ", resample: square")])
+def test_the_size_in_nms_has_no_unit_and_is_that_of_the_study(tmp_path: Path, dx: float, dy: float, keys: str) -> None:
+    path = tmp_path / "scan.nms"
+    path.write_bytes(nms(HEIGHTS, dx, dy))
+    description = reading.describe(path)
+    assert (description.shape, description.unit, description.heights_unit) == ((7, 5), None, "um")
+    assert np.abs(reading.read(path) - HEIGHTS).max() < 1e-4 * np.ptp(HEIGHTS)
+    for keys_without_L in ("", ", unit: um", ", unit: nm"):
+        with pytest.raises(StudyError, match=r"surface\.L: missing: .*scan\.nms.* pixels are 312\.5 by .*unknown unit"):
+            loads(f"surface: {{file: scan.nms{keys_without_L}{keys}}}", tmp_path / "study.yaml").cases()
+    (case,) = loads(f"surface: {{file: scan.nms, L: 1.875 um{keys}}}", tmp_path / "study.yaml").cases()
+    surface = one_case.surface_of(case)
+    assert surface.side == pytest.approx(1.875 if dx == dy else 7 * 0.25, rel=1e-12)
+    assert surface.shape == ((7, 5) if dx == dy else (8, 5))
+    assert not case.notes
+    if dx != dy:
+        with pytest.raises(StudyError, match=r"surface\.resample: missing: .*pixels of 0\.3125 by 0\.25 um"):
+            loads("surface: {file: scan.nms, L: 1.875 um}", tmp_path / "study.yaml").cases()
+
+
+def test_nms_is_not_taken_for_another_format(tmp_path: Path) -> None:
+    """The first bytes of a file may be those of a MATLAB file of version 4."""
+    path = tmp_path / "scan.nms"
+    content = bytearray(nms(HEIGHTS, 312.5, 312.5))
+    content[:16] = bytes.fromhex("02000000010000000000000000ff0000")
+    path.write_bytes(content)
+    assert reading.describe(path).reader == "SurfaceTopography nms"
+
+
+@pytest.mark.parametrize("kind", ["double", "float", "short"])
+def test_wsxm_stores_falling_x_and_rising_y(tmp_path: Path, kind: str) -> None:
+    """The library turns the image by 180 degrees, as the description of the format has it and Gwyddion does."""
+    path = tmp_path / "scan.stp"
+    path.write_bytes(wsxm(HEIGHTS[:, ::-1], kind, (7 * PIXEL, 5 * PIXEL)))  # lines of the image run down y
+    assert reading.describe(path).sides == pytest.approx((6 * PIXEL * 1e3, 4 * PIXEL * 1e3))
+    heights = 1e-3 * reading.read(path)
+    assert np.abs(heights - heights.mean() - (HEIGHTS - HEIGHTS.mean())).max() < 1e-3

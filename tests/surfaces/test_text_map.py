@@ -129,6 +129,10 @@ BAD: dict[str, tuple[str, str]] = {
     "both.csv": (rows(HEIGHTS, ";").replace(".", ",", 3), r"line 1 holds both commas and points"),
     "letter.txt": (rows(HEIGHTS).replace("\n", " 1O\n", 1), r"line 1"),
     "volts.txt": (GWYDDION.replace("nm", "V") + rows(HEIGHTS.T), r"line 3 \(# Value units: V\) has the unit 'V'"),
+    "deflection.txt": (
+        "# Channel: Deflection\n" + GWYDDION + rows(HEIGHTS.T),
+        "'Deflection' holds no heights, by its name",
+    ),
     "units.txt": (GWYDDION.replace("5 µm", "5 mm") + rows(HEIGHTS.T), r"line 2 .* is in mm, another size in um"),
     "counts.txt": ("h=5 w=7\n" + rows(HEIGHTS.T), r"header gives w = 7, the text has 6 columns in 5 lines"),
     "cut.asc": ("ncols 6\nnrows 5\ncellsize 1\n" + rows(HEIGHTS.T[:2]), r"holds 12 heights; its header gives 5 x 6"),
@@ -222,6 +226,76 @@ def test_coordinates_of_netcdf_that_cannot_be_used_are_refused(
     with pytest.raises(SurfaceError, match=pattern):
         reading.describe(tmp_path / "z.nc")
     assert np.array_equal(reading.read(tmp_path / "z.nc", ignore_header=True), HEIGHTS)
+
+
+@pytest.mark.parametrize(("positive", "sign"), [("up", 1.0), ("down", -1.0), ("DOWN ", -1.0), (None, 1.0)])
+@pytest.mark.parametrize("kind", ["f8", "i2"])
+def test_netcdf_may_be_positive_down(tmp_path: Path, positive: str | None, sign: float, kind: str) -> None:
+    path = tmp_path / "z.nc"
+    heights = (1e3 * HEIGHTS).astype(kind)
+    attributes = {} if positive is None else {"positive": positive}
+    xr.Dataset({"z": (("y", "x"), heights.T, attributes)}).to_netcdf(path)
+    assert np.array_equal(reading.read(path), sign * heights)
+    description = reading.describe(path)
+    assert description.read_as == ("labels, down" if sign < 0.0 else "labels")
+    assert [note for note in description.notes if "turned over" in note] == list(description.notes)
+    assert len(description.notes) == (sign < 0.0)
+
+
+def test_another_direction_is_refused(tmp_path: Path) -> None:
+    xr.Dataset({"z": (("x", "y"), HEIGHTS, {"positive": "east"})}).to_netcdf(tmp_path / "z.nc")
+    with pytest.raises(SurfaceError, match=r"z:positive is 'east'; allowed: up and down"):
+        reading.describe(tmp_path / "z.nc")
+
+
+POINT = np.dtype([("height", "f8"), ("quality", "i4")])
+
+
+def _compound(stored: Dataset) -> None:
+    kind = stored.createCompoundType(POINT, "point")
+    stored.createVariable("z", kind, ("x", "y"))[:] = np.zeros((6, 5), POINT)
+
+
+def _ragged(stored: Dataset) -> None:
+    stored.createVariable("z", stored.createVLType("f8", "ragged"), ("x", "y"))[0, 0] = np.zeros(3)
+
+
+def _enumerated(stored: Dataset) -> None:
+    stored.createVariable("z", stored.createEnumType("i1", "quality", {"bad": 0, "good": 1}), ("x", "y"))[:] = 0
+
+
+def _words(stored: Dataset) -> None:
+    stored.createVariable("z", str, ("x", "y"))[0, 0] = "high"
+
+
+def _several_lengths(stored: Dataset) -> None:
+    for dim in "xy":
+        stored.createVariable(dim, "f8", (dim,))[:] = np.arange(stored.dimensions[dim].size)
+    stored["x"].length = np.array([1.0, 2.0])
+    stored.createVariable("z", "f8", ("x", "y"))[:] = HEIGHTS
+
+
+@pytest.mark.parametrize("write", [_compound, _ragged, _enumerated, _words, _several_lengths])
+def test_netcdf_without_plain_numbers_is_refused_by_name(tmp_path: Path, write: Callable[[Dataset], None]) -> None:
+    path = tmp_path / "z.nc"
+    with Dataset(path, "w") as stored:
+        stored.createDimension("x", 6)
+        stored.createDimension("y", 5)
+        write(stored)
+    for call in (reading.describe, reading.read):
+        with pytest.raises(RoughvolError, match=r"z\.nc: .*(not numbers|cannot be read as \.nc)"):
+            call(path)
+
+
+def test_coordinates_in_words_are_no_coordinates(tmp_path: Path) -> None:
+    path = tmp_path / "z.nc"
+    with Dataset(path, "w") as stored:
+        stored.createDimension("x", 6)
+        stored.createDimension("y", 5)
+        stored.createVariable("x", str, ("x",))[:] = np.array(list("abcdef"), dtype=object)
+        stored.createVariable("z", "f8", ("x", "y"))[:] = HEIGHTS
+    assert np.array_equal(reading.read(path), HEIGHTS)
+    assert reading.describe(path).sides is None
 
 
 def test_the_mask_of_the_library_marks_holes(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ outer nodes: ``nodes - 1`` pixels. A file that gives the width of all its pixels
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,14 @@ from roughvol.surfaces import length_units
 
 MAX_NODES = 1 << 28
 EXTRA = "pip install 'roughvol[measured]'"
+FEWEST = 3  # nodes along an axis of a map
+_HEIGHTS = re.compile(r"height|topograph", re.IGNORECASE)
+_NO_HEIGHTS = re.compile(
+    r"amplitude|deflection|phase|friction|lateral|lock[-_ ]?in|current|potential|voltage|frequency|adhesion|modulus|"
+    r"stiffness|dissipation|deformation|indentation|intensity",
+    re.IGNORECASE,
+)
+_ERROR = re.compile(r"error", re.IGNORECASE)  # also that of a height
 
 
 @dataclass(frozen=True)
@@ -38,7 +47,9 @@ class Description:
     source : str
         Position of the size in the file, for messages.
     counted : bool
-        The coordinates are whole numbers from 0 or 1 without a unit. A length in the study replaces them.
+        The sides are numbers without meaning, as coordinates that count nodes. A length in the study replaces them.
+    unsized : str
+        Reason why the sides need a length in the study; empty if they do not.
     notes : tuple of str
         Remarks for the user.
     """
@@ -52,6 +63,7 @@ class Description:
     read_as: str | None = None
     source: str = ""
     counted: bool = False
+    unsized: str = ""
     notes: tuple[str, ...] = ()
 
 
@@ -127,6 +139,22 @@ def length_unit(path: Path, unit: object, place: str) -> str | None:
     return name
 
 
+def names_no_heights(name: str) -> bool:
+    """Return whether a channel holds another quantity than heights by its name, as ``AmplitudeError`` does.
+
+    Parameters
+    ----------
+    name : str
+        Name of the channel.
+
+    Returns
+    -------
+    bool
+        Whether the name has a word of another quantity, and none of heights.
+    """
+    return bool(_ERROR.search(name) or (_NO_HEIGHTS.search(name) and not _HEIGHTS.search(name)))
+
+
 def refuse_huge(path: Path, shape: tuple[int, ...]) -> None:
     """Refuse an array before it is read. A small compressed file may hold any number of zeros.
 
@@ -192,7 +220,7 @@ def array_name(path: Path, variable: str | None, shapes: dict[str, tuple[int, ..
     path : Path
         File, for the message.
     variable : str or None
-        Name, or number from 0. Default: the only array with two dimensions.
+        Name, or number from 0. Default: the only array with two dimensions of at least 3 nodes.
     shapes : dict of tuple of int
         Shapes of the arrays by name.
 
@@ -204,13 +232,14 @@ def array_name(path: Path, variable: str | None, shapes: dict[str, tuple[int, ..
     Raises
     ------
     DatasetError
-        If there is no such array, or several arrays have two dimensions.
+        If there is no such array, or several may be maps.
     """
     listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items()) or "none"
     if variable is not None:
         return list(shapes)[position(path, list(shapes), variable, listing, "array")]
-    fields = [name for name, shape in shapes.items() if len(shape) == 2]
+    fields = [name for name, shape in shapes.items() if len(shape) == 2 and min(shape) >= FEWEST]
     if len(fields) == 1:
         return fields[0]
-    message = f"{path}: give the array of heights (variable); arrays in the file: {listing}"
+    reason = "give the array of heights (variable)" if fields else "holds no map of at least 3 x 3 nodes"
+    message = f"{path}: {reason}; arrays in the file: {listing}"
     raise DatasetError(message)

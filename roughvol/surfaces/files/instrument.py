@@ -2,7 +2,11 @@
 
 Conventions: the first axis of the array is x of the file, and a missing height is NaN. Nodes are one pixel apart, so an
 axis is one pixel shorter than all its pixels. The library recognises a format by its content. Two formats without any
-mark (NMS, HGT) count only in files with this ending.
+mark (NMS, HGT) count only in files with this ending. HDF5 and MATLAB hold arrays of any meaning: of several, one is
+named. Channels that are no heights by their kind, unit or name are refused.
+
+NMS has no unit of its pixels. The library takes the numbers for mm, the reader of surfalize for nm: 512 pixels of 312.5
+are 160 m or 160 um. So the length of the axis is that of the study.
 """
 
 from __future__ import annotations
@@ -11,7 +15,7 @@ import contextlib
 import math
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +27,9 @@ from roughvol.surfaces.files.description import (
     Description,
     HeightMap,
     NotRead,
+    array_name,
     length_unit,
+    names_no_heights,
     position,
     reading,
     refuse_huge,
@@ -31,6 +37,8 @@ from roughvol.surfaces.files.description import (
 from roughvol.typing import Array
 
 UNMARKED = ("nms", "hgt")
+ARRAYS = ("h5", "mat")  # formats of arrays without meaning
+UNSIZED = "nms"
 TEXT = ("asc", "xyz")  # readers of text in the library
 
 
@@ -87,7 +95,7 @@ def _opened(path: Path) -> Iterator[Any]:
         warnings.simplefilter("ignore")
         try:
             path.open("rb").close()
-            with open_topography(str(path)) as reader:
+            with _recognised(open_topography, path) as reader:
                 if reader.format() in UNMARKED and path.suffix.lower() != f".{reader.format()}":
                     raise CannotDetectFileFormat
                 yield reader
@@ -96,13 +104,56 @@ def _opened(path: Path) -> Iterator[Any]:
             raise NotRead(message) from error
 
 
+def _recognised(open_topography: Any, path: Path) -> Any:
+    """Return the reader of a file. Files of an unmarked format may look like another one."""
+    ending = path.suffix.lower().removeprefix(".")
+    if ending in UNMARKED:
+        with contextlib.suppress(Exception):
+            return open_topography(str(path), format=ending)
+    return open_topography(str(path))
+
+
 def _channel(path: Path, reader: Any, wanted: str | None) -> Any:
-    """Return a channel by name or number. Default: the channel of heights in the format."""
-    if wanted is None:
-        return reader.default_channel
+    """Return a channel of heights by name or number. Default: that of the format, or the first one."""
     channels = list(reader.channels)
-    listing = ", ".join(f"{number}: {data.name} ({data.data_kind.value})" for number, data in enumerate(channels))
-    return channels[position(path, [data.name for data in channels], wanted, listing, "channel")]
+    if reader.format() in ARRAYS:
+        shapes = {data.name: tuple(data.nb_grid_pts or ()) for data in channels}
+        wanted = array_name(path, wanted, shapes)
+    maps = {data.index: data for data in channels if not _no_heights(data)}
+    if wanted is not None:
+        kinds = (
+            "no heights" if _is_height(data) and data.index not in maps else data.data_kind.value for data in channels
+        )
+        listing = ", ".join(f"{text} ({kind})" for text, kind in zip(_texts(channels), kinds, strict=True))
+        chosen = channels[position(path, [data.name for data in channels], wanted, listing, "channel")]
+    elif not channels:
+        message = f"{path}: holds no channels"
+        raise SurfaceError(message)
+    else:
+        chosen = reader.default_channel
+        if chosen.index not in maps:
+            chosen = next(iter(maps.values()), chosen)
+    if reason := _no_heights(chosen):
+        message = f"{path}: {chosen.name} {reason}; channels of heights: {', '.join(_texts(maps.values())) or 'none'}"
+        raise SurfaceError(message)
+    return chosen
+
+
+def _texts(channels: Iterable[Any]) -> list[str]:
+    return [f"{data.index}: {data.name}" for data in channels]
+
+
+def _is_height(data: Any) -> bool:
+    return bool(data.data_kind.value == "height")
+
+
+def _no_heights(data: Any) -> str:
+    """Return why a channel is none of heights, empty if it may be one."""
+    if not _is_height(data):
+        return f"holds {data.data_kind.value}, not heights"
+    if isinstance(data.unit, tuple):  # lateral and vertical unit: the library finds no heights in the second
+        return "holds no heights: its unit is no length"
+    return "holds no heights, by its name" if names_no_heights(data.name.rpartition("/")[2]) else ""
 
 
 def _described(path: Path, reader: Any, wanted: str | None) -> Description:
@@ -113,25 +164,31 @@ def _described(path: Path, reader: Any, wanted: str | None) -> Description:
     if channel.dim != 2 or len(shape) != 2 or channel.is_uniform is False or min(shape) < 3:
         message = f"{path}: {channel.name} has nodes {shape}; allowed: a map of equidistant nodes, at least 3 x 3"
         raise SurfaceError(message)
-    if channel.data_kind.value != "height":
-        message = f"{path}: {channel.name} holds {channel.data_kind.value}, not heights"
-        raise SurfaceError(message)
     refuse_huge(path, shape)
     unit = None if channel.unit is None else length_unit(path, channel.unit, channel.name)
     sides = _sides(path, shape, channel.physical_sizes)
-    maps = [data for data in reader.channels if data.data_kind.value == "height" and data.dim == 2]
+    maps = [data for data in reader.channels if not _no_heights(data) and data.dim == 2]
+    other = wanted is None and channel.index != reader.default_channel.index
     notes: tuple[str, ...] = ()
     if wanted is None and len(maps) > 1:
-        listing = ", ".join(f"{data.index}: {data.name}" for data in maps)
+        listing = ", ".join(_texts(maps))
         notes = (f"{path.name} holds {len(maps)} maps ({listing}); {channel.index} is read, variable names another",)
+    unsized = ""
+    if reader.format() == UNSIZED and sides is not None:
+        x, y = (1e-3 * side / (nodes - 1) for side, nodes in zip(sides, shape, strict=True))
+        would = f"in nm, L would be {1e-3 * x * (shape[0] - 1):.6g} um"
+        unsized = f"its pixels are {x:.6g} by {y:.6g} of an unknown unit; {would}"
     return Description(
         (int(shape[0]), int(shape[1])),
         sides,
-        unit,
+        None if unsized else unit,
         unit,
         channel.name,
         f"SurfaceTopography {reader.format()}",
+        f"channel {channel.index}" if other else None,
         source="its header" if sides else "",
+        counted=bool(unsized),
+        unsized=unsized,
         notes=notes,
     )
 

@@ -1,7 +1,8 @@
 """Height maps in netCDF: names of dimensions give the axes, coordinates give size and unit.
 
 Conventions: dimensions (y, x) are transposed, so that the first axis is x. Without such names the order of the file
-stays. Both axes ascend with the index if they have coordinates.
+stays. Both axes ascend with the index if they have coordinates. Heights are positive up: those of a variable with the
+attribute ``positive = "down"``, as depths, are turned over.
 
 The reader of SurfaceTopography takes classic netCDF with a variable ``heights`` alone. It ignores the order of the
 dimensions, and the attribute ``units``.
@@ -17,7 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces.files.description import Description, HeightMap, array_name, length_unit, refuse_huge
+from roughvol.surfaces.files.description import (
+    Description,
+    HeightMap,
+    array_name,
+    length_unit,
+    reading,
+    refuse_huge,
+)
 
 _AXES = (
     re.compile(r"(?:.*_)?(?:x|lon|longitude|easting)", re.IGNORECASE),
@@ -66,9 +74,13 @@ def opened(path: Path, variable: str | None = None, *, ignore_header: bool = Fal
     """
     from netCDF4 import Dataset
 
-    with Dataset(path) as stored:
+    with reading(path, path.suffix.lower()), Dataset(path) as stored:
         name = _field(path, stored, variable)
         field = stored[name]
+        if not _holds_numbers(field):
+            message = f"{path}: {name} holds text, or values of a type of its own, not numbers"
+            raise SurfaceError(message)
+        down = _is_down(path, field, name)
         refuse_huge(path, field.shape)
         if len(field.shape) != 2:
             message = f"{path}: {name} has shape {field.shape}; allowed: two dimensions"
@@ -88,16 +100,19 @@ def opened(path: Path, variable: str | None = None, *, ignore_header: bool = Fal
         source, counted = f"coordinates {dims[0]} and {dims[1]}", lateral is None and axes[0][3] and axes[1][3]
     flips = tuple(slice(None, None, -1) if axis is not None and axis[2] else slice(None) for axis in axes)
     labelled = turned or flips != (slice(None), slice(None)) or masked or sides is not None
+    read_as = ", ".join(["labels"] * labelled + ["down"] * down) or None
+    notes = (f"{path.name} has {name}:positive = 'down': its heights are turned over",) if down else ()
     described = Description(
-        (shape[0], shape[1]), sides, lateral, unit, name, "netCDF", "labels" if labelled else None, source, counted
+        (shape[0], shape[1]), sides, lateral, unit, name, "netCDF", read_as, source, counted, notes=notes
     )
-    return HeightMap(described, lambda: _read(path, name, turned, flips, masked))
+    sign = -1.0 if down else 1.0
+    return HeightMap(described, lambda: sign * _read(path, name, turned, flips, masked))
 
 
 def _read(path: Path, name: str, turned: bool, flips: Any, masked: bool) -> NDArray[Any]:
     from netCDF4 import Dataset
 
-    with Dataset(path) as stored:
+    with reading(path, path.suffix.lower()), Dataset(path) as stored:
         heights = np.ma.asarray(stored[name][...])
         mask = np.ma.getmaskarray(heights)
         if masked:  # as SurfaceTopography writes it
@@ -105,6 +120,20 @@ def _read(path: Path, name: str, turned: bool, flips: Any, masked: bool) -> NDAr
     filled = mask.any() and heights.dtype.kind in "fiu"
     array: NDArray[Any] = np.where(mask, np.nan, heights.data) if filled else np.asarray(heights.data)
     return (array.T if turned else array)[flips]
+
+
+def _holds_numbers(variable: Any) -> bool:
+    """Return whether a variable holds numbers: no text, and no compound, enumerated or ragged type."""
+    return isinstance(variable.datatype, np.dtype) and variable.dtype.kind in "fiu"
+
+
+def _is_down(path: Path, variable: Any, name: str) -> bool:
+    """Return whether values are positive down, by the attribute of the CF conventions."""
+    direction = str(getattr(variable, "positive", "up")).strip().lower()
+    if direction not in ("up", "down"):
+        message = f"{path}: {name}:positive is {direction[:40]!r}; allowed: up and down"
+        raise SurfaceError(message)
+    return direction == "down"
 
 
 def _field(path: Path, stored: Any, variable: str | None) -> str:
@@ -125,7 +154,7 @@ def _axis(stored: Any, dim: str) -> int | None:
 def _coordinate(path: Path, stored: Any, dim: str) -> tuple[float, str | None, bool, bool] | None:
     """Return the span of a coordinate, its unit, whether it descends, and whether it only counts; None if absent."""
     variable = stored.variables.get(dim)
-    if variable is None or variable.dimensions != (dim,) or variable.dtype.kind not in "fiu" or variable.shape[0] < 3:
+    if variable is None or variable.dimensions != (dim,) or not _holds_numbers(variable) or variable.shape[0] < 3:
         return None
     values = np.ma.filled(np.ma.asarray(variable[...], dtype=np.float64), np.nan)
     spacing = (values[-1] - values[0]) / (len(values) - 1)

@@ -18,7 +18,7 @@ import numpy as np
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.files import plain_text, points, text_header
-from roughvol.surfaces.files.description import Description, HeightMap, NotRead
+from roughvol.surfaces.files.description import Description, HeightMap, NotRead, names_no_heights
 from roughvol.surfaces.files.text_header import Header
 from roughvol.typing import Array
 
@@ -56,6 +56,9 @@ def opened(path: Path, columns: str | None = None, *, ignore_header: bool = Fals
         if text_header.parse(path, [comment], ignore=True) != Header():
             message = f"{path}: line {comment[0]} is a header among the numbers: {comment[1][:80]!r}; allowed: one map"
             raise SurfaceError(message)
+    if names_no_heights(header.channel) and not ignore_header:
+        message = f"{path}: the channel {header.channel!r} holds no heights, by its name; if it does: header: ignore"
+        raise SurfaceError(message)
     if header.esri:
         return _esri(text, header)
     complete = header.along_lines and header.unit is not None and header.heights_unit is not None
