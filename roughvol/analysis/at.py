@@ -186,7 +186,8 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
             if str(name).startswith(BY_LOGARITHM):
                 positive = (before > 0.0) & (after > 0.0)
                 one, other = np.where(positive, before, 1.0), np.where(positive, after, 1.0)
-                mixed = np.where(positive, one * (other / one) ** share, after)
+                missing = np.isnan(before) | np.isnan(after)
+                mixed = np.where(positive, one * (other / one) ** share, np.where(missing, np.nan, after))
             after = np.where(share == 0.0, before, mixed)
         values[str(name)] = ("seed", after, variable.attrs)
     kept = {name: variable for name, variable in group.coords.items() if set(variable.dims) <= {"seed"}}
@@ -263,10 +264,15 @@ def at(run: Run, group: Dataset, level: Level) -> State:
     every = legs[-1:] if level.kind == "last" else legs
     searched = every if level.leg is None else [level.leg]
     reach: list[float] = []
+    closed: State | None = None
     for leg in searched:
         label = level.label if len(legs) == 1 or level.leg is not None else f"{level.label}, leg {leg}"
-        if (state := _on_leg(run, group, replace(level, leg=None), leg, label, reach)) is not None:
+        state = _on_leg(run, group, replace(level, leg=None), leg, label, reach)
+        if state is not None and state.reached:
             return state
+        closed = closed or state
+    if closed is not None:
+        return closed
     reach = reach or group["step"].values.astype(float).tolist()
     unit = f" {level.value.unit}" if isinstance(level.value, Quantity) else ""
     message = (

@@ -8,6 +8,7 @@ arithmetic mean over the surfaces that have a value.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,7 @@ from xarray import DataArray, Dataset
 FLOWS = ("leak_rate", "gas_leak_rate", "flow", "transmissivity", "gas_transmissivity", "diffusivity")
 """Quantities with a median over surfaces, with and without an axis, lifted or dry."""
 RANGE = (0.16, 0.84)
+BOUNDS = ("lower", "upper")
 IN_WORDS = "median and 16-84 % range over the surfaces, closed surfaces counted as 0"
 
 
@@ -92,11 +94,18 @@ def averages(surfaces: Dataset, over: str = "seed") -> Dataset:
         name = str(key)
         if over not in variable.dims or variable.dtype.kind not in "fib":
             continue
-        values = variable.astype(float)
-        value = values.median(over) if is_flow(name) else values.mean(over)
-        words = f"{'median' if is_flow(name) else 'mean'} over surfaces of {variable.attrs.get('long_name', name)}"
-        found[name] = value.assign_attrs(variable.attrs | {"long_name": words})
-        ends = values.quantile(list(RANGE), over).rename(quantile="bound").assign_coords(bound=["lower", "upper"])
-        found[f"{name}_range"] = ends.assign_attrs(variable.attrs | {"long_name": f"16-84 % range of {name}"})
-        found[f"{name}_count"] = values.count(over).assign_attrs(units="1", long_name=f"surfaces with {name}")
-    return Dataset(found, attrs=surfaces.attrs)
+        values = variable.transpose(over, ...)
+        numbers = np.apply_along_axis(partial(_numbers, name), 0, values.values.astype(float))
+        dims, attrs = values.dims[1:], dict(variable.attrs)
+        words = f"{'median' if is_flow(name) else 'mean'} over surfaces of {attrs.get('long_name', name)}"
+        found[name] = DataArray(numbers[0], dims=dims, attrs=attrs | {"long_name": words})
+        ends = attrs | {"long_name": f"16 and 84 % over surfaces of {attrs.get('long_name', name)}"}
+        found[f"{name}_range"] = DataArray(numbers[1:3], {"bound": list(BOUNDS)}, ("bound", *dims), attrs=ends)
+        found[f"{name}_count"] = DataArray(numbers[3].astype(int), dims=dims, attrs={"units": "1"})
+    kept = {name: coord for name, coord in surfaces.coords.items() if over not in coord.dims}
+    return Dataset(found, coords=kept, attrs=surfaces.attrs)
+
+
+def _numbers(name: str, values: ArrayLike) -> tuple[float, float, float, int]:
+    found = average(name, values)
+    return found.value, found.low, found.high, found.count

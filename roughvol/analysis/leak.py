@@ -26,7 +26,7 @@ SYMBOLS = {"leak_rate": "Q_{axis}", "flow": "Q_{axis}*", "open": "open along {ax
 NEAR = 1e-6  # relative: a step at the load of a recorded state is this state
 DRY_NOTE = (
     "record.fluid_pressure lifts the gap: Q is the leak of the lifted gap, known at the loads of fluid_pressure.at. "
-    "Columns named dry are those of the gap without fluid pressure."
+    "Columns named dry and all other numbers are those without fluid pressure."
 )
 
 
@@ -101,9 +101,8 @@ def _at_steps(ds: Dataset, name: str, axis: str) -> DataArray:
     at: Any = near & stored.notnull()
     values = stored.where(at).max(STATE)
     ordered = values.transpose(*load.dims)
-    attrs = {"units": stored.attrs.get("units", "1"), "symbol": SYMBOLS[name].format(axis=axis)}
-    attrs["long_name"] = stored.attrs.get("long_name", name)
-    return ordered.assign_attrs(attrs)
+    fluid = ds[dry].attrs if (dry := f"{name}_dry_{axis}") in ds else {}
+    return ordered.assign_attrs(fluid | stored.attrs | {"symbol": SYMBOLS[name].format(axis=axis)})
 
 
 def _open(flows: dict[str, DataArray]) -> dict[str, DataArray]:

@@ -2,7 +2,8 @@
 
 The name is that of the quantity drawn, then that of the quantity below it: p, a, v and d are p*, A*, V* and d/σ; gap,
 leak and flow are the mean gap, the leak rate and the transmissivity. Pressures have the unit of the runs, if all have
-one.
+one. A curve shows the surfaces of one D and m, or one file. A leak and a flow are drawn along x (solid) and y (dashed),
+with a mark where the way closes.
 """
 
 from __future__ import annotations
@@ -15,16 +16,22 @@ from dataclasses import dataclass
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from xarray import Dataset
 
+from roughvol.analysis import average
 from roughvol.analysis.derived import derived
+from roughvol.analysis.leak import AXES
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.report.figures.curves import plot
-from roughvol.report.figures.families import Curve, Family, curves, families, file_text, held
+from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held
 from roughvol.report.figures.origin import lacking, study_of, surfaces
-from roughvol.report.figures.style import COLUMN, LABELS, STYLE, WIDE, Drawing, canvas, looks, unit_text
+from roughvol.report.figures.seal_drawing import CLOSED, LINES, draw_flow, look_of
+from roughvol.report.figures.seal_ways import band_words, ways
+from roughvol.report.figures.style import COLUMN, GREY, LABELS, STYLE, WIDE, Drawing, canvas, legend, looks, unit_text
 from roughvol.store.variants import parts_of
 
 VARIABLES_OF = {  # the first one that all runs have is drawn
@@ -34,8 +41,8 @@ VARIABLES_OF = {  # the first one that all runs have is drawn
     "d": ("separation",),
     "i": ("indentation",),
     "gap": ("mean_gap",),
-    "leak": ("leak_rate_x",),
-    "flow": ("transmissivity_x",),
+    "leak": ("leak_rate_y", "leak_rate_x"),
+    "flow": ("transmissivity_dry_x", "transmissivity_y", "transmissivity_x"),
     "stiffness": ("interfacial_stiffness",),
     "conductance": ("contact_conductance",),
 }
@@ -46,11 +53,13 @@ WORDS = {
     "nominal_pressure": "nominal pressure $p$",
     "indentation": r"indentation $\Delta/\sigma$",
     "mean_gap": r"mean gap $\bar g$",
-    "leak_rate_x": "leak rate along $x$ $Q_x$",
-    "transmissivity_x": r"transmissivity along $x$ $T_x^{\ast}$",
+    "leak_rate": "leak rate $Q$",
+    "transmissivity": r"transmissivity $T^{\ast}$",
+    "transmissivity_dry": r"transmissivity without fluid pressure $T^{\ast}$",
     "interfacial_stiffness": r"interfacial stiffness $K L/E^{\ast}$",
     "contact_conductance": r"contact conductance $h$",
 }
+DECADES = 9  # of a flow that an axis spans; less flows off it
 POWERS = ("stiffness", "conductance")  # that go about with a power of the pressure: both axes are logarithmic
 LOGARITHMIC = ("leak", "flow", *POWERS)
 MANY = 6  # height files of a run that have a curve each; more are one family
@@ -129,6 +138,8 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
     common: dict[str, str] = {}
     ready = [Named(run.name, in_units(first_leg(derived(run.dataset, study_of(run.dataset))), common)) for run in runs]
     x, y = _variable(x_key, ready), _variable(y_key, ready)
+    if average.is_flow(y):
+        return _flow(ready, x, y.removesuffix("_x").removesuffix("_y"))
     with mpl.rc_context(STYLE):
         some, title = _families(ready, x, y)
         some = [family._replace(label=wrapped(family.label)) for family in some]
@@ -141,12 +152,91 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
             ax.set_yscale("log")
         if y_key in POWERS and x_key == "p":
             ax.set_xscale("log")
-        if len(ready) == 1:
-            run = ready[0]
-            fig.note(f"Run {file_text(run.name)}: {surfaces(run.dataset, {'surfaces': [f.surfaces for f in some]})}.")
-        else:
-            fig.note(_names(ready))
+        fig.note(_origin(ready, some))
     return fig
+
+
+def _flow(runs: Sequence[Named], x: str, name: str) -> Drawing:
+    """Draw a flow along x and y: the states of one surface, median and band of several, and where the ways close."""
+    stored = [f"{name}_{axis}" for axis in AXES if all(f"{name}_{axis}" in run.dataset for run in runs)]
+    with mpl.rc_context(STYLE):
+        some, title = _families(runs, x, stored[0])
+        some = [family._replace(label=wrapped(family.label)) for family in some]
+        fig = canvas(COLUMN, 3.2 + LINE * max(0, _legend_lines(some) - 2))
+        ax = fig.subplots()
+        beside = [f"{name}_dry_{axis}" for axis in AXES]
+        values = np.concatenate(
+            [family.data[key].values.ravel() for family in some for key in (*stored, *beside) if key in family.data]
+        )
+        values = values[values > 0.0]
+        top = float(values.max(initial=1e-300))
+        floor = 0.4 * max(float(values.min(initial=top)), top * 10.0**-DECADES)
+        ax.set(yscale="log", ylim=(floor, 2.5 * top), xlabel=_label(x, runs))
+        ax.set_ylabel(_label(stored[0], runs, WORDS[name]))
+        closed = set[str]()
+        for family in some:
+            for axis in AXES:
+                members = ways(family, x, name, axis) if f"{name}_{axis}" in stored else []
+                if members and draw_flow(ax, family, members, axis, alone=len(some) == 1):
+                    closed.add(axis)
+            if f"{name}_dry_x" in family.data:
+                _dry(ax, family, x, f"{name}_dry")
+        dry = any(f"{name}_dry_x" in family.data for family in some)
+        _legend(ax, some, closed, [title, band_words([family.surfaces for family in some])], dry=dry)
+        fig.note(" ".join([_origin(runs, some), *_fluids(runs, stored[0])]))
+    return fig
+
+
+def _dry(ax: Axes, family: Family, x: str, name: str) -> None:
+    """Draw a flow of the dry gap as thin grey lines beside the lifted flow."""
+    for axis in AXES:
+        for curve in curves(family, x, f"{name}_{axis}"):
+            ax.plot(*_positive(curve), color=GREY, lw=0.6, ls=LINES[axis], zorder=1, label=f"_dry, along ${axis}$")
+
+
+def _legend(ax: Axes, some: Sequence[Family], closed: set[str], words: Sequence[str], *, dry: bool) -> None:
+    """Put families, directions, closings and the dry gap into one legend above the axes."""
+    alone = len(some) == 1
+    plain = [{"marker": "none"} if family.surfaces > 1 else {} for family in some]  # a median has no markers
+    handles = [] if alone else [Line2D([], [], label=f.label, **(f.look | p)) for f, p in zip(some, plain, strict=True)]
+    for axis in AXES:
+        look = look_of(some[0], axis, alone=True) | plain[0] if alone else {"color": GREY, "ls": LINES[axis]}
+        handles.append(Line2D([], [], label=f"along ${axis}$", **look))
+    handles += [
+        Line2D([], [], ls="", marker=CLOSED[axis], color=GREY, label=f"closed along ${axis}$")
+        for axis in sorted(closed)
+    ]
+    if dry:
+        handles.append(Line2D([], [], color=GREY, lw=0.6, label="without fluid pressure"))
+    legend(ax, "; ".join(filter(None, [some[0].label if alone else "", *words])), handles)
+
+
+def _fluids(runs: Sequence[Named], name: str) -> list[str]:
+    """Return pressure drop and viscosity of a leak, run by run where they differ."""
+    keys = ("pressure_drop", "viscosity")
+    found = [tuple(str(run.dataset[name].attrs.get(key, "")) for key in keys) for run in runs]
+    if not any(map(any, found)):
+        return []
+    if len(set(found)) == 1:
+        return [f"Pressure drop {found[0][0]}, viscosity {found[0][1]}."]
+    each = [f"{file_text(run.name)} {drop}, {viscosity}" for run, (drop, viscosity) in zip(runs, found, strict=True)]
+    return [f"Pressure drop and viscosity differ: {'; '.join(each)}."]
+
+
+def _origin(runs: Sequence[Named], some: Sequence[Family]) -> str:
+    """Return the runs of a figure in words, and which leg of a path it shows."""
+    if len(runs) == 1:
+        words = f"Run {file_text(runs[0].name)}: {surfaces(runs[0].dataset, _shown(some))}."
+    else:
+        words = _names(runs)
+    legs = any("leg" in run.dataset for run in runs)
+    return f"{words} Leg 1 of a path; path_loops draws every leg." if legs else words
+
+
+def _shown(some: Sequence[Family]) -> dict[str, list[float]]:
+    """Return the values of D and m and the numbers of surfaces that families show."""
+    made = {key: sorted({float(f.data[key]) for f in some if key in f.data.coords}) for key in ("D", "m")}
+    return made | {"surfaces": [float(family.surfaces) for family in some]}
 
 
 def wrapped(label: str) -> str:
@@ -190,16 +280,16 @@ def _unit(name: str, ds: Dataset) -> str:
     return str(ds[name].attrs.get("units", "1"))
 
 
-def _label(name: str, runs: Sequence[Named]) -> str:
+def _label(name: str, runs: Sequence[Named], words: str = "") -> str:
     unit = _unit(name, runs[0].dataset)
-    words = LABELS.get(name) or WORDS[name]
+    words = words or LABELS.get(name) or WORDS[name]
     return words if unit == "1" else f"{words} [{unit_text(unit)}]"
 
 
 def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]:
     """Return the families of all runs, named by run, and what they share."""
     if len(runs) == 1 and runs[0].dataset.sizes.get("case", 0) <= MANY:
-        return families(runs[0].dataset, "D", x, y)
+        return every_family(runs[0].dataset, x, y)
     found: list[Family] = []
     for run in runs:
         if run.dataset.sizes.get("case", 0) > MANY:
@@ -207,7 +297,7 @@ def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]
             members = run.dataset.isel(case=np.flatnonzero(held_by)).rename(case="seed")
             found.append(Family(file_text(run.name), 0.0, {}, members))
             continue
-        some, title = families(run.dataset, "D", x, y)
+        some, title = every_family(run.dataset, x, y)
         for family in some:
             words = ", ".join(filter(None, [family.label, title])) if "case" not in run.dataset.dims else family.label
             lone = len(some) == 1

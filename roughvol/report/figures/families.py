@@ -70,6 +70,23 @@ def families(ds: Dataset, by: str, *variables: str, m: float = FINEST) -> tuple[
     return members, title
 
 
+def every_family(ds: Dataset, *variables: str) -> tuple[list[Family], str]:
+    """Return the families of every D at every m, or of every file, and what they have in common, for the legend."""
+    if "case" in ds.dims:
+        return families(ds, "case", *variables)
+    mask = held(ds, *variables).transpose("D", "m", "seed").values
+    places = [(int(i), int(k)) for i, k in np.argwhere(mask.any(axis=2))]
+    values = {"D": sorted({i for i, _ in places}), "m": sorted({k for _, k in places})}
+    several_of = [dim for dim in ("D", "m") if len(values[dim]) > 1] or ["D"]
+    title = ", ".join(f"${dim} = {ds[dim].values[values[dim][0]]:g}$" for dim in ("D", "m") if dim not in several_of)
+    members = []
+    for (i, k), look in zip(places, looks(len(places)), strict=True):
+        data = ds.isel(D=i, m=k, seed=np.flatnonzero(mask[i, k]))
+        label = ", ".join(f"${dim} = {data[dim].item():g}$" for dim in several_of)
+        members.append(Family(label, float(data[several_of[0]]), look, data))
+    return members, title
+
+
 def single(ds: Dataset, *variables: str) -> tuple[Dataset, str]:
     """Return the case nearest to the paper's D = 2.3, m = 7 that holds the variables, and its name."""
     mask = held(ds, *variables)

@@ -20,6 +20,7 @@ from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.lines import Line2D
 from xarray import Dataset
 
+from roughvol.analysis import leak
 from roughvol.observables.transport import constriction
 from roughvol.report.figures import seal_ways
 from roughvol.report.figures.curves import shown
@@ -59,6 +60,7 @@ from roughvol.store.dataset import at_state
 FIGURES: dict[str, Draw] = {}
 NEEDS: dict[str, tuple[str, ...]] = {}
 
+LEAKING = ("seal_transmissivity", "seal_leak_rate")  # figures of the leak along the steps
 NOMINAL = "nominal_pressure"
 DECADES = 9  # of a flow that an axis spans; less flows off it
 STATES = 4  # of a surface, in a figure of its regions
@@ -67,6 +69,8 @@ MAP_RANGE = (1e-2, 1e2)  # of the flux over its mean
 
 def missing(name: str, ds: Dataset) -> str | None:
     """Return why figure `name` cannot be drawn from a dataset, or None if it can (an unknown name is a KeyError)."""
+    if name in LEAKING and leak.is_lifted(ds):
+        return f"{name} shows the gap without fluid pressure; allowed with record.fluid_pressure: leak_of_p"
     return lacking(name, ds, NEEDS[name])
 
 

@@ -152,7 +152,7 @@ def draw_ratio(ax: Axes, family: Family, members: list[Way], direction: str, *, 
     closings = sorted(member.closed if np.isfinite(member.closed) else np.inf for member in members)
     end = closings[len(members) // 2]  # from here on the median is closed
     kept = (~np.isnan(rows)).any(axis=0) & (at < end)
-    low, high = (0.0, 100.0) if len(members) < seal_ways.FEW else seal_ways.BAND
+    low, high = seal_ways.BAND
     if not kept.any():  # closed wherever the number was taken
         return bool(np.isfinite(end))
     numbers: Any = np.nanpercentile(rows[:, kept], [low, 50.0, high], axis=0, method="inverted_cdf")

@@ -14,14 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from xarray import DataArray, Dataset
 
+from roughvol.analysis.average import RANGE
+from roughvol.analysis.leak import is_lifted
 from roughvol.observables.at_state import at_state
 from roughvol.report.figures.families import Family, several
 from roughvol.typing import Array
 
 DIRECTIONS = ("x", "y")
 GRID = 240  # points of a curve over several surfaces
-FEW = 6  # fewer surfaces than this: the band holds all of them
-BAND = (16.0, 84.0)  # percentiles of more: what holds two thirds of them
+BAND = (100.0 * RANGE[0], 100.0 * RANGE[1])  # percentiles of a band over surfaces
 EVIDENCE = ("transmissivity", "percolates", "critical_gap", "diffusivity")  # each is 0 where a way is closed
 
 
@@ -41,6 +42,8 @@ class Way(NamedTuple):
 def flow(ds: Dataset, name: str, direction: str) -> DataArray:
     """Return a flow along a direction, also 0 at the states at which another variable shows that the way is closed."""
     values = ds[f"{name}_{direction}"]
+    if is_lifted(ds):  # the ways that are stored are those of the dry gap
+        return values
     for other in EVIDENCE:
         if (known := f"{other}_{direction}") in ds:
             values = values.where(values.notnull() | (ds[known] != 0.0), 0.0)
@@ -160,12 +163,8 @@ def is_open(members: Sequence[Way], at: Array) -> Array:
 
 
 def centre_and_band(rows: Array) -> tuple[Array, Array, Array]:
-    """Return median, lower and upper end of the band at every point, of rows of shape (surfaces, points).
-
-    The band holds all surfaces where they are fewer than `FEW`, else the percentiles `BAND`.
-    """
-    low, high = (0.0, 100.0) if len(rows) < FEW else BAND
-    below, centre, above = np.percentile(rows, [low, 50.0, high], axis=0)
+    """Return median, lower and upper end of the band `BAND` at every point, of rows of shape (surfaces, points)."""
+    below, centre, above = np.percentile(rows, [BAND[0], 50.0, BAND[1]], axis=0)
     return centre, below, above
 
 
@@ -173,7 +172,4 @@ def band_words(counts: Sequence[int]) -> str:
     """Return what a curve and a band are, in words; nothing if every family has one surface alone."""
     if not (number := several(counts)):
         return ""
-    numbers = sorted(count for count in counts if count > 1)
-    band = "all of them" if numbers[-1] < FEW else f"{BAND[0]:.0f} to {BAND[1]:.0f} %"
-    band += ", all if fewer than 6" if numbers[0] < FEW <= numbers[-1] else ""
-    return f"median of {number} surfaces, band {band}"
+    return f"median of {number} surfaces, band {BAND[0]:.0f} to {BAND[1]:.0f} %"
