@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from roughvol.campaign.one_case import surface_of
 from roughvol.study import Case, MadeSurface, Study, treatment
-from roughvol.surfaces import measured, texture
+from roughvol.surfaces import length_units, measured, texture
 from roughvol.surfaces.body import Body
 from roughvol.surfaces.files import reading
 from roughvol.surfaces.files.description import Description
@@ -92,7 +92,8 @@ def _reading(body: Body, description: Description, wanted: str | None) -> str:
     """Return file, reader and unit of a body."""
     unit = f"in {wanted}, the unit of the study" if wanted else "without a unit"
     if body.numbers_in:
-        unit = f"in {body.numbers_in}" + f", converted to {wanted}" * (wanted is not None and body.numbers_in != wanted)
+        unit = f"of {body.numbers_in} a count" if length_units.is_count(body.numbers_in) else f"in {body.numbers_in}"
+        unit += f", converted to {wanted}" * (wanted is not None and body.numbers_in != wanted)
     return f"{body.file.name} read by {description.reader}, heights {unit}"
 
 

@@ -20,7 +20,7 @@ from pydantic import (
     model_validator,
 )
 
-from roughvol.study.sections import UNIT, LengthUnit, Strict, refuse
+from roughvol.study.sections import UNIT, HeightsUnit, LengthUnit, Strict, refuse
 from roughvol.study.treatment import Crop, Outliers
 from roughvol.study.units import Length, unit_of
 from roughvol.study.yaml_text import printable
@@ -35,7 +35,7 @@ _FILE = (
     "instrument (*.al3d *.sur *.x3p *.gwy ...), relative to the study file"
 )
 _VARIABLE = "array of an .npz or .nc file, or channel of a file of an instrument: its name or its number from 0"
-_HEIGHTS_UNIT = "unit of the heights, if the file has none"
+_HEIGHTS_UNIT = "unit of the heights, if the file has none, or the height of a count with its unit, as 0.95 nm"
 _COLUMNS = "'heights': all columns of a text are heights, even three as of points x y z"
 _HEADER = "'ignore': use L and heights_unit of the study instead of sizes and units in the file"
 
@@ -125,7 +125,7 @@ class CounterBody(Strict):
 
     file: str = Field(description=_FILE + "; heights positive out of its own body")
     variable: Variable | None = Field(default=None, description=_VARIABLE)
-    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of the first")
+    heights_unit: HeightsUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of the first")
     columns: Columns | None = Field(default=None, description=_COLUMNS)
     header: Header | None = Field(default=None, description=_HEADER)
     mirror: Mirror = Field(
@@ -156,7 +156,7 @@ class HeightFile(Strict):
     unit: LengthUnit | None = Field(
         default=None, description=f"{UNIT}, or that of the file; heights in other units are converted"
     )
-    heights_unit: LengthUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of L")
+    heights_unit: HeightsUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of L")
     columns: Columns | None = Field(default=None, description=_COLUMNS)
     header: Header | None = Field(default=None, description=_HEADER)
     crop: Crop | None = Field(

@@ -125,6 +125,7 @@ AreaFraction = Annotated[float, Field(gt=0, le=1)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 StepNumber = Annotated[Whole, Field(ge=1)]
 LengthUnit = Annotated[str, UnitOf("length")]
+HeightsUnit = Annotated[str, UnitOf("length", counts=True)]
 UNIT = "unit of L, of the heights and of stored lengths; default: none"
 
 

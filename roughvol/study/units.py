@@ -183,12 +183,22 @@ class In:
 
 @dataclass(frozen=True)
 class UnitOf:
-    """Accept the name of a unit of a kind."""
+    """Accept the name of a unit of a kind; with ``counts`` also a number before it, the size of a count."""
 
     kind: str
+    counts: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_after_validator_function(lambda unit: _checked(unit, self.kind), handler(source))
+        return core_schema.no_info_after_validator_function(self._read, handler(source))
+
+    def _read(self, text: str) -> str:
+        match = _NUMBER.fullmatch(text.strip()) if self.counts else None
+        if match is None:
+            return _checked(text, self.kind)
+        number, unit = float(match[1]), _checked(match[2], self.kind)
+        if not 0.0 < number < math.inf:
+            _refuse(f"must be a unit, or a count of positive size, as in 0.95 {unit}")
+        return unit if number == 1.0 else f"{number_text(number)} {unit}"
 
 
 class Starred(float):

@@ -28,6 +28,12 @@ def named(unit: str) -> str | None:
     return unit if unit in METRES else None
 
 
+def is_count(unit: str) -> bool:
+    """Return whether a unit of heights is the height of a count, as ``0.95 nm``."""
+    return " " in unit
+
+
 def factor(given: str, wanted: str) -> float:
-    """Return the factor from numbers in one unit to numbers in another; both are keys of `METRES`."""
-    return METRES[given] / METRES[wanted]
+    """Return the factor from numbers in one unit to numbers in another, a key of `METRES`; the first may be a count."""
+    number, _, name = given.rpartition(" ")
+    return float(number or 1.0) * METRES[name] / METRES[wanted]

@@ -84,6 +84,10 @@ def test_a_file_and_a_study_that_do_not_agree_are_refused(folder: Path, surface:
         ("file: counted.xyz, L: 7 um", 7.0, "um", 1.0),
         ("file: bare.npy, L: 7 um", 7.0, "um", 1.0),
         ("file: bare.npy, L: 7 um, heights_unit: nm", 7.0, "um", 1e-3),
+        ("file: bare.npy, L: 7 um, heights_unit: 0.95 nm", 7.0, "um", 0.95e-3),
+        ("file: bare.npy, L: 7 um, heights_unit: 2.5e-3µm", 7.0, "um", 2.5e-3),
+        ("file: points.xyz, unit: um, heights_unit: 3 micrometre", 100.0, "um", 3.0),
+        ("file: full.txt, L: 7 nm, header: ignore, heights_unit: 0.5 pm", 7.0, "nm", 0.5e-3),
     ],
 )
 def test_lengths_and_heights_come_in_one_unit(
@@ -105,6 +109,31 @@ def test_what_changes_the_heights_changes_the_id(folder: Path) -> None:
     keys += [", against: {file: bare.npy}", ", against: {file: bare.npy, heights_unit: nm}"]
     cases = [_case(folder, f"file: bare.npy, L: 7 um{extra}") for extra in keys]
     assert len({case.id for case in cases}) == len(keys)
+
+
+def test_the_height_of_a_count_is_one_more_unit(folder: Path) -> None:
+    units = ["nm", "1 nm", "1.0 nm", "0.95 nm", "0.950nm", "2 nm"]
+    cases = [_case(folder, f"file: bare.npy, L: 7 um, heights_unit: {unit}") for unit in units]
+    assert len({case.id for case in cases[:3]}) == len({case.id for case in cases[3:5]}) == 1
+    assert len({case.id for case in cases}) == 3
+    assert cases[3].surface_text == "numbers of bare.npy are in 0.95 nm"
+    study = loads("surface: {file: bare.npy, L: 7 um, heights_unit: 0.950 nm}", folder / "study.yaml")
+    assert loads(study.to_yaml()) == study
+    assert "heights_unit: 0.95 nm" in study.to_yaml()
+    for unit, said in (
+        ("0 nm", "positive size"),
+        ("-1 nm", "positive size"),
+        ("1e400 nm", "positive size"),
+        ("0.95", "0.95"),
+        ("0.95 kg", "is a unit of"),
+        ("0.95 inch", "no unit of length of a study"),
+        ("nm nm", "not of length"),
+    ):
+        with pytest.raises(StudyError, match=said) as caught:
+            _case(folder, f"file: bare.npy, L: 7 um, heights_unit: {unit}")
+        assert caught.value.problems[0].key == "surface.heights_unit"
+    with pytest.raises(StudyError, match=r"is 0\.95 nm, but .*full\.txt has heights in nm"):
+        _case(folder, "file: full.txt, heights_unit: 0.95 nm")
 
 
 def test_what_is_ignored_is_stored_in_words(folder: Path) -> None:

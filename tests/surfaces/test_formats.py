@@ -117,6 +117,10 @@ FORMATS: dict[str, tuple[Callable[[Path], Any], str]] = {
     "surfer-6.grd": (_surfer(surfer_6), "unit: um"),
     "surfer-7.grd": (_surfer(surfer_7), "unit: um"),
     "image.tif": (lambda path: tifffile.imwrite(path, MAP.T), "L: 4 um"),
+    "counts.tif": (
+        lambda path: tifffile.imwrite(path, np.rint((MAP.T - MAP.min()) / 5e-5).astype("u2")),
+        "L: 4 um, heights_unit: 0.05 nm",
+    ),
     "imagej.tif": (
         lambda path: tifffile.imwrite(
             path, MAP.T.astype("f4"), imagej=True, resolution=(2.0, 2.0), metadata={"unit": "um"}
