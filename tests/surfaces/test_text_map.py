@@ -13,6 +13,8 @@ import xarray as xr
 from netCDF4 import Dataset
 
 from roughvol.errors import DatasetError, RoughvolError, SurfaceError
+from roughvol.study import loads
+from roughvol.surfaces import length_units
 from roughvol.surfaces.files import reading
 
 HEIGHTS = np.random.default_rng(8).normal(size=(6, 5)).round(6)
@@ -133,7 +135,7 @@ BAD: dict[str, tuple[str, str]] = {
         "# Channel: Deflection\n" + GWYDDION + rows(HEIGHTS.T),
         "'Deflection' holds no heights, by its name",
     ),
-    "units.txt": (GWYDDION.replace("5 µm", "5 mm") + rows(HEIGHTS.T), r"line 2 .* is in mm, another size in um"),
+    "units.csv": ("X [µm];Y [nm];Z [nm]\n" + rows(POINTS, ";"), r"line 1 .* is in nm, another size in um"),
     "counts.txt": ("h=5 w=7\n" + rows(HEIGHTS.T), r"header gives w = 7, the text has 6 columns in 5 lines"),
     "cut.asc": ("ncols 6\nnrows 5\ncellsize 1\n" + rows(HEIGHTS.T[:2]), r"holds 12 heights; its header gives 5 x 6"),
     "empty.xyz": ("", "holds no numbers"),
@@ -164,6 +166,22 @@ def test_a_header_that_gives_all_needs_no_other_line(tmp_path: Path) -> None:
     description = reading.describe(path)
     assert (description.sides, description.unit, description.heights_unit) == ((5.0, 4.0), "um", "nm")
     assert "# Width: 6 µm" in description.source
+
+
+@pytest.mark.parametrize(
+    ("width", "height"),
+    [("6 µm", "5000 nm"), ("6000 nm", "5 µm"), ("0.006 mm", "5 µm"), ("6 µm", "5 µm"), ("6 µm", "5")],
+)
+def test_each_size_may_have_a_prefix_of_its_own(tmp_path: Path, width: str, height: str) -> None:
+    head = f"# Channel: Topography\n# Width: {width}\n# Height: {height}\n# Value units: nm\n"
+    path = _write(tmp_path / "z.txt", head + rows(HEIGHTS.T))
+    (case,) = loads("surface: {file: z.txt, unit: um}", tmp_path / "study.yaml").cases()
+    assert abs(case.L - 5.0) < 1e-12
+    description = reading.describe(path)
+    assert description.unit is not None
+    micrometres = [side * length_units.factor(description.unit, "um") for side in description.sides or ()]
+    assert micrometres == pytest.approx([5.0, 4.0], rel=1e-12)
+    assert description.heights_unit == "nm"
 
 
 def test_names_of_columns_may_carry_units(tmp_path: Path) -> None:

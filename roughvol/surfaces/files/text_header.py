@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from roughvol.errors import SurfaceError
+from roughvol.surfaces import length_units
 from roughvol.surfaces.files.description import length_unit
 
 _FLOAT = r"([-+]?(?:\d+(?:[.,]\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
@@ -106,7 +107,7 @@ def parse(path: Path, lines: list[tuple[int, str]], *, ignore: bool = False) -> 
     Raises
     ------
     SurfaceError
-        If a unit is no unit of length, or differs between the axes.
+        If a unit is no unit of length, or differs between columns of coordinates.
     """
     header = Header()
     for number, line in lines:
@@ -165,18 +166,25 @@ def _keyed(header: Header, path: Path, bare: str, place: str) -> bool:
         elif key == "lateral":
             _lateral(header, path, match[1], place)
         elif key in ("width", "height", "pixel"):
-            _lateral(header, path, match[2], place)
+            length = _number(match[1]) * _prefix(header, path, match[2], place)
             header.source = header.source or place
             if key == "pixel":
-                header.pixel = _number(match[1])
+                header.pixel = length
             else:
-                header.size[key == "height"] = _number(match[1])
+                header.size[key == "height"] = length
         if key == "factor":
             header.factor = _number(match[2])
         return True
     counts = {name.lower(): int(value) for name, value in _COUNTS.findall(bare)}
     header.counts |= counts
     return bool(counts)
+
+
+def _prefix(header: Header, path: Path, unit: str, place: str) -> float:
+    """Return the factor from the unit of a length to that of the first length, which is the unit of all."""
+    name = length_unit(path, unit, place)
+    header.unit = header.unit or name
+    return 1.0 if name is None or header.unit is None else length_units.factor(name, header.unit)
 
 
 def _lateral(header: Header, path: Path, unit: str, place: str) -> None:
