@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from xarray import DataArray, Dataset
 
-FLOWS = ("leak_rate", "gas_leak_rate", "flow", "transmissivity", "gas_transmissivity", "diffusivity")
+FLOWS = ("leak", "leak_rate", "gas_leak_rate", "flow", "transmissivity", "gas_transmissivity", "diffusivity")
 """Quantities with a median over surfaces, with and without an axis, lifted or dry."""
 RANGE = (0.16, 0.84)
 BOUNDS = ("lower", "upper")

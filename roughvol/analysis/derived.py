@@ -18,6 +18,7 @@ from roughvol.study.units import in_unit
 
 P, V = "mean_pressure", "free_volume"
 STIFFNESS = "interfacial stiffness -dp/d(mean gap) times L/E*; with h and k_s the conductance h L/k_s"
+ROUNDING = 1e-12
 CONDUCTANCE = "contact conductance per nominal area"
 CONDUCTIVITY = "W/m/K"
 
@@ -44,6 +45,9 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     if "nominal_pressure" not in ds and "Sq" in ds and study is not None and study.material.unit:
         pressure = ds[P] * ds["Sq"] * (study.material.contact_modulus / float(ds["L"]))
         ds = ds.assign(nominal_pressure=pressure.assign_attrs(units=study.material.unit, symbol="p"))
+    if "nominal_pressure" in ds:  # an unloaded surface has p* of rounding
+        nominal = ds["nominal_pressure"]
+        ds = ds.assign(nominal_pressure=nominal.where(abs(ds[P]) > ROUNDING, 0.0 * nominal).assign_attrs(nominal.attrs))
     for axis in "xy":
         # any of them is 0 where the way is closed; the first one stored is taken
         for name in (f"percolates_{axis}", f"critical_gap_{axis}", f"transmissivity_{axis}"):

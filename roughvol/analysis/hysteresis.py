@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from xarray import Dataset
 
+from roughvol.analysis.average import average
+from roughvol.analysis.leak import counted
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number
 from roughvol.observables.at_state import at_state
@@ -33,8 +35,8 @@ class Comparison:
 
 
 NOTE = (
-    "At equal p* on the first leg, interpolated between steps. Means over surfaces; the ratio is the geometric mean "
-    "over surfaces with both values above zero."
+    "At equal p* on the first leg, interpolated between steps. Means over surfaces, of leaks the median. The ratio is "
+    "the geometric mean over surfaces with both values above zero."
 )
 HEAD = ("p*", "quantity", "elastic", "plastic", "elastic over plastic", "surfaces")
 
@@ -61,9 +63,9 @@ def hysteresis(group: Dataset, several: str = "") -> Iterator[Table]:
     for share in SHARES:
         for name in names:
             values = [_at(curves[leg], name, share * top) for leg in legs]
-            rows.append((number(share * top), _symbol(curves[legs[0]], name), *(_mean(value) for value in values)))
+            rows.append((number(share * top), _symbol(curves[legs[0]], name), *(_one(name, value) for value in values)))
     title = "On every leg of the path" + (f", {several}" if several else "")
-    note = "At equal p*, interpolated between steps; a mean over the surfaces that reach it."
+    note = "At equal p*, interpolated between steps; over the surfaces that reach it the mean, of leaks the median."
     yield Table(title, ("p*", "quantity", *(f"leg {leg}" for leg in legs)), tuple(rows), note)
 
 
@@ -92,7 +94,7 @@ def _same_surfaces(one: Run, other: Run) -> bool:
 
 def _rows(elastic: Run, plastic: Run) -> Iterator[tuple[str, ...]]:
     D, m = max(elastic.D), max(elastic.m)
-    hard, soft = (_leg(run.dataset.sel(D=D, m=m), 1) for run in (elastic, plastic))
+    hard, soft = (_leg(counted(run.dataset).sel(D=D, m=m), 1) for run in (elastic, plastic))
     top = _top((hard, soft))
     for share in SHARES:
         for name in (name for name in QUANTITIES if name in soft and name in hard):
@@ -102,7 +104,7 @@ def _rows(elastic: Run, plastic: Run) -> Iterator[tuple[str, ...]]:
                 continue
             open_ = both & (first > 0.0) & (second > 0.0)
             ratio = np.exp(np.mean(np.log(first[open_] / second[open_]))) if open_.any() else np.nan
-            means = number(float(first[both].mean())), number(float(second[both].mean()))
+            means = _one(name, first[both]), _one(name, second[both])
             yield (
                 number(share * top),
                 _symbol(soft, name),
@@ -140,9 +142,8 @@ def _at(curve: Dataset, name: str, pressure: float) -> Array:
     return np.array(values)
 
 
-def _mean(values: Array) -> str:
-    finite = values[np.isfinite(values)]
-    return number(float(finite.mean())) if finite.size else "–"
+def _one(name: str, values: Array) -> str:
+    return number(average(name, values).value)
 
 
 def _symbol(ds: Dataset, name: str) -> str:

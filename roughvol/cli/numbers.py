@@ -87,11 +87,12 @@ def compare(run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json
     if len(opened) < 2:
         message = "compare takes two runs or more; one is shown by: roughvol show RUN"
         raise click.UsageError(message)
-    table = screen.compared(opened, _wanted(states))
+    found = screen.compared(opened, _wanted(states))
     if as_csv or as_json:
-        _write(table.head, [list(row) for row in table.rows], {} if as_json else None, "compare")
+        names, rows, units = found.records()
+        _write(names, rows, units if as_json else None, "compare")
         return
-    say_table(table)
+    say_table(found.table())
 
 
 @main.command(epilog=examples("roughvol ls", "roughvol ls --out /data/runs"))

@@ -35,6 +35,8 @@ LEVELLED = {
     "quadratic": "a quadratic taken off",
 }
 CLOSING = "Where it closes"
+STARRED = ("separation", "mean_plane_separation", "indentation", P)
+ROUNDING = 1e-12  # a starred number below is 0 to rounding: the mean plane, an unloaded surface
 WAYS = tuple(
     f"{name}_{axis}" for name in ("open", "open_dry", "critical_opening", "critical_opening_dry") for axis in "xy"
 )
@@ -232,14 +234,17 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
         converged = int((ds["converged"] & solved).sum())
         yield "States", f"{converged} of {int(solved.sum())} converged"
         yield "Certified residual η/σ", f"{float(ds['residual'].max()):.1e} at most, which bounds the error of V*"
-    if "mean_pressure_bound" in ds and bool(ds["mean_pressure_bound"].notnull().any()):
-        yield "Certified error of p*", f"{float(ds['mean_pressure_bound'].max()):.1e} at most, relative"
+    if "mean_pressure_bound" in ds and bool((loaded := ds[P] > ROUNDING).any()):
+        bound = float(ds["mean_pressure_bound"].where(loaded).max())
+        yield "Certified error of p*", f"{bound:.1e} at most, relative"
     for name, colon, text in (line.partition(": ") for line in str(ds.attrs.get("answer", "")).splitlines()):
         if colon:
             yield name, text
-    leak = ds.get("leak_rate_x")
-    if leak is not None and "pressure_drop" in leak.attrs:
-        yield "Leak rate", f"pressure drop {leak.attrs['pressure_drop']}, viscosity {leak.attrs['viscosity']}"
+    rate = ds.get("leak_rate_x")
+    if rate is not None and "pressure_drop" in rate.attrs:
+        yield "Leak rate", f"pressure drop {rate.attrs['pressure_drop']}, viscosity {rate.attrs['viscosity']}"
+    if study is not None and (fluid := study.record.fluid_pressure) is not None:
+        yield "Fluid pressure", f"inlet {fluid.inlet}, outlet {fluid.outlet}, coupling {fluid.coupling}"
     gas = ds.get("gas_leak_rate_x")
     if gas is not None and "gas" in gas.attrs:
         path = gas.attrs["mean_free_path"]
@@ -305,7 +310,7 @@ def head(variable: DataArray, surfaces: int = 1) -> str:
 
 def cell(name: str, values: Array) -> str:
     """Return the number of one surface or of several as text; of an open way, how many surfaces have one."""
-    found = average.average(name, values)
+    found = average.average(name, np.where(np.abs(values) < ROUNDING, 0.0, values) if name in STARRED else values)
     if found.count == 0:
         return ""
     if name.startswith("open_"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from xarray import Dataset
 
 from roughvol.analysis import leak
 from roughvol.analysis.at import RULE, State, at, legs_of, parse
+from roughvol.analysis.average import average, is_flow
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
@@ -310,7 +311,50 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def compared(runs: Sequence[Run], states: Sequence[Level] = ()) -> Table:
+@dataclass(frozen=True)
+class Compared:
+    """Numbers of several runs at equal loads: runs and states row by row, and the columns that they have."""
+
+    rows: tuple[tuple[str, State], ...]
+    columns: tuple[str, ...]
+
+    def table(self) -> Table:
+        """Return the rows as text."""
+        states = [state for _, state in self.rows]
+        datasets = [state.data for state in states]
+        counted = _most(states) > 1 or any(state.closed for state in states)
+        lines = [
+            (state.label, name, *([state.count] if counted else []), *_row(self.columns, state.data))
+            for name, state in self.rows
+        ]
+        heads = ("state", "run", *(["surfaces"] if counted else []), *_heads(self.columns, datasets, _most(states)))
+        return Table("", heads, tuple(lines), _note(states, self.columns, RULE))
+
+    def records(self) -> tuple[list[str], list[list[Any]], dict[str, str]]:
+        """Return names, rows of numbers, and units by name, for CSV and JSON.
+
+        A flow of several surfaces has its 16 to 84 % range as ``…_low`` and ``…_high``; ``open_…`` is the number of
+        surfaces with an open way.
+        """
+        names = ["state", "run", "surfaces", "reached", "closed_before"]
+        for column in self.columns:
+            names += [column, *([f"{column}_low", f"{column}_high"] if is_flow(column) else [])]
+        rows = []
+        for name, state in self.rows:
+            row: list[Any] = [state.label, name, state.surfaces, state.reached, state.closed]
+            for column in self.columns:
+                values = state.data[column].values if column in state.data else np.array([np.nan])
+                found = average(column, values)
+                if column.startswith("open_"):
+                    row.append(int(np.nansum(values)) if found.count else None)
+                    continue
+                row += [_plain(found.value), *([_plain(found.low), _plain(found.high)] if is_flow(column) else [])]
+            rows.append(row)
+        held = {name: state.data[name] for _, state in self.rows for name in self.columns if name in state.data}
+        return names, rows, {name: str(variable.attrs.get("units", "1")) for name, variable in held.items()}
+
+
+def compared(runs: Sequence[Run], states: Sequence[Level] = ()) -> Compared:
     """Return numbers of several runs side by side at equal loads.
 
     Parameters
@@ -322,7 +366,7 @@ def compared(runs: Sequence[Run], states: Sequence[Level] = ()) -> Table:
 
     Returns
     -------
-    Table
+    Compared
         A row for each state, run and group of surfaces, in the units of the first run.
 
     Raises
@@ -337,20 +381,14 @@ def compared(runs: Sequence[Run], states: Sequence[Level] = ()) -> Table:
         for run, some in named:
             for name, found in _reaching(run, some, state):
                 rows.append((f"{run.name}, {name}" if len(some) > 1 else run.name, found))
-    datasets, found_states = [found.data for _, found in rows], [found for _, found in rows]
+    datasets = [found.data for _, found in rows]
     columns = _columns(SHORT, datasets, short=True)
     for name in columns:
         units = {str(ds[name].attrs.get("units", "1")) for ds in datasets if name in ds}
         if len(units) > 1:
             message = f"the runs have {name} in different units: {', '.join(sorted(units))}"
             raise DatasetError(message)
-    counted = _most(found_states) > 1 or any(found.closed for found in found_states)
-    first = ("state", "run", *(["surfaces"] if counted else []))
-    lines = [
-        (found.label, name, *([found.count] if counted else []), *_row(columns, found.data)) for name, found in rows
-    ]
-    heads = (*first, *_heads(columns, datasets, _most(found_states)))
-    return Table("", heads, tuple(lines), _note(found_states, columns, RULE))
+    return Compared(tuple(rows), tuple(columns))
 
 
 def _equal_loads(named: Sequence[tuple[Run, list[tuple[str, Dataset]]]]) -> list[Level]:

@@ -1,7 +1,7 @@
 """Figures of a path of legs and of plastic displacement: ``FIGURES["path_loops"](ds)`` is a ``Figure``.
 
 Curves are by D at the largest m, or by file. A colour is a family, a dash pattern a leg. Several surfaces are drawn by
-the means of both coordinates at every step.
+the means of both coordinates at every step, leaks by their median.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 from xarray import Dataset
 
+from roughvol.analysis.average import averages
+from roughvol.analysis.leak import counted
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import families, own, several, single
 from roughvol.report.figures.origin import Draw, lacking, register
@@ -20,12 +22,13 @@ from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing
 FIGURES: dict[str, Draw] = {}
 NEEDS: dict[str, tuple[str, ...]] = {}
 
-# A third panel, where it is stored: variable, label, and whether the axis is logarithmic.
-THIRD = (
-    ("leak_rate_x", "leak rate along $x$", True),
-    ("transmissivity_x", r"transmissivity $T^{\ast}$ along $x$", True),
-    ("plastic_volume", r"plastic volume $\bar{u}_\mathrm{pl}/\sigma$", False),
+# Further panels, where they are stored: variables, label, and whether the axis is logarithmic.
+FURTHER = (
+    (("leak_rate_x", "leak_rate_y"), "leak rate along ${}$", True),
+    (("transmissivity_x", "transmissivity_y"), r"transmissivity $T^{{\ast}}$ along ${}$", True),
+    (("plastic_volume",), r"plastic volume $\bar{{u}}_\mathrm{{pl}}/\sigma$", False),
 )
+NOMINAL = "nominal_pressure"
 
 
 def missing(name: str, ds: Dataset) -> str | None:
@@ -52,38 +55,41 @@ def path_loops(ds: Dataset) -> Drawing:
     To see: elastic contact retraces. A surface that has yielded has more contact and less free volume on the way down
     than at the same pressure on the way up, and leaks less.
     """
+    ds = counted(ds)
     some, title = families(ds, "D", P, V)
-    third = next((row for row in THIRD if row[0] in ds and bool(ds[row[0]].notnull().any())), None)
-    names = [(A, LABELS[A], False), (V, LABELS[V], False), *([third] if third else [])]
-    fig = canvas(PAGE, 3.1)
-    panels = fig.subplots(1, len(names))
+    load = NOMINAL if NOMINAL in ds else P
+    further = next((row for row in FURTHER if row[0][0] in ds and bool(ds[row[0][0]].notnull().any())), None)
+    names = [(A, LABELS[A], False), (V, LABELS[V], False)]
+    if further is not None:
+        names += [(name, further[1].format(name[-1]), further[2]) for name in further[0]]
+    rows = 2 if len(names) > 3 else 1
+    fig = canvas(PAGE, 2.5 * rows + 0.6)
+    panels = np.ravel(fig.subplots(rows, len(names) // rows))
     legs = np.unique(ds["leg"].values)
     for family in some:
         for leg in legs:
             begin = int(np.flatnonzero(ds["leg"].values == leg)[0])
             steps = slice(max(begin - 1, 0), begin + int((ds["leg"] == leg).sum()))
-            means = family.data.isel(step=steps).mean("seed")
+            part = averages(family.data.isel(step=steps))
             dash = DASHES[(int(leg) - 1) % len(DASHES)]
-            for ax, (name, _, _) in zip(panels, names, strict=True):
-                computed = means[name].notnull().values
-                x, y = means[P].values[computed], means[name].values[computed]
-                drawn = np.where(y > 0.0, y, np.nan) if name in _LOGARITHMIC else y  # a logarithmic axis has no zero
+            for ax, (name, _, logarithmic) in zip(panels, names, strict=True):
+                computed = part[name].notnull().values
+                x, y = part[load].values[computed], part[name].values[computed]
+                drawn = np.where(y > 0.0, y, np.nan) if logarithmic else y  # a logarithmic axis has no zero
                 ax.plot(x, drawn, ls=dash, color=family.look["color"])
     for ax, (name, label, logarithmic) in zip(panels, names, strict=True):
-        unit = unit_of(ds, name) if name == "leak_rate_x" else ""
-        ax.set(xlabel=LABELS[P], ylabel=f"{label} [{unit}]" if unit else label)
+        unit = unit_of(ds, name) if name.startswith("leak_rate") else ""
+        below = LABELS[P] if load == P else f"nominal pressure $p$ [{unit_of(ds, NOMINAL)}]"
+        ax.set(xlabel=below, ylabel=f"{label} [{unit}]" if unit else label)
         ax.set_yscale("log" if logarithmic else "linear")
     handles = [Line2D([], [], color=family.look["color"], label=family.label) for family in some]
     dashes = [DASHES[(int(leg) - 1) % len(DASHES)] for leg in legs]
     handles += [Line2D([], [], color=GREY, ls=dash, label=f"leg {leg}") for leg, dash in zip(legs, dashes, strict=True)]
     number = several(family.surfaces for family in some)
-    words = [title, f"mean of {number} surfaces" if number else ""]
+    words = [title, f"mean of {number} surfaces, of leaks the median" if number else ""]
     fig.legend(handles=handles, title="; ".join(filter(None, words)) or None, loc="outside upper center", ncols=8)
     fig.shown = shown(some)
     return fig
-
-
-_LOGARITHMIC = {name for name, _, logarithmic in THIRD if logarithmic}
 
 
 @_figure("heights", "residual_heights")
