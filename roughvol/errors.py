@@ -10,17 +10,24 @@ class RoughvolError(Exception):
     """Base of all errors raised on purpose. The command line turns it into a message and an exit code."""
 
 
+class RoughvolWarning(UserWarning):
+    """A doubt about a study or its results. The attribute ``warnings`` of the dataset has the same sentences."""
+
+
 @dataclass(frozen=True)
 class Problem:
-    """One problem of a study file: message with the allowed values, key path, line and file."""
+    """One problem of a study: message with the allowed values, key path, and its place in a file or a call."""
 
     message: str
     key: str = ""
     line: int | None = None
     file: str = ""
+    argument: str = ""  # of a call from Python, in place of file, line and key
 
     def __str__(self) -> str:
-        """Return ``file:line: key: message``, without unknown parts."""
+        """Return ``file:line: key: message`` without unknown parts, or ``argument: message``."""
+        if self.argument:
+            return f"{self.argument}: {self.message}"
         location = self.file + (f":{self.line}" if self.line is not None else "")
         return ": ".join(part for part in (location, self.key, self.message) if part)
 

@@ -3,10 +3,10 @@
 Room of the campaign.
 
 ==============  ====================================================================
+`python`        `run` and `press`, as called from Python
 `running`       run a study: all its missing cases
 `collected`     finished cases as one dataset
 `rounds`        rounds of an ensemble in its folder
-`pressing`      heights in memory, pressed in one call
 `sorting`       stored cases sorted out before a run
 `known`         cases that stored files answer already
 `checks`        a study checked before anything is computed

@@ -6,4 +6,4 @@ from .cost import Estimate as Estimate
 from .cost import estimate as estimate
 from .one_case import run_case as run_case
 from .one_case import surface_of as surface_of
-from .running import run as run
+from .python import run as run

@@ -23,7 +23,7 @@ READ_HERE = (".npy", ".npz", ".txt", ".csv", ".xyz", ".asc")  # their readers do
 READ_SECONDS, READ_RATE = 60.0, 1e6  # time allowed to read a file: seconds, and bytes per further second
 
 
-def check_surfaces(study: Study) -> Surface | None:
+def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
     """Read the height files of a study once, before anything is computed or written.
 
     Libraries in C read netCDF and the formats of instruments. A damaged file may crash or hang them. They read in a
@@ -33,6 +33,8 @@ def check_surfaces(study: Study) -> Surface | None:
     ----------
     study : Study
         Study to check.
+    made : collection of Path
+        Files that this process has written itself, and reads itself.
 
     Returns
     -------
@@ -55,7 +57,7 @@ def check_surfaces(study: Study) -> Surface | None:
                 regions.check(case, (nodes or 0, nodes or 0))
         return None
     files = [Path(body.file) for one in given.each for body in one.bodies]
-    here = all(file.suffix.lower() in READ_HERE for file in files)
+    here = all(file in made or file.suffix.lower() in READ_HERE for file in files)
     surface = None if here else _read_apart(study, files)
     case, *others = study.cases()
     with study.placing():

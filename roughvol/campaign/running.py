@@ -7,9 +7,8 @@ the machine nor on the number of processes: one thread sums, and no state that c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from roughvol.campaign import cluster, collected, known, notebook
 from roughvol.campaign.batch import Batch, OnEvent, Progress
@@ -25,14 +24,11 @@ from roughvol.store import (
 )
 from roughvol.store.dataset import Dataset
 from roughvol.store.run_folder import folder_of
-from roughvol.study import Study, load, of_data
-
-if TYPE_CHECKING:
-    pass
+from roughvol.study import Study, load
 
 
 def run(
-    study: Study | str | Path | Mapping[str, Any],
+    study: Study | str | Path,
     *,
     out: str | Path | None = None,
     jobs: int | None = None,
@@ -41,51 +37,18 @@ def run(
     scheduler: str | None = None,
     stopping: Callable[[], bool] = lambda: False,
     only: Collection[str] | None = None,
+    made: Collection[Path] = (),
 ) -> Dataset:
-    """Compute the missing cases of a study, store each when it is finished, and return all of them.
+    """Compute the missing cases of a study and return all; `python.run` is the form for users, with its parameters.
 
-    Parameters
-    ----------
-    study : Study, path of a study file, or mapping
-        The study; a mapping has the keys of a study file.
-    out : path, optional
-        Folder of the results. Default: ``runs/<name of the study>``.
-    jobs : int, optional
-        Number of processes, ≥ 1; 1 is this process. Default: all cores, fewer if memory is short or the run is. It
-        changes no value.
-    fresh : bool
-        Compute every case anew, also in the folder of another study.
-    on_event : callable, optional
-        Called with a `Progress` at every change. Default: in a notebook, a bar; else nothing.
-    scheduler : str, optional
-        Address of a Dask scheduler, whose workers compute instead of processes here.
-    stopping : callable, optional
-        Polled during the run. Once it is true, cases begun are finished, and the run ends with KeyboardInterrupt.
-    only : collection of str, optional
-        Ids of the cases to compute. Default: all.
-
-    Returns
-    -------
-    Dataset
-        The finished cases, as stored in ``study.nc``.
-
-    Raises
-    ------
-    StudyError, SurfaceError
-        If the study or its height file cannot be used. Nothing has been computed.
-    FolderError
-        If the folder is in use, holds another study, or cannot be written. Finished cases stay.
-    ResourceError
-        If a case needs more memory, or the files more disk, than there is. Nothing has been computed.
-    CampaignError
-        If cases failed (the others are stored), or ``only`` names no case of the study.
+    ``made`` has files of heights written for this run. They are kept beside its results.
     """
     if not isinstance(study, Study):
-        study = of_data(study) if isinstance(study, Mapping) else load(study)
+        study = load(study)
     if scheduler is not None:
         cluster.check_address(scheduler)
     on_event = on_event or notebook.progress()
-    surface = check_surfaces(study)
+    surface = check_surfaces(study, made)
     folder, text = folder_of(study, out), study.stored()
     cases = answer.cases_of(study, folder)
     if jobs is not None and jobs < 1:
@@ -105,6 +68,8 @@ def run(
         if another and not fresh:
             raise FolderError(another)
         stamped_file.store(folder / "study.yaml", text.encode())
+        for file in made:
+            stamped_file.store(folder / file.name, file.read_bytes())
         notices, absent = sorted_out(folder, cases, fresh=wanted if fresh else (), another=another is not None)
         if study.ensemble is not None:
             sound = cases.keys() - {case.id for case in absent}

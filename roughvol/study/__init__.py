@@ -5,7 +5,8 @@ key, given value and allowed values.
 
 =============  =====================================================================
 `reading`      from a file to a `Study`, or to all its problems
-`yaml_text`    YAML to plain data and the line of every key
+`yaml_text`    YAML to plain data, and the place of every key
+`plain_data`   objects of Python as plain data
 `sections`     the sections of a study as strict, frozen records
 `height_file`  the section ``surface`` of measured heights
 `spectral`     the section ``surface`` of surfaces with a spectrum

@@ -52,3 +52,4 @@ from .treatment import Outliers as Outliers
 from .units import Quantity as Quantity
 from .units import convert as convert
 from .units import read as read
+from .yaml_text import Arguments as Arguments

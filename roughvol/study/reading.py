@@ -12,17 +12,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-import yaml
 from pydantic import BaseModel, RootModel, ValidationError
 
 from roughvol.errors import Problem, StudyError
 from roughvol.study.axes import combinations, indexed
 from roughvol.study.cases import Places, Study
 from roughvol.study.conflicts import conflicts
+from roughvol.study.plain_data import plain
 from roughvol.study.sections import names, nearest
 from roughvol.study.yaml_text import (
     MAX_BYTES,
     TOO_LARGE,
+    Arguments,
     KeyPath,
     Reading,
     UnreadableError,
@@ -33,8 +34,9 @@ from roughvol.study.yaml_text import (
     write,
 )
 
-NO_FILES = ("<string>", "<stdin>", "<dict>")
+NO_FILES = ("<string>", "<stdin>")
 SET = "--set"  # the option, in place of a file
+STUDY = Arguments("run", {"": "study"})
 
 
 def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
@@ -76,13 +78,16 @@ def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
     return _study(text, file, Path(path), changes=changes)
 
 
-def of_data(data: Mapping[str, Any]) -> Study:
-    """Return the study of plain data, as a dict from Python.
+def of_data(data: Mapping[str, Any], arguments: Arguments = STUDY) -> Study:
+    """Return the study of Python data, as a dict with the keys of a study file.
 
     Parameters
     ----------
     data : mapping
-        The keys of a study file. Files are relative to the current folder.
+        Keys of a study file. Values may be objects of numpy, pint, xarray and pathlib. Files are relative to the
+        current folder.
+    arguments : Arguments
+        Names of the keys in messages. Default: ``study["surface"]["L"]``.
 
     Returns
     -------
@@ -94,11 +99,13 @@ def of_data(data: Mapping[str, Any]) -> Study:
     StudyError
         With all problems of the data.
     """
+    problems: dict[KeyPath, str] = {}
     try:
-        text = write(dict(data))
-    except (yaml.YAMLError, TypeError) as error:
-        raise StudyError([Problem(f"not plain data (text, numbers, lists, dicts): {error}", file="<dict>")]) from error
-    return loads(text, "<dict>")
+        text = write(plain(data, problems))
+    except RecursionError as error:
+        message = "nested too deep, or a mapping that contains itself"
+        raise StudyError([Problem(message, argument=arguments.of(""))]) from error
+    return _study(text, "", Path("study"), arguments=arguments, problems=problems)
 
 
 def loads(text: str, file: str | Path = "<string>", *, stored: bool = False, changes: Sequence[str] = ()) -> Study:
@@ -130,14 +137,25 @@ def loads(text: str, file: str | Path = "<string>", *, stored: bool = False, cha
     return _study(text, printable(str(file)), path, stored=stored, changes=changes)
 
 
-def _study(text: str, file: str, path: Path, *, stored: bool = False, changes: Sequence[str] = ()) -> Study:
+def _study(
+    text: str,
+    file: str,
+    path: Path,
+    *,
+    stored: bool = False,
+    changes: Sequence[str] = (),
+    arguments: Arguments | None = None,
+    problems: Mapping[KeyPath, str] | None = None,
+) -> Study:
     reading = Reading()
     try:
         data = reading.read(text)
     except UnreadableError as error:
+        if arguments is not None:
+            raise StudyError([Problem(str(error), argument=arguments.of(""))]) from error
         raise StudyError([Problem(str(error), "", error.line, file)]) from error
     changed = [_change(data, reading.marks, change) for change in changes]
-    problems = dict(reading.problems)
+    problems = {**reading.problems, **(problems or {})}
     try:
         name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
         study = Study.model_validate({"name": name, **data}, context={"folder": path.parent, "stored": stored})
@@ -151,6 +169,9 @@ def _study(text: str, file: str, path: Path, *, stored: bool = False, changes: S
         # A missing key has the line of its mapping.
         marks = {key: _mark(reading.marks, key) for key in problems}
         ordered = sorted(problems, key=lambda key: marks[key])
+        if arguments is not None:
+            found = [(problems[key], key_text(key)) for key in ordered]
+            raise StudyError([Problem(text, key, argument=arguments.of(key)) for text, key in found])
         set_here = {key for key in ordered if any(key[: len(path)] == path for path in changed)}
         raise StudyError(
             [
@@ -160,7 +181,8 @@ def _study(text: str, file: str, path: Path, *, stored: bool = False, changes: S
                 for key in ordered
             ]
         )
-    study._places = Places(file, {key_text(key): line for key, (line, _) in reading.marks.items()})
+    lines = {key_text(key): line for key, (line, _) in reading.marks.items()}
+    study._places = Places(file, lines, arguments)
     return study
 
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, NoReturn
 
 import yaml
@@ -184,11 +185,40 @@ class _Dumper(yaml.SafeDumper):
         return True
 
 
-class Places:
-    """Lines of the keys in the text of a study. All are equal: they are no part of its identity."""
+@dataclass(frozen=True)
+class Arguments:
+    """The arguments of a call from Python, for messages: each stands for a part of a study.
 
-    def __init__(self, file: str = "", lines: dict[str, int] | None = None) -> None:
-        self.file, self.lines = file, lines or {}
+    Attributes
+    ----------
+    call : str
+        Name of the function.
+    names : mapping of str to str
+        Argument for a key, as "E" for "material.E"; the empty key is the study.
+    """
+
+    call: str
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    def of(self, key: str) -> str:
+        """Return the argument that holds a key, as ``run: study["surface"]["L"]``."""
+        parts = [int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|([^.\[\]]+)", key)]
+        for end in range(len(parts), -1, -1):
+            name = self.names.get(key_text(tuple(parts[:end])))
+            if name is not None:
+                items = "".join(f'["{part}"]' if isinstance(part, str) else f"[{part}]" for part in parts[end:])
+                return f"{self.call}: {name}{items}"
+        return f"{self.call}: {key}"
+
+
+class Places:
+    """Where the keys of a study stand: lines of a file, or arguments of a call.
+
+    All are equal: they are no part of the identity of a study.
+    """
+
+    def __init__(self, file: str = "", lines: dict[str, int] | None = None, arguments: Arguments | None = None) -> None:
+        self.file, self.lines, self.arguments = file, lines or {}, arguments
 
     def __eq__(self, other: object) -> bool:
         """Return True for any two."""
@@ -197,8 +227,12 @@ class Places:
     __hash__ = None  # type: ignore[assignment]
 
     def of(self, problem: Problem) -> Problem:
-        """Return a problem with file and line. A missing key gets the line of its mapping."""
-        if problem.file or not self.file:
+        """Return a problem with its place. A missing key gets the line of its mapping."""
+        if problem.file or problem.argument:
+            return problem
+        if self.arguments is not None:
+            return replace(problem, argument=self.arguments.of(problem.key))
+        if not self.file:
             return problem
         key = problem.key
         while key and key not in self.lines:

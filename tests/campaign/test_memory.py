@@ -1,0 +1,260 @@
+"""Heights in memory: masks, labels, units and sizes of an array are those of the surface that is pressed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pint
+import pytest
+import xarray as xr
+from numpy.testing import assert_allclose
+
+import roughvol
+from roughvol.errors import CampaignError, DatasetError, RoughvolError, StudyError, SurfaceError
+from roughvol.store.dataset import Dataset
+from roughvol.study import load
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+PIXEL = 0.5
+MAP = 0.2 * random_midpoint_displacement(2.3, 4, seed=3).heights[:, :13]  # 17 nodes along x, 13 along y, in um
+X, Y = (PIXEL * np.arange(nodes) for nodes in MAP.shape)
+UNITS = pint.UnitRegistry()
+FLOW = {"transport": {"transmissivity": {"step": [2]}}}
+MATERIAL = {"E": "10 MPa", "nu": 0.5}
+NAMES = ("free_volume", "contact_area_fraction", "mean_pressure", "transmissivity_x", "transmissivity_y", "Sq", "L")
+
+
+def _grid(dims: tuple[str, str] = ("x", "y"), unit: str = "um", scale: float = 1.0) -> xr.DataArray:
+    """Return the map with its labels, with the axes in an order."""
+    lengths = {"x": ("x", X, {"units": "um"}), "y": ("y", Y, {"units": "um"})}
+    return xr.DataArray(scale * MAP, dims=("x", "y"), coords=lengths, attrs={"units": unit}).transpose(*dims)
+
+
+def _pressed(heights: Any, **options: Any) -> Dataset:
+    return roughvol.press(heights, **{**MATERIAL, "steps": 4, "record": FLOW, **options})
+
+
+def _same(one: Dataset, other: Dataset, rtol: float = 1e-9) -> None:
+    for name in NAMES:
+        assert_allclose(one[name], other[name], rtol=rtol, err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def plain() -> Dataset:
+    return _pressed(MAP, L="8 um")
+
+
+@pytest.fixture(autouse=True)
+def _empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def _turned(heights: xr.DataArray) -> xr.DataArray:
+    return heights.isel(y=slice(None, None, -1))
+
+
+def _topography(**options: Any) -> Any:
+    library = pytest.importorskip("SurfaceTopography")
+    sizes = tuple(nodes * PIXEL for nodes in MAP.shape)
+    return library.Topography(options.pop("heights", MAP), sizes, unit="µm", **options)
+
+
+LABELLED = {
+    "axes x, y": lambda: _grid(),
+    "axes y, x": lambda: _grid(("y", "x")),
+    "heights in nm": lambda: _grid(("y", "x"), "nm", 1e3),
+    "y falls along its axis": lambda: _turned(_grid(("y", "x"))),
+    "axes named by CF": lambda: _grid(("y", "x")).rename(x="lon", y="lat"),
+    "one coordinate": lambda: _grid(("y", "x")).drop_vars("y"),
+    "a quantity of pint inside": lambda: _grid(("y", "x")).copy(data=_grid(("y", "x")).data * UNITS.micrometer),
+    "a Topography": _topography,
+    "a Topography in nm": lambda: _topography().to_unit("nm"),
+}
+
+
+@pytest.mark.parametrize("name", LABELLED)
+def test_labels_give_axes_size_and_units(name: str, plain: Dataset) -> None:
+    ds = _pressed(LABELLED[name]())
+    if name == "a Topography in nm":
+        assert ds.mean_gap.units == "nm"
+        ds = ds.assign(Sq=ds.Sq / 1e3).assign_coords(L=ds.L / 1e3)
+    else:
+        assert ds.mean_gap.units == "um"
+        assert_allclose(ds.mean_gap, plain.mean_gap, rtol=1e-9)
+    _same(ds, plain)
+    assert float(plain.transmissivity_x[1]) != pytest.approx(float(plain.transmissivity_y[1]), rel=0.01)
+
+
+FORMS = {
+    "a list": MAP.tolist(),
+    "single precision of eighths": np.round(MAP * 64).astype("f4") / 64,
+    "whole numbers": np.round(MAP * 64).astype("i2"),
+    "columns first": np.asfortranarray(MAP),
+    "a quantity of pint": MAP * UNITS.micrometer,
+    "a quantity in nm": 1e3 * MAP * UNITS.nanometer,
+    "axes of other names": xr.DataArray(MAP, dims=("scan", "fast"), attrs={"units": "um"}),
+    "axes x and another": xr.DataArray(MAP.T, dims=("line", "x")),
+}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_numbers_without_size_are_pressed_over_L(name: str, plain: Dataset) -> None:
+    if name.startswith(("single", "whole")):
+        expected = _pressed(np.round(MAP * 64), L="8 um")
+        scale = 64.0 if name.startswith("single") else 1.0
+        ds = _pressed(FORMS[name], L="8 um")
+        assert_allclose(ds.free_volume, expected.free_volume, rtol=1e-9)
+        assert_allclose(ds.Sq * scale, expected.Sq)
+    else:
+        _same(_pressed(FORMS[name], L="8 um"), plain)
+
+
+HOLES = np.zeros(MAP.shape, dtype=bool)
+HOLES[3:5, 6] = HOLES[10, 2] = True
+MASKED = {
+    "masked": lambda: np.ma.masked_array(np.where(HOLES, 1e3, MAP), HOLES),
+    "NaN": lambda: np.where(HOLES, np.nan, MAP),
+    "masked whole numbers": lambda: np.ma.masked_array(np.where(HOLES, 999, np.round(1e3 * MAP)).astype(int), HOLES),
+    "labelled": lambda: _grid().where(~HOLES).transpose("y", "x"),
+    "a Topography": lambda: _topography(heights=np.ma.masked_array(np.where(HOLES, 1e3, MAP), HOLES)),
+    "a masked quantity": lambda: UNITS.Quantity(np.ma.masked_array(np.where(HOLES, 1e3, MAP), HOLES), "um"),
+}
+
+
+@pytest.mark.parametrize("name", MASKED)
+def test_a_mask_is_missing_heights(name: str) -> None:
+    heights = MASKED[name]()
+    size = {} if name in ("labelled", "a Topography") else {"L": "8 um"}
+    unit = {"heights_unit": "nm"} if "whole" in name else {}
+    with pytest.raises(SurfaceError, match=r"^press: argument heights: 3 heights are missing .*row 3, column 6"):
+        _pressed(heights, **size)
+    ds = _pressed(heights, **size, surface={"missing": "nearest", **unit})
+    np.save("holes.npy", np.where(HOLES, np.nan, MAP))
+    expected = _pressed("holes.npy", L="8 um", surface={"missing": "nearest"})
+    assert float(ds.filled_fraction) == 3 / MAP.size
+    _same(ds, expected, rtol=1e-2 if unit else 1e-9)
+
+
+def test_a_path_is_read_as_in_a_study(plain: Dataset) -> None:
+    _grid(("y", "x")).rename("h").to_netcdf("scan.nc")
+    for path in ("scan.nc", Path("scan.nc")):
+        _same(_pressed(path), plain)
+    assert _pressed("scan.nc").mean_gap.units == "um"
+    with pytest.raises(StudyError, match=r"^press: argument heights: no such file"):
+        _pressed("absent.nc")
+    Path("scan.txt").write_text("nothing\n", encoding="utf-8")
+    with pytest.raises(RoughvolError, match=r"scan\.txt"):
+        _pressed("scan.txt", L=1)
+
+
+def test_oblong_pixels_are_refused_and_resampled() -> None:
+    oblong = _grid().assign_coords(y=("y", 1.5 * Y, {"units": "um"}))
+    with pytest.raises(StudyError, match="resample"):
+        _pressed(oblong)
+    assert _pressed(oblong, surface={"resample": "square"}).sizes["step"] == 4
+
+
+def test_L_agrees_with_the_coordinates() -> None:
+    _pressed(_grid(), L="8.001 um")
+    with pytest.raises(StudyError, match=r"^press: argument L: is 9 um, but argument heights gives 8 um \(coordinates"):
+        _pressed(_grid(), L="9 um")
+    with pytest.raises(StudyError, match=r"^press: argument L: missing"):
+        _pressed(MAP)
+    counted = _grid().assign_coords(x=np.arange(17), y=np.arange(13))
+    assert float(_pressed(counted, L="8 um").L) == 8.0  # nodes are counted: L gives the size
+    shares = {"x": ("x", X / 8.0, {"units": "1"}), "y": ("y", Y / 8.0, {"units": "1"})}  # as datasets here have them
+    stored = xr.DataArray(MAP, dims=("x", "y"), coords=shares)
+    assert float(_pressed(stored, L="8 um").L) == 8.0
+
+
+@pytest.mark.parametrize(
+    ("heights", "reason"),
+    [
+        (MAP + 1j, r"complex128"),
+        (MAP > 0.0, r"bool"),
+        (MAP.astype(str), r"<U"),
+        (MAP.astype(object), r"object"),
+        ("not a map", r"must end in|no such file"),
+        (None, r"object"),
+        (MAP[0], r"shape \(13,\)"),
+        (MAP[np.newaxis], r"shape \(1, 17, 13\)"),
+        ([[1.0, 2.0], [3.0]], r"no array"),
+        (xr.Dataset({"z": (("x", "y"), MAP)}), r"Dataset .* variables: z"),
+        (xr.DataArray(MAP[np.newaxis], dims=("band", "y", "x")), r"band 1, y 17, x 13"),
+        (_grid() * (1 + 1j), r"complex"),
+        (_grid(unit="V"), r"'V'"),
+        (_grid().assign_coords(x=("x", X**2, {"units": "um"})), r"not equidistant"),
+        (_grid().assign_coords(x=("x", X, {"units": "mm"})), r"x is in mm, y in um"),
+        (MAP * UNITS.megapascal, r"'MPa'"),
+    ],
+)
+def test_what_is_no_map_of_heights_is_refused_by_name(heights: Any, reason: str) -> None:
+    with pytest.raises((SurfaceError, StudyError), match=rf"^press: argument heights: .*{reason}"):
+        _pressed(heights, L="8 um")
+
+
+def test_a_line_is_no_map() -> None:
+    library = pytest.importorskip("SurfaceTopography")
+    with pytest.raises(SurfaceError, match="UniformLineScan is no map"):
+        _pressed(library.UniformLineScan(MAP[:, 0], 8.5))
+
+
+def test_a_periodic_topography_is_pressed_as_the_surface_section_says() -> None:
+    with pytest.warns(roughvol.RoughvolWarning, match=r"is a periodic Topography.*surface\.periodic"):
+        _pressed(_topography(periodic=True))
+    period = _pressed(_topography(periodic=True), surface={"periodic": True})
+    assert float(period.L) == 8.5
+    assert_allclose(period.free_volume, _pressed(MAP, L="8.5 um", surface={"periodic": True}).free_volume)
+
+
+def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results(plain: Dataset) -> None:
+    study: dict[str, Any] = {
+        "name": "kept",
+        "surface": {"heights": _grid(("y", "x"))},
+        "material": MATERIAL,
+        "sweep": {"steps": 4},
+        "record": FLOW,
+    }
+    ds = roughvol.run(study, jobs=1).isel(case=0)
+    _same(ds, plain)
+    again = load("runs/kept/study.yaml")  # a study by itself: its file of heights is beside it
+    assert again.cases()[0].id in {path.stem for path in Path("runs/kept/cases").glob("*.nc")}
+    before = Path("runs/kept/cases").stat().st_mtime_ns
+    roughvol.run(study, jobs=1)
+    assert Path("runs/kept/cases").stat().st_mtime_ns == before  # nothing is computed twice
+    with pytest.raises(DatasetError, match="another study"):
+        roughvol.run({**study, "surface": {"heights": 2.0 * _grid()}}, jobs=1)
+    _same(roughvol.press("runs/kept/heights.nc", **MATERIAL, steps=4, record=FLOW), plain)  # the first ones stay
+    with pytest.raises(StudyError, match=r'^run: study\["surface"\]\["heights"\]: excluded by'):
+        roughvol.run({"surface": {"heights": MAP, "file": "runs/kept/heights.nc"}})
+    with pytest.raises(
+        SurfaceError, match=r'^run: study\["surface"\]\["heights"\]: heights are of the type complex128'
+    ):
+        roughvol.run({"surface": {"heights": MAP * 1j, "L": 1}})
+    with pytest.raises(StudyError, match=r'^run: study\["surface"\]\["file"\]: .*shape \(17, 13\).*surface\.heights'):
+        roughvol.run({"surface": {"file": MAP, "L": 1}})
+    with pytest.raises(CampaignError, match="workers do not have the heights"):
+        roughvol.run(study, scheduler="127.0.0.1:8786")
+
+
+def test_two_bodies_in_memory() -> None:
+    against = {"heights": np.ma.masked_array(MAP, HOLES), "mirror": "x"}
+    with pytest.raises(
+        SurfaceError, match=r'^press: argument surface\["against"\]\["heights"\]: 3 heights are missing'
+    ):
+        _pressed(MAP, L="8 um", surface={"against": against})
+    ds = _pressed(MAP, L="8 um", surface={"against": {"heights": MAP, "mirror": "x"}})
+    _same(ds, _pressed(MAP + MAP[::-1], L="8 um"))
+
+
+def test_arguments_in_two_places_are_refused() -> None:
+    for options, argument in (
+        ({"L": 1, "surface": {"L": 2}}, r'surface\["L"\]'),
+        ({"L": 1, "surface": {"file": "x.npy"}}, r'surface\["file"\]'),
+        ({"L": 1, "sweep": {"steps": 3}, "steps": 2}, "steps"),
+        ({"L": 1, "surface": "tilt"}, "surface"),
+    ):
+        with pytest.raises(StudyError, match=rf"^press: argument {argument}: "):
+            roughvol.press(MAP, **options)

@@ -1,0 +1,306 @@
+"""From Python: a map pressed in one call, a study as a dict, a study with changes and from standard input."""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pint
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+from numpy.testing import assert_allclose
+
+import roughvol
+from roughvol.cli import main
+from roughvol.errors import FolderError, StudyError, SurfaceError
+from roughvol.store import lock
+from roughvol.study import load, loads, of_data
+
+TINY = "surface: {D: 2.3, m: 4, seeds: 1}\nsweep: {steps: 2, to: {indentation: 1}}\n"
+
+
+@pytest.fixture(autouse=True)
+def _empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def _heights() -> np.ndarray:
+    x = np.linspace(0.0, 2.0 * np.pi, 17)
+    return np.sin(x)[:, None] + np.cos(3.0 * x)[None, :]
+
+
+def test_press_gives_numbers_in_units_and_leaves_nothing_on_disk() -> None:
+    ds = roughvol.press(_heights(), L="500 um", E="10 MPa", nu=0.5, to={"pressure": "0.1 MPa"}, steps=4)
+    assert_allclose(float(ds.nominal_pressure[-1]), 0.1, rtol=1e-5)
+    assert ds.nominal_pressure.units == "MPa"
+    assert ds.mean_gap.units == "um"
+    assert_allclose(ds.mean_gap, ds.free_volume * ds.Sq)
+    expected = 0.1 * 500 / (10 / 0.75 * float(ds.Sq))
+    assert_allclose(float(ds.mean_pressure[-1]), expected, rtol=1e-5)
+    assert os.listdir() == []  # noqa: PTH208
+
+
+@pytest.mark.parametrize(
+    ("heights", "options", "error"),
+    [
+        ([1.0, 2.0], {"L": 1}, SurfaceError),
+        (_heights(), {"L": "5 apples"}, StudyError),
+        (_heights(), {"L": 1, "E": 1, "E_star": 2}, StudyError),
+        (_heights(), {"L": 1, "to": {"presure": 1}}, StudyError),
+        (_heights() * np.nan, {"L": 1}, SurfaceError),
+    ],
+)
+def test_press_refuses_what_is_no_map_or_no_study(heights: object, options: dict, error: type[Exception]) -> None:
+    with pytest.raises(error):
+        roughvol.press(heights, **options)  # type: ignore[arg-type]
+
+
+def test_a_dict_is_a_study() -> None:
+    data = {"name": "tiny", "surface": {"D": 2.3, "m": 4, "seeds": 1}, "sweep": {"steps": 2, "to": {"indentation": 1}}}
+    ds = roughvol.run(data, jobs=1)
+    again = roughvol.run(load_text(), out="other", jobs=1)
+    assert (ds.free_volume.values == again.free_volume.values).all()
+    assert Path("runs/tiny/study.nc").is_file()
+    with pytest.raises(StudyError, match=r'^run: study\["surface"\]\["D"\]: must be < 3, given 9'):
+        roughvol.run({"surface": {"D": 9, "m": 4}})
+
+
+def load_text() -> Path:
+    path = Path("tiny.yaml")
+    path.write_text(TINY, encoding="utf-8")
+    return path
+
+
+def test_changes_are_those_of_the_file() -> None:
+    path = load_text()
+    changed = load(path, ["surface.m=3", "sweep.to={pressure: 0.5}", "record.heights=true", "name=other"])
+    text = TINY.replace("m: 4", "m: 3").replace("indentation: 1", "pressure: 0.5")
+    assert changed == loads(f"name: other\nrecord: {{heights: true}}\n{text}")
+    legs = loads(
+        TINY.replace("{steps: 2, to: {indentation: 1}}", "[{steps: 2}, {to: {pressure: 0.1}}]"),
+        changes=["sweep[1].steps=7"],
+    )
+    assert [leg.steps for leg in legs.sweep.legs] == [2, 7]
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        ("surface.q=3", "--set: surface.q: unknown key"),
+        ("surface.m=99", "--set: surface.m: must be <= 13"),
+        ("surface.m", "must be KEY=VALUE"),
+        ("surface.D.x=3", "surface.D is no mapping"),
+        ("surface.D[0]=3", "surface.D is no list"),
+        ("surface.m=[1", "not YAML"),
+    ],
+)
+def test_a_change_without_meaning_is_refused(change: str, part: str) -> None:
+    refused = CliRunner().invoke(main, ["run", str(load_text()), "--set", change])
+    assert refused.exit_code == 2
+    assert part in refused.stderr
+    assert "Traceback" not in refused.output
+
+
+def test_a_study_comes_from_standard_input() -> None:
+    done = CliRunner().invoke(main, ["run", "-", "--set", "name=piped", "--jobs", "1"], input=TINY)
+    assert done.exit_code == 0, done.output
+    assert Path("runs/piped/study.nc").is_file()
+    refused = CliRunner().invoke(main, ["check", "-"], input="surface: {D: 9, m: 3}")
+    assert "<stdin>:1: surface.D" in refused.stderr
+
+
+def test_a_comment_changes_no_case() -> None:
+    one, other = loads(TINY), loads(TINY + "comment: the second try\n")
+    assert [case.id for case in one.cases()] == [case.id for case in other.cases()]
+    assert "comment" not in one.to_yaml()
+    assert loads(other.to_yaml()) == other
+
+
+UNITS = pint.UnitRegistry()
+OBJECTS = [
+    {"E": 10 * UNITS.MPa, "nu": np.float64(0.5), "L": 500 * UNITS.micrometer, "to": {"pressure": 0.1 * UNITS.MPa}},
+    {"E": 0.01 * UNITS.GPa, "nu": np.float32(0.5), "L": 0.5 * UNITS.mm, "to": {"pressure": 1.0 * UNITS.bar}},
+    {"E": "10 MPa", "nu": Fraction(1, 2), "L": "500 um", "to": {"pressure": xr.DataArray(0.1, attrs={"units": "MPa"})}},
+    {"E": np.str_("10 MPa"), "nu": np.array(0.5), "L": "500 µm", "to": {"pressure": "0.1 MPa"}, "steps": np.int64(4)},
+]
+
+
+@pytest.mark.parametrize("options", OBJECTS)
+def test_numbers_of_other_libraries_are_numbers(options: dict[str, Any]) -> None:
+    ds = roughvol.press(_heights(), **{"steps": 4, "surface": {"heights_unit": "um"}, **options})
+    expected = roughvol.press(_heights(), L="500 um", E="10 MPa", nu=0.5, to={"pressure": "0.1 MPa"}, steps=4)
+    assert_allclose(ds.free_volume, expected.free_volume, rtol=1e-6)
+    assert_allclose(ds.nominal_pressure[-1] * {"MPa": 1.0, "GPa": 1e3}[ds.nominal_pressure.units], 0.1, rtol=1e-5)
+
+
+def test_a_dict_holds_objects_of_numpy_pint_and_pathlib() -> None:
+    np.save("z.npy", _heights())
+    data = {
+        "name": "objects",
+        "surface": {"file": Path("z.npy"), "L": 500 * UNITS.um},
+        "material": {"E": 10 * UNITS.MPa, "nu": np.float64(0.5)},
+        "sweep": {"pressures": np.array([0.05, 0.1]) * UNITS.MPa},
+        "record": {"fields_at": {"contact_area": np.array([0.01, 0.02])}, "heights": np.bool_(True)},
+    }
+    text = """
+name: objects
+surface: {file: z.npy, L: 500 µm}
+material: {E: 10 MPa, nu: 0.5}
+sweep: {pressures: [0.05 MPa, 0.1 MPa]}
+record: {fields_at: {contact_area: [0.01, 0.02]}, heights: true}
+"""
+    assert of_data(data) == loads(text)
+    made = {"surface": {"D": np.linspace(2.1, 2.9, 3), "m": np.int8(4), "seeds": range(2)}}
+    assert of_data(made) == loads("surface: {D: [2.1, 2.5, 2.9], m: 4, seeds: [0, 1]}")
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        (1j, "complex"),
+        ({1, 2}, "set"),
+        (object(), "object"),
+        (np.datetime64("2026-01-01"), "date"),
+        (b"2.3", "bytes"),
+        ([2.3, None], "given nothing"),
+        (np.nan, "finite"),
+        (10**5000, "finite number"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else type(value).__name__,
+)
+def test_what_is_no_plain_data_is_refused_at_its_place(value: object, reason: str) -> None:
+    with pytest.raises(StudyError, match=rf'^run: study\["surface"\]\["D"\](\[1\])?: .*{reason}'):
+        roughvol.run({"surface": {"D": value, "m": 4}})
+
+
+def test_problems_of_a_dict_name_keys_and_no_lines() -> None:
+    loop: dict[str, Any] = {"surface": {}}
+    loop["surface"]["surface"] = loop
+    for data, start in (
+        ({"surface": {"m": 4}}, 'run: study["surface"]["D"]: missing'),
+        ({"surface": {"D": 2.3, "m": 4}, "sweep": [{"steps": 2}, {"to": {"pressure": -1}}]}, "run: study"),
+        ({1: 2, "surface": {"D": 2.3, "m": 4}}, 'run: study["1"]: a key must be text, given 1 of the type int'),
+        (loop, "run: study: nested too deep"),
+        ({"surface": {"D": 2.3, "m": [4] * 400_000}}, "run: study: larger than"),
+        ({"surface": {"file": "absent.npy", "L": 1}}, 'run: study["surface"]["file"]: no such file'),
+    ):
+        with pytest.raises(StudyError) as caught:
+            roughvol.run(data)  # type: ignore[arg-type]
+        assert str(caught.value).startswith(start)
+        assert "<dict>" not in str(caught.value)
+    with pytest.raises(StudyError, match=r'study\["sweep"\]\[1\]\["to"\]\["pressure"\]: must be >= 0, given -1'):
+        roughvol.run({"surface": {"D": 2.3, "m": 4}, "sweep": [{"steps": 2}, {"to": {"pressure": -1}}]})
+
+
+def test_later_problems_of_a_dict_name_its_keys() -> None:
+    np.savetxt("z.txt", _heights())
+    data = {"surface": {"file": "z.txt"}, "sweep": {"steps": 2}}
+    with pytest.raises(StudyError, match=r'^run: study\["surface"\]\["L"\]: missing'):
+        roughvol.run(data)
+
+
+@pytest.mark.parametrize(
+    ("options", "argument"),
+    [
+        ({"L": "5 apples"}, "L"),
+        ({"L": np.array([1.0, 2.0])}, "L"),
+        ({"E": "10 apples"}, "E"),
+        ({"E": 1, "E_star": 2}, "E_star"),
+        ({"nu": 7}, "nu"),
+        ({"E": -1.0}, "E"),
+        ({"hardness": 0}, "hardness"),
+        ({"to": {"presure": 1}}, r'to\["presure"\]'),
+        ({"to": "mean"}, "to"),
+        ({"steps": -1}, "steps"),
+        ({"sweep": {"steps": "x"}}, r'sweep\["steps"\]'),
+        ({"record": {"texture": 3}}, r'record\["texture"\]'),
+        ({"record": "texture"}, "record"),
+        ({"solver": {"rtol": 2}}, r'solver\["rtol"\]'),
+        ({"surface": {"level": "tile"}}, r'surface\["level"\]'),
+        ({"record": {"dimensional": {"leak_rate": {"viscosity": 1}}}}, r'record\["dimensional"\]\["leak_rate"\]'),
+    ],
+)
+def test_errors_of_press_name_its_arguments(options: dict[str, Any], argument: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        roughvol.press(_heights(), **{"L": 1, "E": 1, "nu": 0.3, **options})
+    assert re.search(rf"^press: argument {argument}(?!\w)", str(caught.value), re.M), str(caught.value)
+    for word in ("<dict>", "/tmp", "--", ".npy"):
+        assert word not in str(caught.value)
+
+
+def test_doubts_are_warnings_of_one_class() -> None:
+    """The limits of the model, once each, at the line of the caller."""
+    heights = 100.0 * _heights()
+    with pytest.warns(roughvol.RoughvolWarning) as seen:
+        ds = roughvol.press(heights, L="500 um", E="10 MPa", nu=0.5, steps=2)
+    assert [str(one.message) for one in seen] == ds.attrs["warnings"].splitlines() != []
+    assert any("rms slope" in str(one.message) for one in seen)
+    assert {Path(one.filename).name for one in seen} == {Path(__file__).name}
+    np.save("z.npy", heights)
+    study = {"name": "steep", "surface": {"file": "z.npy", "L": "500 um"}, "sweep": {"steps": 2}}
+    with pytest.warns(roughvol.RoughvolWarning, match="rms slope") as seen:
+        ds = roughvol.run(study, jobs=1)
+    assert [str(one.message) for one in seen] == ds.attrs["warnings"].splitlines()
+    assert {Path(one.filename).name for one in seen} == {Path(__file__).name}
+    assert issubclass(roughvol.RoughvolWarning, UserWarning)
+
+
+def test_the_command_line_prints_a_doubt_once() -> None:
+    np.save("z.npy", 100.0 * _heights())
+    Path("steep.yaml").write_text("surface: {file: z.npy, L: 500 um}\nsweep: {steps: 2}\n", encoding="utf-8")
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        done = CliRunner().invoke(main, ["run", "steep.yaml", "--jobs", "1"])
+    assert done.stderr.count("rms slope") == 1
+    assert [one for one in seen if issubclass(one.category, roughvol.RoughvolWarning)] == []
+
+
+def test_files_set_aside_and_long_runs_are_warnings_too() -> None:
+    data = {"name": "tiny", "surface": {"D": 2.3, "m": 4, "seeds": 1}, "sweep": {"steps": 2, "to": {"indentation": 1}}}
+    roughvol.run(data, jobs=1)
+    (file,) = Path("runs/tiny/cases").glob("*.nc")
+    file.write_bytes(file.read_bytes()[:-1])
+    with pytest.warns(roughvol.RoughvolWarning, match=r"^set aside: .*truncated"):
+        roughvol.run(data, jobs=1)
+
+
+def test_press_keeps_the_gap_beside_other_numbers_with_units() -> None:
+    transport = {"transmissivity": "last"}
+    dimensional = {"separation": "um", "pressure": "bar"}
+    ds = roughvol.press(
+        _heights(), L="500 um", E="10 MPa", nu=0.5, steps=2, record={"transport": transport, "dimensional": dimensional}
+    )
+    units = {name: ds[name].units for name in ("nominal_pressure", "mean_gap", "mean_plane_separation") if name in ds}
+    assert units["nominal_pressure"] == "bar"
+    assert units["mean_gap"] == "um"
+    assert_allclose(ds.mean_gap, ds.free_volume * ds.Sq)
+
+
+def test_nu_is_stated_where_press_takes_it_by_default() -> None:
+    with pytest.warns(roughvol.RoughvolWarning, match=r"argument nu is not given: 0\.3 is taken"):
+        ds = roughvol.press(_heights(), L="500 um", E="10 MPa", steps=2)
+    assert "nu: 0.3" in ds.attrs["study"]
+    assert "nu is not given" in ds.attrs["warnings"]
+    given = roughvol.press(_heights(), L="500 um", E="10 MPa", nu=0.3, steps=2)
+    assert "nu" not in given.attrs["warnings"]
+    assert_allclose(ds.nominal_pressure, given.nominal_pressure)
+    bare = roughvol.press(_heights(), L=500, steps=2)
+    assert "nu" not in bare.attrs["warnings"]
+    with pytest.raises(StudyError, match="nu: missing"):
+        loads("surface: {D: 2.3, m: 4}\nmaterial: {E: 10 MPa}")
+
+
+def test_a_folder_that_cannot_be_used_is_explained_by_arguments() -> None:
+    data = {"name": "tiny", "surface": {"D": 2.3, "m": 4, "seeds": 1}, "sweep": {"steps": 2, "to": {"indentation": 1}}}
+    roughvol.run(data, jobs=1)
+    for other in ({**data, "sweep": {"steps": 3}}, loads("name: tiny\n" + TINY.replace("steps: 2", "steps: 3"))):
+        with pytest.raises(FolderError, match="give another out to keep them, or fresh=True to"):
+            roughvol.run(other, jobs=1)
+    with lock.opened(Path("runs/tiny")), pytest.raises(FolderError, match=r"or give another out$"):
+        roughvol.run(data, jobs=1)
