@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from roughvol.errors import DatasetError, FolderError, StudyError
 from roughvol.store import answer, run_folder, same_study
-from roughvol.study import Study, load, loads
+from roughvol.study import HeightFile, Study, load, loads
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -100,8 +100,8 @@ class StoredRun:
         Returns
         -------
         Study
-            As in its study file, or as stored with the run. Height files of a stored study are relative to the
-            current folder.
+            As in its study file, or as stored with the run. Height files of a stored study lie in the folder of the
+            run, as heights that were in memory, or in the current folder.
 
         Raises
         ------
@@ -109,7 +109,8 @@ class StoredRun:
             If a height file is missing or has changed.
         """
         try:
-            study = self.given or loads(str(self.dataset.attrs.get("study", "")))
+            text = str(self.dataset.attrs.get("study", ""))
+            study = self.given or loads(text, _beside_heights(text, self.folder))
             made = [case.id for case in study.cases()]
         except StudyError as error:
             reason = "; ".join(problem.message for problem in error.problems)
@@ -139,7 +140,8 @@ def study_of(run: str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]
     Returns
     -------
     Study
-        The study. Height files of a stored one are relative to the current folder: a run stores their names alone.
+        The study. A run stores the names of height files alone: they lie in its folder, as heights that were in
+        memory, or in the current folder.
     Path
         The folder of the results.
 
@@ -153,11 +155,22 @@ def study_of(run: str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]
         for folder in _folders(run):
             if _is_file(folder / "study.yaml"):
                 text = run_folder.stored_study(folder) or ""
-                study = loads(text, f"{folder.name}.yaml", changes=changes)
+                study = loads(text, _beside_heights(text, folder), changes=changes)
                 renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
                 return study, run_folder.folder_of(study) if renamed else folder
     study = load(path, changes)
     return study, run_folder.folder_of(study)
+
+
+def _beside_heights(text: str, folder: Path) -> Path:
+    """Return the path that a stored study is read from: in the folder of its run if its height files are there."""
+    name = f"{folder.name}.yaml"
+    try:
+        surface = loads(text, name, stored=True).surface
+    except StudyError:
+        return Path(name)
+    files = [body.file for body in surface.bodies] if isinstance(surface, HeightFile) else []
+    return folder / name if files and all(_is_file(folder / file) for file in files) else Path(name)
 
 
 def is_study_file(run: str | Path) -> bool:

@@ -9,11 +9,14 @@ import numpy as np
 import pint
 import pytest
 import xarray as xr
+from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
 import roughvol
+from roughvol.cli import main
 from roughvol.errors import CampaignError, DatasetError, RoughvolError, StudyError, SurfaceError
 from roughvol.store.dataset import Dataset
+from roughvol.store.run import StoredRun, study_of
 from roughvol.study import load
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
@@ -67,6 +70,7 @@ LABELLED = {
     "heights in nm": lambda: _grid(("y", "x"), "nm", 1e3),
     "y falls along its axis": lambda: _turned(_grid(("y", "x"))),
     "axes named by CF": lambda: _grid(("y", "x")).rename(x="lon", y="lat"),
+    "depths": lambda: (-_grid(("y", "x"))).assign_attrs(units="um", positive="down"),
     "one coordinate": lambda: _grid(("y", "x")).drop_vars("y"),
     "a quantity of pint inside": lambda: _grid(("y", "x")).copy(data=_grid(("y", "x")).data * UNITS.micrometer),
     "a Topography": _topography,
@@ -219,8 +223,10 @@ def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results(plain: Da
     }
     ds = roughvol.run(study, jobs=1).isel(case=0)
     _same(ds, plain)
-    again = load("runs/kept/study.yaml")  # a study by itself: its file of heights is beside it
-    assert again.cases()[0].id in {path.stem for path in Path("runs/kept/cases").glob("*.nc")}
+    (id,) = {path.stem for path in Path("runs/kept/cases").glob("*.nc")}
+    for again in (load("runs/kept/study.yaml"), StoredRun.open("kept").pressable(), study_of("kept")[0]):
+        assert again.cases()[0].id == id  # the file of heights is beside the study
+    assert CliRunner().invoke(main, ["status", "kept"]).output.startswith("runs/kept: 1 of 1 cases finished")
     before = Path("runs/kept/cases").stat().st_mtime_ns
     roughvol.run(study, jobs=1)
     assert Path("runs/kept/cases").stat().st_mtime_ns == before  # nothing is computed twice
