@@ -2,7 +2,7 @@
 
 Between two steps, a number lies on the straight line over the quantity of the level; a leak rate, a flow or an opening
 on the straight line of its logarithm. Whether a way is open, and other counts, are those of the step beyond. A state
-that a study records is the state solved for it.
+that a study records is the state solved for it; before the first step it has the numbers recorded for it alone.
 
 A step that misses a level by less than `levels.REACHED` is the level. A sweep that ended at a target has reached this
 target, and a listed load is the step solved for it.
@@ -210,12 +210,15 @@ class State:
         Number of all surfaces.
     closed : int
         Number of the surfaces in ``data`` that closed before the state.
+    recorded : str
+        Label that the state has where a study records it, as ``pressure=0.5, leg 2``.
     """
 
     label: str
     data: Dataset
     surfaces: int
     closed: int = 0
+    recorded: str = ""
 
     @property
     def reached(self) -> int:
@@ -288,20 +291,25 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     part = group.isel(step=np.flatnonzero(on_leg))
     offset = int(np.flatnonzero(on_leg)[0])
     own = _recorded(group, level, leg)
-    lifted = {} if level.kind == "last" else leak.recorded(group, _label(level, leg))
+    flows = {} if level.kind == "last" else leak.recorded(group, _label(level, leg))
     shut = {axis: leak.closed(part, axis) for axis in leak.AXES}
-    reached, places, beyond = list[int](), list[float](), list[int]()
+    reached, places, beyond, alone = list[int](), list[float](), list[int](), list[int]()
     for k, scale in enumerate(scales(run, group)):
         values, value, near = _path(run, part, k, level, scale, reach)
         solved = np.flatnonzero(np.isfinite(values))
         if not solved.size:
             continue
-        if own and math.isfinite(own[STORED[KINDS[level.kind][1]]][k]):
+        is_recorded = bool(own) and math.isfinite(own[STORED[KINDS[level.kind][1]]][k])
+        if is_recorded:
             value = own[STORED[KINDS[level.kind][1]]][k]
         if level.kind == "last":
             place: float | None = float(solved[-1])
         elif own or (place := _defined(run, level, leg, scale, solved.tolist())) is None:
             place = place_of(values, value, near, between=level.kind != "step")
+        first = values[solved[0]]
+        if place is None and is_recorded and (value > first if level.kind in FALLING else value < first):
+            place = float(solved[0])
+            alone.append(len(reached))
         if place is not None:
             reached.append(k)
             places.append(place + offset)
@@ -311,18 +319,28 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     if not reached and not beyond:
         return None
     data = between(group, reached + beyond, [*places, *[float(offset)] * len(beyond)])
+    _empty(data, group, alone)
     _take(data, own, group, reached, places)
-    for name, flows in lifted.items():
-        there = flows[reached + beyond]
+    for name, values in flows.items():
+        there = values[reached + beyond]
         old = data[name].values if name in data else np.full(there.shape, np.nan)
         data[name] = ("seed", np.where(np.isfinite(there), there, old), group[name].attrs if name in group else {})
     _close(data, len(reached), {axis: shut[axis][beyond] for axis in leak.AXES})
-    return State(label, data, group.sizes["seed"], len(beyond))
+    return State(label, data, group.sizes["seed"], len(beyond), _label(level, leg))
+
+
+def _empty(data: Dataset, group: Dataset, alone: list[int]) -> None:
+    """Leave out the numbers along the steps of recorded states before the first step."""
+    for name, variable in list(data.data_vars.items()) if alone else []:
+        if variable.dtype.kind == "f" and "step" in group[name].dims:
+            values = variable.values.copy()
+            values[alone] = np.nan
+            data[name] = ("seed", values, variable.attrs)
 
 
 def _label(level: Level, leg: int) -> str:
     """Return the label of a recorded state on a leg."""
-    return level.label if leg == 1 else replace(level, leg=leg).label
+    return level.label if leg == 1 or level.kind in ("last", "step") else replace(level, leg=leg).label
 
 
 def _path(

@@ -67,7 +67,7 @@ def counted(ds: Dataset) -> Dataset:
 
 
 def recorded(group: Dataset, label: str) -> dict[str, Array]:
-    """Return the lifted flows of each surface at a recorded state, by the names of `counted`; empty without one.
+    """Return the flows of each surface at a recorded state, by the names of `counted`; empty without one.
 
     Parameters
     ----------
@@ -79,13 +79,22 @@ def recorded(group: Dataset, label: str) -> dict[str, Array]:
     Returns
     -------
     dict of array (surfaces,)
-        Flows; NaN where the state was not reached.
+        Flows of the states of ``flux_at``, named dry under fluid pressure, and those of the lifted gap; NaN where the
+        state was not reached.
     """
-    if STATE not in group.dims or label not in group[STATE].values.tolist():
-        return {}
-    state = group.sel({STATE: label})
-    flows = {f"{new}_{axis}": state[f"{LIFTED[new]}_{axis}"] for new in _stored(group) for axis in AXES}
-    return {name: np.asarray(values, dtype=float) for name, values in (flows | _open(flows)).items()}
+    found: dict[str, DataArray] = {}
+    if "flux_at" in group.dims and label in group["flux_at"].values.tolist():
+        state, dry = group.sel(flux_at=label), "_dry" if is_lifted(group) else ""
+        stored = {f"{flow}{dry}_{axis}": f"flux_at_{flow}_{axis}" for flow in DRY_FLOWS for axis in AXES}
+        found |= {name: state[own] for name, own in stored.items() if own in state and name in group}
+        ways = {name: found[name] for axis in AXES if (name := f"transmissivity{dry}_{axis}") in found}
+        opened = {name.replace("transmissivity", "open"): _is_open(flow) for name, flow in ways.items()}
+        found |= {name: way for name, way in opened.items() if name in group}
+    if STATE in group.dims and label in group[STATE].values.tolist():
+        state = group.sel({STATE: label})
+        flows = {f"{new}_{axis}": state[f"{LIFTED[new]}_{axis}"] for new in _stored(group) for axis in AXES}
+        found |= flows | _open(flows)
+    return {name: np.asarray(values, dtype=float) for name, values in found.items()}
 
 
 def _stored(ds: Dataset) -> list[str]:
@@ -108,12 +117,17 @@ def _at_steps(ds: Dataset, name: str, axis: str) -> DataArray:
 def _open(flows: dict[str, DataArray]) -> dict[str, DataArray]:
     """Return where the lifted gap is open, 1 or 0, missing where the flow is."""
     return {
-        f"open_{axis}": (flow > 0.0).astype(float).where(flow.notnull()).assign_attrs(units="1", symbol=symbol)
+        f"open_{axis}": _is_open(flow).assign_attrs(units="1", symbol=symbol)
         for axis in AXES
         for name, flow in flows.items()
         if name.endswith(axis)
         for symbol in [SYMBOLS["open"].format(axis=axis)]
     }
+
+
+def _is_open(flow: DataArray) -> DataArray:
+    """Return 1 where something flows, 0 where nothing does, missing where the flow is."""
+    return (flow > 0.0).astype(float).where(flow.notnull())
 
 
 def zero_beyond(ds: Dataset) -> tuple[str, ...]:

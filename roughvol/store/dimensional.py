@@ -120,11 +120,14 @@ def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[t
         for axis, power in (("x", 1), ("y", -1)):
             flow = _starred(results, f"gas_transmissivity_{axis}") * plates * results["region_aspect"] ** power
             yield f"gas_leak_rate_{axis}", flow, wanted.gas_leak_rate
+        at_state = (sigma * convert(1.0, length_unit, "m")) ** 3 * (drive / (24.0 * study.fluid.viscosity))
+        yield from _at_states(results, "gas_", at_state, wanted.gas_leak_rate)
     if leak is None:
         return
     plates = gap**3 * (leak.drive / 12.0)
     yield "leak_rate_x", _starred(results, "transmissivity_x") * plates * results["region_aspect"], leak.unit
     yield "leak_rate_y", _starred(results, "transmissivity_y") * plates / results["region_aspect"], leak.unit
+    yield from _at_states(results, "", (sigma * convert(1.0, length_unit, "m")) ** 3 * (leak.drive / 12.0), leak.unit)
     fluid = study.record.fluid_pressure
     if fluid is None or not fluid.has_units:
         return
@@ -132,6 +135,14 @@ def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[t
         if f"fluid_leak_{axis}" in results:  # under the same drop
             plates = (sigma * convert(1.0, length_unit, "m")) ** 3 * (leak.drive / 12.0)
             yield f"fluid_leak_rate_{axis}", results[f"fluid_leak_{axis}"] * plates * aspect, leak.unit
+
+
+def _at_states(results: Dataset, gas: str, plates: DataArray, unit: str) -> Iterator[tuple[str, DataArray, str]]:
+    """Yield the leak rates at the states of ``flux_at``, from that between plates σ apart."""
+    for axis, power in (("x", 1), ("y", -1)):
+        if (name := f"flux_at_{gas}transmissivity_{axis}") in results:
+            flow = results[name] * results["flux_at_free_volume"] ** 3
+            yield f"flux_at_{gas}leak_rate_{axis}", flow * plates * results["region_aspect"] ** power, unit
 
 
 def _starred(results: Dataset, name: str) -> DataArray:

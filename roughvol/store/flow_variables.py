@@ -67,4 +67,10 @@ ROWS |= rows(
         "throughput of the gas along y, T_g,y* g_mean^3 (inlet^2 - outlet^2) W_x/(24 viscosity W_y)",
         "Q_g,y",
     ),
+    flux_at_gas_leak_rate_x=Variable(
+        "... flux_at", "throughput", "throughput of the gas along x, at the state", "Q_g,x"
+    ),
+    flux_at_gas_leak_rate_y=Variable(
+        "... flux_at", "throughput", "throughput of the gas along y, at the state", "Q_g,y"
+    ),
 )

@@ -261,6 +261,8 @@ VARIABLES |= rows(
     leak_rate_y=Variable(
         "... step", "length^3/time", "volume flow along y, T_y* g_mean^3 pressure_drop W_x/(12 viscosity W_y)", "Q_y"
     ),
+    flux_at_leak_rate_x=Variable("... flux_at", "length^3/time", "volume flow along x, at the state", "Q_x"),
+    flux_at_leak_rate_y=Variable("... flux_at", "length^3/time", "volume flow along y, at the state", "Q_y"),
 )
 # at the states a study selects
 VARIABLES |= rows(

@@ -272,3 +272,29 @@ def test_a_place_lies_between_two_steps_or_on_one() -> None:
     assert place_of(values, 4.0, 1e-6) is None
     group = Dataset({"free_volume": (("seed", "step"), values[np.newaxis])}, coords={"step": [1, 2, 3, 4]})
     assert float(between(group, [0], [2.5])["free_volume"][0]) == 2.0
+
+
+FLUX = """
+name: flux
+surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: 3}
+material: {E_star: 10 MPa}
+sweep: {pressures: [0.02 MPa, 0.05 MPa, 0.1 MPa]}
+record:
+  transport: {percolation: every-step, transmissivity: every-step, flux_at: {pressure: [0.01 MPa, 0.035 MPa]}}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
+"""
+
+
+@pytest.mark.parametrize("pressure", ["0.01 MPa", "0.035 MPa"])
+def test_a_state_of_recorded_flux_has_the_leak_solved_for_it(pressure: str) -> None:
+    """Before the first step it has no other number than those recorded."""
+    Path("flux.yaml").write_text(FLUX, encoding="utf-8")
+    run = Run.of("flux", roughvol.run("flux.yaml", jobs=1))
+    found = at(run, _groups(run)[0], parse(f"pressure={pressure}")).data
+    listed = FLUX.replace("0.02 MPa, 0.05 MPa, 0.1 MPa", pressure).replace("name: flux", f"name: exact-{len(pressure)}")
+    Path("exact.yaml").write_text(listed.replace(", flux_at: {pressure: [0.01 MPa, 0.035 MPa]}", ""), encoding="utf-8")
+    exact = roughvol.run("exact.yaml", jobs=1).isel(D=0, m=0, step=0)  # loads are searched to `levels.REACHED`
+    for axis in "xy":
+        assert_allclose(found[f"leak_rate_{axis}"], exact[f"leak_rate_{axis}"], rtol=1e-4)
+    assert_allclose(found.nominal_pressure, exact.nominal_pressure, rtol=1e-5)
+    assert bool(found.residual.isnull().all()) == (pressure == "0.01 MPa")

@@ -178,7 +178,7 @@ def test_scaled_heights_are_those_of_a_surface_that_is_rougher(
 
 
 def test_every_stored_number_with_a_length_has_its_power_of_the_heights() -> None:
-    made = MADE | {"fluid_leak_rate_x", "fluid_leak_rate_y"}
+    made = MADE | {f"{state}_leak_rate_{axis}" for state in ("fluid", "flux_at") for axis in "xy"}
     lengths = {name for name, row in VARIABLES.items() if "length" in row.units} - made - {"L", "wave_number"}
     assert lengths == {name for name in HEIGHT_POWERS if not name.startswith(("Sdq", "rms_slope"))}
 
