@@ -34,6 +34,7 @@ LEVELLED = {
     "tilt": "a plane taken off",
     "quadratic": "a quadratic taken off",
 }
+IN_PLACE = (("nominal_pressure", P), ("leak_rate_x", "transmissivity"))
 CLOSING = "Where it closes"
 STARRED = ("separation", "mean_plane_separation", "indentation", P)
 ROUNDING = 1e-12  # a starred number below is 0 to rounding: the mean plane, an unloaded surface
@@ -257,6 +258,9 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
 def _states(name: str, group: Dataset, *, several: bool) -> Table | None:
     """Return the states of one group: one surface as it is, several by the convention of `average`."""
     names = [column for column in COLUMNS if column in group and bool(group[column].notnull().any())]
+    for dimensional, starred in IN_PLACE:
+        if dimensional in names:  # the starred number stays in study.nc
+            names = [name for name in names if not name.startswith(starred)]
     steps = np.flatnonzero(group[P].notnull().any("seed").values)
     if not len(steps):
         return None

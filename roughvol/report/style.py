@@ -53,7 +53,8 @@ figure.plot:target img { width: auto; max-width: none; max-height: none; margin:
 figure.plot:target a.open { pointer-events: none; }
 figure.plot:target figcaption { max-width: 50rem; margin: .6rem auto; }
 figure.plot:target a.close { display: block; position: fixed; top: .7rem; right: 1.2rem; }
-.box { overflow-x: auto; } .note { color: var(--faint); font-size: .85rem; margin: .2rem 0 .8rem; }
+.box { overflow-x: auto; width: max-content; min-width: 100%; max-width: calc(50% + 50vw - 1.25rem); }
+.note { color: var(--faint); font-size: .85rem; margin: .2rem 0 .8rem; }
 details.refused { margin: .2rem 0 0; } details.refused summary { font-size: .8rem; }
 details.refused ul { margin: .2rem 0; padding-left: 1rem; font-size: .8rem; color: var(--faint); }
 table.verdicts td:nth-child(5) { width: 11rem; overflow-wrap: break-word; }

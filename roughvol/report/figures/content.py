@@ -28,7 +28,7 @@ from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.report.figures.curves import plot
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held
-from roughvol.report.figures.origin import lacking, study_of, surfaces
+from roughvol.report.figures.origin import lacking, study_of, surfaces, written
 from roughvol.report.figures.seal_drawing import CLOSED, LINES, draw_flow, look_of
 from roughvol.report.figures.seal_ways import band_words, ways
 from roughvol.report.figures.style import COLUMN, GREY, LABELS, STYLE, WIDE, Drawing, canvas, legend, looks, unit_text
@@ -229,8 +229,9 @@ def _origin(runs: Sequence[Named], some: Sequence[Family]) -> str:
         words = f"Run {file_text(runs[0].name)}: {surfaces(runs[0].dataset, _shown(some))}."
     else:
         words = _names(runs)
-    legs = any("leg" in run.dataset for run in runs)
-    return f"{words} Leg 1 of a path; path_loops draws every leg." if legs else words
+    if any("leg" in run.dataset for run in runs):
+        words = f"{words} Leg 1 of a path; path_loops draws every leg."
+    return " ".join([words, *dict.fromkeys(line for run in runs for line in written(run.dataset))])
 
 
 def _shown(some: Sequence[Family]) -> dict[str, list[float]]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import matplotlib as mpl
 from xarray import Dataset
 
+from roughvol.analysis.leak import is_lifted
 from roughvol.analysis.legs import first_leg
 from roughvol.errors import DatasetError, StudyError
 from roughvol.report.figures.families import file_text, held
@@ -167,6 +168,12 @@ def _numbers(values: Sequence[float]) -> str:
     return ", ".join(f"{value:g}" for value in values)
 
 
+def written(ds: Dataset) -> list[str]:
+    """Return the version and the date of a dataset in words; empty without them."""
+    version, date = (str(ds.attrs.get(key, "")) for key in ("roughvol_version", "date"))
+    return [f"roughvol {version}, {date[:10]}."] if version and date else []
+
+
 def lacking(name: str, ds: Dataset, variables: Sequence[str]) -> str | None:
     """Return which variables of a figure a dataset does not have in any case, in words, or None."""
     absent = [variable for variable in variables if variable not in ds]
@@ -207,7 +214,10 @@ def register(
         with mpl.rc_context(STYLE):
             figure = draw(ds if every_leg else first_leg(ds))
             if "L" in ds:
-                figure.note(origin(draw.__name__, ds, figure.shown))
+                words = [origin(draw.__name__, ds, figure.shown), *written(ds)]
+                if is_lifted(ds):
+                    words.append("The gap without fluid pressure.")
+                figure.note(" ".join(words))
             return figure
 
     figures[draw.__name__] = checked

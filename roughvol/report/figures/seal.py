@@ -168,6 +168,8 @@ def seal_percolation(ds: Dataset) -> Drawing:
                 error = np.sqrt(share * (1.0 - share) / len(members))
                 band: dict[str, Any] = {"step": "post", "color": look["color"], "alpha": FAINT, "lw": 0, "zorder": 2}
                 ax.fill_between(at, share - error, share + error, **band)
+    for ax in axes.ravel():
+        ax.set_ylim(-0.05, 1.05)
     words = "a step falls at the first state computed closed" + ("; band ± 1 std. error" if many else "")
     direction_legend(fig, some, [title, words])
     return fig
