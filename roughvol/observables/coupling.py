@@ -125,6 +125,8 @@ def of_state(case: Case, surface: Surface, state: State, half_space: Compliance)
             f"fluid_load_share_{name}": last.fluid_share,
             f"fluid_rounds_{name}": last.rounds,
         }
+        if asked.fields:
+            values[f"fluid_gap_{name}"] = last.gap
     return values
 
 

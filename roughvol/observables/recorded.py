@@ -91,7 +91,7 @@ class AtStates:
     seconds : per state and node, timed at m = 7 … 9.
     labels : case, surface ↦ coordinates of its values.
     parts : section ``record`` ↦ how often its function passes over the nodes.
-    fields : how many fields it stores for each state.
+    fields : section ``record`` ↦ how many fields it stores for each state.
     flow : whether it factorises, so that its cost grows faster than the nodes.
     solves : whether it solves contacts, and takes the half space as its last argument.
     """
@@ -102,13 +102,13 @@ class AtStates:
     seconds: float
     labels: Callable[[Case, Surface], Values] = lambda case, surface: {}
     parts: Callable[[Record], int] = lambda record: 1
-    fields: int = 0
+    fields: Callable[[Record], int] = lambda record: 0
     flow: bool = False
     solves: bool = False
 
 
 AT_STATES = {
-    "fields_at": AtStates("field_at", "fields_at", _fields, 1e-9, fields=2),
+    "fields_at": AtStates("field_at", "fields_at", _fields, 1e-9, fields=lambda record: 2),
     "volume_density": AtStates("density_at", "volume_density.at", _density, 1.2e-8, labels=_bins),
     "box_counting": AtStates(
         "box_at",
@@ -123,7 +123,7 @@ AT_STATES = {
         "transport.flux_at",
         _flux,
         void.QUANTITIES["transmissivity"].seconds,
-        fields=2,
+        fields=lambda record: 2,
         flow=True,
     ),
     "fluid_pressure": AtStates(
@@ -132,6 +132,7 @@ AT_STATES = {
         coupling.of_state,
         8e-5,
         parts=lambda record: 8 if record.fluid_pressure and record.fluid_pressure.coupling == "full" else 1,
+        fields=lambda record: 2 if record.fluid_pressure and record.fluid_pressure.fields else 0,
         flow=True,
         solves=True,
     ),
@@ -216,7 +217,7 @@ def fields_of(record: Record) -> int:
     return (
         record.heights
         + record.residual_heights
-        + sum(AT_STATES[name].fields * len(levels) for name, levels in asked_for.items())
+        + sum(AT_STATES[name].fields(record) * len(levels) for name, levels in asked_for.items())
     )
 
 

@@ -39,6 +39,12 @@ FLUID |= rows(
     **_along("y"),
 )
 FLUID |= rows(
+    "observables.coupling.of_state",
+    "fluid_pressure",
+    fluid_gap_x=Variable("... fluid_at x y", "1", "gap over Sq under a fluid that flows along x", "g/σ"),
+    fluid_gap_y=Variable("... fluid_at x y", "1", "gap over Sq under a fluid that flows along y", "g/σ"),
+)
+FLUID |= rows(
     "store.dimensional.in_units",
     fluid_leak_rate_x=Variable("... fluid_at", "length^3/time", "leak rate along x under fluid pressure", "Q_x(P)"),
     fluid_leak_rate_y=Variable("... fluid_at", "length^3/time", "leak rate along y under fluid pressure", "Q_y(P)"),

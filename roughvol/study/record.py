@@ -261,6 +261,8 @@ class Record(Strict):
                 del record[name]
         if self.psd is not None and self.region is not None:  # it was of the whole surface before
             record["psd"] = {"at": self.psd.at and record["psd"]["at"]}
+        if self.fluid_pressure is not None and not self.fluid_pressure.fields:
+            del record["fluid_pressure"]["fields"]
         if not record["all_legs"] or not legs:
             del record["all_legs"]
         return record

@@ -215,6 +215,17 @@ def test_a_study_stores_leaks_under_pressure_with_their_unit(run: Dataset) -> No
         assert_allclose(run[f"fluid_leak_rate_{axis}"].item(), rate, rtol=1e-6)
 
 
+def test_the_lifted_gap_of_a_study_passes_its_leak(run: Dataset, tmp_path: Path) -> None:
+    again = running.run(loads(TEXT.replace("at: last", "at: last, fields: true")), jobs=1, out=tmp_path)
+    state = again.isel(D=0, m=0, seed=0, fluid_at=0)
+    for axis, name in enumerate("xy"):
+        gap = state[f"fluid_gap_{name}"].transpose("x", "y").values
+        assert_allclose(gap.mean(), state[f"fluid_free_volume_{name}"], rtol=1e-12)
+        assert_allclose(conduction(gap, axis, periodic=True).coefficient * gap.mean() ** 3, state[f"fluid_leak_{name}"])
+    assert_allclose(again.fluid_leak_y, run.fluid_leak_y, rtol=0.0)
+    assert "fluid_gap_x" not in run
+
+
 def test_a_pressure_in_the_unit_of_p_gives_the_same_state(run: Dataset, tmp_path: Path) -> None:
     text = TEXT.replace("inlet: 0.2 bar", "inlet: 0.4").split("  dimensional")[0]
     again = running.run(loads(text), jobs=1, out=tmp_path)
