@@ -30,6 +30,7 @@ Room of the campaign.
 `forecast`      time left of a run
 `notebook`      progress of a run in a notebook
 `understood`    how a study was understood, in words
+`doubts`        numbers of a study that may be meant in another way
 `validity`      where a study leaves the model
 `card`          runs behind a leak card
 `answer_trade`  the error of an answer against its cost

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from roughvol.campaign import cost, path, resources, validity, workers
+from roughvol.campaign import cost, doubts, path, resources, validity, workers
 from roughvol.campaign.one_case import surface_of
 from roughvol.contact.periodic import LEAST
 from roughvol.errors import DatasetError, Problem, StudyError
@@ -113,6 +113,33 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[validity.Find
     return validity.peak(held, surface.peak) + validity.before(
         held, case.sweep.legs[0].target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side
     )
+
+
+def doubtful(study: Study, surface: Surface | None = None) -> list[str]:
+    """Return the numbers of a study that may be meant in another way, see `doubts`.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    surface : Surface, optional
+        Surface of its first case, in the units of the study. Default: made or read here.
+
+    Returns
+    -------
+    list of str
+        Sentences.
+    """
+    if study.axes:
+        found = (sentence for variant in study.variants for sentence in doubtful(variant.study, surface))
+        return list(dict.fromkeys(found))
+    case, given = study.cases()[0], study.surface
+    several = isinstance(given, MadeSurface) or len(given.each) > 1
+    if surface is None:
+        surface = surface_of(case if case.m is None else replace(case, m=min(case.m, LOOKED_AT)))
+        height = given.height if isinstance(given, MadeSurface) else None
+        surface = surface if height is None else surface.scaled(height)
+    return doubts.sentences(study, [surface.Sq], surface.side, case.length_unit, about="about " * several)
 
 
 def _read_apart(study: Study, files: Sequence[Path]) -> Surface:

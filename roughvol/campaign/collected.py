@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from roughvol.campaign import validity
+from roughvol.campaign import doubts, validity
 from roughvol.campaign.one_case import FFT
 from roughvol.errors import DatasetError
 from roughvol.store import answer, dataset, dimensional, provenance, run_folder, variants
@@ -165,7 +165,8 @@ def combined(
         attributes["surface"] = case.surface_text
     results = dimensional.in_units(dataset.combine(list(parts.values()), attributes), study, case.length_unit)
     findings = validity.after(validity.setting(study), results)
-    return results.assign_attrs(warnings="\n".join(validity.sentences(findings, case.notes)))
+    doubtful = doubts.sentences(study, results["Sq"].values.ravel(), results["L"].item(), case.length_unit)
+    return results.assign_attrs(warnings="\n".join(validity.sentences(findings, (*case.notes, *doubtful))))
 
 
 def _joined(

@@ -56,13 +56,13 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: 
         click.echo(f"# picture {path}")
     if loaded.ensemble is not None:
         _say_expected(loaded, jobs)
-        warn(validity.sentences(checks.foreseen(loaded, surface), ()))
+        warn(validity.sentences(checks.foreseen(loaded, surface), checks.doubtful(loaded, surface)))
         cost.check_fits(loaded, folder)
         return
     estimated = cost.estimate(loaded, jobs)
     click.echo(cli_text.cost(estimated))
     notes = understood.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
-    warn(validity.sentences(checks.foreseen(loaded, surface), notes))
+    warn(validity.sentences(checks.foreseen(loaded, surface), (*notes, *checks.doubtful(loaded, surface))))
     for choice in cost.choices(loaded, jobs):
         area, pressure, volume = choice.errors
         click.echo(
