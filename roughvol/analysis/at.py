@@ -182,7 +182,8 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
         before, after = array[rows, low], array[rows, high]
         row = VARIABLES.get(str(name))
         if (row is None or row.kind == "real") and not str(name).startswith("open_") and array.dtype.kind == "f":
-            mixed = before + share * (after - before)
+            with np.errstate(invalid="ignore"):  # between two infinite numbers, as of Knudsen where no way is open
+                mixed = np.where(before == after, before, before + share * (after - before))
             if str(name).startswith(BY_LOGARITHM):
                 positive = (before > 0.0) & (after > 0.0)
                 one, other = np.where(positive, before, 1.0), np.where(positive, after, 1.0)
@@ -405,6 +406,8 @@ def _close(data: Dataset, reached: int, shut: dict[str, Array]) -> None:
     Under fluid pressure the dry flows alone are known: the fluid may open the way again.
     """
     for name, variable in list(data.data_vars.items()):
+        if variable.dtype.kind == "b":
+            data[name] = ("seed", np.where(np.arange(variable.size) < reached, variable.values, False), variable.attrs)
         if variable.dtype.kind != "f" or variable.dims != ("seed",) or str(name) in ("Sq", "Sdq"):
             continue
         values = variable.values.copy()

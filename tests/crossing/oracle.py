@@ -1,0 +1,261 @@
+"""The numbers of study.nc by plain numpy: nothing of roughvol is imported here.
+
+Conventions, as the pages state them:
+
+- Flows of several surfaces: the median over the surfaces, closed surfaces counted as 0, with the 16-84 % range. Other
+  quantities: the mean over the surfaces that have a value.
+- Under fluid pressure the leak is ``fluid_leak_rate_*`` at the load of a recorded state. The leak along the steps is
+  named dry.
+- Between two steps: straight lines over the quantity asked for, of the logarithm for flows and openings; counts are
+  those of the step beyond. A step that misses a load by less than 1e-5 is this load.
+- A surface whose sweep ended closed along an axis is closed at every higher load: flow 0, no other number.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+REACHED = 1e-5
+FLOWS = ("leak_rate", "gas_leak_rate", "transmissivity", "gas_transmissivity")
+STRAIGHT_IN_LOG = (*FLOWS, "diffusivity", "critical_gap", "critical_opening")
+COUNTED = ("percolates", "open", "contact_clusters", "trapped_pockets", "iterations", "converged")
+LOADS = {  # kind of a load: its number, and the factors to the unit of the studies (MPa, um, mN)
+    "pressure": ("nominal_pressure", {"MPa": 1.0, "kPa": 1e-3, "bar": 0.1}),
+    "load": ("load", {"mN": 1.0, "N": 1e3}),
+    "mean_gap": ("mean_gap", {"um": 1.0, "nm": 1e-3}),
+    "contact_area": ("contact_area_fraction", {}),
+    "separation": ("separation", {}),
+    "indentation": ("indentation", {}),
+}
+Numbers = dict[str, np.ndarray]
+
+
+@dataclass
+class Surface:
+    """One surface: its numbers along the steps, and its recorded states by dimension and label."""
+
+    along: Numbers
+    legs: np.ndarray
+    states: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
+    Sq: float = math.nan
+    seed: int = 0
+    ends: str = ""
+
+
+@dataclass
+class Group:
+    """Surfaces that share a row: the words that name them, and the surfaces."""
+
+    words: tuple[str, ...]
+    surfaces: list[Surface]
+    labels: dict[str, Any]
+
+
+def groups(
+    file: Path, modulus: float | Mapping[object, float] = math.nan, lists: Iterable[str] = (), ends: str = ""
+) -> list[Group]:
+    """Return the surfaces of a study.nc that share a row; ``ends`` is the target of the sweep."""
+    with xr.open_dataset(file, engine="netcdf4") as stored:
+        ds = stored.load()
+    found = []
+    for chosen in itertools.product(*(ds[name].values.tolist() for name in lists)):
+        part = ds.sel(dict(zip(lists, chosen, strict=True)))
+        E = modulus if isinstance(modulus, float) else modulus[chosen[0]]
+        words = tuple(_words(name, value, ds[name]) for name, value in zip(lists, chosen, strict=True))
+        labels = dict(zip(lists, chosen, strict=True))
+        if "case" in ds.dims:
+            rows = [((case,), {"case": case}, [part.sel(case=case)]) for case in ds["case"].values.tolist()]
+        else:
+            rows = [
+                ((f"D = {D:g}, m = {m}",), {"D": D, "m": m}, [part.sel(D=D, m=m, seed=seed) for seed in ds["seed"]])
+                for D in ds["D"].values.tolist()
+                for m in ds["m"].values.tolist()
+            ]
+        for own, names, surfaces in rows:
+            solved = [one for one in surfaces if "mean_pressure" in one and bool(one["mean_pressure"].notnull().any())]
+            if solved:
+                found.append(Group((*words, *own), [replace(_surface(one, E), ends=ends) for one in solved], labels | names))
+    return found
+
+
+def _words(name: str, value: Any, coordinate: Any) -> str:
+    unit = coordinate.attrs.get("units", "1")
+    return f"{name} = {value:g} {unit}" if isinstance(value, float) else f"{name} = {value}"
+
+
+def _surface(ds: xr.Dataset, E: float) -> Surface:
+    """Return one surface with what follows from its numbers by plain factors."""
+    steps = ds.sizes["step"]
+    along = {str(n): v.values.astype(float) for n, v in ds.data_vars.items() if v.dims == ("step",)}
+    along.pop("leg", None)
+    legs = ds["leg"].values.astype(int) if "leg" in ds else np.ones(steps, dtype=int)
+    Sq, L = float(ds["Sq"]), float(ds["L"])
+    along.setdefault("mean_gap", along["free_volume"] * Sq)
+    if math.isfinite(E):
+        along.setdefault("nominal_pressure", along["mean_pressure"] * (E * Sq / L))
+        nodes = 2 ** int(ds["m"]) + ("periodic" not in ds.attrs) if "m" in ds.coords else int(ds["nodes_x"])
+        area = (nodes * L / (nodes - ("periodic" not in ds.attrs))) ** 2  # um², and MPa um² is 1e-3 mN
+        along["load"] = along["nominal_pressure"] * area * 1e-3
+    for axis in "xy":
+        for name in (f"percolates_{axis}", f"critical_gap_{axis}", f"transmissivity_{axis}"):
+            if name in along and np.isfinite(along[name]).any():
+                along[f"open_{axis}"] = np.where(np.isfinite(along[name]), along[name] > 0.0, np.nan)
+                break
+    states: dict[str, dict[str, dict[str, float]]] = {}
+    for dim in (str(name) for name in ds.dims if f"{name}_step" in ds):
+        held = [n for n, v in ds.data_vars.items() if v.dims == (dim,) and v.dtype.kind == "f"]
+        labels = ds[dim].values.tolist()
+        states[dim] = {
+            label: {str(n).removeprefix(f"{dim}_"): float(ds[n][k]) for n in held}
+            for k, label in enumerate(labels)
+            if int(ds[f"{dim}_step"][k]) > 0
+        }
+    _add_stiffness(along, legs)
+    return Surface(_lifted(along, states.get("fluid_at")), legs, states, Sq, int(ds["seed"]) if "seed" in ds.coords else 0)
+
+
+def _add_stiffness(along: Numbers, legs: np.ndarray) -> None:
+    """Add bounds of K L/E* = -dp*/dV* where it is not stored: the slopes over ln p to both neighbours."""
+    p, V, on = along["mean_pressure"], along["free_volume"], np.flatnonzero((legs == 1) & (along["mean_pressure"] > 0.0))
+    low, high = np.full(p.shape, np.nan), np.full(p.shape, np.nan)
+    with np.errstate(all="ignore"):
+        slopes = -np.diff(np.log(p[on])) / np.diff(V[on])
+        for k, j in enumerate(on[1:-1]):
+            low[j], high[j] = sorted(p[j] * slopes[k : k + 2])
+    along["stiffness_low"], along["stiffness_high"] = low, high
+
+
+def _lifted(along: Numbers, states: dict[str, dict[str, float]] | None) -> Numbers:
+    """Return the numbers along the steps with the leak under fluid pressure, the dry leak by the name dry."""
+    if states is None:
+        return along
+    names = [f"{flow}_{axis}" for flow in (*FLOWS, "open", "critical_opening") for axis in "xy"]
+    lifted = {f"{n[:-2]}_dry{n[-2:]}" if n in names else n: values for n, values in along.items()}
+    for axis in "xy":
+        leak = np.full(along["mean_pressure"].shape, np.nan)
+        for state in states.values():
+            near = np.isclose(along["mean_pressure"], state["mean_pressure"], rtol=1e-6, atol=0.0)
+            leak[near] = state[f"fluid_leak_rate_{axis}"]
+        lifted[f"leak_rate_{axis}"] = leak
+        lifted[f"open_{axis}"] = np.where(np.isfinite(leak), leak > 0.0, np.nan)
+    return lifted
+
+
+def level(text: str) -> tuple[str, float, int | None]:
+    """Return number, value and leg of a load, as of ``pressure=0.5 MPa, leg 2``; pressures without a unit are p*."""
+    found = re.fullmatch(r"(\w+)(?:=(-?[\d.e-]+) ?(\w*))?(?:, leg (\d+))?", text)
+    assert found, text
+    kind, value, unit, leg = found.groups()
+    if kind in ("last", "step"):
+        return kind, float(value or 0.0), int(leg) if leg else None
+    name, factors = LOADS[kind]
+    if kind == "pressure" and not unit:
+        name = "mean_pressure"
+    return name, float(value) * (factors[unit] if unit else 1.0), int(leg) if leg else None
+
+
+def recorded(surface: Surface, text: str) -> dict[str, float] | None:
+    """Return the numbers of a surface at a load: those of the recorded state where the study records the load."""
+    numbers = at(surface, text)
+    for states in surface.states.values():
+        state = states.get(text.removesuffix(", leg 1"))
+        if state is None or numbers is None or not math.isfinite(numbers["mean_pressure"]):
+            continue
+        name, _, leg = level(text)
+        name = "mean_pressure" if name == "nominal_pressure" else "free_volume" if name == "mean_gap" else name
+        numbers = _on_path(surface, name, state[name], leg) or numbers
+        per_p, per_V = (numbers.get(n, math.nan) / numbers[of] for n, of in (("nominal_pressure", "mean_pressure"), ("mean_gap", "free_volume")))
+        own = {n: state[n] for n in ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")}
+        made = {"nominal_pressure": per_p * own["mean_pressure"], "mean_gap": per_V * own["free_volume"]}
+        return numbers | own | {n: value for n, value in made.items() if n in numbers}
+    return numbers
+
+
+def at(surface: Surface, text: str) -> dict[str, float] | None:
+    """Return the numbers of a surface at a load, None where its sweep does not reach the load."""
+    name, value, leg = level(text)
+    p = surface.along["mean_pressure"]
+    if name in ("last", "step"):
+        wanted = np.isfinite(p) & ((surface.legs == leg) if leg else True)
+        k = np.flatnonzero(wanted)[-1] if name == "last" else int(value) - 1
+        return {n: float(v[k]) for n, v in surface.along.items()}
+    if text == surface.ends:  # the sweep ended at this target: its last step has reached the target
+        return at(surface, "last, leg 1")
+    return _on_path(surface, name, value, leg)
+
+
+def _on_path(surface: Surface, name: str, value: float, leg: int | None) -> dict[str, float] | None:
+    """Return the numbers where a surface first reaches a value, on a step or between two."""
+    p = surface.along["mean_pressure"]
+    for own in [leg] if leg else dict.fromkeys(surface.legs.tolist()):
+        on = np.flatnonzero((surface.legs == own) & np.isfinite(p))
+        x = surface.along[name][on]
+        near = np.flatnonzero(np.abs(x - value) <= REACHED * max(abs(value), 1.0 if name == "separation" else 0.0))
+        if near.size:
+            return {n: float(v[on[near[0]]]) for n, v in surface.along.items()}
+        inside = np.flatnonzero((np.minimum(x[:-1], x[1:]) < value) & (value < np.maximum(x[:-1], x[1:])))
+        if inside.size:
+            k = inside[0]
+            share = (value - x[k]) / (x[k + 1] - x[k])
+            return {n: _between(n, v[on[k]], v[on[k + 1]], share) for n, v in surface.along.items()}
+        if beyond := _beyond(surface, on, x, value):
+            return beyond
+    return None
+
+
+def _between(name: str, low: float, high: float, share: float) -> float:
+    if name.startswith(COUNTED):
+        return float(high)
+    if name.startswith(STRAIGHT_IN_LOG):
+        return float(low ** (1.0 - share) * high**share) if low > 0.0 and high > 0.0 else float(high)
+    return float(low + share * (high - low))
+
+
+def _beyond(surface: Surface, on: np.ndarray, x: np.ndarray, value: float) -> dict[str, float] | None:
+    """Return the numbers of a surface beyond the end of a sweep that closed: flows 0, nothing else."""
+    rising = x[-1] > x[0]
+    if not (value > x.max() if rising else value < x.min()):
+        return None
+    shut = [axis for axis in "xy" if _ways(surface, axis) is not None and _ways(surface, axis)[on[-1]] == 0.0]
+    lifted = "leak_rate_dry_x" in surface.along or "transmissivity_dry_x" in surface.along
+    names = [f"{flow}{'_dry' * lifted}_{axis}" for flow in (*FLOWS, "open") for axis in shut]
+    return {n: 0.0 if n in (*names, "converged") else math.nan for n in surface.along} if shut else None
+
+
+def _ways(surface: Surface, axis: str) -> Any:
+    return surface.along.get(f"open_dry_{axis}", surface.along.get(f"open_{axis}"))
+
+
+def is_flow(name: str) -> bool:
+    """Return whether several surfaces have a median."""
+    return re.sub(r"(_dry)?_[xy]$", "", name) in FLOWS
+
+
+def mean(name: str, values: Iterable[float]) -> tuple[float, float, float, int]:
+    """Return the number of several surfaces, its 16-84 % range, and the surfaces with a value."""
+    known = np.array([value for value in values if math.isfinite(value)])
+    if not known.size:
+        return math.nan, math.nan, math.nan, 0
+    low, high = np.quantile(known, [0.16, 0.84])
+    return float(np.median(known) if is_flow(name) else known.mean()), float(low), float(high), known.size
+
+
+def closing(surface: Surface, axis: str) -> tuple[float, float]:
+    """Return the last load with an open way on the first leg, and that of the next step; infinite where none closes."""
+    way, on = _ways(surface, axis), (surface.legs == 1) & np.isfinite(surface.along["mean_pressure"])
+    load = surface.along.get("nominal_pressure", surface.along["mean_pressure"])[on]
+    still = np.flatnonzero(way[on] > 0.0)
+    last = still[-1] if still.size else -1
+    return (float(load[last]) if last >= 0 else 0.0), (float(load[last + 1]) if last + 1 < load.size else math.inf)
+
+
+Oracle = Callable[[Path], list[Group]]

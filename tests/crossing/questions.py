@@ -1,0 +1,395 @@
+"""Questions about a run: each is put through its real entry point, and every number of the answer is compared.
+
+A question returns how many numbers were compared with the `oracle`. It raises `Refused` with the message where the
+program refuses, and fails where a number differs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+import math
+import re
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from click.testing import CliRunner
+
+import roughvol
+from roughvol.cli import main
+from roughvol.errors import RoughvolError
+from tests.crossing import oracle
+from tests.crossing.kinds import BY_NAME, Kind
+from tests.crossing.oracle import Group, Surface
+
+DIGITS = 6e-4  # relative: four printed digits
+TIGHT = 1e-9  # relative: numbers as they are stored
+HEADS = {  # symbol of a column: stored name
+    "p": "nominal_pressure",
+    "p*": "mean_pressure",
+    "A*": "contact_area_fraction",
+    "V*": "free_volume",
+    "g_mean": "mean_gap",
+    "d/σ": "separation",
+    "d": "mean_plane_separation",
+    "Δ/σ": "indentation",
+    "u_pl/σ": "plastic_volume",
+    "A_pl*": "plastic_area_fraction",
+    "K L/E*": "interfacial_stiffness",
+} | {
+    head.format(axis): name.format(axis)
+    for axis in "xy"
+    for head, name in {
+        "open along {}": "open_{}",
+        "open along {} dry": "open_dry_{}",
+        "h_c,{}": "critical_opening_{}",
+        "h_c,{} dry": "critical_opening_dry_{}",
+        "T_{}*": "transmissivity_{}",
+        "T_{}* dry": "transmissivity_dry_{}",
+        "Q_{}": "leak_rate_{}",
+        "Q_{} dry": "leak_rate_dry_{}",
+        "Q_g,{}": "gas_leak_rate_{}",
+        "Q_g,{} dry": "gas_leak_rate_dry_{}",
+        "Kn_{}": "knudsen_number_{}",
+    }.items()
+}
+STIFFNESS = "interfacial_stiffness"  # not stored: a slope of two stored numbers
+
+
+class Refused(Exception):
+    """The program refuses a question with a message."""
+
+
+@dataclass
+class Made:
+    """A run that was made in a folder."""
+
+    kind: Kind
+    folder: Path
+    output: str = field(default="")
+
+    @property
+    def file(self) -> Path:
+        """Its study.nc."""
+        return self.folder / "runs" / self.kind.name / "study.nc"
+
+    @cached_property
+    def groups(self) -> list[Group]:
+        """Its surfaces, as the oracle reads them."""
+        return oracle.groups(self.file, self.kind.modulus, self.kind.lists, self.kind.ends)
+
+    def group(self, words: str) -> Group:
+        """Return the surfaces that a row means, by the words around the row."""
+        alike = [{group.words[k] for group in self.groups} for k in range(len(self.groups[0].words))]
+        found = [
+            group
+            for group in self.groups
+            if all(len(names) == 1 or word in words for word, names in zip(group.words, alike, strict=True))
+        ]
+        assert len(found) == 1, f"{words!r} names {len(found)} of {[group.words for group in self.groups]}"
+        return found[0]
+
+
+def call(made: Made, *arguments: str) -> str:
+    """Return what a command prints; raise `Refused` where it refuses."""
+    with contextlib.chdir(made.folder):
+        done = CliRunner().invoke(main, list(arguments))
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise AssertionError("".join(traceback.format_exception(done.exception)))
+    if done.exit_code == 2:
+        assert "Traceback" not in done.output
+        assert done.stdout == "", "a refused command prints nothing else"
+        raise Refused(done.stderr)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+@contextlib.contextmanager
+def python(made: Made) -> Iterator[None]:
+    """Call Python in the folder of a run; raise `Refused` where it raises an error of roughvol."""
+    with contextlib.chdir(made.folder):
+        try:
+            yield
+        except RoughvolError as error:
+            raise Refused(str(error)) from error
+
+
+# tables of text
+
+
+@dataclass
+class Table:
+    """A printed table: the line above, its head and its rows."""
+
+    title: str
+    head: list[str]
+    rows: list[dict[str, str]]
+
+
+FIRST = ("step ", "state ", "surface ", "run ")
+
+
+def tables(text: str) -> list[Table]:
+    """Return the tables of a text: columns are parted by two blanks in every line."""
+    lines, found = text.splitlines(), []
+    for k, line in enumerate(lines):
+        if not (line.lstrip() + " ").startswith(FIRST) or "  " not in line.strip():
+            continue
+        block = [line]
+        for row in lines[k + 1 :]:
+            if "  " not in row.strip() or re.match(r"  [A-Z]", row):
+                break
+            block.append(row)
+        width = max(map(len, block))
+        block = [row.ljust(width) for row in block]
+        blank = "".join(" " if all(row[j] == " " for row in block) else "x" for j in range(width))
+        ends = [(part.start(), part.end()) for part in re.finditer(r"x+(?: x+)*", blank)]
+        cells = [[row[start:end].strip() for start, end in ends] for row in block]
+        title = lines[k - 1] if k and "  " not in lines[k - 1] else ""
+        found.append(Table(title, cells[0], [dict(zip(cells[0], row, strict=True)) for row in cells[1:]]))
+    return found
+
+
+def check_table(made: Made, table: Table, made_of: Callable[[str], Made] | None = None) -> int:
+    """Compare every number of a table of states, or of closing loads; return how many numbers there are."""
+    count = 0
+    owners = [made_of(row["run"]) if made_of else made for row in table.rows]
+    words = [", ".join((table.title, row.get("surface", ""), row.get("run", ""))) for row in table.rows]
+    of_rows = [own.group(text) for own, text in zip(owners, words, strict=True)]
+    several = any(len(group.surfaces) > 1 for group in of_rows)
+    for row, group in zip(table.rows, of_rows, strict=True):
+        if "ways closed" in row:
+            count += _check_closing(group, row)
+            continue
+        states = [_state(surface, row) for surface in group.surfaces]
+        for head, cell in row.items():
+            if head in ("step", "state", "surface", "run"):
+                continue
+            if head == "surfaces":
+                _check_count(cell, states)
+            elif head == "leg":
+                assert int(cell) == group.surfaces[0].legs[int(row["step"]) - 1]
+            else:
+                assert head.startswith("median ") == (several and oracle.is_flow(_name_of(head))), head
+                count += check_cell(head, cell, [state or {} for state in states])
+    return count
+
+
+def _state(surface: Surface, row: dict[str, str]) -> dict[str, float] | None:
+    label = row.get("state") or f"step {row['step']}"
+    if step := re.fullmatch(r"step (\d+)(, leg \d+)?", label):
+        k = int(step[1]) - 1
+        return {n: float(v[k]) for n, v in surface.along.items()}
+    return oracle.recorded(surface, label)
+
+
+def _check_count(cell: str, states: Sequence[dict[str, float] | None]) -> None:
+    reached = sum(state is not None and math.isfinite(state["mean_pressure"]) for state in states)
+    closed = sum(state is not None for state in states) - reached
+    there = re.fullmatch(r"(\d+)(?: of (\d+))?(?: \((\d+) closed before\))?", cell)
+    assert there, cell
+    if all(state is not None and "mean_pressure" in state for state in states) and not there[3]:
+        closed = 0  # all steps: a surface without a state at a step is not counted
+    assert (int(there[1]), int(there[3] or 0)) == (reached, closed), (cell, reached, closed)
+    assert int(there[2] or reached) == (len(states) if there[2] else reached)
+
+
+def _name_of(head: str) -> str:
+    """Return the stored name of the head of a column, as ``median Q_x [mm^3/s]``."""
+    symbol = head.removeprefix("median ").partition(" [")[0]
+    assert symbol in HEADS, f"the column {head!r} has no number in the oracle"
+    return HEADS[symbol]
+
+
+def check_cell(head: str, cell: str, states: Sequence[dict[str, float]]) -> int:
+    """Compare a cell with the numbers of its surfaces."""
+    name = _name_of(head)
+    if name == STIFFNESS:
+        ends = [np.mean([state.get(name, math.nan) for state in states]) for name in ("stiffness_low", "stiffness_high")]
+        if cell and np.isfinite(ends).all():
+            assert ends[0] * (1.0 - DIGITS) <= float(cell) <= ends[1] * (1.0 + DIGITS), (head, cell, ends)
+        return 0
+    values = [state.get(name, math.nan) for state in states]
+    value, low, high, known = oracle.mean(name, values)
+    if cell in ("", "–"):
+        assert known == 0, (head, cell, values)
+        return 0
+    if name.startswith("open_"):
+        open_ = sum(value > 0.0 for value in values)
+        one = ("open" if open_ else "closed") if known == 1 else ""
+        assert cell in (f"{open_} of {known}", one), (head, cell, values)
+        return 1
+    numbers = [float(text) for text in re.findall(r"-?\d[\d.]*(?:e-?\d+)?", cell)]
+    expected_numbers = [value, low, high] if len(numbers) == 3 else [value]
+    assert len(numbers) in (1, 3), (head, cell)
+    close(numbers, expected_numbers, f"{head}: {cell}", flow=oracle.is_flow(name))
+    return len(numbers)
+
+
+def close(found: Any, expected: Any, words: str, *, within: float = DIGITS, flow: bool = False) -> None:
+    """Compare printed numbers with expected ones; a flow of 0 is exact, other zeros are of the order of rounding."""
+    np.testing.assert_allclose(found, expected, rtol=within, atol=0.0 if flow else 1e-9, err_msg=words)
+
+
+def _check_closing(group: Group, row: dict[str, str]) -> int:
+    spans = [oracle.closing(surface, row["axis"]) for surface in group.surfaces]
+    closed = [span for span in spans if math.isfinite(span[1])]
+    assert row["ways closed"] == f"{len(closed)} of {len(spans)}"
+    ends = {"open": [span[0] for span in closed or spans], "closed": [span[1] for span in closed]}
+    count = 0
+    for head, cell in row.items():
+        if values := ends.get(head.split()[0]) if " " in head else None:
+            numbers = [float(text) for text in re.findall(r"\d[\d.]*(?:e-?\d+)?", cell)]
+            expected = [np.mean(values), min(values), max(values)]
+            close(numbers, expected[: len(numbers)], f"{head}: {cell}")
+            count += len(numbers)
+    return count
+
+
+# rows of JSON and CSV
+
+
+def check_rows(made: Made, rows: Sequence[dict[str, Any]], labels: Sequence[str]) -> int:
+    """Compare the rows of single surfaces; every surface that has a state has a row."""
+    count = 0
+    expected = 0
+    for group in made.groups:
+        for surface in group.surfaces:
+            names = group.labels | ({} if "case" in group.labels else {"seed": surface.seed})
+            own = [row for row in rows if all(_same(row[name], label) for name, label in names.items())]
+            states = _states_of(surface, labels)
+            assert len(own) == len(states), (names, len(own), len(states))
+            expected += len(states)
+            for row, numbers in zip(own, states, strict=True):
+                for name, value in row.items():
+                    if name in (*names, "step", "state", STIFFNESS):
+                        continue
+                    wanted = surface.legs[int(row["step"]) - 1] if name == "leg" else numbers.get(name, math.nan)
+                    assert name == "leg" or name in numbers or value is None, f"{name} has no number in the oracle"
+                    found = math.nan if value is None else float(value)
+                    wanted = wanted if math.isfinite(wanted) else math.nan  # a Knudsen number of a closed way
+                    close(found, wanted, f"{names}, {name}", within=TIGHT, flow=oracle.is_flow(name))
+                    count += value is not None
+    assert len(rows) == expected
+    return count
+
+
+def _same(found: Any, label: Any) -> bool:
+    return float(found) == float(label) if isinstance(label, int | float) else found == label
+
+
+def _states_of(surface: Surface, labels: Sequence[str]) -> list[dict[str, float]]:
+    if labels:
+        return [numbers for label in labels if (numbers := oracle.recorded(surface, label)) is not None]
+    solved = np.flatnonzero(np.isfinite(surface.along["mean_pressure"]))
+    return [{n: float(v[k]) for n, v in surface.along.items()} for k in solved]
+
+
+# the questions
+
+
+def run(made: Made) -> int:
+    """`roughvol run STUDY`."""
+    text = call(made, "run", made.kind.file, "--jobs", "1")
+    return sum(check_table(made, table) for table in tables(text))
+
+
+def show(made: Made) -> int:
+    """`roughvol show RUN`."""
+    found = tables(call(made, "show", made.kind.asked))
+    assert len(found) == len(made.groups)
+    for table, group in zip(found, made.groups, strict=True):
+        solved = np.any([np.isfinite(surface.along["mean_pressure"]) for surface in group.surfaces], axis=0)
+        assert len(table.rows) == solved.sum()
+    return sum(check_table(made, table) for table in found)
+
+
+def _at(made: Made) -> list[str]:
+    return [part for text in made.kind.at for part in ("--at", text)]
+
+
+def show_at(made: Made) -> int:
+    """`roughvol show RUN --at LOAD`."""
+    found = tables(call(made, "show", made.kind.asked, *_at(made)))
+    assert sum(len(table.rows) for table in found) == len(made.groups) * len(made.kind.at)
+    return sum(check_table(made, table) for table in found)
+
+
+def show_json(made: Made) -> int:
+    """`roughvol show RUN --json`."""
+    every = json.loads(call(made, "show", made.kind.asked, "--json"))
+    some = json.loads(call(made, "show", made.kind.asked, "--json", *_at(made)))
+    return check_rows(made, every["rows"], ()) + check_rows(made, some["rows"], made.kind.at)
+
+
+def show_csv(made: Made) -> int:
+    """`roughvol show RUN --csv`."""
+    count = 0
+    for labels in ((), made.kind.at):
+        text = call(made, "show", made.kind.asked, "--csv", *(_at(made) if labels else ()))
+        rows = list(csv.DictReader(io.StringIO(text)))
+        plain = [{name: _plain(value) for name, value in row.items()} for row in rows]
+        count += check_rows(made, plain, labels)
+    return count
+
+
+def _plain(text: str) -> Any:
+    if text in ("", "True", "False"):
+        return {"": None, "True": 1.0, "False": 0.0}[text]
+    with contextlib.suppress(ValueError):
+        return float(text)
+    return text
+
+
+def compare(made: Made) -> int:
+    """`roughvol compare RUN RUN --at LOAD`."""
+    beside, load = made.kind.beside
+    other = Made(BY_NAME[beside], made.folder)
+    (table,) = tables(call(made, "compare", made.kind.asked, beside, "--at", load))
+    assert len(table.rows) == len(made.groups) + len(other.groups)
+    return check_table(made, table, lambda words: other if words.partition(", ")[0] == beside else made)
+
+
+def run_python(made: Made) -> int:
+    """`roughvol.run(STUDY)`."""
+    with python(made):
+        found = roughvol.run(made.kind.file, jobs=1)
+    return check_dataset(made, found)
+
+
+def check_dataset(made: Made, found: Any) -> int:
+    """Compare a dataset with study.nc, bit for bit."""
+    with xr.open_dataset(made.file, engine="netcdf4") as stored:
+        assert set(found.data_vars) == set(stored.data_vars)
+        for name, variable in stored.data_vars.items():
+            np.testing.assert_array_equal(found[name].transpose(*variable.dims).values, variable.values, str(name))
+        return sum(variable.size for variable in stored.data_vars.values())
+
+
+def status(made: Made) -> int:
+    """`roughvol status STUDY`."""
+    text = call(made, "status", made.kind.file)
+    with xr.open_dataset(made.file, engine="netcdf4") as stored:
+        cases = len(json.loads(stored.attrs["case_ids"]))
+    assert f"runs/{made.kind.name}: {cases} of {cases} cases finished, collected" in text
+    return 1
+
+
+QUESTIONS: dict[str, Callable[[Made], int]] = {
+    "run": run,
+    "show": show,
+    "show --at": show_at,
+    "show --json": show_json,
+    "show --csv": show_csv,
+    "compare": compare,
+    "roughvol.run": run_python,
+    "status": status,
+}
