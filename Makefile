@@ -13,7 +13,7 @@ LITERATURE := wave_love wave_fourier wave_punch two_codes area load closing stif
               mirco_sup2 mirco_supN6 mirco_sup5 mirco_sup7 challenge
 
 .DEFAULT_GOAL := setup
-.PHONY: help setup reproduce seal literature test bench bench-peers validation tradeoff extremes reference docs coverage test-slow lint smoke clean
+.PHONY: help setup reproduce seal literature test bench bench-peers validation tradeoff extremes reference crossing docs coverage test-slow lint smoke clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
@@ -70,6 +70,9 @@ extremes: setup  ## press the extremes of every input, to docs/extremes.md
 reference: setup  ## write docs/reference.md: all keys of a study and all stored variables
 	@$(BIN)/roughvol explain --markdown > docs/reference.md.new
 	@mv docs/reference.md.new docs/reference.md
+
+crossing: setup  ## write docs/crossing.md: what may be combined, as the tests check it
+	@$(BIN)/python -m tests.crossing
 
 # Warnings are errors. Notebooks are executed. Nothing is fetched: the site works without the internet.
 docs: setup  ## build the documentation site, to build/site/index.html

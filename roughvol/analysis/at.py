@@ -181,14 +181,15 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
         array = variable.transpose("seed", "step").values
         before, after = array[rows, low], array[rows, high]
         row = VARIABLES.get(str(name))
+        if array.dtype.kind == "f":
+            after = np.where(np.isnan(before), before, after)  # between a missing number and a known one: missing
         if (row is None or row.kind == "real") and not str(name).startswith("open_") and array.dtype.kind == "f":
             with np.errstate(invalid="ignore"):  # between two infinite numbers, as of Knudsen where no way is open
                 mixed = np.where(before == after, before, before + share * (after - before))
             if str(name).startswith(BY_LOGARITHM):
                 positive = (before > 0.0) & (after > 0.0)
                 one, other = np.where(positive, before, 1.0), np.where(positive, after, 1.0)
-                missing = np.isnan(before) | np.isnan(after)
-                mixed = np.where(positive, one * (other / one) ** share, np.where(missing, np.nan, after))
+                mixed = np.where(positive, one * (other / one) ** share, after)
             after = np.where(share == 0.0, before, mixed)
         values[str(name)] = ("seed", after, variable.attrs)
     kept = {name: variable for name, variable in group.coords.items() if set(variable.dims) <= {"seed"}}

@@ -176,7 +176,7 @@ KINDS = (
         "legs",
         "legs with yield",
         _patch("[1, 2]")
-        + "material: {E_star: 10 MPa, hardness: 0.5 MPa}\n"
+        + "material: {E_star: 10 MPa, hardness: 0.5 MPa}\nsolver: {rtol: 1.0e-7}\n"
         + "sweep:\n  - {steps: 5, to: {pressure: 0.08 MPa}}\n  - {steps: 4, to: {pressure: 0.01 MPa}}\n"
         + RECORD
         + "  residual_heights: true\n  all_legs: true\n  fields_at: {pressure: 0.05 MPa}\n",
@@ -253,6 +253,7 @@ KINDS = (
         "all ways closed",
         _patch("[1, 2]") + RUBBER + "sweep: {pressures: [0.3 MPa, 0.5 MPa]}\n" + RECORD,
         ("pressure=0.4 MPa", "pressure=0.6 MPa"),
+        beside=("one", "pressure=0.3 MPa"),
     ),
     Kind(
         "some-closed",

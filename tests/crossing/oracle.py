@@ -16,7 +16,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -83,7 +83,9 @@ def groups(
         for own, names, surfaces in rows:
             solved = [one for one in surfaces if "mean_pressure" in one and bool(one["mean_pressure"].notnull().any())]
             if solved:
-                found.append(Group((*words, *own), [replace(_surface(one, E), ends=ends) for one in solved], labels | names))
+                found.append(
+                    Group((*words, *own), [replace(_surface(one, E), ends=ends) for one in solved], labels | names)
+                )
     return found
 
 
@@ -120,12 +122,18 @@ def _surface(ds: xr.Dataset, E: float) -> Surface:
             if int(ds[f"{dim}_step"][k]) > 0
         }
     _add_stiffness(along, legs)
-    return Surface(_lifted(along, states.get("fluid_at")), legs, states, Sq, int(ds["seed"]) if "seed" in ds.coords else 0)
+    return Surface(
+        _lifted(along, states.get("fluid_at")), legs, states, Sq, int(ds["seed"]) if "seed" in ds.coords else 0
+    )
 
 
 def _add_stiffness(along: Numbers, legs: np.ndarray) -> None:
     """Add bounds of K L/E* = -dp*/dV* where it is not stored: the slopes over ln p to both neighbours."""
-    p, V, on = along["mean_pressure"], along["free_volume"], np.flatnonzero((legs == 1) & (along["mean_pressure"] > 0.0))
+    p, V, on = (
+        along["mean_pressure"],
+        along["free_volume"],
+        np.flatnonzero((legs == 1) & (along["mean_pressure"] > 0.0)),
+    )
     low, high = np.full(p.shape, np.nan), np.full(p.shape, np.nan)
     with np.errstate(all="ignore"):
         slopes = -np.diff(np.log(p[on])) / np.diff(V[on])
@@ -173,8 +181,13 @@ def recorded(surface: Surface, text: str) -> dict[str, float] | None:
         name, _, leg = level(text)
         name = "mean_pressure" if name == "nominal_pressure" else "free_volume" if name == "mean_gap" else name
         numbers = _on_path(surface, name, state[name], leg) or numbers
-        per_p, per_V = (numbers.get(n, math.nan) / numbers[of] for n, of in (("nominal_pressure", "mean_pressure"), ("mean_gap", "free_volume")))
-        own = {n: state[n] for n in ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")}
+        per_p, per_V = (
+            numbers.get(n, math.nan) / numbers[of]
+            for n, of in (("nominal_pressure", "mean_pressure"), ("mean_gap", "free_volume"))
+        )
+        own = {
+            n: state[n] for n in ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
+        }
         made = {"nominal_pressure": per_p * own["mean_pressure"], "mean_gap": per_V * own["free_volume"]}
         return numbers | own | {n: value for n, value in made.items() if n in numbers}
     return numbers
@@ -213,8 +226,8 @@ def _on_path(surface: Surface, name: str, value: float, leg: int | None) -> dict
 
 
 def _between(name: str, low: float, high: float, share: float) -> float:
-    if name.startswith(COUNTED):
-        return float(high)
+    if math.isnan(low) or name.startswith(COUNTED):
+        return float(low if math.isnan(low) else high)
     if name.startswith(STRAIGHT_IN_LOG):
         return float(low ** (1.0 - share) * high**share) if low > 0.0 and high > 0.0 else float(high)
     return float(low + share * (high - low))
@@ -256,6 +269,3 @@ def closing(surface: Surface, axis: str) -> tuple[float, float]:
     still = np.flatnonzero(way[on] > 0.0)
     last = still[-1] if still.size else -1
     return (float(load[last]) if last >= 0 else 0.0), (float(load[last + 1]) if last + 1 < load.size else math.inf)
-
-
-Oracle = Callable[[Path], list[Group]]

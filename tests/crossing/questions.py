@@ -13,6 +13,7 @@ import json
 import math
 import re
 import traceback
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -115,7 +116,8 @@ def call(made: Made, *arguments: str) -> str:
 @contextlib.contextmanager
 def python(made: Made) -> Iterator[None]:
     """Call Python in the folder of a run; raise `Refused` where it raises an error of roughvol."""
-    with contextlib.chdir(made.folder):
+    with contextlib.chdir(made.folder), warnings.catch_warnings():
+        warnings.simplefilter("ignore", roughvol.RoughvolWarning)
         try:
             yield
         except RoughvolError as error:
@@ -140,14 +142,16 @@ FIRST = ("step ", "state ", "surface ", "run ")
 def tables(text: str) -> list[Table]:
     """Return the tables of a text: columns are parted by two blanks in every line."""
     lines, found = text.splitlines(), []
+    end = 0
     for k, line in enumerate(lines):
-        if not (line.lstrip() + " ").startswith(FIRST) or "  " not in line.strip():
+        if k < end or not (line.lstrip() + " ").startswith(FIRST) or "  " not in line.strip():
             continue
         block = [line]
         for row in lines[k + 1 :]:
             if "  " not in row.strip() or re.match(r"  [A-Z]", row):
                 break
             block.append(row)
+        end = k + len(block)
         width = max(map(len, block))
         block = [row.ljust(width) for row in block]
         blank = "".join(" " if all(row[j] == " " for row in block) else "x" for j in range(width))
@@ -213,7 +217,9 @@ def check_cell(head: str, cell: str, states: Sequence[dict[str, float]]) -> int:
     """Compare a cell with the numbers of its surfaces."""
     name = _name_of(head)
     if name == STIFFNESS:
-        ends = [np.mean([state.get(name, math.nan) for state in states]) for name in ("stiffness_low", "stiffness_high")]
+        ends = [
+            np.mean([state.get(name, math.nan) for state in states]) for name in ("stiffness_low", "stiffness_high")
+        ]
         if cell and np.isfinite(ends).all():
             assert ends[0] * (1.0 - DIGITS) <= float(cell) <= ends[1] * (1.0 + DIGITS), (head, cell, ends)
         return 0
@@ -297,13 +303,19 @@ def _states_of(surface: Surface, labels: Sequence[str]) -> list[dict[str, float]
 
 
 def run(made: Made) -> int:
-    """`roughvol run STUDY`."""
+    """The table after `roughvol run STUDY`, its closing loads, and the number of cases."""
     text = call(made, "run", made.kind.file, "--jobs", "1")
-    return sum(check_table(made, table) for table in tables(text))
+    assert text.startswith(f"{_cases(made)} case")
+    return 1 + sum(check_table(made, table) for table in tables(text))
+
+
+def _cases(made: Made) -> int:
+    with xr.open_dataset(made.file, engine="netcdf4") as stored:
+        return len(json.loads(stored.attrs["case_ids"]))
 
 
 def show(made: Made) -> int:
-    """`roughvol show RUN`."""
+    """The tables of all steps, `roughvol show RUN`."""
     found = tables(call(made, "show", made.kind.asked))
     assert len(found) == len(made.groups)
     for table, group in zip(found, made.groups, strict=True):
@@ -317,21 +329,21 @@ def _at(made: Made) -> list[str]:
 
 
 def show_at(made: Made) -> int:
-    """`roughvol show RUN --at LOAD`."""
+    """The table of states at loads, `roughvol show RUN --at LOAD`."""
     found = tables(call(made, "show", made.kind.asked, *_at(made)))
     assert sum(len(table.rows) for table in found) == len(made.groups) * len(made.kind.at)
     return sum(check_table(made, table) for table in found)
 
 
 def show_json(made: Made) -> int:
-    """`roughvol show RUN --json`."""
+    """The numbers of every surface at all steps and at loads, `roughvol show RUN --json`."""
     every = json.loads(call(made, "show", made.kind.asked, "--json"))
     some = json.loads(call(made, "show", made.kind.asked, "--json", *_at(made)))
     return check_rows(made, every["rows"], ()) + check_rows(made, some["rows"], made.kind.at)
 
 
 def show_csv(made: Made) -> int:
-    """`roughvol show RUN --csv`."""
+    """The same as comma-separated values, `roughvol show RUN --csv`."""
     count = 0
     for labels in ((), made.kind.at):
         text = call(made, "show", made.kind.asked, "--csv", *(_at(made) if labels else ()))
@@ -350,7 +362,7 @@ def _plain(text: str) -> Any:
 
 
 def compare(made: Made) -> int:
-    """`roughvol compare RUN RUN --at LOAD`."""
+    """Two runs side by side at one load, `roughvol compare RUN RUN --at LOAD`."""
     beside, load = made.kind.beside
     other = Made(BY_NAME[beside], made.folder)
     (table,) = tables(call(made, "compare", made.kind.asked, beside, "--at", load))
@@ -359,7 +371,7 @@ def compare(made: Made) -> int:
 
 
 def run_python(made: Made) -> int:
-    """`roughvol.run(STUDY)`."""
+    """The dataset that `roughvol.run(STUDY)` returns, every variable."""
     with python(made):
         found = roughvol.run(made.kind.file, jobs=1)
     return check_dataset(made, found)
@@ -375,10 +387,9 @@ def check_dataset(made: Made, found: Any) -> int:
 
 
 def status(made: Made) -> int:
-    """`roughvol status STUDY`."""
+    """The number of finished cases, `roughvol status STUDY`."""
     text = call(made, "status", made.kind.file)
-    with xr.open_dataset(made.file, engine="netcdf4") as stored:
-        cases = len(json.loads(stored.attrs["case_ids"]))
+    cases = _cases(made)
     assert f"runs/{made.kind.name}: {cases} of {cases} cases finished, collected" in text
     return 1
 

@@ -1,0 +1,104 @@
+"""The crossing table: every question on every kind of run is right, or refused with a sentence.
+
+`CELLS` has one entry for each question. ``right`` lists the kinds whose numbers are compared with the oracle.
+``refused`` has the words that the message must contain. A kind in neither is an empty cell, which fails the tests.
+``wrong`` marks cells of either sort that have a defect, by the number of its finding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tests.crossing.kinds import KINDS
+from tests.crossing.questions import QUESTIONS
+
+PAGE = Path(__file__).parents[2] / "docs" / "crossing.md"
+UNITS = (
+    "one seeds m files bodies spectrum materials regions legs one-way coupled gas lifted-gas region periodic closed "
+    "some-closed percolation to-pressure to-area force nominal gap records"
+)
+PRESSED = f"{UNITS} D ensemble mean-plane"
+UNPRESSED = {"unpressed": "nothing was pressed"}
+OTHER_RUN = dict.fromkeys(("study-changed", "file-changed"), "holds the results of another study")
+OTHER_RESULTS = dict.fromkeys(("study-changed", "file-changed"), "does not hold the results of")
+SHOWN = UNPRESSED | OTHER_RESULTS
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The cells of a question."""
+
+    right: str
+    refused: dict[str, str] = field(default_factory=dict)
+    wrong: dict[str, str] = field(default_factory=dict)
+
+
+CELLS = {
+    "run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
+    "show": Cells(PRESSED, SHOWN),
+    "show --at": Cells(PRESSED, SHOWN),
+    "show --json": Cells(PRESSED, SHOWN),
+    "show --csv": Cells(PRESSED, SHOWN),
+    "compare": Cells(PRESSED, SHOWN),
+    "roughvol.run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
+    "status": Cells(f"{PRESSED} unpressed", OTHER_RUN),
+}
+NOT_ASKED = {
+    "ask": "to come",
+    "card": "to come",
+    "check": "to come",
+    "creep": "to come",
+    "plot": "to come",
+    "report": "to come",
+    "roughvol.plot": "to come",
+    "roughvol.press": "to come",
+    "explain": "describes keys and variables; it reads no run",
+    "init": "writes an example study; it reads no run",
+    "ls": "lists the runs of a folder; it prints no number of a surface",
+    "schema": "prints the schema of study files; it reads no run",
+    "tradeoff": "measures error and time of the solver on surfaces of its own; it reads no run",
+    "roughvol.load": "reads a study file; it reads no run",
+    "roughvol.RoughvolWarning": "the class of warnings",
+}
+"""Commands and Python functions without a column, each with the reason."""
+
+HEAD = """# What may be combined
+
+Each row is a kind of run, each column a question about the run. "right" means: the tests put the question through the
+command line or Python, and compare every number of the answer with the number taken from `study.nc` by plain numpy. A
+letter means: the question is refused with exit code 2, and the message has the words beside the letter below the table.
+`make crossing` writes this page. `tests/crossing/` checks every cell.
+
+"""
+
+
+def cell(question: str, kind: str) -> list[str]:
+    """Return the entries of a cell, of which a complete table has one: ``right``, or the words of a refusal."""
+    cells = CELLS[question]
+    right = ["right"] if kind in cells.right.split() else []
+    return right + [words for name, words in cells.refused.items() if name == kind]
+
+
+def page() -> str:
+    """Return the page of the table in Markdown."""
+    sentences: dict[str, str] = {}
+    lines = [f"| kind of run | {' | '.join(f'`{name}`' for name in QUESTIONS)} |", "|---" * (len(QUESTIONS) + 1) + "|"]
+    for kind in KINDS:
+        row = [kind.title]
+        for name in QUESTIONS:
+            (words,) = cell(name, kind.name)
+            letter = words if words == "right" else f"*{sentences.setdefault(words, _letter(len(sentences)))}*"
+            row.append(letter)
+        lines.append(f"| {' | '.join(row)} |")
+    lines += ["", "Words of the refusals:", ""]
+    lines += [f"- *{letter}*: “… {words} …”" for words, letter in sentences.items()]
+    lines += ["", "The questions:", ""]
+    lines += [f"- `{name}`: {(function.__doc__ or '').splitlines()[0]}" for name, function in QUESTIONS.items()]
+    lines += ["", "Commands and functions without a column:", ""]
+    lines += [f"- `{name}` {words}." for name, words in NOT_ASKED.items() if words != "to come"]
+    return HEAD + "\n".join(lines) + "\n"
+
+
+def _letter(number: int) -> str:
+    return "abcdefghijklmnopqrstuvwxyz"[number % 26] * (1 + number // 26)
