@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,12 +17,33 @@ if TYPE_CHECKING:
     from roughvol.store.dataset import Dataset
 
 
+_SYSTEM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
+_MANY = os.strerror(errno.EMFILE)
+
+
 def message(error: RoughvolError) -> str:
     """Return an error as text; the problems of a study line by line."""
     if isinstance(error, StudyError):
         lines = [f"  {problem}" for problem in error.problems]
         return "\n".join([f"{count(len(lines), 'problem')} in the study", *lines])
     return f"error: {error}"
+
+
+def system_error(error: BaseException) -> str:
+    """Return an error of the system that a user can cure, as a full disk, in words; empty for others."""
+    texts = {getattr(one, "errno", None): str(one) for one in _chain(error)}
+    if errno.EMFILE in texts or errno.ENFILE in texts or any(_MANY in text for text in texts.values()):
+        return "too many open files; allow more of them: ulimit -n 256"
+    if not isinstance(error, OSError) or error.errno not in _SYSTEM:
+        return ""
+    return f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror)
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    """Yield an error and its causes."""
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
 
 
 def progress(now: Progress, seconds: float) -> str:

@@ -13,6 +13,7 @@ here as far as a sweep shows them:
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,8 +26,9 @@ from xarray import Dataset
 from roughvol.analysis.leak_budget import AXES
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.read_off import check_leaks, curves, log_leak
-from roughvol.errors import DatasetError, Problem, StudyError
+from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state
+from roughvol.store import stamped_file
 from roughvol.study import Creep, loads
 from roughvol.typing import Array
 
@@ -188,18 +190,14 @@ def write_csv(over_time: History, path: Path) -> None:
 
     Raises
     ------
-    DatasetError
+    FolderError
         If it cannot be written.
     """
     units = {"p J(t)/J(0)": over_time.pressure_unit, "leak x": over_time.leak_unit, "leak y": over_time.leak_unit}
     head = [f"{name} [{units[name]}]" if name in units else name for name in COLUMNS]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", newline="", encoding="utf-8") as stream:
-            csv.writer(stream).writerows([head, *(map(repr, row) for row in rows_of(over_time))])
-    except OSError as error:
-        message = f"cannot write {path}: {error}"
-        raise DatasetError(message) from error
+    text = io.StringIO(newline="")
+    csv.writer(text).writerows([head, *(map(repr, row) for row in rows_of(over_time))])
+    stamped_file.write(path, text.getvalue().encode())
 
 
 def lines_of(over_time: History) -> list[str]:

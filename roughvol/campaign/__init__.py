@@ -23,6 +23,7 @@ Room of the campaign.
 `batch`         cases handed to workers and stored as they end
 `workers`       tasks handed to processes of this machine or to a cluster
 `cluster`       workers of a Dask cluster
+`signals`       signals that end a run
 `task`          a task inside its worker: messages, and the request to end
 `resources`     cores, memory and disk
 `limits`        the limit of a process on its own memory

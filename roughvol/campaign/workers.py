@@ -1,7 +1,7 @@
 """Tasks handed to workers in one loop: processes of this machine, a Dask cluster, or the caller itself.
 
 Results come back to the caller, which alone needs the file system of the results. A worker sends messages, ends with
-its parent, and leaves Ctrl-C to it.
+its parent, and leaves signals to it: a terminal and a batch system send them to all processes.
 
 Processes are spawned: each starts from a clean interpreter, whatever threads the caller runs. Spawning imports the
 ``__main__`` of the caller again, and a plain script without a ``__name__`` guard would start itself without end. The
@@ -13,7 +13,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
-import signal
 import sys
 import threading
 import types
@@ -22,13 +21,15 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool as Lost
 from contextvars import ContextVar
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeVar
 
+from roughvol.campaign import signals
 from roughvol.campaign.cluster import Cluster
 from roughvol.campaign.task import Tell, end_at, stop_asked, thinned
 from roughvol.errors import CampaignError
 
-__all__ = ["Lost", "Tell", "each", "first_interrupt", "in_this_process", "stop_asked"]
+__all__ = ["Lost", "Tell", "each", "in_this_process", "stop_asked"]
 
 Task = TypeVar("Task")
 
@@ -159,14 +160,27 @@ def _error(future: Future[Any]) -> BaseException | None:
         raise CampaignError(message) from error
 
 
+class _Worker(SpawnProcess):
+    """A process with signals blocked."""
+
+    def terminate(self) -> None:
+        """End the process: SIGTERM would not."""
+        self.kill()
+
+
+class _Context(SpawnContext):
+    Process = _Worker
+
+
 class _Processes:
     """Processes of this machine."""
 
     fall_together = True  # all running tasks end with a worker that dies
 
     def __init__(self, jobs: int) -> None:
-        self._jobs, self._context = jobs, multiprocessing.get_context("spawn")
-        self._queue, self._flag = self._context.SimpleQueue(), self._context.Event()
+        self._jobs, self._context = jobs, _Context()
+        with signals.blocked():  # also in the process that keeps the books of semaphores
+            self._queue, self._flag = self._context.SimpleQueue(), self._context.Event()
         self._others = set(multiprocessing.active_children())
         self._pool = self._new()
 
@@ -180,7 +194,7 @@ class _Processes:
 
     def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
         """Start a task."""
-        with _without_main(), _interrupts_blocked():
+        with _without_main(), signals.blocked():
             return self._pool.submit(_call, function, task)
 
     def messages(self) -> Iterator[Any]:
@@ -311,36 +325,3 @@ def _without_main() -> Iterator[None]:
         yield
     finally:
         sys.modules["__main__"] = main
-
-
-@contextlib.contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    """Block Ctrl-C while a process starts: it inherits the mask. Here, Ctrl-C arrives afterwards."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextlib.contextmanager
-def first_interrupt(tell: Callable[[], None]) -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns whether Ctrl-C was pressed. The first calls ``tell``, the second interrupts."""
-    asked = threading.Event()
-    if threading.current_thread() is not threading.main_thread():  # signals arrive only there
-        yield asked.is_set
-        return
-
-    def note(number: int, frame: object) -> None:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        asked.set()
-        tell()
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield asked.is_set
-    finally:
-        signal.signal(signal.SIGINT, before)

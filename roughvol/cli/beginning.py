@@ -13,7 +13,9 @@ import click
 
 from roughvol import cli_text
 from roughvol.cli.group import examples, main
+from roughvol.cli.output import say
 from roughvol.errors import FolderError
+from roughvol.store import stamped_file
 
 if TYPE_CHECKING:
     from roughvol.store.variables import Variable
@@ -58,8 +60,8 @@ def init(example: str | None, listing: bool) -> None:
     """
     known = _examples()
     if example is None or listing:
-        click.echo(cli_text.table(("example", "content"), [(name, _title(text)) for name, text in known.items()]))
-        click.echo("write one with: roughvol init EXAMPLE")
+        say(cli_text.table(("example", "content"), [(name, _title(text)) for name, text in known.items()]))
+        say("write one with: roughvol init EXAMPLE")
         return
     if example not in known:
         near = difflib.get_close_matches(example, known, n=1)
@@ -73,14 +75,9 @@ def init(example: str | None, listing: bool) -> None:
         message = f"already in {Path.cwd()}: {', '.join(present)}; nothing was written"
         raise FolderError(message)
     for name, text in files.items():
-        try:
-            with Path(name).open("x", encoding="utf-8") as stream:
-                stream.write(text)
-        except OSError as error:
-            message = f"cannot write {name}: {error.strerror}"
-            raise FolderError(message) from error
-        click.echo(f"wrote {name}")
-    click.echo(f"next: roughvol run {example}.yaml, then roughvol show {example}")
+        stamped_file.store(Path(name), text.encode())
+        say(f"wrote {name}")
+    say(f"next: roughvol run {example}.yaml, then roughvol show {example}")
 
 
 def _examples() -> dict[str, str]:
@@ -121,13 +118,13 @@ def explain(name: str | None, markdown: bool) -> None:
     from roughvol.study.reference import keys
 
     if markdown:
-        click.echo(page(), nl=False)
+        say(page(), nl=False)
         return
     if name is None:
         for key in keys():
             if "." not in key.path:
                 _say_key(key)
-        click.echo("more: roughvol explain KEY, as surface.file; roughvol explain VARIABLE, as free_volume")
+        say("more: roughvol explain KEY, as surface.file; roughvol explain VARIABLE, as free_volume")
         return
     name = name.strip().strip(".")
     exact = [key for key in keys() if key.path == name]
@@ -146,7 +143,7 @@ def explain(name: str | None, markdown: bool) -> None:
     listed = {key.path: _short(key.description) for key in reversed(inside or other)}
     if listed:
         rows = list(reversed(listed.items()))
-        click.echo(textwrap.indent(cli_text.table(("key", "meaning"), rows), "  "))
+        say(textwrap.indent(cli_text.table(("key", "meaning"), rows), "  "))
 
 
 def _short(text: str) -> str:
@@ -154,10 +151,10 @@ def _short(text: str) -> str:
 
 
 def _say_key(key: Key) -> None:
-    click.echo(key.path + (f"   ({key.form})" if key.form else ""))
+    say(key.path + (f"   ({key.form})" if key.form else ""))
     for title, text in _facts(key):
         lines = textwrap.wrap(text, WIDTH, initial_indent=f"  {title:8s} ", subsequent_indent=" " * 11)
-        click.echo("\n".join(lines))
+        say("\n".join(lines))
 
 
 def _facts(key: Key) -> Iterator[tuple[str, str]]:
@@ -167,7 +164,7 @@ def _facts(key: Key) -> Iterator[tuple[str, str]]:
 
 
 def _say_variable(name: str, row: Variable) -> None:
-    click.echo(f"{name}   {row.symbol}   variable of study.nc")
+    say(f"{name}   {row.symbol}   variable of study.nc")
     needs = f"record: {row.observable}" if row.observable else "every study, or as docs/observables.md describes"
     along = row.dims.replace("...", "D m seed (or case)") or "none, one number"
     facts = (
@@ -178,7 +175,7 @@ def _say_variable(name: str, row: Variable) -> None:
         ("from", row.source),
     )
     for title, text in facts:
-        click.echo(f"  {title:8s} {text}")
+        say(f"  {title:8s} {text}")
 
 
 def page() -> str:

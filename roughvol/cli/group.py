@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +11,15 @@ import click
 
 from roughvol import cli_text
 from roughvol._version import __version__
-from roughvol.campaign import limits
+from roughvol.campaign import limits, signals
+from roughvol.cli.output import say, silence
 from roughvol.errors import CampaignError, ContactError, ConvergenceError, RoughvolError
 
 if TYPE_CHECKING:
     from roughvol.study import Study
 
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+FAILED, BAD_INPUT = 1, 2
+BY_SIGNAL = 128  # plus the number of the signal: 130 by Ctrl-C, 143 by SIGTERM, 129 by SIGHUP
 LIGHT = ("schema", "status", "ls", "init", "explain")  # commands that import no library for computations
 
 
@@ -41,24 +43,36 @@ class _Commands(click.Group):
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         command = super().resolve_command(ctx, args)
         if command[0] not in LIGHT and (message := limits.too_narrow()):
-            click.echo(f"error: {message}", err=True)
+            say(f"error: {message}", err=True)
             ctx.exit(FAILED)
         return command
 
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        try:
+            return super().make_context(*args, **kwargs)
+        except OSError as error:  # --help into a full disk
+            silence(sys.stdout)
+            raise click.ClickException(cli_text.system_error(error) or str(error)) from error
+
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            click.echo("interrupted; finished cases are kept, and the same command continues the run", err=True)
-            ctx.exit(INTERRUPTED)
+            with signals.as_interrupts():
+                return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            say("interrupted; finished cases are kept, and the same command continues the run", err=True)
+            ctx.exit(BY_SIGNAL + signals.number_of(error))
         except RoughvolError as error:
-            click.echo(cli_text.message(error), err=True)
+            say(cli_text.message(error), err=True)
             ctx.exit(FAILED if isinstance(error, CampaignError | ContactError | ConvergenceError) else BAD_INPUT)
         except (MemoryError, ImportError, OSError, RuntimeError) as error:
-            if not limits.is_lack_of_memory(error):
+            if limits.is_lack_of_memory(error):
+                first = str(error).strip().splitlines()
+                say(f"error: not enough memory ({first[0] if first else type(error).__name__})", err=True)
+            elif reason := cli_text.system_error(error):
+                silence(sys.stdout)
+                say(f"error: {reason}", err=True)
+            else:
                 raise
-            first = str(error).strip().splitlines()
-            click.echo(f"error: not enough memory ({first[0] if first else type(error).__name__})", err=True)
             ctx.exit(FAILED)
 
 
@@ -75,12 +89,6 @@ class _Commands(click.Group):
 @click.version_option(__version__)
 def main() -> None:
     """Free volume between rough surfaces in elastic contact: study file in, labelled data and figures out."""
-
-
-def warn(sentences: Iterable[str]) -> None:
-    """Print each sentence once as a warning."""
-    for sentence in dict.fromkeys(sentences):
-        click.echo(f"warning: {sentence}", err=True)
 
 
 def study_of(study: Path, changes: Sequence[str] = ()) -> tuple[Study, Path]:

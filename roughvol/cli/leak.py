@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from roughvol.cli.group import examples, main, study_of, warn
+from roughvol.cli.group import examples, main, study_of
+from roughvol.cli.output import say, warn
 
 if TYPE_CHECKING:
     from roughvol.analysis.read_off import Answer
@@ -45,8 +46,8 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None) -> None:
     folder = out or Path("runs") / f"{asked.name}_card"
     made = runs.compute(asked, runs.level_of(state, asked), folder, jobs=jobs)
     for line in card_page.lines_of(made, asked.name):
-        click.echo(line)
-    click.echo(str(card_page.write(made, asked.name, folder)))
+        say(line)
+    say(str(card_page.write(made, asked.name, folder)))
 
 
 @main.command(
@@ -95,9 +96,9 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_
         own = str(results["nominal_pressure"].attrs["units"])
         at = _in_unit(pressure, own, "--pressure", "pressure") if pressure is not None else None
     answers = read_off(results, largest, unknown, pressure=at)
-    click.echo(f"{opened.name}: leak up to {given}")
+    say(f"{opened.name}: leak up to {given}")
     for answer in answers:
-        click.echo(f"along {answer.axis}: {_words(answer, unknown)}")
+        say(f"along {answer.axis}: {_words(answer, unknown)}")
     found = [answer for answer in answers if math.isfinite(answer.nominal) and answer.nominal > 0.0]
     if no_solve or not found:
         return
@@ -120,7 +121,7 @@ def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_
             warn([f"along {answer.axis} the answer has the error of the read-off: {error}"])
             continue
         value = refined.nominal if at is None or unknown == "pressure" else at / refined.nominal
-        click.echo(f"along {answer.axis}: {unknown} {value:.9g} {answer.unit}, to 1e-6 by {refined.solves} solves")
+        say(f"along {answer.axis}: {unknown} {value:.9g} {answer.unit}, to 1e-6 by {refined.solves} solves")
 
 
 def _words(answer: Answer, unknown: str) -> str:
@@ -184,12 +185,12 @@ def creep(run: str | None, law: Path, pressure: str, times: str, out: Path | Non
     at = _in_unit(pressure, str(results["nominal_pressure"].attrs["units"]), "--pressure", "pressure")
     history = over_time.history(results, load_creep(law), at, read_times(times))
     for line in over_time.lines_of(history):
-        click.echo(line)
+        say(line)
     folder = out or opened.folder
     over_time.write_csv(history, folder / "creep.csv")
-    click.echo(str(folder / "creep.csv"))
+    say(str(folder / "creep.csv"))
     if any((leak > 0.0).any() for leak in history.leak.values()):
         drawing_of(history).savefig(folder / "creep.png")
-        click.echo(str(folder / "creep.png"))
+        say(str(folder / "creep.png"))
     else:
         warn(["nothing leaks at these times, so no figure is drawn"])

@@ -13,6 +13,7 @@ import click
 
 from roughvol import cli_text
 from roughvol.cli.group import examples, main
+from roughvol.cli.output import say
 
 if TYPE_CHECKING:
     from roughvol.analysis.stored_run import Run
@@ -60,7 +61,7 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) 
         for table in screen.shown(part, wanted):
             say_table(table.under(part.name.removeprefix(opened.name).removeprefix(", ")))
     if answer := opened.dataset.attrs.get("answer"):
-        click.echo(answer)
+        say(answer)
 
 
 @main.command(
@@ -109,19 +110,19 @@ def ls(out: Path) -> None:
 
     found = runs.listed(out)
     if not found:
-        click.echo(f"no run in {out}; start one with: roughvol run STUDY")
+        say(f"no run in {out}; start one with: roughvol run STUDY")
         return
     rows = [(one.name, one.state, cli_text.size(one.size), f"{cli_text.duration(one.age)} ago") for one in found]
-    click.echo(cli_text.table(("run", "state", "size", "changed"), rows))
+    say(cli_text.table(("run", "state", "size", "changed"), rows))
 
 
 def say_table(table: Table) -> None:
     """Print a table with its title above and its note below."""
     if table.title:
-        click.echo(table.title)
-    click.echo(cli_text.table(table.head, table.rows))
+        say(table.title)
+    say(cli_text.table(table.head, table.rows))
     if table.note:
-        click.echo(f"  {table.note}")
+        say(f"  {table.note}")
 
 
 def _opened(run: str | None) -> Run:
@@ -148,9 +149,9 @@ def _write(names: Sequence[str], rows: Sequence[Sequence[Any]], units: dict[str,
     """Print rows as JSON where units are given, else as CSV; a missing value is empty there."""
     if units is not None:
         content = {"run": name, "units": units, "rows": [dict(zip(names, row, strict=True)) for row in rows]}
-        click.echo(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        say(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
         return
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerows([names, *(["" if value is None else value for value in row] for row in rows)])
-    click.echo(text.getvalue(), nl=False)
+    say(text.getvalue(), nl=False)

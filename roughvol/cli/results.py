@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import re
 from collections.abc import Callable
 from functools import partial
@@ -12,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from roughvol import cli_text
-from roughvol.cli.group import examples, main, warn
+from roughvol.cli.group import examples, main
+from roughvol.cli.output import say, warn
 from roughvol.errors import CampaignError, DatasetError
 
 if TYPE_CHECKING:
@@ -53,7 +55,7 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
     are drawn, or v_of_p, a_of_p, v_of_a, v_of_d, gap_of_p, leak_of_p of several runs.
     """
     from roughvol.report.figures import content, selection
-    from roughvol.store import StoredRun
+    from roughvol.store import StoredRun, stamped_file
     from roughvol.store.run import is_run, names_of
 
     inches = _inches(size)
@@ -95,28 +97,22 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
         target = folder / f"{name}.{suffix}"
         if out is None and PAPER.fullmatch(target.stem):
             target = target.parent / "paper" / target.name
-        try:
-            if suffix == "csv":
-                try:
-                    points = list(content.data(figure))
-                except DatasetError:
-                    if wanted:
-                        raise
-                    continue  # a map among all figures of a run
-                target.parent.mkdir(parents=True, exist_ok=True)
-                with target.open("w", encoding="utf-8", newline="") as stream:
-                    writer = csv.DictWriter(stream, ["panel", "curve", "x", "y", "x_label", "y_label"])
-                    writer.writeheader()
-                    writer.writerows(points)
-            else:
-                target.parent.mkdir(parents=True, exist_ok=True)
-                figure.savefig(target)
-        except DatasetError:
-            raise
-        except OSError as error:
-            message = f"cannot write {target}: {error}"
-            raise DatasetError(message) from error
-        click.echo(target)
+        if suffix == "csv":
+            try:
+                points = list(content.data(figure))
+            except DatasetError:
+                if wanted:
+                    raise
+                continue  # a map among all figures of a run
+            text = io.StringIO(newline="")
+            writer = csv.DictWriter(text, ["panel", "curve", "x", "y", "x_label", "y_label"])
+            writer.writeheader()
+            writer.writerows(points)
+            stamped_file.write(target, text.getvalue().encode())
+        else:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            figure.savefig(target)
+        say(target)
 
 
 def slug(words: str) -> str:
@@ -177,8 +173,8 @@ def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> Non
     opened = [StoredRun.open(name) for name in run] or _all_runs()
     answered = reporting.assemble(opened)
     page = reporting.write(answered, out or (opened[0].folder if len(opened) == 1 else Path("runs/report")))
-    click.echo(reporting.summary(answered))
-    click.echo(page)
+    say(reporting.summary(answered))
+    say(page)
     departures = reporting.departures(answered, expected.read_text(encoding="utf-8")) if expected else []
     if departures:
         head = f"{cli_text.count(len(departures), 'answer')} left the bands of {expected}"

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from roughvol import cli_text
-from roughvol.cli.group import OUT, SET, STUDY, examples, main, study_of, warn
+from roughvol.cli.group import OUT, SET, STUDY, examples, main, study_of
 from roughvol.cli.numbers import say_table
+from roughvol.cli.output import say, warn
 
 if TYPE_CHECKING:
     from roughvol.campaign.batch import Progress
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from roughvol.study import Study
 
 SHOWN = 50  # cases of one kind listed by `status`
-PLAIN_EVERY = 5.0  # seconds between two lines of progress without a terminal
+EVENT_EVERY, PLAIN_EVERY = 1.0, 5.0  # seconds between two lines without a terminal: of a case that ended, of steps
 
 
 @main.command(epilog=examples("roughvol check seal.yaml", "roughvol check scan.yaml --look --out scan.png"))
@@ -44,28 +45,28 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: 
     loaded, folder = study_of(study, changes)
     surface = understood.shown(loaded, checks.check_surfaces(loaded))
     cases = loaded.cases()
-    click.echo(loaded.to_yaml())
+    say(loaded.to_yaml())
     if surface is not None:
-        click.echo(understood.text(surface, cases[0], len(cases)))
+        say(understood.text(surface, cases[0], len(cases)))
     if look or out is not None:
         from roughvol.report.figures import surface_picture
 
         path = surface_picture.write(
             surface, cases[0].length_unit, cases[0].label, out or Path(f"{loaded.name}-look.png")
         )
-        click.echo(f"# picture {path}")
+        say(f"# picture {path}")
     if loaded.ensemble is not None:
         _say_expected(loaded, jobs)
         warn(validity.sentences(checks.foreseen(loaded, surface), checks.doubtful(loaded, surface)))
         cost.check_fits(loaded, folder)
         return
     estimated = cost.estimate(loaded, jobs)
-    click.echo(cli_text.cost(estimated))
+    say(cli_text.cost(estimated))
     notes = understood.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
     warn(validity.sentences(checks.foreseen(loaded, surface), (*notes, *checks.doubtful(loaded, surface))))
     for choice in cost.choices(loaded, jobs):
         area, pressure, volume = choice.errors
-        click.echo(
+        say(
             f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {cli_text.duration(choice.seconds)}; "
             f"errors about {area:.0e} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
         )
@@ -104,7 +105,7 @@ def run(
     Ctrl-C stops after the cases at work, a second one at once. The same command continues the run.
     """
     started = time.monotonic()
-    from roughvol.campaign import running, workers
+    from roughvol.campaign import running, signals
 
     loaded, folder = study_of(study, changes)
     folder = out or folder
@@ -120,7 +121,7 @@ def run(
         last = now
         draw(now)
 
-    with _progress() as draw, workers.first_interrupt(_say_how_to_stop) as interrupted:
+    with _progress() as draw, signals.first_interrupt(_say_how_to_stop) as interrupted:
         results = running.run(
             loaded,
             out=folder,
@@ -132,9 +133,9 @@ def run(
             only=only,
         )
     assert last is not None
-    click.echo(cli_text.ran(last, time.monotonic() - started))
+    say(cli_text.ran(last, time.monotonic() - started))
     _say_numbers(loaded.name, results)
-    click.echo(cli_text.summary(results, folder / "study.nc"))
+    say(cli_text.summary(results, folder / "study.nc"))
     warn(results.attrs["warnings"].splitlines())
 
 
@@ -155,28 +156,28 @@ def status(study: Path, out: Path | None, changes: tuple[str, ...]) -> None:
     state = run_status.status(loaded, out or folder)
     left, several = len(state.running) + len(state.missing), (state.failed, state.damaged)
     total = len(state.done) + left + sum(map(len, several))
-    click.echo(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))
+    say(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))
     if state.holder is not None:
         time_left = f", about {cli_text.duration(state.left)} left" if state.left is not None else ""
-        click.echo(f"running: {state.holder}{time_left}")
+        say(f"running: {state.holder}{time_left}")
     if mixed := run_folder.versions_text(state.versions):
-        click.echo(f"  {mixed}")
+        say(f"  {mixed}")
     if state.strange:
-        click.echo(f"  {cli_text.count(state.strange, 'file')} of cases of another study")
+        say(f"  {cli_text.count(state.strange, 'file')} of cases of another study")
     for title, ids in (("running", state.running), ("missing", state.missing)):
         for id in ids[:SHOWN]:
-            click.echo(f"  {id}  {title}")
+            say(f"  {id}  {title}")
         if len(ids) > SHOWN:
-            click.echo(f"  … and {len(ids) - SHOWN} more {title}")
+            say(f"  … and {len(ids) - SHOWN} more {title}")
     for title, reasons in (
         ("failed", state.failed),
         ("damaged, to be computed again", state.damaged),
         ("outdated, to be computed again", state.outdated),
     ):
         for id, reason in list(reasons.items())[:SHOWN]:
-            click.echo(f"  {id}  {title}: {reason}")
+            say(f"  {id}  {title}: {reason}")
         if len(reasons) > SHOWN:
-            click.echo(f"  … and {len(reasons) - SHOWN} more {title}")
+            say(f"  … and {len(reasons) - SHOWN} more {title}")
 
 
 @main.command(epilog=examples("roughvol tradeoff tradeoff.yaml"))
@@ -199,20 +200,18 @@ def tradeoff(study: Path, out: Path | None) -> None:
     loaded, folder = study_of(study)
     folder = out or folder
     show = sys.stderr.isatty()
-    measured = trade.measure(
-        loaded, lambda k, n: click.echo(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None
-    )
+    measured = trade.measure(loaded, lambda k, n: say(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None)
     if answer_trade.answerable(loaded):
         measured = answer_trade.with_answer(measured, loaded)
-        click.echo(answer_trade.summary(measured))
+        say(answer_trade.summary(measured))
     dataset.write(measured, folder / "tradeoff.nc")
     for name, draw in work_precision.FIGURES.items():
         if work_precision.missing(name, measured) is None:
             (folder / "figures").mkdir(exist_ok=True)
             draw(measured).savefig(folder / "figures" / f"{name}.png")
-            click.echo(folder / "figures" / f"{name}.png")
-    click.echo(convergence.summary(measured))
-    click.echo(folder / "tradeoff.nc")
+            say(folder / "figures" / f"{name}.png")
+    say(convergence.summary(measured))
+    say(folder / "tradeoff.nc")
 
 
 @main.command(epilog=examples("roughvol schema > study.schema.json"))
@@ -222,7 +221,7 @@ def schema() -> None:
 
     from roughvol.study import json_schema
 
-    click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+    say(json.dumps(json_schema(), indent=2, ensure_ascii=False))
 
 
 def _say_expected(study: Study, jobs: int | None) -> None:
@@ -230,14 +229,14 @@ def _say_expected(study: Study, jobs: int | None) -> None:
     from roughvol.campaign import cost, expected
 
     estimated = cost.estimate(study, jobs)
-    click.echo(f"# the solver's residual is η/σ ≤ {study.cases()[0].solver.tolerance:.0e}")
+    say(f"# the solver's residual is η/σ ≤ {study.cases()[0].solver.tolerance:.0e}")
     for row in expected.expected(study):
         samples = ", ".join(f"{n} at m = {m}" for m, n in row.samples.items())
         samples += f", {row.surfaces} surfaces without a solve, {row.steps} steps"
-        click.echo(f"# D = {row.D:g}: about {samples}: {cli_text.duration(row.seconds)} of one core")
+        say(f"# D = {row.D:g}: about {samples}: {cli_text.duration(row.seconds)} of one core")
         plain = cli_text.duration(row.plain)
-        click.echo(f"#          plain Monte Carlo: {plain} (both to a factor of 2, by surfaces up to m = 6)")
-    click.echo(f"# memory  about {cli_text.size(estimated.memory)} a process")
+        say(f"#          plain Monte Carlo: {plain} (both to a factor of 2, by surfaces up to m = 6)")
+    say(f"# memory  about {cli_text.size(estimated.memory)} a process")
 
 
 def _say_numbers(name: str, results: Dataset) -> None:
@@ -253,38 +252,50 @@ def _say_numbers(name: str, results: Dataset) -> None:
 
 
 def _say_how_to_stop() -> None:
-    click.echo("stopping after the cases at work; Ctrl-C again stops at once", err=True)
+    say("stopping after the cases at work; Ctrl-C again stops at once", err=True)
 
 
 @contextlib.contextmanager
 def _progress() -> Iterator[Callable[[Progress], None]]:
-    """Draw on a terminal; elsewhere write a line every `PLAIN_EVERY` seconds."""
+    """Draw on a terminal; elsewhere write a line now and then."""
     started = time.monotonic()
     if not sys.stderr.isatty():
-        last = started
+        last, waiting = started, ""
 
         def write(now: Progress) -> None:
-            nonlocal last
+            nonlocal last, waiting
             if now.notice:
-                click.echo(now.notice, err=True)
-            elif now.event or time.monotonic() - last >= PLAIN_EVERY:
-                last = time.monotonic()
-                event = f"{now.event} · " if now.event else ""
-                click.echo(event + cli_text.progress(now, last - started), err=True)
+                say(now.notice, err=True)
+                return
+            text = cli_text.progress(now, time.monotonic() - started)
+            waiting = f"{now.event} · {text}" if now.event else waiting
+            if time.monotonic() - last >= (EVENT_EVERY if waiting else PLAIN_EVERY):
+                say(waiting or text, err=True)
+                last, waiting = time.monotonic(), ""
 
-        yield write
+        try:
+            yield write
+        finally:
+            if waiting:
+                say(waiting, err=True)
         return
 
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
     columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=1.0)
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    task = bar.add_task("starting", total=1.0)
 
-        def draw(now: Any) -> None:
+    def draw(now: Any) -> None:
+        with contextlib.suppress(OSError):  # the terminal is closed
             if now.notice or (now.event and now.failed):
                 bar.console.print(now.notice or now.event, markup=False, highlight=False)
             bar.update(task, completed=now.work, description=cli_text.progress(now, time.monotonic() - started))
 
+    bar.start()
+    try:
         yield draw
+    finally:
+        with contextlib.suppress(OSError):
+            bar.stop()

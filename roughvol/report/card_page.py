@@ -9,11 +9,11 @@ from xarray import Dataset
 
 from roughvol.analysis.leak_budget import Card, card_of
 from roughvol.analysis.tables import number
-from roughvol.errors import DatasetError
 from roughvol.report.drawings import Drawing
 from roughvol.report.figures import leak_card
 from roughvol.report.html import Html, figure_html, items, join, pairs, table, tag
 from roughvol.report.style import CSS
+from roughvol.store import stamped_file
 
 CAPTION = (
     "Leak against load with the interval at the load of the card (left); flux along x over its mean (middle); parts of "
@@ -41,17 +41,12 @@ def write(runs: Mapping[str, Dataset], name: str, folder: Path) -> Path:
 
     Raises
     ------
-    DatasetError
+    FolderError
         If the folder cannot be written.
     """
     card, fine = card_of(runs, name), next(iter(runs.values()))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "card.html").write_text(html_of(card, fine), encoding="utf-8")
-        leak_card.page_of(card, fine).savefig(folder / "card.pdf")
-    except OSError as error:
-        message = f"cannot write the card to {folder}: {error}"
-        raise DatasetError(message) from error
+    stamped_file.write(folder / "card.html", html_of(card, fine).encode())
+    leak_card.page_of(card, fine).savefig(folder / "card.pdf")
     return folder / "card.html"
 
 

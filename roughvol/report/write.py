@@ -16,6 +16,7 @@ from roughvol.errors import DatasetError
 from roughvol.report.model import Report, assemble
 from roughvol.report.page import to_html
 from roughvol.report.text import summary, to_json, to_markdown
+from roughvol.store import stamped_file
 
 __all__ = ["Report", "assemble", "departures", "expectation", "summary", "to_html", "to_json", "to_markdown", "write"]
 
@@ -25,17 +26,12 @@ def write(report: Report, folder: Path) -> Path:
 
     Raises
     ------
-    DatasetError
+    FolderError
         If the folder cannot be written.
     """
     pages = {"claims.json": to_json(report), "report.md": to_markdown(report), "report.html": to_html(report)}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in pages.items():
-            (folder / name).write_text(text, encoding="utf-8")
-    except OSError as error:
-        message = f"cannot write the report to {folder}: {error}"
-        raise DatasetError(message) from error
+    for name, text in pages.items():
+        stamped_file.write(folder / name, text.encode())
     return folder / "report.html"
 
 

@@ -96,7 +96,7 @@ def cases_of(study: Study, folder: Path) -> dict[str, Case]:
     for D, levels in counts.items():
         planned = plan.get(repr(D))
         for m, number in planned.items() if isinstance(planned, dict) else ():
-            if m.isdigit() and isinstance(number, int):
+            if m.isdecimal() and isinstance(number, int):
                 levels[int(m)] = number
     samples = (
         study.sample(D, m, first + seed)

@@ -146,11 +146,7 @@ def write(dataset: Dataset, path: Path) -> None:
     FolderError
         If the folder cannot be written.
     """
-    try:
-        stamped_file.make_folder(path.parent)
-    except OSError as error:
-        raise stamped_file.cannot_write(path, error) from error
-    stamped_file.store(path, to_bytes(dataset))
+    stamped_file.write(path, to_bytes(dataset))
 
 
 def read(path: Path) -> Dataset:

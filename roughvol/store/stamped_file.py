@@ -36,6 +36,8 @@ _REASONS = {
     errno.EPERM: "the folder may not be written",
     errno.ENOENT: "the folder has vanished",
     errno.EIO: "the disk does not work",
+    errno.EFBIG: "the file is larger than is allowed (ulimit -f)",
+    errno.EMFILE: "too many open files (ulimit -n)",
 }
 
 
@@ -49,6 +51,9 @@ def store(path: Path, content: bytes) -> None:
     """
     aside = aside_of(path)
     try:
+        if path.exists() and not path.is_file():  # a device or a pipe: its name is not ours to replace
+            path.write_bytes(content)
+            return
         try:
             with aside.open("wb") as stream:
                 stream.write(content)
@@ -61,6 +66,21 @@ def store(path: Path, content: bytes) -> None:
                 aside.unlink(missing_ok=True)
     except OSError as error:
         raise cannot_write(path, error) from error
+
+
+def write(path: Path, content: bytes) -> None:
+    """Write a file that is either whole or absent, in a folder that is made if it is absent.
+
+    Raises
+    ------
+    FolderError
+        As for `store`.
+    """
+    try:
+        make_folder(path.parent)
+    except OSError as error:
+        raise cannot_write(path, error) from error
+    store(path, content)
 
 
 def aside_of(path: Path) -> Path:

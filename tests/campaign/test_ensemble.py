@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -294,6 +295,14 @@ def test_an_unfinished_ensemble_is_collected_without_an_answer(finished: Path, t
     assert "free_volume_mean" not in results
     assert "no answer yet: 1 of " in results.attrs["answer"]
     assert results.free_volume.notnull().any("step").sum() == len(list((tmp_path / "cases").glob("*.nc")))
+
+
+def test_a_plan_with_a_level_that_is_no_number_is_read_without_it(finished: Path, tmp_path: Path) -> None:
+    shutil.copytree(finished, tmp_path / "run")
+    plan = json.loads((tmp_path / "run" / "ensemble.json").read_text())
+    plan["2.3"]["²"] = 3
+    (tmp_path / "run" / "ensemble.json").write_text(json.dumps(plan))
+    assert status(loads(TEXT), tmp_path / "run").done == status(loads(TEXT), finished).done
 
 
 def test_fresh_computes_every_sample_again(finished: Path, tmp_path: Path) -> None:

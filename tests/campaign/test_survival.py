@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import pty
 import random
 import shutil
 import signal
@@ -30,19 +31,16 @@ def _values(results: Dataset) -> Dataset:
     return dataset.answers(results)
 
 
-def _start(folder: Path, text: str) -> subprocess.Popen[str]:
+def _start(
+    folder: Path, text: str, *, command: str = "run", ignored: signal.Signals | None = None
+) -> subprocess.Popen[str]:
     (folder / "study.yaml").write_text(text)
-    command = [
-        sys.executable,
-        "-c",
-        "from roughvol.cli import main; main()",
-        "run",
-        "study.yaml",
-        "--out",
-        "out",
-        "-j2",
-    ]
-    return subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    code = "from roughvol.cli import main; main()"
+    if ignored is not None:
+        code = f"import signal; signal.signal({int(ignored)}, signal.SIG_IGN); {code}"
+    jobs = ["-j2"] if command == "run" else []
+    call = [sys.executable, "-c", code, command, "study.yaml", "--out", "out", *jobs]
+    return subprocess.Popen(call, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
 def _running(folder: Path, process: subprocess.Popen[str]) -> None:
@@ -74,6 +72,87 @@ def test_a_second_ctrl_c_ends_a_run_at_once(tmp_path: Path) -> None:
     assert errors.splitlines()[-1].startswith("interrupted; finished cases are kept")
     assert "Traceback" not in errors
     assert run_status.status(tmp_path / "study.yaml", tmp_path / "out").holder is None
+
+
+ENDS = (signal.SIGTERM, signal.SIGHUP)  # of a batch system, of a closed terminal
+
+
+def _left(process: subprocess.Popen[str]) -> str:
+    """Return what a process that has been told to end writes until then."""
+    _, errors = process.communicate(timeout=90)
+    for word in ("Traceback", "leaked", "resource_tracker", "Exception"):
+        assert word not in errors
+    return errors
+
+
+@pytest.mark.parametrize("group", [False, True], ids=["process", "group"])
+@pytest.mark.parametrize("number", ENDS, ids=lambda number: number.name)
+def test_a_signal_ends_a_run_as_the_first_ctrl_c_does(tmp_path: Path, number: signal.Signals, group: bool) -> None:
+    process = _start(tmp_path, LONG.replace("m: 5", "m: 6"))
+    _running(tmp_path, process)
+    while len(at_work := json.loads(_note(tmp_path) or "{}").get("running", [])) < 2:
+        time.sleep(0.02)
+    (os.killpg if group else os.kill)(process.pid, number)
+    errors = _left(process)
+    assert process.returncode == 128 + number
+    assert "stopping after the cases at work" in errors
+    assert errors.splitlines()[-1].startswith("interrupted; finished cases are kept")
+    found = run_status.status(tmp_path / "study.yaml", tmp_path / "out")
+    assert set(at_work) <= set(found.done)
+    assert (len(found.done) < 24, found.failed, found.damaged, found.holder) == (True, {}, {}, None)
+
+
+@pytest.mark.parametrize("number", ENDS, ids=lambda number: number.name)
+def test_a_second_signal_ends_a_run_at_once(tmp_path: Path, number: signal.Signals) -> None:
+    process = _start(tmp_path, ENDLESS)
+    _running(tmp_path, process)
+    os.kill(process.pid, signal.SIGINT)
+    assert process.stderr is not None
+    while "stopping after the cases" not in (line := process.stderr.readline()):
+        assert line
+    os.kill(process.pid, number)
+    errors = _left(process)
+    assert process.returncode == 128 + number
+    assert errors.splitlines()[-1].startswith("interrupted; finished cases are kept")
+
+
+def test_a_run_whose_terminal_is_closed_finishes_the_cases_at_work(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text(LONG.replace("m: 5", "m: 6"))
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.chdir(tmp_path)
+        code = "from roughvol.cli import main; main()"
+        os.execv(sys.executable, [sys.executable, "-c", code, "run", "study.yaml", "--out", "out", "-j2"])
+    deadline = time.monotonic() + 60
+    while len(at_work := json.loads(_note(tmp_path) or "{}").get("running", [])) < 2 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.close(terminal)
+    _, status = os.waitpid(pid, 0)
+    assert os.waitstatus_to_exitcode(status) == 128 + signal.SIGHUP
+    found = run_status.status(tmp_path / "study.yaml", tmp_path / "out")
+    assert at_work
+    assert set(at_work) <= set(found.done)
+    assert (len(found.done) < 24, found.failed, found.holder) == (True, {}, None)
+
+
+def test_a_run_that_ignores_the_end_of_its_terminal_goes_on(tmp_path: Path) -> None:
+    text = LONG.replace("seeds: 24", "seeds: 3")
+    process = _start(tmp_path, text, ignored=signal.SIGHUP)  # as nohup does
+    _running(tmp_path, process)
+    os.killpg(process.pid, signal.SIGHUP)
+    _left(process)
+    assert process.returncode == 0
+    assert len(run_status.status(tmp_path / "study.yaml", tmp_path / "out").done) == 3
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, *ENDS], ids=lambda number: number.name)
+def test_a_signal_ends_any_command_without_a_traceback(tmp_path: Path, number: signal.Signals) -> None:
+    process = _start(tmp_path, ENDLESS, command="tradeoff")
+    time.sleep(4.0)
+    assert process.poll() is None
+    os.kill(process.pid, number)
+    _left(process)
+    assert process.returncode == 128 + number
 
 
 @pytest.mark.slow

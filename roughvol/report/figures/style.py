@@ -7,9 +7,11 @@ Line colours are equal steps in lightness, from near black to the lightest that 
 from __future__ import annotations
 
 import io
+import os
 import re
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -19,6 +21,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from xarray import Dataset
+
+from roughvol.errors import FolderError
+from roughvol.store import stamped_file
 
 SCREEN = 160  # resolution in a notebook
 COLUMN, PAGE, DPI = 3.5, 7.0, 300  # widths [inch] of a column and of a page, resolution for print
@@ -69,6 +74,8 @@ class Drawing(Figure):
     def savefig(self, fname: Any, *, transparent: bool | None = None, **kwargs: Any) -> None:
         """Save as matplotlib does, with the fonts of `STYLE`: how text is embedded is decided when a file is written.
 
+        A file is written whole, or stays as it was.
+
         Parameters
         ----------
         fname : str, path or file
@@ -77,9 +84,26 @@ class Drawing(Figure):
             Whether the background is left out.
         **kwargs
             Those of `matplotlib.figure.Figure.savefig`.
+
+        Raises
+        ------
+        FolderError
+            If the file cannot be written.
+        ValueError
+            If there is no such format.
         """
         with mpl.rc_context(STYLE):
-            super().savefig(fname, transparent=transparent, **kwargs)
+            if not isinstance(fname, str | os.PathLike):
+                super().savefig(fname, transparent=transparent, **kwargs)
+                return
+            path, content = Path(fname), io.BytesIO()
+            if not path.parent.is_dir():
+                message = f"cannot write {path}: there is no folder {path.parent}"
+                raise FolderError(message)
+            kind = kwargs.pop("format", None) or path.suffix.removeprefix(".")
+            super().savefig(content, transparent=transparent, format=kind or None, **kwargs)
+            default = "" if path.suffix else f".{kind or mpl.rcParams['savefig.format']}"
+            stamped_file.store(path.with_name(path.name + default), content.getvalue())
 
     def _repr_png_(self) -> bytes:
         """Return the figure as it is shown in a notebook."""

@@ -80,7 +80,7 @@ def write(surface: Surface | None, unit: str | None, title: str, path: Path) -> 
         raise DatasetError(message)
     try:
         look(surface, unit, title).savefig(path)
-    except (OSError, ValueError) as error:  # a folder that is not there, an ending that is no picture
+    except ValueError as error:  # an ending that is no picture
         message = f"cannot write {path}: {error}"
         raise DatasetError(message) from error
     return path

@@ -1,0 +1,146 @@
+"""Files of a user are whole or stay as they were, and what cannot be printed ends no work."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import re
+import resource
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import roughvol
+from roughvol.cli import main
+from roughvol.store import stamped_file
+
+STUDY = """
+surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}
+material: {E: 10 MPa, nu: 0.5}
+sweep: {steps: 8, to: {pressure: 0.5 MPa}}
+record:
+  transport: {transmissivity: every-step}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
+"""
+MAP = STUDY.replace("{D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}", "{file: map.txt, L: 100 um, heights_unit: um}")
+CREEP = ["creep", "tiny", "--law", "creep.yaml", "--pressure", "0.2 MPa", "--times", "1 s..1 h"]
+COMMANDS = {
+    "png": ["plot", "tiny", "v_of_p"],
+    "pdf": ["plot", "tiny", "v_of_p", "--format", "pdf"],
+    "svg": ["plot", "tiny", "v_of_p", "--format", "svg"],
+    "csv": ["plot", "tiny", "v_of_p", "--format", "csv"],
+    "report": ["report", "tiny"],
+    "creep": CREEP,
+    "look": ["check", "tiny.yaml", "--look"],
+    "card": ["card", "map.yaml", "--jobs", "1"],
+}
+
+
+@pytest.fixture(scope="module")
+def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("computed")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        Path("tiny.yaml").write_text(STUDY, encoding="utf-8")
+        Path("map.yaml").write_text(MAP, encoding="utf-8")
+        Path("creep.yaml").write_text("power: {exponent: 0.02, time: 1 s}\n", encoding="utf-8")
+        np.savetxt("map.txt", np.random.default_rng(1).normal(size=(17, 17)))
+        roughvol.run("tiny.yaml", jobs=1)
+        for command in COMMANDS.values():
+            done = CliRunner().invoke(main, command)
+            assert done.exit_code == 0, done.output
+    return folder
+
+
+@pytest.fixture
+def place(computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copytree(computed, tmp_path / "here")
+    monkeypatch.chdir(tmp_path / "here")
+    return tmp_path / "here"
+
+
+@contextlib.contextmanager
+def _no_file_beyond(size: int) -> Iterator[None]:
+    """Let no file grow beyond a size, as a disk that is full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    names = ("*.png", "*.pdf", "*.svg", "*.csv", "*.html", "*.md", "claims.json")
+    return {str(path): path.read_bytes() for name in names for path in folder.rglob(name)}
+
+
+@pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
+def test_a_disk_that_is_full_leaves_the_files_of_a_user_as_they_were(place: Path, command: list[str]) -> None:
+    before = _files(place)
+    assert before
+    with _no_file_beyond(10_000 if command[0] == "card" else 256):  # its runs write small files first
+        done = CliRunner().invoke(main, command)
+    assert done.exit_code == 2, done.output
+    assert "cannot write" in done.stderr
+    assert _files(place) == before
+    assert not [path for path in place.rglob("*") if path.name.endswith(".part")]
+
+
+def test_a_device_is_written_and_not_replaced(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    stamped_file.store(pipe, b"content")
+    assert os.read(reader, 100) == b"content"
+    assert pipe.is_fifo()
+
+
+def _shell(place: Path, line: str) -> subprocess.CompletedProcess[str]:
+    command = f"{sys.executable} -m roughvol"
+    there = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "OMP_NUM_THREADS": "1"}
+    line = line.replace("roughvol", command)
+    return subprocess.run(["bash", "-c", line], cwd=place, env=there, capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize(
+    ("line", "made"),
+    [
+        ("roughvol card map.yaml --jobs 1 | true", "runs/map_card/card.html"),
+        ("roughvol plot tiny v_of_p a_of_p | true", "runs/tiny/figures/a_of_p.png"),
+        (f"roughvol {' '.join(map(repr, CREEP))} | true", "runs/tiny/creep.png"),
+    ],
+)
+def test_a_closed_pipe_does_not_keep_a_command_from_its_files(place: Path, line: str, made: str) -> None:
+    (place / made).unlink(missing_ok=True)
+    done = _shell(place, line)
+    assert (place / made).is_file(), done
+    assert done.stderr == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize(
+    "command", ["show tiny", "show tiny --json", "ls", "--help", "show --help", "explain", "schema"]
+)
+def test_an_output_that_cannot_be_written_is_one_message(place: Path, command: str) -> None:
+    done = _shell(place, f"roughvol {command} > /dev/full")
+    assert done.returncode in (1, 2)
+    (message,) = done.stderr.splitlines()
+    assert re.match(r"(?i)error: ", message)
+    assert "disk is full" in message or os.strerror(errno.ENOSPC) in message
+
+
+@pytest.mark.parametrize("files", [8, 12])
+@pytest.mark.parametrize("command", ["run tiny.yaml --set name=many --set surface.seeds=3 --jobs 2", "report tiny"])
+def test_too_few_open_files_are_one_message_or_enough(place: Path, files: int, command: str) -> None:
+    done = _shell(place, f"ulimit -n {files}; roughvol {command}")
+    assert "Traceback" not in done.stderr
+    if done.returncode:
+        assert "ulimit -n" in done.stderr.splitlines()[-1]
