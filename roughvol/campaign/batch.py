@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from roughvol._version import __version__
-from roughvol.campaign import limits, resources, workers
-from roughvol.campaign.forecast import Forecast, Rates, work_of
+from roughvol.campaign import cost, limits, resources, workers
+from roughvol.campaign.forecast import Forecast
 from roughvol.campaign.one_case import HalfSpaces, Stopped, file_of_case
 from roughvol.errors import CampaignError, RoughvolError
 from roughvol.store import lock, run_folder, stamped_file
@@ -125,21 +125,20 @@ class Batch:
         on_event: OnEvent | None,
         *,
         alone: bool = True,
-        rates: Rates | None = None,
-        later: Mapping[int, float] | None = None,
+        later: float = 0.0,
     ) -> None:
         self._given = surface if alone else None  # the surface of the only case; of several, the first shows the size
         self._folder, self._text, self._kept, self._surface, self._on_event = folder, text, kept, surface, on_event
         shape = surface.shape if surface is not None else None
-        works = {case.id: work_of(case, _shape(case, shape)) for case in cases}
-        self._forecast = Forecast(works, rates=rates, later=later)
-        self._expected = sum(work.total for work in works.values())
-        self._cases = sorted(cases, key=lambda case: -works[case.id].total)  # the longest first
+        works = {case.id: cost.expected_seconds(case, _shape(case, shape)) for case in cases}
+        self._steps = {case.id: case.sweep.steps for case in cases}
+        self._forecast = Forecast(works, self._steps, later)
+        self._expected = sum(works.values())
+        self._cases = sorted(cases, key=lambda case: -works[case.id])  # the longest first
         labels = collections.Counter(case.label for case in cases)
         # combinations of lists press one surface several times
         self._names = {case.id: case.label if labels[case.label] == 1 else case.id for case in cases}
-        self._steps = {case.id: case.sweep.steps for case in cases}
-        self._all_steps, self._more = sum(self._steps.values()), bool(later)
+        self._all_steps, self._more = sum(self._steps.values()), later > 0.0
         self._reached: dict[str, int] = {}  # steps of the cases at work
         self._steps_done, self._done = 0, 0  # of the cases that have ended
         self._failures: dict[str, BaseException] = {}
@@ -162,7 +161,6 @@ class Batch:
         if scheduler is None:
             processes = self._limited(processes)
         here = scheduler is None and (jobs == 1 or (processes == 1 and self._small()))
-        self._forecast.start(processes, here=here)
         self._tell()
         self._note(at_once=True)
         threads = 1 if scheduler else max(1, jobs // processes)  # other cores work inside the convolutions
@@ -207,7 +205,6 @@ class Batch:
 
     def _begun(self, task: Task) -> None:
         self._reached[task[0].id] = 0
-        self._forecast.begun(task[0].id)
         self._note()
 
     def _stepped(self, message: tuple[str, int]) -> None:

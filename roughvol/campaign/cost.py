@@ -31,7 +31,8 @@ STEP, ITERATIVE = 1.7e-4, 3.5e-4
 PER_CONVOLUTION = 1.2  # time of a step over that of its convolutions
 # convolutions a step beside the verification: at m = 6 and 1e-6, for each further level, power of the digits
 UNITS, UNITS_PER_LEVEL, DIGITS_POWER = 1.40, 0.34, 1.95
-CASE_OVERHEAD = 0.05  # seconds a case: its file
+CASE_OVERHEAD = 0.005  # seconds a case: its file (docs/store-decision.md)
+NODE = 6.0e-9  # seconds of a convolution over N² log N, for N nodes per side
 START = 1.5  # seconds: processes start and import
 SEARCH = 23  # cost of the search for an indentation, in steps
 LEVEL = 3  # cost of the search for an area or a pressure between two steps, in steps
@@ -143,10 +144,38 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
 
 
 def _seconds(case: Case, shape: tuple[int, int]) -> float:
+    """Return the seconds of a case, with a convolution timed on its grid."""
+    timed = case.sweep.steps > 0
+    return expected_seconds(case, shape, _convolution(case, shape) if timed else 0.0)
+
+
+def _convolution(case: Case, shape: tuple[int, int]) -> float:
+    return seconds_per_convolution(shape, case.solver.kernel, case.periodic)
+
+
+def expected_seconds(case: Case, shape: tuple[int, int], convolution: float | None = None) -> float:
+    """Return the expected seconds of a case.
+
+    Parameters
+    ----------
+    case : Case
+        Any case.
+    shape : tuple of int
+        Nodes of its surface along x and y.
+    convolution : float, optional
+        Seconds of a convolution on its grid. Default: `NODE` n log n with n nodes, which needs no timing.
+
+    Returns
+    -------
+    float
+        Seconds of one core.
+    """
     if case.sweep.steps == 0:
         return CASE_OVERHEAD
+    if convolution is None:
+        nodes = math.prod(shape)
+        convolution = NODE * nodes * math.log(nodes) / 2.0
     steps = case.sweep.steps + SEARCH * searches(case) + LEVEL * searched_levels(case)
-    convolution = seconds_per_convolution(shape, case.solver.kernel, case.periodic)
     step = seconds_per_step(shape, case.solver.tolerance, convolution)
     return CASE_OVERHEAD + sum(observable_seconds(case, shape).values()) + steps * step
 

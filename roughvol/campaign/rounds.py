@@ -10,9 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from roughvol.campaign import collected
+from roughvol.campaign import collected, cost
 from roughvol.campaign.batch import Batch, OnEvent, Progress
-from roughvol.campaign.forecast import Rates, work_of
 from roughvol.errors import DatasetError
 from roughvol.store import answer, dataset, provenance
 from roughvol.store.dataset import Arrays, Dataset
@@ -42,7 +41,7 @@ class Rounds:
         self._parts: dict[str, Arrays] = {}
         self._versions: Counter[str] = Counter()
         self._interval, self._kept = "", 0
-        self._rates, self._steps = Rates(), 0
+        self._steps = 0
         self._planned, self._goal = dict[float, dict[int, int]](), dict[float, dict[int, int]]()
         for notice in notices:
             self._report(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
@@ -79,16 +78,14 @@ class Rounds:
         self._planned = dict(counts)
         answer.store_plan(self._folder, counts, self._steps)
 
-    def _later(self) -> dict[int, float]:
-        """Return the expected seconds of the samples after those planned, by nodes."""
-        seconds: dict[int, float] = {}
-        study = self._study.with_steps(self._steps)
+    def _later(self) -> float:
+        """Return the expected seconds of the samples after those planned."""
+        seconds, study = 0.0, self._study.with_steps(self._steps)
         for D, goal in self._goal.items():
             for m, number in goal.items():
                 if (more := number - self._planned.get(D, {}).get(m, 0)) > 0:
                     nodes = 2**m + 1
-                    work = work_of(study.sample(D, m, 0), (nodes, nodes))
-                    seconds[work.nodes] = seconds.get(work.nodes, 0.0) + more * work.total
+                    seconds += more * cost.expected_seconds(study.sample(D, m, 0), (nodes, nodes))
         return seconds
 
     def _compute(self, cases: Sequence[Case]) -> Mapping[str, Arrays]:
@@ -98,10 +95,8 @@ class Rounds:
         kept = len(self._cases) + len(by_id) - len(missing)
         self._kept += len(by_id) - len(missing)
         if missing:
-            later, rates = self._later(), self._rates
-            Batch(
-                self._folder, self._study.stored(), missing, kept, None, self._report, rates=rates, later=later
-            ).through(self._jobs, self._scheduler, self._stopping)
+            batch = Batch(self._folder, self._study.stored(), missing, kept, None, self._report, later=self._later())
+            batch.through(self._jobs, self._scheduler, self._stopping)
         else:
             self._report(Progress(cases=kept, kept=kept, work=1.0))
         parts = collected.all_parts(self._folder, by_id, self._stopping, self._versions)

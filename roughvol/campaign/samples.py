@@ -22,9 +22,7 @@ from roughvol.study import CLOSING, STORED_AS, Accuracy, Case, Ensemble, Level, 
 from roughvol.surfaces import texture
 from roughvol.typing import Array
 
-CASE_SECONDS = 0.005  # cost of a case with its file
 STEP_SECONDS = 2.0e-4  # cost of a step without its convolutions
-NODE_SECONDS = 6.0e-9  # cost of a convolution over N² log N, for N nodes per side
 SINGLE = 0.6  # cost of a convolution in single precision over one in double precision
 ALONE_AT = 6  # m of surfaces without a solve
 SURFACE_SECONDS = 6.0e-4  # cost of one of these
@@ -260,6 +258,6 @@ def seconds_of(case: Case, convolutions: float) -> float:
     assert case.m is not None
     nodes, steps = 2**case.m + 1, case.sweep.steps
     step = STEP_SECONDS + ITERATIVE_SECONDS * (case.m >= ITERATIVE_FROM)
-    swept = step * steps + NODE_SECONDS * nodes**2 * math.log(nodes) * convolutions
+    swept = step * steps + cost.NODE * nodes**2 * math.log(nodes) * convolutions
     searched = 1.0 + cost.SEARCH * cost.searches(case) / max(steps, 1)
-    return CASE_SECONDS + searched * swept + sum(cost.observable_seconds(case, (nodes, nodes)).values())
+    return cost.CASE_OVERHEAD + searched * swept + sum(cost.observable_seconds(case, (nodes, nodes)).values())

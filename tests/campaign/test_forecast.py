@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import heapq
-
 import pytest
 
-from roughvol.campaign.forecast import Forecast, Rates, Work, work_of
+from roughvol.campaign import cost
+from roughvol.campaign.forecast import Forecast
 from roughvol.study import loads
 
 
@@ -17,105 +16,43 @@ class _Clock:
         return self.now
 
 
-def _run(
-    works: dict[str, Work], factors: dict[int, float], *, processes: int, start: float, power: float
-) -> list[tuple[float, float]]:
-    """Return times and the seconds left said there, of a run on processes that take `factors` times as long.
-
-    Messages come after each fifth of the steps, whose time rises with the given power.
-    """
-    clock = _Clock()
-    forecast = Forecast(works, clock=clock)
-    forecast.start(processes, here=False)
-    waiting = sorted(works, key=lambda id: -works[id].total)
-    events: list[tuple[float, int, str, int]] = []
-    said = []
-    cold = processes
-
-    def begin() -> None:
-        nonlocal cold
-        id = waiting.pop(0)
-        work, delay = works[id], start if cold > 0 else 0.0
-        cold -= 1
-        forecast.begun(id)
-        for fifth in range(1, 6):
-            seconds = factors[work.nodes] * (work.first + work.swept * (fifth / 5) ** power)
-            heapq.heappush(events, (clock.now + delay + seconds, len(works) - len(waiting), id, fifth))
-
-    for _ in range(processes):
-        begin()
-    while events:
-        clock.now, _, id, fifth = heapq.heappop(events)
-        forecast.reached(id, fifth * works[id].steps // 5)
-        if fifth == 5:
-            forecast.ended(id)
-            if waiting:
-                begin()
-        said.append((clock.now, forecast.left()))
-    assert forecast.share == pytest.approx(1.0)
-    return said
-
-
 @pytest.mark.parametrize("processes", [1, 2, 7])
-@pytest.mark.parametrize("factors", [{9: 1.0, 5: 1.0}, {9: 4.0, 5: 4.0}, {9: 0.7, 5: 1.2}, {9: 3.0, 5: 1.7}])
-@pytest.mark.parametrize("power", [1.0, 1.5])
-def test_after_five_seconds_the_time_left_is_right_within_a_factor_of_two(
-    processes: int, factors: dict[int, float], power: float
-) -> None:
-    works = {f"fine{k}": Work(9, 0.1, 2.0, 60, 1.5) for k in range(20)}
-    works |= {f"coarse{k}": Work(5, 0.01, 0.1, 60, 1.5) for k in range(200)}
-    said = _run(works, factors, processes=processes, start=2.0, power=power)
-    end = said[-1][0]
-    late = [(now, left) for now, left in said if now >= 5.0 and end - now > 1.0]
-    assert late
-    assert [(now, left, end - now) for now, left in late if not 0.5 < left / (end - now) < 2.0] == []
-
-
-def test_the_last_cases_do_not_share_the_processes() -> None:
-    works = {f"{k}": Work(9, 0.0, 10.0, 10) for k in range(5)}
+@pytest.mark.parametrize("slower", [0.7, 1.0, 4.0])
+def test_the_time_left_is_that_of_the_work_left_at_the_mean_rate(processes: int, slower: float) -> None:
+    works = {f"fine{k}": 2.0 for k in range(21)} | {f"coarse{k}": 0.1 for k in range(210)}
     clock = _Clock()
-    forecast = Forecast(works, clock=clock)
-    forecast.start(4, here=True)
-    assert forecast.left() == pytest.approx(20.0, abs=0.5)  # 12.5 if the fifth were shared out
+    forecast = Forecast(works, dict.fromkeys(works, 60), clock=clock)
+    assert forecast.left() is None
+    whole = slower * sum(works.values()) / processes
+    for id, seconds in works.items():
+        clock.now += slower * seconds / processes
+        forecast.ended(id)
+        assert forecast.left() == pytest.approx(whole - clock.now, abs=1e-9)
+    assert forecast.share == pytest.approx(1.0)
 
 
-def test_a_case_without_signs_has_time_left() -> None:
+def test_steps_of_a_case_at_work_count_as_their_share() -> None:
     clock = _Clock()
-    forecast = Forecast({"long": Work(9, 1.0, 1.0, 10)}, clock=clock)
-    forecast.start(1, here=True)
-    forecast.begun("long")
-    clock.now = 100.0
-    assert forecast.left() >= 20.0
+    forecast = Forecast({"long": 30.0, "none": 0.0}, {"long": 10, "none": 0}, clock=clock)
+    clock.now = 6.0
+    forecast.reached("long", 2)
+    assert forecast.share == pytest.approx(0.2)
+    assert forecast.left() == pytest.approx(24.0)
 
 
-def test_a_late_start_of_processes_is_a_sign_of_a_slow_machine() -> None:
+def test_later_batches_count_as_work_left() -> None:
     clock = _Clock()
-    forecast = Forecast({"a": Work(9, 0.0, 10.0, 10), "b": Work(9, 0.0, 10.0, 10)}, clock=clock)
-    forecast.start(1, here=False)
-    forecast.begun("a")
-    clock.now = 10.0
-    forecast.reached("a", 1)
-    assert forecast.left() > 40.0
-
-
-def test_rates_pass_on_from_round_to_round_and_later_rounds_count() -> None:
-    rates, clock = Rates(), _Clock()
-    first = Forecast({"a": Work(9, 0.0, 30.0, 10)}, rates=rates, later={9: 30.0}, clock=clock)
-    first.start(1, here=True)
-    assert first.left() == pytest.approx(60.0, rel=0.02)
-    first.begun("a")
+    forecast = Forecast({"a": 30.0}, {"a": 10}, 30.0, clock)
     clock.now = 60.0
-    first.ended("a")
-    assert first.share == pytest.approx(0.5)
-    assert first.left() == pytest.approx(60.0, rel=0.02)
-    second = Forecast({"b": Work(9, 0.0, 30.0, 10)}, rates=rates, clock=clock)
-    assert second.left() == pytest.approx(60.0, rel=0.02)
+    forecast.ended("a")
+    assert forecast.share == pytest.approx(0.5)
+    assert forecast.left() == pytest.approx(60.0)
 
 
 def test_work_grows_with_grid_searches_and_observables() -> None:
     def total(text: str, m: int = 7) -> float:
         (case,) = loads(f"surface: {{D: 2.3, m: {m}, seeds: 1}}\n{text}", "x").cases()
-        return work_of(case, (2**m + 1, 2**m + 1)).total
+        return cost.expected_seconds(case, (2**m + 1, 2**m + 1))
 
     plain = total("sweep: {steps: 20}")
     assert total("sweep: {steps: 40}") > plain
