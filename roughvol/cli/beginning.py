@@ -38,11 +38,17 @@ def _examples_with(context: click.Context, option: click.Parameter, start: str) 
 
 
 def _keys_with(context: click.Context, option: click.Parameter, start: str) -> list[str]:
-    """Return the keys and variables with this start."""
+    """Return the keys, variables and gases with this start."""
+    return [name for name in _explained() if name.startswith(start)]
+
+
+def _explained() -> list[str]:
+    """Return all names that `explain` describes."""
     from roughvol.store.variables import VARIABLES
+    from roughvol.study.fluid import SUBSTANCES
     from roughvol.study.reference import keys
 
-    return [name for name in dict.fromkeys([*(key.path for key in keys()), *VARIABLES]) if name.startswith(start)]
+    return list(dict.fromkeys([*(key.path for key in keys()), *VARIABLES, *SUBSTANCES]))
 
 
 @main.command(
@@ -108,13 +114,15 @@ def _heights() -> str:
         "roughvol explain                      the sections of a study",
         "roughvol explain surface.file         a key: values, default, meaning",
         "roughvol explain free_volume          a variable of study.nc",
+        "roughvol explain helium               a gas: viscosity, molar mass, mean free path",
     )
 )
 @click.argument("name", required=False, shell_complete=_keys_with)
 @click.option("--markdown", is_flag=True, help="Print all keys and variables as one page.")
 def explain(name: str | None, markdown: bool) -> None:
-    """Describe NAME: a key of a study, a section, or a stored variable."""
+    """Describe NAME: a key of a study, a section, a stored variable, or a gas."""
     from roughvol.store.variables import VARIABLES
+    from roughvol.study.fluid import SUBSTANCES
     from roughvol.study.reference import keys
 
     if markdown:
@@ -130,9 +138,11 @@ def explain(name: str | None, markdown: bool) -> None:
     exact = [key for key in keys() if key.path == name]
     inside = [key for key in keys() if key.path.rpartition(".")[0] == name]
     other = [key for key in keys() if not exact and key.path.rpartition(".")[2] == name]
+    if name in SUBSTANCES:
+        _say_gas(name)
+        return
     if not exact and not other and name not in VARIABLES:
-        known = [*dict.fromkeys(key.path for key in keys()), *VARIABLES]
-        near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        near = difflib.get_close_matches(name, _explained(), n=3, cutoff=0.5)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
         message = f"no key and no variable {name!r}; {hint}roughvol explain lists the sections"
         raise click.UsageError(message)
@@ -176,6 +186,26 @@ def _say_variable(name: str, row: Variable) -> None:
     )
     for title, text in facts:
         say(f"  {title:8s} {text}")
+
+
+def _say_gas(name: str) -> None:
+    from roughvol.study.fluid import SUBSTANCES, Fluid
+
+    row, gas = SUBSTANCES[name], Fluid(gas=name, inlet="1 bar", outlet="0 bar")  # type: ignore[arg-type]
+    facts = (
+        ("gas", f"fluid: {{gas: {name}, inlet: 2 bar, outlet: 1 bar}}"),
+        ("viscosity", f"{1e6 * gas.viscosity:.4g} uPa*s at {gas.temperature}"),
+        (
+            "stored",
+            f"{1e6 * row.viscosity:.4g} uPa*s at {row.reference:g} K, Sutherland's constant {row.sutherland:g} K",
+        ),
+        ("molar mass", f"{1e3 * row.molar_mass:.5g} g/mol"),
+        ("free path", f"{1e9 * gas.mean_free_path(1e5):.3g} nm at 1 bar and {gas.temperature}"),
+        ("from", "White, Viscous Fluid Flow (2006); docs/gas-leak.md"),
+    )
+    click.echo(name)
+    for title, text in facts:
+        click.echo(f"  {title:10s} {text}")
 
 
 def page() -> str:

@@ -20,6 +20,7 @@ from roughvol.study.cases import Places, Study
 from roughvol.study.conflicts import conflicts
 from roughvol.study.plain_data import plain
 from roughvol.study.sections import names, nearest
+from roughvol.study.targets import LISTS
 from roughvol.study.yaml_text import (
     MAX_BYTES,
     TOO_LARGE,
@@ -262,7 +263,7 @@ def in_words(item: Mapping[str, Any]) -> str:
 
 def _translate(error: ValidationError, data: Any) -> Iterator[tuple[KeyPath, str]]:
     """Yield the key path and a message in plain words for each error of pydantic."""
-    messages: list[tuple[KeyPath, str]] = []
+    messages: list[tuple[KeyPath, str, str]] = []
     misspelt: set[KeyPath] = set()
     for item in error.errors(include_url=False):
         kind, given, here = item["type"], item["input"], data
@@ -278,18 +279,24 @@ def _translate(error: ValidationError, data: Any) -> Iterator[tuple[KeyPath, str
                 path = path[:-1]
             message, meant = _unknown(path, data)
             misspelt |= {(*path[:-1], meant)} if meant else set()
-        if kind == "literal_error" and isinstance(given, str):
-            meant = nearest(given, re.findall(r"'([^']*)'", item["ctx"]["expected"]))
+        if isinstance(given, str) and (kind == "literal_error" or item["msg"].startswith("must be ")):
+            meant = nearest(given, re.findall(r"'([^']*)'", item.get("ctx", {}).get("expected", item["msg"])))
             message += f"; did you mean '{meant}'?" if meant else ""
-        messages.append((path, message + _about(path)))
-    # a misspelt key is not missing as well; conflicts have no path, and are found by the caller
-    yield from ((path, message) for path, message in messages if path and path not in misspelt)
+        messages.append((path, item["msg"], message + _about(path)))
+    for path, reason, message in messages:
+        # a value that another key follows from is wrong once: the last of `pressures` is the end of the sweep
+        again = any(reason == same and path == where[: len(path)] != where for where, same, _ in messages)
+        # a misspelt key is not missing as well; conflicts have no path, and are found by the caller
+        if path and path not in misspelt and not again:
+            yield path, message
 
 
 def _about(path: KeyPath) -> str:
     """Return the description of a key in brackets, empty without one."""
     *section, name = [part for part in path if isinstance(part, str)] or [""]
-    fields = (model.model_fields.get(name) for model in _MODELS.get(tuple(section), ()))
+    models = _MODELS.get(tuple(section), ())
+    of_a_leg = len(path) > 1 and isinstance(path[1], int)  # its models follow those of a sweep without legs
+    fields = (model.model_fields.get(name) for model in (reversed(models) if of_a_leg else models))
     return next((f" ({field.description})" for field in fields if field), "")
 
 
@@ -303,6 +310,8 @@ def _unknown(path: KeyPath, data: Any) -> tuple[str, str | None]:
         owner = next(model for model in models if key in model.model_fields)
         rivals = [f"'{name}'" for name in data if name in known and name not in owner.model_fields]
         return f"excluded by {' and '.join(rivals)}", None
+    if path[-2:-1] == ("to",) and key in LISTS:
+        return f"'{key}' stands in place of 'to', as sweep: {{{key}: [...]}}", None
     meant = nearest(key, known)
     homes = [key_text(section) for section, others in _MODELS.items() if key in names(*others)]
     hint = f"did you mean '{meant}'? " if meant else f"a key of '{homes[0]}'; " if homes else ""
@@ -328,4 +337,6 @@ def _models(*models: type[BaseModel], path: KeyPath = ()) -> Iterator[tuple[KeyP
                 yield from _models(*nested, path=(*path, name))
 
 
-_MODELS = dict(_models(Study))
+_MODELS: dict[KeyPath, tuple[type[BaseModel], ...]] = {}
+for _path, _of_path in _models(Study):
+    _MODELS[_path] = tuple(dict.fromkeys((*_MODELS.get(_path, ()), *_of_path)))

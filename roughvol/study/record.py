@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, get_args, get_type_hints
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Discriminator,
     Field,
@@ -96,8 +97,17 @@ def _tag_states(value: Any) -> str:
     return "<every>" if value == EVERY_STEP else "<states>"
 
 
+def _named(value: Any) -> Any:
+    """Refuse values that name no states."""
+    if not isinstance(value, dict | BaseModel) and value not in (EVERY_STEP, "last"):
+        refuse("must be '{every}', 'last', or levels as {example}", every=EVERY_STEP, example="{pressure: [0.1]}")
+    return value
+
+
 States = Annotated[
-    Annotated[Literal["every-step"], Tag("<every>")] | Annotated[Selector, Tag("<states>")], Discriminator(_tag_states)
+    Annotated[Literal["every-step"], Tag("<every>")] | Annotated[Selector, Tag("<states>")],
+    Discriminator(_tag_states),
+    BeforeValidator(_named),
 ]
 _WHEN = f"'{EVERY_STEP}', {IN_WORDS}"
 

@@ -11,6 +11,7 @@ from pydantic import (
     model_serializer,
 )
 
+from roughvol.study.scale import OF_ALL
 from roughvol.study.sections import (
     AreaFraction,
     Choice,
@@ -48,7 +49,7 @@ class Select(Choice):
         default_factory=tuple, description="levels of the mean gap, as 1 um, reached from above"
     )
     load: Many[Annotated[Positive, In("force", needed=True)]] = Field(
-        default_factory=tuple, description="levels of the load on the whole surface, as 20 N"
+        default_factory=tuple, description=f"levels of the load on the whole surface, as 20 N; {OF_ALL}"
     )
 
     @model_serializer

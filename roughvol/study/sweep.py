@@ -20,6 +20,7 @@ from pydantic import (
 )
 
 from roughvol.study.ensemble import AutoSteps, StepsText
+from roughvol.study.scale import OF_ALL
 from roughvol.study.sections import AreaFraction, Choice, Level, Many, Positive, Strict, Whole, Word, refuse, refuse_at
 from roughvol.study.targets import LISTS, listed_of, misplaced, spelled
 from roughvol.study.units import In, Quantity, unit_of
@@ -48,7 +49,7 @@ class Target(Choice):
         default=None, description="end at this mean gap > 0, as 1 um"
     )
     load: Annotated[Positive, In("force", needed=True)] | None = Field(
-        default=None, description="end at this load > 0 on the whole surface, as 20 N"
+        default=None, description=f"end at this load > 0 on the whole surface, as 20 N; {OF_ALL}"
     )
     leak_rate: Annotated[Positive, In("flow", needed=True)] | None = Field(
         default=None,
@@ -101,7 +102,8 @@ class Sweep(Strict):
         default=(), description="instead of steps and to: p* > 0 or pressures as 0.1 MPa, a step at each"
     )
     loads: Many[Annotated[Positive, In("force", needed=True)]] = Field(
-        default=(), description="instead of steps and to: loads on the whole surface, as 20 N, a step at each"
+        default=(),
+        description=f"instead of steps and to: loads on the whole surface, as 20 N, a step at each; {OF_ALL}",
     )
     contact_areas: Many[AreaFraction] = Field(default=(), description="instead of steps and to: A*, a step at each")
     indentations: Many[Annotated[Positive, In("length")]] = Field(

@@ -1,0 +1,103 @@
+"""Messages on studies that a user is likely to write: the word that is meant, one message for one mistake."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from numpy.testing import assert_allclose
+
+import roughvol
+from roughvol.cli import main
+from roughvol.errors import StudyError
+from roughvol.study import loads
+from roughvol.study.fluid import SUBSTANCES
+
+SURFACE = "surface: {D: 2.3, m: 4}\n"
+
+
+def _problems(text: str) -> list[str]:
+    with pytest.raises(StudyError) as caught:
+        loads(SURFACE + text, "s.yaml")
+    return [str(problem) for problem in caught.value.problems]
+
+
+@pytest.mark.parametrize(
+    ("text", "start", "part"),
+    [
+        (
+            "record: {transport: {transmissivity: every_step}}",
+            "s.yaml:2: record.transport.transmissivity: must be 'every-step', 'last', or levels",
+            "given 'every_step'; did you mean 'every-step'?",
+        ),
+        ("record: {transport: {percolation: 3}}", "s.yaml:2: record.transport.percolation", "must be 'every-step'"),
+        ("record: {fields_at: lst}", "s.yaml:2: record.fields_at: must be the word 'last'", "did you mean 'last'?"),
+        ("solver: papr", "s.yaml:2: solver", "did you mean 'paper'?"),
+        (
+            "sweep: {to: {pressures: [0.1, 0.2]}}",
+            "s.yaml:2: sweep.to.pressures",
+            "'pressures' stands in place of 'to', as sweep: {pressures: [...]}",
+        ),
+        ("sweep: [{}, {to: {mean_gaps: [1 um]}}]", "s.yaml:2: sweep[1].to.mean_gaps", "as sweep: {mean_gaps: [...]}"),
+        ("sweep: {pressures: [0.1, x]}", "s.yaml:2: sweep.pressures[1]", "given 'x'"),
+        ("sweep: {pressures: [0.1, -1]}", "s.yaml:2: sweep.pressures[1]: must be > 0", "p* > 0"),
+        ("sweep: {contact_areas: [0.1, 4]}", "s.yaml:2: sweep.contact_areas[1]", "must be <= 1, given 4"),
+        ("sweep: [{pressures: [0.1, x]}, {to: mean-plane}]", "s.yaml:2: sweep[0].pressures[1]", "given 'x'"),
+        ("sweep: {to: {pressure: [1, -2]}}", "s.yaml:2: sweep.to.pressure: must be > 0, given -2", "p* > 0"),
+        ("sweep: [{to: {pressure: -2}}]", "s.yaml:2: sweep[0].to.pressure: must be >= 0, given -2", "p* >= 0"),
+    ],
+)
+def test_one_mistake_has_one_message_with_what_is_meant(text: str, start: str, part: str) -> None:
+    (message,) = _problems(text)
+    assert message.startswith(start)
+    assert part in message
+
+
+def test_missing_files_of_a_list_are_named_once(tmp_path: Path) -> None:
+    with pytest.raises(StudyError) as caught:
+        loads("surface: {files: [a.npy, b.npy], L: 1}", tmp_path / "s.yaml")
+    assert [problem.key for problem in caught.value.problems] == ["surface.files"]
+
+
+@pytest.mark.parametrize("gas", SUBSTANCES)
+def test_explain_describes_a_gas_by_its_stored_data(gas: str) -> None:
+    done = CliRunner().invoke(main, ["explain", gas])
+    assert done.exit_code == 0
+    row = SUBSTANCES[gas]
+    assert f"{1e6 * row.viscosity:.4g} uPa*s at {row.reference:g} K" in done.stdout
+    assert f"{1e3 * row.molar_mass:.5g} g/mol" in done.stdout
+
+
+def test_explain_gives_the_mean_free_path() -> None:
+    """Of the viscosity, (μ/p) √(π R T/(2 M)), with Sutherland's viscosity of nitrogen at 293.15 K."""
+    (line,) = [line for line in CliRunner().invoke(main, ["explain", "nitrogen"]).stdout.splitlines() if "path" in line]
+    viscosity = 1.663e-5 * (293.15 / 273.0) ** 1.5 * (273.0 + 107.0) / (293.15 + 107.0)
+    expected = viscosity / 1e5 * math.sqrt(0.5 * math.pi * 8.314462618 * 293.15 / 28.014e-3)
+    assert_allclose(float(line.split()[2]), 1e9 * expected, rtol=5e-3)
+
+
+def test_names_that_explain_proposes_differ() -> None:
+    error = CliRunner().invoke(main, ["explain", "materal"]).stderr
+    assert "did you mean material or material.E or " in error
+    assert "material or material or" not in error
+    assert "did you mean helium" in CliRunner().invoke(main, ["explain", "heliu"]).stderr
+
+
+@pytest.mark.parametrize("name", ["sweep.to.load", "sweep.loads"])
+def test_explain_gives_the_area_of_a_load(name: str) -> None:
+    text = " ".join(CliRunner().invoke(main, ["explain", name]).stdout.split())
+    assert "nominal pressure times nodes times spacing squared, 6 % more than L^2 on a free patch of 33 x 33" in text
+
+
+@pytest.mark.parametrize(("periodic", "excess"), [(False, (33 / 32) ** 2), (True, 1.0)])
+def test_a_load_is_the_nominal_pressure_times_the_area_of_all_elements(
+    tmp_path: Path, periodic: bool, excess: float
+) -> None:
+    text = (
+        f"surface: {{D: 2.3, m: 5, seeds: 1, L: 1 mm, Sq: 1 um, periodic: {str(periodic).lower()}}}\n"
+        "material: {E_star: 10 MPa}\nsweep: {steps: 2, to: {load: 0.02 N}}\nrecord: {dimensional: {pressure: MPa}}"
+    )
+    ds = roughvol.run(loads(text, "s.yaml"), out=tmp_path / "run", jobs=1)
+    assert_allclose(0.02 / ds.nominal_pressure.values.ravel()[-1], excess, rtol=1e-5)  # mm^2, over L^2 = 1 mm^2
