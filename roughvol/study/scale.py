@@ -24,7 +24,7 @@ KINDS = {
     "leak_rate_y": ("flow", "leak_rate_y"),
 }
 """Kinds of a state: the kind of its unit, empty without one, and the starred quantity that it fixes."""
-OF_ALL = "a load is the nominal pressure times nodes times spacing squared, 6 % more than L^2 on a free patch of 33 x 33 nodes"
+OF_ALL = "a load is the nominal pressure times N^2 δ^2, on a free patch of N = 33 nodes a side 6 % more than L^2"
 """The area that a load acts on, in words."""
 ALWAYS = ("load", "mean_gap", "leak_rate", "leak_rate_x", "leak_rate_y")  # have a unit in any case
 STORED = {

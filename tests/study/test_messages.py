@@ -88,7 +88,7 @@ def test_names_that_explain_proposes_differ() -> None:
 @pytest.mark.parametrize("name", ["sweep.to.load", "sweep.loads"])
 def test_explain_gives_the_area_of_a_load(name: str) -> None:
     text = " ".join(CliRunner().invoke(main, ["explain", name]).stdout.split())
-    assert "nominal pressure times nodes times spacing squared, 6 % more than L^2 on a free patch of 33 x 33" in text
+    assert "nominal pressure times N^2 δ^2, on a free patch of N = 33 nodes a side 6 % more than L^2" in text
 
 
 @pytest.mark.parametrize(("periodic", "excess"), [(False, (33 / 32) ** 2), (True, 1.0)])
