@@ -8,7 +8,7 @@ Room of the campaign.
 `collected`     finished cases as one dataset
 `rounds`        rounds of an ensemble in its folder
 `sorting`       stored cases sorted out before a run
-`known`         cases that stored files answer already
+`shared_cases`  cases that other runs under one root have finished
 `checks`        a study checked before anything is computed
 `ensemble`      rounds of samples until a mean is as accurate as requested
 `quantities`    quantities of one surface at a state

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from pathlib import Path
 
-from roughvol.campaign import cluster, collected, known, notebook
+from roughvol.campaign import cluster, collected, notebook, shared_cases
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, slow
 from roughvol.campaign.rounds import Rounds
@@ -78,8 +78,10 @@ def run(
         missing = [case for case in absent if case.id in wanted]
         changed = bool(missing)
         if not fresh:
-            found = known.answered(folder, missing, text, stopping)
-            missing, notices = found.missing, [*notices, *filter(None, [found.notice])]
+            taken = {case.id for case in shared_cases.taken(folder, missing, stopping)}
+            missing = [case for case in missing if case.id not in taken]
+            if taken:
+                notices = [*notices, f"nothing to compute for {len(taken)} finished in other runs of this folder"]
         left = {case.id for case in absent} - wanted
         cases = {id: case for id, case in cases.items() if id not in left}
         kept = len(cases) - len(missing)

@@ -9,7 +9,6 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 =================  ===================================================================
 `reduction`        each state of a sweep reduced to stored values
 `recorded`         the list of observables: states, functions, labels, costs
-`stored_states`    observables of a stored sweep, for another record
 `levels`           the states at which an observable is taken
 `along_steps`      observables stored along the steps
 `deformed`         texture before load and under load

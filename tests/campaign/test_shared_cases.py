@@ -1,4 +1,4 @@
-"""Cases that stored files answer: another record of the same states, and other runs under one root."""
+"""Cases that other runs under one root have finished."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 import roughvol
-from roughvol.campaign import batch, known
+from roughvol.campaign import batch, shared_cases
 from roughvol.cli import main
 from roughvol.store import dataset, run_status, stamped_file
 from roughvol.store.same_study import differences
@@ -48,34 +48,7 @@ def _changed(record: str) -> str:
     return f"{TEXT[: TEXT.index('record:')]}record: {{{record}}}\n"
 
 
-ADDED = {
-    "density": "volume_density: {bins: 9, at: {pressure: 0.5}}",
-    "boxes": "box_counting: {at: {pressure: 0.5, step: 2}, thresholds: [0, 0.5]}",
-    "texture": "texture: {at: {pressure: 0.5}}",
-    "flux": "transport: {flux_at: {pressure: 0.5}, transmissivity: every-step}",
-    "of the surface": "heights: true, psd: true",
-    "spectrum under load": "psd: {at: {pressure: 0.5}}",
-    "fewer": "fields_at: {pressure: 0.5}",
-    "fewer steps": "transport: {transmissivity: {pressure: 0.6}}",
-    "at steps with fields": "transport: {percolation: {step: 2}, constriction: last, transmissivity: every-step}",
-    "central squares": "region_widths: {shares: [1, 0.5], at: {step: [2, 4]}}",
-}
-
-
-@pytest.mark.parametrize("record", ADDED.values(), ids=ADDED.keys())
-def test_an_observable_that_stored_states_answer_is_not_computed_and_equal_to_the_last_bit(
-    record: str, request: pytest.FixtureRequest
-) -> None:
-    study = loads(_changed(record), "x.yaml")
-    anew = roughvol.run(study, out="anew", jobs=1)
-    roughvol.run(loads(TEXT, "x.yaml"), jobs=1)
-    request.getfixturevalue("idle")
-    answered = roughvol.run(study, jobs=1)
-    xr.testing.assert_identical(_values(answered), _values(anew))
-    assert run_status.status(study).collected
-
-
-def test_an_observable_that_needs_states_computes_them_and_keeps_the_old_until_then(
+def test_another_record_is_computed_and_keeps_the_old_cases_until_then(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     old, new = loads(TEXT, "x.yaml"), loads(_changed("transport: {percolation: every-step}"), "x.yaml")
@@ -143,59 +116,13 @@ def test_damaged_files_and_other_formats_of_a_sibling_are_not_used(monkeypatch: 
 def test_runs_outside_a_root_share_nothing(tmp_path: Path) -> None:
     study = loads(TEXT, "x.yaml")
     roughvol.run(study, out=tmp_path / "a", jobs=1)
-    assert known._Files(tmp_path / "b").siblings == []
-    assert known.answered(tmp_path / "b", study.cases(), study.stored()).missing == list(study.cases())
-
-
-def test_heights_of_a_file_with_another_record_are_the_same_study(request: pytest.FixtureRequest) -> None:
-    np.save("a.npy", np.random.default_rng(1).normal(size=(9, 9)))
-    text = "surface: {file: a.npy, L: 4.0}\nsweep: {steps: 2}\nrecord: {fields_at: last}\n"
-    roughvol.run(loads(text, "x.yaml"), jobs=1)
-    request.getfixturevalue("idle")
-    ds = roughvol.run(loads(text.replace("fields_at: last", "fields_at: last, volume_density: {}"), "x.yaml"), jobs=1)
-    assert "volume_density" in ds
-
-
-def test_the_flow_of_a_gas_is_taken_from_stored_fields(request: pytest.FixtureRequest) -> None:
-    text = TEXT.replace("seeds: 2", "seeds: 2, L: 100 um, Sq: 0.4 um")
-    text += "fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}\n"
-    text = text.replace("transmissivity: every-step", "gas_flow: last")
-    study = loads(text.replace("gas_flow: last", "gas_flow: {step: 2}, flux_at: {step: 4}"), "x.yaml")
-    anew = roughvol.run(study, out="anew", jobs=1)
-    roughvol.run(loads(text, "x.yaml"), jobs=1)
-    request.getfixturevalue("idle")
-    xr.testing.assert_identical(_values(roughvol.run(study, jobs=1)), _values(anew))
-
-
-FLUID = "fluid_pressure: {inlet: 0.2, at: {pressure: 0.5}}"
-
-
-@pytest.mark.parametrize("record", [FLUID.replace("0.2", "0.3"), FLUID.replace("at", "coupling: one-way, at"), FLUID])
-@pytest.mark.parametrize("before", [FLUID, "fields_at: {pressure: 0.5}"])
-def test_a_contact_under_another_fluid_pressure_is_computed(before: str, record: str) -> None:
-    anew = roughvol.run(loads(_changed(record), "x.yaml"), out="anew", jobs=1)
-    roughvol.run(loads(_changed(before), "x.yaml"), jobs=1)
-    xr.testing.assert_identical(_values(roughvol.run(loads(_changed(record), "x.yaml"), jobs=1)), _values(anew))
+    assert shared_cases.taken(tmp_path / "b", study.cases()) == []
 
 
 def test_a_region_of_its_own_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     first = roughvol.run(loads(TEXT, "x.yaml"), jobs=1)
     inner = roughvol.run(loads(_changed("region: interior"), "x.yaml"), jobs=1)
     assert not np.allclose(first.contact_area_fraction, inner.contact_area_fraction)
-
-
-def test_metal_that_has_yielded_answers_densities_and_no_texture_without_it(request: pytest.FixtureRequest) -> None:
-    text = (
-        "surface: {D: 2.4, m: 4, seeds: 1, L: 100 um, Sq: 1 um}\nmaterial: {E_star: 10 MPa, hardness: 1 MPa}\n"
-        "sweep: [{steps: 2, to: {pressure: 1}}, {steps: 2, to: {pressure: 0.2}}]\nrecord: {fields_at: {step: [1, 4]}}\n"
-    )
-    more = text.replace("{step: [1, 4]}", "{step: [1, 4]}, volume_density: {at: {step: 4}}")
-    anew = roughvol.run(loads(more, "x.yaml"), out="anew", jobs=1)
-    roughvol.run(loads(text, "x.yaml"), jobs=1)
-    request.getfixturevalue("idle")
-    xr.testing.assert_identical(_values(roughvol.run(loads(more, "x.yaml"), jobs=1)), _values(anew))
-    with pytest.raises(AssertionError, match="a case is computed"):
-        roughvol.run(loads(text.replace("{step: [1, 4]}", "{step: [1, 4]}, residual_heights: true"), "x.yaml"), jobs=1)
 
 
 def test_a_changed_record_is_no_reason_to_refuse_a_folder() -> None:
