@@ -11,7 +11,7 @@ import functools
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -75,9 +75,9 @@ def estimate(study: Study, jobs: int | None = None) -> Estimate:
 
 def check_fits(study: Study, folder: Path) -> None:
     """Refuse a study beyond the memory or disk of this machine, see `resources.check_fits`."""
-    cases = study.cases()
+    cases, counts = _alike(study.cases())
     nodes = [math.prod(_shape(case)) for case in cases]
-    disk = 2 * sum(resources.disk_of(case, n) for case, n in zip(cases, nodes, strict=True))
+    disk = 2 * sum(count * resources.disk_of(case, n) for case, count, n in zip(cases, counts, nodes, strict=True))
     resources.check_fits(cases, nodes, disk, folder)
 
 
@@ -97,25 +97,37 @@ def warning_of(cases: Sequence[Case], nodes: Sequence[int], jobs: int) -> str:
     return warning(_estimate(cases, jobs).seconds, jobs)
 
 
+def _alike(cases: Sequence[Case]) -> tuple[list[Case], list[int]]:
+    """Return one case of each cost, and the numbers of cases with this cost. D and seed change none."""
+    names = [field.name for field in fields(Case) if field.name not in ("D", "seed")]
+    groups: dict[tuple[int, ...], list[Case]] = {}
+    for case in cases:  # the cases of a study share their objects, and a hash of long lists of levels is slow
+        groups.setdefault(tuple(id(getattr(case, name)) for name in names), []).append(case)
+    return [alike[0] for alike in groups.values()], [len(alike) for alike in groups.values()]
+
+
 def _estimate(cases: Sequence[Case], jobs: int | None) -> Estimate:
     jobs = min(jobs or cores(), len(cases))
-    shapes = [_shape(case) for case in cases]
+    each, counts = _alike(cases)
+    shapes = [_shape(case) for case in each]
     nodes = [rows * columns for rows, columns in shapes]
-    needs = [resources.memory_of(case, n) for case, n in zip(cases, nodes, strict=True)]
-    jobs, notice = resources.limited(jobs, needs, resources.available_memory())
-    seconds = [_seconds(case, shape) for case, shape in zip(cases, shapes, strict=True)]
-    observables = {name: 0.0 for case in cases for name in observable_seconds(case, shapes[0])}
-    for case, shape in zip(cases, shapes, strict=True):
+    needs = [resources.memory_of(case, n) for case, n in zip(each, nodes, strict=True)]
+    several = [need for need, count in zip(needs, counts, strict=True) for _ in range(min(count, jobs))]
+    jobs, notice = resources.limited(jobs, several, resources.available_memory())
+    seconds = [_seconds(case, shape) for case, shape in zip(each, shapes, strict=True)]
+    observables: dict[str, float] = {}
+    for case, shape, count in zip(each, shapes, counts, strict=True):
         for name, taken in observable_seconds(case, shape).items():
-            observables[name] += taken
+            observables[name] = observables.get(name, 0.0) + count * taken
+    together = sum(count * taken for count, taken in zip(counts, seconds, strict=True))
     return Estimate(
         cases=len(cases),
         steps=sum(case.sweep.steps for case in cases),
         jobs=jobs,
         memory=max(needs),
         # each case is stored in its file and in study.nc
-        disk=2 * sum(resources.disk_of(case, n) for case, n in zip(cases, nodes, strict=True)),
-        seconds=START + max(sum(seconds) / jobs, max(seconds)),
+        disk=2 * sum(count * resources.disk_of(case, n) for case, count, n in zip(each, counts, nodes, strict=True)),
+        seconds=START + max(together / jobs, max(seconds)),
         observables=observables,
         notice=notice,
     )

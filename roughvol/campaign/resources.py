@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import shutil
@@ -42,11 +43,10 @@ def available_memory() -> float | None:
 def free_disk(folder: Path) -> float | None:
     """Return the free bytes at a folder that exists or would be made, None if unknown."""
     folder = folder.absolute()
-    existing = next((parent for parent in (folder, *folder.parents) if parent.exists()), folder)
-    try:
-        return float(shutil.disk_usage(existing).free)
-    except OSError:
-        return None
+    for place in (folder, *folder.parents):
+        with contextlib.suppress(OSError):  # not there yet, or a name too long
+            return float(shutil.disk_usage(place).free)
+    return None
 
 
 def memory_of(case: Case, nodes: int) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 BOUNDS = ("lower", "upper")
+_LEVEL = re.compile(r"[0-9]{1,2}")
 
 
 def plan_file(folder: Path) -> Path:
@@ -96,7 +98,7 @@ def cases_of(study: Study, folder: Path) -> dict[str, Case]:
     for D, levels in counts.items():
         planned = plan.get(repr(D))
         for m, number in planned.items() if isinstance(planned, dict) else ():
-            if m.isdecimal() and isinstance(number, int):
+            if _LEVEL.fullmatch(m) and isinstance(number, int):
                 levels[int(m)] = number
     samples = (
         study.sample(D, m, first + seed)

@@ -157,13 +157,14 @@ def read(path: Path) -> Dataset:
     DatasetError
         If the file is missing, truncated, altered, or was not written by roughvol.
     """
-    content, _ = stamped_file.verified(path)
+    content, labels = stamped_file.verified(path)
     try:
         dataset = _opened(content)
     except (OSError, ValueError, RuntimeError, LookupError, TypeError) as error:
         message = f"{path} is damaged or no netCDF file ({error})"
         raise DatasetError(message) from error
     _check_format(dataset.attrs, path)
+    _check_stamp(dataset.attrs, labels, path)
     return dataset
 
 
@@ -191,17 +192,8 @@ def read_arrays(path: Path) -> tuple[Arrays, stamped_file.Labels]:
     DatasetError
         As for `read`.
     """
-    content, labels = stamped_file.verified(path)
-    _check_format(labels, path)
-    try:
-        if content.startswith(b"CDF"):
-            return _decoded(netcdf_file(io.BytesIO(content), mmap=False).variables), labels
-        with netCDF4.Dataset("memory.nc", memory=content) as stored:
-            stored.set_auto_maskandscale(False)
-            return _decoded(stored.variables), labels
-    except (OSError, ValueError, RuntimeError, LookupError, TypeError) as error:
-        message = f"{path} is damaged or no dataset of roughvol ({error})"
-        raise DatasetError(message) from error
+    arrays, _, labels = _read(path)
+    return arrays, labels
 
 
 def read_case(path: Path) -> tuple[Arrays, dict[str, str]]:
@@ -212,13 +204,29 @@ def read_case(path: Path) -> tuple[Arrays, dict[str, str]]:
     DatasetError
         As for `read`.
     """
-    arrays, _ = read_arrays(path)
-    content, _ = stamped_file.verified(path)
-    if content.startswith(b"CDF"):
-        found = netcdf_file(io.BytesIO(content), mmap=False)._attributes
-        return arrays, {name: value.decode() for name, value in found.items() if isinstance(value, bytes)}
-    with netCDF4.Dataset("memory.nc", memory=content) as stored:
-        return arrays, {name: str(stored.getncattr(name)) for name in stored.ncattrs()}
+    arrays, attributes, _ = _read(path)
+    return arrays, attributes
+
+
+def _read(path: Path) -> tuple[Arrays, dict[str, str], stamped_file.Labels]:
+    """Return the variables of a file, its attributes and its labels."""
+    content, labels = stamped_file.verified(path)
+    _check_format(labels, path)
+    try:
+        if content.startswith(b"CDF"):
+            file = netcdf_file(io.BytesIO(content), mmap=False)
+            texts = {name: value.decode() for name, value in file._attributes.items() if isinstance(value, bytes)}
+            arrays = _decoded(file.variables)
+        else:
+            with netCDF4.Dataset("memory.nc", memory=content) as stored:
+                stored.set_auto_maskandscale(False)
+                texts = {name: str(stored.getncattr(name)) for name in stored.ncattrs()}
+                arrays = _decoded(stored.variables)
+    except (OSError, ValueError, RuntimeError, LookupError, TypeError) as error:
+        message = f"{path} is damaged or no dataset of roughvol ({error})"
+        raise DatasetError(message) from error
+    _check_stamp(texts, labels, path)
+    return arrays, texts, labels
 
 
 def _decoded(variables: Mapping[str, Any]) -> Arrays:
@@ -242,6 +250,21 @@ def _check_format(attributes: Mapping[str, str], path: Path) -> None:
     if (theirs := attributes.get("format")) != FORMAT:
         message = f"{path} is no dataset of roughvol: its format is {theirs!r}, not {FORMAT!r}"
         raise DatasetError(message)
+
+
+def _check_stamp(attributes: Mapping[str, str], labels: stamped_file.Labels, path: Path) -> None:
+    """Refuse content with the stamp of another dataset. Labels of other versions, more or fewer, do not count."""
+    try:
+        own = stamped_file.labels_of(attributes)
+    except (ValueError, AttributeError) as error:  # the text of its case is none
+        message = f"{path} is damaged: it has no description of its case"
+        raise DatasetError(message) from error
+    for name in ("case", "key", "study", "format_of_answers"):
+        if name in labels and name in own and labels[name] != own[name]:
+            message = (
+                f"{path} has the stamp of another dataset: {name} is {labels[name]!r}, in its content {own[name]!r}"
+            )
+            raise DatasetError(message)
 
 
 def answers(dataset: Dataset) -> Dataset:

@@ -210,7 +210,7 @@ def remove_leftovers(folder: Path) -> None:
     here = f".{platform.node()}."
     for aside in folder.glob(".*.part"):
         pid = aside.name.split(".")[-2]
-        if not pid.isdigit():
+        if not pid.isdecimal():
             continue
         with contextlib.suppress(OSError):
             if not aside.name.removesuffix(f"{pid}.part").endswith(here) or not alive(int(pid)):

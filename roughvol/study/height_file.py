@@ -6,6 +6,7 @@ Sizes and units in a file are read when the cases are made, see `agreement`.
 from __future__ import annotations
 
 import importlib.util
+import itertools
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,7 +21,7 @@ from pydantic import (
     model_validator,
 )
 
-from roughvol.study.sections import UNIT, HeightsUnit, LengthUnit, Strict, refuse
+from roughvol.study.sections import UNIT, HeightsUnit, LengthUnit, Strict, refuse, refuse_at
 from roughvol.study.treatment import Crop, Outliers
 from roughvol.study.units import Length, unit_of
 from roughvol.study.yaml_text import printable
@@ -28,6 +29,7 @@ from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, 
 
 BARE_FORMATS = (".npy", ".npz")  # formats without size and unit
 HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".grd", ".tif", ".tiff")
+MOST_FILES = 10_000  # of a pattern, as seeds
 EXTRA = "roughvol[measured]"  # adds the formats of instruments
 
 _FILE = (
@@ -92,17 +94,23 @@ def _matching(value: Any, info: ValidationInfo) -> list[str]:
     if isinstance(value, list | tuple):
         return list(value)
     if not isinstance(value, str):
-        refuse("must be a pattern or a list of files")
+        refuse_at(("files",), value, "must be a pattern or a list of files")
     folder = context.get("folder", Path())
     pattern = Path(value)
     base = Path(pattern.anchor) if pattern.is_absolute() else folder
     names = str(pattern.relative_to(pattern.anchor)) if pattern.is_absolute() else value
+    first = next((number for number, part in enumerate(pattern.parts) if set(part) & set("*?[")), None)
+    if first is not None and ".." in pattern.parts[first:]:
+        refuse_at(("files",), value, "has '..' behind '*', '?' or '['; allowed before them alone")
     try:
-        found = sorted(path for path in base.glob(names) if path.is_file())
+        matches = (path for path in base.glob(names) if path.is_file())
+        found = sorted(itertools.islice(matches, MOST_FILES + 1))
     except (ValueError, NotImplementedError, OSError) as error:
-        refuse("no pattern ({reason})", reason=str(error))
+        refuse_at(("files",), value, "no pattern ({reason})", reason=str(error))
+    if len(found) > MOST_FILES:
+        refuse_at(("files",), value, "matches more than {most} files", most=str(MOST_FILES))
     if not found:
-        refuse("no file matches {pattern}", pattern=printable(str(base / names)))
+        refuse_at(("files",), value, "no file matches {pattern}", pattern=printable(str(base / names)))
     return [str(path if pattern.is_absolute() else path.relative_to(folder)) for path in found]
 
 

@@ -11,7 +11,9 @@ import roughvol
 from roughvol.campaign.cost import CASE_OVERHEAD, START, convolutions_per_step, estimate
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.study import ACCURACY, loads
+from roughvol.observables import recorded
+from roughvol.study import ACCURACY, Level, loads
+from roughvol.study.record import Record
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 
@@ -35,6 +37,25 @@ def test_processes_share_the_time_but_not_that_of_one_case() -> None:
     study = loads("surface: {D: 2.2, m: 6, seeds: 8}\nsweep: {steps: 10000}")
     times = [estimate(study, jobs=jobs).seconds for jobs in (1, 2, 8, 100)]
     assert times[0] > times[1] > times[2] == times[3]
+
+
+def test_cases_of_one_cost_are_estimated_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thousands of D with a long record of levels made `roughvol check` wait for minutes."""
+    text = "surface: {D: [2.2, 2.5, 2.8], m: [3, 4], seeds: SEEDS}\nsweep: {steps: 7}\nrecord: {fields_at: last}"
+    asked: list[object] = []
+    find = recorded.asked_at_states
+
+    def counted(record: Record) -> dict[str, dict[str, Level]]:
+        asked.append(record)
+        return find(record)
+
+    monkeypatch.setattr(recorded, "asked_at_states", counted)
+    one, many = (estimate(loads(text.replace("SEEDS", seeds)), jobs=2) for seeds in ("1", "100"))
+    assert len(asked) < 50
+    assert (many.cases, many.steps) == (100 * one.cases, 100 * one.steps)
+    assert many.disk == pytest.approx(100 * one.disk, rel=1e-12)
+    assert many.observables == {name: pytest.approx(100 * taken, rel=1e-12) for name, taken in one.observables.items()}
+    assert many.seconds - START == pytest.approx(100 * (one.seconds - START), rel=1e-9)
 
 
 def test_everything_that_is_recorded_has_its_cost() -> None:

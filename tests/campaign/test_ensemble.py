@@ -297,11 +297,12 @@ def test_an_unfinished_ensemble_is_collected_without_an_answer(finished: Path, t
     assert results.free_volume.notnull().any("step").sum() == len(list((tmp_path / "cases").glob("*.nc")))
 
 
-def test_a_plan_with_a_level_that_is_no_number_is_read_without_it(finished: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("level", ["²", "٣x", "-1", "1" * 5000, ""])
+def test_a_plan_with_a_level_that_is_no_number_is_read_without_it(finished: Path, tmp_path: Path, level: str) -> None:
     shutil.copytree(finished, tmp_path / "run")
-    plan = json.loads((tmp_path / "run" / "ensemble.json").read_text())
-    plan["2.3"]["²"] = 3
-    (tmp_path / "run" / "ensemble.json").write_text(json.dumps(plan))
+    plan = json.loads((finished / "ensemble.json").read_text(encoding="utf-8"))
+    plan["2.3"][level] = 3
+    (tmp_path / "run" / "ensemble.json").write_text(json.dumps(plan), encoding="utf-8")
     assert status(loads(TEXT), tmp_path / "run").done == status(loads(TEXT), finished).done
 
 

@@ -97,3 +97,11 @@ def test_without_a_limit_nothing_is_refused(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(limits, "address_space", lambda: None)
     assert limits.too_narrow() == ""
     resources.check_fits(loads(TEXT).cases(), [81], 1e6, tmp_path / "nowhere" / "yet")
+
+
+def test_a_folder_with_a_name_too_long_is_refused_in_one_line(study: str, tmp_path: Path) -> None:
+    folder = tmp_path / ("a" * 300)
+    assert resources.free_disk(folder / "b") == resources.free_disk(tmp_path)
+    shown = CliRunner().invoke(main, ["run", study, "--out", str(folder)])
+    assert shown.exit_code == 2
+    assert shown.output.strip().splitlines()[-1] == f"error: cannot write {folder}: File name too long"

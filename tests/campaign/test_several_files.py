@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import roughvol
 from roughvol.cli import main
 from roughvol.errors import StudyError
-from roughvol.study import load, loads
+from roughvol.study import height_file, load, loads
 
 TEXT = "surface: {files: maps/*.npy, L: 100 um}\nmaterial: {E_star: 10 MPa}\nsweep: {pressures: [0.05 MPa, 0.1 MPa]}\n"
 
@@ -54,6 +54,8 @@ def test_a_further_file_is_a_further_case() -> None:
     ("surface", "part"),
     [
         ("{files: nothing/*.npy, L: 1 um}", "no file matches"),
+        ("{files: '**/../**', L: 1 um}", "surface.files: has '..' behind"),
+        ("{files: 's*/../*.npy', L: 1 um}", "surface.files: has '..' behind"),
         ("{files: [maps/m0.npy, maps/none.npy], L: 1 um}", "no such file"),
         ("{files: maps/*.npy}", "does not give the length"),
         ("{files: maps/*.npy, file: maps/other.npy, L: 1 um}", "give one of them"),
@@ -65,3 +67,18 @@ def test_files_that_make_no_cases_are_refused(surface: str, part: str) -> None:
     with pytest.raises(StudyError) as refused:
         loads(f"surface: {surface}\nsweep: {{steps: 1}}\n", "several.yaml").cases()
     assert part in str(refused.value)
+
+
+def test_a_pattern_may_begin_above_the_study(tmp_path: Path) -> None:
+    (tmp_path / "studies").mkdir()
+    np.save(tmp_path / "a.npy", np.eye(4))
+    study = loads("surface: {files: '../*.npy', L: 1 um}", tmp_path / "studies" / "s.yaml")
+    assert [Path(case.bodies[0].file).name for case in study.cases()] == ["a.npy"]
+
+
+def test_a_pattern_of_too_many_files_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(height_file, "MOST_FILES", 2)
+    for name in "abc":
+        np.save(tmp_path / f"{name}.npy", np.eye(4))
+    with pytest.raises(StudyError, match=r"surface\.files: matches more than 2 files"):
+        loads("surface: {files: '*.npy', L: 1 um}", tmp_path / "s.yaml")

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -167,6 +168,30 @@ def test_a_flipped_bit_is_found_named_set_aside_and_computed_again(study: Study,
 def _relabelled(path: Path, **changed: str) -> None:
     content, labels = stamped_file.verified(path)
     stamped_file.store(path, stamped_file.stamped(content, labels | changed))
+
+
+@pytest.mark.parametrize("name", ["case", "key", "format_of_answers"])
+def test_a_case_with_the_stamp_of_another_is_not_read(place: Path, name: str) -> None:
+    first, second, *_ = sorted((place / "cases").glob("*.nc"))
+    other = stamped_file.labels(second)[name] if name != "format_of_answers" else "99"
+    _relabelled(first, **{name: other})
+    for read in (dataset.read, dataset.read_arrays, dataset.read_case):
+        with pytest.raises(DatasetError, match=rf"{re.escape(first.name)} has the stamp of another dataset: {name} is"):
+            read(first)
+    dataset.read(second)
+
+
+def test_a_dataset_with_the_stamp_of_another_study_is_not_read(place: Path) -> None:
+    _relabelled(place / "study.nc", study="0" * 64)
+    with pytest.raises(DatasetError, match=r"study\.nc has the stamp of another dataset: study is '0000"):
+        dataset.read(place / "study.nc")
+
+
+def test_a_temporary_file_with_a_strange_number_stays(tmp_path: Path) -> None:
+    strange = tmp_path / ".study.nc.host.².part"
+    strange.touch()
+    stamped_file.remove_leftovers(tmp_path)
+    assert strange.exists()
 
 
 def _times(place: Path) -> dict[str, int]:
