@@ -1,7 +1,8 @@
 """The states of stored surfaces at a load, on a step or between two steps.
 
 Between two steps, a number lies on the straight line over the quantity of the level; a leak rate, a flow or an opening
-on the straight line of its logarithm. Whether a way is open, and other counts, are those of the step beyond. A state
+on the straight line of its logarithm. A way that closes between two steps is open up to the second step, and its flow
+lies on the straight line to 0 there. Counts are those of the step beyond. A state
 that a study records is the state solved for it; before the first step it has the numbers recorded for it alone.
 
 A step that misses a level by less than `levels.REACHED` is the level. A sweep that ended at a target has reached this
@@ -43,12 +44,16 @@ BY_LOGARITHM = (
     "critical_opening",
     "critical_gap",
 )
+WAYS = ("open_", "percolates_")  # a way that closes between two steps is closed from the second step on
 MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V}  # in units, of starred numbers
 LEAK = "leak_rate"
 STARRED = tuple(kind for kind in KINDS if not kind.startswith(LEAK))
 FALLING = ("separation", "free_volume", "mean_gap")  # kinds that fall while the load grows
 SYMBOLS = {"p": "pressure", "A": "contact_area", "V": "free_volume", "d": "separation", "Δ": "indentation"}
-RULE = "Between steps: straight lines over the quantity asked for, of the logarithm for flows and openings."
+RULE = (
+    "Between steps: straight lines over the quantity asked for, of the logarithm for flows and openings. A way that "
+    "closes between two steps leaks along a straight line to 0 at the second."
+)
 LAST = Level("last")
 _LEG = re.compile(r",\s*leg\s*=?\s*(\d+)\s*$")
 
@@ -189,8 +194,10 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
             if str(name).startswith(BY_LOGARITHM):
                 positive = (before > 0.0) & (after > 0.0)
                 one, other = np.where(positive, before, 1.0), np.where(positive, after, 1.0)
-                mixed = np.where(positive, one * (other / one) ** share, after)
+                mixed = np.where(positive, one * (other / one) ** share, mixed)  # a straight line to a closed step
             after = np.where(share == 0.0, before, mixed)
+        elif str(name).startswith(WAYS):
+            after = np.where(share == 0.0, before, np.fmax(before, after))
         values[str(name)] = ("seed", after, variable.attrs)
     kept = {name: variable for name, variable in group.coords.items() if set(variable.dims) <= {"seed"}}
     coords = {name: variable[rows] if variable.dims else variable for name, variable in kept.items()}

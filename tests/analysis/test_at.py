@@ -132,7 +132,8 @@ def test_a_surface_that_closed_before_a_load_leaks_nothing_and_counts() -> None:
         if load < p[-1]:
             k = int(np.searchsorted(p, load))
             share = (load - p[k - 1]) / (p[k] - p[k - 1])
-            expected[seed] = q[k - 1] * (q[k] / q[k - 1]) ** share if q[k] > 0.0 else q[k]
+            straight = q[k - 1] * (1.0 - share)  # to a closed step
+            expected[seed] = q[k - 1] ** (1.0 - share) * q[k] ** share if q[k] > 0.0 else straight
     assert_allclose(np.sort(state.data["leak_rate_x"]), np.sort(expected), rtol=1e-9)
     assert state.data["contact_area_fraction"].isnull().sum() == 2
     found = average("leak_rate_x", state.data["leak_rate_x"].values)

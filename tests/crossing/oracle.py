@@ -6,8 +6,9 @@ Conventions, as the pages state them:
   quantities: the mean over the surfaces that have a value.
 - Under fluid pressure the leak is ``fluid_leak_rate_*`` at the load of a recorded state. The leak along the steps is
   named dry.
-- Between two steps: straight lines over the quantity asked for, of the logarithm for flows and openings; counts are
-  those of the step beyond. A step that misses a load by less than 1e-5 is this load.
+- Between two steps: straight lines over the quantity asked for, of the logarithm for flows and openings where both
+  steps are open. A way is open up to the first closed step; counts are those of the step beyond. A step that misses a
+  load by less than 1e-5 is this load.
 - A surface whose sweep ended closed along an axis is closed at every higher load: flow 0, no other number.
 """
 
@@ -27,7 +28,7 @@ import xarray as xr
 REACHED = 1e-5
 FLOWS = ("leak_rate", "gas_leak_rate", "transmissivity", "gas_transmissivity")
 STRAIGHT_IN_LOG = (*FLOWS, "diffusivity", "critical_gap", "critical_opening")
-COUNTED = ("percolates", "open", "contact_clusters", "trapped_pockets", "iterations", "converged")
+COUNTED = ("contact_clusters", "trapped_pockets", "iterations", "converged")
 LOADS = {  # kind of a load: its number, and the factors to the unit of the studies (MPa, um, mN)
     "pressure": ("nominal_pressure", {"MPa": 1.0, "kPa": 1e-3, "bar": 0.1}),
     "load": ("load", {"mN": 1.0, "N": 1e3}),
@@ -226,10 +227,14 @@ def _on_path(surface: Surface, name: str, value: float, leg: int | None) -> dict
 
 
 def _between(name: str, low: float, high: float, share: float) -> float:
-    if math.isnan(low) or name.startswith(COUNTED):
-        return float(low if math.isnan(low) else high)
-    if name.startswith(STRAIGHT_IN_LOG):
-        return float(low ** (1.0 - share) * high**share) if low > 0.0 and high > 0.0 else float(high)
+    if math.isnan(low):
+        return low
+    if name.startswith(("percolates", "open")):
+        return max(low, high)
+    if name.startswith(COUNTED):
+        return float(high)
+    if name.startswith(STRAIGHT_IN_LOG) and low > 0.0 and high > 0.0:
+        return float(low ** (1.0 - share) * high**share)
     return float(low + share * (high - low))
 
 
