@@ -3,4 +3,5 @@ from .campaign.python import press as press
 from .campaign.python import run as run
 from .errors import RoughvolWarning as RoughvolWarning
 from .report.plotting import plot as plot
+from .store.run import open as open
 from .study.reading import load as load

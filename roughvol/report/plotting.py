@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from roughvol.errors import DatasetError
 from roughvol.store import StoredRun
+from roughvol.store.dataset import with_case
 
 if TYPE_CHECKING:
     from roughvol.report.figures.style import Drawing
@@ -23,8 +24,8 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
     Parameters
     ----------
     results : Dataset, path, or mapping
-        Dataset of `roughvol.run` or `roughvol.press`; or a run: its folder, ``study.nc``, study file or name. Several
-        by name.
+        Dataset of `roughvol.run` or `roughvol.press`; a run: its folder, ``study.nc``, study file or name; or a
+        dataset saved with ``to_netcdf``. Several by name.
     figure : str
         Name of the figure, as ``v_of_p``, ``leak_of_p`` or ``fig05``.
 
@@ -61,4 +62,4 @@ def _opened(one: Dataset | str | Path) -> Dataset:
     """Return a dataset, or that of a run."""
     if isinstance(one, str | Path):
         return StoredRun.open(one).dataset
-    return one.expand_dims("case") if "case" in one.coords and "case" not in one.dims else one  # of `press`
+    return with_case(one)

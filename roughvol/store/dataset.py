@@ -149,23 +149,31 @@ def write(dataset: Dataset, path: Path) -> None:
     stamped_file.write(path, to_bytes(dataset))
 
 
-def read(path: Path) -> Dataset:
+def read(path: Path, *, saved: bool = False) -> Dataset:
     """Return a stored dataset, loaded. Its checksum is verified first: a damaged file may crash a library.
+
+    With ``saved``, a file without a checksum is read as well: one that a user wrote with ``to_netcdf``.
 
     Raises
     ------
     DatasetError
         If the file is missing, truncated, altered, or was not written by roughvol.
     """
-    content, labels = stamped_file.verified(path)
+    content, labels = stamped_file.read(path) if saved else stamped_file.verified(path)
     try:
         dataset = _opened(content)
     except (OSError, ValueError, RuntimeError, LookupError, TypeError) as error:
         message = f"{path} is damaged or no netCDF file ({error})"
         raise DatasetError(message) from error
     _check_format(dataset.attrs, path)
-    _check_stamp(dataset.attrs, labels, path)
+    if labels is not None:
+        _check_stamp(dataset.attrs, labels, path)
     return dataset
+
+
+def with_case(dataset: Dataset) -> Dataset:
+    """Return a dataset with the dimension ``case``, which `roughvol.press` leaves out."""
+    return dataset.expand_dims("case") if "case" in dataset.coords and "case" not in dataset.dims else dataset
 
 
 def _opened(content: bytes) -> Dataset:

@@ -71,18 +71,10 @@ class StoredRun:
         StudyError
             If the study file has problems.
         """
-        from roughvol.store import dataset  # xarray: a second
+        from roughvol.store.dataset import with_case
 
-        given = load(run, changes) if run is not None and is_study_file(run) else None
-        files = [_latest()] if run is None else _files(run, given)
-        file = next((file for file in files if _is_file(file)), None)
-        if file is None:
-            raise _no_results(str(run), files)
-        results = dataset.read(file)
-        if run is not None and changes and given is None:
-            given = study_of(run, changes)[0]
-        _check(file, results, given, str(run))
-        return cls(file, results, given)
+        file, results, given = _opened(run, changes)
+        return cls(file, with_case(results), given)
 
     @property
     def folder(self) -> Path:
@@ -120,6 +112,48 @@ class StoredRun:
             message = f"the cases of the study are not those in {self.folder}"
             raise DatasetError(message)
         return study
+
+
+def open(run: str | Path | None = None) -> Dataset:
+    """Return the results of a run, or a dataset that was saved with ``to_netcdf``.
+
+    Parameters
+    ----------
+    run : path, optional
+        The folder of a run, its ``study.nc``, a name under ``runs``, or a study file, whose results the run must hold.
+        Default: the latest run with results.
+
+    Returns
+    -------
+    Dataset
+        The results, in memory.
+
+    Raises
+    ------
+    DatasetError
+        If there are no results, or they are damaged.
+    FolderError
+        If the results are of another study. The message has the keys that differ.
+    StudyError
+        If the study file has problems.
+    """
+    return _opened(run)[1]
+
+
+def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, Dataset, Study | None]:
+    """Return the file of the results of a run, the results, and the study that the run was opened by."""
+    from roughvol.store import dataset  # xarray: a second
+
+    given = load(run, changes) if run is not None and is_study_file(run) else None
+    files = [_latest()] if run is None else _files(run, given)
+    file = next((file for file in files if _is_file(file)), None)
+    if file is None:
+        raise _no_results(str(run), files)
+    results = dataset.read(file, saved=file.name != RESULTS)
+    if run is not None and changes and given is None:
+        given = study_of(run, changes)[0]
+    _check(file, results, given, str(run))
+    return file, results, given
 
 
 def with_results(folder: Path = RUNS) -> list[Path]:

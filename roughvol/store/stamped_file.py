@@ -184,11 +184,26 @@ def verified(path: Path) -> tuple[bytes, Labels]:
     DatasetError
         If the file is missing, truncated, altered, or has no stamp.
     """
+    return unstamped(_content(path), path)
+
+
+def read(path: Path) -> tuple[bytes, Labels | None]:
+    """Return content and labels of a stamped file, every bit checked, or the content of a file without a stamp.
+
+    Raises
+    ------
+    DatasetError
+        If the file is missing or altered.
+    """
+    content = _content(path)
+    return unstamped(content, path) if content.endswith(MARK) else (content, None)
+
+
+def _content(path: Path) -> bytes:
     try:
-        content = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise _cannot_read(path, error) from error
-    return unstamped(content, path)
 
 
 def unstamped(content: bytes, path: Path) -> tuple[bytes, Labels]:

@@ -37,6 +37,7 @@ from roughvol.study.yaml_text import (
 
 NO_FILES = ("<string>", "<stdin>")
 SET = "--set"  # the option, in place of a file
+RESULTS, RUNS = (".nc",), (".", "runs")  # suffix of results, and folders of runs
 STUDY = Arguments("run", {"": "study"})
 
 
@@ -69,14 +70,23 @@ def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
             raise StudyError([Problem(TOO_LARGE, "", None, file)])
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        if Path(path).suffix in RESULTS:
+            raise StudyError([Problem(_holds_results(path), "", None, file)]) from error
         line = content[: error.start].count(b"\n") + 1
         raise StudyError([Problem("not text in UTF-8", "", line, file)]) from error
     except StudyError:
         raise
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = getattr(error, "strerror", None) or error
-        raise StudyError([Problem(f"cannot read the study: {reason}", "", None, file)]) from error
+        message = f"cannot read the study: {reason}"
+        if not isinstance(error, ValueError) and any((Path(folder) / path / "study.yaml").is_file() for folder in RUNS):
+            message = _holds_results(path)
+        raise StudyError([Problem(message, "", None, file)]) from error
     return _study(text, file, Path(path), changes=changes)
+
+
+def _holds_results(path: str | Path) -> str:
+    return f"holds results and is no study file: roughvol.open({str(path)!r}) returns them, roughvol show prints them"
 
 
 def of_data(data: Mapping[str, Any], arguments: Arguments = STUDY) -> Study:
