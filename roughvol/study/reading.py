@@ -78,9 +78,10 @@ def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
         raise
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         reason = getattr(error, "strerror", None) or error
-        message = f"cannot read the study: {reason}"
-        if not isinstance(error, ValueError) and any((Path(folder) / path / "study.yaml").is_file() for folder in RUNS):
-            message = _holds_results(path)
+        is_run = isinstance(error, FileNotFoundError | IsADirectoryError) and any(
+            (Path(folder) / path / "study.yaml").is_file() for folder in RUNS
+        )
+        message = _holds_results(path) if is_run else f"cannot read the study: {reason}"
         raise StudyError([Problem(message, "", None, file)]) from error
     return _study(text, file, Path(path), changes=changes)
 
