@@ -1,3 +1,4 @@
+from . import errors as errors
 from ._version import __version__ as __version__
 from .campaign.python import press as press
 from .campaign.python import run as run

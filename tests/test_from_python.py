@@ -1,0 +1,56 @@
+"""The page "From Python": its code blocks run in order, and give what their comments say."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import roughvol
+
+PAGE = Path(__file__).parents[1] / "docs" / "from-python.md"
+BLOCKS = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """All names after the blocks have run in an empty folder; ``printed`` has what they print."""
+    names: dict[str, Any] = {"printed": []}
+    names["print"] = lambda value: names["printed"].append(str(value))
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        warnings.simplefilter("ignore", roughvol.RoughvolWarning)
+        warnings.simplefilter("ignore", ImportWarning)  # SurfaceTopography runs without MPI
+        patch.chdir(tmp_path_factory.mktemp("page"))
+        for block in BLOCKS:
+            if "SurfaceTopography" in block and importlib.util.find_spec("SurfaceTopography") is None:
+                continue
+            exec(compile(block, str(PAGE), "exec"), names)
+    return names
+
+
+def test_the_blocks_run(names: dict[str, Any]) -> None:
+    assert len(BLOCKS) >= 10
+    assert float(names["again"].free_volume[-1]) == float(names["pressed"].free_volume[-1])
+
+
+def test_the_map_is_one_in_every_form(names: dict[str, Any]) -> None:
+    """The comments on numbers hold: 0.02 MPa at the end, a length of 100 um from coordinates."""
+    forms = (
+        roughvol.press(names["scan"], E="10 MPa", nu=0.5, to={"pressure": "0.02 MPa"}, steps=2),
+        roughvol.press(names["heights"], L="100 um", E="10 MPa", nu=0.5, to={"pressure": "0.02 MPa"}, steps=2),
+    )
+    for ds in forms:
+        assert float(ds.nominal_pressure[-1]) == pytest.approx(0.02, rel=1e-5)
+        assert (float(ds.L), ds.nominal_pressure.units) == (100.0, "MPa")
+    assert float(forms[0].Sq) == pytest.approx(float(forms[1].Sq))
+
+
+def test_messages_begin_as_their_comments_say(names: dict[str, Any]) -> None:
+    said = re.findall(r"print\(\w+\)  # (.*?) \.\.\.$", "\n".join(BLOCKS), re.MULTILINE)
+    assert len(said) == len(names["printed"]) == 4
+    for printed, start in zip(names["printed"], said, strict=True):
+        assert printed.startswith(start)
