@@ -24,7 +24,7 @@ from roughvol.store.dataset import Dataset
 from roughvol.study import Arguments, Study, of_data
 from roughvol.surfaces.files import memory
 
-PACKAGE = str(Path(__file__).parents[1])
+INSIDE = (str(Path(__file__).parents[1]) + os.sep, contextlib.__file__)  # files that are not the caller's
 NU = 0.3  # taken by `press` for E without nu
 STEPS = 20  # of `press`
 PERIODIC = "surface.periodic is true for a period, or false for a patch"
@@ -273,7 +273,9 @@ def _named(files: Mapping[Path, str]) -> Iterator[None]:
         yield
     except RoughvolError as raised:
         error: BaseException | None = raised
-        while error is not None:
+        seen: list[BaseException] = []
+        while error is not None and error not in seen:
+            seen.append(error)
             error.args = tuple(_text(part, files) if isinstance(part, str) else part for part in error.args)
             if isinstance(error, StudyError):
                 error.problems = tuple(_named_problem(one, files) for one in error.problems)
@@ -327,7 +329,7 @@ def _warned(results: Dataset) -> Dataset:
 def _warn(sentences: Iterable[str]) -> None:
     """Warn at the line of the caller outside this package."""
     frame, level = sys._getframe(), 1
-    while frame.f_back is not None and frame.f_code.co_filename.startswith(PACKAGE):
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(INSIDE):
         frame, level = frame.f_back, level + 1
     for sentence in sentences:
         warnings.warn(sentence, RoughvolWarning, stacklevel=level)

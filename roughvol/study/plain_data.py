@@ -60,6 +60,8 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
         message = f"must be {ALLOWED}, given an array of shape {number.shape}"
         problems[path] = f"{message}; heights in memory are surface.heights"
         return None
+    if hasattr(number, "dimensionality"):  # a unit of pint
+        return f"{number:~C}"
     if hasattr(number, "tolist") and not isinstance(number, numbers.Number):
         return plain(number.tolist(), problems, path)
     if isinstance(number, Sequence) and not isinstance(number, bytes | bytearray | memoryview):

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pint
 import pytest
 import xarray as xr
@@ -99,6 +100,8 @@ FORMS = {
     "a quantity of pint": MAP * UNITS.micrometer,
     "a quantity in nm": 1e3 * MAP * UNITS.nanometer,
     "axes of other names": xr.DataArray(MAP, dims=("scan", "fast"), attrs={"units": "um"}),
+    "a Variable of axes y, x": xr.Variable(("y", "x"), MAP.T, {"units": "um"}),
+    "a DataFrame": pd.DataFrame(MAP),
     "axes x and another": xr.DataArray(MAP.T, dims=("line", "x")),
 }
 
@@ -192,6 +195,7 @@ def test_L_agrees_with_the_coordinates() -> None:
         (_grid().assign_coords(x=("x", X**2, {"units": "um"})), r"not equidistant"),
         (_grid().assign_coords(x=("x", X, {"units": "mm"})), r"x is in mm, y in um"),
         (MAP * UNITS.megapascal, r"'MPa'"),
+        (pd.DataFrame(MAP, index=X), r"DataFrame .*to_numpy"),
     ],
 )
 def test_what_is_no_map_of_heights_is_refused_by_name(heights: Any, reason: str) -> None:
@@ -206,8 +210,9 @@ def test_a_line_is_no_map() -> None:
 
 
 def test_a_periodic_topography_is_pressed_as_the_surface_section_says() -> None:
-    with pytest.warns(roughvol.RoughvolWarning, match=r"is a periodic Topography.*surface\.periodic"):
+    with pytest.warns(roughvol.RoughvolWarning, match=r"is a periodic Topography.*surface\.periodic") as seen:
         _pressed(_topography(periodic=True))
+    assert {one.filename for one in seen if issubclass(one.category, roughvol.RoughvolWarning)} == {__file__}
     period = _pressed(_topography(periodic=True), surface={"periodic": True})
     assert float(period.L) == 8.5
     assert_allclose(period.free_volume, _pressed(MAP, L="8.5 um", surface={"periodic": True}).free_volume)

@@ -146,14 +146,21 @@ def test_a_dict_holds_objects_of_numpy_pint_and_pathlib() -> None:
         "surface": {"file": Path("z.npy"), "L": 500 * UNITS.um},
         "material": {"E": 10 * UNITS.MPa, "nu": np.float64(0.5)},
         "sweep": {"pressures": np.array([0.05, 0.1]) * UNITS.MPa},
-        "record": {"fields_at": {"contact_area": np.array([0.01, 0.02])}, "heights": np.bool_(True)},
+        "record": {
+            "fields_at": {"contact_area": np.array([0.01, 0.02])},
+            "heights": np.bool_(True),
+            "dimensional": {"pressure": UNITS.MPa, "free_volume": UNITS.mm**3 / UNITS.m**2},
+        },
     }
     text = """
 name: objects
 surface: {file: z.npy, L: 500 µm}
 material: {E: 10 MPa, nu: 0.5}
 sweep: {pressures: [0.05 MPa, 0.1 MPa]}
-record: {fields_at: {contact_area: [0.01, 0.02]}, heights: true}
+record:
+  fields_at: {contact_area: [0.01, 0.02]}
+  heights: true
+  dimensional: {pressure: MPa, free_volume: mm**3/m**2}
 """
     assert of_data(data) == loads(text)
     made = {"surface": {"D": np.linspace(2.1, 2.9, 3), "m": np.int8(4), "seeds": range(2)}}

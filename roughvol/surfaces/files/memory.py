@@ -88,8 +88,11 @@ def _labelled(heights: Any) -> Labelled:
         names = ", ".join(map(str, heights.data_vars)) or "none"
         message = f"a Dataset of xarray is no map; give one of its variables: {names}"
         raise SurfaceError(message)
-    if hasattr(heights, "dims") and hasattr(heights, "coords"):
+    if hasattr(heights, "dims") and hasattr(heights, "attrs"):  # a DataArray or a Variable
         return _of_data_array(heights)
+    if hasattr(heights, "columns") and {type(axis).__name__ for axis in getattr(heights, "axes", ())} != {"RangeIndex"}:
+        message = "a DataFrame has labels without units; give its numbers, as .to_numpy(), and L"
+        raise SurfaceError(message)
     array, attributes = _numbers(heights)
     return Labelled(array, attributes=attributes)
 
@@ -116,10 +119,11 @@ def _of_data_array(heights: Any) -> Labelled:
     array, unit = _numbers(heights.data)
     dims = tuple(_name(dim) for dim in heights.dims)
     coordinates: dict[str, tuple[Array, dict[str, str]]] = {}
+    given = getattr(heights, "coords", {})
     for dim, name in zip(heights.dims, dims, strict=True):
-        if dim not in heights.coords:  # xarray makes up the missing ones
+        if dim not in given:  # xarray makes up the missing ones
             continue
-        along = heights.coords[dim]
+        along = given[dim]
         if along.dims == (dim,) and along.dtype.kind in "fiu":
             coordinates[name] = (np.asarray(along.values, dtype=np.float64), _attributes(along.attrs))
     if _are_shares(coordinates):
