@@ -214,7 +214,7 @@ def test_runs_are_overlaid_by_name_and_their_points_are_written() -> None:
     drawn = _call("plot", "dry", "wet", "v_of_p", "--format", "csv", "--out", "drawn")
     assert drawn.exit_code == 0, drawn.output
     rows = list(csv.DictReader(io.StringIO(Path("drawn/v_of_p.csv").read_text(encoding="utf-8"))))
-    assert {"dry", "wet: $D = 2.2$, $m = 4$", "wet: $D = 2.4$, $m = 4$"} <= {row["curve"] for row in rows}
+    assert {"dry", "wet: D = 2.2, m = 4", "wet: D = 2.4, m = 4"} <= {row["curve"] for row in rows}
     ds = dataset.read(Path("runs/dry/study.nc")).squeeze()
     points = [(float(row["x"]), float(row["y"])) for row in rows if row["curve"] == "dry"]
     expected = list(zip(ds.mean_pressure.values * 10 * 2 / 500, ds.free_volume.values, strict=True))

@@ -175,7 +175,9 @@ def _facts(key: Key) -> Iterator[tuple[str, str]]:
 
 def _say_variable(name: str, row: Variable) -> None:
     say(f"{name}   {row.symbol}   variable of study.nc")
-    needs = f"record: {row.observable}" if row.observable else "every study, or as docs/observables.md describes"
+    from roughvol.store.record_key import record_key
+
+    needs = record_key(name) or "every study, or as docs/observables.md describes"
     along = row.dims.replace("...", "D m seed (or case)") or "none, one number"
     facts = (
         ("meaning", row.long_name),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from roughvol.cli.output import say, warn
 from roughvol.errors import CampaignError, DatasetError
 
 if TYPE_CHECKING:
+    from roughvol.report.figures.content import Named
     from roughvol.store import StoredRun
 
 LEAST, MOST = 1.0, 40.0  # inches of a figure
@@ -51,16 +52,15 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
     leak, flow.
 
     Several runs are overlaid in figures named by content, into runs/compared, and so are the combinations of a study
-    with lists, into its own figures. Without FIGURE, all figures of the run
-    are drawn, or v_of_p, a_of_p, v_of_a, v_of_d, gap_of_p, leak_of_p of several runs.
+    with lists, into its own figures. Without FIGURE, all figures of the run are drawn, or v_of_p, a_of_p, v_of_a,
+    v_of_d, gap_of_p, leak_of_p of several runs. A FIGURE that does not apply is named, and the others are drawn.
     """
     from roughvol.report.figures import content, selection
     from roughvol.store import StoredRun, stamped_file
     from roughvol.store.run import is_run, names_of
 
     inches = _inches(size)
-    figures = selection.figures()
-    known = {*figures, *content.NAMES}
+    known = {*selection.figures(), *content.NAMES}
     wanted = [name for name in names if name in known and not Path(name).exists()]
     others = [name for name in names if name not in wanted]
     misspelt = [name for name in others if not is_run(name)]
@@ -69,50 +69,78 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
     opened = [StoredRun.open(name) for name in others] or [StoredRun.open()]
     stored = zip(names_of([run.file for run in opened]), opened, strict=True)
     runs = [part for name, run in stored for part in content.parts(name, run.dataset, alone=len(opened) == 1)]
-    drawings: dict[str, Callable[[], Any]] = {}
-    if len(opened) == 1:
-        by_content = [name for name in wanted if name in content.NAMES]
-        paper = [name for name in wanted if name not in content.NAMES]
-        if len(runs) > 1 and not wanted:  # the combinations of a study with lists, in one figure
-            by_content = [name for name in content.DRAWN if content.missing(name, runs) is None]
-        for run in runs if paper or not wanted else ():
-            within = f"{slug(run.name)}/" if len(runs) > 1 else ""
-            for name in selection.drawable(run.dataset, paper):
-                drawings[f"{within}{name}"] = partial(figures[name][0], run.dataset)
-    else:
-        refused = [name for name in wanted if name not in content.NAMES]
-        if refused:
-            message = f"{refused[0]} shows one run; several are overlaid in figures by content, {content.IN_WORDS}"
-            raise DatasetError(message)
-        by_content = wanted or [name for name in content.DRAWN if content.missing(name, runs) is None]
-    for name in by_content:
-        if reason := content.missing(name, runs):
-            raise DatasetError(reason)
-        drawings[name] = partial(content.draw, name, runs)
+    drawings, refused = _drawings(runs, wanted, alone=len(opened) == 1)
     folder = out or (opened[0].folder / "figures" if len(opened) == 1 else Path("runs/compared"))
-    for name in sorted(drawings, key=lambda name: wanted.index(Path(name).name)) if wanted else drawings:
-        figure = drawings[name]()
-        left = _shaped(figure, inches, log)
-        warn(f"{name} has no positive {axis}: this axis stays linear" for axis in left)
+    drawn = 0
+    for name, draw in drawings.items():
         target = folder / f"{name}.{suffix}"
         if out is None and PAPER.fullmatch(target.stem):
             target = target.parent / "paper" / target.name
+        try:
+            figure = draw()
+            points = list(content.data(figure)) if suffix == "csv" else []
+        except DatasetError as error:
+            refused += [str(error)] if wanted else []  # among all figures of a run, maps have no points
+            continue
+        left = _shaped(figure, inches, log)
+        warn(f"{name} has no positive {axis}: this axis stays linear" for axis in left)
         if suffix == "csv":
-            try:
-                points = list(content.data(figure))
-            except DatasetError:
-                if wanted:
-                    raise
-                continue  # a map among all figures of a run
-            text = io.StringIO(newline="")
-            writer = csv.DictWriter(text, ["panel", "curve", "x", "y", "x_label", "y_label"])
-            writer.writeheader()
-            writer.writerows(points)
-            stamped_file.write(target, text.getvalue().encode())
+            stamped_file.write(target, _csv(points).encode())
         else:
             target.parent.mkdir(parents=True, exist_ok=True)
             figure.savefig(target)
         say(target)
+        drawn += 1
+    if refused and not drawn:
+        raise DatasetError("\n".join(refused))
+    for reason in refused:
+        say(f"not drawn: {reason}", err=True)
+
+
+Draws = dict[str, Callable[[], Any]]
+
+
+def _drawings(runs: Sequence[Named], wanted: Sequence[str], *, alone: bool) -> tuple[Draws, list[str]]:
+    """Return what draws each figure of runs by its path, and why some of those wanted cannot be drawn."""
+    from roughvol.report.figures import content, selection
+
+    figures, drawings, refused = selection.figures(), Draws(), list[str]()
+    every = [name for name in content.DRAWN if content.missing(name, runs) is None]
+    for name in wanted or (every if len(runs) > 1 else ()):
+        if name in content.NAMES:
+            reason = content.missing(name, runs)
+            if reason is None:
+                drawings[name] = partial(content.draw, name, runs)
+        elif alone:
+            reasons = {run.name: figures[name][1](name, run.dataset) for run in runs}
+            reason = "\n".join(dict.fromkeys(filter(None, reasons.values()))) or None
+            for run in runs:
+                if reasons[run.name] is None:
+                    drawings[f"{_within(run, runs)}{name}"] = partial(figures[name][0], run.dataset)
+        else:
+            reason = f"{name} shows one run; several are overlaid in figures by content, {content.IN_WORDS}"
+        refused += [reason] if reason else []
+    for run in runs if alone and not wanted else ():
+        for name in selection.drawable(run.dataset, ()):
+            drawings[f"{_within(run, runs)}{name}"] = partial(figures[name][0], run.dataset)
+    return drawings, refused
+
+
+def _within(run: Named, runs: Sequence[Named]) -> str:
+    """Return the folder of the figures of a combination, as ``E_5_MPa/``; empty of a study without lists."""
+    return f"{slug(run.name)}/" if len(runs) > 1 else ""
+
+
+def _csv(points: Sequence[Mapping[str, object]]) -> str:
+    """Return the points of curves as comma-separated values; columns that no curve has are left out."""
+    from roughvol.report.figures import content
+
+    held = [name for name in content.COLUMNS if any(point[name] is not None for point in points)]
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, held, extrasaction="ignore")
+    writer.writeheader()
+    writer.writerows(points)
+    return text.getvalue()
 
 
 def slug(words: str) -> str:

@@ -11,6 +11,7 @@ Room of the store. It computes nothing.
 `flow_variables`       rows of gases and of quick estimates of a flow
 `fluid_variables`      rows of a contact under the pressure of a fluid
 `tradeoff_variables`   the table of a stored trade-off
+`record_key`           the key of a study file that stores a variable
 `provenance`           attributes of stored files
 `dataset`              build, write, read and combine datasets
 `small_file`           the file of a small case, written quickly

@@ -23,6 +23,7 @@ from roughvol.report.figures import curves
 from roughvol.report.figures.families import ENOUGH, merged
 from roughvol.report.figures.paper import FIGURES, NEEDS, missing
 from roughvol.store.dataset import VARIABLES, combine
+from roughvol.store.record_key import record_key
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 NAMES = [
@@ -462,7 +463,8 @@ def test_what_is_missing_is_named(study: xr.Dataset, name: str) -> None:
     assert missing(name, study) is None
     variable = NEEDS[name][0][0]
     absent = study.drop_vars(variable)
-    assert missing(name, absent) == f"{name} needs {variable}, which the study did not record"
+    key = record_key(variable)
+    assert missing(name, absent) == f"{name} needs {variable}, which the study did not record" + (key and f" ({key})")
     with pytest.raises(DatasetError, match=f"{name} needs {variable}, which"):
         FIGURES[name](absent)
     unknown = study.assign({variable: study[variable] * np.nan})

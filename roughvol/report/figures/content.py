@@ -27,11 +27,23 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.report.figures.curves import plot
-from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held
+from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named
 from roughvol.report.figures.origin import lacking, study_of, surfaces, written
-from roughvol.report.figures.seal_drawing import CLOSED, LINES, draw_flow, look_of
+from roughvol.report.figures.seal_drawing import CLOSED, LEAD, LINES, draw_flow, look_of
 from roughvol.report.figures.seal_ways import band_words, ways
-from roughvol.report.figures.style import COLUMN, GREY, LABELS, STYLE, WIDE, Drawing, canvas, legend, looks, unit_text
+from roughvol.report.figures.style import (
+    COLUMN,
+    GREY,
+    LABELS,
+    STYLE,
+    WIDE,
+    Drawing,
+    canvas,
+    legend,
+    looks,
+    plain,
+    unit_text,
+)
 from roughvol.store.variants import parts_of
 
 VARIABLES_OF = {  # the first one that all runs have is drawn
@@ -59,6 +71,8 @@ WORDS = {
     "interfacial_stiffness": r"interfacial stiffness $K L/E^{\ast}$",
     "contact_conductance": r"contact conductance $h$",
 }
+COLUMNS = ("panel", "curve", "D", "m", "seed", "case", "axis", "x", "y", "x_label", "y_label")
+"""Columns of the points of a figure."""
 DECADES = 9  # of a flow that an axis spans; less flows off it
 POWERS = ("stiffness", "conductance")  # that go about with a power of the pressure: both axes are logarithmic
 LOGARITHMIC = ("leak", "flow", *POWERS)
@@ -190,8 +204,11 @@ def _flow(runs: Sequence[Named], x: str, name: str) -> Drawing:
 def _dry(ax: Axes, family: Family, x: str, name: str) -> None:
     """Draw a flow of the dry gap as thin grey lines beside the lifted flow."""
     for axis in AXES:
-        for curve in curves(family, x, f"{name}_{axis}"):
-            ax.plot(*_positive(curve), color=GREY, lw=0.6, ls=LINES[axis], zorder=1, label=f"_dry, along ${axis}$")
+        for surface, curve in enumerate(curves(family, x, f"{name}_{axis}")):
+            lines = ax.plot(
+                *_positive(curve), color=GREY, lw=0.6, ls=LINES[axis], zorder=1, label=f"_dry, along ${axis}$"
+            )
+            named(ax, lines, family, surface, curve=f"{family.label}, without fluid pressure", axis=axis)
 
 
 def _legend(ax: Axes, some: Sequence[Family], closed: set[str], words: Sequence[str], *, dry: bool) -> None:
@@ -318,7 +335,8 @@ def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
     Yields
     ------
     mapping
-        panel, curve, x, y, x_label, y_label; a curve without a name in the legend is ``surface 1`` and so on.
+        panel, curve, D, m, seed, case, axis, x, y, x_label, y_label, without TeX. What a curve does not have is None:
+        a mean of surfaces has no seed.
 
     Raises
     ------
@@ -330,10 +348,15 @@ def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
         unnamed = 0
         for line in ax.get_lines():
             label = str(line.get_label())
-            if label.startswith("_"):
+            if label == LEAD:
+                continue
+            source = dict(fig.sources.get(line, {}))
+            if not source and label.startswith("_child"):
                 unnamed += 1
-                label = f"surface {unnamed}"
-            names = {"panel": panel, "curve": label, "x_label": ax.get_xlabel(), "y_label": ax.get_ylabel()}
+                label = f"line {unnamed}"
+            names = dict.fromkeys(COLUMNS) | source | {"panel": panel}
+            names["curve"] = plain(str(source.get("curve", label.lstrip("_")))).replace("\n", " ")
+            names |= {"x_label": plain(ax.get_xlabel()), "y_label": plain(ax.get_ylabel())}
             xs, ys = (np.atleast_1d(np.asarray(part, dtype=float)) for part in line.get_data())
             for x, y in zip(xs.tolist(), ys.tolist(), strict=False):
                 empty = False

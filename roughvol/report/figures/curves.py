@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from roughvol.report.figures.families import Curve, Family, mean_and_band, several
+from roughvol.report.figures.families import Curve, Family, mean_and_band, named, several
 from roughvol.report.figures.style import DASHES, legend, marked
 
 
@@ -30,7 +30,8 @@ def plot(
         colour = family.look["color"]
         if len(curves) == 1:
             marks = marked(len(curves[0][0]), order)
-            ax.plot(*curves[0], label=family.label, markevery=marks, zorder=3, **family.look)
+            lines = ax.plot(*curves[0], label=family.label, markevery=marks, zorder=3, **family.look)
+            named(ax, lines, family)
             continue
         if common:
             abscissa, rows = curves[0][0], np.array([y for _, y in curves])
@@ -38,10 +39,12 @@ def plot(
         else:
             abscissa, mean, spread = mean_and_band(curves, 200)
         ax.fill_between(abscissa, mean - spread, mean + spread, color=colour, alpha=0.18, lw=0, zorder=2)
-        for x, y in curves:
+        for surface, (x, y) in enumerate(curves):
             drawn = np.where(y > 0.0, y, np.nan) if log else y  # a logarithmic axis has no zero
-            ax.plot(x, drawn, color=colour, lw=0.35, alpha=0.4, zorder=1)
-        ax.plot(abscissa, mean, label=family.label, color=colour, ls=DASHES[order % len(DASHES)], zorder=3)
+            lines = ax.plot(x, drawn, color=colour, lw=0.35, alpha=0.4, zorder=1)
+            named(ax, lines, family, surface)
+        lines = ax.plot(abscissa, mean, label=family.label, color=colour, ls=DASHES[order % len(DASHES)], zorder=3)
+        named(ax, lines, family)
     if surfaces := several(map(len, members)):
         title += f"; mean of {surfaces} surfaces, band ± 1 std. dev."
     ax.set(xlabel=labels[0], ylabel=labels[1])

@@ -13,11 +13,13 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from xarray import DataArray, Dataset
 
 from roughvol.observables import at_state as interpolation
 from roughvol.observables.free_volume import element_volumes
-from roughvol.report.figures.style import A, P, looks
+from roughvol.report.figures.style import A, Drawing, P, looks
 from roughvol.report.paper_rules import PAPER_D, nearest, nearest_state, nearest_surface
 from roughvol.store.dataset import at_state
 from roughvol.typing import Array, Mask
@@ -41,6 +43,25 @@ class Family(NamedTuple):
     def surfaces(self) -> int:
         """Number of surfaces."""
         return int(self.data.sizes["seed"])
+
+    def source(self, surface: int | None = None) -> dict[str, object]:
+        """Return the labels of the family, or of one of its surfaces: D, m, seed, or case, and the name of a curve."""
+        found: dict[str, object] = {"curve": self.label}
+        found |= {key: self.data[key].item() for key in ("D", "m", "case") if key in self.data.coords}
+        one = 0 if self.surfaces == 1 else surface
+        if one is not None and "seed" in self.data.coords:
+            seed = self.data["seed"].values[one].item()
+            found |= {"case": seed} if isinstance(seed, str) else {"seed": seed}
+            if self.surfaces > 1:
+                found["curve"] = f"{self.label}, {seed if isinstance(seed, str) else f'seed {seed}'}"
+        return found
+
+
+def named(ax: Axes, lines: Sequence[Line2D], family: Family, surface: int | None = None, **more: object) -> None:
+    """Note which family, or which of its surfaces, the points of lines are of, as in `Drawing.sources`."""
+    fig = ax.get_figure()
+    if isinstance(fig, Drawing):
+        fig.sources = {**fig.sources, **dict.fromkeys(lines, family.source(surface) | more)}
 
 
 def held(ds: Dataset, *variables: str) -> DataArray:

@@ -20,6 +20,7 @@ from roughvol.errors import DatasetError, StudyError
 from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import STYLE, Drawing, unit_of
 from roughvol.report.paper_rules import PAPER_A, PAPER_D, PAPER_M
+from roughvol.store.record_key import record_key
 from roughvol.study import GeneratedSurface, Study, loads
 
 Draw = Callable[["Dataset"], Drawing]
@@ -178,7 +179,9 @@ def lacking(name: str, ds: Dataset, variables: Sequence[str]) -> str | None:
     """Return which variables of a figure a dataset does not have in any case, in words, or None."""
     absent = [variable for variable in variables if variable not in ds]
     if absent:
-        return f"{name} needs {', '.join(absent)}, which the study did not record"
+        keys = dict.fromkeys(filter(None, map(record_key, absent)))
+        hint = f" ({', '.join(keys)})" if keys else ""
+        return f"{name} needs {', '.join(absent)}, which the study did not record{hint}"
     if not bool(held(first_leg(ds), *variables).any()):
         where = " on the first leg" if "leg" in ds else ""
         return f"{name} needs {', '.join(variables)}, and no case of the dataset has a value of each{where}"

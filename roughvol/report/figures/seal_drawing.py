@@ -10,11 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from roughvol.report.figures import seal_ways
-from roughvol.report.figures.families import Family, curves, mean_and_band
+from roughvol.report.figures.families import Family, curves, mean_and_band, named
 from roughvol.report.figures.seal_ways import DIRECTIONS, Way
 from roughvol.report.figures.style import GREY, Drawing, looks
 from roughvol.typing import Array
 
+LEAD = "_lead"  # label of a line that is no data
 LINES: dict[str, Any] = {"x": "-", "y": (0, (4.0, 1.5))}
 CLOSED = {"x": "x", "y": "+"}
 LEGEND: dict[str, Any] = {"handlelength": 2.2, "columnspacing": 1.2}
@@ -65,43 +66,56 @@ def direction_legend(
     fig.legend(handles=handles, title=title, loc="outside upper center", ncols=-(-len(handles) // rows), **LEGEND)
 
 
-def closing(ax: Axes, direction: str, colour: Any, last: tuple[float, float] | None, closed: float) -> None:
+def closing(
+    ax: Axes,
+    direction: str,
+    colour: Any,
+    last: tuple[float, float] | None,
+    closed: float,
+    family: Family | None = None,
+) -> None:
     """Mark a closed way on the lower edge of the axes, and lead a dotted line there from its last open state."""
     floor = ax.get_ylim()[0]
     if last is not None:
-        ax.plot([last[0], closed], [max(last[1], floor), floor], ls=":", lw=0.8, color=colour, zorder=2)
+        ax.plot([last[0], closed], [max(last[1], floor), floor], ls=":", lw=0.8, color=colour, zorder=2, label=LEAD)
     options: dict[str, Any] = {"ms": 5.0, "mew": 1.3, "clip_on": False, "zorder": 6}
-    ax.plot([closed], [floor], ls="", marker=CLOSED[direction], color=colour, label="_closed", **options)
+    marks = ax.plot([closed], [floor], ls="", marker=CLOSED[direction], color=colour, label="_closed", **options)
+    if family is not None:
+        named(ax, marks, family, curve=f"{family.label}, closed", axis=direction)
 
 
 def draw_flow(ax: Axes, family: Family, members: list[Way], direction: str, *, alone: bool) -> bool:
     """Draw a flow along one direction; return whether it is seen to close."""
     look, name, floor = look_of(family, direction, alone=alone), name_of(family, direction), ax.get_ylim()[0]
     if len(members) < 2 or (at := seal_ways.grid(members)).size < 2:
-        return _draw_each(ax, members, direction, look | {"label": name}, lead=True)
+        return _draw_each(ax, family, members, direction, look | {"label": name}, lead=True)
     centre, low, high = seal_ways.centre_and_band(seal_ways.sample(members, at))
     open_ = centre > 0.0
     ax.fill_between(at, np.maximum(low, 0.1 * floor), high, color=look["color"], alpha=FAINT, lw=0, zorder=2)
-    ax.plot(at[open_], centre[open_], label=name, color=look["color"], ls=look["ls"], zorder=3)
+    lines = ax.plot(at[open_], centre[open_], label=name, color=look["color"], ls=look["ls"], zorder=3)
+    named(ax, lines, family, axis=direction)
     if open_.all():
         return False
     end = int(np.argmin(open_))
-    closing(ax, direction, look["color"], (at[end - 1], centre[end - 1]) if end else None, at[end])
+    closing(ax, direction, look["color"], (at[end - 1], centre[end - 1]) if end else None, at[end], family)
     return True
 
 
-def _draw_each(ax: Axes, members: list[Way], direction: str, look: dict[str, Any], *, lead: bool) -> bool:
+def _draw_each(
+    ax: Axes, family: Family, members: list[Way], direction: str, look: dict[str, Any], *, lead: bool
+) -> bool:
     """Draw the states of one surface up to its closing, or those of several that share no load, which has no mark."""
     if len(members) != 1:
         for member in members:
-            ax.plot(member.load, member.value, **(look | {"ls": ""}))
+            lines = ax.plot(member.load, member.value, **(look | {"ls": ""}))
+            named(ax, lines, family, axis=direction)
         return False
     (member,) = members
-    ax.plot(member.load, member.value, zorder=3, **look)
+    named(ax, ax.plot(member.load, member.value, zorder=3, **look), family, axis=direction)
     closes = bool(np.isfinite(member.closed))
     if closes:
         last = (member.load[-1], member.value[-1]) if lead and member.load.size else None
-        closing(ax, direction, look["color"], last, member.closed)
+        closing(ax, direction, look["color"], last, member.closed, family)
     return closes
 
 
@@ -147,7 +161,7 @@ def draw_ratio(ax: Axes, family: Family, members: list[Way], direction: str, *, 
     look, name = look_of(family, direction, alone=alone), name_of(family, direction)
     floor, top = ax.get_ylim()
     if len(members) < 2 or (at := seal_ways.grid(members)).size < 2:
-        return _draw_each(ax, members, direction, look | {"label": name}, lead=False)
+        return _draw_each(ax, family, members, direction, look | {"label": name}, lead=False)
     rows = seal_ways.sample(members, at, hold=True, beyond=beyond)
     closings = sorted(member.closed if np.isfinite(member.closed) else np.inf for member in members)
     end = closings[len(members) // 2]  # from here on the median is closed
@@ -158,9 +172,10 @@ def draw_ratio(ax: Axes, family: Family, members: list[Way], direction: str, *, 
     numbers: Any = np.nanpercentile(rows[:, kept], [low, 50.0, high], axis=0, method="inverted_cdf")
     below, centre, above = np.clip(numbers, 0.1 * floor, 10.0 * top)
     ax.fill_between(at[kept], below, above, color=look["color"], alpha=FAINT, lw=0, zorder=2)
-    ax.plot(at[kept], centre, label=name, color=look["color"], ls=look["ls"], zorder=3)
+    lines = ax.plot(at[kept], centre, label=name, color=look["color"], ls=look["ls"], zorder=3)
+    named(ax, lines, family, axis=direction)
     if np.isfinite(end):
-        closing(ax, direction, look["color"], None, end)
+        closing(ax, direction, look["color"], None, end, family)
     return bool(np.isfinite(end))
 
 
@@ -168,8 +183,8 @@ def draw_states(ax: Axes, family: Family, x: str, name: str) -> None:
     """Draw a number that has no direction: through the states of one surface, or as mean ± one deviation of several."""
     members = curves(family, x, name)
     if len(members) == 1:
-        ax.plot(*members[0], label=family.label, zorder=3, **family.look)
+        named(ax, ax.plot(*members[0], label=family.label, zorder=3, **family.look), family)
         return
     at, mean, spread = mean_and_band(members, seal_ways.GRID)
     ax.fill_between(at, mean - spread, mean + spread, color=family.look["color"], alpha=0.18, lw=0, zorder=2)
-    ax.plot(at, mean, label=family.label, color=family.look["color"], zorder=3)
+    named(ax, ax.plot(at, mean, label=family.label, color=family.look["color"], zorder=3), family)

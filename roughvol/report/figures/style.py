@@ -19,12 +19,15 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 from xarray import Dataset
 
 from roughvol.errors import FolderError
 from roughvol.store import stamped_file
 
+_LETTERS = {r"^{\ast}": "*", r"\sigma": "σ", r"\Delta": "Δ", r"\delta": "δ", r"\mu": "µ", r"\leq": "≤", r"\sim": "~"}
+_LETTERS |= {r"\cdot": "·", r"^{-1}": "⁻¹", r"^2": "²", r"^3": "³", r"\eta": "η", r"\lambda": "λ", r"\pi": "π"}
 SCREEN = 160  # resolution in a notebook
 COLUMN, PAGE, DPI = 3.5, 7.0, 300  # widths [inch] of a column and of a page, resolution for print
 CONTACT = "#08306b"  # contact is this one flat dark blue wherever it shows in colour
@@ -62,9 +65,12 @@ class Drawing(Figure):
     ----------
     shown : mapping
         Values of ``D``, ``m``, ``surfaces``, ``samples`` and ``area`` that it shows, for the note on its origin.
+    sources : mapping
+        Where the points of a line come from: ``D``, ``m``, ``seed``, ``case``, ``axis`` and the name ``curve``.
     """
 
     shown: Mapping[str, Sequence[float]] = MappingProxyType({})
+    sources: Mapping[Line2D, Mapping[str, object]] = MappingProxyType({})
 
     def note(self, text: str) -> None:
         """Put a line on where the drawing comes from below it."""
@@ -110,6 +116,13 @@ class Drawing(Figure):
         buffer = io.BytesIO()
         self.savefig(buffer, format="png", dpi=SCREEN)
         return buffer.getvalue()
+
+
+def plain(text: str) -> str:
+    """Return a label without TeX, as ``dimensionless pressure p*``."""
+    for tex, letter in _LETTERS.items():
+        text = text.replace(tex, letter)
+    return re.sub(r"\\(?:mathrm|bar|,)\s*|(?<!\\)[${}]", "", text).replace(r"\$", "$")
 
 
 def canvas(width: float = COLUMN, height: float = 3.0) -> Drawing:
