@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from roughvol.contact.kernels import influence_matrix
-from roughvol.contact.preconditioner import Rates, approximate_inverse
+from roughvol.contact.preconditioner import Rates, approximate_inverse, weaker_inverses
 from roughvol.contact.problem import TENSILE, Problem
 from roughvol.contact.state import State
 from roughvol.errors import ConvergenceError
@@ -134,7 +134,7 @@ def conjugate_gradients(
     Raises
     ------
     ConvergenceError
-        After `Tuning.iterations` iterations, or if no direction reduces the energy.
+        After `Tuning.iterations` iterations.
     """
     tuning, half_space, elements = problem.tuning, problem.half_space, start.candidates
     single = problem.single(rtol) and mode is not Mode.EXACT
@@ -148,6 +148,7 @@ def conjugate_gradients(
     inverse, free = approximate_inverse(
         half_space.influence, half_space.shape, elements, q, w, free, start.rates, tuning, periodic=half_space.periodic
     )
+    weaker = weaker_inverses(half_space.influence, half_space.shape, elements, tuning, periodic=half_space.periodic)
     direction: NDArray[Any] = np.zeros(q.size, dtype=np.float32 if single else np.float64)
     r_before, rz, step, residual = direction.copy(), 1.0, 0.0, np.inf  # without effect: the first direction is z
     for iteration in range(tuning.iterations):
@@ -169,8 +170,6 @@ def conjugate_gradients(
         if yields:
             z *= (q < limit) | (z <= 0.0)
         rz_before, rz = rz, float(r @ z)
-        if not rz > 0.0:
-            break
         direction *= max(0.0, (rz - float(r_before @ z)) / rz_before)
         direction += z  # (10) direction
         direction *= free
@@ -178,7 +177,12 @@ def conjugate_gradients(
         if mode is Mode.SWIFT and iteration and residual <= tolerance * min(tuning.last_step, reduction):
             return np.clip(q + step * direction, 0.0, limit), iteration  # (12) one more step of the previous length
         response = half_space.displacement_at(elements, direction, single=single)
-        step = float(r @ direction) / float(direction @ response)  # (11) exact step
+        curvature = float(direction @ response)
+        if not (0.0 < rz < np.inf and 0.0 < curvature < np.inf):  # no descent: rounding has spoilt M⁻¹
+            inverse, rz = next(weaker), 1.0
+            direction[:] = 0.0
+            continue
+        step = float(r @ direction) / curvature  # (11) exact step
         q += step * direction
         w += step * response
         r_before = r

@@ -7,12 +7,23 @@ Equation (15) of docs/solver.md, with its symbols. B is the near field on the el
 P spreads the force of a block over its elements in proportion to t, the pressure with K t = 1 on the contact. Pᵀ takes
 the mean over a block, weighted by t. C ≈ (Pᵀ K P)⁻¹ is the same problem between blocks, solved in the same way.
 
-M⁻¹ is symmetric, and positive definite for any t ≥ 0, N and positive definite C. Numbers have 32 bits: rounding is far
-smaller than the approximations.
+M⁻¹ is symmetric and positive definite for any sides of the grid, any contact, any t ≥ 0 and any N:
+
+- With m = Pᵀr and s = r - X m, rᵀM⁻¹r = mᵀC m + sᵀB s. For positive definite C and B this is zero only if m = 0 and
+  s = 0, and then r = s + X m = 0.
+- C of the last tier is the inverse of a matrix with a Cholesky factor, or else the near field of the blocks. C of any
+  other tier is an M⁻¹ of the blocks, so induction applies.
+- B = GᵀG, and G is invertible. On a free patch G is triangular with a positive diagonal. Around a period, and between
+  blocks on either grid, the rows of G are strictly dominant (`near_field.dominant`).
+
+Numbers have 32 bits, so the proof also needs a C that is not large. C becomes large if the matrix between blocks is
+nearly singular or indefinite. That happens where blocks that touch have the coefficient of two distant points. A period
+is therefore cut into blocks of equal length, up to one element, and blocks at the seam count as neighbours.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -22,6 +33,7 @@ from numpy.typing import NDArray
 from scipy import linalg, sparse
 
 from roughvol.contact.kernels import influence_matrix
+from roughvol.contact.near_field import dominant
 from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.typing import Array, Index, Map, Single
 
@@ -67,10 +79,10 @@ def by_blocks(
     ----------
     J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 ("BNN", two levels).
     """
-    return _corrected(near, Level(influence, shape, elements, t, tuning, joined=(periodic, periodic)), tuning)
+    return _corrected(near, Tier(influence, shape, elements, t, tuning, periodic=periodic), tuning)
 
 
-def _corrected(near: Map, blocks: Level, tuning: Tuning) -> Map:
+def _corrected(near: Map, blocks: Tier, tuning: Tuning) -> Map:
     """Return M⁻¹ for the elements that make up the blocks."""
     solved = _between_blocks(blocks, tuning)
     spread, moved, count = blocks.spread, blocks.moved, blocks.numbers.size
@@ -90,37 +102,101 @@ def _corrected(near: Map, blocks: Level, tuning: Tuning) -> Map:
     return apply
 
 
-def _between_blocks(blocks: Level, tuning: Tuning) -> Map:
+def _between_blocks(blocks: Tier, tuning: Tuning) -> Map:
     """Return C, the inverse of the operator between blocks: a factorisation, or the same method for many blocks."""
     if blocks.numbers.size > tuning.factorised_up_to:
-        above = Level(blocks.influence, blocks.shape, blocks.numbers, blocks.mass, tuning, blocks, blocks.joined)
+        above = Tier(
+            blocks.influence, blocks.shape, blocks.numbers, blocks.mass, tuning, blocks, periodic=blocks.periodic
+        )
         return _corrected(near_field_of_blocks(blocks, tuning.least_pivot), above, tuning)
     matrix = influence_matrix(blocks.influence, blocks.numbers)
     here, k = np.nonzero(blocks.neighbours < blocks.numbers.size)
     matrix[here, blocks.neighbours[here, k]] = blocks.near[here, k]
     try:
         factor = linalg.cho_factor(matrix, lower=True, check_finite=False)
-    except linalg.LinAlgError:  # points in place of blocks are too rough; not seen on any contact
+    except linalg.LinAlgError:  # points in place of blocks are too rough
         return near_field_of_blocks(blocks, tuning.least_pivot)
     return lambda r: linalg.cho_solve(factor, r, check_finite=False).astype(np.float32)
 
 
-class Level:
+@dataclass(frozen=True)
+class Cut:
+    """The blocks along one axis of a grid.
+
+    Attributes
+    ----------
+    blocks : int
+        Number of blocks.
+    closed : bool
+        Whether the last block is beside the first one. Fewer than three blocks around a period would have one block on
+        both sides; its coefficients hold all images.
+    block, within : array (nodes,)
+        Block of each node, and the place of the node in it.
+    spare : array (nodes,)
+        Side of the frame of a block beyond the length of the block.
+    distance : array (blocks,)
+        Nodes between the starts of two blocks, from 0, 1, 2 … blocks apart.
+    """
+
+    blocks: int
+    closed: bool
+    block: NDArray[np.int32]
+    within: NDArray[np.int32]
+    spare: NDArray[np.int32]
+    distance: Index
+
+    def around(self, offset: Any) -> Any:
+        """Return offsets between blocks the short way around a period, as far as -1."""
+        return (offset + 1) % self.blocks - 1 if self.closed else offset
+
+
+@lru_cache(maxsize=16)
+def cut(nodes: int, side: int, periodic: bool) -> Cut:
+    """Cut an axis into blocks of a side. A free patch may have a shorter last block, a period has equal ones.
+
+    Parameters
+    ----------
+    nodes : int
+        Nodes along the axis.
+    side : int
+        Most nodes of a block.
+    periodic : bool
+        Whether the ends are joined. Lengths of blocks then differ by one node at most.
+
+    Returns
+    -------
+    Cut
+        The blocks.
+    """
+    blocks = -(-nodes // side)
+    node, apart = np.arange(nodes, dtype=np.int32), np.arange(blocks)
+    if not periodic:
+        return Cut(blocks, False, node // side, node % side, np.zeros_like(node), apart * side)
+    block = node * blocks // nodes
+    start = -(-np.arange(blocks + 1, dtype=np.int32) * nodes // blocks)
+    distance = (2 * nodes * apart + blocks) // (2 * blocks)  # rounded, the same both ways around
+    distance = np.where(2 * apart > blocks, nodes - distance[-apart], distance)
+    return Cut(blocks, blocks >= 3, block, node - start[block], side - np.diff(start)[block], distance)
+
+
+class Tier:
     """Elements in blocks, and the operator Pᵀ K P between the blocks.
 
     Parameters
     ----------
     influence, shape, elements, t, tuning
         As in `by_blocks`.
-    below : Level, optional
-        The level with blocks that are the elements of this one.
-    joined : (bool, bool)
-        Whether opposite sides of the grid are joined along each axis.
+    below : Tier, optional
+        The tier with blocks that are the elements of this one.
+    periodic : bool
+        Whether opposite sides of the grid are joined.
 
     Attributes
     ----------
-    joined : (bool, bool)
-        The same for the grid of blocks: not where the last block is smaller than the others.
+    periodic : bool
+        The same.
+    rows, columns : Cut
+        Blocks along each axis.
     shape : (int, int)
         Rows and columns of the grid of blocks.
     influence : array
@@ -144,33 +220,32 @@ class Level:
         elements: Index,
         t: NDArray[Any],
         tuning: Tuning = TUNING,
-        below: Level | None = None,
-        joined: tuple[bool, bool] = (False, False),
+        below: Tier | None = None,
+        *,
+        periodic: bool = False,
     ) -> None:
-        side = tuning.block_side
-        self.shape = (-(-shape[0] // side), -(-shape[1] // side))
-        self.joined = joined[0] and shape[0] % side == 0, joined[1] and shape[1] % side == 0
-        # fewer than three blocks would have one block on both sides; its coefficients hold all images
-        around = [join and blocks >= 3 for join, blocks in zip(self.joined, self.shape, strict=True)]
-        self.influence = influence[::side, ::side]
+        side, self.periodic = tuning.block_side, periodic
+        rows, columns = self.rows, self.columns = [cut(nodes, side, periodic) for nodes in shape]
+        self.shape = (rows.blocks, columns.blocks)
+        self.influence = influence[np.ix_(rows.distance, columns.distance)]
         row, column = np.divmod(elements.astype(np.int32), np.int32(shape[1]))
         width = self.shape[1] + 2
-        block = (row // side + 1) * width + column // side + 1
+        block_row = rows.block.take(row)
+        block = (block_row + 1) * width + columns.block.take(column) + 1
         occupied = np.flatnonzero(np.bincount(block))
         count = occupied.size
         number = np.full((self.shape[0] + 2) * width, count, dtype=np.int32)
         number[occupied] = np.arange(count, dtype=np.int32)
         grid = number.reshape(-1, width)
-        if around[0]:
+        if rows.closed:
             grid[0], grid[-1] = grid[-2], grid[1]
-        if around[1]:
+        if columns.closed:
             grid[:, 0], grid[:, -1] = grid[:, -2], grid[:, 1]
         x, y = np.divmod(occupied, width)
         self.numbers: Index = (x - 1) * self.shape[1] + y - 1
         self.neighbours: NDArray[np.int32] = number[occupied[:, None] + np.array([i * width + j for i, j in _AROUND])]
         of_element = number[block]
-        within = (row % side) * side + column % side
-        position = of_element.astype(np.intp) * side**2 + within
+        position = of_element.astype(np.intp) * side**2 + rows.within.take(row) * side + columns.within.take(column)
         shapes = np.zeros((count + 1, side**2), dtype=np.float32)  # the last one: an absent block
         shapes.ravel()[position] = np.maximum(t, 1e-9 * t.max()) if t.any() else 1.0  # no block without force
         self.mass: Single = shapes[:count].sum(axis=1)
@@ -179,39 +254,50 @@ class Level:
         start = np.arange(elements.size + 1, dtype=np.int32)
         self.spread = sparse.csr_array((share, of_element, start), shape=(elements.size, count))
 
+        # A block shorter than its frame lies at the start of the frame, or at the end where the block beside it comes
+        # next: all frames beside each other are then one side apart.
+        frames = [(position, shapes)]
+        if rows.spare.any() or columns.spare.any():
+            for low, far in ((0, 1), (1, 0), (1, 1)):
+                place = position + (low * side * rows.spare.take(row) + far * columns.spare.take(column))
+                shifted = np.zeros_like(shapes)
+                shifted.ravel()[place] = share
+                frames.append((place, shifted))
         # Displacement of every element under a unit force on each of the blocks around. The last column is E.
         given = influence[: 2 * side, : 2 * side]
         tables = _tables(given.tobytes(), given.shape[0], side)
-        pieces = _whole_rows(row // side, x - 1, tuning.cache // 64)  # in cache
+        pieces = _whole_rows(block_row, x - 1, tuning.cache // 64)  # in cache
         data = np.empty((elements.size, len(_AROUND) + 1), dtype=np.float32)
         data[:, -1] = 1.0
         for some, blocks in pieces:
-            at = position[some] - blocks.start * side**2
-            for j, table in enumerate(tables):
-                field = shapes[self.neighbours[blocks, j]] @ table
-                data[some, j] = field.ravel().take(at)
+            at = [place[some] - blocks.start * side**2 for place, _ in frames]
+            for j, (down, right) in enumerate(_AROUND):
+                acting = (2 * (down < 0) + (right < 0)) % len(frames)
+                moved = (2 * (down > 0) + (right > 0)) % len(frames)
+                field = frames[acting][1][self.neighbours[blocks, j]] @ tables[j]
+                data[some, j] = field.ravel().take(at[moved])
         if below is not None:  # the elements are blocks: blocks around them act with their exact coefficients
             points = [_at(influence, i, j) for i, j in _AROUND]
             target, k = np.nonzero(below.neighbours < elements.size)
             source = below.neighbours[target, k]
             excess = (below.near[target, k] - np.array(points)[k]) * share[source]
-            apart = [place[source] - place[target] for place in np.divmod(block, width)]
-            apart = [(d + 1) % n - 1 if join else d for d, n, join in zip(apart, self.shape, around, strict=True)]
-            close = (np.abs(apart[0]) <= 1) & (np.abs(apart[1]) <= 1)  # but for a seam between unequal blocks
-            place = target * data.shape[1] + (apart[0] + 1) * 3 + apart[1] + 1
-            data += np.bincount(place[close], excess[close], data.size).reshape(data.shape)
+            place_row, place_column = np.divmod(block, width)
+            rows_apart = rows.around(place_row[source] - place_row[target])
+            columns_apart = columns.around(place_column[source] - place_column[target])
+            place = target * data.shape[1] + (rows_apart + 1) * 3 + columns_apart + 1
+            data += np.bincount(place, excess, data.size).reshape(data.shape)
         means = self.spread.T @ data
         self.near: Single = means[:, :-1].copy()
         means[:, -1] = 0.0
         of_block = np.empty((count, data.shape[1]), dtype=np.int32)
         of_block[:, :-1] = np.minimum(self.neighbours, count - 1)
         of_block[:, -1] = np.arange(count, 2 * count)
-        columns = np.empty(data.shape, dtype=np.int32)
+        into = np.empty(data.shape, dtype=np.int32)
         for some, _ in pieces:
             data[some] -= means.take(of_element[some], axis=0)
-            of_block.take(of_element[some], axis=0, out=columns[some], mode="clip")
+            of_block.take(of_element[some], axis=0, out=into[some], mode="clip")
         start = np.arange(0, data.size + 1, data.shape[1], dtype=np.int32)
-        self.moved = sparse.csr_array((data.ravel(), columns.ravel(), start), shape=(elements.size, 2 * count))
+        self.moved = sparse.csr_array((data.ravel(), into.ravel(), start), shape=(elements.size, 2 * count))
 
 
 @lru_cache(maxsize=16)
@@ -245,7 +331,7 @@ def _at(influence: Array, row: int, column: int) -> float:
     return float(influence[min(abs(row), influence.shape[0] - 1), min(abs(column), influence.shape[1] - 1)])
 
 
-def near_field_of_blocks(blocks: Level, least_pivot: float) -> Map:
+def near_field_of_blocks(blocks: Tier, least_pivot: float) -> Map:
     """Return the near field of the operator between blocks, from the preceding blocks around each.
 
     Coefficients differ from block to block, so the small systems of `near_field` cannot be tabulated. One Cholesky
@@ -272,7 +358,7 @@ def near_field_of_blocks(blocks: Level, least_pivot: float) -> Map:
     for i, (row, column) in enumerate(before):
         factor[i, i] = np.where(present[i], near[members[i], _CENTRE], 1.0)
         for j, (other_row, other_column) in enumerate(before[:i]):
-            offset = other_row - row, other_column - column
+            offset = blocks.rows.around(other_row - row), blocks.columns.around(other_column - column)
             if offset in _AROUND:
                 factor[i, j] = near[members[i], _AROUND.index(offset)] * present[j]
             else:
@@ -288,6 +374,7 @@ def near_field_of_blocks(blocks: Level, least_pivot: float) -> Map:
     for i in range(size - 2, -1, -1):
         rows[i] = -(factor[i + 1 :, i] * rows[i + 1 :]).sum(axis=0) / factor[i, i]
     rows *= present
+    dominant(rows[:-1], rows[-1])
     start = np.arange(0, rows.size + 1, size, dtype=np.int32)
     columns = np.minimum(members, count - 1).T.ravel()
     inverse = sparse.csr_array((rows.T.ravel(), columns, start), shape=(count, count))

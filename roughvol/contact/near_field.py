@@ -33,7 +33,8 @@ def near_field(
     """Return r ↦ Gᵀ G r ≈ K⁻¹ r on the elements, G sparse and triangular: equation (13) of docs/solver.md.
 
     Row i of G solves K_PP y = e_i, where P is element i and its preceding neighbours in the set; G_i = y/√y_i. This
-    factorised sparse approximate inverse is symmetric, and positive definite whenever K is.
+    factorised sparse approximate inverse is symmetric, and positive definite whenever K is: G is invertible, on a free
+    patch as a triangular matrix with a positive diagonal, around a period by `dominant` rows.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def near_field(
     ----------
     L. Yu. Kolotilina, A. Yu. Yeremin, SIAM J. Matrix Anal. Appl. 14 (1993) 45-58.
     """
-    offsets, table = _rows(tuple(map(tuple, influence[:5, :5].tolist())), reach)
+    offsets, table = _rows(tuple(map(tuple, influence[:5, :5].tolist())), reach, periodic)
     size = elements.size
     row, column = np.divmod(elements.astype(np.int32), np.int32(columns))
     if not periodic:
@@ -104,17 +105,38 @@ def near_field(
 
 
 @lru_cache(maxsize=8)
-def _rows(influence: tuple[tuple[float, ...], ...], reach: float) -> tuple[NDArray[np.intp], Single]:
+def _rows(influence: tuple[tuple[float, ...], ...], reach: float, periodic: bool) -> tuple[NDArray[np.intp], Single]:
     """Return the offsets of preceding neighbours and the element itself, and the row of G for each set of them.
 
-    Each bit of the number of a set is one neighbour. A row is zero where there is no neighbour.
+    Each bit of the number of a set is one neighbour. A row is zero where there is no neighbour. G is not triangular
+    around a period, so its rows are made dominant.
     """
     near = np.hypot(*_SQUARE.T) <= reach + 0.01
     offsets = _SQUARE[: _CENTRE + 1][near[: _CENTRE + 1]]
     before = len(offsets) - 1
     present = np.ones((1 << before, before + 1), dtype=bool)
     present[:, :-1] = (np.arange(1 << before)[:, None] >> np.arange(before)) & 1
-    return offsets, _scaled_rows(np.array(influence), offsets, present, before)
+    rows = _scaled_rows(np.array(influence), offsets, present, before)
+    if periodic:
+        dominant(rows[:, :-1].T, rows[:, -1])
+    return offsets, rows
+
+
+def dominant(others: Single, diagonal: Single) -> None:
+    """Shrink the rows of a factor G, in place, to strict dominance: Σ|others| ≤ 0.999 g with the diagonal g.
+
+    G is then invertible, and GᵀG positive definite, whichever neighbours a row has. For x_k, the largest entry of x,
+    row k has |(G x)_k| ≥ g |x_k| - Σ|others| |x_k| ≥ 0.001 g |x_k| > 0. Most rows are dominant already and are kept.
+
+    Parameters
+    ----------
+    others : array (k, n)
+        Coefficients of the neighbours in each of n rows.
+    diagonal : array (n,)
+        Coefficient of the element or block itself, > 0.
+    """
+    share = np.abs(others).sum(axis=0) / diagonal
+    others *= np.minimum(1.0, 0.999 / np.maximum(share, 0.999))
 
 
 def border(influence: Array, columns: int, elements: Index, left_out: Mask, entered: Index) -> tuple[Index, Single]:

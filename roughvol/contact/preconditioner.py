@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,9 @@ def approximate_inverse(
 
     Neighbours lift an element without pressure clear if the step M⁻¹(-w) gives it none. The inverse is made without
     these elements. One that comes into contact takes part by the near field around it (`near_field.border`).
+
+    M⁻¹ is positive definite on the elements that take part. `far_field` has the proof for the elements kept. An element
+    x that comes into contact adds (gᵀr)² to rᵀM⁻¹r, which is y_x r_x² if r is zero on the elements kept.
 
     Parameters
     ----------
@@ -98,3 +102,26 @@ def approximate_inverse(
         return z
 
     return apply, ~left_out
+
+
+def weaker_inverses(
+    influence: Array, shape: tuple[int, int], elements: Index, tuning: Tuning = TUNING, *, periodic: bool = False
+) -> Iterator[Map]:
+    """Yield maps in place of an M⁻¹ that gives no descent: the near field alone, then r itself.
+
+    They take more iterations to the same answer. The last one is repeated without end: r descends.
+
+    Parameters
+    ----------
+    influence, shape, elements, tuning, periodic
+        As in `approximate_inverse`.
+
+    Yields
+    ------
+    callable
+        r ↦ an approximation of K⁻¹ r, both of shape (n,).
+    """
+    reach = tuning.near_reach_periodic if periodic else tuning.near_reach
+    yield near_field(influence, shape[1], elements, reach, periodic=periodic)
+    while True:
+        yield lambda r: r

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -13,6 +14,7 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import influence_matrix, kernel_quadrant
 from roughvol.contact.loading import solve, sweep
 from roughvol.contact.near_field import near_field
+from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.contact.preconditioner import approximate_inverse
 from roughvol.contact.tuning import Tuning
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -122,87 +124,118 @@ def test_blocks_leave_nothing_for_the_iteration_to_find(seed, factorised_up_to):
     assert found[-1] / found[0] < 0.5 * alone[-1] / alone[0]
 
 
-def between_blocks(level, influence, shape, elements, t):
-    """Pᵀ K P, P of the definition, and the number of the block of each element."""
+def blocks_along(nodes, periodic):
+    """Block of each node of an axis: eight nodes each and a shorter last one, or equal shares of a period."""
+    node = np.arange(nodes)
+    return node * -(-nodes // 8) // nodes if periodic else node // 8
+
+
+def between_blocks(tier, shape, elements, t):
+    """P of the definition, and the number of the block of each element."""
     row, column = np.divmod(elements, shape[1])
-    code = (row // 8) * level.shape[1] + column // 8
-    assert np.array_equal(level.numbers, np.unique(code))
-    block = np.searchsorted(level.numbers, code)
-    spread = np.zeros((elements.size, level.numbers.size))
+    block_row, block_column = (blocks_along(nodes, tier.periodic) for nodes in shape)
+    code = block_row[row] * tier.shape[1] + block_column[column]
+    assert np.array_equal(tier.numbers, np.unique(code))
+    block = np.searchsorted(tier.numbers, code)
+    spread = np.zeros((elements.size, tier.numbers.size))
     spread[np.arange(elements.size), block] = t
-    np.testing.assert_allclose(level.mass, spread.sum(axis=0), rtol=1e-5)
+    np.testing.assert_allclose(tier.mass, spread.sum(axis=0), rtol=1e-5)
     spread /= spread.sum(axis=0)
-    np.testing.assert_allclose(level.spread.toarray(), spread, rtol=1e-5, atol=0)
+    np.testing.assert_allclose(tier.spread.toarray(), spread, rtol=1e-5, atol=0)
     return spread, block
 
 
-def beside(x, y):
-    """Return which blocks count as near one another."""
-    return np.maximum(np.abs(x[:, None] - x), np.abs(y[:, None] - y)) <= 1
+def beside(tier):
+    """Return which blocks are near one another, also across the seam of a period of three blocks or more."""
+    near = True
+    for place, blocks in zip(np.divmod(tier.numbers, tier.shape[1]), tier.shape, strict=True):
+        apart = np.abs(place[:, None] - place)
+        near &= (apart <= 1) | ((apart == blocks - 1) & (tier.periodic and blocks > 2))
+    return near
+
+
+def operator(tier):
+    """The matrix between blocks as the tier has it: points for distant blocks."""
+    x, y = np.divmod(tier.numbers, tier.shape[1])
+    matrix = tier.influence[np.abs(x[:, None] - x), np.abs(y[:, None] - y)]
+    here, k = np.nonzero(tier.neighbours < x.size)
+    matrix[here, tier.neighbours[here, k]] = tier.near[here, k]
+    return matrix
+
+
+def period(shape, kernel="love"):
+    """Elements in contact at random, some of them beside each other, and K and t as in `contact_set`."""
+    influence = PeriodicHalfSpace(shape, kernel).influence
+    generator = np.random.Generator(np.random.PCG64(2))
+    elements = np.flatnonzero(generator.random(shape) < 600 / math.prod(shape))
+    return influence, elements, influence_matrix(influence, elements), generator.exponential(size=elements.size)
+
+
+PERIODS = ((17, 17), (64, 40), (33, 70), (9, 150), (61, 16), (5, 129))
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("shape", [(65, 65), (50, 100), (3, 250)])
+@pytest.mark.parametrize("shape", [(65, 65), (50, 100), (3, 250), *(("periodic", *shape) for shape in PERIODS)])
 def test_operator_between_blocks_is_exact_nearby(shape, kernel):
-    influence, elements, matrix, t = contact_set(shape, kernel=kernel)
+    periodic, shape = shape[0] == "periodic", shape[-2:]
+    influence, elements, matrix, t = period(shape, kernel) if periodic else contact_set(shape, kernel=kernel)
     t = np.maximum(t, 1e-3)
-    level = far_field.Level(influence, shape, elements, t)
-    spread, block = between_blocks(level, influence, shape, elements, t)
+    tier = far_field.Tier(influence, shape, elements, t, periodic=periodic)
+    spread, block = between_blocks(tier, shape, elements, t)
     moved = matrix @ spread
     exact = spread.T @ moved
-    count = level.numbers.size
+    count = tier.numbers.size
     got = np.zeros((count, count))
-    here, k = np.nonzero(level.neighbours < count)
-    got[here, level.neighbours[here, k]] = level.near[here, k]
-    x, y = np.divmod(level.numbers, level.shape[1])
-    near = beside(x, y)
+    here, k = np.nonzero(tier.neighbours < count)
+    got[here, tier.neighbours[here, k]] = tier.near[here, k]
+    near = beside(tier)
     np.testing.assert_allclose(got, np.where(near, exact, 0.0), rtol=0, atol=1e-6)
     departure = np.where(near[block], moved - exact[block], 0.0)
-    both = level.moved.toarray()
+    both = tier.moved.toarray()
     np.testing.assert_allclose(both[:, :count], departure, rtol=0, atol=2e-6)
     assert np.array_equal(both[:, count:], np.eye(count)[block])
-    far = influence[::8, ::8][np.abs(x[:, None] - x), np.abs(y[:, None] - y)]
-    assert np.abs(far / exact - 1.0)[~near].max(initial=0.0) < 0.5  # points for blocks
+    assert np.abs(operator(tier) / exact - 1.0).max() < 0.5  # points for blocks
 
 
+@pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_operator_between_blocks_of_blocks_is_exact_nearby(kernel):
-    shape = (129, 129)
-    influence = kernel_quadrant(shape, kernel)
+def test_operator_between_blocks_of_blocks_is_exact_nearby(kernel, periodic):
+    shape = (133, 133)
+    influence = (PeriodicHalfSpace if periodic else HalfSpace)(shape, kernel).influence
     generator = np.random.Generator(np.random.PCG64(3))
     elements = np.flatnonzero(generator.random(shape) < 0.01)
     t = generator.exponential(size=elements.size)
-    below = far_field.Level(influence, shape, elements, t)
-    level = far_field.Level(below.influence, below.shape, below.numbers, below.mass, below=below)
-    x, y = np.divmod(below.numbers, below.shape[1])
-    matrix = below.influence[np.abs(x[:, None] - x), np.abs(y[:, None] - y)]
-    here, k = np.nonzero(below.neighbours < x.size)
-    matrix[here, below.neighbours[here, k]] = below.near[here, k]
-    spread, block = between_blocks(level, below.influence, below.shape, below.numbers, below.mass)
+    below = far_field.Tier(influence, shape, elements, t, periodic=periodic)
+    tier = far_field.Tier(below.influence, below.shape, below.numbers, below.mass, below=below, periodic=periodic)
+    matrix = operator(below)
+    spread, block = between_blocks(tier, below.shape, below.numbers, below.mass)
     moved = matrix @ spread
     exact = spread.T @ moved
-    here, k = np.nonzero(level.neighbours < level.numbers.size)
-    np.testing.assert_allclose(level.near[here, k], exact[here, level.neighbours[here, k]], rtol=0, atol=1e-6)
-    departure = (moved - exact[block])[:, level.neighbours[here, k]]
-    got = level.moved.toarray()[:, level.neighbours[here, k]]
+    here, k = np.nonzero(tier.neighbours < tier.numbers.size)
+    np.testing.assert_allclose(tier.near[here, k], exact[here, tier.neighbours[here, k]], rtol=0, atol=1e-6)
+    departure = (moved - exact[block])[:, tier.neighbours[here, k]]
+    got = tier.moved.toarray()[:, tier.neighbours[here, k]]
     mine = block[:, None] == here
     np.testing.assert_allclose(got[mine], departure[mine], rtol=0, atol=1e-6)
 
 
-def test_near_field_of_blocks_is_the_factor_of_its_definition():
-    shape = (65, 65)
-    influence, elements, _, t = contact_set(shape)
-    level = far_field.Level(influence, shape, elements, t)
-    x, y = np.divmod(level.numbers, level.shape[1])
-    matrix = level.influence[np.abs(x[:, None] - x), np.abs(y[:, None] - y)]
-    here, k = np.nonzero(level.neighbours < x.size)
-    matrix[here, level.neighbours[here, k]] = level.near[here, k]
+@pytest.mark.parametrize("shape", [(65, 65), *(("periodic", *shape) for shape in PERIODS)])
+def test_near_field_of_blocks_is_the_factor_of_its_definition(shape):
+    periodic, shape = shape[0] == "periodic", shape[-2:]
+    influence, elements, _, t = period(shape) if periodic else contact_set(shape)
+    tier = far_field.Tier(influence, shape, elements, t, periodic=periodic)
+    x, y = np.divmod(tier.numbers, tier.shape[1])
+    wraps = [periodic and blocks > 2 for blocks in tier.shape]
+    number = {place: i for i, place in enumerate(zip(x.tolist(), y.tolist(), strict=True))}
+    matrix = operator(tier)
     factor = np.zeros_like(matrix)
     for i in range(x.size):
-        near = np.flatnonzero(beside(x, y)[i, : i + 1])
-        row = np.linalg.solve(matrix[np.ix_(near, near)], np.eye(near.size)[-1])
+        around = [(x[i] + a, y[i] + b) for a, b in ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 0))]
+        around = [tuple(p % n if w else p for p, n, w in zip(a, tier.shape, wraps, strict=True)) for a in around]
+        near = [number[place] for place in around if place in number]
+        row = np.linalg.solve(matrix[np.ix_(near, near)], np.eye(len(near))[-1])
         factor[i, near] = row / np.sqrt(row[-1])
-    got = dense(lambda r: far_field.near_field_of_blocks(level, 0.05)(r.astype(np.float32)), x.size)
+    got = dense(lambda r: far_field.near_field_of_blocks(tier, 0.05)(r.astype(np.float32)), x.size)
     np.testing.assert_allclose(got, factor.T @ factor, rtol=0, atol=3e-6 * np.abs(got).max())
 
 
