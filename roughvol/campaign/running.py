@@ -12,7 +12,7 @@ from pathlib import Path
 
 from roughvol.campaign import cluster, collected, notebook, shared_cases
 from roughvol.campaign.batch import Batch, OnEvent, Progress
-from roughvol.campaign.checks import check_fits, check_surfaces, slow
+from roughvol.campaign.checks import check_fits, check_surfaces, doubtful, slow
 from roughvol.campaign.rounds import Rounds
 from roughvol.campaign.sorting import sorted_out
 from roughvol.errors import CampaignError, FolderError
@@ -91,9 +91,14 @@ def run(
             for notice in notices:
                 on_event(Progress(cases=len(cases), kept=kept, notice=notice))
         if missing:
-            Batch(folder, text, missing, kept, surface, on_event, alone=len(study.cases()) == 1).through(
-                jobs, scheduler, stopping
-            )
+            batch = Batch(folder, text, missing, kept, surface, on_event, alone=len(study.cases()) == 1)
+            try:
+                batch.through(jobs, scheduler, stopping)
+            except CampaignError:
+                if on_event is not None:  # a number that was meant otherwise may be the reason
+                    for sentence in doubtful(study, surface):
+                        on_event(Progress(cases=len(cases), kept=kept, notice=f"warning: {sentence}"))
+                raise
         elif on_event is not None:
             on_event(Progress(cases=len(cases), kept=len(cases), work=1.0))
         return collected.of_run(folder, cases, study, stopping, again=changed)

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 import roughvol
 from roughvol.cli import main
-from roughvol.errors import RoughvolWarning
+from roughvol.errors import CampaignError, RoughvolWarning
 from roughvol.study import loads
 
 UNITS = "surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}\nmaterial: {E_star: 10 MPa}\n"  # p = p* 0.1 MPa
@@ -147,3 +147,16 @@ def test_an_accuracy_that_looks_like_a_percentage_is_doubtful() -> None:
     assert _doubts(text, "check") == [expected]
     assert _doubts(text) == [expected]
     assert _doubts(text.replace("volume: 1", "volume: 50 %"), "check") == []
+
+
+def test_a_run_that_fails_names_its_doubtful_numbers() -> None:
+    """A load above the hardness by its other reading: 0.1 MPa is below it, p* = 0.1 is not reached."""
+    heights = 1e-6 * np.random.default_rng(0).normal(size=(9, 9))
+    options: dict[str, Any] = {"L": 100e-6, "E": "10 MPa", "nu": 0.5, "hardness": "1.1 kPa", "steps": 2}
+    with pytest.warns(RoughvolWarning, match=r"^pressure 0\.1 is p\* = 0\.1, that is "), pytest.raises(CampaignError):
+        roughvol.press(heights, to={"pressure": 0.1}, **options)
+    text = UNITS.replace("10 MPa", "10 MPa, hardness: 1.1 kPa") + "sweep: {steps: 2, to: {pressure: 0.1}}"
+    Path("s.yaml").write_text(text, encoding="utf-8")
+    done = CliRunner().invoke(main, ["run", "s.yaml", "--jobs", "1"])
+    assert done.exit_code == 1
+    assert len(re.findall(r"^warning: pressure 0\.1 is p\* = 0\.1", done.stderr, re.MULTILINE)) == 1
