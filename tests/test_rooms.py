@@ -39,7 +39,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
         "store.dataset",
         "store.small_file",
         "report.claims",
-        "analysis.read_off",
+        "analysis.leak_curve",
         "analysis.leak_budget",
     ),
     "lazy_loader": ("__init__", *(room for rooms in FLOORS[1:-3] for room in rooms)),

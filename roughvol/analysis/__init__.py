@@ -12,7 +12,8 @@ Room of the analysis. It reads datasets, solves no contact, and draws nothing.
 `legs`         legs of a path in a dataset
 `units`        several runs in the units of the first
 `hysteresis`   leak up and down a path, and with yield against without
-`read_off`     pressure, modulus or Sq at which a leak falls below a value
+`leak_curve`   the leak of a surface over the load, read between steps with its error
+`read_off`     pressure, modulus or Sq at which a leak falls to a value, or a joint closes
 `gas_leak`     the leak of a gas in the place of that of a liquid
 `creep`        the leak of a seal over time
 `leak_budget`  the leak at a load along x and y, its closing and its error budget

@@ -1,9 +1,10 @@
 """The leak of a seal over time: a material that creeps under constant load, from a stored sweep.
 
 Lee & Radok, J. Appl. Mech. 27 (1960) 438: where the contact area does not fall with time, the contact of a linear
-viscoelastic body is the elastic one with the compliance J(t) in place of 1/E. At constant load the state at time t is
-the elastic state of the modulus E(t) = 1/J(t). Its p* is p*(0) J(t)/J(0), on the same stored sweep. Conditions, checked
-here as far as a sweep shows them:
+viscoelastic body is the elastic one with the compliance J(t) in place of 1/E. J is the compliance 1/E* of the contact:
+of both bodies, where both deform. At constant load the state at time t is the elastic state of the modulus
+E*(t) = 1/J(t). Its p* is p*(0) J(t)/J(0), on the same stored sweep. Conditions, checked here as far as a sweep shows
+them:
 
 - the load is put on at once, and held: J does not fall with time (the creep law is refused otherwise);
 - the contact area does not fall along the sweep;
@@ -18,15 +19,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Any
 
 import numpy as np
 from xarray import Dataset
 
-from roughvol.analysis.leak_budget import AXES
-from roughvol.analysis.legs import first_leg
-from roughvol.analysis.read_off import check_leaks, curves, log_leak
-from roughvol.errors import Problem, StudyError
+from roughvol.analysis.average import average
+from roughvol.analysis.leak import AXES
+from roughvol.analysis.leak_curve import Curve, curves, surfaces
+from roughvol.analysis.read_off import check, refuse
+from roughvol.analysis.tables import Table, number, rounded
 from roughvol.observables.at_state import at_state
 from roughvol.store import stamped_file
 from roughvol.study import Creep, loads
@@ -34,23 +36,50 @@ from roughvol.typing import Array
 
 
 @dataclass(frozen=True, eq=False)
+class OverSurfaces:
+    """The leak of several surfaces along one axis, at each time.
+
+    Attributes
+    ----------
+    value : array (n,)
+        Median over the surfaces in the unit of the study, closed ones counted as 0. The leak of a surface between its
+        last open step and the first closed one is on the straight line to 0.
+    low, high : array (n,)
+        Interval of the reading.
+    least, most : array (n,)
+        16 to 84 % range over the surfaces.
+    open, closing : array of int (n,)
+        Number of surfaces before their first closed step, and of those beyond their last open step.
+    surfaces : int
+        Number of surfaces.
+    """
+
+    value: Array
+    low: Array
+    high: Array
+    least: Array
+    most: Array
+    open: Array
+    closing: Array
+    surfaces: int
+
+
+@dataclass(frozen=True, eq=False)
 class History:
-    """A seal over time, mean over the surfaces.
+    """A seal over time.
 
     Attributes
     ----------
     seconds : array (n,)
         Time under load [s].
     ratio : array (n,)
-        J(t)/J(0).
+        J(t)/J(0) of the contact.
     equivalent : array (n,)
         Nominal pressure of the same p* at the modulus of the study, p J(t)/J(0), in the unit of the study.
     area : array (n,)
-        A*.
-    leak : dict of array (n,)
-        Leak by axis in the unit of the study; 0 where closed, NaN between the last open step and the first closed one.
-    error : dict of array (n,)
-        Estimated relative error of the leak by interpolation.
+        A*, mean over the surfaces whose sweep reaches the state; NaN if none does.
+    leak : dict of OverSurfaces
+        Leak by axis.
     pressure : float
         Nominal pressure in the unit of the study.
     pressure_unit, leak_unit : str
@@ -61,8 +90,7 @@ class History:
     ratio: Array
     equivalent: Array
     area: Array
-    leak: dict[str, Array]
-    error: dict[str, Array]
+    leak: dict[str, OverSurfaces]
     pressure: float
     pressure_unit: str
     leak_unit: str
@@ -90,53 +118,58 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
     Raises
     ------
     StudyError
-        If the run has no leak rates, yields, or its contact area falls; or if a time needs states beyond the sweep.
+        If the run has no leak rates, yields, has a fluid pressure that lifts the gap, or its contact area falls; if
+        the law does not fit the bodies of the study; or if a time needs states beyond the sweep.
     """
-    check_leaks(run)
+    check(run)
     if "plastic_volume" in run:
-        _refuse("the surface yields: the theory of Lee and Radok holds for elastic contact alone")
-    first = first_leg(run)
-    area = first["contact_area_fraction"].transpose(..., "step").values
-    if np.any(np.diff(area, axis=-1) < -1e-12):
-        _refuse("the contact area falls along the stored sweep: the theory of Lee and Radok does not hold")
+        refuse("the surface yields: the theory of Lee and Radok holds for elastic contact alone")
+    pressed = [surface for _, surface in surfaces(run)]
+    if any(np.any(np.diff(surface["contact_area_fraction"].values) < -1e-12) for surface in pressed):
+        refuse("the contact area falls along the stored sweep: the theory of Lee and Radok does not hold")
     material = loads(str(run.attrs["study"]), stored=True).material
     ratio = np.array([law.ratio(time, material) for time in seconds])
     equivalent = pressure * ratio
-    _within_reach(run, equivalent, np.asarray(seconds, dtype=np.float64), pressure)
-    leaks, errors = {}, {}
-    for axis in AXES:
-        surfaces = curves(run, axis)
-        values, error = log_leak(surfaces, np.log(equivalent))
-        closes = min(one.closes for one in surfaces)
-        leaks[axis] = np.where(equivalent >= closes, 0.0, np.exp(values))
-        errors[axis] = np.where(equivalent >= closes, 0.0, error)
-    cases = [dim for dim in first["mean_pressure"].dims if dim != "step"]
-    stacked = first[["nominal_pressure", "contact_area_fraction"]].stack(surface=cases).transpose("surface", "step")
+    by_axis = {axis: curves(run, axis) for axis in AXES}
+    unit = str(run["nominal_pressure"].attrs["units"])
+    _within_reach([one for each in by_axis.values() for one in each], unit, equivalent, seconds, pressure)
     areas = [
-        at_state(p, a, equivalent)
-        for p, a in zip(stacked["nominal_pressure"].values, stacked["contact_area_fraction"].values, strict=True)
+        at_state(surface["nominal_pressure"].values, surface["contact_area_fraction"].values, equivalent)
+        for surface in pressed
     ]
     return History(
         np.asarray(seconds, dtype=np.float64),
         ratio,
         equivalent,
-        np.mean(areas, axis=0),
-        leaks,
-        errors,
+        np.array([average("contact_area_fraction", there).value for there in np.transpose(areas)]),
+        {axis: _over_surfaces(each, equivalent) for axis, each in by_axis.items()},
         pressure,
-        str(run["nominal_pressure"].attrs["units"]),
+        unit,
         str(run["leak_rate_x"].attrs["units"]),
     )
 
 
-def _within_reach(run: Dataset, equivalent: Array, seconds: Array, pressure: float) -> None:
-    """Refuse times whose states lie beyond the stored sweep."""
-    surfaces = curves(run, "x")
-    low = max(float(one.pressure[0]) for one in surfaces)
-    high = min(float(one.pressure[-1]) for one in surfaces)
-    unit = str(run["nominal_pressure"].attrs["units"])
+def _over_surfaces(each: Sequence[Curve], equivalent: Array) -> OverSurfaces:
+    """Return median, range and interval of the leaks at nominal pressures."""
+    readings = [one.at(equivalent) for one in each]
+    value, low, high = (
+        [average("leak_rate", there) for there in np.transpose([getattr(one, name) for one in readings])]
+        for name in ("value", "low", "high")
+    )
+    median, least, most = (np.array([getattr(one, name) for one in value]) for name in ("value", "low", "high"))
+    lows, highs = (np.array([one.value for one in ends]) for ends in (low, high))
+    open_ = np.sum([one.value > 0.0 for one in readings], axis=0)
+    closing = np.sum([(one.low == 0.0) & (one.high > 0.0) for one in readings], axis=0)
+    return OverSurfaces(median, lows, highs, least, most, open_, closing, len(readings))
+
+
+def _within_reach(
+    each: Sequence[Curve], unit: str, equivalent: Array, seconds: Sequence[float], pressure: float
+) -> None:
+    """Refuse times whose states lie beyond the stored sweep of a surface with an open way."""
+    low, high = max(one.begins for one in each), min(one.ends for one in each)
     if equivalent[0] < low * (1.0 - 1e-12):
-        _refuse(
+        refuse(
             f"at {seconds[0]:.4g} s the state is that of {equivalent[0]:.4g} {unit}; the sweep begins at "
             f"{low:.4g} {unit}: give more steps at low load"
         )
@@ -144,38 +177,24 @@ def _within_reach(run: Dataset, equivalent: Array, seconds: Array, pressure: flo
     if late.size:
         k = int(late[0])
         until = f"reached up to {seconds[k - 1]:.4g} s" if k else "reached at no time"
-        _refuse(
+        refuse(
             f"at {seconds[k]:.4g} s the state is that of {equivalent[k]:.4g} {unit} (p = {pressure:.4g} {unit}, "
             f"J(t)/J(0) = {equivalent[k] / pressure:.4g}); the sweep ends at {high:.4g} {unit}, {until}: press "
             "farther, or ask for less"
         )
 
 
-def _refuse(message: str) -> NoReturn:
-    raise StudyError([Problem(message)])
-
-
-COLUMNS = ("time [s]", "J(t)/J(0)", "p J(t)/J(0)", "A*", "leak x", "leak y", "error x", "error y")
-WIDTHS = (8, 16, 8, 16, 16)
-
-
-def rows_of(over_time: History) -> list[tuple[float, ...]]:
-    """Return the numbers of `COLUMNS`, row by row.
-
-    Parameters
-    ----------
-    over_time : History
-        A seal over time.
-
-    Returns
-    -------
-    list of tuple
-        One row for each time; the errors are relative.
-    """
-    leak, error = over_time.leak, over_time.error
-    columns = (over_time.seconds, over_time.ratio, over_time.equivalent, over_time.area)
-    table = np.stack([*columns, leak["x"], leak["y"], error["x"], error["y"]], axis=1)
-    return [tuple(map(float, row)) for row in table]
+PARTS = {
+    "leak": "value",
+    "lower": "low",
+    "upper": "high",
+    "16 %": "least",
+    "84 %": "most",
+    "open": "open",
+    "closing": "closing",
+}
+COUNTS = ("open", "closing")
+"""Columns of each axis in a file, and their attributes; the last two are counts."""
 
 
 def write_csv(over_time: History, path: Path) -> None:
@@ -193,15 +212,21 @@ def write_csv(over_time: History, path: Path) -> None:
     FolderError
         If it cannot be written.
     """
-    units = {"p J(t)/J(0)": over_time.pressure_unit, "leak x": over_time.leak_unit, "leak y": over_time.leak_unit}
-    head = [f"{name} [{units[name]}]" if name in units else name for name in COLUMNS]
+    head = ["time [s]", "J(t)/J(0)", f"p J(t)/J(0) [{over_time.pressure_unit}]", "A*"]
+    columns = [over_time.seconds, over_time.ratio, over_time.equivalent, over_time.area]
+    for axis, leak in over_time.leak.items():
+        for name, attribute in PARTS.items():
+            unit = "" if name in COUNTS else f" [{over_time.leak_unit}]"
+            head.append(f"leak {axis}{unit}" if name == "leak" else f"leak {axis} {name}{unit}")
+            columns.append(getattr(leak, attribute))
     text = io.StringIO(newline="")
-    csv.writer(text).writerows([head, *(map(repr, row) for row in rows_of(over_time))])
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    csv.writer(text).writerows([head, *(map(repr, row) for row in rows)])
     stamped_file.write(path, text.getvalue().encode())
 
 
-def lines_of(over_time: History) -> list[str]:
-    """Return a table for a terminal.
+def record(over_time: History) -> dict[str, Any]:
+    """Return the numbers as plain data; None where a number is not known.
 
     Parameters
     ----------
@@ -210,24 +235,95 @@ def lines_of(over_time: History) -> list[str]:
 
     Returns
     -------
-    list of str
-        Head and one line for each time.
+    dict
+        Load and units; for each time the contact, and the leak of each axis with its intervals and counts.
     """
-    leak, unit = over_time.leak_unit, over_time.pressure_unit
-    head = ("J/J(0)", f"p J/J(0) [{unit}]", "A*", f"Q_x [{leak}]", f"Q_y [{leak}]")
-    lines = [f"{'time':>10}  " + "  ".join(f"{name:>{width}}" for name, width in zip(head, WIDTHS, strict=True))]
-    for seconds, ratio, equivalent, area, x, y, *_ in rows_of(over_time):
-        flows = "  ".join(f"{_leak(value):>16}" for value in (x, y))
-        lines.append(f"{_time(seconds):>10}  {ratio:8.4f}  {equivalent:16.4g}  {area:8.4g}  {flows}")
-    leaking = [over_time.error[axis][over_time.leak[axis] > 0.0] for axis in over_time.leak]
-    worst = np.concatenate(leaking).max(initial=0.0)
-    about = f"; estimated error of a leak up to {100.0 * worst:.2g} %" if worst > 0.0 else ""
-    lines.append(f"read off the stored sweep{about}")
-    return lines
+    rows = []
+    for k, time in enumerate(over_time.seconds):
+        ways = [
+            {
+                "axis": axis,
+                "value": _known(leak.value[k]),
+                "interval": [_known(leak.low[k]), _known(leak.high[k])],
+                "range_of_surfaces": [_known(leak.least[k]), _known(leak.most[k])],
+                "open": int(leak.open[k]),
+                "closing": int(leak.closing[k]),
+                "surfaces": leak.surfaces,
+            }
+            for axis, leak in over_time.leak.items()
+        ]
+        rows.append(
+            {
+                "seconds": float(time),
+                "compliance_ratio": float(over_time.ratio[k]),
+                "equivalent_pressure": float(over_time.equivalent[k]),
+                "contact_area_fraction": _known(over_time.area[k]),
+                "leak": ways,
+            }
+        )
+    return {"pressure": over_time.pressure, "unit": over_time.pressure_unit, "leak_unit": over_time.leak_unit} | {
+        "times": rows
+    }
 
 
-def _leak(value: float) -> str:
-    return "closing" if math.isnan(value) else "closed" if value == 0.0 else f"{value:.4g}"
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def table_of(over_time: History) -> Table:
+    """Return a table: one row for each time, with the range over surfaces and their counts where there are several.
+
+    Parameters
+    ----------
+    over_time : History
+        A seal over time.
+
+    Returns
+    -------
+    Table
+        Text.
+    """
+    unit, several = over_time.leak_unit, next(iter(over_time.leak.values())).surfaces > 1
+    head = ["time", "J/J(0)", f"p J/J(0) [{over_time.pressure_unit}]", "A*"]
+    for axis in over_time.leak:
+        head += [f"Q_{axis} [{unit}]", *(["16-84 %", f"open along {axis}"] if several else [])]
+    rows = []
+    for k, seconds in enumerate(over_time.seconds):
+        row = [_time(seconds), *(number(one[k]) for one in (over_time.ratio, over_time.equivalent, over_time.area))]
+        for leak in over_time.leak.values():
+            row.append(_leak(leak, k))
+            if several:
+                least, most = (number(end[k], 2) for end in (leak.least, leak.most))
+                row.append(f"{least} to {most}" if leak.most[k] > 0.0 else "0")
+                closing = f" ({leak.closing[k]} closing)" if leak.closing[k] else ""
+                row.append(f"{leak.open[k]} of {leak.surfaces}{closing}")
+        rows.append(tuple(row))
+    return Table("", tuple(head), tuple(rows), _note(over_time, several=several))
+
+
+def _note(over_time: History, *, several: bool) -> str:
+    """Return the error of the readings and the convention of several surfaces in words."""
+    factors = [np.ones(1)]
+    for leak in over_time.leak.values():
+        known = leak.low > 0.0
+        factors += [leak.high[known] / leak.value[known], leak.value[known] / leak.low[known]]
+    worst = float(np.concatenate(factors).max())
+    words = ["read off the stored sweep"]
+    if worst > 1.0:
+        words.append(f"error of the reading up to a factor of {worst:.3g}")
+    if several:
+        words.append("Q is the median over the surfaces, closed ones counted as 0")
+    return "; ".join(words)
+
+
+def _leak(leak: OverSurfaces, k: int) -> str:
+    """Return one leak in the digits of its interval."""
+    value, low, high = float(leak.value[k]), float(leak.low[k]), float(leak.high[k])
+    if low == 0.0 < value:
+        return f"closing, < {number(high, 2)}"
+    if value == 0.0:
+        return "0" if leak.open[k] else "closed"
+    return rounded(value, low, high)
 
 
 def _time(seconds: float) -> str:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from xarray import Dataset
 
-from roughvol.analysis.leak_budget import AXES
-from roughvol.errors import Problem, StudyError
+from roughvol.analysis import read_off
+from roughvol.analysis.leak import AXES
 from roughvol.study import read
 from roughvol.study.units import unit_of
 
@@ -39,7 +39,7 @@ def in_place(run: Dataset, unknown: str) -> tuple[Dataset, float]:
     run : Dataset
         A study with ``gas_leak_rate_x``.
     unknown : str
-        Quantity asked for: pressure or modulus.
+        Quantity to find: pressure or modulus.
 
     Returns
     -------
@@ -49,13 +49,12 @@ def in_place(run: Dataset, unknown: str) -> tuple[Dataset, float]:
     Raises
     ------
     StudyError
-        If the run has no leak of a gas, or Sq is asked for.
+        If the run has no leak of a gas, a fluid pressure lifts the gap, or Sq is asked for.
     """
+    read_off.check(run, leaks=False)
     if "gas_leak_rate_x" not in run:
-        message = "the run has no leak of a gas: record transport.gas_flow and dimensional.gas_leak_rate"
-        raise StudyError([Problem(message)])
+        read_off.refuse("the run has no leak of a gas: record transport.gas_flow and dimensional.gas_leak_rate")
     if unknown == "Sq":
-        message = "the leak of a gas depends on its mean free path over Sq; allowed: for pressure, modulus"
-        raise StudyError([Problem(message)])
+        read_off.refuse("the leak of a gas depends on its mean free path over Sq; allowed: for pressure, modulus")
     of_gas = {f"{name}_{axis}": run[f"gas_{name}_{axis}"] for name in ("leak_rate", "transmissivity") for axis in AXES}
     return run.assign(of_gas), float(run["gas_leak_rate_x"].attrs["temperature_K"])

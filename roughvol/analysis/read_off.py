@@ -1,101 +1,99 @@
-"""Read-offs from a stored sweep: the pressure, the contact modulus or the Sq at which the leak falls below a value.
+"""Read-offs from a stored sweep: the pressure, modulus or Sq at which the leak falls to a value, or the joint closes.
 
 Starred numbers depend on E* and Sq through p* = p L/(E* Sq) alone, for surfaces of one shape and elastic contact. The
 leak of a liquid at a pressure drop is T* V*³ times Sq³. So one sweep answers for every modulus and height. With p₀ the
 pressure that belongs to the same p* at the E* and Sq of the study:
 
     pressure    p = p₀             where the leak at p₀ is the value
-    modulus     E* over p/p₀       the same p₀; a larger E* leaks more
-    Sq          Sq over p/p₀       where the leak at p₀ times (p/p₀)³ is the value; a larger Sq leaks more
+    modulus     E* times p/p₀      the same p₀; a larger E* leaks more
+    Sq          Sq times p/p₀      where the leak at p₀ times (p/p₀)³ is the value; a larger Sq leaks more
 
-Several surfaces have the geometric mean of their leaks at the same nominal pressure; it is 0 once one is closed.
-Between two steps log(leak) is a monotone cubic in log(p). A way that closes between them is taken as closed from the
-second on. `campaign.inverse` refines an answer by solves.
+Of several surfaces, the leakiest decides: p₀ is the largest of any surface. Every answer has the interval of its
+reading (`leak_curve`). Errors of the grid and of the window are not in it; `leak_budget` has them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
-from scipy import optimize
 from xarray import Dataset
 
-from roughvol.analysis.leak_budget import AXES
-from roughvol.analysis.legs import first_leg
+from roughvol.analysis import closing, leak
+from roughvol.analysis.at import legs_of, scales
+from roughvol.analysis.derived import derived
+from roughvol.analysis.leak_curve import Bracket, curves, surfaces
+from roughvol.analysis.stored_run import Run
 from roughvol.errors import Problem, StudyError
-from roughvol.observables.at_state import at_state, kept_steps
 from roughvol.store import axis_variables
+from roughvol.study import Level, Quantity, Study, convert, loads
 from roughvol.typing import Array
 
 UNKNOWNS = ("pressure", "modulus", "Sq")
-ONE_OF_EACH = ("D", "m", *axis_variables.ROWS)  # a mean over surfaces is one over seeds or files
+ONE_OF_EACH = ("D", "m", *axis_variables.ROWS)  # the surfaces of an answer are seeds or files
+AROUND = 5  # loads of a study that narrows an answer, along each axis
 
 
 @dataclass(frozen=True)
 class Answer:
-    """The value asked for along one axis.
+    """The value along one axis, and its interval.
 
     Attributes
     ----------
     axis : str
         x or y.
     value : float
-        Value in `unit`; infinite where the stored loads do not suffice, 0 where any value does. For modulus and Sq
-        0 where the stored loads do not suffice, infinite where any value does.
+        Largest pressure of any surface, or smallest modulus or Sq; in `unit`. A pressure is infinite where the stored
+        loads do not suffice, and 0 where the first step leaks less; modulus and Sq are 0 and infinite there.
+    low, high : float
+        Interval of the reading. Of a way that closes: the last open step and the first closed one.
     unit : str
-        Its unit.
-    between : tuple of float
-        p* of the two steps around it.
-    nominal : float
+        Unit of the study.
+    nominal : Bracket
         Pressure p₀ of the same p* at the E* and Sq of the study.
-    error : float
-        Estimated relative error of the value by interpolation; NaN without an estimate.
+    times : float
+        Value over the E* or Sq of the study; 1 for a pressure.
+    between : tuple of float
+        p* of the two steps around the value.
+    surface : str
+        Surface that decides: the leakiest one.
+    surfaces : int
+        Number of surfaces.
     """
 
     axis: str
     value: float
+    low: float
+    high: float
     unit: str
+    nominal: Bracket
+    times: float
     between: tuple[float, float]
-    nominal: float = math.nan
-    error: float = math.nan
+    surface: str
+    surfaces: int
+
+    @property
+    def found(self) -> bool:
+        """Whether the value lies within the stored loads."""
+        return 0.0 < self.nominal.value < math.inf
 
 
-@dataclass(frozen=True)
-class Curve:
-    """The leak of one surface along the first leg of a sweep.
+@dataclass(frozen=True, eq=False)
+class _Needed:
+    """The load that one surface needs, and what turns it into an answer."""
 
-    Attributes
-    ----------
-    pressure : array (steps,)
-        Nominal pressure in the unit of the study, rising.
-    leak : array (steps,)
-        Leak in the unit of the study; 0 where closed.
-    starred : array (steps,)
-        p*.
-    """
-
-    pressure: Array
-    leak: Array
+    surface: str
+    bracket: Bracket
+    pressure: Array  # nominal, of the steps with a leak or a known way
     starred: Array
-
-    @property
-    def open(self) -> int:
-        """Number of steps before the first closed one."""
-        closed = np.flatnonzero(self.leak <= 0.0)
-        return int(closed[0]) if closed.size else self.leak.size
-
-    @property
-    def closes(self) -> float:
-        """Nominal pressure of the first closed step; infinite without one."""
-        return float(self.pressure[self.open]) if self.open < self.leak.size else math.inf
+    Sq: float
 
 
 def ask(run: Dataset, largest: float, unknown: str, *, pressure: float | None = None) -> list[Answer]:
-    """Return where the leak of the mean surface falls below a value, along x and y; nothing is solved.
+    """Return where the leak of the leakiest surface falls to a value, along x and y; nothing is solved.
 
     Parameters
     ----------
@@ -104,7 +102,7 @@ def ask(run: Dataset, largest: float, unknown: str, *, pressure: float | None = 
     largest : float
         Leak in the unit of the stored leak rates.
     unknown : {"pressure", "modulus", "Sq"}
-        Quantity asked for. The modulus is given over that of the study, Sq over that of the study.
+        Quantity to find.
     pressure : float, optional
         Nominal pressure in the unit of the study, for modulus and Sq.
 
@@ -116,106 +114,245 @@ def ask(run: Dataset, largest: float, unknown: str, *, pressure: float | None = 
     Raises
     ------
     StudyError
-        If the quantity is unknown, a pressure is missing, the surface yields, the run has no leak rates, or it has
-        several D or m.
+        If the quantity is unknown, a pressure is missing, the surface yields, the run has no leak rates, several D or
+        m, or a fluid pressure that lifts the gap.
     """
-    if unknown not in UNKNOWNS:
-        _refuse(f"for is {unknown!r}; allowed: {', '.join(UNKNOWNS)}")
-    check_leaks(run)
-    if unknown != "pressure" and "plastic_volume" in run:
-        _refuse("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
-    if unknown != "pressure" and not (pressure is not None and pressure > 0.0):
-        _refuse(f"for {unknown} the pressure must be given, > 0")
+    check(run)
+    _check_unknown(run, unknown, pressure)
     if unknown == "Sq" and not _liquid(run):
-        _refuse("the leak is not that of a liquid, and does not go with Sq^3; allowed: for pressure or modulus")
+        refuse("the leak is not that of a liquid, and does not go with Sq^3; allowed: for pressure or modulus")
     if not largest > 0.0:
-        _refuse(f"the leak is {largest}; allowed: > 0")
-    return [_answer(curves(run, axis), largest, unknown, axis, pressure or 0.0, _unit(run)) for axis in AXES]
+        refuse(f"the leak is {largest}; allowed: > 0; ask for a closed joint by --closed")
+    at = pressure or 0.0
+
+    def log_wanted(log_pressures: Array) -> Array:
+        """Return log of the largest leak, at p₀ and the Sq that belongs to it."""
+        scaled = 3.0 * (math.log(at) - log_pressures) if unknown == "Sq" else 0.0 * log_pressures
+        return np.asarray(math.log(largest) - scaled)
+
+    return [
+        _answer(
+            run,
+            axis,
+            [_Needed(c.surface, c.load_where(log_wanted), c.pressure, c.starred, c.Sq) for c in curves(run, axis)],
+            unknown,
+            at,
+        )
+        for axis in leak.AXES
+    ]
 
 
-def check_leaks(run: Dataset) -> None:
-    """Refuse a run without leak rates, or with several kinds of surfaces.
+def ask_closed(run: Dataset, unknown: str, *, pressure: float | None = None) -> list[Answer]:
+    """Return where the last way of any surface closes, along x and y: between two steps.
+
+    Parameters
+    ----------
+    run : Dataset
+        A study that follows its ways along its steps.
+    unknown : {"pressure", "modulus", "Sq"}
+        Quantity to find. Without units the pressure is p*.
+    pressure : float, optional
+        Nominal pressure in the unit of the study, for modulus and Sq.
+
+    Returns
+    -------
+    list of Answer
+        One for each axis; its value is that of the first closed step.
+
+    Raises
+    ------
+    StudyError
+        As for `ask`, or if the run does not follow its ways.
+    """
+    check(run, leaks=False)
+    _check_unknown(run, unknown, pressure)
+    stored = _study(run)
+    with_ways = derived(run, stored)
+    if not leak.ways(with_ways, "x"):
+        refuse("the run does not follow its ways: add record.transport: {percolation: every-step} to its study")
+    return [_answer(run, axis, _closing(with_ways, axis), unknown, pressure or 0.0) for axis in leak.AXES]
+
+
+def check(run: Dataset, *, leaks: bool = True) -> None:
+    """Refuse a run whose leak is known at recorded states alone, lacks leak rates, or is of several kinds of surfaces.
 
     Parameters
     ----------
     run : Dataset
         A study.
+    leaks : bool
+        Whether leak rates and pressures are needed.
 
     Raises
     ------
     StudyError
-        If it lacks leak rates or pressures, or has several D, m, or values of a list.
+        If a fluid pressure lifts the gap, if leak rates or pressures are missing, or if the run has several D, m, or
+        values of a list.
     """
-    if "leak_rate_x" not in run or "nominal_pressure" not in run:
-        _refuse("the run has no leak rates: record dimensional.pressure and dimensional.leak_rate")
+    if leak.is_lifted(run):
+        refuse(
+            "record.fluid_pressure lifts the gap: the leak under fluid pressure is known at recorded states alone "
+            f"({_recorded(run)}), and is not read off between states; roughvol show has it. More states: "
+            "record.fluid_pressure.at, as {pressure: [0.1 MPa, 0.2 MPa]}"
+        )
+    if leaks and ("leak_rate_x" not in run or "nominal_pressure" not in run):
+        refuse("the run has no leak rates: record dimensional.pressure and dimensional.leak_rate")
     several = [dim for dim in ONE_OF_EACH if run.sizes.get(dim, 1) > 1]
     if several:
         held = ", ".join(f"{value:g}" if np.isreal(value) else str(value) for value in run[several[0]].values.tolist())
-        _refuse(f"the run has several {several[0]} ({held}); allowed: surfaces of one kind at one value of each key")
+        refuse(f"the run has several {several[0]} ({held}); allowed: surfaces of one kind at one value of each key")
 
 
-def curves(run: Dataset, axis: str) -> list[Curve]:
-    """Return the leak of each surface along the first leg, at the steps with a leak.
+def nominal_of(run: Dataset, level: Level) -> float:
+    """Return the nominal pressure of a load in the unit of the study.
 
     Parameters
     ----------
     run : Dataset
-        A study with leak rates.
-    axis : str
-        x or y.
+        A study with ``nominal_pressure``.
+    level : Level
+        As `at.parse` returns it: a pressure or a load with its unit.
 
     Returns
     -------
-    list of Curve
-        Surfaces in the order of the study, without those that have no stored step.
+    float
+        Nominal pressure.
+
+    Raises
+    ------
+    StudyError
+        If the level is another kind of state, has no unit, or names another leg than the first.
     """
-    first = first_leg(run)
-    names = ("nominal_pressure", f"leak_rate_{axis}", "mean_pressure")
-    cases = [dim for dim in first["mean_pressure"].dims if dim != "step"]
-    stacked = first[list(names)].stack(surface=cases).transpose("surface", "step")
-    made = []
-    for pressure, leak, starred in zip(*(stacked[name].values for name in names), strict=True):
-        kept = np.isfinite(leak) & (starred > 0.0)
-        order = np.argsort(pressure[kept], kind="stable")
-        if kept.any():
-            made.append(Curve(*(values[kept][order] for values in (pressure, leak, starred))))
-    return made
+    if level.leg not in (None, 1):
+        refuse(f"{level.label}: read-offs are from leg 1, the first loading; allowed: no leg, or leg 1")
+    if level.kind not in ("pressure", "load") or not isinstance(level.value, Quantity):
+        refuse(f"{level.label}: allowed: a load with its unit, as pressure=0.5MPa or load=20N")
+    if level.kind == "pressure":
+        return convert(float(level.value), level.value.unit, str(run["nominal_pressure"].attrs["units"]))
+    found = []
+    for _, surface in surfaces(run):
+        per_starred = float((surface["nominal_pressure"] / surface["mean_pressure"]).max())
+        try:
+            starred = scales(Run.of("", run), surface.expand_dims("seed"))[0].starred(level.kind, level.value)[1]
+        except ValueError as error:
+            refuse(f"{level.label}: {error}")
+        found.append(starred * per_starred)
+    if max(found) - min(found) > 1e-6 * max(found):
+        refuse(f"{level.label}: the surfaces have several areas; allowed: a pressure, as pressure=0.5MPa")
+    return float(np.mean(found))
 
 
-def log_leak(surfaces: list[Curve], log_pressures: Array) -> tuple[Array, Array]:
-    """Return log of the geometric mean of the leaks at nominal pressures, and an estimate of its error.
+def path_words(run: Dataset) -> str:
+    """Return ``leg 1 of 3`` for a path of several legs, else nothing."""
+    legs = len(legs_of(run))
+    return f"leg 1 of {legs}" if legs > 1 else ""
+
+
+def narrower(run: Dataset, answers: Sequence[Answer]) -> list[str]:
+    """Return the changes of the study that solve states around the answers, as ``--set`` takes them.
 
     Parameters
     ----------
-    surfaces : list of Curve
-        Leaks of the surfaces.
-    log_pressures : array (n,)
-        log of nominal pressures in the unit of the study.
+    run : Dataset
+        A study.
+    answers : sequence of Answer
+        Its read-offs.
 
     Returns
     -------
-    values : array (n,)
-        log of the mean; NaN before the first step of a surface, and from its last open step on.
-    errors : array (n,)
-        Errors of the interpolation, ≥ 0: the change without every second step over three, or that of straight lines.
+    list of str
+        A name and a sweep; empty without an answer within the stored loads, or if the study does not take them.
     """
-    values, errors = np.zeros(len(log_pressures)), np.zeros(len(log_pressures))
-    for one in surfaces:
-        if one.open == 0:  # closed from the first step on
-            values += np.nan
-            continue
-        x, y = np.log(one.pressure[: one.open]), np.log(one.leak[: one.open])
-        cubic = at_state(x, y, log_pressures)
-        bent = np.abs(cubic - at_state(x, y, log_pressures, straight=True))  # next to the ends the cubic is no better
-        half = kept_steps(x.size, 2)
-        change = np.abs(cubic - at_state(x[half], y[half], log_pressures)) / 3.0
-        values += cubic / len(surfaces)
-        errors += np.maximum(change, bent) / len(surfaces)
-    return values, errors
+    nominal = [answer.nominal for answer in answers if answer.found]
+    unit = str(run["nominal_pressure"].attrs["units"]) if "nominal_pressure" in run else ""
+    found = sorted({float(f"{load:.5g}") for one in nominal for load in np.geomspace(one.low, one.high, AROUND)})
+    text = str(run.attrs.get("study", ""))
+    if not found:
+        return []
+    listed = ", ".join(f"{load:g} {unit}".strip() for load in found)
+    try:
+        changes = [f"name={loads(text, stored=True).name}_closer", f"sweep={{pressures: [{listed}]}}"]
+        loads(text, stored=True, changes=changes)
+    except StudyError:
+        return []
+    return changes
 
 
-def _refuse(message: str) -> NoReturn:
+def record(answer: Answer, unknown: str) -> dict[str, Any]:
+    """Return an answer as plain data; None where a number is not known or infinite.
+
+    Parameters
+    ----------
+    answer : Answer
+        A read-off.
+    unknown : str
+        Quantity of the answer.
+
+    Returns
+    -------
+    dict
+        Axis, value, interval, unit, the number of surfaces, the leakiest of them, and the load p₀.
+    """
+    nominal = answer.nominal
+    found = {
+        "axis": answer.axis,
+        "quantity": unknown,
+        "value": _finite(answer.value) if answer.found else None,
+        "interval": [_finite(answer.low), _finite(answer.high)],
+        "unit": answer.unit,
+        "closes_inside": nominal.closing,
+        "mean_pressure_steps": [_finite(end) for end in answer.between],
+        "surfaces": answer.surfaces,
+        "leakiest": answer.surface,
+    }
+    if unknown == "pressure":
+        return found
+    study = {
+        "times_the_study": _finite(answer.times) if answer.found else None,
+        "nominal_pressure_at_the_study": _finite(nominal.value) if answer.found else None,
+        "nominal_pressure_interval": [_finite(nominal.low), _finite(nominal.high)],
+    }
+    return found | study
+
+
+def refuse(message: str) -> NoReturn:
+    """Raise a question that has no answer."""
     raise StudyError([Problem(message)])
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _check_unknown(run: Dataset, unknown: str, pressure: float | None) -> None:
+    if unknown not in UNKNOWNS:
+        refuse(f"for is {unknown!r}; allowed: {', '.join(UNKNOWNS)}")
+    if unknown != "pressure" and "plastic_volume" in run:
+        refuse("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
+    if unknown != "pressure" and not (pressure is not None and pressure > 0.0):
+        refuse(f"for {unknown} the pressure must be given, > 0")
+    if unknown != "pressure" and "nominal_pressure" not in run:
+        refuse(f"for {unknown} the run needs pressures with units: record dimensional.pressure")
+
+
+def _study(run: Dataset) -> Study | None:
+    try:
+        return loads(str(run.attrs.get("study", "")), stored=True)
+    except StudyError:  # of another version: the numbers still are
+        return None
+
+
+def _recorded(run: Dataset) -> str:
+    """Return the recorded states under fluid pressure, each with its load."""
+    name = closing.load_of(run)
+    unit = str(run[name].attrs.get("units", "1"))
+    per_starred = float((run[name] / run["mean_pressure"]).mean())
+    words = []
+    for label in run[leak.STATE].values.tolist() if leak.STATE in run.dims else []:
+        load = float(run[f"{leak.STATE}_mean_pressure"].sel({leak.STATE: label}).mean()) * per_starred
+        load_words = f"p* = {load:.4g}" if unit == "1" else f"{load:.4g} {unit}"
+        words.append(f"{label}: {load_words}" if math.isfinite(load) else label)
+    return "; ".join(words)
 
 
 def _liquid(run: Dataset) -> bool:
@@ -227,57 +364,50 @@ def _liquid(run: Dataset) -> bool:
     )
 
 
-def _unit(run: Dataset) -> str:
-    return str(run["nominal_pressure"].attrs["units"])
+def _closing(run: Dataset, axis: str) -> list[_Needed]:
+    """Return the loads between which the last way of each surface closes."""
+    load, found = closing.load_of(run), []
+    for name, surface in surfaces(run):
+        for span in closing.spans(surface.expand_dims("seed"), axis, load):
+            low, high = span.open_up_to, span.closed_from
+            bracket = Bracket(high if low > 0.0 else 0.0, low, high, low > 0.0 and span.closes)
+            known = np.isfinite(surface[load].values)
+            pressure, starred = (surface[key].values[known] for key in (load, "mean_pressure"))
+            found.append(_Needed(name, bracket, pressure, starred, float(surface["Sq"])))
+    return found
 
 
-def _answer(surfaces: list[Curve], largest: float, unknown: str, axis: str, pressure: float, unit: str) -> Answer:
-    cubed = unknown == "Sq"
-
-    def excess(log_pressures: Array) -> Array:
-        """Return log of the leak over the value, at p₀ and the Sq that belongs to it."""
-        scaled = 3.0 * (math.log(pressure) - log_pressures) if cubed else 0.0
-        excesses: Array = log_leak(surfaces, log_pressures)[0] + scaled - math.log(largest)
-        return excesses
-
-    at, error = _nominal(surfaces, excess)
-    between = _around(surfaces, at)
+def _answer(run: Dataset, axis: str, needed: list[_Needed], unknown: str, pressure: float) -> Answer:
+    """Return the answer of the surface that needs the largest load."""
+    if not needed:
+        refuse(f"the run has no stored leak along {axis}")
+    decides = max(needed, key=lambda one: (one.bracket.value, one.bracket.low))
+    low, high = (max(getattr(one.bracket, end) for one in needed) for end in ("low", "high"))
+    nominal = Bracket(decides.bracket.value, low, high, decides.bracket.closing)
+    between = _around(decides, nominal.value)
+    rest = (decides.surface, len(needed))
     if unknown == "pressure":
-        return Answer(axis, at, unit, between, at, error)
-    value = math.inf if at == 0.0 else pressure / at
-    words = "times the Sq of the study" if cubed else "times the E* of the study"
-    return Answer(axis, value, words, between, at, error)
+        unit = str(run[closing.load_of(run)].attrs.get("units", "1"))
+        return Answer(axis, nominal.value, nominal.low, nominal.high, unit, nominal, 1.0, between, *rest)
+    size, unit = _modulus(run) if unknown == "modulus" else (decides.Sq, str(run.attrs.get("length_unit", "")))
+    times, low, high = (_over(pressure, load) for load in (nominal.value, nominal.high, nominal.low))
+    return Answer(axis, size * times, size * low, size * high, unit, nominal, times, between, *rest)
 
 
-def _nominal(surfaces: list[Curve], excess: Callable[[Array], Array]) -> tuple[float, float]:
-    """Return the least p₀ with a leak up to the value, and its error; infinite beyond the last step, 0 before all."""
-    closes = min((one.closes for one in surfaces), default=math.inf)
-    if not surfaces or any(one.open == 0 for one in surfaces):
-        return (0.0 if surfaces else math.inf), math.nan
-    low = max(math.log(one.pressure[0]) for one in surfaces)
-    high = min(math.log(one.pressure[one.open - 1]) for one in surfaces)
-    inside = np.concatenate([np.log(one.pressure) for one in surfaces])
-    knots = np.unique(np.concatenate([[low], inside[(inside > low) & (inside < high)], [high]]))
-    below = np.flatnonzero(excess(knots) <= 0.0)
-    if not below.size:
-        return closes, math.nan
-    k = int(below[0])
-    if k == 0:
-        return 0.0, math.nan
-    start, end = float(knots[k - 1]), float(knots[k])
-    root = float(optimize.brentq(lambda x: float(excess(np.array([x]))[0]), start, end, xtol=1e-14, rtol=1e-14))
-    step = 1e-3 * (end - start)
-    around = excess(np.array([max(start, root - step), min(end, root + step)]))
-    slope = float(around[1] - around[0]) / (min(end, root + step) - max(start, root - step))
-    error = float(log_leak(surfaces, np.array([root]))[1][0])
-    return math.exp(root), abs(error / slope) if slope else math.nan
+def _over(pressure: float, nominal: float) -> float:
+    return math.inf if nominal == 0.0 else pressure / nominal
 
 
-def _around(surfaces: list[Curve], at: float) -> tuple[float, float]:
-    """Return p* of the steps around a nominal pressure, of the first surface; infinite beyond the last."""
-    if not surfaces:
-        return 0.0, math.inf
-    one = surfaces[0]
+def _modulus(run: Dataset) -> tuple[float, str]:
+    """Return the contact modulus of a study and its unit."""
+    study = _study(run)
+    if study is None:
+        return 1.0, "times the E* of the study"
+    return study.material.contact_modulus, study.material.unit or ""
+
+
+def _around(one: _Needed, at: float) -> tuple[float, float]:
+    """Return p* of the steps around a nominal pressure; 0 before the first step, infinite beyond the last."""
     k = int(np.searchsorted(one.pressure, at * (1.0 - 1e-12)))
     low = float(one.starred[k - 1]) if k else 0.0
     return low, float(one.starred[k]) if k < one.starred.size else math.inf

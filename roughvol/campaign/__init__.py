@@ -35,7 +35,6 @@ Room of the campaign.
 `validity`      where a study leaves the model
 `card`          runs behind a leak card
 `answer_trade`  the error of an answer against its cost
-`inverse`       the load at which a leak has a given value, by solves
 `tradeoff`      speed against accuracy, measured
 ==============  ====================================================================
 """

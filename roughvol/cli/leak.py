@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import math
+import json
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from roughvol.cli.group import examples, main, study_of
+from roughvol.cli.numbers import JSON, say_table
 from roughvol.cli.output import say, warn
 
 if TYPE_CHECKING:
     from roughvol.analysis.read_off import Answer
+    from roughvol.store.dataset import Dataset
 
 
 @main.command(
@@ -50,90 +53,128 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None) -> None:
     say(str(card_page.write(made, asked.name, folder)))
 
 
+LOAD = click.option(
+    "--at", "state", metavar="KIND=VALUE", help="A load with its unit, as pressure=0.5MPa; of a path on leg 1."
+)
+PRESSURE = click.option("--pressure", metavar="VALUE", hidden=True, help="The value of --at pressure=VALUE.")
+
+
 @main.command(
     epilog=examples(
-        'roughvol ask seal --leak-rate "1e-3 mm^3/s"                                   the pressure needed',
-        'roughvol ask seal --leak-rate "1e-3 mm^3/s" --for modulus --pressure "0.5 MPa"',
-        'roughvol ask seal --leak-rate "1e-3 mm^3/s" --no-solve                        at once, with its error',
+        'roughvol ask seal --leak-rate "1e-6 mm^3/s"                                the pressure needed',
+        'roughvol ask seal --leak-rate "1e-6 mm^3/s" --for modulus --at pressure=0.05MPa',
+        "roughvol ask seal --closed                                                 where the last way closes",
     )
 )
 @click.argument("run", required=False)
-@click.option("--leak-rate", required=True, metavar="VALUE", help="Largest leak rate with its unit, as '1e-3 mm^3/s'.")
+@click.option("--leak-rate", metavar="VALUE", help="Largest leak rate with its unit, as '1e-3 mm^3/s'.")
+@click.option("--closed", is_flag=True, help="No open way, in place of a leak rate.")
 @click.option(
     "--for",
     "unknown",
     default="pressure",
     show_default=True,
     type=click.Choice(["pressure", "modulus", "Sq"]),
-    help="Quantity asked for.",
+    help="Quantity to find.",
 )
-@click.option("--pressure", metavar="VALUE", help="Nominal pressure with its unit, for modulus and Sq.")
-@click.option("--no-solve", is_flag=True, help="Read off the stored sweep alone.")
-def ask(run: str | None, leak_rate: str, unknown: str, pressure: str | None, no_solve: bool) -> None:
-    """Find where the leak of RUN falls below a value: RUN is a folder, a study.nc, a study file, or a name.
+@LOAD
+@JSON
+@PRESSURE
+@click.option("--no-solve", is_flag=True, hidden=True)
+def ask(
+    run: str | None,
+    leak_rate: str | None,
+    closed: bool,
+    unknown: str,
+    state: str | None,
+    as_json: bool,
+    pressure: str | None,
+    no_solve: bool,
+) -> None:
+    """Find where the leak of RUN falls to a value: RUN is a folder, a study.nc, a study file, or a name.
 
-    First the answer is read off the stored sweep: numbers depend on E* and Sq through p* alone. It has the error of an
-    interpolation, which is estimated. Then a few states are solved, and the answer equals a new run at that value to
-    1e-6. Their number is printed.
+    The answer is read off the stored sweep: numbers depend on E* and Sq through p* alone. Nothing is solved. Of several
+    surfaces the leakiest decides. The answer has the interval of the reading, and the command that narrows it.
     """
-    from roughvol.analysis import gas_leak
-    from roughvol.analysis.read_off import ask as read_off
+    from roughvol.analysis import gas_leak, read_off
     from roughvol.store import StoredRun
     from roughvol.study.units import has_unit
 
+    if (leak_rate is None) == (not closed):
+        message = "either --leak-rate VALUE or --closed"
+        raise click.UsageError(message)
+    if no_solve:
+        warn(["--no-solve is the only way now: nothing is solved; leave it out"])
     opened = StoredRun.open(run)
     results = opened.dataset
-    kelvin, given = None, leak_rate.lstrip("<= ")
+    kelvin, given = None, (leak_rate or "").lstrip("<= ")
     if gas_leak.is_throughput(given):
         results, kelvin = gas_leak.in_place(results, unknown)
-    if "leak_rate_x" not in results or "nominal_pressure" not in results:
-        largest, at = 1.0, None  # `ask` refuses with the reason
+    read_off.check(results, leaks=not closed)
+    at = _load(results, state, pressure)
+    if closed:
+        answers = read_off.ask_closed(results, unknown, pressure=at)
     else:
         own = str(results["leak_rate_x"].attrs["units"])
-        kind = "flow" if kelvin is None else "throughput"
-        largest = _in_unit(given, own, "--leak-rate", kind, kelvin)
+        largest = _in_unit(given, own, "--leak-rate", "flow" if kelvin is None else "throughput", kelvin)
         given = given if has_unit(given) else f"{given} {own}"
-        own = str(results["nominal_pressure"].attrs["units"])
-        at = _in_unit(pressure, own, "--pressure", "pressure") if pressure is not None else None
-    answers = read_off(results, largest, unknown, pressure=at)
-    say(f"{opened.name}: leak up to {given}")
+        answers = read_off.ask(results, largest, unknown, pressure=at)
+    changes = read_off.narrower(results, answers)
+    finer = shlex.join(["roughvol", "run", run or opened.name, *(part for one in changes for part in ("--set", one))])
+    if as_json:
+        content = {
+            "run": opened.name,
+            "leak_rate": given or None,
+            "at": None if at is None else f"pressure={at:.9g} {results['nominal_pressure'].attrs['units']}",
+            "leg": 1,
+            "answers": [read_off.record(answer, unknown) for answer in answers],
+            "narrower": finer if changes else None,
+        }
+        say(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        return
+    leg = read_off.path_words(results)
+    say(f"{opened.name}{leg and f', {leg}'}: {'no open way' if closed else f'leak up to {given}'}")
     for answer in answers:
         say(f"along {answer.axis}: {_words(answer, unknown)}")
-    found = [answer for answer in answers if math.isfinite(answer.nominal) and answer.nominal > 0.0]
-    if no_solve or not found:
-        return
-    if kelvin is not None:
-        warn(["the answers have the error of the read-off: solves refine the leak of a liquid alone"])
-        return
-    from roughvol.campaign import inverse
-    from roughvol.errors import CampaignError, DatasetError
-
-    try:
-        study = opened.pressable()
-    except DatasetError as error:
-        warn([f"the answers have the error of the read-off: {error}"])
-        return
-    for answer in found:
-        start = at if unknown == "Sq" else None
-        try:
-            refined = inverse.refine(study, results, answer.axis, largest, answer.nominal, scaled_from=start)
-        except CampaignError as error:
-            warn([f"along {answer.axis} the answer has the error of the read-off: {error}"])
-            continue
-        value = refined.nominal if at is None or unknown == "pressure" else at / refined.nominal
-        say(f"along {answer.axis}: {unknown} {value:.9g} {answer.unit}, to 1e-6 by {refined.solves} solves")
+    if any(answer.found for answer in answers):
+        say(_beyond(opened.name))
+    if changes:
+        say(f"Solved states narrow the interval: {finer}")
 
 
 def _words(answer: Answer, unknown: str) -> str:
     """Return a read-off in words."""
-    low, high = answer.between
-    if answer.nominal == 0.0:
-        return f"any {unknown} of p* = {high:.4g} or more: the first step leaks less; smaller loads are not stored"
-    if math.isinf(answer.nominal):
-        return f"no {unknown} within the stored loads, up to p* = {low:.4g}"
-    steps = f"between the steps p* = {low:.4g} and {high:.4g}"
-    error = f"read off to about {100.0 * answer.error:.1g} %" if math.isfinite(answer.error) else "read off"
-    return f"{unknown} {answer.value:.4g} {answer.unit}, {steps}, {error}"
+    from roughvol.analysis.tables import number, rounded
+
+    low, high = (number(end) for end in answer.between)
+    of = f", for the leakiest of {answer.surfaces} surfaces ({answer.surface})" if answer.surfaces > 1 else ""
+    if answer.nominal.value == 0.0:
+        return f"any {unknown} of p* = {high} or more: the first step leaks less; smaller loads are not stored{of}"
+    if not answer.found:
+        return f"no {unknown} within the stored loads, up to p* = {low}{of}"
+    unit = "" if answer.unit == "1" else f" {answer.unit}"
+    name = {"pressure": "pressure" if unit else "p* =", "modulus": "modulus E* =", "Sq": "Sq"}[unknown]
+    if answer.nominal.closing:
+        text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}, where the last way closes"
+    else:
+        value, *ends = (rounded(one, answer.low, answer.high) for one in (answer.value, answer.low, answer.high))
+        text = f"{name} {value}{unit} ({ends[0]} to {ends[1]})"
+    if unknown != "pressure":
+        text += f", {number(answer.times)} times the {'E*' if unknown == 'modulus' else 'Sq'} of the study"
+    return f"{text}, between the steps p* = {low} and {high}{of}"
+
+
+def _beyond(name: str) -> str:
+    """Return which errors of a leak a read-off does not have."""
+    return f"Errors of the grid and of the window are not in these numbers; their factors: roughvol card {name}"
+
+
+def _load(results: Dataset, state: str | None, pressure: str | None) -> float | None:
+    """Return the nominal pressure of --at, or of --pressure as in older versions, in the unit of a run."""
+    from roughvol.analysis import at, read_off
+
+    text = state if pressure is None else f"pressure={pressure}"
+    return None if text is None else read_off.nominal_of(results, at.parse(text))
 
 
 def _in_unit(text: str, unit: str, option: str, kind: str, kelvin: float | None = None) -> float:
@@ -154,42 +195,64 @@ def _in_unit(text: str, unit: str, option: str, kind: str, kelvin: float | None 
 
 @main.command(
     epilog=examples(
-        'roughvol creep seal --law creep.yaml --pressure "0.1 MPa" --times "1 s..30 day"',
-        'roughvol creep seal --law creep.yaml --pressure "0.1 MPa" --times "1 min, 1 h, 1 day"',
+        'roughvol creep seal --law creep.yaml --at pressure=0.1MPa --times "1 s..30 day"',
+        'roughvol creep seal --law creep.yaml --at pressure=0.1MPa --times "1 min, 1 h, 1 day"',
         "creep.yaml holds one of:",
         "  prony: {shares: [0.3, 0.2], times: [10 s, 1 h]}        1 + sum of shares (1 - exp(-t/times))",
         "  power: {exponent: 0.1, time: 1 s}                      1 + (t/time)^exponent",
         "  table: {times: [1 s, 1 day], ratios: [1, 1.5]}         or moduli: [10 MPa, 6.7 MPa]",
+        "and, for a study with material.against, the body that creeps:",
+        "  body: first                                            or second, both",
     )
 )
 @click.argument("run", required=False)
 @click.option("--law", required=True, type=click.Path(path_type=Path), help="YAML file of the creep law J(t)/J(0).")
-@click.option("--pressure", required=True, metavar="VALUE", help="Constant nominal pressure with its unit.")
+@LOAD
 @click.option("--times", required=True, metavar="TIMES", help="Times under load: 'FROM..TO' or a list, with units.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of creep.csv and creep.png [default: the run's].")
-def creep(run: str | None, law: Path, pressure: str, times: str, out: Path | None) -> None:
+@JSON
+@PRESSURE
+def creep(
+    run: str | None,
+    law: Path,
+    state: str | None,
+    times: str,
+    out: Path | None,
+    as_json: bool,
+    pressure: str | None,
+) -> None:
     """Show the leak of RUN over time, for a material that creeps under constant load.
 
     The modulus of the study is that at once. States at later times are read off the stored sweep: at constant load the
     contact is that of the modulus 1/J(t) (Lee and Radok 1960). Times whose states the sweep does not reach are refused.
+    Of several surfaces the leak is the median, with the 16-84 % range and the number of open surfaces.
     """
     from roughvol.analysis import creep as over_time
-    from roughvol.analysis.read_off import check_leaks
+    from roughvol.analysis import read_off
     from roughvol.report.figures.creep import drawing_of
     from roughvol.store import StoredRun
     from roughvol.study import load_creep, read_times
 
     opened = StoredRun.open(run)
     results = opened.dataset
-    check_leaks(results)
-    at = _in_unit(pressure, str(results["nominal_pressure"].attrs["units"]), "--pressure", "pressure")
+    read_off.check(results)
+    at = _load(results, state, pressure)
+    if at is None:
+        message = "needs its constant load, as --at pressure=0.1MPa"
+        raise click.UsageError(message)
     history = over_time.history(results, load_creep(law), at, read_times(times))
-    for line in over_time.lines_of(history):
-        say(line)
+    if as_json:
+        content = {"run": opened.name, "leg": 1} | over_time.record(history)
+        say(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        return
+    leg = read_off.path_words(results)
+    say(f"{opened.name}{leg and f', {leg}'}: at {history.pressure:.4g} {history.pressure_unit}")
+    say_table(over_time.table_of(history))
+    say(_beyond(opened.name))
     folder = out or opened.folder
     over_time.write_csv(history, folder / "creep.csv")
     say(str(folder / "creep.csv"))
-    if any((leak > 0.0).any() for leak in history.leak.values()):
+    if any((leak.value > 0.0).any() for leak in history.leak.values()):
         drawing_of(history).savefig(folder / "creep.png")
         say(str(folder / "creep.png"))
     else:

@@ -1,4 +1,4 @@
-"""A creep law: the compliance of a material over time under constant stress, over that of the study's modulus.
+"""A creep law: the compliance of a body over time under constant stress, over that of the study's modulus.
 
 J(t)/J(0) is what a load held for the time t deforms, over what it deforms at once. One of three forms is given:
 
@@ -7,6 +7,14 @@ J(t)/J(0) is what a load held for the time t deforms, over what it deforms at on
     table: {times: [1 s, 1 h, 1 day], ratios: [1, 1.2, 1.5]}  log-log lines between the times; or moduli: [10 MPa, …]
 
 The modulus of the study belongs to J(0). Poisson's ratio is constant.
+
+A study with ``material: {E, nu, against: {E, nu}}`` has two elastic bodies, and the law names the body that creeps:
+
+    body: first                                               E and nu creep, against does not; second: the other way
+    body: both                                                both creep by this law
+
+The compliance of the contact is the sum of both, 1/E* = (1-ν₁²)/E₁ + (1-ν₂²)/E₂. A body that creeps has its term times
+J(t)/J(0).
 """
 
 from __future__ import annotations
@@ -15,7 +23,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -84,6 +92,9 @@ class Creep(Strict):
     prony: Prony | None = Field(default=None, description="{shares, times}: 1 + sum of shares (1 - exp(-t/times))")
     power: Power | None = Field(default=None, description="{exponent, time}: 1 + (t/time)^exponent")
     table: Table | None = Field(default=None, description="{times, ratios} or {times, moduli}")
+    body: Literal["first", "second", "both"] | None = Field(
+        default=None, description="the body that creeps, for a study with material.against; second is against"
+    )
 
     @model_validator(mode="after")
     def _one_form(self) -> Creep:
@@ -92,25 +103,49 @@ class Creep(Strict):
         return self
 
     def ratio(self, seconds: float, material: ContactModulus | YoungPoisson) -> float:
-        """Return J(t)/J(0).
+        """Return the compliance 1/E* of the contact over that at once.
 
         Parameters
         ----------
         seconds : float
             Time under load [s], ≥ 0.
         material : ContactModulus or YoungPoisson
-            Of the study; its modulus belongs to J(0), where a table gives moduli.
+            Of the study; its modulus belongs to J(0).
 
         Returns
         -------
         float
-            The ratio, ≥ 1 but for moduli above that of the study.
+            The ratio, ≥ 1 but for moduli above that of the study: J(t)/J(0) of one body, or of E*; with a second body
+            1 + share (J(t)/J(0) - 1), where the share of 1/E* is that of the body that creeps.
 
         Raises
         ------
         StudyError
-            If a table does not hold the time, or moduli cannot be compared.
+            If a table does not hold the time, moduli cannot be compared, or `body` does not fit the material.
         """
+        share = self._share(material)
+        return 1.0 + share * (self._of_body(seconds, material) - 1.0)
+
+    def _share(self, material: ContactModulus | YoungPoisson) -> float:
+        """Return the share of 1/E* that creeps."""
+        two = isinstance(material, YoungPoisson) and material.against is not None
+        if two and self.body is None:
+            message = (
+                "missing in the creep law: the study has two elastic bodies (material.against); allowed: "
+                "first (E, nu), second (against), both"
+            )
+            raise StudyError([Problem(message, "body")])
+        if not two and self.body == "second":
+            message = "is second, and the study has no material.against; allowed: none, first"
+            raise StudyError([Problem(message, "body")])
+        if not two or self.body == "both":
+            return 1.0
+        assert isinstance(material, YoungPoisson)
+        first = material.contact_modulus * (1.0 - material.nu**2) / float(material.E)
+        return first if self.body == "first" else 1.0 - first
+
+    def _of_body(self, seconds: float, material: ContactModulus | YoungPoisson) -> float:
+        """Return J(t)/J(0) of the body that creeps."""
         if self.prony is not None:
             pairs = zip(self.prony.shares, self.prony.times, strict=True)
             return 1.0 - math.fsum(share * math.expm1(-seconds / _seconds(time)) for share, time in pairs)
@@ -119,24 +154,33 @@ class Creep(Strict):
         assert self.table is not None
         return self._of_table(self.table, seconds, material)
 
-    @staticmethod
-    def _of_table(table: Table, seconds: float, material: ContactModulus | YoungPoisson) -> float:
+    def _of_table(self, table: Table, seconds: float, material: ContactModulus | YoungPoisson) -> float:
         times = [_seconds(time) for time in table.times]
         if not times[0] * (1 - 1e-12) <= seconds <= times[-1] * (1 + 1e-12):
-            message = f"the creep table ends at {table.times[0]} and {table.times[-1]}, asked: {seconds:.6g} s"
+            message = f"the creep table ends at {table.times[0]} and {table.times[-1]}; the time is {seconds:.6g} s"
             raise StudyError([Problem(message, "table.times")])
         if table.ratios is not None:
             ratios = [float(value) for value in table.ratios]
         else:
-            own = material.E_star if isinstance(material, ContactModulus) else material.E
-            if unit_of(own) is None or (isinstance(material, YoungPoisson) and material.against is not None):
-                message = "moduli need one material whose modulus has a unit; allowed: ratios"
-                raise StudyError([Problem(message, "table.moduli")])
-            modulus = convert(float(own), unit_of(own) or "", "Pa")
-            ratios = [modulus / (in_unit(value, "Pa") or math.nan) for value in table.moduli or ()]
+            own = self._modulus_at_once(material)
+            ratios = [own / (in_unit(value, "Pa") or math.nan) for value in table.moduli or ()]
         k = max(1, next((n for n, time in enumerate(times) if time >= seconds), len(times) - 1))
         share = math.log(max(seconds, times[0]) / times[k - 1]) / math.log(times[k] / times[k - 1])
         return math.exp((1.0 - share) * math.log(ratios[k - 1]) + share * math.log(ratios[k]))
+
+    def _modulus_at_once(self, material: ContactModulus | YoungPoisson) -> float:
+        """Return the modulus of the body that creeps, as the study has it [Pa]."""
+        if isinstance(material, ContactModulus):
+            own = material.E_star
+        elif self.body == "second" and material.against is not None:
+            own = material.against.E
+        else:
+            own = material.E
+        unit = unit_of(own) or material.unit
+        if unit is None or self.body == "both":
+            message = "moduli are those of one body whose modulus has a unit; allowed: ratios"
+            raise StudyError([Problem(message, "table.moduli")])
+        return convert(float(own), unit, "Pa")
 
 
 def load_creep(path: Path) -> Creep:
@@ -157,7 +201,7 @@ def load_creep(path: Path) -> Creep:
     StudyError
         If it cannot be read, or is no creep law.
     """
-    reading = Reading(f"a creep law is a mapping (key: value) with one of {', '.join(Creep.model_fields)}")
+    reading = Reading("a creep law is a mapping (key: value) with one of prony, power, table")
     try:
         data = reading.read(path.read_text(encoding="utf-8"))
         law = Creep.model_validate(data)

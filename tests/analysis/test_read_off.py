@@ -1,21 +1,28 @@
-"""Read-offs from a stored sweep, and their refinement by solves, against new runs at the value."""
+"""Read-offs from a stored sweep: of the leakiest surface, with an interval, against new runs at the value."""
 
 from __future__ import annotations
 
+import json
 import math
+import shlex
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 from numpy.testing import assert_allclose
 
-from roughvol.analysis import read_off as ask
-from roughvol.campaign import inverse, running
+from roughvol.analysis import read_off
+from roughvol.analysis.at import parse
+from roughvol.analysis.leak_curve import Curve, curves
+from roughvol.analysis.tables import rounded
+from roughvol.campaign import running
 from roughvol.cli import main
 from roughvol.errors import StudyError
 from roughvol.store.dataset import Dataset
-from roughvol.study import Study, loads
+from roughvol.study import loads
+from tests.bench.read_off import measured
 
 TEXT = """name: seal
 surface: {D: 2.2, m: 6, seeds: 2, L: 200 um, Sq: 0.4 um}
@@ -26,11 +33,7 @@ record:
   transport: {transmissivity: every-step}
   dimensional: {pressure: MPa, leak_rate: {pressure_drop: 10 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
 """
-
-
-@pytest.fixture(scope="module")
-def study() -> Study:
-    return loads(TEXT)
+CLOSES = TEXT.replace("m: 6, seeds: 2", "m: 5, seeds: 4").replace("steps: 20, to: {pressure: 1.2}", "to: percolation")
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +42,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def swept(study: Study, folder: Path) -> Dataset:
-    return running.run(study, jobs=1, out=folder)
+def swept(folder: Path) -> Dataset:
+    return running.run(loads(TEXT), jobs=1, out=folder)
 
 
 @pytest.fixture(scope="module")
@@ -50,68 +53,212 @@ def largest(swept: Dataset) -> float:
     return float(np.exp(np.log(middle).mean()))
 
 
-def _leak_at(text: str, pressure: float, tmp_path: Path) -> float:
-    """The mean leak along x of a new run that ends at a nominal pressure [MPa]."""
+@pytest.fixture(scope="module")
+def closes_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("closing") / "closing"
+
+
+@pytest.fixture(scope="module")
+def closing(closes_in: Path) -> Dataset:
+    """Four surfaces, each pressed until its own ways close."""
+    return running.run(loads(CLOSES), jobs=1, out=closes_in)
+
+
+def _call(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+def _said(*arguments: str) -> str:
+    done = _call(*arguments)
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def _refused(*arguments: str) -> str:
+    done = _call(*arguments)
+    assert done.exit_code == 2, done.output
+    assert "Traceback" not in done.output
+    return done.output
+
+
+# against new runs
+
+
+def _leaks_at(text: str, pressure: float, tmp_path: Path) -> np.ndarray:
+    """The leaks along x of a new run that ends at a nominal pressure [MPa], one for each surface."""
     text = text.replace("steps: 20, to: {pressure: 1.2}", f"steps: 2, to: {{pressure: {pressure!r} MPa}}")
-    end = running.run(loads(text), jobs=1, out=tmp_path / "there").isel(step=-1)
+    end = running.run(loads(text), jobs=1, out=tmp_path).isel(step=-1)
     assert_allclose(end.nominal_pressure, pressure, rtol=2e-6)  # the accuracy of the search for the end
-    return float(np.exp(np.log(end.leak_rate_x).mean()))
+    return np.asarray(end.leak_rate_x.values.ravel())
 
 
 def _at(text: str, unknown: str, value: float) -> str:
-    """The study at a value of the modulus or of Sq, given over that of the study."""
+    """The study at a value of the modulus [MPa] or of Sq [um]."""
     return {
         "pressure": text,
-        "modulus": text.replace("E_star: 10 MPa", f"E_star: {10 * value!r} MPa"),
-        "Sq": text.replace("Sq: 0.4 um", f"Sq: {0.4 * value!r} um"),
+        "modulus": text.replace("E_star: 10 MPa", f"E_star: {value!r} MPa"),
+        "Sq": text.replace("Sq: 0.4 um", f"Sq: {value!r} um"),
     }[unknown]
 
 
 @pytest.mark.parametrize("unknown", ["pressure", "modulus", "Sq"])
-def test_an_answer_equals_a_new_run_at_that_value(
-    unknown: str, study: Study, swept: Dataset, largest: float, tmp_path: Path
+def test_the_leakiest_surface_leaks_the_value_within_the_interval(
+    unknown: str, swept: Dataset, largest: float, tmp_path: Path
 ) -> None:
     pressure = float(swept.nominal_pressure.isel(step=8).mean())
-    answer = ask.ask(swept, largest, unknown, pressure=pressure)[0]
-    scaled_from = pressure if unknown == "Sq" else None
-    refined = inverse.refine(study, swept, "x", largest, answer.nominal, scaled_from=scaled_from)
-    value = refined.nominal if unknown == "pressure" else pressure / refined.nominal
-    read_off = abs(answer.value / value - 1.0)
-    assert 0.0 < read_off <= answer.error
-    there = value if unknown == "pressure" else pressure
-    leak = _leak_at(_at(TEXT, unknown, value), there, tmp_path)
-    assert_allclose(leak, largest, rtol=1e-6)
-    assert refined.solves <= 20
+    answer = read_off.ask(swept, largest, unknown, pressure=pressure)[0]
+    assert answer.low < answer.value < answer.high < 1.1 * answer.low
+    assert answer.unit == {"pressure": "MPa", "modulus": "MPa", "Sq": "um"}[unknown]
+    of_study = {"pressure": answer.value, "modulus": 10.0, "Sq": 0.4}[unknown]
+    assert_allclose(answer.value, of_study * answer.times, rtol=1e-12)
+    found = []
+    for number, value in enumerate((answer.low, answer.high)):
+        there = value if unknown == "pressure" else pressure
+        found.append(_leaks_at(_at(TEXT, unknown, value), there, tmp_path / str(number)))
+    assert min(leaks.max() for leaks in found) < largest < max(leaks.max() for leaks in found)
+    assert [f"seed {leaks.argmax()}" for leaks in found] == [answer.surface] * 2
 
 
-def test_an_answer_next_to_the_closing_is_found(study: Study, folder: Path, tmp_path: Path) -> None:
-    text = TEXT.replace("seeds: 2", "seeds: 1").replace("{pressure: 1.2}", "percolation")
-    run = running.run(loads(text), jobs=1, out=tmp_path / "closing")
-    open_ = run.leak_rate_x.values.ravel() > 0.0
-    last = int(np.flatnonzero(open_)[-1])
-    pressures = run.nominal_pressure.values.ravel()
-    largest = 1e-9 * float(run.leak_rate_x.values.ravel()[last])  # less than the last open step leaks
-    answer = ask.ask(run, largest, "pressure")[0]
-    assert answer.value == pressures[last + 1]
-    refined = inverse.refine(loads(text), run, "x", largest, answer.nominal)
-    assert pressures[last] < refined.nominal <= pressures[last + 1]
+def test_one_surface_answers_as_before(swept: Dataset) -> None:
+    one = swept.isel(seed=[0])
+    pressures, leaks = (one[name].values.ravel() for name in ("nominal_pressure", "leak_rate_x"))
+    middle = float(np.sqrt(leaks[9] * leaks[10]))
+    answer = read_off.ask(one, middle, "pressure")[0]
+    assert pressures[9] < answer.low < answer.value < answer.high < pressures[10]
+    assert (answer.surfaces, answer.surface) == (1, "seed 0")
 
 
-def test_the_answer_of_a_periodic_surface_starts_from_its_stored_states(tmp_path: Path) -> None:
-    text = TEXT.replace("seeds: 2", "seeds: 1, periodic: true").replace("m: 6", "m: 5")
-    run = running.run(loads(text), jobs=1, out=tmp_path / "periodic")
-    largest = float(run.leak_rate_y.values.ravel()[9]) * 0.9
-    answer = ask.ask(run, largest, "pressure")[1]
-    refined = inverse.refine(loads(text), run, "y", largest, answer.nominal)
-    assert_allclose(refined.nominal, answer.value, rtol=answer.error)
-    assert refined.solves <= 6
+def test_a_refined_run_by_the_printed_command_narrows_the_answer(
+    swept: Dataset, folder: Path, largest: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = _said("ask", str(folder), "--leak-rate", f"{largest} mm^3/s")
+    command = shlex.split(said.splitlines()[-1].partition("narrow the interval: ")[2])
+    assert command[:3] == ["roughvol", "run", str(folder)]
+    _said(*command[1:], "--jobs", "1")
+    wide, narrow = (
+        json.loads(_said("ask", name, "--leak-rate", f"{largest} mm^3/s", "--json"))["answers"]
+        for name in (str(folder), "seal_closer")
+    )
+    for one, other in zip(wide, narrow, strict=True):
+        low, high = one["interval"]
+        below, above = other["interval"]
+        assert low * (1 - 1e-4) <= below <= above <= high * (1 + 1e-4)
+        assert above / below - 1.0 < 0.2 * (high / low - 1.0)
+
+
+# several surfaces, of which some close
+
+
+def test_of_several_surfaces_the_one_that_leaks_longest_decides(closing: Dataset) -> None:
+    leaks = closing.leak_rate_x.isel(D=0, m=0).values
+    last_open = max(float(row[row > 0.0][-1]) for row in leaks)
+    answer = read_off.ask(closing, 1e-3 * last_open, "pressure")[0]
+    loads_of = closing.nominal_pressure.isel(D=0, m=0).values
+    closes = [float(p[np.flatnonzero(row > 0.0)[-1] + 1]) for p, row in zip(loads_of, leaks, strict=True)]
+    opens = [float(p[np.flatnonzero(row > 0.0)[-1]]) for p, row in zip(loads_of, leaks, strict=True)]
+    assert (answer.value, answer.low, answer.high) == (max(closes), max(opens), max(closes))
+    assert answer.surface == f"seed {int(np.argmax(closes))}"
+    assert answer.surfaces == 4
+    assert answer.nominal.closing
+    # at the answer of version 0.11.1, where the first surface closes, another leaks above the limit
+    at_first = [one.at(np.array([min(closes)])).value[0] for one in curves(closing, "x")]
+    assert max(at_first) > 1e-3 * last_open
+
+
+def test_a_closed_joint_is_asked_for_by_its_loads(closing: Dataset, closes_in: Path) -> None:
+    for axis, answer in zip("xy", read_off.ask_closed(closing, "pressure"), strict=True):
+        opens, closes = [], []
+        for seed in range(4):
+            one = closing.isel(D=0, m=0, seed=seed)
+            p, way = one.nominal_pressure.values, one[f"transmissivity_{axis}"].values > 0.0
+            opens.append(p[np.flatnonzero(way)[-1]])
+            after = p[np.flatnonzero(way)[-1] + 1 :]
+            closes.append(after[0] if np.isfinite(after).any() else math.inf)
+        assert answer.low == max(opens)
+        assert answer.high == max(closes)
+    found = json.loads(_said("ask", str(closes_in), "--closed", "--json"))
+    assert found["leak_rate"] is None
+    assert [row["axis"] for row in found["answers"]] == ["x", "y"]
+    assert all({"value", "interval", "unit", "surfaces", "leakiest"} <= row.keys() for row in found["answers"])
+    assert found["answers"][0]["closes_inside"]
+    said = _said("ask", str(closes_in), "--closed", "--for", "modulus", "--at", "pressure=1kPa")
+    assert "where the last way closes" in said
+    assert "times the E* of the study" in said
+    assert "for the leakiest of 4 surfaces (seed " in said
+
+
+def test_a_leak_rate_or_a_closed_joint(folder: Path, swept: Dataset) -> None:
+    assert "either --leak-rate VALUE or --closed" in _refused("ask", str(folder))
+    assert "either --leak-rate VALUE or --closed" in _refused("ask", str(folder), "--closed", "--leak-rate", "1 mm^3/s")
+
+
+# one curve
+
+
+def test_the_interval_of_a_reading_contains_the_truth_in_95_percent(tmp_path: Path) -> None:
+    found = [point for point in measured([0, 1, 3, 6, 9, 10, 13], tmp_path) if point.kind == "liquid"]
+    assert len({point.way for point in found}) > 10
+    for read in ("leak", "load"):
+        holds = [point.holds for point in found if point.read == read]
+        assert np.mean(holds) >= 0.95
+    inner = [point.stated for point in found if point.place == "inner"]
+    assert np.median(inner) < 0.1  # and is not wide
+
+
+def _curve(pressure: Any, leak: Any) -> Curve:
+    values = [np.asarray(array, dtype=float) for array in (pressure, leak, pressure)]
+    return Curve("seed 0", values[0], values[1], values[2], 1.0)
+
+
+def test_a_power_law_is_read_without_error() -> None:
+    loads_of = np.geomspace(0.1, 10.0, 9)
+    reading = _curve(loads_of, loads_of**-3.0).at(np.array([0.3, 2.0]))
+    assert_allclose(reading.value, [0.3**-3, 2.0**-3], rtol=1e-12)
+    assert_allclose(reading.high / reading.low, 1.0, rtol=1e-9)
+
+
+def test_a_reading_lies_between_its_two_steps_and_is_exact_at_a_step() -> None:
+    curve = _curve([1.0, 2.0, 4.0, 8.0, 9.0], [8.0, 7.0, 3.0, 0.01, 0.0])
+    at = np.geomspace(1.0, 8.0, 50)
+    reading = curve.at(at)
+    for p, value, low, high in zip(at, reading.value, reading.low, reading.high, strict=True):
+        k = min(int(np.searchsorted([2.0, 4.0, 8.0], p)), 2)
+        assert [7.0, 3.0, 0.01][k] * (1 - 1e-12) <= low <= value <= high <= [8.0, 7.0, 3.0][k] * (1 + 1e-12)
+    on_step = curve.at(np.array([1.0, 2.0, 4.0, 8.0, 4.0 * (1 + 1e-7)]))
+    assert_allclose(on_step.value, [8.0, 7.0, 3.0, 0.01, 3.0])
+    assert_allclose(on_step.low, on_step.high)
+
+
+def test_where_a_way_closes_the_leak_is_between_nothing_and_the_last_one() -> None:
+    curve = _curve([1.0, 2.0, 4.0, 8.0], [5.0, 3.0, 1.0, 0.0])
+    reading = curve.at(np.array([0.5, 5.0, 8.0, 20.0]))
+    assert_allclose(reading.value, [math.nan, 0.75, 0.0, 0.0])
+    assert_allclose(reading.low, [math.nan, 0.0, 0.0, 0.0])
+    assert_allclose(reading.high, [math.nan, 1.0, 0.0, 0.0])
+    assert curve.ends == math.inf
+    still_open = _curve([1.0, 2.0], [5.0, 3.0])
+    assert still_open.ends == 2.0
+    assert math.isnan(still_open.at(np.array([3.0])).value[0])
+    two = still_open.at(np.array([1.5]))
+    assert_allclose((two.low[0], two.high[0]), (3.0, 5.0), rtol=1e-12)
+
+
+# outside the stored loads
 
 
 def test_a_value_beyond_the_stored_loads_is_infinite_and_one_above_all_is_zero(swept: Dataset) -> None:
-    assert ask.ask(swept, 1e-30, "pressure")[0].value == math.inf
-    assert ask.ask(swept, 1e30, "pressure")[0].value == 0.0
-    assert ask.ask(swept, 1e-30, "modulus", pressure=0.1)[0].value == 0.0
-    assert ask.ask(swept, 1e30, "Sq", pressure=1e-2)[0].value == math.inf
+    assert read_off.ask(swept, 1e-30, "pressure")[0].value == math.inf
+    assert read_off.ask(swept, 1e30, "pressure")[0].value == 0.0
+    assert read_off.ask(swept, 1e-30, "modulus", pressure=0.1)[0].value == 0.0
+    assert read_off.ask(swept, 1e30, "Sq", pressure=1e-2)[0].value == math.inf
+    record = read_off.record(read_off.ask(swept, 1e-30, "pressure")[0], "pressure")
+    assert record["value"] is None
+    assert record["interval"][1] is None
+    assert not read_off.narrower(swept, read_off.ask(swept, 1e-30, "pressure"))
+
+
+# refused
 
 
 @pytest.mark.parametrize(
@@ -122,36 +269,122 @@ def test_questions_without_answer_are_refused(
     largest: float, unknown: str, pressure: float | None, words: str, swept: Dataset
 ) -> None:
     with pytest.raises(StudyError, match=words):
-        ask.ask(swept, largest, unknown, pressure=pressure)
+        read_off.ask(swept, largest, unknown, pressure=pressure)
 
 
 def test_several_kinds_of_surfaces_have_no_common_leak(tmp_path: Path) -> None:
     text = TEXT.replace("D: 2.2, m: 6, seeds: 2", "D: [2.2, 2.4], m: 3, seeds: 1").replace("steps: 20", "steps: 2")
     run = running.run(loads(text.replace("rtol: 1.0e-9", "rtol: 1.0e-6")), jobs=1, out=tmp_path)
     with pytest.raises(StudyError, match=r"several D \(2.2, 2.4\)"):
-        ask.ask(run, 1.0, "pressure")
+        read_off.ask(run, 1.0, "pressure")
 
 
-def _call(*arguments: str) -> str:
-    done = CliRunner().invoke(main, ["ask", *arguments])
-    assert done.exit_code == 0, done.output
-    return done.output
+LIFT = """name: lift
+surface: {D: 2.2, m: 4, L: 200 um, Sq: 0.5 um, seeds: [1], periodic: true}
+material: {E_star: 10 MPa}
+sweep: {steps: 6, to: {pressure: 0.1 MPa}}
+fluid: {gas: helium, inlet: 1 bar, outlet: 0.5 bar}
+record:
+  transport: {transmissivity: every-step, gas_flow: every-step}
+  fluid_pressure: {inlet: 0.1 bar, outlet: 0 bar, at: {pressure: [0.05 MPa, 0.1 MPa]}}
+  dimensional:
+    pressure: MPa
+    leak_rate: {pressure_drop: 0.1 bar, viscosity: 1 mPa*s, unit: mm^3/s}
+    gas_leak_rate: sccm
+"""
 
 
-def test_the_command_prints_the_read_off_and_the_exact_answer(swept: Dataset, folder: Path, largest: float) -> None:
-    quick = _call(str(folder), "--leak-rate", f"< {largest} mm^3/s", "--no-solve")
-    assert "read off to about" in quick
-    assert "solves" not in quick
-    exact = _call(str(folder), "--leak-rate", f"{largest} mm^3/s", "--for", "modulus", "--pressure", "0.001 MPa")
-    assert quick.count("along") == 2
-    assert exact.count("to 1e-6 by") == 2
-    assert "modulus" in exact
-    assert "solves" in exact
-
-
-def test_the_command_keeps_the_read_off_of_a_run_that_cannot_be_made_again(
-    swept: Dataset, folder: Path, largest: float, tmp_path: Path
+def test_the_leak_under_fluid_pressure_is_not_read_off_the_dry_leak(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "study.nc").write_bytes((folder / "study.nc").read_bytes())
-    said = _call(str(tmp_path / "study.nc"), "--leak-rate", f"{largest} mm^3/s")
-    assert "error of the read-off" in said
+    monkeypatch.chdir(tmp_path)
+    Path("lift.yaml").write_text(LIFT)
+    Path("law.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
+    _said("run", "lift.yaml", "--jobs", "1")
+    creep = ("creep", "lift", "--law", "law.yaml", "--at", "pressure=0.05MPa", "--times", "1 s")
+    for question in (
+        ("ask", "lift", "--leak-rate", "1e-6 mm^3/s"),
+        ("ask", "lift", "--leak-rate", "1e-6 mm^3/s", "--no-solve"),
+        ("ask", "lift", "--leak-rate", "1e-6 mm^3/s", "--for", "modulus", "--at", "pressure=0.05MPa"),
+        ("ask", "lift", "--leak-rate", "1e-3 sccm"),
+        ("ask", "lift", "--closed"),
+        creep,
+        (*creep, "--json"),
+    ):
+        said = _refused(*question)
+        assert "the leak under fluid pressure is known at recorded states alone" in said
+        assert "pressure=0.05 MPa: 0.05 MPa; pressure=0.1 MPa: 0.1 MPa" in said
+        assert "record.fluid_pressure.at" in said
+
+
+PATH = TEXT.replace("m: 6, seeds: 2", "m: 4, seeds: 1").replace(
+    "{steps: 20, to: {pressure: 1.2}}", "[{steps: 8, to: {pressure: 1.2}}, {steps: 4, to: {pressure: 0.2}}]"
+)
+
+
+def test_of_a_path_the_first_leg_answers_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("seal.yaml").write_text(PATH)
+    Path("law.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
+    _said("run", "seal.yaml", "--jobs", "1")
+    rate = float(running.run(loads(PATH), jobs=1, out=Path("runs/seal")).leak_rate_x.values.ravel()[4])
+    question = ("ask", "seal", "--leak-rate", f"{rate} mm^3/s")
+    assert _said(*question).splitlines()[0].startswith("seal, leg 1 of 2: ")
+    assert json.loads(_said(*question, "--json"))["leg"] == 1
+    creep = ("creep", "seal", "--law", "law.yaml", "--times", "1 s", "--at")
+    assert "seal, leg 1 of 2: at 0.002 MPa" in _said(*creep, "pressure=2kPa, leg 1")
+    for refused in (
+        (*question, "--for", "modulus", "--at", "pressure=0.01MPa, leg 2"),
+        (*creep, "pressure=2kPa, leg 2"),
+    ):
+        assert "read-offs are from leg 1" in _refused(*refused)
+
+
+def test_a_load_is_a_pressure_or_a_force_with_its_unit(swept: Dataset) -> None:
+    assert_allclose(read_off.nominal_of(swept, parse("pressure=20kPa")), 0.02)
+    area = 65**2 * (200e-6 / 64) ** 2
+    assert_allclose(read_off.nominal_of(swept, parse("load=1mN")), 1e-3 / area * 1e-6)
+    for text in ("pressure=0.5", "contact_area=0.1", "last"):
+        with pytest.raises(StudyError, match=r"allowed: a load with its unit, as pressure=0\.5MPa"):
+            read_off.nominal_of(swept, parse(text))
+
+
+# the command
+
+
+def test_the_command_prints_digits_of_the_error_and_what_is_not_in_it(
+    swept: Dataset, folder: Path, largest: float
+) -> None:
+    said = _said("ask", str(folder), "--leak-rate", f"< {largest} mm^3/s")
+    row = next(line for line in said.splitlines() if line.startswith("along x: "))
+    value = row.split()[3]
+    assert len(value.replace(".", "").lstrip("0")) <= 5
+    assert "for the leakiest of 2 surfaces (seed " in row
+    assert "Errors of the grid and of the window are not in these numbers; their factors: roughvol card seal" in said
+    old = _said("ask", str(folder), "--leak-rate", f"{largest} mm^3/s", "--no-solve")
+    assert "warning: --no-solve" in old
+    modulus = _said("ask", str(folder), "--leak-rate", f"{largest} mm^3/s", "--for", "modulus", "--pressure", "1 kPa")
+    assert "modulus E* = " in modulus
+    assert " MPa (" in modulus
+    sq = _said("ask", str(folder), "--leak-rate", f"{largest} mm^3/s", "--for", "Sq", "--at", "pressure=1 kPa")
+    assert " um (" in sq
+    assert "times the Sq of the study" in sq
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "text"),
+    [
+        (0.0279432, 0.0276, 0.0282, "0.0279"),
+        (0.0279432, 0.02793, 0.02796, "0.02794"),
+        (0.0279432, 0.01, 0.05, "0.028"),
+        (1.23456789, 1.2345, 1.2346, "1.23457"),
+        (2.5e-7, 2.4e-7, 2.6e-7, "2.5e-7"),
+        (2.0e-7, 1.9e-7, 2.1e-7, "2.0e-7"),
+        (0.02, 0.019, 0.022, "0.020"),
+        (1234.5, 1100.0, 1400.0, "1200"),
+        (0.5, 0.5, 0.5, "0.5"),
+        (0.0, 0.0, 0.0, "0"),
+    ],
+)
+def test_digits_follow_the_interval(value: float, low: float, high: float, text: str) -> None:
+    assert rounded(value, low, high) == text

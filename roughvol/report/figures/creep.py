@@ -6,6 +6,7 @@ import matplotlib as mpl
 import numpy as np
 
 from roughvol.analysis.creep import History
+from roughvol.report.figures.seal_ways import band_words
 from roughvol.report.figures.style import COLUMN, DASHES, STYLE, Drawing, canvas, looks, unit_text
 
 
@@ -20,19 +21,25 @@ def drawing_of(over_time: History) -> Drawing:
     Returns
     -------
     Drawing
-        Leaks on logarithmic axes; a line ends where its way closes.
+        Leaks on logarithmic axes, of several surfaces the median and the 16 to 84 % range. A line ends where the median
+        is 0; a dotted line is the first time without an open way on any surface.
     """
+    leaks = over_time.leak.values()
+    several = next(iter(leaks)).surfaces
+    shown = np.concatenate([np.concatenate([leak.value, leak.least]) for leak in leaks])
+    floor = float(shown[shown > 0.0].min(initial=np.inf))
     with mpl.rc_context(STYLE):
         fig = canvas(COLUMN, 2.6)
         ax = fig.subplots()
-        for order, (axis, look) in enumerate(zip(over_time.leak, looks(2), strict=True)):
-            leak = over_time.leak[axis]
-            drawn = np.where(leak > 0.0, leak, np.nan)
-            ax.plot(over_time.seconds, drawn, ls=DASHES[order], color=look["color"], label=f"along ${axis}$")
-            closed = np.flatnonzero(leak == 0.0)
+        for order, ((axis, leak), look) in enumerate(zip(over_time.leak.items(), looks(2), strict=True)):
+            median = np.where(leak.value > 0.0, leak.value, np.nan)
+            ax.plot(over_time.seconds, median, ls=DASHES[order], color=look["color"], label=f"along ${axis}$")
+            if several > 1:
+                least, most = np.maximum(leak.least, floor), np.maximum(leak.most, floor)
+                ax.fill_between(over_time.seconds, least, most, color=look["color"], alpha=0.18, lw=0)
+            closed = np.flatnonzero(leak.open == 0)
             if closed.size:
-                at = float(over_time.seconds[closed[0]])
-                ax.axvline(at, ls=":", lw=0.7, color=look["color"])
+                ax.axvline(float(over_time.seconds[closed[0]]), ls=":", lw=0.7, color=look["color"])
         ax.set(
             xscale="log",
             yscale="log",
@@ -40,5 +47,5 @@ def drawing_of(over_time: History) -> Drawing:
             ylabel=f"leak [{unit_text(over_time.leak_unit)}]",
             title=f"at {over_time.pressure:.4g} {unit_text(over_time.pressure_unit)}",
         )
-        ax.legend()
+        ax.legend(title=band_words([several]) or None)
     return fig
