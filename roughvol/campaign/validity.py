@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 STEEPEST = 0.3  # Sdq: the true area is then 4.4 % larger, and the mean contact pressure 0.19 E*
 HIGHEST = 0.1  # nominal pressure over E*: strains of ten per cent
 LARGEST_DROP = 0.1  # pressure drop over nominal pressure: a linear drop then carries 5 % of the load
+ATMOSPHERE = 101325.0  # Pa: the ambient of a gas, whose pressures are absolute; other pressures are over the ambient
+PERSISTENT = 0.3  # nominal pressure over hardness: perfect plasticity has 1.3 times the area of persistent asperities
 ABOVE_HARDNESS = 0.01  # share of the load above the hardness; tolerates a few peaks of one element
 RIM = 0.8  # mean pressure in the central half of each side over that of the whole
 HIGH = 6.0  # highest point above the mean plane over Sq: of 10⁶ independent normal heights the highest is at 5
@@ -40,6 +42,7 @@ SMALL_SLOPES = "Al-Qudsi, De Lorenzis & Scaraggi 2022; Sdr ≈ Sdq²/2 (ISO 2517
 NORMAL_HEIGHTS = "extreme values of normal heights, docs/validity.md"
 SMALL_STRAINS = "Johnson 1985, section 4.1"
 HARDNESS = "Tabor 1951, H ≈ 3 Y"
+PERSISTENCE = "Williamson & Hunt 1972; Pullen & Williamson 1972: A* = (p/H)/(1 + p/H)"
 COUPLING = "Shvarts & Yastrebov 2018"
 FREE_PATCH = "configs/seal_region.yaml, docs/validity.md"
 
@@ -64,7 +67,7 @@ class Extent:
 class Finding:
     """A limit of the model that a study exceeds."""
 
-    key: str  # peak, slope, nominal_pressure, hardness, metal, pressure_drop or rim
+    key: str  # peak, slope, nominal_pressure, hardness, persistence, metal, pressure_drop, fluid or rim
     sentence: str  # quantity, amount and states beyond the limit
     limit: float
     source: str
@@ -83,6 +86,8 @@ class Setting:
     yields: bool = False  # pressures end at the hardness
     drop_text: str | None = None  # pressure drop of a leak rate
     drop: float = math.nan  # over E*; NaN for a modulus without a unit
+    fluid: float = math.nan  # largest mean pressure of a fluid over the ambient, over E*; NaN without one
+    lifted: bool = False  # fluid pressure lifts the gap at recorded states
     scaled: bool = False  # the ratio of heights to L is that of a real surface
     patch: bool = False  # a free patch that is a sample of a larger joint
     measured: bool = False  # heights come from files
@@ -98,6 +103,7 @@ def setting(study: Study) -> Setting:
     if (fluid := study.fluid) is not None:
         drops.append((fluid.pressures[0] - fluid.pressures[1], f"{fluid.inlet} - {fluid.outlet}"))
     pascal, drop_text = max(drops, default=(None, None))
+    mean = _mean_fluid(study)
     drop = convert(pascal, "Pa", unit) if pascal is not None and unit is not None else None
     scaled = not isinstance(surface, MadeSurface) or bool(surface.Sq or surface.length_unit)
     scaled = scaled or (isinstance(surface, SpectralSurface) and surface.slope is not None)
@@ -112,11 +118,26 @@ def setting(study: Study) -> Setting:
         yields=material.hardness is not None and material.plastic,
         drop_text=drop_text,
         drop=math.nan if drop is None else drop / material.contact_modulus,
+        fluid=math.nan if unit is None else convert(mean, "Pa", unit) / material.contact_modulus,
+        lifted=record.fluid_pressure is not None,
         scaled=scaled,
         patch=asks and whole and not surface.periodic,  # a period has no rim
         measured=not isinstance(surface, MadeSurface),
         cleaned=not isinstance(surface, MadeSurface) and surface.outliers is not None,
     )
+
+
+def _mean_fluid(study: Study) -> float:
+    """Return the largest mean of inlet and outlet of the fluids of a study over the ambient [Pa], NaN without one."""
+    record, means = study.record, list[float]()
+    if record.dimensional is not None and (leak := record.dimensional.leak_rate) is not None:
+        means.append(0.5 * (in_unit(leak.pressure_drop, "Pa") or 0.0))  # the outlet is at the ambient
+    if study.fluid is not None:
+        means.append(0.5 * sum(study.fluid.pressures) - ATMOSPHERE)
+    lift = record.fluid_pressure
+    if lift is not None and unit_of(lift.inlet) is not None:
+        means.append(0.5 * sum(in_unit(value, "Pa") or 0.0 for value in (lift.inlet, lift.outlet)))
+    return max(means, default=math.nan)
 
 
 def _written(hardness: float | None, unit: str | None) -> str:
@@ -164,7 +185,19 @@ def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float) ->
                 f"contact, with {_percent(load)} of the load: yield is not computed"
             )
             findings.append(Finding("hardness", text, ABOVE_HARDNESS, HARDNESS))
+    if given.yields and given.hardness is not None and end > PERSISTENT * given.hardness / given.modulus:
+        text = (
+            f"nominal pressure will be about {end * given.modulus / given.hardness:.2g} of the hardness at the end "
+            f"(limit {PERSISTENT}): {_PERSIST}"
+        )
+        findings.append(Finding("persistence", text, PERSISTENT, PERSISTENCE))
     findings += _metal(given, math.sqrt(0.5 * math.pi) * scale, "about ")
+    if 0.0 < end <= given.fluid:
+        text = (
+            f"the mean pressure of the fluid is {_pressure(given, given.fluid)} over the ambient, the nominal pressure "
+            f"expected at the end about {_pressure(given, end)}: {_OPENS}"
+        )
+        findings.append(Finding("fluid", text, 1.0, COUPLING))
     if given.drop_text is not None and math.isnan(given.drop):
         findings.append(_drop_unknown(given))
     elif end > 0.0 and given.drop > LARGEST_DROP * end:
@@ -206,9 +239,12 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
         contact = (nominal / results["contact_area_fraction"]).where(starred > 0.0)
         findings += _metal(given, _at_highest(contact, starred) if given.scaled else math.nan, "")
     leaks = [f"{name}_{axis}" for name in ("leak_rate", "gas_leak_rate") for axis in "xy"]
+    if given.yields and given.scaled:
+        findings += _persistence(given, starred, nominal)
     if any(name in results for name in leaks):
         flows = [results[name].notnull() for name in leaks if name in results]
-        findings += _drop(given, starred.where(sum(flows) > 0), nominal)
+        leaking = starred.where(sum(flows) > 0)
+        findings += [*_fluid(given, leaking, nominal), *_drop(given, leaking, nominal)]
     if given.patch and "central_pressure_ratio" in results:
         findings += _rim(results["central_pressure_ratio"].values.ravel())
     return findings
@@ -320,9 +356,45 @@ def _drop(given: Setting, starred: DataArray, nominal: DataArray) -> list[Findin
     text = (
         f"pressure_drop {given.drop_text} is more than {LARGEST_DROP} of the nominal pressure at {extent}, "
         f"up to {_pressure(given, highest)}: the fluid would carry part of the load there, and widen the gap; "
-        "record.fluid_pressure computes it"
+        + (
+            "the leak at the states of record.fluid_pressure has it, the dry leak along the steps has not"
+            if given.lifted
+            else "record.fluid_pressure computes it"
+        )
     )
     return [Finding("pressure_drop", text, LARGEST_DROP, COUPLING, extent)]
+
+
+def _fluid(given: Setting, starred: DataArray, nominal: DataArray) -> list[Finding]:
+    """Return the states whose load the fluid carries alone; ``starred`` is NaN without a leak rate."""
+    beyond = (nominal <= given.fluid) & (starred > 0.0)
+    if not bool(beyond.any()):
+        return []
+    extent = _extent(beyond, starred)
+    text = (
+        f"the mean pressure of the fluid is {_pressure(given, given.fluid)} over the ambient, at least the nominal "
+        f"pressure at {extent}: {_OPENS}"
+    )
+    return [Finding("fluid", text, 1.0, COUPLING, extent)]
+
+
+def _persistence(given: Setting, starred: DataArray, nominal: DataArray) -> list[Finding]:
+    """Return the states of metal beyond the reach of perfect plasticity."""
+    assert given.hardness is not None
+    share = nominal * (given.modulus / given.hardness)
+    beyond = share > PERSISTENT
+    if not bool(beyond.any()):
+        return []
+    extent = _extent(beyond, starred)
+    text = (
+        f"nominal pressure is up to {float(share.max()):.2g} of the hardness (limit {PERSISTENT}), beyond it at "
+        f"{extent}: {_PERSIST}"
+    )
+    return [Finding("persistence", text, PERSISTENT, PERSISTENCE, extent)]
+
+
+_OPENS = "the fluid carries the whole load there and opens the joint; the dry leak does not hold"
+_PERSIST = "asperities persist, and perfect plasticity has too much contact and too small a leak"
 
 
 def _rim(ratios: np.ndarray) -> list[Finding]:
