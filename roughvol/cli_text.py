@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import errno
+import io
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from roughvol.errors import CampaignError, RoughvolError, StudyError
 
@@ -123,6 +125,22 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         for line in (head, *rows)
     ]
     return "\n".join(line.rstrip() for line in lines)
+
+
+def csv_text(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return rows as comma-separated values; a missing value is empty.
+
+    A spreadsheet computes texts such as ``=cmd|…``. A text that begins like a formula gets an apostrophe in front.
+    """
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows([[_plain(cell) for cell in row] for row in (head, *rows)])
+    return text.getvalue()
+
+
+def _plain(cell: Any) -> Any:
+    if cell is None:
+        return ""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(("=", "+", "-", "@", "\t", "\r")) else cell
 
 
 def count(number: int, noun: str, plural: str = "") -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -151,7 +149,4 @@ def _write(names: Sequence[str], rows: Sequence[Sequence[Any]], units: dict[str,
         content = {"run": name, "units": units, "rows": [dict(zip(names, row, strict=True)) for row in rows]}
         say(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
         return
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([names, *(["" if value is None else value for value in row] for row in rows)])
-    say(text.getvalue(), nl=False)
+    say(cli_text.csv_text(names, rows), nl=False)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -136,11 +134,7 @@ def _csv(points: Sequence[Mapping[str, object]]) -> str:
     from roughvol.report.figures import content
 
     held = [name for name in content.COLUMNS if any(point[name] is not None for point in points)]
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, held, extrasaction="ignore")
-    writer.writeheader()
-    writer.writerows(points)
-    return text.getvalue()
+    return cli_text.csv_text(held, ([point[name] for name in held] for point in points))
 
 
 def slug(words: str) -> str:

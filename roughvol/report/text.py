@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -110,7 +111,12 @@ def to_markdown(report: Report) -> str:
         for claim in report.claims:
             lines += _in_full(claim)
     lines += _runs(report)
-    return "\n".join(lines) + "\n"
+    return "\n".join(map(_without_tags, lines)) + "\n"
+
+
+def _without_tags(line: str) -> str:
+    """Return a line whose ``<`` begins no element of HTML, as in the name of a file or in the symbol ``<V*>``."""
+    return re.sub(r"(\\*)<(?=[A-Za-z/!?])", r"\1\1\\<", line)
 
 
 def _reading(reading: Reading) -> list[str]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -82,3 +85,24 @@ def test_a_pattern_of_too_many_files_is_refused(tmp_path: Path, monkeypatch: pyt
         np.save(tmp_path / f"{name}.npy", np.eye(4))
     with pytest.raises(StudyError, match=r"surface\.files: matches more than 2 files"):
         loads("surface: {files: '*.npy', L: 1 um}", tmp_path / "s.yaml")
+
+
+STRANGE = ("=cmd|calc.npy", "@SUM(A1).npy", "+1.npy", "<img src=x onerror=alert(1)>.npy", "<b>\\<i>.npy", "plain.npy")
+
+
+def test_names_of_files_are_neither_formulas_nor_elements_of_pages() -> None:
+    for number, name in enumerate(STRANGE):
+        np.save(name, np.random.default_rng(number).random((9, 9)))
+    surface = f"{{files: {json.dumps(list(STRANGE))}, L: 100 um}}"
+    roughvol.run(loads(f"name: strange\nsurface: {surface}\nsweep: {{steps: 2}}\n", "strange.yaml"), jobs=1)
+    shown = CliRunner().invoke(main, ["show", "strange", "--csv"])
+    assert shown.exit_code == 0
+    rows = list(csv.DictReader(io.StringIO(shown.stdout)))
+    names = {row["case"] for row in rows}
+    assert names == {f"'{name}" if name[0] in "=@+" else name for name in STRANGE}
+    assert any(float(row["separation"]) < 0.0 for row in rows)  # negative numbers stay numbers
+    assert CliRunner().invoke(main, ["report", "strange", "--out", "page"]).exit_code == 0
+    for page in ("report.md", "report.html"):
+        text = Path("page", page).read_text(encoding="utf-8")
+        assert "onerror" in text
+        assert not re.search(r"(?<!\\)(?:\\\\)*<(?:img src=x|b>|i>\.npy)", text)
