@@ -68,7 +68,7 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: 
         area, pressure, volume = choice.errors
         say(
             f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {cli_text.duration(choice.seconds)}; "
-            f"errors about {area:.0e} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
+            f"errors about {f'{area:.0e}' if area else '0'} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
         )
     if warning := cost.warning(estimated.seconds, estimated.jobs):
         warn([warning])

@@ -131,6 +131,12 @@ BAD: dict[str, tuple[str, str]] = {
     "both.csv": (rows(HEIGHTS, ";").replace(".", ",", 3), r"line 1 holds both commas and points"),
     "letter.txt": (rows(HEIGHTS).replace("\n", " 1O\n", 1), r"line 1"),
     "volts.txt": (GWYDDION.replace("nm", "V") + rows(HEIGHTS.T), r"line 3 \(# Value units: V\) has the unit 'V'"),
+    "no width.txt": (GWYDDION.replace("6 µm", "0 µm") + rows(HEIGHTS.T), r"# Width: 0 µm.* makes sides of 0 by 4;"),
+    "tiny.txt": (GWYDDION.replace("6 µm", "6e-400 µm") + rows(HEIGHTS.T), r"makes sides of 0 by 4; allowed: finite"),
+    "factor.txt": ("height conversion factor = 0\n" + rows(HEIGHTS.T), r"line 1 .* is 0; allowed: finite and not 0"),
+    "cells.asc": ("ncols 6\nnrows 5\ncellsize -1\n" + rows(HEIGHTS.T), r"cellsize -1\) makes sides of -5 by -4"),
+    "half.asc": ("ncols 6.5\nnrows 5\ncellsize 1\n" + rows(HEIGHTS.T), r"ncols 6\.5, nrows 5; allowed: whole numbers"),
+    "none.asc": ("ncols nan\nnrows 5\ncellsize 1\n" + rows(HEIGHTS.T), r"ncols nan, nrows 5; allowed: whole numbers"),
     "deflection.txt": (
         "# Channel: Deflection\n" + GWYDDION + rows(HEIGHTS.T),
         "'Deflection' holds no heights, by its name",

@@ -7,6 +7,7 @@ labels, the order of the file stays. Missing heights are refused, or NaN on dema
 from __future__ import annotations
 
 import contextlib
+import math
 import tokenize
 import zipfile
 import zlib
@@ -113,6 +114,10 @@ def _opened(path: Path, variable: str | None, columns: str | None, ignore_header
     with _reading(path):
         height_map = _by_content(path, variable, columns, ignore_header)
     refuse_huge(path, _two(path, height_map.description.shape))
+    sides, source = height_map.description.sides, height_map.description.source
+    if sides is not None and not ignore_header and not all(0.0 < side < math.inf for side in sides):
+        message = f"{path}: {source} makes sides of {sides[0]:g} by {sides[1]:g}; allowed: finite and above 0"
+        raise SurfaceError(message)
     return height_map
 
 

@@ -7,6 +7,7 @@ line with a size or a unit is kept as ``unclear``: ignored, it might scale the m
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -107,7 +108,7 @@ def parse(path: Path, lines: list[tuple[int, str]], *, ignore: bool = False) -> 
     Raises
     ------
     SurfaceError
-        If a unit is no unit of length, or differs between columns of coordinates.
+        If a unit is no unit of length, or differs between columns of coordinates, or the heights have the factor 0.
     """
     header = Header()
     for number, line in lines:
@@ -174,6 +175,9 @@ def _keyed(header: Header, path: Path, bare: str, place: str) -> bool:
                 header.size[key == "height"] = length
         if key == "factor":
             header.factor = _number(match[2])
+            if not 0.0 < abs(header.factor) < math.inf:
+                message = f"{path}: {place} is {header.factor:g}; allowed: finite and not 0"
+                raise SurfaceError(message)
         return True
     counts = {name.lower(): int(value) for name, value in _COUNTS.findall(bare)}
     header.counts |= counts

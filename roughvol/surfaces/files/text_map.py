@@ -161,6 +161,9 @@ def _esri(text: plain_text.Text, header: Header) -> HeightMap:
         raise SurfaceError(message)
     if header.unclear is not None:
         raise _not_understood(path, header.unclear)
+    if not all(given[name].is_integer() and given[name] > 0.0 for name in ("ncols", "nrows")):
+        message = f"{path}: ncols {given['ncols']:g}, nrows {given['nrows']:g}; allowed: whole numbers above 0"
+        raise SurfaceError(message)
     rows, columns = int(given["nrows"]), int(given["ncols"])
     heights = plain_text.words(text)  # the numbers of a row may run over several lines
     if heights.size != rows * columns:
