@@ -24,6 +24,7 @@ from roughvol.errors import DatasetError, FolderError
 
 FORMAT = "roughvol 1"  # of the datasets: names, dimensions and units as in the table of `variables`
 MARK = b"ROUGHVOL"
+NETCDF = (b"CDF", b"\x89HDF")  # first bytes of netCDF-3 and netCDF-4
 TAIL = 64 + 8 + len(MARK)
 MAX_LABELS = 100_000
 Labels = dict[str, str]
@@ -188,15 +189,16 @@ def verified(path: Path) -> tuple[bytes, Labels]:
 
 
 def read(path: Path) -> tuple[bytes, Labels | None]:
-    """Return content and labels of a stamped file, every bit checked, or the content of a file without a stamp.
+    """Return content and labels of a stamped file, every bit checked, or the content of netCDF without a stamp.
 
     Raises
     ------
     DatasetError
-        If the file is missing or altered.
+        If the file is missing or altered, or neither stamped nor netCDF.
     """
     content = _content(path)
-    return unstamped(content, path) if content.endswith(MARK) else (content, None)
+    bare = content.startswith(NETCDF) and not content.endswith(MARK)
+    return (content, None) if bare else unstamped(content, path)
 
 
 def _content(path: Path) -> bytes:

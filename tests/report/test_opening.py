@@ -87,7 +87,7 @@ def test_what_is_no_saved_dataset_is_refused_with_the_reason(run: Dataset) -> No
     with pytest.raises(DatasetError, match=r"cut\.nc is damaged or no netCDF file"):
         roughvol.plot("cut.nc")
     Path("text.nc").write_text("no netCDF", encoding="utf-8")
-    with pytest.raises(DatasetError, match=r"text\.nc is damaged or no netCDF file"):
+    with pytest.raises(DatasetError, match=r"text\.nc does not end with a checksum"):
         roughvol.open("text.nc")
     stamped = Path("runs/tiny/study.nc").read_bytes()
     altered = bytearray(stamped)
