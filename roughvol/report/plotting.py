@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], figure: str = "v_of_p") -> Drawing:
-    """Return one figure of a run, or of several runs overlaid.
+    """Return one figure of a run, or of several runs or combinations of a study with lists overlaid.
 
     A notebook shows it where it is the last value of a cell.
 
@@ -44,16 +44,17 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
     selection.check_known([figure])
     if isinstance(results, str | Path) or not isinstance(results, Mapping) or hasattr(results, "attrs"):
         one = _opened(results)  # type: ignore[arg-type]  # a dataset is a mapping with attributes
-        opened = [content.Named(origin.run_name(one), one)]
+        opened = content.parts(origin.run_name(one), one, alone=True)
     else:
-        opened = [content.Named(str(name), _opened(one)) for name, one in results.items()]
+        named = [(str(name), _opened(one)) for name, one in results.items()]
+        opened = [part for name, one in named for part in content.parts(name, one, alone=len(named) == 1)]
     if figure in content.NAMES:
         draw = partial(content.draw, figure, opened)
     elif len(opened) == 1:
         selection.drawable(opened[0].dataset, [figure])
         draw = partial(selection.figures()[figure][0], opened[0].dataset)
     else:
-        message = f"{figure} shows one run; several are overlaid in figures by content, {content.IN_WORDS}"
+        message = f"{figure} shows one run without lists; several are overlaid in figures by content, {content.IN_WORDS}"
         raise DatasetError(message)
     return draw()
 

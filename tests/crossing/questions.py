@@ -65,6 +65,9 @@ HEADS = {  # symbol of a column: stored name
 STIFFNESS = "interfacial_stiffness"  # not stored: a slope of two stored numbers
 
 
+Curves = dict[str, np.ndarray]  # points by the name of a curve, shape (2, points)
+
+
 class Refused(Exception):
     """The program refuses a question with a message."""
 
@@ -88,12 +91,13 @@ class Made:
         return oracle.groups(self.file, self.kind.modulus, self.kind.lists, self.kind.ends)
 
     def group(self, words: str) -> Group:
-        """Return the surfaces that a row means, by the words around the row."""
-        alike = [{group.words[k] for group in self.groups} for k in range(len(self.groups[0].words))]
+        """Return the surfaces that a row or a curve means, by the words around it that not all surfaces share."""
+        pieces = [set(", ".join(group.words).split(", ")) for group in self.groups]
+        shared = set.intersection(*pieces)
         found = [
             group
-            for group in self.groups
-            if all(len(names) == 1 or word in words for word, names in zip(group.words, alike, strict=True))
+            for group, own in zip(self.groups, pieces, strict=True)
+            if all(re.search(rf"(^|[ :]){re.escape(piece)}(,|$)", words) for piece in own - shared)
         ]
         assert len(found) == 1, f"{words!r} names {len(found)} of {[group.words for group in self.groups]}"
         return found[0]
@@ -394,6 +398,138 @@ def status(made: Made) -> int:
     return 1
 
 
+# figures
+
+
+def plot(made: Made) -> int:
+    """The points of the curves of V* over the load, `roughvol plot RUN v_of_p --format csv`."""
+    return _plotted(made, "v_of_p", check_volumes)
+
+
+def plot_leak(made: Made) -> int:
+    """The points of the leaks along x and y over the load, `roughvol plot RUN leak_of_p --format csv`."""
+    return _plotted(made, "leak_of_p", check_leaks)
+
+
+def _plotted(made: Made, figure: str, check: Callable[[Made, Curves], int]) -> int:
+    path = call(made, "plot", made.kind.asked, figure, "--format", "csv").strip()
+    curves: dict[str, list[tuple[float, float]]] = {}
+    with (made.folder / path).open(encoding="utf-8", newline="") as stream:
+        for row in csv.DictReader(stream):
+            curves.setdefault(row["curve"], []).append((float(row["x"]), float(row["y"])))
+    return check(made, {name: np.array(points).T for name, points in curves.items()})
+
+
+def plot_python(made: Made) -> int:
+    """The lines of the figure that `roughvol.plot(RUN, "v_of_p")` returns, and of that of the leak where there is one."""
+    count = 0
+    with python(made):
+        figures = [("v_of_p", check_volumes)]
+        figures += (
+            [("leak_of_p", check_leaks)]
+            if any("leak_rate_x" in group.surfaces[0].along for group in made.groups)
+            else []
+        )
+        for name, check in figures:
+            lines = roughvol.plot(made.kind.asked, name).axes[0].get_lines()
+            named = {str(line.get_label()): np.array(line.get_data(), dtype=float) for line in lines}
+            count += check(made, {label: points for label, points in named.items() if not label.startswith("_")})
+    return count
+
+
+def _curve(made: Made, curves: Curves, group: Group, axis: str = "") -> np.ndarray | None:
+    """Return the curve of surfaces by the words in its label."""
+    found = [
+        points
+        for label, points in curves.items()
+        if not re.match("surface|dry|closed", label)
+        and points.size
+        and (not axis or label.endswith(f"along ${axis}$"))
+        and made.group(label.replace("$", "")) is group
+    ]
+    assert len(found) <= 1, (list(curves), group.words, axis)
+    return found[0] if found else None
+
+
+def _load(surface: Surface, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return load and number of the first leg at the states that have both, in the order of the load."""
+    x = surface.along.get("nominal_pressure", surface.along["mean_pressure"])
+    y = surface.along[name]
+    kept = (surface.legs == 1) & np.isfinite(x) & np.isfinite(y)
+    return x[kept], y[kept]
+
+
+def check_volumes(made: Made, curves: Curves) -> int:
+    """Compare V* over the load: the states of every surface, and the mean of several by straight lines between them."""
+    several = [surface for group in made.groups if len(group.surfaces) > 1 for surface in group.surfaces]
+    thin = [points for label, points in curves.items() if label.startswith("surface")]
+    count = 0
+    for points, surface in zip(thin, several if thin else (), strict=True):
+        close(points, _load(surface, "free_volume"), "a thin line", within=TIGHT)
+        count += points.size
+    for group in made.groups:
+        points = _curve(made, curves, group)
+        assert points is not None, f"no curve of {group.words}"
+        each = [_load(surface, "free_volume") for surface in group.surfaces]
+        if len(each) > 1:
+            expected = points[0], np.mean([np.interp(points[0], *one) for one in each], axis=0)
+            assert points[0].size > 100
+        else:
+            (expected,) = each
+        close(points, expected, f"V* of {group.words}", within=TIGHT)
+        count += points.size
+    return count
+
+
+def check_leaks(made: Made, curves: Curves) -> int:
+    """Compare leaks over the load: open states of a surface; of several the median, by lines of the logarithm.
+
+    Between its last open state and the next one, the leak of a surface falls to 0 along a straight line.
+    """
+    count = 0
+    for group in made.groups:
+        for axis in "xy":
+            each = [_load(surface, f"leak_rate_{axis}") for surface in group.surfaces]
+            points = _curve(made, curves, group, axis)
+            if points is None:
+                assert not any((leak > 0.0).any() for _, leak in each), f"no curve of {group.words} along {axis}"
+                continue
+            if len(each) > 1:
+                assert points[0].size > 100
+                expected = points[0], np.median([_leak_at(points[0], *one) for one in each], axis=0)
+            else:
+                ((load, leak),) = each
+                expected = load[leak > 0.0], leak[leak > 0.0]
+            close(points, expected, f"leak of {group.words} along {axis}", within=1e-6, flow=True)
+            count += points.size
+    marks = [label for label in curves if label.startswith("closed")]
+    assert all(np.isnan(curves[label][1]).all() for label in marks)
+    dry = [points for label, points in curves.items() if label.startswith("dry")]
+    expected_dry = [
+        _load(surface, f"leak_rate_dry_{axis}")
+        for group in made.groups
+        for axis in "xy"
+        for surface in group.surfaces
+        if f"leak_rate_dry_{axis}" in surface.along
+    ]
+    for points, (load, leak) in zip(dry, expected_dry if dry else (), strict=True):
+        close(points, (load[leak > 0.0], leak[leak > 0.0]), "a dry leak", within=TIGHT, flow=True)
+    assert not any(label.startswith("surface") for label in curves), "a curve without words"
+    return count + len(marks) + sum(points.size for points in dry)
+
+
+def _leak_at(x: np.ndarray, load: np.ndarray, leak: np.ndarray) -> np.ndarray:
+    """Return the leak of a surface at loads: lines of the logarithm between open states, then a line to 0."""
+    open_ = np.flatnonzero(leak > 0.0)
+    if not open_.size:
+        return np.zeros(x.shape)
+    last = open_[-1]
+    found = np.exp(np.interp(x, load[open_], np.log(leak[open_])))
+    if last + 1 < load.size:
+        found = np.where(x > load[last], np.interp(x, load[last : last + 2], [leak[last], 0.0]), found)
+    return found
+
+
 QUESTIONS: dict[str, Callable[[Made], int]] = {
     "run": run,
     "show": show,
@@ -401,6 +537,9 @@ QUESTIONS: dict[str, Callable[[Made], int]] = {
     "show --json": show_json,
     "show --csv": show_csv,
     "compare": compare,
+    "plot": plot,
+    "plot leak_of_p": plot_leak,
+    "roughvol.plot": plot_python,
     "roughvol.run": run_python,
     "status": status,
 }

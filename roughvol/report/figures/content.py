@@ -29,7 +29,7 @@ from roughvol.errors import DatasetError
 from roughvol.report.figures.curves import plot
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named
 from roughvol.report.figures.origin import lacking, study_of, surfaces, written
-from roughvol.report.figures.seal_drawing import CLOSED, LEAD, LINES, draw_flow, look_of
+from roughvol.report.figures.seal_drawing import CLOSED, LEAD, LINES, SHUT, draw_flow, look_of
 from roughvol.report.figures.seal_ways import band_words, ways
 from roughvol.report.figures.style import (
     COLUMN,
@@ -336,7 +336,7 @@ def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
     ------
     mapping
         panel, curve, D, m, seed, case, axis, x, y, x_label, y_label, without TeX. What a curve does not have is None:
-        a mean of surfaces has no seed.
+        a mean of surfaces has no seed. The mark of a closed way has no y.
 
     Raises
     ------
@@ -358,6 +358,8 @@ def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
             names["curve"] = plain(str(source.get("curve", label.lstrip("_")))).replace("\n", " ")
             names |= {"x_label": plain(ax.get_xlabel()), "y_label": plain(ax.get_ylabel())}
             xs, ys = (np.atleast_1d(np.asarray(part, dtype=float)) for part in line.get_data())
+            if label == SHUT:
+                ys = np.full(ys.shape, np.nan)  # the mark is on the edge of the axes, which is no leak
             for x, y in zip(xs.tolist(), ys.tolist(), strict=False):
                 empty = False
                 yield names | {"x": x, "y": y}

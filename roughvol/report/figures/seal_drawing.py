@@ -15,7 +15,7 @@ from roughvol.report.figures.seal_ways import DIRECTIONS, Way
 from roughvol.report.figures.style import GREY, Drawing, looks
 from roughvol.typing import Array
 
-LEAD = "_lead"  # label of a line that is no data
+LEAD, SHUT = "_lead", "_closed"  # labels of a line that is no data, and of the mark of a closed way
 LINES: dict[str, Any] = {"x": "-", "y": (0, (4.0, 1.5))}
 CLOSED = {"x": "x", "y": "+"}
 LEGEND: dict[str, Any] = {"handlelength": 2.2, "columnspacing": 1.2}
@@ -79,7 +79,7 @@ def closing(
     if last is not None:
         ax.plot([last[0], closed], [max(last[1], floor), floor], ls=":", lw=0.8, color=colour, zorder=2, label=LEAD)
     options: dict[str, Any] = {"ms": 5.0, "mew": 1.3, "clip_on": False, "zorder": 6}
-    marks = ax.plot([closed], [floor], ls="", marker=CLOSED[direction], color=colour, label="_closed", **options)
+    marks = ax.plot([closed], [floor], ls="", marker=CLOSED[direction], color=colour, label=SHUT, **options)
     if family is not None:
         named(ax, marks, family, curve=f"{family.label}, closed", axis=direction)
 
