@@ -136,7 +136,13 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
         yield "Surfaces", f"{made}, {_computed(run)} of each D and m"
         yield "L", f"{number(run.L)}{unit}"
         return
-    yield "File", ", ".join(map(str, ds["case"].values.tolist()))
+    names = ds["case"].values.tolist()
+    if len(names) > 1:  # each has a row in the table of surfaces
+        yield "Files", ", ".join(map(str, names))
+        yield "Length of the first axis", f"{number(run.L)}{unit}"
+        yield from _treatment(run)
+        return
+    yield "File", str(names[0])
     if nodes := _nodes(run):
         periodic = "periodic" in ds.attrs
         spacing = run.L / intervals(nodes[0], periodic)
@@ -150,10 +156,7 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
     peak = _peak(ds)
     if math.isfinite(peak):
         yield "Highest point above the mean plane over Sq", number(peak)
-    if ds.attrs.get("surface"):
-        yield "Treatment", str(ds.attrs["surface"])
-    elif run.study and isinstance(run.study.surface, HeightFile):
-        yield "Treatment", LEVELLED.get(str(run.study.surface.level), str(run.study.surface.level))
+    yield from _treatment(run)
     if "filled_fraction" in ds:
         share = float(ds["filled_fraction"].max())
         missing = round(share * nodes[0] * nodes[1]) if nodes else 0
@@ -161,6 +164,14 @@ def _map(run: Run) -> Iterator[tuple[str, str]]:
         yield "Missing heights", f"{share:.2%} of the nodes{count}, filled" if share else "none"
     else:
         yield "Missing heights", "none; a file with missing heights would have been refused"
+
+
+def _treatment(run: Run) -> Iterator[tuple[str, str]]:
+    """Yield what was done to the heights of a file."""
+    if run.dataset.attrs.get("surface"):
+        yield "Treatment", str(run.dataset.attrs["surface"])
+    elif run.study and isinstance(run.study.surface, HeightFile):
+        yield "Treatment", LEVELLED.get(str(run.study.surface.level), str(run.study.surface.level))
 
 
 def _computed(run: Run) -> str:
@@ -180,11 +191,15 @@ def _peak(ds: Dataset) -> float:
 
 
 def _surfaces(run: Run) -> Iterator[Table]:
-    """Yield a table of generated surfaces by D and m."""
+    """Yield a table of generated surfaces by D and m, or of several files."""
     ds = run.dataset
-    if "case" in ds.dims or "Sq" not in ds:
+    if "Sq" not in ds:
         return
     unit = ds.attrs.get("length_unit", "length")
+    if "case" in ds.dims:
+        if ds.sizes["case"] > 1:
+            yield _files(ds, unit)
+        return
     rows = []
     for D in run.D:
         for m in run.m:
@@ -195,6 +210,18 @@ def _surfaces(run: Run) -> Iterator[Table]:
                 )
     head = ("D", "m", "nodes", f"Sq [{unit}]", *(["Sdq"] if "Sdq" in ds else []))
     yield Table("Surfaces", head, tuple(rows), "Mean over surfaces, and their range.")
+
+
+def _files(ds: Dataset, unit: str) -> Table:
+    """Return the table of several files."""
+    columns = {f"Sq [{unit}]": "Sq", "Sdq": "Sdq", "filled share": "filled_fraction"}
+    held = {head: name for head, name in columns.items() if name in ds}
+    rows = []
+    for place, name in enumerate(ds["case"].values.tolist()):
+        one = ds.isel(case=place)
+        nodes = [f"{int(one[key])}" if key in one else "" for key in ("nodes_x", "nodes_y")]
+        rows.append((str(name), " x ".join(filter(None, nodes)), *(number(float(one[key])) for key in held.values())))
+    return Table("Surfaces", ("file", "nodes", *held), tuple(rows))
 
 
 def _range(values: Array) -> str:

@@ -270,7 +270,7 @@ KINDS = (
     Kind(
         "mean-plane",
         "end at d = 0",
-        "surface: {D: 2.3, m: [3, 4], seeds: [0, 1, 2, 3]}\nsweep: {steps: 5, to: mean-plane}\n",
+        "surface: {D: 2.3, m: 4, seeds: [0, 1, 2, 3]}\nsweep: {steps: 5, to: mean-plane}\nrecord: {heights: true}\n",
         ("separation=0",),
         modulus=float("nan"),
         beside=("D", "pressure=0.5"),

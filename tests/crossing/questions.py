@@ -19,9 +19,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
+import pytest
 import xarray as xr
+import yaml
 from click.testing import CliRunner
 
 import roughvol
@@ -124,7 +127,9 @@ def python(made: Made) -> Iterator[None]:
         warnings.simplefilter("ignore", roughvol.RoughvolWarning)
         try:
             yield
-        except RoughvolError as error:
+        except (RoughvolError, TypeError) as error:
+            if isinstance(error, TypeError) and "unexpected keyword argument" not in str(error):
+                raise
             raise Refused(str(error)) from error
 
 
@@ -237,7 +242,7 @@ def check_cell(head: str, cell: str, states: Sequence[dict[str, float]]) -> int:
         one = ("open" if open_ else "closed") if known == 1 else ""
         assert cell in (f"{open_} of {known}", one), (head, cell, values)
         return 1
-    numbers = [float(text) for text in re.findall(r"-?\d[\d.]*(?:e-?\d+)?", cell)]
+    numbers = _numbers(cell)
     expected_numbers = [value, low, high] if len(numbers) == 3 else [value]
     assert len(numbers) in (1, 3), (head, cell)
     close(numbers, expected_numbers, f"{head}: {cell}", flow=oracle.is_flow(name))
@@ -257,7 +262,7 @@ def _check_closing(group: Group, row: dict[str, str]) -> int:
     count = 0
     for head, cell in row.items():
         if values := ends.get(head.split()[0]) if " " in head else None:
-            numbers = [float(text) for text in re.findall(r"\d[\d.]*(?:e-?\d+)?", cell)]
+            numbers = _numbers(cell)
             expected = [np.mean(values), min(values), max(values)]
             close(numbers, expected[: len(numbers)], f"{head}: {cell}")
             count += len(numbers)
@@ -421,7 +426,7 @@ def _plotted(made: Made, figure: str, check: Callable[[Made, Curves], int]) -> i
 
 
 def plot_python(made: Made) -> int:
-    """The lines of the figure that `roughvol.plot(RUN, "v_of_p")` returns, and of that of the leak where there is one."""
+    """The lines of the figures of V* and of the leak, where there is one, that `roughvol.plot(RUN, NAME)` returns."""
     count = 0
     with python(made):
         figures = [("v_of_p", check_volumes)]
@@ -530,6 +535,159 @@ def _leak_at(x: np.ndarray, load: np.ndarray, leak: np.ndarray) -> np.ndarray:
     return found
 
 
+# the report
+
+
+def report(made: Made) -> int:
+    """The tables of claims.json and report.md, `roughvol report RUN`."""
+    with mock.patch("roughvol.report.write.to_html", return_value=""):  # report.html holds the same and the figures
+        call(made, "report", made.kind.asked)
+    data = json.loads((made.file.parent / "claims.json").read_text(encoding="utf-8"))
+    text = (made.file.parent / "report.md").read_text(encoding="utf-8")
+    count = 0
+    for run in data["surfaces"]:
+        for table in run["tables"]:
+            rows = [dict(zip(table["head"], row, strict=True)) for row in table["rows"]]
+            assert all(f"| {' | '.join(row)} |" in text for row in table["rows"])
+            found = Table(f"{run['name']}, {table['title'].removeprefix('States, ')}", table["head"], rows)
+            count += _check_part(made, found)
+    with xr.open_dataset(made.file, engine="netcdf4") as stored:
+        parts = 1 if not made.kind.lists else stored.sizes[made.kind.lists[0]]
+        assert sum(run["cases"] for run in data["runs"]) == int(stored["Sq"].notnull().sum())
+        assert len(data["surfaces"]) == parts
+        if "case" in stored.dims:
+            count += _check_map(data["surfaces"][0]["surface"], stored)
+    return count + parts
+
+
+def _check_part(made: Made, table: Table) -> int:
+    if "On every leg" in table.title:
+        return _check_path(made, table)
+    if "Sdq" not in table.head:
+        return check_table(made, table)
+    with xr.open_dataset(made.file, engine="netcdf4") as stored:
+        count = 0
+        for row in table.rows:
+            where = {"case": row["file"]} if "file" in row else {"D": float(row["D"]), "m": int(row["m"])}
+            for head, cell in row.items():
+                if head.startswith(("Sq", "Sdq")):
+                    values = stored[head.partition(" ")[0]].sel(where).values.ravel()
+                    values = values[np.isfinite(values)]
+                    numbers = _numbers(cell)
+                    close(numbers, [values.mean(), values.min(), values.max()][: len(numbers)], f"{head}: {cell}")
+                    count += len(numbers)
+    return count
+
+
+def _numbers(text: str) -> list[float]:
+    return [float(found) for found in re.findall(r"-?\d[\d.]*(?:e-?\d+)?", text)]
+
+
+def _check_path(made: Made, table: Table) -> int:
+    """Compare quantities on the legs of a path with those of the two steps around the pressure."""
+    (group,) = made.groups
+    count = 0
+    for row in table.rows:
+        axis = re.search("along ([xy])", row["quantity"])
+        for head in ("leg 1", "leg 2"):
+            ends = []
+            for surface in group.surfaces:
+                values = surface.along[HEADS.get(row["quantity"], f"transmissivity_{axis[1] if axis else ''}")]
+                values = values * surface.along["free_volume"] ** 3 if axis else values
+                steps = np.flatnonzero(surface.legs == int(head[-1]))
+                steps = steps if head == "leg 1" else np.concatenate([steps[:1] - 1, steps])
+                p = surface.along["mean_pressure"][steps]
+                p, y = (p, values[steps]) if p[0] < p[-1] else (p[::-1], values[steps][::-1])
+                k = min(int(np.searchsorted(p, float(row["p*"]) * (1.0 - 1e-5))), p.size - 1)
+                ends.append(sorted((y[k] if p[k] <= float(row["p*"]) * (1.0 + 1e-5) else y[max(k - 1, 0)], y[k])))
+            of = np.median if axis else np.mean
+            low, high = of([end[0] for end in ends]), of([end[1] for end in ends])
+            assert low * (1.0 - DIGITS) <= float(row[head]) <= high * (1.0 + DIGITS), (row, head, low, high)
+            count += 1
+    return count
+
+
+def _check_map(facts: dict[str, str], stored: Any) -> int:
+    """Compare Sq and Sdq of the only file."""
+    found = {head.partition(",")[0]: _numbers(cell) for head, cell in facts.items() if head.startswith(("Sq", "Sdq"))}
+    assert bool(found) == (stored.sizes["case"] == 1)
+    for name, numbers in found.items():
+        close(numbers, [float(stored[name][0])], name)
+    return len(found)
+
+
+# questions that compute
+
+ERRORS = ("residual", "mean_pressure_bound", "iterations", "convolutions", "convolutions_fp32", "level_convolutions")
+
+
+def check(made: Made) -> int:
+    """Sq and Sdq of the first surface, and the numbers of cases and states, `roughvol check STUDY`."""
+    text = call(made, "check", made.kind.file)
+    (found,) = re.findall(r"Sq = ([\d.]+)(?: um)?, Sdq = ([\d.]+)", text)
+    with xr.open_dataset(made.file, engine="netcdf4") as stored:
+        expected = [stored[name].values.ravel()[0] for name in ("Sq", "Sdq")]
+        states = int(stored["residual"].notnull().sum()) if "residual" in stored else 0
+    if made.kind.name == "file-changed":  # the numbers are those of the file as it is now
+        expected[0] = np.load(made.folder / "worn.npy").std()
+        assert float(found[0]) == pytest.approx(expected[0], rel=DIGITS)
+        return 1
+    close([float(number) for number in found], expected, text[-900:], within=1e-3)
+    if made.kind.name == "ensemble":  # it decides itself how many surfaces it takes
+        return 2
+    words = f"# {_cases(made)} case{'s' * (_cases(made) > 1)}, {states} states to solve"
+    assert words in text
+    return 4
+
+
+def press(made: Made) -> int:
+    """The numbers along the steps of the heights of a run, pressed again by `roughvol.press(HEIGHTS, …)`."""
+    study = yaml.safe_load(made.kind.study)
+    options = {"L": study["surface"].get("L", 100.0), **study.get("material", {}), "jobs": 1}
+    options |= {name: study[name] for name in ("sweep", "record", "solver", "fluid", "ensemble") if name in study}
+    further = {name: value for name, value in study["surface"].items() if name in ("periodic", "against")}
+    options |= {"surface": further} if further else {}
+    with xr.open_dataset(made.file, engine="netcdf4") as stored:
+        ds = stored.load()
+    with python(made):
+        if made.kind.name == "files":
+            roughvol.press(study["surface"]["files"], **options)
+        if made.kind.name in ("file-changed", "bodies"):
+            found = [roughvol.press(study["surface"]["file"], **options)]
+            if made.kind.name == "file-changed":
+                close(float(found[0]["Sq"]), np.load(made.folder / "worn.npy").std(), "Sq", within=TIGHT)
+                return 1
+        else:
+            maps = _maps(ds.isel(dict.fromkeys(made.kind.lists, 0)))
+            if made.kind.name in ("seeds", "m", "D", "ensemble"):
+                roughvol.press(maps, **options)
+            found = [roughvol.press(heights, **options) for heights in maps]
+    cases = ds if "case" in ds.dims else ds.stack(case=["D", "m", "seed"])
+    assert len(found) == cases.sizes["case"]
+    return sum(_check_pressed(one, cases.isel(case=k)) for k, one in enumerate(found))
+
+
+def _check_pressed(found: Any, stored: Any) -> int:
+    """Compare every number of a surface that was pressed again, but for sizes of errors and numbers of iterations."""
+    count = 0
+    for name, variable in stored.data_vars.items():
+        kept = variable.dtype.kind == "f" and not {"x", "y", "observable"} & set(variable.dims)
+        if not kept or name in ERRORS or name.endswith(("_time", "_error")):
+            continue
+        assert name in found, name
+        close(found[name].transpose(*variable.dims).values, variable.values, name, within=1e-5)
+        count += variable.size
+    return count
+
+
+def _maps(ds: Any) -> list[np.ndarray]:
+    """Return the stored heights of every surface; those of an ensemble are not stored, flat ones take their place."""
+    if "heights" not in ds:
+        return [np.zeros((5, 5)), np.zeros((9, 9))]
+    stacked = ds["heights"].stack(surface=[dim for dim in ds["heights"].dims if dim not in ("x", "y")])
+    return [stacked.isel(surface=k).transpose("x", "y").values for k in range(stacked.sizes["surface"])]
+
+
 QUESTIONS: dict[str, Callable[[Made], int]] = {
     "run": run,
     "show": show,
@@ -537,9 +695,12 @@ QUESTIONS: dict[str, Callable[[Made], int]] = {
     "show --json": show_json,
     "show --csv": show_csv,
     "compare": compare,
-    "plot": plot,
+    "plot v_of_p": plot,
     "plot leak_of_p": plot_leak,
+    "report": report,
     "roughvol.plot": plot_python,
     "roughvol.run": run_python,
+    "roughvol.press": press,
+    "check": check,
     "status": status,
 }

@@ -34,6 +34,20 @@ class Cells:
     wrong: dict[str, str] = field(default_factory=dict)
 
 
+NO_LEAK = dict.fromkeys(("D", "ensemble", "mean-plane", "unpressed"), "which the study did not record")
+PRESSED_AGAIN = (
+    "one bodies spectrum materials regions legs one-way coupled region periodic closed some-closed percolation "
+    "mean-plane to-pressure to-area force nominal gap records unpressed study-changed file-changed"
+)
+ONE_MAP = {
+    "seeds": "heights have shape (3, 17, 17); allowed: two axes",
+    "D": "heights have shape (4, 17, 17); allowed: two axes",
+    "m": "heights make no array",
+    "files": "allowed: real numbers",
+    "gas": "unexpected keyword argument 'fluid'",
+    "lifted-gas": "unexpected keyword argument 'fluid'",
+    "ensemble": "unexpected keyword argument 'ensemble'",
+}
 CELLS = {
     "run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
     "show": Cells(PRESSED, SHOWN),
@@ -41,18 +55,19 @@ CELLS = {
     "show --json": Cells(PRESSED, SHOWN),
     "show --csv": Cells(PRESSED, SHOWN),
     "compare": Cells(PRESSED, SHOWN),
+    "plot v_of_p": Cells(PRESSED, OTHER_RESULTS | {"unpressed": "which the study did not record"}),
+    "plot leak_of_p": Cells(UNITS, OTHER_RESULTS | NO_LEAK),
+    "report": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
+    "roughvol.plot": Cells(PRESSED, OTHER_RESULTS | {"unpressed": "which the study did not record"}),
     "roughvol.run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
+    "roughvol.press": Cells(PRESSED_AGAIN, ONE_MAP, {"unpressed": "X8"}),
+    "check": Cells(f"{PRESSED} unpressed study-changed file-changed"),
     "status": Cells(f"{PRESSED} unpressed", OTHER_RUN),
 }
 NOT_ASKED = {
     "ask": "to come",
     "card": "to come",
-    "check": "to come",
     "creep": "to come",
-    "plot": "to come",
-    "report": "to come",
-    "roughvol.plot": "to come",
-    "roughvol.press": "to come",
     "explain": "describes keys and variables; it reads no run",
     "init": "writes an example study; it reads no run",
     "ls": "lists the runs of a folder; it prints no number of a surface",
