@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from unittest import mock
 
 import numpy as np
@@ -68,7 +68,14 @@ HEADS = {  # symbol of a column: stored name
 STIFFNESS = "interfacial_stiffness"  # not stored: a slope of two stored numbers
 
 
-Curves = dict[str, np.ndarray]  # points by the name of a curve, shape (2, points)
+class Curve(NamedTuple):
+    """A curve of a figure: the words that name its surfaces, its seed and axis, its name, its points (2, n)."""
+
+    words: str
+    seed: str
+    axis: str
+    name: str
+    points: np.ndarray
 
 
 class Refused(Exception):
@@ -386,6 +393,13 @@ def run_python(made: Made) -> int:
     return check_dataset(made, found)
 
 
+def open_python(made: Made) -> int:
+    """The dataset that `roughvol.open(RUN)` returns, every variable."""
+    with python(made):
+        found = roughvol.open(made.kind.asked)
+    return check_dataset(made, found)
+
+
 def check_dataset(made: Made, found: Any) -> int:
     """Compare a dataset with study.nc, bit for bit."""
     with xr.open_dataset(made.file, engine="netcdf4") as stored:
@@ -416,43 +430,49 @@ def plot_leak(made: Made) -> int:
     return _plotted(made, "leak_of_p", check_leaks)
 
 
-def _plotted(made: Made, figure: str, check: Callable[[Made, Curves], int]) -> int:
+def _plotted(made: Made, figure: str, check: Callable[[Made, list[Curve]], int]) -> int:
     path = call(made, "plot", made.kind.asked, figure, "--format", "csv").strip()
-    curves: dict[str, list[tuple[float, float]]] = {}
+    points: dict[tuple[str, ...], list[tuple[float, float]]] = {}
     with (made.folder / path).open(encoding="utf-8", newline="") as stream:
         for row in csv.DictReader(stream):
-            curves.setdefault(row["curve"], []).append((float(row["x"]), float(row["y"])))
-    return check(made, {name: np.array(points).T for name, points in curves.items()})
+            words = (
+                f"{row['curve']}, {row['case']}" if "case" in row else f"{row['curve']}, D = {row['D']}, m = {row['m']}"
+            )
+            key = words, row.get("seed", ""), row.get("axis", ""), row["curve"]
+            points.setdefault(key, []).append((float(row["x"]), float(row["y"])))
+    curves = [Curve(*key, np.array(values).T) for key, values in points.items()]
+    return check(made, curves)
 
 
 def plot_python(made: Made) -> int:
     """The lines of the figures of V* and of the leak, where there is one, that `roughvol.plot(RUN, NAME)` returns."""
     count = 0
     with python(made):
-        figures = [("v_of_p", check_volumes)]
-        figures += (
-            [("leak_of_p", check_leaks)]
-            if any("leak_rate_x" in group.surfaces[0].along for group in made.groups)
-            else []
-        )
-        for name, check in figures:
-            lines = roughvol.plot(made.kind.asked, name).axes[0].get_lines()
-            named = {str(line.get_label()): np.array(line.get_data(), dtype=float) for line in lines}
-            count += check(made, {label: points for label, points in named.items() if not label.startswith("_")})
+        leaks = any("leak_rate_x" in group.surfaces[0].along for group in made.groups)
+        for name, check in [("v_of_p", check_volumes), *([("leak_of_p", check_leaks)] if leaks else [])]:
+            curves = []
+            for line in roughvol.plot(made.kind.asked, name).axes[0].get_lines():
+                label = str(line.get_label()).replace("$", "").replace("\n", " ")
+                if not label.startswith("_"):
+                    axis = label[-1] if re.search("along [xy]$", label) else ""
+                    curves.append(Curve(label, "", axis, label, np.array(line.get_data(), dtype=float)))
+            count += check(made, curves)
     return count
 
 
-def _curve(made: Made, curves: Curves, group: Group, axis: str = "") -> np.ndarray | None:
-    """Return the curve of surfaces by the words in its label."""
+def _curve(made: Made, curves: Sequence[Curve], group: Group, axis: str = "") -> np.ndarray | None:
+    """Return the curve of all surfaces of a group, by its words: that with a seed is the curve of one of several."""
+    several = len(group.surfaces) > 1
     found = [
-        points
-        for label, points in curves.items()
-        if not re.match("surface|dry|closed", label)
-        and points.size
-        and (not axis or label.endswith(f"along ${axis}$"))
-        and made.group(label.replace("$", "")) is group
+        curve.points
+        for curve in curves
+        if not re.search("closed|without fluid", curve.name)
+        and not (several and curve.seed)
+        and curve.axis == axis
+        and curve.points.size
+        and made.group(curve.words) is group
     ]
-    assert len(found) <= 1, (list(curves), group.words, axis)
+    assert len(found) <= 1, (curves, group.words, axis)
     return found[0] if found else None
 
 
@@ -464,14 +484,15 @@ def _load(surface: Surface, name: str) -> tuple[np.ndarray, np.ndarray]:
     return x[kept], y[kept]
 
 
-def check_volumes(made: Made, curves: Curves) -> int:
+def check_volumes(made: Made, curves: Sequence[Curve]) -> int:
     """Compare V* over the load: the states of every surface, and the mean of several by straight lines between them."""
-    several = [surface for group in made.groups if len(group.surfaces) > 1 for surface in group.surfaces]
-    thin = [points for label, points in curves.items() if label.startswith("surface")]
     count = 0
-    for points, surface in zip(thin, several if thin else (), strict=True):
-        close(points, _load(surface, "free_volume"), "a thin line", within=TIGHT)
-        count += points.size
+    for curve in curves:
+        group = made.group(curve.words)
+        if curve.seed and len(group.surfaces) > 1:
+            (surface,) = (surface for surface in group.surfaces if surface.seed == int(curve.seed))
+            close(curve.points, _load(surface, "free_volume"), f"V* of {curve.words}, {curve.seed}", within=TIGHT)
+            count += curve.points.size
     for group in made.groups:
         points = _curve(made, curves, group)
         assert points is not None, f"no curve of {group.words}"
@@ -486,7 +507,7 @@ def check_volumes(made: Made, curves: Curves) -> int:
     return count
 
 
-def check_leaks(made: Made, curves: Curves) -> int:
+def check_leaks(made: Made, curves: Sequence[Curve]) -> int:
     """Compare leaks over the load: open states of a surface; of several the median, by lines of the logarithm.
 
     Between its last open state and the next one, the leak of a surface falls to 0 along a straight line.
@@ -507,20 +528,17 @@ def check_leaks(made: Made, curves: Curves) -> int:
                 expected = load[leak > 0.0], leak[leak > 0.0]
             close(points, expected, f"leak of {group.words} along {axis}", within=1e-6, flow=True)
             count += points.size
-    marks = [label for label in curves if label.startswith("closed")]
-    assert all(np.isnan(curves[label][1]).all() for label in marks)
-    dry = [points for label, points in curves.items() if label.startswith("dry")]
-    expected_dry = [
-        _load(surface, f"leak_rate_dry_{axis}")
-        for group in made.groups
-        for axis in "xy"
-        for surface in group.surfaces
-        if f"leak_rate_dry_{axis}" in surface.along
-    ]
-    for points, (load, leak) in zip(dry, expected_dry if dry else (), strict=True):
-        close(points, (load[leak > 0.0], leak[leak > 0.0]), "a dry leak", within=TIGHT, flow=True)
-    assert not any(label.startswith("surface") for label in curves), "a curve without words"
-    return count + len(marks) + sum(points.size for points in dry)
+    for curve in curves:
+        if "closed" in curve.name:  # the mark of a closing has a load and no leak
+            assert np.isnan(curve.points[1]).all()
+            count += 1
+        elif "without fluid" in curve.name and curve.seed:
+            group = made.group(curve.words)
+            (surface,) = (surface for surface in group.surfaces if surface.seed == int(curve.seed))
+            load, leak = _load(surface, f"leak_rate_dry_{curve.axis}")
+            close(curve.points, (load[leak > 0.0], leak[leak > 0.0]), str(curve.words), within=TIGHT, flow=True)
+            count += curve.points.size
+    return count
 
 
 def _leak_at(x: np.ndarray, load: np.ndarray, leak: np.ndarray) -> np.ndarray:
@@ -699,6 +717,7 @@ QUESTIONS: dict[str, Callable[[Made], int]] = {
     "plot leak_of_p": plot_leak,
     "report": report,
     "roughvol.plot": plot_python,
+    "roughvol.open": open_python,
     "roughvol.run": run_python,
     "roughvol.press": press,
     "check": check,

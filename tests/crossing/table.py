@@ -59,6 +59,7 @@ CELLS = {
     "plot leak_of_p": Cells(UNITS, OTHER_RESULTS | NO_LEAK),
     "report": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
     "roughvol.plot": Cells(PRESSED, OTHER_RESULTS | {"unpressed": "which the study did not record"}),
+    "roughvol.open": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
     "roughvol.run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
     "roughvol.press": Cells(PRESSED_AGAIN, ONE_MAP, {"unpressed": "X8"}),
     "check": Cells(f"{PRESSED} unpressed study-changed file-changed"),
