@@ -54,7 +54,7 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
         selection.drawable(opened[0].dataset, [figure])
         draw = partial(selection.figures()[figure][0], opened[0].dataset)
     else:
-        message = f"{figure} shows one run without lists; several are overlaid in figures by content, {content.IN_WORDS}"
+        message = f"{figure} shows one run; several, or lists, are overlaid in figures by content, {content.IN_WORDS}"
         raise DatasetError(message)
     return draw()
 
