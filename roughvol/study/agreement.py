@@ -100,7 +100,7 @@ def resolve(surface: HeightFile) -> Measured:
         description = descriptions[index]
         return description.shape if description else _shape(bodies[index], _KEYS[index])
 
-    notes = _notes(float(L), unit, descriptions)
+    notes = _notes(float(L), unit, descriptions, bodies)
     files = [File(body.file, text.sides if text else None) for body, text in zip(bodies, descriptions, strict=True)]
     treatment, left, ratios = settled(surface, files, shape, float(L), unit)
     bodies = [replace(body, pixel_ratio=ratio) for body, ratio in zip(bodies, ratios, strict=True)]
@@ -192,9 +192,14 @@ def _agrees(
     _wrong(f"{message}; omit L, or give header: ignore if the file is wrong", "surface.L")
 
 
-def _notes(L: float, unit: str | None, descriptions: list[Description | None]) -> tuple[str, ...]:
+def _notes(L: float, unit: str | None, descriptions: list[Description | None], bodies: list[Body]) -> tuple[str, ...]:
     texts = [text for text in descriptions if text]
     notes = [note for text in texts for note in text.notes]
+    for text, body in zip(descriptions, bodies, strict=True):
+        if text and text.counts and body.numbers_in is None:
+            taken = f"heights in {unit}" if unit else "heights"
+            advice = "heights_unit: 0.95 nm would be the height of a count"
+            notes.append(f"{body.file.name} holds counts, taken as {taken}; {advice}")
     if any(text.counted and not text.unsized for text in texts):
         notes.append("the coordinates in the file count nodes and have no unit: is L right?")
     shape = texts[0].shape if texts else None

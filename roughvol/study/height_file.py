@@ -36,7 +36,10 @@ _FILE = (
     f"height field, one of {' '.join('*' + suffix for suffix in HEIGHT_FORMATS)}, or with {EXTRA} a file of an "
     "instrument (*.al3d *.sur *.x3p *.gwy ...), relative to the study file"
 )
-_VARIABLE = "array of an .npz or .nc file, or channel of a file of an instrument: its name or its number from 0"
+_VARIABLE = (
+    "array of an .npz, .nc, .h5 or .mat file, channel of a file of an instrument, or page of a TIFF: its name, or its "
+    "number from 0"
+)
 _HEIGHTS_UNIT = "unit of the heights, if the file has none, or the height of a count with its unit, as 0.95 nm"
 _COLUMNS = "'heights': all columns of a text are heights, even three as of points x y z"
 _HEADER = "'ignore': use L and heights_unit of the study instead of sizes and units in the file"

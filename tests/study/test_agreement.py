@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tifffile
 
 from roughvol.campaign import one_case, understood
 from roughvol.errors import StudyError
@@ -134,6 +135,16 @@ def test_the_height_of_a_count_is_one_more_unit(folder: Path) -> None:
         assert caught.value.problems[0].key == "surface.heights_unit"
     with pytest.raises(StudyError, match=r"is 0\.95 nm, but .*full\.txt has heights in nm"):
         _case(folder, "file: full.txt, heights_unit: 0.95 nm")
+
+
+def test_counts_without_a_height_draw_a_warning(folder: Path) -> None:
+    tifffile.imwrite(folder / "counts.tif", np.arange(30, dtype="u2").reshape(6, 5))
+    said = "counts.tif holds counts, taken as heights in um; heights_unit: 0.95 nm would be the height of a count"
+    assert _case(folder, "file: counts.tif, L: 1000 um").notes == (said,)
+    for unit in ("nm", "0.95 nm"):
+        assert not _case(folder, f"file: counts.tif, L: 10 um, heights_unit: {unit}").notes
+    tifffile.imwrite(folder / "heights.tif", np.arange(30, dtype="f4").reshape(6, 5))
+    assert not _case(folder, "file: heights.tif, L: 100 um").notes
 
 
 def test_what_is_ignored_is_stored_in_words(folder: Path) -> None:

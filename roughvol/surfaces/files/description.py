@@ -50,6 +50,8 @@ class Description:
         The sides are numbers without meaning, as coordinates that count nodes. A length in the study replaces them.
     unsized : str
         Reason why the sides need a length in the study; empty if they do not.
+    counts : bool
+        The heights are whole numbers of an instrument, in no unit of length.
     notes : tuple of str
         Remarks for the user.
     """
@@ -64,6 +66,7 @@ class Description:
     source: str = ""
     counted: bool = False
     unsized: str = ""
+    counts: bool = False
     notes: tuple[str, ...] = ()
 
 

@@ -72,7 +72,16 @@ def opened(path: Path, variable: str | None = None, *, ignore_header: bool = Fal
     sides = None if pixel is None else (pixel[0] * (columns - 1), pixel[1] * (rows - 1))
     notes = (f"{path.name} has {pages} pages; page {number} is read",) if pages > 1 and variable is None else ()
     described = Description(
-        (columns, rows), sides, unit, None, f"page {number}", "tifffile", "tiff", source, notes=notes
+        (columns, rows),
+        sides,
+        unit,
+        None,
+        f"page {number}",
+        "tifffile",
+        "tiff",
+        source,
+        counts=page.dtype.kind in "iu",
+        notes=notes,
     )
     return HeightMap(described, lambda: _read(path, number, nodata))
 
