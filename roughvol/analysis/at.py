@@ -36,7 +36,7 @@ from roughvol.typing import Array
 
 P, V = "mean_pressure", "free_volume"
 BY_LOGARITHM = (
-    "leak_rate",
+    "leak",  # leak rates, and T* V*³ of a table
     "gas_leak_rate",
     "gas_transmissivity",
     "transmissivity",

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from xarray import Dataset
 
+from roughvol.analysis.at import between, place_of, slack
 from roughvol.analysis.average import average
 from roughvol.analysis.leak import counted
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number
-from roughvol.observables.at_state import at_state
 from roughvol.typing import Array
 
 P = "mean_pressure"
@@ -133,13 +133,13 @@ def _top(curves: Iterable[Dataset]) -> float:
 
 def _at(curve: Dataset, name: str, pressure: float) -> Array:
     """Return a quantity of every surface at a pressure, NaN where a surface does not reach it."""
-    values = []
-    for seed in range(curve.sizes["seed"]):
-        x, y = (curve[key].isel(seed=seed).values for key in (P, name))
-        highest = float(np.nanmax(x, initial=-np.inf))
-        reached = min(pressure, highest) if pressure <= highest * (1.0 + 1e-6) else np.nan
-        values.append(float(at_state(x, y, reached)[0]))
-    return np.array(values)
+    loads = curve[P].transpose("seed", "step").values
+    places = [place_of(row, pressure, slack("pressure", pressure)) for row in loads]
+    seeds = [seed for seed, place in enumerate(places) if place is not None]
+    values = np.full(len(places), np.nan)
+    if seeds:
+        values[seeds] = between(curve, seeds, [place for place in places if place is not None])[name].values
+    return values
 
 
 def _one(name: str, values: Array) -> str:

@@ -23,6 +23,7 @@ DRY = (*DRY_FLOWS, "open", "critical_opening")
 LIFTED = {"leak_rate": "fluid_leak_rate", "flow": "fluid_leak"}
 """Flows under fluid pressure, and their stored names."""
 SYMBOLS = {"leak_rate": "Q_{axis}", "flow": "Q_{axis}*", "open": "open along {axis}"}
+WITHOUT = ", without fluid pressure"
 NEAR = 1e-6  # relative: a step at the load of a recorded state is this state
 DRY_NOTE = (
     "record.fluid_pressure lifts the gap: Q is the leak of the lifted gap, known at the loads of fluid_pressure.at. "
@@ -58,7 +59,7 @@ def counted(ds: Dataset) -> Dataset:
             variable = ds[name]
             words = {"symbol": f"{variable.attrs.get('symbol', name)} dry"}
             if "long_name" in variable.attrs:
-                words["long_name"] = f"{variable.attrs['long_name']}, without fluid pressure"
+                words["long_name"] = f"{variable.attrs['long_name'].removesuffix(WITHOUT)}{WITHOUT}"
             dry[f"{name[:-2]}_dry{name[-2:]}"] = variable.assign_attrs(variable.attrs | words)
     old = [f"{flow}_{axis}" for flow in DRY for axis in AXES]
     ds = ds.drop_vars([name for name in old if name in ds and "step" in ds[name].dims]).assign(dry)

@@ -23,6 +23,8 @@ from roughvol.study import Case, GeneratedSurface, Study, convert, throughput
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
+LEAKS = ("leak_rate_x", "leak_rate_y", "gas_leak_rate_x", "gas_leak_rate_y")
+
 
 def check(case: Case) -> None:
     """Refuse a study of lengths in units whose own unit of length is unknown.
@@ -65,7 +67,8 @@ def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset
     results = results.assign({name: values for name, (values, _) in made.items()})
     for name, (_, unit) in made.items():
         row = VARIABLES[name]
-        results[name].attrs = {"units": unit, "long_name": row.long_name, "symbol": row.symbol}
+        dry = ", without fluid pressure" if study.record.fluid_pressure is not None and name in LEAKS else ""
+        results[name].attrs = {"units": unit, "long_name": row.long_name + dry, "symbol": row.symbol}
     wanted = study.record.dimensional
     if wanted is not None and (leak := wanted.leak_rate) is not None:
         for name in {"leak_rate_x", "leak_rate_y"} & made.keys():
