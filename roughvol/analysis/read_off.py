@@ -28,6 +28,7 @@ from roughvol.analysis.derived import derived
 from roughvol.analysis.leak_curve import Bracket, curves, surfaces
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import Problem, StudyError
+from roughvol.observables.levels import REACHED
 from roughvol.store import axis_variables
 from roughvol.study import Level, Quantity, Study, convert, loads
 from roughvol.typing import Array
@@ -211,7 +212,7 @@ def nominal_of(run: Dataset, level: Level) -> float:
     run : Dataset
         A study with ``nominal_pressure``.
     level : Level
-        As `at.parse` returns it: a pressure or a load with its unit.
+        As `at.parse` returns it: a pressure, a load, or ``last`` of leg 1.
 
     Returns
     -------
@@ -221,24 +222,27 @@ def nominal_of(run: Dataset, level: Level) -> float:
     Raises
     ------
     StudyError
-        If the level is another kind of state, has no unit, or names another leg than the first.
+        If the level is another kind of state, lies on another leg than the first, or is another nominal pressure on
+        each surface.
     """
-    if level.leg not in (None, 1):
-        refuse(f"{level.label}: read-offs are from leg 1, the first loading; allowed: no leg, or leg 1")
-    if level.kind not in ("pressure", "load") or not isinstance(level.value, Quantity):
-        refuse(f"{level.label}: allowed: a load with its unit, as pressure=0.5MPa or load=20N")
-    if level.kind == "pressure":
+    if level.leg not in (None, 1) or (level.kind == "last" and level.leg is None and path_words(run)):
+        refuse(f"{level.label}: read-offs are from leg 1, the first loading; allowed: loads there, as 'last, leg 1'")
+    if level.kind not in ("pressure", "load", "last"):
+        refuse(f"{level.label}: allowed: a load, as pressure=0.5MPa, load=20N or last")
+    if level.kind == "pressure" and isinstance(level.value, Quantity):
         return convert(float(level.value), level.value.unit, str(run["nominal_pressure"].attrs["units"]))
     found = []
     for _, surface in surfaces(run):
-        per_starred = float((surface["nominal_pressure"] / surface["mean_pressure"]).max())
+        if level.value is None:
+            found.append(float(surface["nominal_pressure"].max()))
+            continue
         try:
             starred = scales(Run.of("", run), surface.expand_dims("seed"))[0].starred(level.kind, level.value)[1]
         except ValueError as error:
             refuse(f"{level.label}: {error}")
-        found.append(starred * per_starred)
-    if max(found) - min(found) > 1e-6 * max(found):
-        refuse(f"{level.label}: the surfaces have several areas; allowed: a pressure, as pressure=0.5MPa")
+        found.append(starred * float((surface["nominal_pressure"] / surface["mean_pressure"]).max()))
+    if max(found) - min(found) > REACHED * max(found):
+        refuse(f"{level.label}: another pressure on each surface; allowed: a pressure with its unit, as 0.5MPa")
     return float(np.mean(found))
 
 

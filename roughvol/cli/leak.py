@@ -54,7 +54,7 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None) -> None:
 
 
 LOAD = click.option(
-    "--at", "state", metavar="KIND=VALUE", help="A load with its unit, as pressure=0.5MPa; of a path on leg 1."
+    "--at", "state", metavar="KIND=VALUE", help="A load, as pressure=0.5MPa, load=20N or last; of a path on leg 1."
 )
 PRESSURE = click.option("--pressure", metavar="VALUE", hidden=True, help="The value of --at pressure=VALUE.")
 

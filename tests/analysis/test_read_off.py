@@ -336,17 +336,24 @@ def test_of_a_path_the_first_leg_answers_and_says_so(tmp_path: Path, monkeypatch
     for refused in (
         (*question, "--for", "modulus", "--at", "pressure=0.01MPa, leg 2"),
         (*creep, "pressure=2kPa, leg 2"),
+        (*creep, "last"),
     ):
         assert "read-offs are from leg 1" in _refused(*refused)
 
 
-def test_a_load_is_a_pressure_or_a_force_with_its_unit(swept: Dataset) -> None:
+def test_a_load_is_a_pressure_or_a_force_or_the_last_one(swept: Dataset) -> None:
     assert_allclose(read_off.nominal_of(swept, parse("pressure=20kPa")), 0.02)
     area = 65**2 * (200e-6 / 64) ** 2
     assert_allclose(read_off.nominal_of(swept, parse("load=1mN")), 1e-3 / area * 1e-6)
-    for text in ("pressure=0.5", "contact_area=0.1", "last"):
-        with pytest.raises(StudyError, match=r"allowed: a load with its unit, as pressure=0\.5MPa"):
-            read_off.nominal_of(swept, parse(text))
+    assert_allclose(read_off.nominal_of(swept, parse("p=0.3")), 0.3 * 10.0 * 0.4 / 200.0)
+    assert_allclose(read_off.nominal_of(swept, parse("last")), 1.2 * 10.0 * 0.4 / 200.0, rtol=1e-6)
+    with pytest.raises(StudyError, match=r"allowed: a load, as pressure=0\.5MPa, load=20N or last"):
+        read_off.nominal_of(swept, parse("contact_area=0.1"))
+
+
+def test_a_load_that_is_another_pressure_on_each_surface_is_refused(closing: Dataset) -> None:
+    with pytest.raises(StudyError, match="last: another pressure on each surface"):
+        read_off.nominal_of(closing, parse("last"))
 
 
 # the command
