@@ -86,33 +86,6 @@ class StoredRun:
         """Name of its folder; of a dataset not named ``study.nc``, that of the file without its suffix."""
         return _whole(self.file).name
 
-    def pressable(self) -> Study:
-        """Return the study of the run, whose surfaces can be pressed again.
-
-        Returns
-        -------
-        Study
-            As in its study file, or as stored with the run. Height files of a stored study lie in the folder of the
-            run, as heights that were in memory, or in the current folder.
-
-        Raises
-        ------
-        DatasetError
-            If a height file is missing or has changed.
-        """
-        try:
-            text = str(self.dataset.attrs.get("study", ""))
-            study = self.given or loads(text, _beside_heights(text, self.folder))
-            made = [case.id for case in study.cases()]
-        except StudyError as error:
-            reason = "; ".join(problem.message for problem in error.problems)
-            message = f"the study of {self.folder} cannot be read again: {reason}; give its study file instead"
-            raise DatasetError(message) from error
-        if not all(_is_file(run_folder.case_file(self.folder, id)) for id in made):
-            message = f"the cases of the study are not those in {self.folder}"
-            raise DatasetError(message)
-        return study
-
 
 def open(run: str | Path | None = None) -> Dataset:
     """Return the results of a run, or a dataset that was saved with ``to_netcdf``.
