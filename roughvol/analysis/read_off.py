@@ -229,6 +229,8 @@ def nominal_of(run: Dataset, level: Level) -> float:
         refuse(f"{level.label}: read-offs are from leg 1, the first loading; allowed: loads there, as 'last, leg 1'")
     if level.kind not in ("pressure", "load", "last"):
         refuse(f"{level.label}: allowed: a load, as pressure=0.5MPa, load=20N or last")
+    if "nominal_pressure" not in run:
+        refuse(f"{level.label}: the run needs pressures with units: record dimensional.pressure")
     if level.kind == "pressure" and isinstance(level.value, Quantity):
         return convert(float(level.value), level.value.unit, str(run["nominal_pressure"].attrs["units"]))
     found = []
@@ -335,8 +337,6 @@ def _check_unknown(run: Dataset, unknown: str, pressure: float | None) -> None:
         refuse("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
     if unknown != "pressure" and not (pressure is not None and pressure > 0.0):
         refuse(f"for {unknown} the pressure must be given, > 0")
-    if unknown != "pressure" and "nominal_pressure" not in run:
-        refuse(f"for {unknown} the run needs pressures with units: record dimensional.pressure")
 
 
 def _study(run: Dataset) -> Study | None:
@@ -385,7 +385,7 @@ def _answer(run: Dataset, axis: str, needed: list[_Needed], unknown: str, pressu
     """Return the answer of the surface that needs the largest load."""
     if not needed:
         refuse(f"the run has no stored leak along {axis}")
-    decides = max(needed, key=lambda one: (one.bracket.value, one.bracket.low))
+    decides = max(needed, key=lambda one: (one.bracket.value, one.bracket.low, one.bracket.high))
     low, high = (max(getattr(one.bracket, end) for one in needed) for end in ("low", "high"))
     nominal = Bracket(decides.bracket.value, low, high, decides.bracket.closing)
     between = _around(decides, nominal.value)

@@ -135,21 +135,23 @@ def ask(
     leg = read_off.path_words(results)
     say(f"{opened.name}{leg and f', {leg}'}: {'no open way' if closed else f'leak up to {given}'}")
     for answer in answers:
-        say(f"along {answer.axis}: {_words(answer, unknown)}")
+        say(f"along {answer.axis}: {_words(answer, unknown, closed=closed)}")
     if any(answer.found for answer in answers):
         say(_beyond(opened.name))
     if changes:
         say(f"Solved states narrow the interval: {finer}")
 
 
-def _words(answer: Answer, unknown: str) -> str:
+def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     """Return a read-off in words."""
     from roughvol.analysis.tables import number, rounded
 
     low, high = (number(end) for end in answer.between)
     of = f", for the leakiest of {answer.surfaces} surfaces ({answer.surface})" if answer.surfaces > 1 else ""
     if answer.nominal.value == 0.0:
-        return f"any {unknown} of p* = {high} or more: the first step leaks less; smaller loads are not stored{of}"
+        first = "the first step is closed" if closed else "the first step leaks less"
+        every = f" of all {answer.surfaces} surfaces" if answer.surfaces > 1 else ""
+        return f"any {unknown} of p* = {high} or more: {first}{every}; smaller loads are not stored"
     if not answer.found:
         return f"no {unknown} within the stored loads, up to p* = {low}{of}"
     unit = "" if answer.unit == "1" else f" {answer.unit}"

@@ -188,6 +188,22 @@ def test_a_closed_joint_is_asked_for_by_its_loads(closing: Dataset, closes_in: P
     assert "for the leakiest of 4 surfaces (seed " in said
 
 
+def test_a_closed_joint_without_units_is_asked_for_by_p_star(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("plain.yaml").write_text(
+        "surface: {D: 2.3, m: 4, seeds: 3}\nsweep: {steps: 8, to: {pressure: 8}}\n"
+        "record: {transport: {percolation: every-step}}\n"
+    )
+    _said("run", "plain.yaml", "--jobs", "1")
+    said = _said("ask", "plain", "--closed").splitlines()[1]
+    ds = running.run(loads(Path("plain.yaml").read_text(), "plain.yaml"), jobs=1, out=Path("runs/plain")).isel(D=0, m=0)
+    last = [np.flatnonzero(row)[-1] for row in ds.percolates_x.values > 0]
+    low = max(float(p[k]) for p, k in zip(ds.mean_pressure.values, last, strict=True))
+    assert said.startswith(f"along x: p* = {low:.4g} to ")
+    assert "needs pressures with units" in _refused("ask", "plain", "--closed", "--for", "Sq", "--at", "p=0.3")
+    assert "the run has no leak rates" in _refused("ask", "plain", "--leak-rate", "1 mm^3/s")
+
+
 def test_a_leak_rate_or_a_closed_joint(folder: Path, swept: Dataset) -> None:
     assert "either --leak-rate VALUE or --closed" in _refused("ask", str(folder))
     assert "either --leak-rate VALUE or --closed" in _refused("ask", str(folder), "--closed", "--leak-rate", "1 mm^3/s")
