@@ -255,7 +255,7 @@ def creep(
     over_time.write_csv(history, folder / "creep.csv")
     say(str(folder / "creep.csv"))
     if any((leak.value > 0.0).any() for leak in history.leak.values()):
-        drawing_of(history).savefig(folder / "creep.png")
+        drawing_of(history, results).savefig(folder / "creep.png")
         say(str(folder / "creep.png"))
     else:
         warn(["nothing leaks at these times, so no figure is drawn"])

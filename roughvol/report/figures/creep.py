@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import matplotlib as mpl
 import numpy as np
+from xarray import Dataset
 
 from roughvol.analysis.creep import History
+from roughvol.report.figures.origin import origin, written
 from roughvol.report.figures.seal_ways import band_words
-from roughvol.report.figures.style import COLUMN, DASHES, STYLE, Drawing, canvas, looks, unit_text
+from roughvol.report.figures.style import COLUMN, DASHES, STYLE, Drawing, canvas, legend, looks, unit_text
 
 
-def drawing_of(over_time: History) -> Drawing:
+def drawing_of(over_time: History, run: Dataset) -> Drawing:
     """Return the leak along both axes over time.
 
     Parameters
     ----------
     over_time : History
         A seal over time.
+    run : Dataset
+        The run it is read off, for the note below.
 
     Returns
     -------
@@ -29,7 +33,7 @@ def drawing_of(over_time: History) -> Drawing:
     shown = np.concatenate([np.concatenate([leak.value, leak.least]) for leak in leaks])
     floor = float(shown[shown > 0.0].min(initial=np.inf))
     with mpl.rc_context(STYLE):
-        fig = canvas(COLUMN, 2.6)
+        fig = canvas(COLUMN, 2.8)
         ax = fig.subplots()
         for order, ((axis, leak), look) in enumerate(zip(over_time.leak.items(), looks(2), strict=True)):
             median = np.where(leak.value > 0.0, leak.value, np.nan)
@@ -45,7 +49,8 @@ def drawing_of(over_time: History) -> Drawing:
             yscale="log",
             xlabel="time under load [s]",
             ylabel=f"leak [{unit_text(over_time.leak_unit)}]",
-            title=f"at {over_time.pressure:.4g} {unit_text(over_time.pressure_unit)}",
         )
-        ax.legend(title=band_words([several]) or None)
+        load = f"at {over_time.pressure:.4g} {unit_text(over_time.pressure_unit)}"
+        legend(ax, "; ".join(filter(None, [load, band_words([several])])))
+        fig.note(" ".join([origin("creep", run, {"surfaces": [several]}), *written(run)]))
     return fig
