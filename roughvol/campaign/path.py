@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.crossing import state_crossing
+from roughvol.contact.kernels import M_MATRIX
 from roughvol.contact.loading import Compliance, Trials, sweep
 from roughvol.contact.search import first_indentation, indentation_for, state_reaching
 from roughvol.errors import ContactError
-from roughvol.observables.levels import end_of, measure_of, options_of, searched
+from roughvol.observables.levels import check_touch, end_of, measure_of, options_of, searched
 from roughvol.observables.reduction import Reduction
 from roughvol.observables.regions import within
 from roughvol.study import Case, Legs, Level, Scale, Sweep
@@ -137,13 +138,17 @@ def indentations(
             levels = _even(leg, low, high, number)
             for pressure in levels[max(0, reduced.steps - first) : -1]:
                 yield _reaching(case, Level("pressure", pressure), surface, half_space, reduced)
-            if reduced.steps < first + leg.steps:
-                yield end
-            first += leg.steps
-            continue
-        steps = begin + (ends[number] - begin) * np.arange(1, leg.steps + 1) / leg.steps
-        yield from steps[max(0, reduced.steps - first) :]
+            last = [end]
+        else:
+            steps = begin + (ends[number] - begin) * np.arange(1, leg.steps + 1) / leg.steps
+            yield from steps[max(0, reduced.steps - first) : -1]
+            last = list(steps[-1:])
         first += leg.steps
+        if reduced.steps < first:
+            if case.plastic and leg.steps > 1 and case.solver.kernel not in M_MATRIX:
+                # what has yielded on the way may differ from what the search at the begin of the leg found
+                last = ends[number : number + 1] = [_reaching(case, leg.target, surface, half_space, reduced)]
+            yield from last
 
 
 def _indentation(end: Any) -> float:
@@ -204,7 +209,7 @@ def _reaching(case: Case, target: Level, surface: Surface, half_space: Complianc
     if target.kind in ("contact_area", "pressure") and not (case.plastic or falls or fell):
         trials.least = start
         return state_reaching(trials, measure, value, [start], elements=elements, below=True).approach
-    if falls != fell:
+    if falls != fell or case.solver.kernel not in M_MATRIX:
         trials = Trials(surface, half_space, after=last, turned=True, **options)
         start = trials.known(last, reduced.residual)
     return state_crossing(trials, measure, value, start, elements=elements).approach
@@ -237,15 +242,19 @@ def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> fl
 
 def _first(case: Case, target: Level, surface: Surface, half_space: Compliance) -> float:
     """Return Δ/σ at a state of elastic contact, from first touch."""
-    if target.kind.startswith("leak_rate"):
+    in_region = case.record.region is not None and target.kind in ("contact_area", "pressure", "free_volume")
+    if in_region or target.kind.startswith("leak_rate"):
         trials = Trials(surface, half_space, **options_of(case, surface))
         measure, least = measure_of(target, case, surface)
-        if measure(trials.untouched) >= least:
+        if target.kind == "free_volume":
+            check_touch(target, case, surface, trials.untouched)
+        elif measure(trials.untouched) >= least:
             message = (
                 f"the {target.kind.replace('_', ' ')} is below that of the end of the sweep at first touch already"
             )
             raise ContactError(message)
-        return state_crossing(trials, measure, least, trials.untouched).approach
+        elements = target.kind == "contact_area"
+        return state_crossing(trials, measure, least, trials.untouched, elements=elements).approach
     rtol, method = min(case.solver.tolerance, case.solver.pressure_error or 1.0), case.solver.method
     predicate = end_of(case, target)
     if predicate is not None:

@@ -12,6 +12,8 @@ import numpy as np
 from roughvol.errors import ContactError
 from roughvol.typing import Array, Index
 
+# Kernels whose K⁻¹ is an M-matrix, see docs/solver.md: overlaps at the hardness are never undone on a leg of a path.
+M_MATRIX = ("love",)
 _SERIES_FROM = 64.0  # spacings; the two forms are equally exact there (test_halfspace, love_kernel)
 
 

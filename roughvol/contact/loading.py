@@ -27,7 +27,7 @@ import numpy as np
 
 from roughvol.contact.active_set import solve_indentation
 from roughvol.contact.paper_algorithm import solve_paper
-from roughvol.contact.problem import LIGHT, LIGHT_ROUGH, TENSILE, Problem, check_rtol
+from roughvol.contact.problem import LIGHT, LIGHT_ROUGH, ROUNDING, TENSILE, Problem, check_rtol
 from roughvol.contact.state import Compliance, Contact, Leg, State
 from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.errors import ContactError
@@ -152,31 +152,58 @@ def sweep(
             raise ContactError(message)
         if started and rising != (indentation > last):  # a leg ends
             rising = not rising
-            leg = Leg(problem.limit, problem.leg.plastic_under(latest), error)
-            problem, latest, previous = _turned(problem, leg, latest, previous)
-        started = True
-        tolerance = rtol
-        if pressure_error is not None and indentation > problem.touch:
-            least = problem.least_pressure(indentation, latest)
-            tolerance = min(rtol, pressure_error * least / problem.expected_stiffness(latest, previous))
-        problem.check_reachable(indentation, tolerance)
-        last = indentation
-        if indentation <= problem.touch:
-            latest, previous = problem.untouched(indentation), None
-            yield problem.record(latest, problem.counts(), 0, 0.0)
-            continue
-        tolerance = min(tolerance, LIGHT * (last - problem.touch))
-        counts = problem.counts()
-        solved, iterations, residual = solve_one(problem, last, latest, previous, tolerance)
-        contact = problem.record(solved, counts, iterations, residual, latest)
-        while pressure_error is not None and contact.mean_pressure_bound > pressure_error:
-            tolerance = 0.5 * residual * pressure_error / contact.mean_pressure_bound
-            problem.check_reachable(last, tolerance)
-            solved, more, residual = solve_one(problem, last, solved, latest, tolerance)
-            iterations += more
-            contact = problem.record(solved, counts, iterations, residual, latest)
+            problem, latest, previous = _new_leg(problem, latest, previous, error)
+        started, last, counts = True, indentation, problem.counts()
+        options = solve_one, rtol, pressure_error, counts
+        contact = _step(problem, indentation, latest, previous, *options)
+        noise = error + contact.residual + ROUNDING * max(1.0, indentation)
+        if problem.rebound(latest, contact._state) > noise:  # no M-matrix: the leg ends at the state before
+            problem, latest, previous = _new_leg(problem, latest, previous, error)
+            contact = _step(problem, indentation, latest, previous, *options)
         yield contact
-        previous, latest, error = latest, solved, contact.residual
+        latest, previous = contact._state, latest
+        if indentation <= problem.touch:
+            previous = None
+        else:
+            error = contact.residual
+
+
+def _step(
+    problem: Problem,
+    indentation: float,
+    latest: State,
+    previous: State | None,
+    solve_one: Method,
+    rtol: float,
+    pressure_error: float | None,
+    counts: tuple[float, float],
+) -> Contact:
+    """Return the contact at the next indentation of a leg, to the bounds of the residual and of the pressure."""
+    tolerance = rtol
+    if pressure_error is not None and indentation > problem.touch:
+        least = problem.least_pressure(indentation, latest)
+        tolerance = min(rtol, pressure_error * least / problem.expected_stiffness(latest, previous))
+    problem.check_reachable(indentation, tolerance)
+    if indentation <= problem.touch:
+        return problem.record(problem.untouched(indentation), counts, 0, 0.0)
+    tolerance = min(tolerance, LIGHT * (indentation - problem.touch))
+    solved, iterations, residual = solve_one(problem, indentation, latest, previous, tolerance)
+    contact = problem.record(solved, counts, iterations, residual, latest)
+    while pressure_error is not None and contact.mean_pressure_bound > pressure_error:
+        tolerance = 0.5 * residual * pressure_error / contact.mean_pressure_bound
+        problem.check_reachable(indentation, tolerance)
+        solved, more, residual = solve_one(problem, indentation, solved, latest, tolerance)
+        iterations += more
+        contact = problem.record(solved, counts, iterations, residual, latest)
+    return contact
+
+
+def _new_leg(
+    problem: Problem, latest: State, previous: State | None, error: float
+) -> tuple[Problem, State, State | None]:
+    """Return the problem on the heights that a state has left, with the states before."""
+    leg = Leg(problem.limit, problem.leg.plastic_under(latest), error)
+    return _turned(problem, leg, latest, previous)
 
 
 def _resumed(problem: Problem, states: Iterable[Mapping[str, Any]]) -> tuple[Problem, State, State | None, float]:

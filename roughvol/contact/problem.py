@@ -132,6 +132,13 @@ class Problem:
             state.indentation, state.elements, state.pressure, state.touch_at + (before.heights - self.heights)
         )
 
+    def rebound(self, before: State, state: State) -> float:
+        """Return the largest fall of an overlap at the limit from one state to a later one: none for an M-matrix."""
+        yielded = before.elements[before.pressure >= self.limit]
+        (q,) = self.pressures(yielded, state)
+        left = np.where(q >= self.limit, np.maximum(-state.gap(yielded), 0.0), 0.0)
+        return float((np.maximum(-before.gap(yielded), 0.0) - left).max(initial=0.0))
+
     def single(self, rtol: float) -> bool:
         """Return whether directions are convolved in single precision."""
         return self._mixed and rtol >= self.tuning.single_from

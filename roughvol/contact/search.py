@@ -87,11 +87,12 @@ def indentation_for(
         )
         raise ContactError(message)
 
+    trials = Trials(surface, half_space, rtol=rtol, method=method)
     if target == "free_volume":
-        if value >= (most := (surface.z_max - surface.mean_height) / surface.unit):
+        most = (surface.z_max - surface.mean_height) / surface.unit
+        if value >= min(most, float(trials.untouched.gap().mean())):  # the two differ by rounding
             message = f"{target} is {value}; allowed: 0 < V* < {most:.6g}, that of the first touch"
             raise ContactError(message)
-        trials = Trials(surface, half_space, rtol=rtol, method=method)
         closed = most - value
         return _search(
             trials, *_reaching(closed_of(surface), closed), closed, tuning.accuracy, tuning, elements=False
@@ -101,7 +102,6 @@ def indentation_for(
         return float(getattr(contact, TARGETS[target]))
 
     start = _mean_plane(surface) * min(1.0, value * (5.0 if area else 1.0)) ** 0.5
-    trials = Trials(surface, half_space, rtol=rtol, method=method)
     return _search(trials, *_reaching(measure, value), start, tuning.accuracy, tuning, elements=area).approach
 
 

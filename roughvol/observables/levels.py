@@ -30,7 +30,7 @@ REACHED = 1e-5  # relative; a stored step that misses a state by less is that st
 
 
 def end_of(case: Case, target: Level | None = None) -> Callable[[Contact], bool] | None:
-    """Return the condition of the last state of the first leg; None where it does not depend on region or void.
+    """Return the condition of the last state of the first leg where this is the end of percolation; None elsewhere.
 
     Parameters
     ----------
@@ -45,18 +45,9 @@ def end_of(case: Case, target: Level | None = None) -> Callable[[Contact], bool]
         Contact ↦ whether the sweep ends there.
     """
     target = target or case.sweep.legs[0].target
-    kind, value = target.kind, target.value or 0.0
-    if kind.startswith("percolation"):
-        return lambda contact: void.stops_percolating(kind, within(contact, case))
-    if case.record.region is None:
+    if not target.kind.startswith("percolation"):
         return None
-    if kind == "contact_area":
-        return lambda contact: within(contact, case).contact_area_fraction >= value
-    if kind == "pressure":
-        return lambda contact: within(contact, case).mean_pressure >= value
-    if kind == "free_volume":
-        return lambda contact: within(contact, case).free_volume <= value
-    return None
+    return lambda contact: void.stops_percolating(target.kind, within(contact, case))
 
 
 def reached(level: Level, step: int, contact: State, case: Case, before: Mapping[str, float] | None = None) -> bool:
@@ -371,7 +362,7 @@ def at_level(
     value = level.value or 0.0
     options = options_of(case, surface)
     if not earlier and level.kind in ("free_volume", "separation"):
-        _check_touch(level, case, surface, Trials(surface, half_space, **options).untouched)
+        check_touch(level, case, surface, Trials(surface, half_space, **options).untouched)
     falls = bool(earlier) and after.approach < earlier[-1]["indentation"]
     if searched(level, surface):
         measure, value = measure_of(level, case, surface)
@@ -398,8 +389,25 @@ def at_level(
     return next(sweep(surface, half_space, [indentation], resume=earlier, **options))
 
 
-def _check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) -> None:
-    """Refuse a free volume or a separation that is not below that of the first touch."""
+def check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) -> None:
+    """Refuse a free volume or a separation that is not below that of the first touch.
+
+    Parameters
+    ----------
+    level : Level
+        Of the kind free_volume or separation.
+    case : Case
+        Names the region.
+    surface : Surface
+        The surface pressed.
+    untouched : Contact
+        Its state at first touch.
+
+    Raises
+    ------
+    ContactError
+        If the level lies before the first touch.
+    """
     separation = (surface.z_max - surface.mean_height) / surface.unit
     most = separation if level.kind == "separation" else float(within(untouched, case).gap().mean())
     if (level.value or 0.0) >= most:

@@ -44,6 +44,21 @@ def test_legs_are_steps_equal_in_indentation_from_end_to_end(material: str) -> N
     assert_allclose(ds.free_volume, [contact.free_volume for contact in contacts], rtol=1e-12)
 
 
+def test_legs_of_any_kernel_end_at_their_pressures(tmp_path: Path) -> None:
+    generator = np.random.default_rng(140)  # overlaps fall on the way down here
+    shape = tuple(generator.integers(5, 12, 2))
+    heights = generator.normal(size=shape)
+    np.save(tmp_path / "noise.npy", heights)
+    hardness = float(np.exp(generator.uniform(-0.7, 2.0)))
+    pressures = hardness * np.array([0.9, 0.8, 0.6, 0.9, 0.5, 0.95])
+    legs = ", ".join(f"{{steps: 5, to: {{pressure: {pressure}}}}}" for pressure in pressures)
+    text = f"surface: {{file: {tmp_path / 'noise.npy'}, L: 1.0}}\nsweep: [{legs}]\n"
+    text += (
+        f"material: {{E_star: 1.0, hardness: {hardness * heights.std()}}}\nsolver: {{kernel: punch, rtol: 1.0e-8}}\n"
+    )
+    assert_allclose(run_case(loads(text).cases()[0]).mean_pressure.values.ravel()[4::5], pressures, rtol=5e-6)
+
+
 def test_elastic_contact_retraces_and_metal_does_not() -> None:
     there_and_back = "sweep: [{steps: 5, to: {indentation: 2}}, {steps: 4, to: {indentation: 0.4}}]\n"
     for material, equal in (("", True), (HARD, False)):

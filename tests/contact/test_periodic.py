@@ -14,7 +14,7 @@ from oracles import dense_matrix, exact_pressure, scaled_overlap
 from roughvol.contact import closed_forms
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import KERNELS
-from roughvol.contact.loading import solve, sweep
+from roughvol.contact.loading import Trials, solve, sweep
 from roughvol.contact.periodic import PERIODIC_KERNELS, PeriodicHalfSpace, periodic_spectrum
 from roughvol.contact.search import indentation_for
 from roughvol.errors import ContactError
@@ -253,6 +253,24 @@ def test_search_for_a_free_volume_of_a_free_patch():
     space = HalfSpace(surface.shape)
     approach = indentation_for(surface, space, "free_volume", 1.0)
     assert solve(surface, space, approach).free_volume == pytest.approx(1.0, abs=3e-6)
+
+
+@pytest.mark.parametrize("half_space", [HalfSpace, PeriodicHalfSpace])
+@pytest.mark.parametrize("seed", range(3))
+def test_search_for_a_free_volume_next_to_that_of_the_first_touch(half_space, seed):
+    """0.11.1 went on to an indentation of 1e-322 where the difference was that of rounding."""
+    surface = Surface(self_affine((85, 31), 4.0, seed=seed), 1.0, periodic=half_space.periodic)
+    space = half_space(surface.shape)
+    most = Trials(surface, space).untouched.gap().mean()
+    for ulps in (0, 1, 3, 100, 10**6):
+        value = most - ulps * np.spacing(most)
+        if not ulps:
+            with pytest.raises(ContactError, match="that of the first touch"):
+                indentation_for(surface, space, "free_volume", value)
+            continue
+        approach = indentation_for(surface, space, "free_volume", value)
+        assert approach >= 0.1 * (most - value)
+        assert solve(surface, space, approach).free_volume == pytest.approx(value, abs=2e-15)
 
 
 def test_a_limit_of_the_pressure_holds():

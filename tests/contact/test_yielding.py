@@ -35,10 +35,10 @@ def gauss_seidel(matrix, b, limit):
     raise AssertionError
 
 
-def stepwise(surface, indentations, hardness):
+def stepwise(surface, indentations, hardness, kernel="love"):
     """p*, A*, V* and the mean plastic displacement of a path; the plastic displacement grows at every step."""
     shape = surface.shape
-    matrix = DenseHalfSpace(shape).matrix
+    matrix = DenseHalfSpace(shape, kernel).matrix
     factor = np.pi * (shape[0] - 1)
     h = ((surface.heights - surface.heights.max()) / surface.Sq).ravel()
     plastic = np.zeros(h.size)
@@ -60,16 +60,58 @@ def rough(seed, shape=(6, 7)):
     hardness=st.floats(0.5, 60.0),
     path=st.lists(st.floats(0.2, 4.0), min_size=2, max_size=5, unique=True),
     dense=st.sampled_from([0, 240]),
+    kernel=st.sampled_from(["love", "punch"]),
 )
-def test_paths_are_those_of_steps_with_dense_matrices(seed, hardness, path, dense):
+def test_paths_are_those_of_steps_with_dense_matrices(seed, hardness, path, dense, kernel):
     surface = rough(seed)
     tuning = Tuning(dense_up_to=dense)
-    contacts = sweep(surface, HalfSpace(surface.shape), path, rtol=RTOL, hardness=hardness, tuning=tuning)
-    for contact, (pressure, area, volume, plastic) in zip(contacts, stepwise(surface, path, hardness), strict=True):
+    contacts = sweep(surface, HalfSpace(surface.shape, kernel), path, rtol=RTOL, hardness=hardness, tuning=tuning)
+    steps = stepwise(surface, path, hardness, kernel)
+    for contact, (pressure, area, volume, plastic) in zip(contacts, steps, strict=True):
         assert contact.mean_pressure == pytest.approx(pressure, abs=1e-6)
         assert contact.free_volume == pytest.approx(volume, abs=contact.residual + 1e-10)
         assert contact.plastic_volume == pytest.approx(plastic, abs=contact.residual + 1e-10)
         assert abs(contact.contact_area_fraction - area) <= 1.01 / surface.heights.size  # one element on the brink
+
+
+UNDONE = [*np.linspace(0.3, 3.0, 6), *np.linspace(2.5, 1.0, 3), *np.linspace(1.5, 3.5, 4)]
+
+
+@pytest.fixture(scope="module")
+def noise():
+    """A surface on which overlaps fall within a leg with the kernel of the punch, which has no M-matrix."""
+    generator = np.random.default_rng(0)
+    for _ in range(14):
+        heights = generator.normal(size=(6, 7))
+        hardness = float(np.exp(generator.uniform(np.log(0.5), np.log(60))))
+    return Surface(heights, 1.0), hardness
+
+
+def test_plastic_displacement_stays_without_an_m_matrix(noise):
+    surface, hardness = noise
+    space = HalfSpace(surface.shape, "punch")
+    contacts = list(sweep(surface, space, UNDONE, rtol=RTOL, hardness=hardness))
+    for before, after in itertools.pairwise(contacts):
+        fallen = before.plastic_displacement() - after.plastic_displacement()
+        assert fallen.max() <= before.residual + after.residual + 1e-14
+    for contact, (pressure, _, volume, plastic) in zip(
+        contacts, stepwise(surface, UNDONE, hardness, "punch"), strict=True
+    ):
+        assert contact.mean_pressure == pytest.approx(pressure, abs=1e-9)
+        assert contact.free_volume == pytest.approx(volume, abs=contact.residual + 1e-11)
+        assert contact.plastic_volume == pytest.approx(plastic, abs=contact.residual + 1e-11)
+
+
+@pytest.mark.parametrize("kept", range(1, len(UNDONE)))
+def test_a_path_with_overlaps_undone_goes_on_with_the_same_bits(noise, kept):
+    surface, hardness = noise
+    space = HalfSpace(surface.shape, "punch")
+    whole = list(sweep(surface, space, UNDONE, hardness=hardness))
+    states = [contact.state() for contact in whole[:kept]][-2:]
+    rest = sweep(surface, space, UNDONE[kept:], hardness=hardness, resume=states)
+    for one, other in zip(whole[kept:], rest, strict=True):
+        assert np.array_equal(one.pressure(), other.pressure())
+        assert (one.free_volume, one.residual) == (other.free_volume, other.residual)
 
 
 @pytest.fixture(scope="module")

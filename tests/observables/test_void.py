@@ -208,6 +208,23 @@ def test_a_sweep_to_a_contact_area_means_that_of_the_region() -> None:
     assert found[0] < 0.2
 
 
+@pytest.mark.parametrize("sides", ["", "periodic: true"])
+@pytest.mark.parametrize(
+    ("kind", "value", "name"), [("pressure", 0.5, "mean_pressure"), ("free_volume", 0.6, "free_volume")]
+)
+def test_a_sweep_in_a_region_ends_at_its_value(kind: str, value: float, name: str, sides: str) -> None:
+    text = f"surface: {{D: 2.3, m: 5, seeds: [1], {sides}}}\nsweep: {{steps: 3, to: {{{kind}: {value}}}}}\n"
+    found = run_case(loads(text + "record: {region: interior}").cases()[0])[name].values.ravel()
+    assert found[-1] == pytest.approx(value, rel=5e-6)
+    assert abs(found[0] / value - 1.0) > 0.1
+
+
+def test_a_free_volume_of_a_region_before_the_first_touch_is_refused() -> None:
+    text = "surface: {D: 2.3, m: 4, seeds: [1]}\nsweep: {to: {free_volume: 9.0}}\nrecord: {region: interior}"
+    with pytest.raises(ContactError, match="before the first touch; allowed: below"):
+        run_case(loads(text).cases()[0])
+
+
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_a_region_of_a_rectangle_is_measured_on_its_own_sides(axis: str) -> None:
     case = _case(f"record: {{region: {{{axis}: [0.5, 1]}}}}")
