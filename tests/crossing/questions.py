@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
+import itertools
 import json
 import math
 import re
@@ -152,7 +153,7 @@ class Table:
     rows: list[dict[str, str]]
 
 
-FIRST = ("step ", "state ", "surface ", "run ")
+FIRST = ("step ", "state ", "surface ", "run ", "time ")
 
 
 def tables(text: str) -> list[Table]:
@@ -173,6 +174,7 @@ def tables(text: str) -> list[Table]:
         blank = "".join(" " if all(row[j] == " " for row in block) else "x" for j in range(width))
         ends = [(part.start(), part.end()) for part in re.finditer(r"x+(?: x+)*", blank)]
         cells = [[row[start:end].strip() for start, end in ends] for row in block]
+        cells[0] = [f"{cells[0][j - 1]} {head}" if head == "16-84 %" else head for j, head in enumerate(cells[0])]
         title = lines[k - 1] if k and "  " not in lines[k - 1] else ""
         found.append(Table(title, cells[0], [dict(zip(cells[0], row, strict=True)) for row in cells[1:]]))
     return found
@@ -706,6 +708,145 @@ def _maps(ds: Any) -> list[np.ndarray]:
     return [stacked.isel(surface=k).transpose("x", "y").values for k in range(stacked.sizes["surface"])]
 
 
+# read-offs
+
+
+def ask(made: Made) -> int:
+    """The load, modulus and Sq of a leak, `roughvol ask RUN --leak-rate VALUE`: asked for the leak of a solved step."""
+    every = [surface for group in made.groups for surface in group.surfaces]
+    count, units = 0, ["mm^3/s"] + ["mbar*l/s"] * any("gas_leak_rate_x" in surface.along for surface in every)
+    for unit, axis in itertools.product(units, "xy"):
+        flow = "leak_rate" if unit == "mm^3/s" else "gas_leak_rate"
+        paths = [_path(surface, f"{flow}_{{}}") for surface in every]
+        step = _leakiest_step(paths, axis) if paths and flow + "_x" in every[0].along else None
+        leak = step[1] if step else 1e-9
+        words = ("--leak-rate", f"{leak!r} {unit}")
+        found = json.loads(call(made, "ask", made.kind.asked, *words, "--json"))["answers"]
+        count += sum(_check_answer(answer, paths, leak) for answer in found)
+        if step is None:
+            continue
+        (exact,) = (answer for answer in found if answer["axis"] == axis)
+        close(exact["value"], step[0], f"load of {leak} {unit}", within=1e-6)
+        if flow == "leak_rate" and "plastic_volume" not in every[0].along:
+            count += _ask_others(made, axis, step, every[0].Sq)
+    text = call(made, "ask", made.kind.asked, *words)
+    assert all(f"along {axis}: " in text for axis in "xy")
+    return count
+
+
+def _path(surface: Surface, name: str) -> dict[str, np.ndarray]:
+    """Return load, p* and flows of the first leg of a surface, with the name of the surface."""
+    on = (surface.legs == 1) & np.isfinite(surface.along["mean_pressure"])
+    flows = {axis: surface.along[name.format(axis)][on] for axis in "xy" if name.format(axis) in surface.along}
+    return {"p": surface.along.get("nominal_pressure", surface.along["mean_pressure"])[on], **flows}
+
+
+def _leakiest_step(paths: Sequence[dict[str, np.ndarray]], axis: str) -> tuple[float, float] | None:
+    """Return load and leak of the last step at which a surface surely leaks most: no other leaked as much before."""
+    found = []
+    for k, path in enumerate(paths):
+        for load, leak in zip(path["p"], path[axis], strict=True):
+            others = [other for j, other in enumerate(paths) if j != k]
+            before = [other[axis][other["p"] <= load * (1.0 + 1e-5)] for other in others]
+            if leak > 0.0 and all(values.size and values[-1] <= leak for values in before):
+                found.append((float(load), float(leak)))
+    return max(found, default=None)
+
+
+def _check_answer(answer: dict[str, Any], paths: Sequence[dict[str, np.ndarray]], leak: float) -> int:
+    """Compare a load with the steps around it: every surface leaks less at its next step, one leaks more before."""
+    axis, value, (low, high) = answer["axis"], answer["value"], answer["interval"]
+    near = leak * (1.0 - 1e-6), leak * (1.0 + 1e-6)
+    if value is None and high is None:  # beyond the last step
+        assert max(path[axis][-1] for path in paths) > near[0]
+        return 1
+    if value == 0.0 or high == 0.0:  # before the first step
+        assert max(path[axis][0] for path in paths) <= near[1]
+        return 1
+    middle = value if value is not None else low
+    assert low * (1.0 - 1e-9) <= middle <= high * (1.0 + 1e-9)
+    beyond = [path[axis][path["p"] >= high * (1.0 - 1e-6)] for path in paths]
+    assert all(values[0] <= near[1] for values in beyond if values.size), (answer, leak)
+    assert any((path[axis][path["p"] <= low * (1.0 + 1e-6)] >= near[0]).any() for path in paths), (answer, leak)
+    return 3
+
+
+def _ask_others(made: Made, axis: str, step: tuple[float, float], Sq: float) -> int:
+    """Compare E* and Sq: at the load P, E* P/p leaks as E* does at p; Sq P/p leaks (P/p)^3 times as much."""
+    load, count = 1.25 * step[0], 0
+    for unknown, leak in (("modulus", step[1]), ("Sq", step[1] * 1.25**3)):
+        words = ("--leak-rate", f"{leak!r} mm^3/s", "--for", unknown, "--at", f"pressure={load!r} MPa", "--json")
+        found = json.loads(call(made, "ask", made.kind.asked, *words))["answers"]
+        (exact,) = (answer for answer in found if answer["axis"] == axis)
+        assert isinstance(made.kind.modulus, float)
+        close(exact["value"], 1.25 * (made.kind.modulus if unknown == "modulus" else Sq), unknown, within=1e-6)
+        count += 1
+    return count
+
+
+def ask_closed(made: Made) -> int:
+    """The loads between which the last way of all surfaces closes, `roughvol ask RUN --closed`."""
+    found = json.loads(call(made, "ask", made.kind.asked, "--closed", "--json"))["answers"]
+    for answer in found:
+        spans = [oracle.closing(surface, answer["axis"]) for group in made.groups for surface in group.surfaces]
+        ends = max(span[0] for span in spans), max(span[1] for span in spans)
+        low, high = answer["interval"]
+        if ends[0] == 0.0:  # closed at the first step
+            assert answer["value"] == 0.0
+        else:
+            close([low, high or math.inf], ends, f"closing along {answer['axis']}", within=1e-9)
+    return 2 * len(found)
+
+
+def creep(made: Made) -> int:
+    """The leak at the loads of two solved steps, `roughvol creep RUN --law LAW --at LOAD --times TIMES`."""
+    paths = [_path(surface, "leak_rate_{}") for group in made.groups for surface in group.surfaces]
+    p = paths[0]["p"] if paths else np.array([1.0, 2.0])
+    first = 1 if p.size > 2 else 0
+    ends = [float(p[first]), float(p[first + 1])]
+    law = made.folder / "law.yaml"
+    law.write_text(f"table: {{times: [1 s, 1 h], ratios: [1, {ends[1] / ends[0]!r}]}}\n", encoding="utf-8")
+    unit = " MPa" if made.kind.modulus == 10.0 or made.kind.lists else ""
+    words = ("--law", law.name, "--at", f"pressure={ends[0]!r}{unit}", "--times", "1 s, 1 h")
+    (table,) = tables(call(made, "creep", made.kind.asked, *words))
+    count = 0
+    for row, load in zip(table.rows, ends, strict=True):
+        areas = [
+            _around(_path(surface, "contact_area_fraction"), load, "x")
+            for group in made.groups
+            for surface in group.surfaces
+        ]
+        count += _between(row["A*"], [np.mean([area[k] for area in areas]) for k in (0, 1)])
+        for axis in "xy":
+            leaks = [_around(path, load, axis) for path in paths]
+            for head, cell in row.items():
+                if head.startswith(f"Q_{axis}") and "closing" not in cell:
+                    shares = (0.16, 0.84) if head.endswith("16-84 %") else (0.5,)
+                    lows, highs = (np.quantile([leak[k] for leak in leaks], shares) for k in (0, 1))
+                    texts = cell.replace("closed", "0").split(" to ")
+                    count += sum(_between(*one) for one in zip(texts, zip(lows, highs, strict=True), strict=True))
+                elif head == f"open along {axis}":
+                    surely = sum(leak[0] > 0.0 for leak in leaks)
+                    assert surely <= int(cell.split()[0]) <= sum(leak[1] > 0.0 for leak in leaks)
+    return count
+
+
+def _around(path: dict[str, np.ndarray], load: float, name: str) -> tuple[float, float]:
+    """Return the smallest and the largest number of a surface at the steps around a load; equal on a step."""
+    near = np.flatnonzero(np.isclose(path["p"], load, rtol=1e-5, atol=0.0))
+    k = int(np.searchsorted(path["p"], load))
+    ends = path[name][near[:1]] if near.size else path[name][[k - 1, min(k, path["p"].size - 1)]]
+    return float(ends.min()), float(ends.max())
+
+
+def _between(text: str, ends: Sequence[float]) -> int:
+    """Check that a printed number is between two numbers, but for the rounding of its last digit."""
+    digits = re.sub(r"e.*", "", text).partition(".")[2]
+    unit = 0.51 * 10.0 ** (int((re.findall(r"e(.*)", text) or ["0"])[0]) - len(digits))
+    assert ends[0] - unit <= float(text) <= ends[1] + unit, (text, ends)
+    return 1
+
+
 QUESTIONS: dict[str, Callable[[Made], int]] = {
     "run": run,
     "show": show,
@@ -720,6 +861,9 @@ QUESTIONS: dict[str, Callable[[Made], int]] = {
     "roughvol.open": open_python,
     "roughvol.run": run_python,
     "roughvol.press": press,
+    "ask": ask,
+    "ask --closed": ask_closed,
+    "creep": creep,
     "check": check,
     "status": status,
 }
