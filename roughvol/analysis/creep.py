@@ -30,6 +30,7 @@ from roughvol.analysis.leak_curve import Curve, curves, surfaces
 from roughvol.analysis.read_off import check, refuse
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.observables.at_state import at_state
+from roughvol.observables.levels import REACHED
 from roughvol.store import stamped_file
 from roughvol.study import Creep, loads
 from roughvol.typing import Array
@@ -134,8 +135,9 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
     unit = str(run["nominal_pressure"].attrs["units"])
     _within_reach([one for each in by_axis.values() for one in each], unit, equivalent, seconds, pressure)
     areas = [
-        at_state(surface["nominal_pressure"].values, surface["contact_area_fraction"].values, equivalent)
+        at_state(p, surface["contact_area_fraction"].values, _on_steps(p, equivalent))
         for surface in pressed
+        for p in [surface["nominal_pressure"].values]
     ]
     return History(
         np.asarray(seconds, dtype=np.float64),
@@ -147,6 +149,12 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
         unit,
         str(run["leak_rate_x"].attrs["units"]),
     )
+
+
+def _on_steps(steps: Array, loads: Array) -> Array:
+    """Return loads, those of a step where they miss the step by less than `REACHED`."""
+    near = np.abs(loads[:, np.newaxis] - steps) <= REACHED * steps
+    return np.where(near.any(axis=1), steps[near.argmax(axis=1)], loads)
 
 
 def _over_surfaces(each: Sequence[Curve], equivalent: Array) -> OverSurfaces:
@@ -168,12 +176,12 @@ def _within_reach(
 ) -> None:
     """Refuse times whose states lie beyond the stored sweep of a surface with an open way."""
     low, high = max(one.begins for one in each), min(one.ends for one in each)
-    if equivalent[0] < low * (1.0 - 1e-12):
+    if equivalent[0] < low * (1.0 - REACHED):
         refuse(
             f"at {seconds[0]:.4g} s the state is that of {equivalent[0]:.4g} {unit}; the sweep begins at "
             f"{low:.4g} {unit}: give more steps at low load"
         )
-    late = np.flatnonzero(equivalent > high * (1.0 + 1e-12))
+    late = np.flatnonzero(equivalent > high * (1.0 + REACHED))
     if late.size:
         k = int(late[0])
         until = f"reached up to {seconds[k - 1]:.4g} s" if k else "reached at no time"

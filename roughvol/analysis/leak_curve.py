@@ -147,7 +147,7 @@ class Curve:
             The load and the interval of the reading. At a closing: the first closed step, and the last open one.
         """
         x, y = self._logs
-        above = np.flatnonzero(y > log_wanted(x))
+        above = np.flatnonzero(y > log_wanted(x) + REACHED)  # a step that misses the value by less has it
         if not above.size:
             return Bracket(0.0, 0.0, self.begins)
         k = int(above[-1])

@@ -187,8 +187,8 @@ def check(run: Dataset, *, leaks: bool = True) -> None:
     Raises
     ------
     StudyError
-        If a fluid pressure lifts the gap, if leak rates or pressures are missing, or if the run has several D, m, or
-        values of a list.
+        If a fluid pressure lifts the gap, nothing was pressed, leak rates or pressures are missing, or the run has
+        several D, m, or values of a list.
     """
     if leak.is_lifted(run):
         refuse(
@@ -196,6 +196,8 @@ def check(run: Dataset, *, leaks: bool = True) -> None:
             f"({_recorded(run)}), and is not read off between states; roughvol show has it. More states: "
             "record.fluid_pressure.at, as {pressure: [0.1 MPa, 0.2 MPa]}"
         )
+    if "mean_pressure" not in run:
+        refuse("the run has no state: nothing was pressed")
     if leaks and ("leak_rate_x" not in run or "nominal_pressure" not in run):
         refuse("the run has no leak rates: record dimensional.pressure and dimensional.leak_rate")
     several = [dim for dim in ONE_OF_EACH if run.sizes.get(dim, 1) > 1]

@@ -48,6 +48,18 @@ ONE_MAP = {
     "lifted-gas": "unexpected keyword argument 'fluid'",
     "ensemble": "unexpected keyword argument 'ensemble'",
 }
+ONE_KIND = (
+    "one seeds files bodies spectrum gas region periodic closed some-closed percolation to-pressure to-area force "
+    "nominal gap records"
+)
+SEVERAL = {
+    "m": "the run has several m",
+    "materials": "the run has several E",
+    "regions": "the run has several region",
+    **dict.fromkeys(("one-way", "coupled", "lifted-gas"), "record.fluid_pressure lifts the gap"),
+}
+READ_OFF = SEVERAL | OTHER_RESULTS | UNPRESSED
+NO_LEAK_RATE = dict.fromkeys(("D", "ensemble", "mean-plane"), "the run has no leak rates")
 CELLS = {
     "run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
     "show": Cells(PRESSED, SHOWN),
@@ -62,13 +74,18 @@ CELLS = {
     "roughvol.open": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
     "roughvol.run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
     "roughvol.press": Cells(PRESSED_AGAIN, ONE_MAP, {"unpressed": "X8"}),
+    "ask": Cells(f"{ONE_KIND} legs", READ_OFF | NO_LEAK_RATE),
+    "ask --closed": Cells(
+        f"{ONE_KIND} legs",
+        READ_OFF
+        | {"D": "the run has several D", "ensemble": "the run has several m", "mean-plane": "does not follow its ways"},
+    ),
+    "creep": Cells(ONE_KIND, READ_OFF | NO_LEAK_RATE | {"legs": "the surface yields"}),
     "check": Cells(f"{PRESSED} unpressed study-changed file-changed"),
     "status": Cells(f"{PRESSED} unpressed", OTHER_RUN),
 }
 NOT_ASKED = {
-    "ask": "to come",
     "card": "to come",
-    "creep": "to come",
     "explain": "describes keys and variables; it reads no run",
     "init": "writes an example study; it reads no run",
     "ls": "lists the runs of a folder; it prints no number of a surface",
