@@ -169,14 +169,17 @@ def cut(nodes: int, side: int, periodic: bool) -> Cut:
         The blocks.
     """
     blocks = -(-nodes // side)
-    node, apart = np.arange(nodes, dtype=np.int32), np.arange(blocks)
-    if not periodic:
-        return Cut(blocks, False, node // side, node % side, np.zeros_like(node), apart * side)
-    block = node * blocks // nodes
-    start = -(-np.arange(blocks + 1, dtype=np.int32) * nodes // blocks)
-    distance = (2 * nodes * apart + blocks) // (2 * blocks)  # rounded, the same both ways around
-    distance = np.where(2 * apart > blocks, nodes - distance[-apart], distance)
-    return Cut(blocks, blocks >= 3, block, node - start[block], side - np.diff(start)[block], distance)
+    node, apart = np.arange(nodes), np.arange(blocks)
+    if periodic:
+        block = node * blocks // nodes
+        start = -(-np.arange(blocks + 1) * nodes // blocks)
+        within, spare = node - start[block], side - np.diff(start)[block]
+        distance = (2 * nodes * apart + blocks) // (2 * blocks)  # rounded, the same both ways around
+        distance = np.where(2 * apart > blocks, nodes - distance[-apart], distance)
+    else:
+        block, within, spare, distance = node // side, node % side, np.zeros_like(node), apart * side
+    small = [array.astype(np.int32) for array in (block, within, spare)]
+    return Cut(blocks, periodic and blocks >= 3, small[0], small[1], small[2], distance)
 
 
 class Tier:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import roughvol
 from roughvol.campaign import cost, tradeoff
 from roughvol.campaign.one_case import run_case, surface_of
 from roughvol.campaign.running import run
@@ -23,6 +24,26 @@ SURFACE = "surface: {D: 2.4, m: 5, L: 3.0, seeds: [2], periodic: true}\n"
 def solved(text: str) -> Any:
     study = loads(SURFACE + text)
     return run_case(study.cases()[0]).squeeze(), surface_of(study.cases()[0])
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_crop_of_137_elements_is_pressed_to_its_pressures(seed: int) -> None:
+    """0.11.1 ended without convergence: a second tier of blocks with three blocks around the period."""
+    noise = np.random.Generator(np.random.PCG64(seed)).standard_normal((256, 256))
+    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(256), np.fft.fftfreq(256), indexing="ij"))
+    heights = np.fft.ifft2(np.fft.fft2(noise) * np.maximum(frequency, 4 / 256) ** -1.8).real[:137, :137]
+    pressures = ["0.006 MPa", "0.02 MPa", "0.04 MPa"]
+    states = roughvol.press(
+        1e-3 * heights / heights.std(),
+        L="1 mm",
+        E="10 MPa",
+        nu=0.49,
+        surface={"periodic": True, "heights_unit": "mm"},
+        sweep={"pressures": pressures},
+        jobs=1,
+    )
+    assert states.nominal_pressure.values == pytest.approx([float(p.split()[0]) for p in pressures], rel=5e-6)
+    assert states.converged.all()
 
 
 @pytest.mark.parametrize(
