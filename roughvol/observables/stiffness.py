@@ -67,3 +67,28 @@ def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
         with np.errstate(divide="ignore"):
             stiffness[(*row, states)] = p[row][states] / np.abs(slope) * np.where(slope > 0.0, -1.0, 1.0)
     return stiffness
+
+
+def without_every_second(pressure: ArrayLike, separation: ArrayLike) -> Array:
+    """Return K at each state from every second state around it.
+
+    The difference from `interfacial_stiffness` measures the error by the steps. For differences of second order it is
+    about three times the error.
+
+    Parameters
+    ----------
+    pressure, separation : array_like, shape (..., steps)
+        As in `interfacial_stiffness`.
+
+    Returns
+    -------
+    ndarray, shape (..., steps)
+        Stiffness; NaN where fewer than three states are left.
+    """
+    p, d = np.asarray(pressure, dtype=np.float64), np.asarray(separation, dtype=np.float64)
+    stiffness = np.full(p.shape, np.nan)
+    for row in np.ndindex(p.shape[:-1]):
+        states = np.flatnonzero((p[row] > 0.0) & np.isfinite(p[row]) & np.isfinite(d[row]))
+        for half in (states[::2], states[1::2]):
+            stiffness[(*row, half)] = interfacial_stiffness(p[row][half], d[row][half])
+    return stiffness

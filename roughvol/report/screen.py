@@ -20,11 +20,13 @@ from roughvol.analysis.tables import Table
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.observables.conductance import stiffness_exponent
+from roughvol.observables.stiffness import without_every_second
 from roughvol.report.run_facts import LEAKS, WAYS, cell, closing, conventions, head
 from roughvol.store.variables import STATES
 from roughvol.store.variants import parts_of
 from roughvol.study import Level, Quantity
 
+STIFFNESS = "interfacial_stiffness"
 P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"
 SHORT = (  # columns after a run and in a comparison, where they are stored or follow from what is
     "nominal_pressure",
@@ -55,7 +57,7 @@ FULL = (  # columns of all steps
     *LEAKS,
     "knudsen_number_x",
     "knudsen_number_y",
-    "interfacial_stiffness",
+    STIFFNESS,
     "contact_conductance",
 )
 MANY = 14  # states of a sweep to listed loads that are all shown after a run
@@ -182,7 +184,11 @@ def shown(run: Run, states: Sequence[Level] = ()) -> list[Table]:
     named = _named(run)
     if states:
         found = [row for state in states for row in _reaching(run, named, state)]
-        return [_table("", found, _columns(FULL, [state.data for _, state in found]), RULE)]
+        shown_columns = _columns(FULL, [state.data for _, state in found])
+        notes = ["K is a difference between steps: the table of all steps has its error."] * (
+            STIFFNESS in shown_columns
+        )
+        return [_table("", found, shown_columns, RULE, *notes)]
     tables = []
     for name, group in named:
         columns, count = _columns(FULL, [group]), group.sizes["seed"]
@@ -200,13 +206,24 @@ def shown(run: Run, states: Sequence[Level] = ()) -> list[Table]:
 
 
 def _exponent(group: Dataset) -> list[str]:
-    """Return how the stiffness goes with the pressure, in words; empty with too few states."""
-    if "interfacial_stiffness" not in group:
+    """Return the error of the stiffness by the steps, and how it goes with the pressure; empty with too few states."""
+    if STIFFNESS not in group:
         return []
-    pressure, stiffness = (group[name].transpose("seed", "step").values for name in (P, "interfacial_stiffness"))
-    exponents = [stiffness_exponent(p, k) for p, k in zip(pressure, stiffness, strict=True)]
-    finite = [value for value in exponents if math.isfinite(value)]
-    return [f"K goes with p^{np.mean(finite):.2f} over the first leg."] if finite else []
+    first = first_leg(group)
+    pressure, gap, stiffness = (first[name].transpose("seed", "step").values for name in (P, V, STIFFNESS))
+    fewer = without_every_second(pressure, gap)
+    both = np.isfinite(stiffness) & np.isfinite(fewer) & (stiffness > 0.0)
+    exponents = np.array(
+        [[stiffness_exponent(p, k) for p, k in zip(pressure, values, strict=True)] for values in (stiffness, fewer)]
+    )
+    if not both.any() or not np.isfinite(exponents).any(axis=1).all():
+        return ["K is a difference between steps; with so few its error is not known."]
+    change = 100.0 * float(np.abs(fewer[both] / stiffness[both] - 1.0).max())
+    every, half = np.nanmean(exponents, axis=1)
+    return [
+        f"K is a difference between steps: with every second step it changes by up to {change:.0f} %, and goes with "
+        f"p^{half:.2f} in place of p^{every:.2f} over the first leg."
+    ]
 
 
 def _reaching(run: Run, named: Sequence[tuple[str, Dataset]], state: Level) -> list[tuple[str, State]]:

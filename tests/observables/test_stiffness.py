@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.errors import ContactError
-from roughvol.observables.stiffness import interfacial_stiffness
+from roughvol.observables.stiffness import interfacial_stiffness, without_every_second
 
 
 def test_the_stiffness_of_an_exponential_is_the_pressure_over_its_length() -> None:
@@ -67,3 +67,13 @@ def test_states_without_load_and_missing_cases_have_none() -> None:
 def test_what_has_no_stiffness_is_refused(pressure: list[float], separation: list[float], words: str) -> None:
     with pytest.raises(ContactError, match=words):
         interfacial_stiffness(pressure, separation)
+
+
+def test_every_second_state_shows_the_error_by_the_steps() -> None:
+    p = np.geomspace(0.01, 1.0, 17)
+    d = -np.sqrt(p)  # K = 2 sqrt(p)
+    found, fewer = interfacial_stiffness(p, d), without_every_second(p, d)
+    error, change = np.abs(found / (2.0 * np.sqrt(p)) - 1.0), np.abs(fewer / found - 1.0)
+    assert np.all(error <= change)
+    assert_allclose(change[4:-4] / error[4:-4], 3.0, rtol=0.2)  # second order: four times the error, less the error
+    assert_allclose(without_every_second(np.exp(-d), d), interfacial_stiffness(np.exp(-d), d), rtol=1e-9)
