@@ -7,6 +7,7 @@ The room of the solver. It knows surfaces and arrays, no study and no results.
 `search`              indentation at which a quantity reaches a value
 `crossing`            indentation at which a quantity crosses a value, on any leg of a path
 `pressed`             state under a given load
+`response`            linear response of a solved state
 `active_set`          loop: free elements, residual, direction, exact step
 `problem`             scaled problem: convolution, verification, record
 `state`               solved state

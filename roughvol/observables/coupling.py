@@ -10,21 +10,38 @@ With heights lowered by K P, (1) is the problem of dry contact for e, and its so
 P beside contact and in pockets is that of `fluid_pressure`. Pressures are gauge pressures in the unit of p*.
 
 One way: P of the dry gap, and the contact solved once more; the change is that of first order in P. Fully coupled: a
-fixed point P = F(P) of both solvers, by Anderson's acceleration of depth `DEPTH` (J. ACM 12 (1965) 547). The problem
-coupled in this way: Shvarts & Yastrebov, Tribol. Int. 126 (2018) 116.
+fixed point P = F(P), F(P) being the pressure of the flow through the gap under P. The problem coupled in this way:
+Shvarts & Yastrebov, Tribol. Int. 126 (2018) 116.
+
+Several fixed points may exist. The one returned is that of a joint pressed first and pressurised then. Inlet and outlet
+rise together from zero to their values, in steps of at most `STEP` of the load, and each step starts from the state
+before. Within a step the fluid pressure relaxes towards that of the flow,
+
+    dP/dτ = F(P) - P,                                                                             (2)
+
+by steps of the linearly implicit Euler method, which become Newton's where (2) is linear (pseudo-transient
+continuation: Kelley & Keyes, SIAM J. Numer. Anal. 35 (1998) 508). F' follows from the linear response of the contact
+(`contact.response`) and that of the flow (`FluidField.change`); its equations are solved by GMRES. Elements next to
+closing may change P by F' of -10³: (2) is stiff, and iterations without F' do not settle there.
+
+The joint opens where (2) leads to a contact that carries less than `OPENS` of the load, and the flow through its gap
+carries more than the whole: contact is then lost from a solved state, as the inlet rises from one step to the next.
+Nothing else is said to open. States above that inlet may exist for a joint pressed under pressure.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.sparse.linalg import LinearOperator, gmres
 
 from roughvol.contact.loading import Compliance, Contact, Trials
 from roughvol.contact.pressed import state_under
+from roughvol.contact.response import Response
 from roughvol.errors import ContactError, ConvergenceError
-from roughvol.observables.fluid_pressure import fluid_pressure
+from roughvol.observables.fluid_pressure import LEAST, FluidField
 from roughvol.observables.regions import State, Within, window
 from roughvol.observables.transport import conduction
 from roughvol.study import Case, Scale
@@ -33,9 +50,12 @@ from roughvol.typing import Array
 
 RTOL = 1e-8  # largest η/σ of the contacts: the fixed point needs digits
 ACCURACY = 1e-6  # of P over the pressure drop, the largest change of an element in a round
-ROUNDS = 60
-DEPTH = 4  # earlier rounds that Anderson's acceleration combines
-LEAST_STEP, FIRST_STEP = 0.1, 1.0  # relaxation: halved where the change grows
+STEP = 0.25  # largest rise of the inlet over the load from state to state
+ROUNDS = 40  # solves of the contact in a step
+TRUST = 0.25  # largest error of the linear F over the change of P that is left
+OPENS = 1e-3  # share of the load on a contact that is about to be lost
+SOFTER = tuple(10.0**-digit for digit in range(1, 8))  # conductances of closed elements on the way to `LEAST`
+_GMRES = {"rtol": 1e-3, "restart": 60, "maxiter": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +155,39 @@ def _leak(gap: Array, axis: int, periodic: bool) -> float:
     return float(conduction(gap, axis, periodic=periodic).coefficient * gap.mean() ** 3)
 
 
+class Opening(ContactError):
+    """The fluid carries the whole load, so contact is lost."""
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """A contact under a fluid pressure, and the fluid pressure of the flow through its gap.
+
+    Attributes
+    ----------
+    state : Lifted
+        The contact under P.
+    field : FluidField
+        The flow through its gap.
+    left : array (rows, columns)
+        F(P) - P, in the unit of p*.
+    """
+
+    state: Lifted
+    field: FluidField
+    left: Array
+
+    @property
+    def size(self) -> float:
+        """Largest |F(P) - P|."""
+        return float(np.abs(self.left).max())
+
+    @property
+    def norm(self) -> float:
+        """Root of the sum of the squares of F(P) - P."""
+        return float(np.linalg.norm(self.left))
+
+
 class Coupling:
     """Contact and flow of one surface along one axis.
 
@@ -168,7 +221,7 @@ class Coupling:
 
     def fluid_in(self, gap: Array) -> Array:
         """Return P of the flow through a gap, in the unit of p*."""
-        shape = fluid_pressure(gap, self.axis, periodic=self.surface.periodic)
+        shape = FluidField(gap, self.axis, periodic=self.surface.periodic).pressure
         return self.outlet + (self.inlet - self.outlet) * shape
 
     def under(self, fluid: Array, load: float, near: Contact) -> Lifted:
@@ -197,13 +250,10 @@ class Coupling:
         """
         excess = load - float(fluid.mean())
         if not excess > 0.0:
-            message = (
-                f"the fluid carries the whole load: its mean pressure is p* = {fluid.mean():.6g}, the load p* = "
-                f"{load:.6g}; the joint opens. Allowed: a lower inlet, or a higher load"
-            )
-            raise ContactError(message)
+            message = f"the mean fluid pressure is p* = {fluid.mean():.6g}; allowed: below the load, p* = {load:.6g}"
+            raise Opening(message)
         surface, per_p = self.surface, 1.0 / (np.pi * self.surface.intervals[0])
-        lift = self._displacement(fluid * per_p)
+        lift = self.displacement((fluid * per_p).ravel()).reshape(surface.shape)
         lowered = Surface(
             surface.heights - surface.unit * (lift - lift.mean()), surface.spacing, periodic=surface.periodic
         )
@@ -232,18 +282,17 @@ class Coupling:
         return self.under(self.fluid_in(dry.gap()), load, dry)
 
     def solve(self, load: float, near: Contact, fluid: Array | None = None) -> Lifted:
-        """Return the coupled state.
-
-        Near a closing there are two states: one pressed first and pressurised then, and one pressed under pressure.
+        """Return the coupled state of a joint that is pressed first and pressurised then.
 
         Parameters
         ----------
         load : float
             Mean of the total pressure, p*.
         near : Contact
-            A state from which the indentation is guessed: the contact without fluid at this load.
+            The contact without fluid at this load.
         fluid : array (rows, columns), optional
-            Fluid pressure to start from, that of another state. Default: that of the gap of ``near``.
+            Fluid pressure of another state, from which the state at the inlet follows in a single step: that of a
+            joint pressed under pressure. Default: none, the inlet rises from zero.
 
         Returns
         -------
@@ -253,45 +302,155 @@ class Coupling:
         Raises
         ------
         ContactError
-            If the fluid alone carries more than the load.
+            If the joint opens.
         ConvergenceError
-            If the fixed point is not reached.
+            If no state is found, and opening is not shown.
         """
-        drop = self.inlet - self.outlet
-        fluid = self.fluid_in(near.gap()) if fluid is None else fluid
-        earlier: list[tuple[Array, Array]] = []
-        step, last = FIRST_STEP, np.inf
-        for rounds in range(1, ROUNDS + 1):
-            state = self.under(fluid, load, near)
-            change = self.fluid_in(state.gap) - fluid
-            size = float(np.abs(change).max()) / drop
-            if size <= ACCURACY:
-                return Lifted(state.gap, fluid, state.pressure, rounds, max(state.residual, size))
-            if size > last:  # a longer history misleads near a closing
-                earlier, step = [], max(LEAST_STEP, 0.5 * step)
-            last = size
-            following = fluid + _accelerated(change, fluid, earlier, step)
-            earlier = [*earlier, (fluid, change)][-DEPTH:]
-            fluid = np.clip(following, self.outlet, self.inlet)
-        message = (
-            f"contact and flow do not settle at p* = {load:.6g}: the fluid pressure still changes by {size:.2g} of "
-            "the drop"
+        if fluid is not None:
+            try:
+                return self._relaxed(fluid, load, near)
+            except ConvergenceError:
+                return self._softened(fluid, load, near)
+        fluid, reached, rounds, first = self.fluid_in(near.gap()), 0.0, 0, 0
+        while reached < 1.0:
+            for number, (rise, settle) in enumerate(RISES[first:], start=first):
+                share = min(reached + rise * STEP * load / self.inlet, 1.0)
+                at, start = self._at(share), fluid * (share / (reached or 1.0))
+                try:
+                    state = settle(at, start, load, near)
+                except Opening as opening:
+                    raise ContactError(at._opens(load, reached * self.inlet)) from opening
+                except ConvergenceError as error:
+                    rounds, unsettled = rounds + ROUNDS, error
+                    continue
+                fluid, reached, rounds, first = state.fluid, share, rounds + state.rounds, max(number - 1, 0)
+                break
+            else:
+                raise unsettled
+        return replace(state, rounds=rounds)
+
+    def _at(self, share: float) -> Coupling:
+        """Return the coupling at a share of the pressures of inlet and outlet."""
+        inlet, outlet = share * self.inlet, share * self.outlet
+        return Coupling(self.surface, self.half_space, self.axis, inlet, outlet, self.rtol)
+
+    def _opens(self, load: float, last: float) -> str:
+        """Return what is said of a joint that opens at this inlet, with the inlet of the last state."""
+        before = f"has a state at an inlet of p* = {last:.6g}" if last else "is closed without fluid"
+        return (
+            f"the joint opens: pressed to p* = {load:.6g} and pressurised then, it {before}, and at an inlet of p* = "
+            f"{self.inlet:.6g} the fluid carries the whole load. Allowed: a lower inlet, or a higher load"
         )
-        raise ConvergenceError(message, indentation=near.indentation, iterations=ROUNDS, residual=size)
 
-    def _displacement(self, pressure: Array) -> Array:
+    def _softened(self, fluid: Array, load: float, near: Contact) -> Lifted:
+        """Return the state to which a fluid pressure relaxes as closed elements conduct less from step to step.
+
+        Elements next to closing then change P more slowly with their gap at first. Starts are the fluid pressure, that
+        of the dry gap, and that of a wide gap.
+        """
+        rounds = 0
+        for start in (fluid, self.fluid_in(near.gap()), self.fluid_in(np.ones(self.surface.shape))):
+            following = start
+            for least in (*SOFTER, LEAST):
+                try:
+                    state = self._relaxed(following, load, near, least)
+                except (ConvergenceError, Opening) as error:
+                    rounds, last = rounds + ROUNDS, error
+                    continue
+                following, rounds = state.fluid, rounds + state.rounds
+                if least == LEAST:
+                    return replace(state, rounds=rounds)
+        raise last
+
+    def _relaxed(self, fluid: Array, load: float, near: Contact, least: float = LEAST) -> Lifted:
+        """Return the state to which a fluid pressure relaxes, closed elements having a given conductance."""
+        drop = self.inlet - self.outlet
+        mean = float(fluid.mean())
+        if mean >= load:  # the fluid alone carries the load: damped back
+            fluid = fluid * ((1.0 - OPENS) * load / mean)
+        here, drag = self._round(fluid, load, near, least), 0.0
+        linear = _Linear(self, here)
+        for rounds in range(1, ROUNDS):
+            state, fluid = here.state, here.state.fluid
+            if here.size <= ACCURACY * drop:
+                return replace(state, rounds=rounds, residual=max(state.residual, here.size / drop))
+            change, expected = linear.step(drag)
+            trial = fluid + change
+            error = np.inf
+            if trial.mean() < load:
+                there = self._round(trial, load, near, least)
+                error = float(np.linalg.norm(there.left - expected)) / here.norm
+            elif load - fluid.mean() <= OPENS * load and (fluid + here.left).mean() >= load:
+                message = f"contact is lost at an inlet of p* = {self.inlet:.6g}"
+                raise Opening(message)
+            if error > TRUST or (drag == 0.0 and there.norm >= here.norm):
+                drag = max(1.0, 4.0 * drag)
+                continue
+            here, linear = there, _Linear(self, there)
+            if error < 0.5 * TRUST:
+                drag = drag / 8.0 if drag > 0.2 else 0.0
+        message = (
+            f"no state of contact and flow is found at p* = {load:.6g} and an inlet of p* = {self.inlet:.6g}: the "
+            f"fluid pressure still changes by {here.size / drop:.2g} of the drop, and it is not shown that the joint "
+            "opens"
+        )
+        raise ConvergenceError(message, indentation=near.indentation, iterations=ROUNDS, residual=here.size / drop)
+
+    def _round(self, fluid: Array, load: float, near: Contact, least: float) -> Round:
+        state = self.under(fluid, load, near)
+        field = FluidField(state.gap, self.axis, periodic=self.surface.periodic, least=least)
+        left = self.outlet + (self.inlet - self.outlet) * field.pressure - fluid
+        return Round(state, field, left)
+
+    def displacement(self, pressure: Array) -> Array:
+        """Return u over σ under a scaled pressure on every element, both flat."""
         elements = np.arange(pressure.size, dtype=np.intp)
-        lift: Any = self.half_space.displacement_above(np.zeros(pressure.size), elements, pressure.ravel())
-        displacement: Array = lift.reshape(pressure.shape)
-        return displacement
+        return self.half_space.displacement_above(np.zeros(pressure.size), elements, pressure)
 
 
-def _accelerated(change: Array, fluid: Array, earlier: list[tuple[Array, Array]], step: float) -> Array:
-    """Return the step of Anderson's acceleration from this round and earlier ones."""
-    if not earlier:
-        return step * change
-    changes = np.stack([(change - other).ravel() for _, other in earlier], axis=1)
-    fluids = np.stack([(fluid - other).ravel() for other, _ in earlier], axis=1)
-    weights = np.linalg.lstsq(changes, change.ravel(), rcond=1e-10)[0]
-    combined: Array = (step * change.ravel() - (fluids + step * changes) @ weights).reshape(fluid.shape)
-    return combined
+class _Linear:
+    """The linear F about a round, and the steps that follow from it. Fluid in contact has no effect on the gap."""
+
+    def __init__(self, coupling: Coupling, at: Round) -> None:
+        self._coupling, self._at = coupling, at
+        gap = at.state.gap.ravel()
+        self._open, self._closed = np.flatnonzero(gap > 0.0), np.flatnonzero(gap == 0.0)
+        self._response = Response(coupling.half_space, self._closed)
+
+    def step(self, drag: float) -> tuple[Array, Array]:
+        """Return the change x of P with (1 + drag) x - F' x = F(P) - P, and F(P) - P after it by the linear F."""
+        left, open_ = self._at.left.ravel(), self._open
+
+        def apply(change: Array) -> Array:
+            result: Array = (1.0 + drag) * change - self._change(change)[open_]
+            return result
+
+        operator = LinearOperator((open_.size, open_.size), matvec=apply, dtype=np.float64)
+        inside = gmres(operator, left[open_], **_GMRES)[0]
+        of_flow = self._change(inside)
+        change = (left + of_flow) / (1.0 + drag)
+        change[open_] = inside
+        shape = self._at.left.shape
+        return change.reshape(shape), (left - change + of_flow).reshape(shape)
+
+    def _change(self, fluid: Array) -> Array:
+        """Return F' x on every element, flat, for the change x of P on open elements."""
+        coupling, closed = self._coupling, self._closed
+        q = np.zeros(coupling.surface.heights.size)
+        q[self._open] = fluid / (np.pi * coupling.surface.intervals[0])
+        rates = self._response.rates
+        q[closed] = -self._response.pressure(coupling.displacement(q)[closed])
+        indentation = -q.sum() / rates.sum()  # the load stays
+        q[closed] += indentation * rates
+        gap = coupling.displacement(q) - indentation
+        gap[closed] = 0.0
+        field = self._at.field.change(gap.reshape(self._at.left.shape))
+        change: Array = ((coupling.inlet - coupling.outlet) * field).ravel()
+        return change
+
+
+RISES = (
+    *((rise, Coupling._relaxed) for rise in (1.0, 0.5, 0.25, 0.125)),
+    *((rise, Coupling._softened) for rise in (0.125, 1.0, 2.0)),
+)
+"""Rises of the inlet over the largest, and how the state there is found: the next is tried where rounds are used up."""
