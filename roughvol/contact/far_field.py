@@ -259,13 +259,18 @@ class Tier:
 
         # A block shorter than its frame lies at the start of the frame, or at the end where the block beside it comes
         # next: all frames beside each other are then one side apart.
-        frames = [(position, shapes)]
-        if rows.spare.any() or columns.spare.any():
-            for low, far in ((0, 1), (1, 0), (1, 1)):
-                place = position + (low * side * rows.spare.take(row) + far * columns.spare.take(column))
-                shifted = np.zeros_like(shapes)
-                shifted.ravel()[place] = share
-                frames.append((place, shifted))
+        def places(some: slice, low: int, far: int) -> Index:
+            if not (low or far):
+                return position[some]
+            shift: Index = low * side * rows.spare.take(row[some]) + far * columns.spare.take(column[some])
+            return position[some] + shift
+
+        ends = [(0, 0), (0, 1), (1, 0), (1, 1)] if rows.spare.any() or columns.spare.any() else [(0, 0)]
+        frames = [shapes]
+        for end in ends[1:]:
+            frames.append(np.zeros_like(shapes))
+            frames[-1].ravel()[places(slice(None), *end)] = share
+
         # Displacement of every element under a unit force on each of the blocks around. The last column is E.
         given = influence[: 2 * side, : 2 * side]
         tables = _tables(given.tobytes(), given.shape[0], side)
@@ -273,11 +278,11 @@ class Tier:
         data = np.empty((elements.size, len(_AROUND) + 1), dtype=np.float32)
         data[:, -1] = 1.0
         for some, blocks in pieces:
-            at = [place[some] - blocks.start * side**2 for place, _ in frames]
+            at = [places(some, *end) - blocks.start * side**2 for end in ends]
             for j, (down, right) in enumerate(_AROUND):
-                acting = (2 * (down < 0) + (right < 0)) % len(frames)
-                moved = (2 * (down > 0) + (right > 0)) % len(frames)
-                field = frames[acting][1][self.neighbours[blocks, j]] @ tables[j]
+                acting = (2 * (down < 0) + (right < 0)) % len(ends)
+                moved = (2 * (down > 0) + (right > 0)) % len(ends)
+                field = frames[acting][self.neighbours[blocks, j]] @ tables[j]
                 data[some, j] = field.ravel().take(at[moved])
         if below is not None:  # the elements are blocks: blocks around them act with their exact coefficients
             points = [_at(influence, i, j) for i, j in _AROUND]
