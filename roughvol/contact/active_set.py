@@ -134,7 +134,7 @@ def conjugate_gradients(
     Raises
     ------
     ConvergenceError
-        After `Tuning.iterations` iterations.
+        After `Tuning.iterations` iterations with M⁻¹, as many with the near field alone, and as many without.
     """
     tuning, half_space, elements = problem.tuning, problem.half_space, start.candidates
     single = problem.single(rtol) and mode is not Mode.EXACT
@@ -151,7 +151,7 @@ def conjugate_gradients(
     weaker = weaker_inverses(half_space.influence, half_space.shape, elements, tuning, periodic=half_space.periodic)
     direction: NDArray[Any] = np.zeros(q.size, dtype=np.float32 if single else np.float64)
     r_before, rz, step, residual = direction.copy(), 1.0, 0.0, np.inf  # without effect: the first direction is z
-    for iteration in range(tuning.iterations):
+    for iteration in range(3 * tuning.iterations):
         if iteration % tuning.cut_every == 0:
             _project(problem, elements, q, w, single)  # (5) project on 0 ≤ q ≤ Q: may cost a convolution
         if iteration:
@@ -178,7 +178,8 @@ def conjugate_gradients(
             return np.clip(q + step * direction, 0.0, limit), iteration  # (12) one more step of the previous length
         response = half_space.displacement_at(elements, direction, single=single)
         curvature = float(direction @ response)
-        if not (0.0 < rz < np.inf and 0.0 < curvature < np.inf):  # no descent: rounding has spoilt M⁻¹
+        descends = 0.0 < rz < np.inf and 0.0 < curvature < np.inf
+        if not descends or (iteration + 1) % tuning.iterations == 0:  # rounding has spoilt M⁻¹
             inverse, rz = next(weaker), 1.0
             direction[:] = 0.0
             continue

@@ -44,7 +44,7 @@ class Tuning:
     last_step : float
         Residual at which one more step is trusted unmeasured, over the residual that ends the iteration.
     iterations : int
-        Most iterations of a solve.
+        Most iterations of a round with M⁻¹. A weaker inverse gets as many.
     rounds : int
         Most rounds of iteration and verification of a solve.
     single_from : float

@@ -172,6 +172,7 @@ WRONG = {
     "overflow": lambda z: np.float32(3e38) * z,
     "noise": lambda z: np.random.Generator(np.random.PCG64(8)).standard_normal(z.size).astype(np.float32),
     "zero": np.zeros_like,
+    "stalls": lambda z: z * np.logspace(-8, 8, z.size, dtype=np.float32),
 }
 
 
@@ -181,7 +182,7 @@ WRONG = {
 def test_a_wrong_inverse_costs_iterations_and_not_the_answer(monkeypatch, wrong, parts):
     surface = random_midpoint_displacement(2.3, 6, seed=0)
     half_space, steps = HalfSpace(surface.shape), surface.peak * np.arange(1, 5) / 4
-    options = {"rtol": 1e-7, "tuning": Tuning(dense_up_to=0)}
+    options = {"rtol": 1e-7, "tuning": Tuning(dense_up_to=0, iterations=200)}
     right = list(sweep(surface, half_space, steps, **options))
     for part in parts:
         made = getattr(preconditioner, part)
@@ -194,4 +195,4 @@ def test_a_wrong_inverse_costs_iterations_and_not_the_answer(monkeypatch, wrong,
     for one, other in zip(sweep(surface, half_space, steps, **options), right, strict=True):
         assert one.residual <= 1e-7
         assert abs(one.free_volume - other.free_volume) <= 2e-7
-        assert one.iterations < 60
+        assert one.iterations < (1000 if wrong == "stalls" else 60)
