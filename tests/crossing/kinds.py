@@ -68,6 +68,11 @@ class Kind:
         return f"{self.name}.yaml"
 
     @property
+    def card(self) -> str:
+        """The load of a leak card: a solved step, so that study.nc has its numbers."""
+        return "pressure=0.06 MPa" if LISTED in self.study else "last"
+
+    @property
     def asked(self) -> str:
         """What the questions take as the run: its name, or its study file where this was changed."""
         return self.file if self.afterwards else self.name
@@ -270,7 +275,8 @@ KINDS = (
     Kind(
         "mean-plane",
         "end at d = 0",
-        "surface: {D: 2.3, m: 4, seeds: [0, 1, 2, 3]}\nsweep: {steps: 5, to: mean-plane}\nrecord: {heights: true}\n",
+        "surface: {D: 2.3, m: 4, seeds: [0, 1, 2, 3]}\nsweep: {steps: 5, to: mean-plane}\n"
+        f"record: {{heights: true, {FLOWS}}}\n",
         ("separation=0",),
         modulus=float("nan"),
         beside=("D", "pressure=0.5"),

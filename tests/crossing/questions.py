@@ -16,7 +16,7 @@ import re
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -89,17 +89,22 @@ class Made:
 
     kind: Kind
     folder: Path
-    output: str = field(default="")
+    name: str = ""
 
     @property
     def file(self) -> Path:
         """Its study.nc."""
-        return self.folder / "runs" / self.kind.name / "study.nc"
+        return self.folder / "runs" / (self.name or self.kind.name) / "study.nc"
+
+    @property
+    def modulus(self) -> Any:
+        """E* in MPa, that of the changed study for a run of now."""
+        return 20.0 if self.name and self.kind.name == "study-changed" else self.kind.modulus
 
     @cached_property
     def groups(self) -> list[Group]:
         """Its surfaces, as the oracle reads them."""
-        return oracle.groups(self.file, self.kind.modulus, self.kind.lists, self.kind.ends)
+        return oracle.groups(self.file, self.modulus, self.kind.lists, self.kind.ends)
 
     def group(self, words: str) -> Group:
         """Return the surfaces that a row or a curve means, by the words around it that not all surfaces share."""
@@ -324,7 +329,28 @@ def run(made: Made) -> int:
     """The table after `roughvol run STUDY`, its closing loads, and the number of cases."""
     text = call(made, "run", made.kind.file, "--jobs", "1")
     assert text.startswith(f"{_cases(made)} case")
-    return 1 + sum(check_table(made, table) for table in tables(text))
+    with xr.open_dataset(made.file, engine="netcdf4") as stored:
+        if "residual" in stored:
+            states = re.search(r"^(\d+) states?, .*\nlargest residual η/σ (.*)$", text, re.MULTILINE)
+            assert states
+            assert int(states[1]) == int(stored["residual"].notnull().sum())
+            close(float(states[2]), float(stored["residual"].max()), "largest residual", within=0.06)
+    return 1 + check_means(made, text) + sum(check_table(made, table) for table in tables(text))
+
+
+def check_means(made: Made, text: str) -> int:
+    """Compare the means of an ensemble with their intervals, in the lines below a table."""
+    found = re.findall(
+        r"^mean V\* at (\w+) = ([\d.]+), D = ([\d.]+), m = \d+: ([\d.]+) ± ([\d.]+) %", text, re.MULTILINE
+    )
+    assert bool(found) == (made.kind.name == "ensemble")
+    for kind, load, D, value, share in found:
+        with xr.open_dataset(made.file, engine="netcdf4") as stored:
+            state = stored.sel(D=float(D), ensemble_at=f"{kind}={load}")
+            mean, low, high = float(state["free_volume_mean"]), *state["free_volume_interval"].values.tolist()
+        close(float(value), mean, "mean V*")
+        close(float(share), 50.0 * (high - low) / mean, "half width of the interval", within=0.02)
+    return 2 * len(found)
 
 
 def _cases(made: Made) -> int:
@@ -334,12 +360,13 @@ def _cases(made: Made) -> int:
 
 def show(made: Made) -> int:
     """The tables of all steps, `roughvol show RUN`."""
-    found = tables(call(made, "show", made.kind.asked))
+    text = call(made, "show", made.kind.asked)
+    found = tables(text)
     assert len(found) == len(made.groups)
     for table, group in zip(found, made.groups, strict=True):
         solved = np.any([np.isfinite(surface.along["mean_pressure"]) for surface in group.surfaces], axis=0)
         assert len(table.rows) == solved.sum()
-    return sum(check_table(made, table) for table in found)
+    return check_means(made, text) + sum(check_table(made, table) for table in found)
 
 
 def _at(made: Made) -> list[str]:
@@ -386,6 +413,36 @@ def compare(made: Made) -> int:
     (table,) = tables(call(made, "compare", made.kind.asked, beside, "--at", load))
     assert len(table.rows) == len(made.groups) + len(other.groups)
     return check_table(made, table, lambda words: other if words.partition(", ")[0] == beside else made)
+
+
+def compare_json(made: Made) -> int:
+    """The numbers of two runs side by side, `roughvol compare RUN RUN --at LOAD --json`."""
+    beside, load = made.kind.beside
+    other = Made(BY_NAME[beside], made.folder)
+    found = json.loads(call(made, "compare", made.kind.asked, beside, "--at", load, "--json"))["rows"]
+    assert len(found) == len(made.groups) + len(other.groups)
+    count = 0
+    for row in found:
+        own = other if row["run"].partition(", ")[0] == beside else made
+        group = own.group(row["run"])
+        states = [oracle.recorded(surface, row["state"]) or {} for surface in group.surfaces]
+        reached = [state for state in states if math.isfinite(state.get("mean_pressure", math.nan))]
+        closed = [state for state in states if state and state not in reached]
+        counts = [row[name] for name in ("surfaces", "reached", "closed_before")]
+        assert counts == [len(states), len(reached), len(closed)]
+        for name, value in row.items():
+            if name in ("state", "run", "surfaces", "reached", "closed_before", STIFFNESS):
+                continue
+            stem = re.sub("_(low|high)$", "", name)
+            numbers = [state.get(stem, math.nan) for state in states]
+            mean, low, high, known = oracle.mean(stem, numbers)
+            expected = {f"{stem}_low": low, f"{stem}_high": high}.get(name, mean)
+            if name.startswith("open_") and known:
+                expected = sum(number > 0.0 for number in numbers)
+            wanted = expected if math.isfinite(expected) else math.nan
+            close(math.nan if value is None else value, wanted, f"{row['run']}, {name}", within=TIGHT, flow=True)
+            count += value is not None
+    return count
 
 
 def run_python(made: Made) -> int:
@@ -575,8 +632,15 @@ def report(made: Made) -> int:
         parts = 1 if not made.kind.lists else stored.sizes[made.kind.lists[0]]
         assert sum(run["cases"] for run in data["runs"]) == int(stored["Sq"].notnull().sum())
         assert len(data["surfaces"]) == parts
+        if "residual" in stored:
+            solved = [re.match(r"(\d+) of (\d+) converged", part["loading"]["States"]) for part in data["surfaces"]]
+            assert sum(int(one[1]) for one in solved if one) == int(stored["residual"].notnull().sum())
         if "case" in stored.dims:
             count += _check_map(data["surfaces"][0]["surface"], stored)
+    moduli = sorted(_numbers(part["loading"]["Contact modulus E*"])[0] for part in data["surfaces"])
+    expected = [made.kind.modulus] * parts if isinstance(made.kind.modulus, float) else made.kind.modulus.values()
+    if np.isfinite(list(expected)).all():
+        close(moduli, sorted(expected), "E*")
     return count + parts
 
 
@@ -850,6 +914,60 @@ def _between(text: str, ends: Sequence[float]) -> int:
     return 1
 
 
+# the leak card
+
+
+def card(made: Made) -> int:
+    """Load, leaks and closing loads of the leak card, `roughvol card STUDY --at LOAD --json`."""
+    load = made.kind.card
+    found = json.loads(call(made, "card", made.kind.file, "--at", load, "--jobs", "1", "--json"))
+    own = made
+    if made.kind.afterwards is not None:  # a card is of the study and the files as they are now
+        call(made, "run", made.kind.file, "--out", "runs/now", "--fresh", "--jobs", "1")
+        own = Made(made.kind, made.folder, "now")
+    if not made.kind.lists:
+        return _check_card(own.groups, found, load)
+    count = 0
+    for words, part in found.items():
+        count += _check_card([group for group in own.groups if group.words[0] == words], part, load)
+    assert len(found) == len({group.words[0] for group in own.groups})
+    return count
+
+
+def _check_card(groups: Sequence[Group], found: dict[str, Any], load: str) -> int:
+    surfaces = [surface for group in groups for surface in group.surfaces]
+    states = [oracle.recorded(surface, load) for surface in surfaces]
+    assert all(state is not None for state in states)
+    assert len(found["surfaces"]) == len(surfaces)
+    count = 0
+    for name in ("mean_pressure", "nominal_pressure"):
+        values = [state[name] for state in states if name in state]
+        if found["load"][name] is None:
+            assert not values or not np.isfinite(values).all() or "leak_rate_x" not in states[0]
+            continue
+        close(found["load"][name], np.mean(values), name, within=1e-5)
+        count += 1
+    for way in found["ways"]:
+        axis = way["axis"]
+        if way["unit"] == "1":  # without units: T* V*³
+            leaks = [state[f"transmissivity_{axis}"] * state["free_volume"] ** 3 for state in states]
+        else:
+            leaks = [state[f"leak_rate_{axis}"] for state in states]
+        close(way["leak"], np.median(leaks), f"leak along {axis}", within=1e-4, flow=True)
+        if way["leak_interval"] is not None:
+            assert way["leak_interval"][0] <= way["leak"] <= way["leak_interval"][1]
+        spans = [oracle.closing(surface, axis) for surface in surfaces]
+        ends = np.mean(spans, axis=0)
+        lifted = "leak_rate_dry_x" in surfaces[0].along
+        if way["closing_pressure_interval"] is None:
+            assert lifted or way["unit"] == "1" or not np.isfinite(ends).all(), (axis, spans)
+        else:
+            close(way["closing_pressure_interval"], ends, f"closing along {axis}", within=1e-5)
+            close(way["closing_pressure"], ends.mean(), f"closing along {axis}", within=1e-5)
+        count += 2
+    return count
+
+
 QUESTIONS: dict[str, Callable[[Made], int]] = {
     "run": run,
     "show": show,
@@ -857,6 +975,7 @@ QUESTIONS: dict[str, Callable[[Made], int]] = {
     "show --json": show_json,
     "show --csv": show_csv,
     "compare": compare,
+    "compare --json": compare_json,
     "plot v_of_p": plot,
     "plot leak_of_p": plot_leak,
     "report": report,

@@ -67,6 +67,7 @@ CELLS = {
     "show --json": Cells(PRESSED, SHOWN),
     "show --csv": Cells(PRESSED, SHOWN),
     "compare": Cells(PRESSED, SHOWN),
+    "compare --json": Cells(PRESSED, SHOWN),
     "plot v_of_p": Cells(PRESSED, OTHER_RESULTS | {"unpressed": "which the study did not record"}),
     "plot leak_of_p": Cells(UNITS, OTHER_RESULTS | NO_LEAK),
     "report": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
@@ -76,9 +77,8 @@ CELLS = {
     "roughvol.press": Cells(PRESSED_AGAIN, ONE_MAP, {"unpressed": "X8"}),
     "ask": Cells(f"{ONE_KIND} legs", READ_OFF | NO_LEAK_RATE),
     "ask --closed": Cells(
-        f"{ONE_KIND} legs",
-        READ_OFF
-        | {"D": "the run has several D", "ensemble": "the run has several m", "mean-plane": "does not follow its ways"},
+        f"{ONE_KIND} legs mean-plane",
+        READ_OFF | {"D": "the run has several D", "ensemble": "the run has several m"},
     ),
     "creep": Cells(ONE_KIND, READ_OFF | NO_LEAK_RATE | {"legs": "the surface yields"}),
     "check": Cells(f"{PRESSED} unpressed study-changed file-changed"),
