@@ -184,6 +184,8 @@ def test_check_draws_a_picture_on_request(place: Path) -> None:
     assert Path("tiny-look.png").read_bytes().startswith(b"\x89PNG")
     assert "# picture other.pdf" in _call("check", "tiny.yaml", "--out", "other.pdf").stdout
     assert Path("other.pdf").stat().st_size > 1000
+    assert "# picture pictures/tiny-look.png" in _call("check", "tiny.yaml", "--look", "--out", "pictures").stdout
+    assert Path("pictures/tiny-look.png").read_bytes() == Path("tiny-look.png").read_bytes()
     wrong = _call("check", "tiny.yaml", "--out", "nowhere/x.png")
     assert wrong.exit_code == 2
     assert re.fullmatch(r"error: cannot write nowhere/x\.png: .*\n", wrong.stderr)

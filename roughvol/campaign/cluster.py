@@ -19,9 +19,13 @@ from roughvol.errors import CampaignError
 Task = TypeVar("Task")
 
 CONNECT = 30  # seconds to reach a scheduler
+SPARE = 5  # seconds beyond them until a client that still connects is given up
 GONE = 300.0  # seconds without any worker before a scheduler is given up, once it has had one
 COUNT_EVERY = 1.0  # seconds between two questions to a scheduler
-_ADDRESS = re.compile(r"(?:[a-z]+://)?(?:\[[0-9A-Fa-f:.%a-z]+\]|[^\s/:\[\]]+):(?P<port>[0-9]{1,5})/?")
+PROTOCOLS = ("tcp", "tls", "ucx", "ws", "wss")  # of Dask between machines
+_ADDRESS = re.compile(
+    "(?:(?:" + "|".join(PROTOCOLS) + r")://)?(?:\[[0-9A-Fa-f:.%a-z]+\]|[^\s/:\[\]]+):(?P<port>[0-9]{1,5})/?"
+)
 _one_at_a_time = threading.Lock()  # threads of a Dask worker cannot share netCDF or a half space
 
 
@@ -31,13 +35,14 @@ def check_address(scheduler: str) -> None:
     Raises
     ------
     CampaignError
-        Unless it is ``host:port`` or ``protocol://host:port``.
+        Unless it is ``host:port`` or ``protocol://host:port`` with one of `PROTOCOLS`.
     """
     match = _ADDRESS.fullmatch(scheduler)
     if match is None or not 0 < int(match["port"]) < 1 << 16:
         message = (
             f"the scheduler's address is {scheduler!r}; "
-            "allowed: host:port or protocol://host:port, as in tcp://127.0.0.1:8786"
+            "allowed: host:port or protocol://host:port, as in tcp://127.0.0.1:8786, with a protocol of "
+            f"{', '.join(PROTOCOLS)}"
         )
         raise CampaignError(message)
 
@@ -48,17 +53,13 @@ class Cluster:
     fall_together = False
 
     def __init__(self, address: str) -> None:
+        check_address(address)
         try:
-            from distributed import Client, Event
+            from distributed import Event
         except ImportError as error:
             message = "a scheduler needs dask.distributed: pip install 'roughvol[cluster]'"
             raise CampaignError(message) from error
-        check_address(address)
-        try:
-            self._client = Client(address, timeout=CONNECT, set_as_default=False)
-        except (OSError, ValueError, RuntimeError) as error:
-            message = f"no scheduler answers at {address}: {error}"
-            raise CampaignError(message) from error
+        self._client = _connected(address)
         self._executor = self._client.get_executor(pure=False)
         self._run = f"roughvol-{uuid.uuid4().hex}"  # name of the messages, and of the event that stops
         self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
@@ -113,6 +114,32 @@ class Cluster:
             self._executor.shutdown(wait=not at_once)
             self._client.unsubscribe_topic(self._run)
         self._client.close()
+
+
+def _connected(address: str) -> Any:
+    """Return a client of a scheduler.
+
+    It connects in a thread: to a server of another kind, as a web server, a client of Dask connects without end.
+    """
+    from distributed import Client
+
+    answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+    def connect() -> None:
+        try:
+            answers.put(Client(address, timeout=CONNECT, set_as_default=False))
+        except (OSError, ValueError, RuntimeError) as error:
+            answers.put(error)
+
+    threading.Thread(target=connect, daemon=True).start()
+    try:
+        answer = answers.get(timeout=CONNECT + SPARE)
+    except queue.Empty:
+        answer = "another server answers"
+    if isinstance(answer, str | Exception):
+        message = f"no scheduler answers at {address}: {answer}"
+        raise CampaignError(message) from (answer if isinstance(answer, Exception) else None)
+    return answer
 
 
 class _StopThere:

@@ -3,7 +3,9 @@
 Options choose how a study is run. The physics is in the study alone.
 
 ============  =============================================================
-`group`       the group of all commands: exit codes, shared options
+`group`       the group of all commands: help page, errors, exit codes
+`options`     arguments and options that commands share
+`output`      what is printed
 `studies`     commands that take a study: check, run, status, tradeoff
 `results`     commands that read results: plot, report
 `numbers`     numbers on the screen: show, ls, compare

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import difflib
+import json
+import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.shell_completion import CompletionItem
 
 from roughvol import cli_text
 from roughvol.cli.group import examples, main
+from roughvol.cli.options import SET, Completed
 from roughvol.cli.output import say
-from roughvol.errors import FolderError
+from roughvol.errors import FolderError, StudyError
 from roughvol.store import stamped_file
 
 if TYPE_CHECKING:
@@ -23,6 +27,7 @@ if TYPE_CHECKING:
 
 WIDTH = 100
 SCAN = "scan.txt"
+TO_FILL_IN = {"L": "500 um", "unit": "um", "heights_unit": "um"}  # what a height map may lack, with an example
 HEAD = """# Reference
 
 Keys of a study file, and variables of `study.nc`. `make reference` writes this page from the schema and the table of
@@ -32,9 +37,9 @@ variables; `roughvol explain KEY` and `roughvol explain VARIABLE` print one row 
 """
 
 
-def _examples_with(context: click.Context, option: click.Parameter, start: str) -> list[str]:
-    """Return the names of examples with this start, for the completion of a shell."""
-    return [name for name in _examples() if name.startswith(start)]
+def _examples_with(context: click.Context, option: click.Parameter, start: str) -> Completed:
+    """Return the names of examples with this start, or let the shell complete a height map."""
+    return [name for name in _examples() if name.startswith(start)] or [CompletionItem(start, type="file")]
 
 
 def _keys_with(context: click.Context, option: click.Parameter, start: str) -> list[str]:
@@ -53,37 +58,99 @@ def _explained() -> list[str]:
 
 @main.command(
     epilog=examples(
-        "roughvol init          list the examples",
-        "roughvol init seal     write seal.yaml into the current folder",
+        "roughvol init                list the examples",
+        "roughvol init seal           write seal.yaml into the current folder",
+        "roughvol init face.xyz       write face.yaml, a study of this height map",
+        "roughvol init face.npy --set surface.L='500 um' --set surface.heights_unit=um",
     )
 )
-@click.argument("example", required=False, shell_complete=_examples_with)
+@click.argument("example", required=False, shell_complete=_examples_with, metavar="[EXAMPLE|FILE]")
 @click.option("--list", "listing", is_flag=True, help="List the examples and write nothing.")
-def init(example: str | None, listing: bool) -> None:
-    """Write the study EXAMPLE into the current folder, or list the examples.
+@SET
+def init(example: str | None, listing: bool, changes: tuple[str, ...]) -> None:
+    """Write the study EXAMPLE, or the study of the height map FILE, into the current folder, or list the examples.
 
-    Files that exist are not overwritten.
+    Sizes and units come from FILE. What it lacks is left to fill in. Files that exist are not overwritten.
     """
     known = _examples()
     if example is None or listing:
         say(cli_text.table(("example", "content"), [(name, _title(text)) for name, text in known.items()]))
-        say("write one with: roughvol init EXAMPLE")
+        say("write one with: roughvol init EXAMPLE; the study of a height map with: roughvol init FILE")
+        return
+    if example not in known and Path(example).is_file():
+        _write_study_of_map(Path(example), known["scan"], changes)
         return
     if example not in known:
         near = difflib.get_close_matches(example, known, n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
-        message = f"no example {example!r}{hint} (allowed: {', '.join(known)})"
+        message = f"no example and no height map {example!r}{hint} (examples: {', '.join(known)})"
+        raise click.UsageError(message)
+    if changes:
+        message = "--set changes the study of a height map; an example is changed by: roughvol run EXAMPLE.yaml --set …"
         raise click.UsageError(message)
     files = {f"{example}.yaml": known[example]}
     if example == "scan":
         files[SCAN] = _heights()
+    _write_new(files)
+    say(f"next: roughvol run {example}.yaml, then roughvol show {example}")
+
+
+def _write_new(files: dict[str, str]) -> None:
+    """Write files into the current folder, or none if any of them is there."""
     if present := [name for name in files if Path(name).exists()]:
         message = f"already in {Path.cwd()}: {', '.join(present)}; nothing was written"
         raise FolderError(message)
     for name, text in files.items():
         stamped_file.store(Path(name), text.encode())
         say(f"wrote {name}")
-    say(f"next: roughvol run {example}.yaml, then roughvol show {example}")
+
+
+def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> None:
+    """Write the study of a height map, as that of the example; lengths and units that it lacks are to be filled in."""
+    from roughvol.study import loads
+
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem).strip("_-")[:100] or "map"
+    surface = {"file": str(path), "level": "tilt"}
+    rest = [line for line in example.splitlines() if not line.startswith(("#", "name:", "surface:"))]
+
+    def study(keys: Mapping[str, str]) -> str:
+        section = ", ".join(f"{key}: {_quoted(value)}" for key, value in (surface | given | dict(keys)).items())
+        return "\n".join([f"name: {name}", f"surface: {{{section}}}", *rest]) + "\n"
+
+    if other := [change for change in changes if not change.startswith("surface.")]:
+        message = f"--set {other[0]}: allowed are keys of surface; give the others in the study that is written"
+        raise click.UsageError(message)
+    # lengths and units on trial, to learn what the file lacks
+    given = {key.removeprefix("surface."): value for key, _, value in (change.partition("=") for change in changes)}
+    absent: dict[str, str] = {}
+    while True:
+        try:
+            case = loads(study(absent), f"{name}.yaml").cases()[0]
+            lacking = [] if case.length_unit else ["unit"]
+        except StudyError as error:
+            keys = [problem.key.removeprefix("surface.") for problem in error.problems if "missing" in problem.message]
+            lacking = [key for key in keys if key in TO_FILL_IN and key not in absent]
+            if not lacking:
+                raise
+        absent |= {key: TO_FILL_IN[key] for key in lacking}
+        if not lacking:
+            break
+    head = [
+        f"# The height map {path}. Give material, end of the sweep and fluid; roughvol explain has all keys.",
+        f"#   roughvol check {name}.yaml --look",
+        f"#   roughvol run {name}.yaml",
+        f"#   roughvol card {name}.yaml",
+    ]
+    to_fill_in = {key: f"FILL IN, as {value}" for key, value in absent.items()}
+    _write_new({f"{name}.yaml": "\n".join([*head, study(to_fill_in)])})
+    if absent:
+        say(f"fill in {' and '.join(f'surface.{key}' for key in absent)}, which {path} does not give")
+    say(f"next: roughvol check {name}.yaml --look")
+
+
+def _quoted(text: str) -> str:
+    """Return a text for a flow mapping of YAML, in quotes where it needs them."""
+    return text if re.fullmatch(r"[\w./ ]*\w", text) else json.dumps(text, ensure_ascii=False)
 
 
 def _examples() -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The group of all commands: exit codes, and options that several take."""
+"""The group of all commands: the help page, errors and exit codes."""
 
 from __future__ import annotations
 
@@ -28,17 +28,44 @@ def examples(*lines: str) -> str:
     return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])
 
 
-STUDY = click.argument("study", type=click.Path(path_type=Path, allow_dash=True))
-OUT = click.option("--out", type=click.Path(path_type=Path), help="Folder of the results [default: runs/NAME].")
-
-
-SET = click.option(
-    "--set", "changes", multiple=True, metavar="KEY=VALUE", help="Another value of a key, as surface.m=6; repeatable."
-)
+GROUPS = {
+    "Start": {
+        "init": "Write an example study, or the study of a height map.",
+        "explain": "Describe a key of a study, a stored variable or a gas.",
+        "check": "Show a study with all defaults, its surface and its cost.",
+    },
+    "Run": {
+        "run": "Compute the unfinished cases of a study.",
+        "status": "List finished, running, failed and missing cases.",
+        "ls": "List all runs.",
+    },
+    "Look": {
+        "show": "Print the numbers of a run, all steps or at a load.",
+        "compare": "Print the numbers of several runs at equal loads.",
+        "plot": "Draw figures of one run, or of several overlaid.",
+        "report": "Write a report of runs, with the claims of the paper.",
+    },
+    "Decide": {
+        "card": "Write the leak card of a study: one page.",
+        "ask": "Find the pressure, modulus or Sq of a leak.",
+        "creep": "Show the leak over time under constant load.",
+    },
+    "For developers": {
+        "tradeoff": "Measure the error of an answer against its cost.",
+        "schema": "Print the JSON schema of study files.",
+    },
+}
+"""Commands of the help page by group, in the order of use."""
+DOCUMENTATION = "Documentation: docs/index.md in the source of roughvol; make docs builds it as a site."
 
 
 class _Commands(click.Group):
-    """A group of commands that turns errors into one message and an exit code."""
+    """Commands in groups, whose errors become one message and an exit code."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        for title, rows in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl(list(rows.items()))
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         command = super().resolve_command(ctx, args)
@@ -84,6 +111,8 @@ class _Commands(click.Group):
         "roughvol run seal.yaml        compute it; again, to continue",
         "roughvol show seal            its numbers; roughvol plot draws its figures",
         "roughvol explain sweep        keys of a study; roughvol explain free_volume: a stored variable",
+        "",
+        DOCUMENTATION,
     ),
 )
 @click.version_option(__version__)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from roughvol.cli.group import examples, main, study_of
-from roughvol.cli.numbers import JSON, say_table
+from roughvol.cli.numbers import say_json, say_table
+from roughvol.cli.options import JOBS, JSON, RUN, SET, STUDY, at, deprecated, out
 from roughvol.cli.output import say, warn
 
 if TYPE_CHECKING:
@@ -25,18 +25,12 @@ if TYPE_CHECKING:
         'roughvol card scan.yaml --at "pressure=0.5 MPa"  at a nominal pressure; also load, mean_gap and lengths',
     )
 )
-@click.argument("study", type=click.Path(path_type=Path))
-@click.option(
-    "--at",
-    "state",
-    default="last",
-    show_default=True,
-    metavar="KIND=VALUE",
-    help="The load of the card, starred or with its unit.",
-)
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the card [default: runs/NAME_card].")
-@click.option("--jobs", type=int, metavar="N", help="Processes [default: all cores].")
-def card(study: Path, state: str, out: Path | None, jobs: int | None) -> None:
+@STUDY
+@at(several=False, default="last")
+@out("runs/NAME_card")
+@JOBS
+@SET
+def card(study: Path, state: str, out: Path | None, jobs: int | None, changes: tuple[str, ...]) -> None:
     """Write the leak card of STUDY: one page in HTML and PDF.
 
     The card has the leak along x and y at one load, with the error of solver, grid, window and levelling, and the
@@ -45,7 +39,7 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None) -> None:
     from roughvol.campaign import card as runs
     from roughvol.report import card_page
 
-    asked, _ = study_of(study)
+    asked, _ = study_of(study, changes)
     folder = out or Path("runs") / f"{asked.name}_card"
     made = runs.compute(asked, runs.level_of(state, asked), folder, jobs=jobs)
     for line in card_page.lines_of(made, asked.name):
@@ -53,10 +47,7 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None) -> None:
     say(str(card_page.write(made, asked.name, folder)))
 
 
-LOAD = click.option(
-    "--at", "state", metavar="KIND=VALUE", help="A load, as pressure=0.5MPa, load=20N or last; of a path on leg 1."
-)
-PRESSURE = click.option("--pressure", metavar="VALUE", hidden=True, help="The value of --at pressure=VALUE.")
+PRESSURE = click.option("--pressure", metavar="VALUE", hidden=True)
 
 
 @main.command(
@@ -66,7 +57,7 @@ PRESSURE = click.option("--pressure", metavar="VALUE", hidden=True, help="The va
         "roughvol ask seal --closed                                                 where the last way closes",
     )
 )
-@click.argument("run", required=False)
+@RUN
 @click.option("--leak-rate", metavar="VALUE", help="Largest leak rate with its unit, as '1e-3 mm^3/s'.")
 @click.option("--closed", is_flag=True, help="No open way, in place of a leak rate.")
 @click.option(
@@ -77,8 +68,9 @@ PRESSURE = click.option("--pressure", metavar="VALUE", hidden=True, help="The va
     type=click.Choice(["pressure", "modulus", "Sq"]),
     help="Quantity to find.",
 )
-@LOAD
+@at(several=False)
 @JSON
+@SET
 @PRESSURE
 @click.option("--no-solve", is_flag=True, hidden=True)
 def ask(
@@ -88,6 +80,7 @@ def ask(
     unknown: str,
     state: str | None,
     as_json: bool,
+    changes: tuple[str, ...],
     pressure: str | None,
     no_solve: bool,
 ) -> None:
@@ -105,32 +98,33 @@ def ask(
         raise click.UsageError(message)
     if no_solve:
         warn(["--no-solve is the only way now: nothing is solved; leave it out"])
-    opened = StoredRun.open(run)
+    opened = StoredRun.open(run, changes)
     results = opened.dataset
     kelvin, given = None, (leak_rate or "").lstrip("<= ")
     if gas_leak.is_throughput(given):
         results, kelvin = gas_leak.in_place(results, unknown)
     read_off.check(results, leaks=not closed)
-    at = _load(results, state, pressure)
+    load = _load(results, state, pressure)
     if closed:
-        answers = read_off.ask_closed(results, unknown, pressure=at)
+        answers = read_off.ask_closed(results, unknown, pressure=load)
     else:
         own = str(results["leak_rate_x"].attrs["units"])
         largest = _in_unit(given, own, "--leak-rate", "flow" if kelvin is None else "throughput", kelvin)
         given = given if has_unit(given) else f"{given} {own}"
-        answers = read_off.ask(results, largest, unknown, pressure=at)
-    changes = read_off.narrower(results, answers)
-    finer = shlex.join(["roughvol", "run", run or opened.name, *(part for one in changes for part in ("--set", one))])
+        answers = read_off.ask(results, largest, unknown, pressure=load)
+    narrower = read_off.narrower(results, answers)
+    every = [word for change in (*changes, *narrower) for word in ("--set", change)]
+    finer = shlex.join(["roughvol", "run", run or opened.name, *every])
     if as_json:
         content = {
             "run": opened.name,
             "leak_rate": given or None,
-            "at": None if at is None else f"pressure={at:.9g} {results['nominal_pressure'].attrs['units']}",
+            "at": None if load is None else f"pressure={load:.9g} {results['nominal_pressure'].attrs['units']}",
             "leg": 1,
             "answers": [read_off.record(answer, unknown) for answer in answers],
-            "narrower": finer if changes else None,
+            "narrower": finer if narrower else None,
         }
-        say(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        say_json(content)
         return
     leg = read_off.path_words(results)
     say(f"{opened.name}{leg and f', {leg}'}: {'no open way' if closed else f'leak up to {given}'}")
@@ -138,7 +132,7 @@ def ask(
         say(f"along {answer.axis}: {_words(answer, unknown, closed=closed)}")
     if any(answer.found for answer in answers):
         say(_beyond(opened.name))
-    if changes:
+    if narrower:
         say(f"Solved states narrow the interval: {finer}")
 
 
@@ -173,10 +167,13 @@ def _beyond(name: str) -> str:
 
 def _load(results: Dataset, state: str | None, pressure: str | None) -> float | None:
     """Return the nominal pressure of --at, or of --pressure as in older versions, in the unit of a run."""
-    from roughvol.analysis import at, read_off
+    from roughvol.analysis import read_off
+    from roughvol.analysis.at import parse
 
-    text = state if pressure is None else f"pressure={pressure}"
-    return None if text is None else read_off.nominal_of(results, at.parse(text))
+    if pressure is not None:
+        state = f"pressure={pressure}"
+        deprecated("--pressure VALUE", f"--at {shlex.quote(state)}")
+    return None if state is None else read_off.nominal_of(results, parse(state))
 
 
 def _in_unit(text: str, unit: str, option: str, kind: str, kelvin: float | None = None) -> float:
@@ -207,12 +204,13 @@ def _in_unit(text: str, unit: str, option: str, kind: str, kelvin: float | None 
         "  body: first                                            or second, both",
     )
 )
-@click.argument("run", required=False)
+@RUN
 @click.option("--law", required=True, type=click.Path(path_type=Path), help="YAML file of the creep law J(t)/J(0).")
-@LOAD
+@at(several=False)
 @click.option("--times", required=True, metavar="TIMES", help="Times under load: 'FROM..TO' or a list, with units.")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of creep.csv and creep.png [default: the run's].")
+@out("the run's; for creep.csv and creep.png")
 @JSON
+@SET
 @PRESSURE
 def creep(
     run: str | None,
@@ -221,6 +219,7 @@ def creep(
     times: str,
     out: Path | None,
     as_json: bool,
+    changes: tuple[str, ...],
     pressure: str | None,
 ) -> None:
     """Show the leak of RUN over time, for a material that creeps under constant load.
@@ -235,17 +234,16 @@ def creep(
     from roughvol.store import StoredRun
     from roughvol.study import load_creep, read_times
 
-    opened = StoredRun.open(run)
+    opened = StoredRun.open(run, changes)
     results = opened.dataset
     read_off.check(results)
-    at = _load(results, state, pressure)
-    if at is None:
+    load = _load(results, state, pressure)
+    if load is None:
         message = "needs its constant load, as --at pressure=0.1MPa"
         raise click.UsageError(message)
-    history = over_time.history(results, load_creep(law), at, read_times(times))
+    history = over_time.history(results, load_creep(law), load, read_times(times))
     if as_json:
-        content = {"run": opened.name, "leg": 1} | over_time.record(history)
-        say(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        say_json({"run": opened.name, "leg": 1} | over_time.record(history))
         return
     leg = read_off.path_words(results)
     say(f"{opened.name}{leg and f', {leg}'}: at {history.pressure:.4g} {history.pressure_unit}")

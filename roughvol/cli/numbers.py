@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,22 +12,13 @@ import click
 
 from roughvol import cli_text
 from roughvol.cli.group import examples, main
+from roughvol.cli.options import CSV, JSON, RUN, SET, at, completed_runs, deprecated
 from roughvol.cli.output import say
 
 if TYPE_CHECKING:
     from roughvol.analysis.stored_run import Run
     from roughvol.analysis.tables import Table
     from roughvol.study import Level
-
-AT = click.option(
-    "--at",
-    "states",
-    multiple=True,
-    metavar="KIND=VALUE",
-    help="A state, as pressure=0.5MPa, contact_area=0.1 or mean_gap=1um; several times for several.",
-)
-CSV = click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values.")
-JSON = click.option("--json", "as_json", is_flag=True, help="JSON with the units.")
 
 
 @main.command(
@@ -36,11 +28,12 @@ JSON = click.option("--json", "as_json", is_flag=True, help="JSON with the units
         "roughvol show seal --csv > seal.csv          every surface and step, by stored names",
     )
 )
-@click.argument("run", required=False)
-@AT
+@RUN
+@at(several=True)
 @CSV
 @JSON
-def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) -> None:
+@SET
+def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, changes: tuple[str, ...]) -> None:
     """Print the numbers of RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
 
     Between two steps, numbers lie on straight lines over the quantity asked for; flows and openings on those of their
@@ -50,7 +43,7 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) 
     from roughvol.report import screen
 
     _one_form(as_csv, as_json)
-    opened, wanted = _opened(run), _wanted(states)
+    opened, wanted = _opened(run, changes), _wanted(states)
     if as_csv or as_json:
         names, rows, units = screen.records(opened, wanted)
         _write(names, rows, units if as_json else None, opened.name)
@@ -69,11 +62,14 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool) 
         "roughvol compare seals                       the materials of a study with a list of them",
     )
 )
-@click.argument("run", nargs=-1, required=True)
-@AT
+@click.argument("run", nargs=-1, required=True, shell_complete=completed_runs)
+@at(several=True)
 @CSV
 @JSON
-def compare(run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json: bool) -> None:
+@SET
+def compare(
+    run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json: bool, changes: tuple[str, ...]
+) -> None:
     """Print the numbers of RUN RUN... side by side at equal loads; of one run with lists, its combinations.
 
     Without --at, the loads are nominal pressures that all runs reach, or p* where one has no units. Units are those of
@@ -82,7 +78,7 @@ def compare(run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json
     from roughvol.report import screen
 
     _one_form(as_csv, as_json)
-    opened = [part for name in run for part in _opened(name).parts]
+    opened = [part for name in run for part in _opened(name, changes).parts]
     if len(opened) < 2:
         message = "compare takes two runs or more; one is shown by: roughvol show RUN"
         raise click.UsageError(message)
@@ -94,24 +90,27 @@ def compare(run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json
     say_table(found.table())
 
 
-@main.command(epilog=examples("roughvol ls", "roughvol ls --out /data/runs"))
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("runs"),
-    show_default=True,
-    help="Folder that holds the runs.",
-)
-def ls(out: Path) -> None:
-    """List all runs, the latest first: name, state, size, age."""
+@main.command(epilog=examples("roughvol ls", "roughvol ls /data/runs", "roughvol ls --json"))
+@click.argument("folder", type=click.Path(path_type=Path), default=Path("runs"), metavar="[FOLDER]")
+@click.option("--out", type=click.Path(path_type=Path), hidden=True)
+@JSON
+def ls(folder: Path, out: Path | None, as_json: bool) -> None:
+    """List all runs in FOLDER [default: runs], the latest first: name, state, size, age."""
     from roughvol.store import runs
 
-    found = runs.listed(out)
-    if not found:
-        say(f"no run in {out}; start one with: roughvol run STUDY")
+    if out is not None:
+        deprecated("ls --out FOLDER", "ls FOLDER")
+        folder = out
+    found = runs.listed(folder)
+    if as_json:
+        rows = [{"run": one.name, "state": one.state, "bytes": one.size, "seconds": round(one.age)} for one in found]
+        say_json({"folder": str(folder), "units": {"bytes": "byte", "seconds": "s"}, "rows": rows})
         return
-    rows = [(one.name, one.state, cli_text.size(one.size), f"{cli_text.duration(one.age)} ago") for one in found]
-    say(cli_text.table(("run", "state", "size", "changed"), rows))
+    if not found:
+        say(f"no run in {folder}; start one with: roughvol run STUDY")
+        return
+    lines = [(one.name, one.state, cli_text.size(one.size), f"{cli_text.duration(one.age)} ago") for one in found]
+    say(cli_text.table(("run", "state", "size", "changed"), lines))
 
 
 def say_table(table: Table) -> None:
@@ -123,11 +122,24 @@ def say_table(table: Table) -> None:
         say(f"  {table.note}")
 
 
-def _opened(run: str | None) -> Run:
+def say_json(content: Mapping[str, Any]) -> None:
+    """Print JSON; numbers that are not finite are null."""
+    say(json.dumps(_finite(content), indent=1, ensure_ascii=False, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _opened(run: str | None, changes: Sequence[str]) -> Run:
     from roughvol.analysis.stored_run import Run
     from roughvol.store import StoredRun
 
-    stored = StoredRun.open(run)
+    stored = StoredRun.open(run, changes)
     return Run.of(stored.name, stored.dataset)
 
 
@@ -146,7 +158,6 @@ def _one_form(as_csv: bool, as_json: bool) -> None:
 def _write(names: Sequence[str], rows: Sequence[Sequence[Any]], units: dict[str, str] | None, name: str) -> None:
     """Print rows as JSON where units are given, else as CSV; a missing value is empty there."""
     if units is not None:
-        content = {"run": name, "units": units, "rows": [dict(zip(names, row, strict=True)) for row in rows]}
-        say(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False))
+        say_json({"run": name, "units": units, "rows": [dict(zip(names, row, strict=True)) for row in rows]})
         return
     say(cli_text.csv_text(names, rows), nl=False)

@@ -12,6 +12,7 @@ import click
 
 from roughvol import cli_text
 from roughvol.cli.group import examples, main
+from roughvol.cli.options import JSON, SET, completed_runs, completed_runs_and_figures, out
 from roughvol.cli.output import say, warn
 from roughvol.errors import CampaignError, DatasetError
 
@@ -30,7 +31,7 @@ PAPER = re.compile(r"fig\d\d[ab]?")  # names of the figures of the paper
         "roughvol plot dry wet leak_of_p --size 120x80mm   two runs overlaid",
     )
 )
-@click.argument("names", metavar="[RUN]... [FIGURE]...", nargs=-1)
+@click.argument("names", metavar="[RUN]... [FIGURE]...", nargs=-1, shell_complete=completed_runs_and_figures)
 @click.option(
     "--format",
     "suffix",
@@ -41,8 +42,16 @@ PAPER = re.compile(r"fig\d\d[ab]?")  # names of the figures of the paper
 )
 @click.option("--size", metavar="WxH", help="Width and height, as 120x80mm, 7x4in or 16x9cm [default: of the figure].")
 @click.option("--log", type=click.Choice(["x", "y", "xy"]), help="Axes with a logarithmic scale.")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the figures [default: figures in the run].")
-def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None, out: Path | None) -> None:
+@out("figures in the run")
+@SET
+def plot(
+    names: tuple[str, ...],
+    suffix: str,
+    size: str | None,
+    log: str | None,
+    out: Path | None,
+    changes: tuple[str, ...],
+) -> None:
     """Draw figures from RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
 
     Figures of the paper are fig01 to fig12b, in the folder paper. Those of the flow through the gap are seal_volume to
@@ -64,7 +73,7 @@ def plot(names: tuple[str, ...], suffix: str, size: str | None, log: str | None,
     misspelt = [name for name in others if not is_run(name)]
     if len(misspelt) < len(others):
         selection.check_known(misspelt)
-    opened = [StoredRun.open(name) for name in others] or [StoredRun.open()]
+    opened = [StoredRun.open(name, changes) for name in others] or [StoredRun.open()]
     stored = zip(names_of([run.file for run in opened]), opened, strict=True)
     runs = [part for name, run in stored for part in content.parts(name, run.dataset, alone=len(opened) == 1)]
     drawings, refused = _drawings(runs, wanted, alone=len(opened) == 1)
@@ -174,15 +183,19 @@ def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) ->
 
 
 @main.command(epilog=examples("roughvol report", "roughvol report effect_of_D effect_of_m --out /tmp/report"))
-@click.argument("run", nargs=-1)
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the report [default: the run, or runs/report].")
+@click.argument("run", nargs=-1, shell_complete=completed_runs)
+@out("the run, or runs/report")
 @click.option(
     "--check",
     "expected",
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
     help="JSON with expected verdicts and bands of numbers; a departure is an error.",
 )
-def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> None:
+@JSON
+@SET
+def report(
+    run: tuple[str, ...], out: Path | None, expected: Path | None, as_json: bool, changes: tuple[str, ...]
+) -> None:
     """Report on RUN..., as report.html, report.md and claims.json [default: all runs].
 
     A RUN is a folder, a study.nc, a study file, or a name under runs/. Runs of the paper's configuration answer its
@@ -192,11 +205,14 @@ def report(run: tuple[str, ...], out: Path | None, expected: Path | None) -> Non
     from roughvol.report import write as reporting
     from roughvol.store import StoredRun
 
-    opened = [StoredRun.open(name) for name in run] or _all_runs()
+    opened = [StoredRun.open(name, changes) for name in run] or _all_runs()
     answered = reporting.assemble(opened)
     page = reporting.write(answered, out or (opened[0].folder if len(opened) == 1 else Path("runs/report")))
-    say(reporting.summary(answered))
-    say(page)
+    if as_json:
+        say(reporting.to_json(answered))
+    else:
+        say(reporting.summary(answered))
+        say(page)
     departures = reporting.departures(answered, expected.read_text(encoding="utf-8")) if expected else []
     if departures:
         head = f"{cli_text.count(len(departures), 'answer')} left the bands of {expected}"

@@ -5,74 +5,109 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from roughvol import cli_text
-from roughvol.cli.group import OUT, SET, STUDY, examples, main, study_of
-from roughvol.cli.numbers import say_table
+from roughvol.cli.group import examples, main, study_of
+from roughvol.cli.numbers import say_json, say_table
+from roughvol.cli.options import JOBS, JSON, SET, STUDY, completed_figures, deprecated, out
 from roughvol.cli.output import say, warn
 
 if TYPE_CHECKING:
     from roughvol.campaign.batch import Progress
+    from roughvol.campaign.cost import Estimate
+    from roughvol.campaign.expected import Expected
     from roughvol.store.dataset import Dataset
-    from roughvol.study import Study
+    from roughvol.study import Case, Study
+    from roughvol.surfaces.surface import Surface
 
+PICTURES = (".png", ".pdf", ".svg", ".jpg")
 SHOWN = 50  # cases of one kind listed by `status`
 EVENT_EVERY, PLAIN_EVERY = 1.0, 5.0  # seconds between two lines without a terminal: of a case that ended, of steps
 
 
-@main.command(epilog=examples("roughvol check seal.yaml", "roughvol check scan.yaml --look --out scan.png"))
-@STUDY
-@click.option("--look", is_flag=True, help="Draw the surface of the first case: map, histogram, two profiles.")
-@click.option("--out", type=click.Path(path_type=Path), help="File of the picture [default: NAME-look.png].")
-@click.option(
-    "--jobs", "-j", type=click.IntRange(min=1), help="Processes assumed in the estimate [default: one a core]."
+@main.command(
+    epilog=examples("roughvol check seal.yaml", "roughvol check scan.yaml --look", "roughvol check seal --json")
 )
+@STUDY
+@click.option("--look", is_flag=True, help="Draw the surface of the first case as NAME-look.png.")
+@out("the current one; of --look alone")
+@JOBS
+@JSON
 @SET
-def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: tuple[str, ...]) -> None:
+def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: bool, changes: tuple[str, ...]) -> None:
     """Show STUDY with all defaults, its first surface and its cost; store nothing.
 
     The cost is the number of cases, memory, disk and expected time. Of an ensemble, small surfaces are solved for it.
 
     A study beyond the memory or disk of this machine is an error. One of more than 30 days draws a warning.
     """
-    from roughvol.campaign import checks, cost, understood, validity
+    from roughvol.campaign import checks, cost, expected, understood, validity
 
     loaded, folder = study_of(study, changes)
     surface = understood.shown(loaded, checks.check_surfaces(loaded))
     cases = loaded.cases()
-    say(loaded.to_yaml())
-    if surface is not None:
-        say(understood.text(surface, cases[0], len(cases)))
-    if look or out is not None:
-        from roughvol.report.figures import surface_picture
-
-        path = surface_picture.write(
-            surface, cases[0].length_unit, cases[0].label, out or Path(f"{loaded.name}-look.png")
-        )
-        say(f"# picture {path}")
-    if loaded.ensemble is not None:
-        _say_expected(loaded, jobs)
-        warn(validity.sentences(checks.foreseen(loaded, surface), checks.doubtful(loaded, surface)))
-        cost.check_fits(loaded, folder)
-        return
+    picture = _look(loaded, surface, cases[0], out) if look or out is not None else None
     estimated = cost.estimate(loaded, jobs)
-    say(cli_text.cost(estimated))
+    rows = expected.expected(loaded) if loaded.ensemble is not None else []
     notes = understood.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
-    warn(validity.sentences(checks.foreseen(loaded, surface), (*notes, *checks.doubtful(loaded, surface))))
-    for choice in cost.choices(loaded, jobs):
-        area, pressure, volume = choice.errors
-        say(
-            f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {cli_text.duration(choice.seconds)}; "
-            f"errors about {f'{area:.0e}' if area else '0'} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
+    doubts = (*notes, *checks.doubtful(loaded, surface)) if not rows else checks.doubtful(loaded, surface)
+    warnings = list(validity.sentences(checks.foreseen(loaded, surface), doubts))
+    if not rows and (long := cost.warning(estimated.seconds, estimated.jobs)):
+        warnings.append(long)
+    if as_json:
+        sizes = None
+        if surface is not None:
+            sizes = {"nodes": list(surface.shape), "side": surface.side, "spacing": surface.spacing, "Sq": surface.Sq}
+        say_json(
+            {
+                "study": loaded.model_dump(mode="json"),
+                "surface": sizes and sizes | {"unit": cases[0].length_unit},
+                "cost": asdict(estimated) | {"expected": [asdict(row) for row in rows]},
+                "units": {"memory": "byte", "disk": "byte", "seconds": "s"},
+                "picture": picture and str(picture),
+                "warnings": warnings,
+            }
         )
-    if warning := cost.warning(estimated.seconds, estimated.jobs):
-        warn([warning])
+    else:
+        say(loaded.to_yaml())
+        if surface is not None:
+            say(understood.text(surface, cases[0], len(cases)))
+        if picture is not None:
+            say(f"# picture {picture}")
+        if rows:
+            _say_expected(loaded, rows, estimated)
+        else:
+            say(cli_text.cost(estimated))
+        warn(warnings)
+        for choice in () if rows else cost.choices(loaded, jobs):
+            area, pressure, volume = choice.errors
+            say(
+                f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {cli_text.duration(choice.seconds)}; "
+                f"errors about {f'{area:.0e}' if area else '0'} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
+            )
     cost.check_fits(loaded, folder)
+
+
+def _look(study: Study, surface: Surface | None, case: Case, out: Path | None) -> Path:
+    """Draw the surface of a case into a folder, and return the path of the picture."""
+    from roughvol.report.figures import surface_picture
+
+    path = (out or Path()) / f"{study.name}-look.png"
+    is_file = out is not None and out.suffix in PICTURES  # as in older versions
+    if out is not None and is_file:
+        path = out
+    else:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    surface_picture.write(surface, case.length_unit, case.label, path)
+    if is_file:
+        deprecated("check --out FILE", "--out FOLDER")
+    return path
 
 
 @main.command(
@@ -83,11 +118,17 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, changes: 
     )
 )
 @STUDY
-@click.option("--jobs", "-j", type=click.IntRange(min=1), help="Processes to use; 1: this one [default: one a core].")
-@OUT
+@JOBS
+@out("runs/NAME")
 @click.option("--fresh", is_flag=True, help="Compute every case anew, finished ones too.")
 @click.option("--scheduler", metavar="ADDRESS", help="Compute on the workers of this Dask scheduler.")
-@click.option("--figures", metavar="NAMES", help="Compute only the cases of these figures, as in fig05,fig06a.")
+@click.option(
+    "--figures",
+    metavar="NAMES",
+    shell_complete=completed_figures,
+    help="Compute only the cases of these figures, as in fig05,fig06a.",
+)
+@JSON
 @SET
 def run(
     study: Path,
@@ -96,6 +137,7 @@ def run(
     fresh: bool,
     scheduler: str | None,
     figures: str | None,
+    as_json: bool,
     changes: tuple[str, ...],
 ) -> None:
     """Compute the unfinished cases of STUDY, and collect all cases in study.nc; STUDY may be - for standard input.
@@ -133,19 +175,21 @@ def run(
             only=only,
         )
     assert last is not None
+    if as_json:
+        _say_record(loaded.name, results, last, folder / "study.nc", time.monotonic() - started)
+        return
     say(cli_text.ran(last, time.monotonic() - started))
     _say_numbers(loaded.name, results)
     say(cli_text.summary(results, folder / "study.nc"))
     warn(results.attrs["warnings"].splitlines())
 
 
-@main.command(
-    epilog=examples("roughvol status effect_of_D.yaml", "roughvol status effect_of_D --out /data/effect_of_D")
-)
+@main.command(epilog=examples("roughvol status effect_of_D", "roughvol status /data/effect_of_D --json"))
 @STUDY
-@OUT
+@click.option("--out", type=click.Path(path_type=Path), hidden=True)
+@JSON
 @SET
-def status(study: Path, out: Path | None, changes: tuple[str, ...]) -> None:
+def status(study: Path, out: Path | None, as_json: bool, changes: tuple[str, ...]) -> None:
     """List the finished, running, failed and missing cases of STUDY, also during a run.
 
     STUDY is a study file, - for standard input, the folder of a run, or a name under runs/.
@@ -153,7 +197,13 @@ def status(study: Path, out: Path | None, changes: tuple[str, ...]) -> None:
     from roughvol.store import run_folder, run_status
 
     loaded, folder = study_of(study, changes)
+    if out is not None:
+        deprecated("status STUDY --out FOLDER", "status FOLDER")
     state = run_status.status(loaded, out or folder)
+    if as_json:
+        content = asdict(state) | {"folder": str(state.folder)}
+        say_json(content | {"units": {"left": "s"}})
+        return
     left, several = len(state.running) + len(state.missing), (state.failed, state.damaged)
     total = len(state.done) + left + sum(map(len, several))
     say(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))
@@ -182,8 +232,10 @@ def status(study: Path, out: Path | None, changes: tuple[str, ...]) -> None:
 
 @main.command(epilog=examples("roughvol tradeoff tradeoff.yaml"))
 @STUDY
-@OUT
-def tradeoff(study: Path, out: Path | None) -> None:
+@out("runs/NAME")
+@JSON
+@SET
+def tradeoff(study: Path, out: Path | None, as_json: bool, changes: tuple[str, ...]) -> None:
     """Measure the error of an answer against its cost, and speed against accuracy, on the surfaces of STUDY.
 
     The answer is the mean of V* over all surfaces. Its error is drawn by seeds, m, steps, residual, and for an
@@ -197,21 +249,25 @@ def tradeoff(study: Path, out: Path | None) -> None:
     from roughvol.report.figures import work_precision
     from roughvol.store import dataset
 
-    loaded, folder = study_of(study)
+    loaded, folder = study_of(study, changes)
     folder = out or folder
     show = sys.stderr.isatty()
     measured = trade.measure(loaded, lambda k, n: say(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None)
+    lines = []
     if answer_trade.answerable(loaded):
         measured = answer_trade.with_answer(measured, loaded)
-        say(answer_trade.summary(measured))
+        lines.append(answer_trade.summary(measured))
     dataset.write(measured, folder / "tradeoff.nc")
     for name, draw in work_precision.FIGURES.items():
         if work_precision.missing(name, measured) is None:
             (folder / "figures").mkdir(exist_ok=True)
             draw(measured).savefig(folder / "figures" / f"{name}.png")
-            say(folder / "figures" / f"{name}.png")
-    say(convergence.summary(measured))
-    say(folder / "tradeoff.nc")
+            lines.append(str(folder / "figures" / f"{name}.png"))
+    if as_json:
+        say_json({"study": loaded.name, "file": str(folder / "tradeoff.nc"), **measured.to_dict()})
+        return
+    for line in [*lines, convergence.summary(measured), str(folder / "tradeoff.nc")]:
+        say(line)
 
 
 @main.command(epilog=examples("roughvol schema > study.schema.json"))
@@ -224,13 +280,10 @@ def schema() -> None:
     say(json.dumps(json_schema(), indent=2, ensure_ascii=False))
 
 
-def _say_expected(study: Study, jobs: int | None) -> None:
+def _say_expected(study: Study, rows: Sequence[Expected], estimated: Estimate) -> None:
     """Print the expected cost of an ensemble."""
-    from roughvol.campaign import cost, expected
-
-    estimated = cost.estimate(study, jobs)
     say(f"# the solver's residual is η/σ ≤ {study.cases()[0].solver.tolerance:.0e}")
-    for row in expected.expected(study):
+    for row in rows:
         samples = ", ".join(f"{n} at m = {m}" for m, n in row.samples.items())
         samples += f", {row.surfaces} surfaces without a solve, {row.steps} steps"
         say(f"# D = {row.D:g}: about {samples}: {cli_text.duration(row.seconds)} of one core")
@@ -249,6 +302,18 @@ def _say_numbers(name: str, results: Dataset) -> None:
     for run in Run.of(name, results).parts:
         for table in screen.summary(run):
             say_table(table if run.name == name else table.under(run.name.removeprefix(f"{name}, ")))
+
+
+def _say_record(name: str, results: Dataset, last: Progress, file: Path, seconds: float) -> None:
+    """Print a run as JSON: its cases, the numbers of all surfaces as `show --json` has them, and its warnings."""
+    from roughvol.analysis.stored_run import Run
+    from roughvol.report import screen
+
+    names, rows, units = screen.records(Run.of(name, results)) if "step" in results.sizes else ([], [], {})
+    cases = {"cases": last.cases, "finished_before": last.kept, "seconds": round(seconds, 3)}
+    table = {"units": units, "rows": [dict(zip(names, row, strict=True)) for row in rows]}
+    answer = {name: results.attrs.get(name, "").splitlines() for name in ("answer", "warnings")}
+    say_json({"run": name, "file": str(file), **cases, **table, **answer})
 
 
 def _say_how_to_stop() -> None:

@@ -11,12 +11,13 @@ Every command that reads results opens them here. Two rules hold:
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from roughvol.errors import DatasetError, FolderError, StudyError
+from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError
 from roughvol.store import answer, run_folder, same_study
 from roughvol.study import HeightFile, Study, load, loads
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 RUNS = Path("runs")
 RESULTS = "study.nc"
 STUDY_SUFFIXES = (".yaml", ".yml")
+DATASETS = (".nc", ".nc4", ".cdf", ".h5")
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,10 +124,17 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
     file = next((file for file in files if _is_file(file)), None)
     if file is None:
         raise _no_results(str(run), files)
-    results = dataset.read(file, saved=file.name != RESULTS)
+    try:
+        results = dataset.read(file, saved=file.name != RESULTS)
+    except DatasetError as error:
+        if file.suffix in DATASETS or not _is_map(file):
+            raise
+        message = f"{file}: a height map, no run: roughvol init {file} writes a study for it"
+        raise DatasetError(message) from error
     if run is not None and changes and given is None:
         given = study_of(run, changes)[0]
-    _check(file, results, given, str(run))
+    call = shlex.join([str(run), *(word for change in changes for word in ("--set", change))])
+    _check(file, results, given, str(run), call)
     return file, results, given
 
 
@@ -165,8 +174,28 @@ def study_of(run: str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]
                 study = loads(text, _beside_heights(text, folder), changes=changes)
                 renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
                 return study, run_folder.folder_of(study) if renamed else folder
-    study = load(path, changes)
+    try:
+        study = load(path, changes)
+    except StudyError as error:
+        whole = all(not problem.key for problem in error.problems)  # the file is no mapping
+        if whole and path.suffix not in STUDY_SUFFIXES and _is_file(path):
+            reason = "; ".join(problem.message for problem in error.problems)
+            words = "a height map, no study" if _is_map(path) else f"{reason}. If it is a height map"
+            problem = Problem(f"{words}: roughvol init {path} writes a study for it", file=str(path))
+            raise StudyError([problem]) from error
+        raise
     return study, run_folder.folder_of(study)
+
+
+def _is_map(path: Path) -> bool:
+    """Return whether a file is a height map."""
+    from roughvol.surfaces.files import reading  # numpy: for a message alone
+
+    try:
+        reading.describe(path)
+    except (DatasetError, SurfaceError):
+        return False
+    return True
 
 
 def _beside_heights(text: str, folder: Path) -> Path:
@@ -234,17 +263,19 @@ def _no_results(run: str, files: Sequence[Path]) -> DatasetError:
     for folder in (file.parent for file in files if file.name == RESULTS):
         if _is_file(folder / "study.yaml"):
             return DatasetError(f"{folder} has no {RESULTS}: its run has not ended; see: roughvol status {folder}")
-    return DatasetError(f"no results of {run!r}: looked for {', '.join(map(str, files))}")
+    compute = f"; to compute them: roughvol run {run}" if is_study_file(run) else ""
+    return DatasetError(f"no results of {run!r}: looked for {', '.join(map(str, files))}{compute}")
 
 
-def _check(file: Path, results: Dataset, given: Study | None, run: str) -> None:
-    """Refuse results that are not those of the study file, or not those of their folder."""
+def _check(file: Path, results: Dataset, given: Study | None, run: str, call: str) -> None:
+    """Refuse results that are not those of the study file, or not those of their folder; ``call`` computes them."""
     stored = str(results.attrs.get("study", ""))
     within = _of_another_folder(file, results, stored)
     if given is not None and (lines := _of_another_study(file, results, stored, given)):
         show = "" if within else f"; to see what the folder holds: roughvol show {file.parent}"
         message = (
-            f"{file} does not hold the results of {run}:\n{_indented(lines)}\nto compute: roughvol run {run}{show}"
+            f"{file} does not hold the results of {run} (stored → {run}):\n{_indented(lines)}\n"
+            f"to compute them: roughvol run {call}{show}"
         )
         raise FolderError(message)
     if within:
@@ -269,7 +300,7 @@ def _of_another_study(file: Path, results: Dataset, stored: str, given: Study) -
     lines = [
         f"surface.file: the content of {name} has changed (sha256 {old[:8]} → {new[:8]})"
         for name, old in sorted(_height_files(results) - now)
-        for new in [min(digest for other, digest in now if other == name)]
+        for new in [min((digest for other, digest in now if other == name), default="absent")]
     ]
     return lines or _of_other_cases(results, cases)
 

@@ -235,7 +235,10 @@ def test_a_task_that_kills_workers_is_given_up(cluster: Cluster) -> None:
     assert set(ended.values()) == {None}
 
 
-@pytest.mark.parametrize("address", ["127.0.0.1", "tcp://127.0.0.1", "127.0.0.1:port", "tcp://a:99999", "tcp://:1", ""])
+@pytest.mark.parametrize(
+    "address",
+    ["127.0.0.1", "tcp://127.0.0.1", "127.0.0.1:port", "tcp://a:99999", "tcp://:1", "", "http://127.0.0.1:80"],
+)
 def test_an_address_that_no_scheduler_can_have_is_refused_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str
 ) -> None:

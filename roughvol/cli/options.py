@@ -1,0 +1,99 @@
+"""Arguments and options that commands share, each with one meaning, and their completion in a shell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+from roughvol.cli.output import say
+
+Decorated = Callable[..., Any]
+Completed = list[CompletionItem] | list[str]
+
+
+def completed_runs(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
+    """Return the names of runs and study files with this start, or let the shell complete a path."""
+    runs = sorted(path.parent.name for path in Path("runs").glob("*/study.yaml"))
+    studies = sorted(path.name for suffix in ("yaml", "yml") for path in Path().glob(f"*.{suffix}"))
+    found = [name for name in dict.fromkeys([*runs, *studies]) if name.startswith(start)]
+    return found or [CompletionItem(start, type="file")]
+
+
+def completed_figures(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
+    """Return the names of figures with this start, behind a comma too."""
+    from roughvol.report.figures import selection
+
+    before, comma, last = start.rpartition(",")
+    return [f"{before}{comma}{name}" for name in selection.figures() if name.startswith(last)]
+
+
+def completed_runs_and_figures(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
+    """Return the names of runs, and after the first the names of figures, with this start."""
+    if not context.params.get(parameter.name or ""):
+        return completed_runs(context, parameter, start)
+    from roughvol.report.figures import content, selection
+
+    runs = completed_runs(context, parameter, start)
+    figures = [name for name in (*selection.figures(), *content.NAMES) if name.startswith(start)]
+    return [*figures, *(run for run in runs if isinstance(run, str))]
+
+
+def completed_states(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
+    """Return ``last`` and the kinds of a state with this start."""
+    from roughvol.study import KINDS
+
+    return [word for word in ("last", *(f"{kind}=" for kind in KINDS), "step=") if word.startswith(start)]
+
+
+def completed_changes(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
+    """Return the keys of a study with this start."""
+    from roughvol.study.reference import keys
+
+    return [f"{path}=" for path in dict.fromkeys(key.path for key in keys()) if path.startswith(start)]
+
+
+STUDY = click.argument(
+    "study", type=click.Path(path_type=Path, allow_dash=True), shell_complete=completed_runs, metavar="STUDY"
+)
+RUN = click.argument("run", required=False, shell_complete=completed_runs)
+SET = click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="KEY=VALUE",
+    shell_complete=completed_changes,
+    help="Another value of a key of the study, as surface.m=6; repeatable.",
+)
+JOBS = click.option("--jobs", "-j", type=click.IntRange(min=1), metavar="N", help="Processes [default: one a core].")
+CSV = click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values.")
+JSON = click.option("--json", "as_json", is_flag=True, help="JSON with the units.")
+WHERE = "KIND=VALUE[, leg N]"
+
+
+def at(*, several: bool, default: str | None = None) -> Callable[[Decorated], Decorated]:
+    """Return the option of a load, the same in every command."""
+    words = "A load: last, pressure=0.5MPa, contact_area=0.1, p=0.3, d=0, 'mean_gap=1um, leg 2'"
+    return click.option(
+        "--at",
+        "states" if several else "state",
+        multiple=several,
+        default=() if several else default,
+        show_default=default is not None,
+        metavar=WHERE,
+        shell_complete=completed_states,
+        help=words + ("; repeatable." if several else "."),
+    )
+
+
+def out(default: str) -> Callable[[Decorated], Decorated]:
+    """Return the option of the folder that a command writes into."""
+    return click.option("--out", type=click.Path(path_type=Path), help=f"Folder to write into [default: {default}].")
+
+
+def deprecated(old: str, new: str) -> None:
+    """Warn that an option has another form now."""
+    say(f"warning: {old} is deprecated; use {new}", err=True)

@@ -1,0 +1,237 @@
+"""One vocabulary: an option means the same in every command, and every command takes a study in each form."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+import roughvol
+from roughvol.cli import main
+from roughvol.cli.group import GROUPS
+
+STUDY = """
+surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}
+material: {E: 10 MPa, nu: 0.5}
+sweep: {steps: 12, to: {pressure: 0.5 MPa}}
+record:
+  transport: {transmissivity: every-step}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
+"""
+PLAIN = "surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 3}\n"
+CREEP = ("--law", "creep.yaml", "--times", "1 s..1 h")
+NUMBERS: dict[str, tuple[str, ...]] = {  # commands that print numbers
+    "run": ("tiny",),
+    "check": ("tiny",),
+    "status": ("tiny",),
+    "ls": (),
+    "show": ("tiny",),
+    "compare": ("tiny", "other"),
+    "report": ("tiny",),
+    "ask": ("tiny", "--leak-rate", "1e-3 mm^3/s"),
+    "creep": ("tiny", "--at", "pressure=0.2MPa", *CREEP),
+    "tradeoff": ("plain",),
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    folder = tmp_path_factory.mktemp("vocabulary")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for name in ("tiny", "other"):
+            Path(f"{name}.yaml").write_text(STUDY, encoding="utf-8")
+            roughvol.run(f"{name}.yaml", jobs=1)
+        Path("plain.yaml").write_text(PLAIN, encoding="utf-8")
+        roughvol.run("plain.yaml", jobs=1)
+        Path("creep.yaml").write_text("power: {exponent: 0.02, time: 1 s}\n", encoding="utf-8")
+        yield folder
+
+
+def _call(*arguments: str, **more: Any) -> Result:
+    return CliRunner().invoke(main, list(arguments), **more)
+
+
+def _options(command: click.Command) -> dict[str, click.Option]:
+    return {name: p for p in command.params if isinstance(p, click.Option) for name in p.opts if not p.hidden}
+
+
+COMMANDS = sorted(main.commands.items())
+
+
+@pytest.mark.parametrize(("name", "command"), COMMANDS)
+def test_an_option_has_one_meaning(name: str, command: click.Command) -> None:
+    options = _options(command)
+    assert ("--jobs" in options) == ("-j" in options)
+    if "--out" in options:
+        assert str(options["--out"].help).startswith("Folder to write into [default: ")
+    if "--at" in options:
+        assert options["--at"].metavar == "KIND=VALUE[, leg N]"
+    assert "--pressure" not in options
+    takes = {param.name for param in command.params if isinstance(param, click.Argument)}
+    if takes & {"study", "run", "names"}:
+        assert "--set" in options
+
+
+@pytest.mark.parametrize("name", sorted(NUMBERS))
+def test_a_command_that_prints_numbers_prints_them_as_json(name: str) -> None:
+    done = _call(name, *NUMBERS[name], "--json")
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)
+
+
+def test_json_of_a_run_has_the_numbers_of_show() -> None:
+    ran, shown = (json.loads(_call(name, "tiny", "--json").stdout) for name in ("run", "show"))
+    assert ran["rows"] == shown["rows"]
+    assert ran["units"] == shown["units"]
+    assert (ran["cases"], ran["finished_before"]) == (1, 1)
+
+
+@pytest.mark.parametrize("form", ["tiny", "tiny.yaml", "runs/tiny", "runs/tiny/study.nc"])
+@pytest.mark.parametrize("name", ["check", "run", "status", "show", "plot", "report", "ask", "creep", "tradeoff"])
+def test_a_command_takes_a_study_in_each_form(name: str, form: str) -> None:
+    form = form.replace("tiny", NUMBERS.get(name, ("tiny",))[0])
+    extra = {"plot": ("v_of_p",)}.get(name, NUMBERS.get(name, ())[1:])
+    done = _call(name, form, *extra)
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize("load", ["last", "pressure=0.2 MPa", "p=0.3", "pressure=0.2MPa, leg 1", "load=1 mN"])
+@pytest.mark.parametrize("name", ["show", "compare", "ask", "creep"])
+def test_a_load_is_written_alike_in_every_command(name: str, load: str) -> None:
+    extra = NUMBERS[name] if name != "creep" else ("tiny", *CREEP)
+    extra = (*extra, "--for", "modulus") if name == "ask" else extra
+    done = _call(name, *extra, "--at", load)
+    reached = load != "last" or name != "creep"  # from the end of a sweep no creep can be read off
+    assert done.exit_code == (0 if reached else 2), done.output
+
+
+@pytest.mark.parametrize("name", ["ask", "creep"])
+def test_an_old_option_still_works_and_says_what_is_new(name: str) -> None:
+    extra = (*NUMBERS["ask"], "--for", "Sq") if name == "ask" else ("tiny", *CREEP)
+    old, new = _call(name, *extra, "--pressure", "0.2 MPa"), _call(name, *extra, "--at", "pressure=0.2 MPa")
+    assert old.stdout == new.stdout
+    assert old.stderr == "warning: --pressure VALUE is deprecated; use --at 'pressure=0.2 MPa'\n" + new.stderr
+
+
+def test_ls_and_status_take_a_folder() -> None:
+    for arguments in (("runs",), ("--out", "runs")):
+        assert _call("ls", *arguments).stdout.startswith("run ")
+    assert _call("ls", "--out", "runs").stderr == "warning: ls --out FOLDER is deprecated; use ls FOLDER\n"
+    assert _call("status", "runs/tiny").stdout == _call("status", "tiny.yaml").stdout
+
+
+def test_a_change_of_a_key_is_that_of_the_run_or_an_error() -> None:
+    assert _call("show", "tiny", "--set", "surface.m=4").exit_code == 0
+    for name in ("show", "ask", "creep", "compare", "plot", "report"):
+        refused = _call(name, *NUMBERS.get(name, ("tiny",)), "--set", "surface.m=5")
+        assert refused.exit_code == 2
+        assert "surface.m: 4 → 5" in refused.stderr
+        assert "roughvol run tiny --set surface.m=5" in refused.stderr
+
+
+# height maps
+
+
+@pytest.fixture
+def maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    z = np.random.default_rng(0).normal(size=(12, 12))
+    np.savetxt("rows.txt", z)
+    np.save("array.npy", z)
+    points = [(2.0 * i, 2.0 * j, z[i, j]) for i in range(12) for j in range(12)]
+    Path("face.xyz").write_text("\n".join("\t".join(f"{x:.6f}" for x in point) for point in points), encoding="utf-8")
+    return tmp_path
+
+
+@pytest.mark.parametrize("file", ["face.xyz", "rows.txt", "array.npy"])
+@pytest.mark.parametrize("name", ["card", "run", "check", "status", "show", "plot", "ask"])
+def test_a_height_map_in_place_of_a_study_is_told_apart(maps: Path, name: str, file: str) -> None:
+    done = _call(name, file, *NUMBERS.get(name, ())[1:])
+    assert done.exit_code == 2
+    assert "YAML" not in done.stderr
+    assert f"{file}: a height map, no" in done.stderr
+    assert f"roughvol init {file}" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("file", "absent"), [("face.xyz", {"unit": "um"}), ("rows.txt", {"L": "22 um"}), ("array.npy", {"L": "22 um"})]
+)
+def test_init_writes_the_study_of_a_height_map(maps: Path, file: str, absent: dict[str, str]) -> None:
+    study = f"{Path(file).stem}.yaml"
+    written = _call("init", file)
+    assert written.exit_code == 0, written.output
+    assert f"fill in surface.{next(iter(absent))}" in written.stdout
+    refused = _call("check", study)
+    assert refused.exit_code == 2
+    assert f"surface.{next(iter(absent))}" in refused.stderr
+    assert "nothing was written" in _call("init", file).stderr
+    Path(study).unlink()
+    given = [word for key, value in absent.items() for word in ("--set", f"surface.{key}={value}")]
+    assert _call("init", file, *given).exit_code == 0
+    done = _call("run", study, "--set", "sweep.steps=2", "--jobs", "1")
+    assert done.exit_code == 0, done.output
+
+
+# help and completion
+
+
+def test_help_groups_every_command_with_its_first_words_in_full() -> None:
+    shown = _call("--help").output
+    assert [name for rows in GROUPS.values() for name in rows] == list(
+        dict.fromkeys(name for rows in GROUPS.values() for name in rows)
+    )
+    assert {name for rows in GROUPS.values() for name in rows} == set(main.commands)
+    places = [shown.index(f"{title}:\n") for title in GROUPS]
+    assert places == sorted(places)
+    assert "Documentation: " in shown
+    assert "..." not in shown.partition("Start:")[2]
+
+
+def _completed(*words: str) -> set[str]:
+    asked = {"_ROUGHVOL_COMPLETE": "bash_complete", "COMP_WORDS": " ".join(("roughvol", *words))}
+    answer = _call(env=asked | {"COMP_CWORD": str(len(words))}, prog_name="roughvol")
+    return {line.partition(",")[2] for line in answer.stdout.splitlines()}
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("show", "ti"), {"tiny", "tiny.yaml"}),
+        (("status", "oth"), {"other", "other.yaml"}),
+        (("compare", "tiny", "oth"), {"other", "other.yaml"}),
+        (("plot", "tiny", "leak_of_"), {f"leak_of_{x}" for x in ("p", "a", "v", "d", "i", "gap")}),
+        (("plot", "tiny", "fig11"), {"fig11a", "fig11b"}),
+        (("run", "tiny", "--figures", "fig01,fig11"), {"fig01,fig11a", "fig01,fig11b"}),
+        (("show", "tiny", "--at", "la"), {"last"}),
+        (("run", "tiny", "--set", "surface.see"), {"surface.seeds="}),
+    ],
+)
+def test_completion_knows_runs_figures_states_and_keys(words: tuple[str, ...], expected: set[str]) -> None:
+    assert _completed(*words) == expected
+
+
+def test_a_path_is_left_to_the_shell(place: Path) -> None:
+    asked = {"_ROUGHVOL_COMPLETE": "bash_complete", "COMP_WORDS": "roughvol show ./ru", "COMP_CWORD": "2"}
+    answer = _call(env=asked, prog_name="roughvol")
+    assert answer.stdout.splitlines() == ["file,./ru"]
+
+
+def test_progress_of_many_cases_takes_few_lines_off_a_terminal(tmp_path: Path) -> None:
+    (tmp_path / "many.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 120}\nsweep: {steps: 2}\n", encoding="utf-8")
+    there = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "OMP_NUM_THREADS": "1"}
+    call = [sys.executable, "-m", "roughvol", "run", "many.yaml", "--jobs", "1"]
+    done = subprocess.run(call, cwd=tmp_path, env=there, capture_output=True, text=True, check=True)
+    seconds = float(done.stdout.split()[3])
+    lines = [line for line in done.stderr.splitlines() if ": done · " in line]
+    assert 1 <= len(lines) <= seconds + 2
+    assert "120 of 120 cases" in lines[-1]
