@@ -17,6 +17,7 @@ Room of the analysis. It reads datasets, solves no contact, and draws nothing.
 `gas_leak`     the leak of a gas in the place of that of a liquid
 `creep`        the leak of a seal over time
 `leak_budget`  the leak at a load along x and y, its closing and its error budget
+`leak_card`    what a leak card holds, and its plain data
 `tables`       rows of text under a head
 =============  ==================================================================
 """

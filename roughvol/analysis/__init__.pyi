@@ -7,4 +7,6 @@ from .closing import spans as spans
 from .derived import derived as derived
 from .derived import groups as groups
 from .leak import counted as counted
+from .leak_budget import card_of as card_of
+from .leak_card import Card as Card
 from .stored_run import Run as Run

@@ -1,9 +1,14 @@
-"""The runs behind a leak card: a study at one load, the same on coarser grids, and with another levelling."""
+"""The runs behind a leak card: a study at one load, the same on coarser grids, and with another levelling.
+
+Runs are compared at one nominal pressure where the load is a pressure or a force. At another kind of state they are
+compared at its value, at ``last`` at the ends of their sweeps.
+"""
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,112 +16,89 @@ from roughvol.campaign import running
 from roughvol.campaign.batch import Progress
 from roughvol.campaign.one_case import surface_of
 from roughvol.errors import Problem, StudyError
-from roughvol.store.dataset import Dataset
-from roughvol.study import HeightFile, Level, Scale, Study, loads, read
-from roughvol.study.scale import ALWAYS, KINDS, STORED
-from roughvol.study.spectral import MadeSurface
-from roughvol.study.units import unit_of
+from roughvol.store.card_runs import CardRuns, Pressed
+from roughvol.study import HeightFile, Level, Quantity, Study, loads
 from roughvol.study.yaml_text import write
 
 FINE = "finest grid"
-COARSER = (2, 4)  # spacings of the coarser grids over that of the finest
+COARSER = {2: "twice the spacing", 4: "four times the spacing"}
 OTHER_LEVEL = {"none": "tilt", "mean": "tilt", "tilt": "quadratic", "quadratic": "tilt"}
-LEAKS = tuple(kind for kind in KINDS if kind.startswith("leak_rate"))  # no states of a record
+RECORDED = ("record.transport.flux_at", "record.fields_at", "record.fluid_pressure.at")  # keys of the states of a card
 FEWEST_NODES = 30  # nodes of a side of the coarsest grid
 
 
-def level_of(text: str, study: Study | None = None) -> Level:
-    """Return the state that ``pressure=0.3``, ``pressure=0.5 MPa`` or ``last`` names.
+@dataclass(frozen=True)
+class Planned:
+    """A run of a card.
 
-    Parameters
+    Attributes
     ----------
-    text : str
-        Name of a quantity and its starred value, or its value with a unit; or ``last``.
-    study : Study, optional
-        Gives modulus, L and Sq for a value with a unit.
-
-    Returns
-    -------
-    Level
-        The state, by a starred value.
-
-    Raises
-    ------
-    StudyError
-        If it names no state, or the study gives no starred value for it.
+    words : str
+        Its difference from the finest run, see `Pressed`.
+    study : Study
+        Its study, which records the state.
+    level : Level
+        The state in this study.
     """
-    kind, _, value = text.partition("=")
-    if text == "last":
-        return Level("last")
-    if kind in LEAKS:
-        message = f'at is {text!r}, a leak rate: roughvol ask --leak-rate "{value}" finds its pressure'
-        raise StudyError([Problem(message)])
-    try:
-        number = read(value, KINDS.get(kind, ("", ""))[0])
-        known = kind in KINDS and math.isfinite(number) and (kind not in ALWAYS or unit_of(number) is not None)
-    except ValueError as error:
-        known, reason = False, f" ({error})"
-    else:
-        reason = ""
-    if not known:
-        kinds = ", ".join(kind for kind in KINDS if kind not in LEAKS)
-        message = (
-            f"at is {text!r}; allowed: last, or one of {kinds} with a number or a unit, as pressure=0.3 or "
-            f'pressure="0.5 MPa"{reason}'
-        )
-        raise StudyError([Problem(message)])
-    return Level(kind, number) if unit_of(number) is None else _starred(kind, number, text, study)
+
+    words: str
+    study: Study
+    level: Level
 
 
-def _starred(kind: str, value: float, text: str, study: Study | None) -> Level:
-    """Return a value with a unit as a starred one, equal for all surfaces of a study."""
-    if study is None:
-        message = f"at is {text!r}; a unit needs a study"
-        raise StudyError([Problem(message)])
-    levels = set()
-    for case in study.cases():
-        surface = surface_of(case)
-        height = study.surface.height if isinstance(study.surface, MadeSurface) else None
-        scale = Scale(
-            case.E_star,
-            surface.side,
-            height or surface.Sq,
-            surface.heights.size * surface.spacing**2,
-            study.material.unit,
-            case.length_unit,
-        )
-        try:
-            starred, number = scale.starred(kind, value)
-        except ValueError as error:
-            raise StudyError([Problem(f"at: {error}")]) from error
-        levels.add((starred, float(f"{number:.12g}")))
-    if len(levels) > 1:
-        message = (
-            f"at is {text!r}: the surfaces differ in Sq, so that no starred value fits; give surface: {{Sq: 1 um}}"
-        )
-        raise StudyError([Problem(message)])
-    return Level(*levels.pop())
+@dataclass(frozen=True)
+class Plan:
+    """The runs of a card before they are computed, as `CardRuns`."""
+
+    fine: Planned
+    coarser: tuple[Planned, ...] = ()
+    levelled: Planned | None = None
 
 
-def variants(study: Study, at: Level) -> dict[str, Study]:
-    """Return the studies of a card by name: the finest grid first, coarser grids, another levelling.
+def surfaces_of(study: Study) -> dict[str, Study]:
+    """Return the studies of the surfaces of a card.
 
     Parameters
     ----------
     study : Study
-        One kind of surface: one D and m, or a file.
-    at : Level
-        The load of the card.
+        A study without lists.
 
     Returns
     -------
     dict
-        Studies by name.
+        The study of each height file by the name of the file. Seeds of generated surfaces stay together, without a
+        name.
+    """
+    surface = study.surface
+    if not isinstance(surface, HeightFile) or len(surface.each) == 1:
+        return {"": study}
+    found = {}
+    for one in surface.each:
+        data = study.model_dump(mode="json") | {"surface": one.model_dump(mode="json")}
+        with study.placing():
+            found[Path(one.file).name] = loads(write(data))
+    return found
+
+
+def plan(study: Study, at: Level) -> Plan:
+    """Return the runs of a card of one file, or of the seeds of one kind of surface.
+
+    Parameters
+    ----------
+    study : Study
+        One D and m, or one file.
+    at : Level
+        The load of the card; a value with a unit is that of every surface.
+
+    Returns
+    -------
+    Plan
+        The finest grid, coarser grids, and another levelling of a file.
 
     Raises
     ------
     StudyError
-        If the study has several D or m, an ensemble, or no sweep.
+        If the study has several D or m, an ensemble, or no sweep, or if the level is no load of it.
     """
     surface = study.surface
     problems = []
@@ -128,20 +110,58 @@ def variants(study: Study, at: Level) -> dict[str, Study]:
         problems.append(Problem("a leak card is of one kind of surface; allowed: one D and one m", "surface"))
     if problems:
         raise StudyError(problems)
-    fine = _changed(study, at, {}, 1.0, "transmissivity")
-    made = {FINE: fine}
-    for factor in COARSER:
+    level = _recordable(study, at)
+    try:
+        fine = Planned("", _changed(study, level, {}, fine=True), level)
+    except StudyError as error:
+        raise StudyError(_of_level(error, at)) from error
+    coarser: list[Planned] = []
+    for factor, words in COARSER.items():
         keys = _coarser(study, factor)
         if keys is None:
             continue
         try:
-            made[f"spacing × {factor}"] = _at_equal_pressure(study, at, keys)
+            coarser.append(_at_equal_pressure(study, level, keys, words))
         except StudyError:  # a grid too coarse for the waves of the surface; the card says what is not known
             break
-    if isinstance(surface, HeightFile):
+    levelled = None
+    if isinstance(surface, HeightFile) and not surface.periodic:  # a tilted period is none
         other = OTHER_LEVEL[str(surface.level)]
-        made[f"level: {other}"] = _at_equal_pressure(study, at, {"level": other})
-    return made
+        levelled = _at_equal_pressure(study, level, {"level": other}, f"level: {other}")
+    return Plan(fine, tuple(coarser), levelled)
+
+
+def _recordable(study: Study, at: Level) -> Level:
+    """Return a level as a study records it.
+
+    Raises
+    ------
+    StudyError
+        If the sweep has no such leg, or the level is no load.
+    """
+    legs = study.sweep.legs
+    if at.leg is not None and at.leg > len(legs):
+        message = f"--at {at.label}: the sweep has no leg {at.leg}; allowed: 1 to {len(legs)}"
+        raise StudyError([Problem(message)])
+    if at.kind.startswith("leak_rate"):
+        message = f'--at {at.label} is a leak rate: roughvol ask --leak-rate "{at.value}" finds its pressure'
+        raise StudyError([Problem(message)])
+    if at.kind == "step":
+        message = f"--at {at.label}: each grid has another load at a step; allowed: last, or a load as pressure=0.3"
+        raise StudyError([Problem(message)])
+    if at.kind == "last" and at.leg is not None:
+        return Level("last") if at.leg == len(legs) else Level("step", sum(leg.steps for leg in legs[: at.leg]))
+    return at if len(legs) > 1 else replace(at, leg=None)
+
+
+def _of_level(error: StudyError, at: Level) -> list[Problem]:
+    """Return the problems of a study; those of the states that a card records name its load, once."""
+    found = {}
+    for problem in error.problems:
+        of_card = (problem.key or "").startswith(RECORDED)
+        one = Problem(f"--at {at.label}: {problem.message}") if of_card else problem
+        found[one.message] = one
+    return list(found.values())
 
 
 def _coarser(study: Study, factor: int) -> dict[str, Any] | None:
@@ -155,48 +175,72 @@ def _coarser(study: Study, factor: int) -> dict[str, Any] | None:
     return {key: value} if 2**m + 1 >= FEWEST_NODES else None
 
 
-def _at_equal_pressure(study: Study, at: Level, keys: Mapping[str, Any]) -> Study:
+def _at_equal_pressure(study: Study, level: Level, keys: Mapping[str, Any], words: str) -> Planned:
     """Return the study with another surface, at the same nominal pressure p = p* E* Sq/L."""
     if not isinstance(study.surface, HeightFile):
-        return _changed(study, at, keys, 1.0)
+        return Planned(words, _changed(study, level, keys), level)
     steepness = []
-    for one in (study, _changed(study, at, keys, 1.0)):
+    for one in (study, _changed(study, level, keys)):
         surface = surface_of(one.cases()[0])
         steepness.append(surface.unit / surface.side)
-    return _changed(study, at, keys, steepness[0] / steepness[1])
+    ratio = steepness[0] / steepness[1]
+    if level.kind == "pressure" and not isinstance(level.value, Quantity):
+        level = replace(level, value=(level.value or 0.0) * ratio)
+    return Planned(words, _changed(study, level, keys, pressures=ratio), level)
 
 
-def _changed(study: Study, at: Level, keys: Mapping[str, Any], pressures: float, *further: str) -> Study:
+def _changed(
+    study: Study, level: Level, keys: Mapping[str, Any], *, pressures: float = 1.0, fine: bool = False
+) -> Study:
     """Return the study with the records of a card, other keys of its surface, and its starred pressures times a factor.
 
     Parameters
     ----------
-    further : str
-        Quantities of the void at every step, beyond percolation and constriction.
+    study : Study
+        The study of the card.
+    level : Level
+        The state to record, for the changed surface.
+    keys : mapping
+        Other keys of the section ``surface``.
+    pressures : float
+        Factor of the starred pressures of the sweep and of the fluid. Pressures with a unit are equal already.
+    fine : bool
+        Whether the run is the finest: it has the flow at every step, the gas, and the lifted gap.
     """
     data = study.model_dump(mode="json")
-    value = at.value if at.value is None or at.kind != "pressure" else at.value * pressures
-    wanted: Any = "last" if value is None else {at.kind: value}
+    value = str(level.value) if isinstance(level.value, Quantity) else level.value
+    wanted: Any = "last" if value is None else {level.kind: value}
     kept = {name: data["record"][name] for name in ("region", "dimensional") if data["record"].get(name) is not None}
+    if len(study.sweep.legs) > 1:
+        kept["all_legs"] = True
     kept.get("dimensional", {}).pop("critical_gap", None)
-    if study.gas_flow and "transmissivity" in further:
-        further = (*further, "gas_flow")
+    transport: dict[str, Any] = {"percolation": "every-step", "constriction": "every-step", "flux_at": wanted}
+    transport["transmissivity"] = "every-step" if fine else wanted
+    if study.gas_flow and fine:
+        transport["gas_flow"] = "every-step"
     else:  # the budget is that of the liquid
         data.pop("fluid", None)
         kept.get("dimensional", {}).pop("gas_leak_rate", None)
-    if "transmissivity" not in further or not kept.get("dimensional"):
+    if not kept.get("dimensional"):
         kept.pop("dimensional", None)
-    steps = dict.fromkeys(("percolation", "constriction", *further), "every-step")
-    data["record"] = {**kept, "transport": {**steps, "flux_at": wanted}, "fields_at": wanted}
+    fluid = data["record"].get("fluid_pressure")
+    if fluid is not None:
+        scaled = {name: _times(fluid[name], pressures) for name in ("inlet", "outlet")}
+        kept["fluid_pressure"] = {**fluid, **scaled, "at": wanted, "fields": fine}
+    data["record"] = {**kept, "transport": transport, "fields_at": wanted}
     data["surface"] |= keys
     for leg in data["sweep"] if isinstance(data["sweep"], list) else [data["sweep"]]:
-        # pressures with a unit are equal already
-        if isinstance(leg.get("to"), dict) and isinstance(leg["to"].get("pressure"), float):
-            leg["to"]["pressure"] *= pressures
+        if isinstance(leg.get("to"), dict) and "pressure" in leg["to"]:
+            leg["to"]["pressure"] = _times(leg["to"]["pressure"], pressures)
         if "pressures" in leg:
-            leg["pressures"] = [p * pressures if isinstance(p, float) else p for p in leg["pressures"]]
+            leg["pressures"] = [_times(pressure, pressures) for pressure in leg["pressures"]]
     with study.placing():
         return loads(write(data))
+
+
+def _times(pressure: Any, factor: float) -> Any:
+    """Return a starred pressure times a factor; one with a unit as it is."""
+    return pressure * factor if isinstance(pressure, float) else pressure
 
 
 def compute(
@@ -207,47 +251,58 @@ def compute(
     jobs: int | None = None,
     on_event: Callable[[Progress], None] | None = None,
     stopping: Callable[[], bool] = lambda: False,
-) -> dict[str, Dataset]:
-    """Return the runs of a card by name; finished ones are read.
+    accept: Callable[[Pressed], None] = lambda fine: None,
+) -> CardRuns:
+    """Return the runs of a card; finished runs are read.
 
     Parameters
     ----------
     study, at
-        As in `variants`.
+        As in `plan`.
     folder : path
-        Folder of the card; each run has a folder inside.
+        Folder of the runs; each has a folder inside.
     jobs, on_event, stopping
         As in `running.run`.
+    accept : callable
+        Called with the finest run before the others are computed; it may raise.
 
     Returns
     -------
-    dict
-        Datasets by name, the finest grid first.
+    CardRuns
+        The runs.
 
     Raises
     ------
     StudyError
-        If the study has lists, or no surface reaches the load.
+        If the study has lists, or as in `plan`.
     """
     if study.axes:
         message = "a card shows one combination; allowed: one value in place of each list"
         raise StudyError([Problem(f"{axis.name}: {message}") for axis in study.axes])
-    runs = {}
-    for name, variant in variants(study, at).items():
-        inside = folder / "runs" / at.label / name.replace(" × ", "_").replace(": ", "_").replace(" ", "_")
-        runs[name] = running.run(variant, jobs=jobs, out=inside, on_event=on_event, stopping=stopping)
-        if name == FINE:
-            _check_reached(runs[name], at)
-    return runs
+    planned = plan(study, at)
+
+    def pressed(one: Planned) -> Pressed:
+        inside = folder / slug(at.label) / slug(one.words or FINE)
+        results = running.run(one.study, jobs=jobs, out=inside, on_event=on_event, stopping=stopping)
+        return Pressed(one.words, results, one.level)
+
+    fine = pressed(planned.fine)
+    accept(fine)
+    coarser = tuple(pressed(one) for one in planned.coarser)
+    return CardRuns(fine, coarser, pressed(planned.levelled) if planned.levelled is not None else None)
 
 
-def _check_reached(fine: Dataset, at: Level) -> None:
-    """Refuse a card at a load that no surface reaches."""
-    if "flux_at_transmissivity_x" in fine and bool(fine["flux_at_transmissivity_x"].notnull().any()):
-        return
-    reach = fine[STORED[at.kind]] if at.kind in STORED else fine["mean_pressure"]
-    message = (
-        f"at {at.label} is not reached: the steps of the sweep have {at.kind} {float(reach.min()):.4g} to "
-        f"{float(reach.max()):.4g}; press farther, or ask for less"
-    )
-    raise StudyError([Problem(message)])
+def slug(text: str) -> str:
+    """Return a text as part of a file name.
+
+    Parameters
+    ----------
+    text : str
+        Any text, as ``pressure=0.5 MPa, leg 2``.
+
+    Returns
+    -------
+    str
+        Letters, digits and ``=+-.`` as they are, runs of all others as ``_``.
+    """
+    return re.sub(r"[^A-Za-z0-9=+.-]+", "_", text.replace(" = ", "=")).strip("_")

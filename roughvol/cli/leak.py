@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from roughvol import cli_text
 from roughvol.cli.group import examples, main, study_of
 from roughvol.cli.numbers import say_json, say_table
 from roughvol.cli.options import JOBS, JSON, RUN, SET, STUDY, at, deprecated, out
@@ -15,36 +16,80 @@ from roughvol.cli.output import say, warn
 
 if TYPE_CHECKING:
     from roughvol.analysis.read_off import Answer
+    from roughvol.store.card_runs import CardRuns
     from roughvol.store.dataset import Dataset
 
 
 @main.command(
     epilog=examples(
-        "roughvol card scan.yaml                          at the end of its sweep",
-        "roughvol card scan.yaml --at pressure=0.3        at p* = 0.3",
-        'roughvol card scan.yaml --at "pressure=0.5 MPa"  at a nominal pressure; also load, mean_gap and lengths',
+        "roughvol card scan.yaml                                 at the end of its sweep",
+        "roughvol card scan.yaml --at pressure=0.3               at p* = 0.3",
+        'roughvol card scan.yaml --at "pressure=0.5 MPa"         at a nominal pressure; also load, mean_gap, …',
+        'roughvol card metal.yaml --at "pressure=0.1 GPa, leg 2" on the second leg of a path',
+        "roughvol card scan.yaml --at pressure=0.3 --json        numbers alone, for programs",
     )
 )
 @STUDY
 @at(several=False, default="last")
 @out("runs/NAME_card")
 @JOBS
+@JSON
 @SET
-def card(study: Path, state: str, out: Path | None, jobs: int | None, changes: tuple[str, ...]) -> None:
+def card(study: Path, state: str, out: Path | None, jobs: int | None, as_json: bool, changes: tuple[str, ...]) -> None:
     """Write the leak card of STUDY: one page in HTML and PDF.
 
     The card has the leak along x and y at one load, with the error of solver, grid, window and levelling, and the
-    pressure at which each way closes. Coarser grids and another levelling are computed for it.
+    loads at which each way closes. Coarser grids and another levelling are computed for it. STUDY is a study file, or
+    the folder or name of a run.
+
+    Several height files have a card each and one together, and each combination of lists has its own; a table shows
+    all of them. The files of a card are named by its load.
     """
-    from roughvol.campaign import card as runs
-    from roughvol.report import card_page
+    from roughvol.analysis.at import parse
+    from roughvol.analysis.leak_budget import card_of, check_reached
+    from roughvol.campaign import card as cards
 
     asked, _ = study_of(study, changes)
+    level = parse(state)
     folder = out or Path("runs") / f"{asked.name}_card"
-    made = runs.compute(asked, runs.level_of(state, asked), folder, jobs=jobs)
-    for line in card_page.lines_of(made, asked.name):
-        say(line)
-    say(str(card_page.write(made, asked.name, folder)))
+    varied = [change for change in changes if not change.startswith("name=")]
+    found: dict[str, dict[str, CardRuns]] = {}
+    for variant in asked.variants:
+        surfaces = cards.surfaces_of(variant.study)
+        accept = check_reached if len(surfaces) == 1 else lambda fine: None
+        inside = folder.joinpath("runs", *map(cards.slug, (*varied, variant.words)))
+        found[variant.words] = {
+            name: cards.compute(one, level, inside / cards.slug(name), jobs=jobs, accept=accept)
+            for name, one in surfaces.items()
+        }
+    if as_json:
+        data = {words: card_of(list(runs.values()), asked.name, level.label).plain() for words, runs in found.items()}
+        say_json(data if asked.axes else data[""])
+        return
+    from roughvol.report import card_page
+    from roughvol.report.card_text import Identity
+
+    command = ["roughvol", "card", str(study), "--at", state]
+    origin = Identity(asked, shlex.join([*command, *(word for change in changes for word in ("--set", change))]))
+    pages = []
+    for words, runs in found.items():
+        single = {name: [one] for name, one in runs.items()} if len(runs) > 1 else {}
+        for name, some in ({"": list(runs.values())} | single).items():
+            title = ", ".join(filter(None, (asked.name, *varied, words, name)))
+            stem = "_".join(filter(None, map(cards.slug, ("card", level.label, *varied, words, name))))
+            fine = tuple(one.fine.dataset for one in some)
+            pages.append(card_page.Page(card_of(some, title, level.label), fine, origin, stem))
+    if len(found) == 1:
+        say("\n".join(card_page.lines_of(pages[0])))
+    if len(pages) > 1:
+        table = card_page.table_of(pages)
+        say(cli_text.table(table.head, table.rows))
+    paths = [card_page.write(page, folder) for page in pages]
+    if len(pages) > 1:
+        stem = "_".join(map(cards.slug, ("cards", level.label, *varied)))
+        paths.append(card_page.write_table(pages, stem, asked.name, folder))
+    for path in paths:
+        say(str(path))
 
 
 PRESSURE = click.option("--pressure", metavar="VALUE", hidden=True)

@@ -9,7 +9,8 @@ Room of the report. It reads datasets and computes no contact.
 `paper_rules`   the paper's state and the slope A*/p*, for figures and claims
 `model`         contents of a report, and the words that all its forms share
 `run_facts`     one run in words and tables: surface, loading, states, closing
-`card_page`     its HTML and PDF
+`card_page`     the leak card as HTML, PDF and lines for a terminal
+`card_text`     its words
 `screen`        tables of numbers for a screen
 `literature`    a number of the literature as the row of a table
 `answers`       statements judged by ten seeds and by an ensemble

@@ -1,38 +1,238 @@
-"""The leak card as files: one page of HTML, and one page of PDF."""
+"""The leak card as files: one page of HTML, and one page of PDF; several cards beside each other in a table."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from xarray import Dataset
 
-from roughvol.analysis.leak_budget import Card, card_of
-from roughvol.analysis.tables import number
+from roughvol.analysis.leak_card import Card
+from roughvol.analysis.tables import Table
+from roughvol.report import card_text
+from roughvol.report.card_text import Identity
 from roughvol.report.drawings import Drawing
 from roughvol.report.figures import leak_card
-from roughvol.report.html import Html, figure_html, items, join, pairs, table, tag
+from roughvol.report.figures.style import unit_text
+from roughvol.report.html import Html, box, figure_html, items, join, pairs, table, tag
 from roughvol.report.style import CSS
 from roughvol.store import stamped_file
 
-CAPTION = (
-    "Leak against load with the interval at the load of the card (left); flux along x over its mean (middle); parts of "
-    "the error as factors (right)."
-)
-HEAD = ("source of error", "factor", "how it was found")
+CARD_CSS = """
+p.answer { font-size: 1.15rem; margin: .3rem 0; }
+figure.plot { flex: 1 1 17.5rem; max-width: 22rem; } .figures { gap: .8rem; }
+"""
+NARROW = "\u00a0"  # keeps a factor on one line
+MOST = 6  # surfaces and limits that the page of print has; the page of HTML has all
+NONE_EXCEEDED = "No limit of the model is exceeded among those compared."
 
 
-def write(runs: Mapping[str, Dataset], name: str, folder: Path) -> Path:
-    """Write ``card.html`` and ``card.pdf``, and return the path of the first.
+@dataclass(frozen=True, eq=False)
+class Page:
+    """A card with the runs that it rests on.
+
+    Attributes
+    ----------
+    card : Card
+        The card.
+    fine : tuple of Dataset
+        The runs on the finest grid.
+    identity : Identity
+        Study and command.
+    stem : str
+        Name of its files without a suffix.
+    """
+
+    card: Card
+    fine: tuple[Dataset, ...]
+    identity: Identity
+    stem: str
+
+
+def write(page: Page, folder: Path) -> Path:
+    """Write a card as HTML and PDF, and return the path of the first.
 
     Parameters
     ----------
-    runs : mapping
-        Datasets of `campaign.card.compute`.
-    name : str
-        Title of the card.
+    page : Page
+        The card.
     folder : path
         Folder of the files.
+
+    Returns
+    -------
+    path
+        The page of HTML.
+
+    Raises
+    ------
+    FolderError
+        If the folder cannot be written.
+    """
+    path = folder / f"{page.stem}.html"
+    stamped_file.write(path, html_of(page).encode())
+    leak_card.page_of(page.card, _print(page)).savefig(folder / f"{page.stem}.pdf")
+    return path
+
+
+def html_of(page: Page) -> str:
+    """Return a card as a page of HTML.
+
+    Parameters
+    ----------
+    page : Page
+        The card.
+
+    Returns
+    -------
+    str
+        One file without links to others.
+    """
+    card = page.card
+    facts, kept, exceeded = card_text.rests_on(page.fine)
+    answers = [tag("p", tag("b", f"Along {way.axis}: "), card_text.answer(way), kind="answer") for way in card.ways]
+    ways = []
+    for way in card.ways:
+        closes = [tag("p", line[:1].upper() + line[1:] + ".") for line in card_text.closes(card, way)]
+        rows = [(name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(way)]
+        ways += [tag("h2", f"Along {way.axis}"), *closes, table(card_text.HEAD, rows)]
+    drawn = [
+        figure_html(panel.name, Drawing(panel.name, panel.caption, "", leak_card.drawing_of(card, panel)))
+        for panel in leak_card.panels(card)
+    ]
+    several = card_text.surfaces(card) if len(card.surfaces) > 1 else None
+    body = join(
+        tag("header", tag("h1", f"Leak card: {card.title}")),
+        tag("p", f"At {card_text.load_of(card)}."),
+        *answers,
+        tag("p", card_text.patch(card)),
+        tag("div", *drawn, kind="figures"),
+        *ways,
+        join(tag("h2", "Surfaces"), box(table(several.head, several.rows))) if several is not None else Html(),
+        tag("h2", "What the card rests on"),
+        pairs([*card_text.load_facts(card), *facts]),
+        tag("h2", "Limits of the model, over the states of the sweep"),
+        tag("div", items(exceeded), kind="warnings") if exceeded else tag("p", NONE_EXCEEDED),
+        join(tag("p", "Kept:"), items(kept)) if kept else Html(),
+        tag("h2", "Identity"),
+        pairs(card_text.identity(page.fine, page.identity)),
+    )
+    return _document(f"Leak card: {card.title}", body)
+
+
+def _document(title: str, body: Html) -> str:
+    return (
+        "<!DOCTYPE html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
+        f"<meta name='viewport' content='width=device-width, initial-scale=1'>\n{tag('title', title)}\n"
+        f"<style>{CSS}{CARD_CSS}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _print(page: Page) -> list[tuple[str, list[str]]]:
+    """Return headings and lines of the page of print."""
+    card = page.card
+    facts, kept, exceeded = card_text.rests_on(page.fine)
+    lead = [f"At {card_text.load_of(card)}.", *(f"Along {way.axis}: {card_text.answer(way)}." for way in card.ways)]
+    parts = [(f"Leak card: {card.title}", [*lead, card_text.patch(card)])]
+    for way in card.ways:
+        rows = [f"{name}: {factor}; {words}" for name, factor, words in card_text.budget(way)]
+        parts.append((f"Along {way.axis}", [*card_text.closes(card, way), *rows]))
+    if len(card.surfaces) > 1:
+        several = card_text.surfaces(card)
+        named = [zip(several.head[1:], row[1:], strict=True) for row in several.rows]
+        rows = [
+            f"{row[0]}: {', '.join(f'{name} {cell}' for name, cell in cells)}"
+            for row, cells in zip(several.rows, named, strict=True)
+        ]
+        parts.append(("Surfaces", _most(rows)))
+    every = [*card_text.load_facts(card), *facts]
+    parts.append(("What the card rests on", ["  ·  ".join(f"{name}: {value}" for name, value in every)]))
+    limits = _most([f"•  {line}" for line in exceeded]) or [NONE_EXCEEDED]
+    parts.append(
+        (
+            "Limits of the model, over the states of the sweep",
+            [*limits, *([f"Kept: {'; '.join(kept)}."] if kept else [])],
+        )
+    )
+    parts.append(("Identity", [f"{name}: {value}" for name, value in card_text.identity(page.fine, page.identity)]))
+    return parts
+
+
+def _most(lines: list[str]) -> list[str]:
+    """Return the lines that fit on the page of print."""
+    left = len(lines) - MOST
+    return [*lines[:MOST], f"and {left} more, on the page of HTML"] if left > 0 else lines
+
+
+def lines_of(page: Page) -> list[str]:
+    """Return a card as lines for a terminal.
+
+    Parameters
+    ----------
+    page : Page
+        The card.
+
+    Returns
+    -------
+    list of str
+        Surfaces, load, leaks with their error, closings, and the error budget.
+    """
+    card = page.card
+    length = f" {card.length_unit}" if card.length_unit else ""
+    lines = [
+        f"Surface: {one.name}, Sq {card_text.short(one.Sq)}{length}, Sdq {card_text.short(one.Sdq)}"
+        for one in card.surfaces
+    ]
+    lines += [f"{name}: {value}" for name, value in card_text.load_facts(card)]
+    for way in card.ways:
+        first, *others = card_text.closes(card, way)
+        lines += [f"along {way.axis}: {card_text.answer(way)}", f"  {first}", *(f"    {line}" for line in others)]
+        lines += [f"  {name}: {factor} ({words})" for name, factor, words in card_text.budget(way)]
+    return [*lines, card_text.patch(card)]
+
+
+def table_of(pages: Sequence[Page]) -> Table:
+    """Return several cards beside each other.
+
+    Parameters
+    ----------
+    pages : sequence of Page
+        The cards.
+
+    Returns
+    -------
+    Table
+        A row a card: load, leaks with their error, closings.
+    """
+    ways = pages[0].card.ways
+    unit = f" [{unit_text(ways[0].unit)}]" if ways[0].unit else " T* V*³"
+    head = ["card", "surfaces", "load"]
+    for way in ways:
+        head += [f"leak {way.axis}{unit}", "error", f"{way.axis} closes"]
+    rows = []
+    for page in pages:
+        card = page.card
+        row = [card.title, str(len(card.surfaces)), card_text.load_of(card)]
+        for way in card.ways:
+            row += [card_text.short(way.leak.value), card_text.factor(way.factor), way.closing.short]
+        rows.append(tuple(row))
+    return Table("Cards", tuple(head), tuple(rows), "The leak of several surfaces is their median.")
+
+
+def write_table(pages: Sequence[Page], stem: str, title: str, folder: Path) -> Path:
+    """Write several cards beside each other as a page of HTML.
+
+    Parameters
+    ----------
+    pages : sequence of Page
+        The cards.
+    stem : str
+        Name of the file without its suffix.
+    title : str
+        Name of the study.
+    folder : path
+        Folder of the file.
 
     Returns
     -------
@@ -44,73 +244,9 @@ def write(runs: Mapping[str, Dataset], name: str, folder: Path) -> Path:
     FolderError
         If the folder cannot be written.
     """
-    card, fine = card_of(runs, name), next(iter(runs.values()))
-    stamped_file.write(folder / "card.html", html_of(card, fine).encode())
-    leak_card.page_of(card, fine).savefig(folder / "card.pdf")
-    return folder / "card.html"
-
-
-def html_of(card: Card, fine: Dataset) -> str:
-    """Return the page of a card.
-
-    Parameters
-    ----------
-    card : Card
-        The card.
-    fine : Dataset
-        The run on the finest grid.
-
-    Returns
-    -------
-    str
-        One file without links to others.
-    """
-    ways = []
-    for column, way in enumerate(card.ways):
-        rows = [(part.name, _factor(part.factor), part.words) for part in way.parts]
-        rows += [("together", _factor(way.factor), "logarithms added in squares")] if rows else []
-        title = tag("h2", f"Along {way.axis}: {leak_card.headline(card, column)}")
-        budget = table(HEAD, rows) if rows else Html()
-        ways.append(join(title, tag("p", f"Closes: {way.closing}."), budget))
-    drawing = Drawing("card", CAPTION, card.title, leak_card.drawing_of(card, fine))
-    limits = items(card.warnings) if card.warnings else tag("p", "No limit of the model is passed.")
-    body = join(
-        tag("header", tag("h1", f"Leak card: {card.title}")),
-        pairs(card.facts),
-        *ways,
-        figure_html("card", drawing),
-        tag("h2", "Limits of the model"),
-        limits,
-    )
-    title = tag("title", f"Leak card: {card.title}")
-    return (
-        "<!DOCTYPE html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
-        f"<meta name='viewport' content='width=device-width, initial-scale=1'>\n{title}\n<style>{CSS}</style>\n"
-        f"</head>\n<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
-    )
-
-
-def _factor(factor: float) -> str:
-    text = number(factor)
-    return "unknown" if text == "–" else f"×÷ {text}"
-
-
-def lines_of(runs: Mapping[str, Dataset], name: str) -> list[str]:
-    """Return the card as lines for a terminal.
-
-    Parameters
-    ----------
-    runs, name
-        As in `write`.
-
-    Returns
-    -------
-    list of str
-        Facts, leaks with their intervals, and the error budget.
-    """
-    card = card_of(runs, name)
-    lines = [f"{fact}: {value}" for fact, value in card.facts]
-    for column, way in enumerate(card.ways):
-        lines += [f"along {way.axis}: {leak_card.headline(card, column)}", f"  closes: {way.closing}"]
-        lines += [f"  {part.name}: {_factor(part.factor)} ({part.words})" for part in way.parts]
-    return lines
+    found, path = table_of(pages), folder / f"{stem}.html"
+    header = tag("header", tag("h1", f"Leak cards: {title}"))
+    rows = [[cell.replace("×÷ ", f"×÷{NARROW}") for cell in row] for row in found.rows]
+    body = join(header, box(table(found.head, rows)), tag("p", found.note))
+    stamped_file.write(path, _document(f"Leak cards: {title}", body).encode())
+    return path

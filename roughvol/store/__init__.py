@@ -15,6 +15,7 @@ Room of the store. It computes nothing.
 `provenance`           attributes of stored files
 `dataset`              build, write, read and combine datasets
 `small_file`           the file of a small case, written quickly
+`card_runs`            the runs behind a leak card
 `dimensional`          starred numbers in the units of the study
 `run`                  the run of a name, path or study file, checked to be of its study
 `run_folder`           the files of a run: names, labels, failures

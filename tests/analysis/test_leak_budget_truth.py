@@ -10,10 +10,13 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
-from roughvol.analysis import leak_budget as card
+from roughvol.analysis.at import parse
+from roughvol.analysis.leak_budget import card_of
+from roughvol.analysis.leak_card import Part, Way
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import running
 from roughvol.cli import main
+from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.study import Level, load, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
@@ -25,7 +28,7 @@ record:
 AT = Level("pressure", 0.5)
 
 
-def _part(way: card.Way, name: str) -> card.Part:
+def _part(way: Way, name: str) -> Part:
     return next(part for part in way.parts if part.name == name)
 
 
@@ -34,23 +37,21 @@ def test_quadrants_of_one_map_hold_the_mean_of_the_ensemble(tmp_path: Path) -> N
         "name: rolled\nsurface: {H: 0.8, rolloff: 6, n: 64, seeds: 8, L: 200 um, Sq: 0.4 um}\n"
         "material: {E_star: 10 MPa}\nsweep: {steps: 3, to: {pressure: 0.5}}" + RECORD
     )
-    fine = running.run(card_runs.variants(loads(text), AT)[card_runs.FINE], jobs=1, out=tmp_path)
-    for axis in ("x", "y"):
-        mean = np.log(card.leaks(fine, axis)).mean()
-        covered = []
-        for seed in range(fine.sizes["seed"]):
-            one = fine.isel(seed=[seed])
-            way = card.card_of({card_runs.FINE: one}, "rolled").ways["xy".index(axis)]
-            leak = float(np.log(card.leaks(one, axis)).item())
-            covered.append(abs(leak - mean) <= math.log(_part(way, "window").factor))
+    fine = running.run(card_runs.plan(loads(text), AT).fine.study, jobs=1, out=tmp_path)
+    every = [card_of([CardRuns(Pressed("", fine.isel(seed=[k]), AT))], "rolled", "") for k in range(8)]
+    for axis in (0, 1):
+        ways = [card.ways[axis] for card in every]
+        logs = np.log([way.leak.value for way in ways])
+        factors = [math.log(_part(way, "window").factor) for way in ways]
+        covered = np.abs(logs - logs.mean()) <= factors
         assert np.mean(covered) >= 0.75  # 95 % of the intervals, with few surfaces to count
 
 
 def test_a_grid_too_coarse_for_the_waves_of_a_surface_is_left_out() -> None:
     text = "surface: {H: 0.8, rolloff: 12, n: 128, seeds: 1}\nsweep: {steps: 3, to: {pressure: 0.5}}"
     for rolloff, expected in ((12, 3), (20, 2), (40, 1)):
-        made = card_runs.variants(loads(text.replace("rolloff: 12", f"rolloff: {rolloff}")), AT)
-        assert len(made) == expected
+        made = card_runs.plan(loads(text.replace("rolloff: 12", f"rolloff: {rolloff}")), AT)
+        assert 1 + len(made.coarser) == expected
 
 
 def test_another_levelling_covers_the_leak_of_the_map_without_its_form(tmp_path: Path) -> None:
@@ -67,12 +68,14 @@ def test_another_levelling_covers_the_leak_of_the_map_without_its_form(tmp_path:
         )
         (tmp_path / f"{name}.yaml").write_text(text)
         study = load(tmp_path / f"{name}.yaml")
-        runs = card_runs.compute(study, card_runs.level_of("pressure=0.01 MPa", study), tmp_path / name, jobs=1)
-        leak[name] = card.card_of(runs, name)
+        runs = card_runs.compute(study, parse("pressure=0.01 MPa"), tmp_path / name, jobs=1)
+        leak[name] = card_of([runs], name, "")
     for truth, bowed in zip(leak["flat"].ways, leak["bowed"].ways, strict=True):
         factor = _part(bowed, "levelling").factor
         assert factor > 1.02
-        assert_allclose(abs(math.log(truth.leak / bowed.leak)), math.log(factor), rtol=1e-3)  # quadratic: the truth
+        assert_allclose(
+            abs(math.log(truth.leak.value / bowed.leak.value)), math.log(factor), rtol=1e-3
+        )  # quadratic: the truth
 
 
 def _levelled(heights: np.ndarray) -> np.ndarray:
@@ -100,6 +103,7 @@ def test_a_card_from_the_file_of_an_instrument(suffix: str, tmp_path: Path, monk
     done = CliRunner().invoke(main, ["card", "seal.yaml", "--at", "pressure=0.03 MPa", "--jobs", "1"])
     assert done.exit_code == 0, done.output
     assert "Load: 0.03 MPa" in done.output
+    assert f"Surface: scan{suffix}, Sq " in done.output
     for part in ("solver", "grid", "window", "levelling"):
         assert f"  {part}: " in done.output
-    assert (tmp_path / "runs" / "seal_card" / "card.pdf").stat().st_size > 10_000
+    assert (tmp_path / "runs" / "seal_card" / "card_pressure=0.03_MPa.pdf").stat().st_size > 10_000

@@ -19,7 +19,7 @@ from roughvol.errors import StudyError
 from roughvol.observables.gas import plate_flow
 from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
-from roughvol.study import Fluid, Study, loads, throughput
+from roughvol.study import Fluid, Level, Study, loads, throughput
 
 TEXT = """
 name: gas
@@ -218,12 +218,14 @@ def test_a_leak_of_a_gas_is_asked_for_by_its_unit(results: Dataset) -> None:
 
 def test_the_card_has_the_leak_of_the_gas(tmp_path: Path) -> None:
     study = loads(TEXT)
-    runs = card_runs.compute(study, card_runs.level_of("pressure=0.5"), tmp_path, jobs=1)
-    facts = dict(card_of(runs, "gas").facts)
-    assert "mbar*l/s (helium, 2 bar to 1 bar" in facts["Gas leak"]
+    runs = card_runs.compute(study, Level("pressure", 0.5), tmp_path, jobs=1)
+    (gas,) = card_of([runs], "gas", "").beside
+    assert gas.words.startswith("leak of helium, 2 bar to 1 bar")
+    assert gas.unit == "mbar*l/s"
     stored = running.run(study, jobs=1, out=tmp_path / "run").isel(D=0, m=0, seed=0)
     at = np.exp(np.interp(0.5, stored.mean_pressure, np.log(stored.gas_leak_rate_x)))
-    assert_allclose(float(facts["Gas leak"].split()[1].rstrip(",")), at, rtol=0.2)
+    assert_allclose(gas.leaks[0].value, at, rtol=0.2)
+    assert_allclose(gas.leaks[0].value, runs.fine.dataset.flux_at_gas_leak_rate_x.item(), rtol=1e-12)
 
 
 def test_plates_of_the_study_and_of_the_solver_are_the_same() -> None:

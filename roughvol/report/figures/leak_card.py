@@ -1,206 +1,331 @@
-"""The drawings of a leak card: leak against load, map of the flux, error budget; and the card as a page of print."""
+"""The drawings of a leak card: leak against load, map of the flux, error or closing loads; and a page of print."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+import textwrap
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm
-from xarray import Dataset
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from xarray import Dataset, concat
 
-from roughvol.analysis.leak_budget import AXES, Card, leaks, state_of, unit_leaks
-from roughvol.analysis.tables import number
-from roughvol.observables.at_state import at_state
-from roughvol.report.figures.origin import first_leg
-from roughvol.report.figures.style import (
-    CONTACT,
-    DASHES,
-    GREY,
-    LABELS,
-    PAGE,
-    STYLE,
-    Drawing,
-    P,
-    canvas,
-    looks,
-    plain_ticks,
-    unit_text,
-)
+from roughvol.analysis.leak import AXES, STATE
+from roughvol.analysis.leak_card import Card, SurfaceAtLoad
+from roughvol.analysis.legs import first_leg
+from roughvol.observables.transport import conduction
+from roughvol.report.card_text import SAME
+from roughvol.report.figures.families import Family
+from roughvol.report.figures.seal_drawing import CLOSED, draw_flow, look_of
+from roughvol.report.figures.seal_ways import ways
+from roughvol.report.figures.style import CONTACT, GREY, STYLE, Drawing, looks, plain_ticks, unit_text
 
+SANS: dict[Any, Any] = {"font.family": ["DejaVu Sans", "sans-serif"], "mathtext.fontset": "dejavusans"}
+SANS |= {"font.size": 10.0, "axes.labelsize": 10.0, "axes.titlesize": 10.0, "legend.fontsize": 9.0}
+SMALL = {"font.size": 8.0, "axes.labelsize": 8.0, "axes.titlesize": 8.0, "legend.fontsize": 7.0}  # of the print
+PANEL = (3.3, 3.1)  # inches, at the width of a figure on the page: its type has the size of the page's
 A4 = (8.27, 11.69)
+TEXT = tuple(
+    np.arange(7.5, 5.2, -0.25).tolist()
+)  # sizes of the text below the drawings: the largest that fits the page
+SPACING, FOOT = 1.38, 0.02  # of lines over their size; of the page
 CROWDED = 50.0  # largest factor from which on only its powers of ten are labelled
 FLUX_RANGE = (1e-2, 1e2)  # of the flux over its mean
+LEGEND: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2, "borderaxespad": 0.1}
+LEGEND |= {"handlelength": 1.4, "columnspacing": 0.9, "handletextpad": 0.5}
+DECADES = 9  # of leaks that an axis spans
+GRIDS = {"": "1", "twice the spacing": "2", "four times the spacing": "4"}
 
 
-def drawing_of(card: Card, fine: Dataset) -> Drawing:
-    """Return the three drawings of a card side by side.
+class Panel(NamedTuple):
+    """A drawing of a card: its name, its caption, and how it is drawn."""
+
+    name: str
+    caption: str
+    draw: Any
+
+
+def panels(card: Card) -> list[Panel]:
+    """Return the drawings of a card that have something to show.
 
     Parameters
     ----------
     card : Card
         The card.
-    fine : Dataset
-        The run on the finest grid.
+
+    Returns
+    -------
+    list of Panel
+        Leak against load; map of the flux; error budget, or closing loads where nothing leaks.
+    """
+    several = len(card.surfaces) > 1
+    kind = "Median leak over surfaces" if several else "Leak"
+    dry = " of the gap without fluid pressure, and the leak under it" if card.lifted else ""
+    found = [Panel("leak", f"{kind}{dry} against load; bars are the error at the load of the card.", _against_load)]
+    if (shown := _shown(card)) is not None:
+        name = f" on {shown.name}" if several else ""
+        lifted = " under fluid pressure" if card.lifted else ""
+        what = "Flux along x over its mean" if shown.leaks[0] > 0.0 else "Closed along x"
+        found.append(Panel("flux", f"{what}{lifted}{name}; contact is blue.", _flux_map))
+    if any(way.leak.value > 0.0 and any(part.known for part in way.parts) for way in card.ways):
+        found.append(Panel("budget", "Parts of the error as factors of the leak.", _budget))
+    else:
+        found.append(Panel("closing", "Closing loads on this grid and on coarser grids.", _closings))
+    return found
+
+
+def drawing_of(card: Card, panel: Panel) -> Drawing:
+    """Return one drawing of a card, in the type of the page.
+
+    Parameters
+    ----------
+    card : Card
+        The card.
+    panel : Panel
+        The drawing, of `panels`.
 
     Returns
     -------
     Drawing
-        Leak against load, map of the flux, error budget.
+        The figure.
     """
-    with mpl.rc_context(STYLE):
-        fig = canvas(PAGE * 1.35, 3.0)
-        _draw(fig.subplots(1, 3, width_ratios=(1.1, 1.0, 1.0)), card, fine)
+    with mpl.rc_context(STYLE | SANS):
+        fig = Drawing(figsize=PANEL, layout="constrained", dpi=150)
+        fig.style = SANS
+        panel.draw(fig.subplots(), card)
     return fig
 
 
-def page_of(card: Card, fine: Dataset) -> Drawing:
-    """Return the card as one page of A4: facts, leaks with their budget, drawings, warnings.
+def page_of(card: Card, text: Sequence[tuple[str, Sequence[str]]]) -> Drawing:
+    """Return the card as one page of A4.
 
     Parameters
     ----------
-    card, fine
-        As in `drawing_of`.
+    card : Card
+        The card.
+    text : sequence of (str, sequence of str)
+        Headings with their lines: the title and the answers first, then what goes below the drawings.
 
     Returns
     -------
     Drawing
         One page.
     """
-    with mpl.rc_context(STYLE):
-        fig = Drawing(figsize=A4, layout="constrained", dpi=150)
-        engine = fig.get_layout_engine()
-        if engine is not None:
-            engine.set(rect=(0.03, 0.02, 0.94, 0.96))  # type: ignore[call-arg]
-        parts: Any = fig.subfigures(3, 1, height_ratios=(1.25, 1.0, 1.0))
-        top, middle, bottom = parts
-        _text(top, card)
-        _draw(middle.subplots(1, 3, width_ratios=(1.1, 1.0, 1.0)), card, fine)
-        lines = [*card.warnings] or ["No limit of the model is passed."]
-        words = "\n".join(f"•  {_wrapped(line, 125)}" for line in lines)
-        bottom.text(0.06, 0.95, "Limits of the model", fontsize=11, weight="bold", va="top")
-        bottom.text(0.06, 0.86, words, fontsize=8, va="top")
+    with mpl.rc_context(STYLE | SANS | SMALL):
+        fig = Drawing(figsize=A4, dpi=150)
+        fig.style = SANS
+        (title, lead), *rest = text
+        fig.text(0.06, 0.965, title, fontsize=15, weight="bold", va="top")
+        place = _column(fig, [("", lead)], 0.06, 0.94, 112, 9.0)
+        shown = panels(card)
+        top = place - 0.02
+        grid = fig.add_gridspec(1, len(shown), left=0.09, right=0.95, top=top - 0.015, bottom=top - 0.19, wspace=0.62)
+        for column, panel in enumerate(shown):
+            panel.draw(fig.add_subplot(grid[0, column]), card)
+        place = top - 0.235
+        budgets, below = rest[: len(card.ways)], rest[len(card.ways) :]
+        ends = [_column(fig, [part], 0.06 + 0.46 * k, place, 66, TEXT[0]) for k, part in enumerate(budgets)]
+        place = min(ends) - 0.012
+        size = next((size for size in TEXT if place - _height(below, _width(size), size) > FOOT), TEXT[-1])
+        _column(fig, below, 0.06, place, _width(size), size)
     return fig
 
 
-def _text(figure: Any, card: Card) -> None:
-    """Write title, facts, leaks and budget."""
-    figure.text(0.06, 0.97, f"Leak card: {card.title}", fontsize=16, weight="bold", va="top")
-    facts = "\n".join(f"{name}:  {value}" for name, value in card.facts)
-    figure.text(0.06, 0.86, facts, fontsize=9.5, va="top", linespacing=1.5 if len(card.facts) < 7 else 1.2)
-    for column, way in enumerate(card.ways):
-        x = 0.06 + 0.47 * column
-        figure.text(x, 0.52, f"Along {way.axis}", fontsize=11, weight="bold", va="top")
-        lines = [headline(card, column), f"closes: {way.closing}", ""]
-        lines += [f"{part.name}: {_factor(part.factor)}  {_wrapped(part.words, 58)}" for part in way.parts]
-        figure.text(x, 0.46, "\n".join(lines), fontsize=8.5, va="top", linespacing=1.4)
+def _width(size: float) -> int:
+    """Return the characters of a line over the whole page in a size of type."""
+    return int(140 * TEXT[0] / size)
 
 
-def headline(card: Card, column: int) -> str:
-    """Return the leak along an axis with its interval, in words.
-
-    Parameters
-    ----------
-    card : Card
-        The card.
-    column : int
-        Number of the axis.
-
-    Returns
-    -------
-    str
-        Leak, unit and interval.
-    """
-    way = card.ways[column]
-    if not way.leak > 0.0:
-        return "closed: no leak at this load"
-    low, high = way.interval
-    unit = f" {unit_text(way.unit)}" if way.unit else " (T* V*³)"
-    unknown = [part.name for part in way.parts if not math.isfinite(part.factor)]
-    beyond = f"; {' and '.join(unknown)} not known" if unknown else ""
-    return f"{way.leak:.3g}{unit}, between {low:.2g} and {high:.2g}{beyond}"
+def _rows(lines: Sequence[str], width: int) -> list[str]:
+    return [row for text in lines for row in textwrap.wrap(text, width, subsequent_indent="    ") or [""]]
 
 
-def _factor(factor: float) -> str:
-    return f"×÷ {number(factor)}" if math.isfinite(factor) else "unknown"
+def _height(parts: Sequence[tuple[str, Sequence[str]]], width: int, size: float) -> float:
+    """Return the height of headings with their lines, as a share of the page."""
+    rows = sum((1.55 if heading else 0.0) + len(_rows(lines, width)) + 0.6 for heading, lines in parts)
+    return rows * SPACING * size / 72.0 / A4[1]
 
 
-def _wrapped(text: str, width: int) -> str:
-    """Return text in lines of a width, further ones indented."""
-    lines, line = [], ""
-    for word in text.split():
-        if line and len(line) + len(word) >= width:
-            lines.append(line)
-            line = word
-        else:
-            line = f"{line} {word}".strip()
-    return "\n     ".join([*lines, line])
+def _column(
+    fig: Figure, parts: Sequence[tuple[str, Sequence[str]]], x: float, top: float, width: int, size: float
+) -> float:
+    """Write headings with their lines from a height on, and return the height below them."""
+    line = SPACING * size / 72.0 / A4[1]
+    for part in parts:
+        heading, lines = part
+        below = top - _height([part], width, size)
+        if heading:
+            fig.text(x, top, heading, fontsize=size + 2.0, weight="bold", va="top")
+            top -= 1.55 * line
+        for row in _rows(lines, width):
+            fig.text(x, top, row, fontsize=size, va="top")
+            top -= line
+        top = below
+    return top
 
 
-def _draw(panels: Any, card: Card, fine: Dataset) -> None:
-    left, middle, right = panels
-    _against_load(left, card, fine)
-    _flux_map(middle, fine)
-    _budget(right, card)
+# leak against load
 
 
-def _against_load(ax: Axes, card: Card, fine: Dataset) -> None:
-    """Draw the leak of the mean surface over the load, and the interval at the load of the card."""
-    first = first_leg(fine)
-    cases = [dim for dim in ("D", "m", "seed", "case") if dim in first.dims]
-    loads = "nominal_pressure" if "nominal_pressure" in first else P
-    pressure = first[loads].mean(cases).values
-    state = float(fine["flux_at_mean_pressure"].mean())
-    starred = first[P].mean(cases).values
-    at = float(at_state(starred, pressure, np.clip(state, starred[0], starred[-1]), straight=True)[0])
-    for order, (axis, way, look) in enumerate(zip(AXES, card.ways, looks(2), strict=True)):
-        factors, _ = unit_leaks(fine, axis)
-        starred = (first[f"transmissivity_{axis}"] * first["free_volume"] ** 3).values.reshape(-1, pressure.size)
-        with np.errstate(divide="ignore"):
-            mean = np.exp(np.log(starred * factors[:, None]).mean(axis=0))
-        drawn = np.where(mean > 0.0, mean, np.nan)
-        ax.plot(pressure, drawn, ls=DASHES[order], color=look["color"], label=f"along ${axis}$")
-        if way.leak > 0.0:
-            low, high = way.interval
-            error = np.array([[way.leak - low], [high - way.leak]])
-            beside = at + (order - 0.5) * 0.02 * float(pressure[-1])  # so that two intervals can be seen apart
-            ax.errorbar([beside], [way.leak], yerr=error, fmt=look["marker"], color=look["color"], capsize=3)
+def _against_load(ax: Axes, card: Card) -> None:
+    """Draw the leak over the load, where the ways close, and leak and error at the load of the card."""
+    family = _family(card)
+    leaks = [family.data[f"leak_{axis}"].values for axis in AXES]
+    positive = np.concatenate([values[values > 0.0] for values in (*leaks, np.array([_lowest(card), _highest(card)]))])
+    top = float(positive.max(initial=1e-300))
+    floor = max(float(positive.min(initial=top)), top * 10.0**-DECADES)
     unit = card.ways[0].unit
-    load = LABELS[P] if loads == P else f"nominal pressure [{unit_text(str(fine[loads].attrs['units']))}]"
-    ax.set(yscale="log", xlabel=load, ylabel=f"leak [{unit_text(unit)}]" if unit else r"leak $T^{\ast} V^{\ast 3}$")
-    ax.legend()
+    ax.set(yscale="log", ylim=(0.4 * floor, 2.5 * top), xlabel=_load_label(card))
+    ax.set_ylabel(f"leak [{unit_text(unit)}]" if unit else "leak T* V*³")
+    handles, dry = [], ", dry" if card.lifted else ""
+    at = _load(card)
+    reach = float(np.nanmax(family.data["load"].values))
+    for order, (axis, way) in enumerate(zip(AXES, card.ways, strict=True)):
+        members = ways(family, "load", "leak", axis)
+        if members:
+            draw_flow(ax, family, members, axis, alone=True)
+        look = look_of(family, axis, alone=True)
+        handles.append(Line2D([], [], label=f"along {axis}{dry}", color=look["color"], ls=look["ls"]))
+        if way.leak.value > 0.0 and math.isfinite(at):
+            low, high = way.interval if math.isfinite(way.factor) else (way.leak.value, way.leak.value)
+            error = np.array([[way.leak.value - low], [high - way.leak.value]])
+            beside = at + (order - 0.5) * 0.02 * reach  # so that two intervals can be seen apart
+            if card.lifted:
+                handles.append(
+                    Line2D([], [], ls="", marker=look["marker"], color=look["color"], label=f"{axis}, lifted")
+                )
+            bar = {"color": look["color"], "capsize": 3, "ms": 5.0, "mfc": look["mfc"], "zorder": 7}
+            ax.errorbar([beside], [way.leak.value], yerr=error, fmt=look["marker"], **bar)
+    if math.isfinite(at):
+        handles.append(ax.axvline(at, color=GREY, lw=0.8, ls=":", label="load of the card"))
+    for axis in AXES:
+        if any(span.closes for span in card.ways[AXES.index(axis)].closing.spans):
+            handles.append(Line2D([], [], ls="", marker=CLOSED[axis], color=GREY, label=f"closed along {axis}{dry}"))
+    ax.xaxis.set_major_locator(MaxNLocator(4))
+    ax.legend(handles=handles, **LEGEND)
 
 
-def _flux_map(ax: Axes, fine: Dataset) -> None:
-    """Draw the flux along x over its mean on the first surface that reaches the load."""
-    state = state_of(fine, int(np.flatnonzero(np.isfinite(leaks(fine, "x")))[0]))
+def _family(card: Card) -> Family:
+    """Return loads and leaks along the steps of the first leg, surfaces along seed; under fluid pressure dry leaks."""
+    load = "nominal_pressure" if card.pressure_unit else "mean_pressure"
+    dry = "_dry" if card.lifted else ""
+    tables = []
+    for one in card.surfaces:
+        table = first_leg(one.table)
+        found = {"load": table[load]}
+        for axis in AXES:
+            rate = f"leak_rate{dry}_{axis}"
+            starred = table[f"transmissivity{dry}_{axis}"] * table["free_volume"] ** 3
+            found[f"leak_{axis}"] = table[rate] if rate in table and card.ways[0].unit else starred
+        tables.append(Dataset({name: ("step", variable.values) for name, variable in found.items()}))
+    return Family("", 0.0, looks(1)[0], concat(tables, "seed"))
+
+
+def _load(card: Card) -> float:
+    """Return the load of the card, NaN where its surfaces have different loads."""
+    loads = card.loads("nominal_pressure" if card.pressure_unit else "mean_pressure")
+    return float(np.mean(loads)) if loads and np.ptp(loads) <= SAME * max(loads) else math.nan
+
+
+def _lowest(card: Card) -> float:
+    return min((low for way in card.ways for low in way.interval if low > 0.0), default=math.nan)
+
+
+def _highest(card: Card) -> float:
+    return max((high for way in card.ways for high in way.interval if math.isfinite(high)), default=math.nan)
+
+
+def _load_label(card: Card) -> str:
+    return f"nominal pressure [{unit_text(card.pressure_unit)}]" if card.pressure_unit else "pressure p*"
+
+
+# where it leaks
+
+
+def _shown(card: Card) -> SurfaceAtLoad | None:
+    """Return the first surface with fields at the load: an open one if there is any."""
+    kept = [one for one in card.surfaces if "gap" in one.table]
+    solved = [one for one in kept if bool(_state(one)["gap"].notnull().any())]
+    return next((one for one in solved if one.leaks[0] > 0.0), next(iter(solved), None))
+
+
+def _state(one: SurfaceAtLoad) -> Dataset:
+    return one.table.sel(field_at=one.recorded, flux_at=one.recorded)
+
+
+def _flux_map(ax: Axes, card: Card) -> None:
+    """Draw the flux along x over its mean on one surface, and the contact."""
+    one = _shown(card)
+    assert one is not None
+    state = _state(one)
     flux, gap = (state[name].transpose("x", "y").values for name in ("flux_x", "gap"))
+    if card.lifted:
+        gap = state.sel({STATE: one.recorded})["fluid_gap_x"].transpose("x", "y").values
+        inside = np.isfinite(flux)
+        whole = bool(inside[np.isfinite(gap)].all())
+        rows, columns = (np.flatnonzero(inside.any(axis=other)) for other in (1, 0))
+        window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        along = conduction(gap[window], 0, periodic=whole and "periodic" in one.table.attrs).flux
+        flux = np.full(gap.shape, np.nan)
+        flux[window] = np.hypot(*along)
     mean = np.nanmean(flux)
     image = np.where(flux > 0.0, flux / mean, np.nan) if mean > 0.0 else np.full(flux.shape, np.nan)
     extent = (0.0, 1.0, 0.0, (flux.shape[1] - 1) / (flux.shape[0] - 1))
     shown: dict[str, Any] = {"origin": "lower", "extent": extent, "interpolation": "none"}
     ax.imshow(np.where(gap == 0.0, 1.0, np.nan).T, cmap=ListedColormap([CONTACT]), **shown)
     drawn = ax.imshow(image.T, norm=LogNorm(*FLUX_RANGE, clip=True), cmap="YlOrRd", **shown)
-    ax.figure.colorbar(drawn, ax=ax, label="flux along $x$ over its mean", shrink=0.8)
-    ax.set(xlabel="$x/L$", ylabel="$y/L$", title="where it leaks; contact blue")
+    if mean > 0.0:
+        ax.figure.colorbar(drawn, ax=ax, label="flux along x over its mean", location="top", shrink=0.9)
+    ax.set(xticks=(0.0, 0.5, 1.0), yticks=[place for place in (0.0, 0.5, 1.0) if place <= extent[3]])
+    ax.set(xlabel="x/L", ylabel="y/L", title="" if mean > 0.0 else "closed along x; contact is blue")
+
+
+# error and closing
 
 
 def _budget(ax: Axes, card: Card) -> None:
     """Draw the parts of the error as factors."""
-    names = list(dict.fromkeys(part.name for way in card.ways for part in way.parts)) or ["no leak"]
+    names = [*dict.fromkeys(part.name for way in card.ways for part in way.parts), "together"]
     for order, (way, look) in enumerate(zip(card.ways, looks(2), strict=True)):
-        factors = {part.name: part.factor for part in way.parts}
-        for row, name in enumerate([*names, "together"]):
-            factor = way.factor if name == "together" else factors.get(name, math.nan)
-            place = row + 0.2 - 0.4 * order
-            if way.parts and math.isfinite(factor):
-                ax.barh(place, max(factor, 1.0 + 1e-9) - 1.0, left=1.0, height=0.35, color=look["color"])
-            elif way.parts and name in factors:
-                ax.text(1.02, place, "unknown", fontsize=7, va="center", color=GREY)
+        factors = {part.name: part.factor for part in way.parts} | {"together": way.factor}
+        for row, name in enumerate(names):
+            place, factor = row + 0.2 - 0.4 * order, factors.get(name, math.nan)
+            if math.isfinite(factor):
+                width = max(factor, 1.0 + 1e-9) - 1.0
+                ax.barh(place, width, left=1.0, height=0.35, color=look["color"], label=f"along {way.axis}")
+            elif name in factors:
+                ax.text(1.02, place, "unknown", va="center", color=GREY, fontsize="small")
     ax.set(xscale="log", xlabel="factor of the leak")
-    ax.set_yticks(range(len(names) + 1), [*names, "together"])
-    ax.set_xlim(1.0, None)
+    ax.set_yticks(range(len(names)), names)
+    ax.set_xlim(1.0, max(2.0, ax.get_xlim()[1]))
     plain_ticks(ax.xaxis, (1.0, 2.0, 5.0) if ax.get_xlim()[1] < CROWDED else (1.0,))
     ax.invert_yaxis()
+    found = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+    ax.legend(found.values(), found.keys(), **LEGEND)
+
+
+def _closings(ax: Axes, card: Card) -> None:
+    """Draw between which loads the ways close on this grid and on coarser grids, and the load of the card."""
+    rows = ["", *(words for words, _ in card.ways[0].coarser)]
+    for order, (way, look) in enumerate(zip(card.ways, looks(2), strict=True)):
+        for row, closing in enumerate([way.closing, *(closing for _, closing in way.coarser)]):
+            for span in closing.closed:
+                place = row + 0.2 - 0.4 * order
+                bar = {"height": 0.3, "color": look["color"], "alpha": 1.0 / len(closing.closed) ** 0.5}
+                ax.barh(
+                    place, span.closed_from - span.open_up_to, left=span.open_up_to, label=f"along {way.axis}", **bar
+                )
+    at = _load(card)
+    if math.isfinite(at):
+        ax.axvline(at, color=GREY, lw=0.8, ls=":", label="load of the card")
+    ax.set_yticks(range(len(rows)), [GRIDS[row] for row in rows])
+    ax.set(xlabel=f"closes: {_load_label(card)}", ylabel="spacing over that of the map", xlim=(0.0, None))
+    ax.invert_yaxis()
+    found = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+    ax.legend(found.values(), found.keys(), **LEGEND)

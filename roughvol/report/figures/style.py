@@ -71,6 +71,7 @@ class Drawing(Figure):
 
     shown: Mapping[str, Sequence[float]] = MappingProxyType({})
     sources: Mapping[Line2D, Mapping[str, object]] = MappingProxyType({})
+    style: Mapping[Any, Any] = MappingProxyType({})  # beside `STYLE`, as another type
 
     def note(self, text: str) -> None:
         """Put a line on where the drawing comes from below it."""
@@ -98,7 +99,7 @@ class Drawing(Figure):
         ValueError
             If there is no such format.
         """
-        with mpl.rc_context(STYLE):
+        with mpl.rc_context(STYLE | dict(self.style)):
             if not isinstance(fname, str | os.PathLike):
                 super().savefig(fname, transparent=transparent, **kwargs)
                 return

@@ -1,0 +1,46 @@
+"""The runs behind a leak card: the finest grid, coarser grids, and another levelling, at one load."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from roughvol.store.dataset import Dataset
+from roughvol.study import Level
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """A run that records the state at the load of a card.
+
+    Attributes
+    ----------
+    words : str
+        Difference from the finest run, as ``twice the spacing`` or ``level: tilt``; empty for the finest run.
+    dataset : Dataset
+        The run.
+    level : Level
+        The state, as the run records it.
+    """
+
+    words: str
+    dataset: Dataset
+    level: Level
+
+
+@dataclass(frozen=True, eq=False)
+class CardRuns:
+    """The runs of one height file, or of the seeds of one kind of surface.
+
+    Attributes
+    ----------
+    fine : Pressed
+        The run on the finest grid.
+    coarser : tuple of Pressed
+        The runs at 2 and 4 times the spacing, as far as the grid has nodes for them.
+    levelled : Pressed or None
+        The run of the file with another levelling.
+    """
+
+    fine: Pressed
+    coarser: tuple[Pressed, ...] = ()
+    levelled: Pressed | None = None

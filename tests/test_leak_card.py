@@ -1,0 +1,277 @@
+"""The command card: what a designer reads, for one surface, several, closed ways, lists, and fluid pressure."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from numpy.testing import assert_allclose
+
+from roughvol.cli import main
+from roughvol.report import card_text
+from roughvol.store import dataset
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+FLUID = "dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}"
+SEAL = f"""name: seal
+surface: {{D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: 3}}
+material: {{E_star: 10 MPa}}
+sweep: {{steps: 8, to: percolation}}
+record: {{transport: {{percolation: every-step, transmissivity: every-step}}, {FLUID}}}
+"""
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def _study(text: str, name: str = "seal") -> str:
+    Path(f"{name}.yaml").write_text(text, encoding="utf-8")
+    return f"{name}.yaml"
+
+
+def _card(*arguments: str) -> Result:
+    return CliRunner().invoke(main, ["card", *arguments, "--jobs", "1"])
+
+
+def _printed(*arguments: str) -> str:
+    done = _card(*arguments)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def _maps(*heights: float, m: int = 5) -> None:
+    for k, height in enumerate(heights):
+        z = random_midpoint_displacement(2.2, m, seed=k).heights
+        np.savetxt(f"face{k}.txt", height * z / z.std(), header="heights in um")
+
+
+def test_some_closed_surfaces_are_counted_as_0_with_a_median() -> None:
+    _study(SEAL)
+    assert CliRunner().invoke(main, ["run", "seal.yaml"]).exit_code == 0
+    stored = dataset.read(Path("runs/seal/study.nc")).isel(D=0, m=0)
+    ends = np.sort(stored.nominal_pressure.max("step").values)
+    printed = _printed("seal.yaml", "--at", f"pressure={0.5 * (ends[0] + ends[1]):.6g} MPa")
+    line = next(line for line in printed.splitlines() if line.startswith("along x: "))
+    assert re.search(r"[0-2] of 3 surfaces open", line)
+    assert "its error is not known (grid, window)" in line
+    assert "together: unknown" in printed
+
+
+def test_a_closed_joint_says_what_it_does_not_know() -> None:
+    """The end of this sweep is the closing of the last way: the unsafe side is a finer grid."""
+    printed = _printed(_study(SEAL.replace("seeds: 3", "seeds: [1]").replace("m: 4", "m: 6")))
+    for axis in "xy":
+        line = next(line for line in printed.splitlines() if line.startswith(f"along {axis}: "))
+        assert "closed on this grid, 0 mm³/s; its error is not known" in line
+        assert "no leak" not in line
+    assert "a bracket of two steps of the sweep, without the errors of grid and window" in printed
+    assert "at twice the spacing: between " in printed
+    assert "on a finer grid the way may be open" in printed
+    for part in ("solver", "grid", "window"):
+        assert f"  {part}: unknown" in printed
+    page = Path("runs/seal_card/card_last.html").read_text()
+    assert page.count("<figure") == 3  # closing loads in the place of an empty budget
+    assert "Closing loads on this grid" in page
+
+
+def test_a_load_beyond_a_sweep_that_ended_closed_is_closed() -> None:
+    printed = _printed(_study(SEAL.replace("seeds: 3", "seeds: [1]")), "--at", "pressure=2 MPa")
+    assert printed.count("closed on this grid, 0 mm³/s; its error is not known (grid, window)") == 2
+    assert "closed before this load" in printed
+
+
+def test_json_is_the_object_of_the_contract() -> None:
+    study = _study(SEAL.replace("seeds: 3", "seeds: [1]").replace("to: percolation", "to: {pressure: 0.3 MPa}"))
+    card = json.loads(_printed(study, "--at", "pressure=0.02 MPa", "--json"))
+    assert list(card) == ["surfaces", "load", "ways"]
+    assert card["surfaces"] == ["D = 2.2, m = 4, seed 1"]
+    assert card["load"]["nominal_pressure"] == pytest.approx(0.02, rel=1e-5)
+    assert card["load"]["mean_pressure"] == pytest.approx(0.02 * 100 / (10 * 0.5), rel=1e-5)
+    run = dataset.read(next(Path("runs/seal_card").glob("**/finest_grid/study.nc"))).isel(D=0, m=0, seed=0)
+    for axis, way in zip("xy", card["ways"], strict=True):
+        assert list(way) == [
+            *("axis", "leak", "unit", "leak_interval", "closing_pressure", "closing_pressure_interval", "parts")
+        ]
+        assert (way["axis"], way["unit"]) == (axis, "mm^3/s")
+        assert way["leak"] == pytest.approx(run[f"flux_at_leak_rate_{axis}"].item(), rel=1e-12)
+        assert set(way["parts"]) == {"solver", "grid", "window"}
+        assert way["parts"]["grid"] is None  # 17 nodes have no coarser grid
+        assert way["leak_interval"] is None
+        open_ = run[f"percolates_{axis}"].values > 0
+        pressures = run.nominal_pressure.values
+        if open_.all():
+            assert way["closing_pressure"] is None
+            continue
+        last = int(np.flatnonzero(open_)[-1])
+        assert_allclose(way["closing_pressure_interval"], pressures[last : last + 2], rtol=1e-12)
+        assert way["closing_pressure_interval"][0] < way["closing_pressure"] < way["closing_pressure_interval"][1]
+    assert not list(Path("runs/seal_card").glob("*.html"))
+
+
+def test_json_of_pressures_is_in_mpa_and_empty_without_units() -> None:
+    kilo = SEAL.replace("pressure: MPa", "pressure: kPa").replace("seeds: 3", "seeds: [1]")
+    card = json.loads(_printed(_study(kilo), "--at", "pressure=20 kPa", "--json"))
+    assert card["load"]["nominal_pressure"] == pytest.approx(0.02, rel=1e-5)
+    bare = SEAL.replace(f", {FLUID}", "").replace("10 MPa", "10").replace("seeds: 3", "seeds: [1]")
+    card = json.loads(_printed(_study(bare, "bare"), "--at", "pressure=0.4", "--json"))
+    assert card["load"]["nominal_pressure"] is None
+    assert card["load"]["mean_pressure"] == pytest.approx(0.4, rel=1e-5)
+    assert card["ways"][0]["unit"] == "1"
+    assert card["ways"][0]["closing_pressure"] is None
+
+
+def test_several_maps_have_a_card_each_one_together_and_a_table() -> None:
+    _maps(0.3, 0.4, 0.6)
+    text = SEAL.replace("{D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: 3}", '{files: "face*.txt", L: 100 um}')
+    study = _study(text.replace("to: percolation", "to: {pressure: 0.1 MPa}"))
+    printed = _printed(study, "--at", "pressure=0.02 MPa")
+    for k, height in enumerate((0.3, 0.4, 0.6)):
+        assert f"Surface: face{k}.txt, Sq {height} um" in printed
+    assert "of 3 surfaces open" in printed
+    assert "Load: 0.02 MPa" in printed
+    folder = Path("runs/seal_card")
+    names = {path.name for path in folder.glob("*.html")}
+    single = {f"card_pressure=0.02_MPa_face{k}.txt.html" for k in range(3)}
+    assert names == {"card_pressure=0.02_MPa.html", "cards_pressure=0.02_MPa.html", *single}
+    page = (folder / "card_pressure=0.02_MPa.html").read_text()
+    assert page.count("face1.txt") >= 2
+    table = (folder / "cards_pressure=0.02_MPa.html").read_text()
+    assert table.count("<tr>") == 5
+    card = json.loads(_printed(study, "--at", "pressure=0.02 MPa", "--json"))
+    assert card["surfaces"] == ["face0.txt", "face1.txt", "face2.txt"]
+
+
+def test_a_list_of_materials_has_a_card_each_and_a_table() -> None:
+    text = SEAL.replace("seeds: 3", "seeds: [1]").replace("E_star: 10 MPa", "E_star: [5 MPa, 10 MPa]")
+    study = _study(text.replace("to: percolation", "to: {pressure: 0.1 MPa}"))
+    printed = _printed(study, "--at", "pressure=0.02 MPa")
+    assert "E_star = 5 MPa" in printed
+    folder = Path("runs/seal_card")
+    assert len(list(folder.glob("card_*.html"))) == 2
+    assert len(list(folder.glob("cards_*.html"))) == 1
+    cards = json.loads(_printed(study, "--at", "pressure=0.02 MPa", "--json"))
+    assert list(cards) == ["E_star = 5 MPa", "E_star = 10 MPa"]
+    soft, hard = (cards[words]["ways"][0]["leak"] for words in cards)
+    assert soft < hard
+
+
+def test_a_second_card_overwrites_no_other() -> None:
+    study = _study(SEAL.replace("seeds: 3", "seeds: [1]"))
+    for at in ("pressure=0.02 MPa", "pressure=0.03 MPa"):
+        _printed(study, "--at", at)
+    names = sorted(path.name for path in Path("runs/seal_card").glob("*.*"))
+    stems = ("card_pressure=0.02_MPa", "card_pressure=0.03_MPa")
+    assert names == sorted(f"{stem}.{suffix}" for stem in stems for suffix in ("html", "pdf"))
+
+
+def test_a_variation_of_a_study_has_a_card_of_its_own() -> None:
+    study = _study(SEAL.replace("seeds: 3", "seeds: [1]"))
+    at = ("--at", "pressure=0.02 MPa")
+    first = json.loads(_printed(study, *at, "--json"))
+    stiff = json.loads(_printed(study, *at, "--set", "material.E_star=20 MPa", "--json"))
+    assert stiff["ways"][0]["leak"] > first["ways"][0]["leak"]
+    _printed(study, *at, "--set", "material.E_star=20 MPa")
+    (page,) = Path("runs/seal_card").glob("card_pressure=0.02_MPa_material.E_star=20_MPa.html")
+    assert "seal, material.E_star=20 MPa" in page.read_text()
+
+
+def test_a_page_has_what_the_numbers_rest_on() -> None:
+    _maps(0.4)
+    text = SEAL.replace(
+        "{D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: 3}",
+        "{file: face0.txt, L: 100 um, level: tilt, missing: interpolate}",
+    )
+    study = _study(text.replace("E_star: 10 MPa", "E: 10 MPa, nu: 0.49"))
+    printed = _printed(study, "--at", "pressure=0.005 MPa")
+    assert "The leak is that of the patch, the surface of 100 × 100 µm, not that of a seal of many patches." in printed
+    page = Path("runs/seal_card/card_pressure=0.005_MPa.html").read_text()
+    for words in (
+        "E 10 MPa, nu 0.49",
+        "pressure drop 5 mbar, viscosity 1 mPa*s",
+        "33 x 33, 3.125 um apart",
+        "100 by 100 um",
+        "tilt",
+        "Missing heights",
+        "File face0.txt",
+        "sha256 ",
+        "roughvol card seal.yaml --at &#x27;pressure=0.005 MPa&#x27;",
+        "roughvol 0.",
+        "rms slope at most 0.3",
+        "of a seal of many patches",
+    ):
+        assert words in page, words
+    assert "://" not in page.replace("http://www.w3.org", "")  # one file without links to others
+
+
+def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
+    text = SEAL.replace("seeds: 3", "seeds: [1], periodic: true").replace("to: percolation", "to: {pressure: 0.1 MPa}")
+    text = text.replace("name: seal", "name: lift")
+    text = text.replace("5 mbar", "0.4 bar").replace(", dimensional", ", fluid_pressure: {inlet: 0.4 bar}, dimensional")
+    study = _study(text, "lift")
+    assert CliRunner().invoke(main, ["run", study]).exit_code == 0
+    stored = dataset.read(Path("runs/lift/study.nc")).isel(D=0, m=0, seed=0, fluid_at=0)
+    card = json.loads(_printed(study, "--json"))
+    for way in card["ways"]:
+        assert way["leak"] == pytest.approx(stored[f"fluid_leak_rate_{way['axis']}"].item(), rel=1e-9)
+        assert way["closing_pressure"] is None
+    printed = _printed(study)
+    dry = card_text.short(stored["leak_rate_x"].isel(step=-1).item())
+    assert f"Leak of the dry gap, without fluid pressure: x {dry}" in printed
+    assert "closes: without fluid pressure " in printed
+    assert "record.fluid_pressure computes it" not in Path("runs/lift_card/card_last.html").read_text()
+
+
+def test_the_second_leg_of_a_path_has_a_card() -> None:
+    text = SEAL.replace("{E_star: 10 MPa}", "{E: 200 GPa, nu: 0.3, hardness: 5 GPa}").replace("seeds: 3", "seeds: [1]")
+    study = _study(
+        text.replace("{steps: 8, to: percolation}", "[{steps: 4, to: {pressure: 1}}, {steps: 4, to: {pressure: 0.1}}]")
+    )
+    leaks = {}
+    for at in ("pressure=0.3", "pressure=0.3, leg 2"):
+        leaks[at] = json.loads(_printed(study, "--at", at, "--json"))["ways"][1]["leak"]
+    assert leaks["pressure=0.3, leg 2"] < leaks["pressure=0.3"]
+    done = _card(study, "--at", "pressure=0.3, leg 3")
+    assert done.exit_code == 2
+    assert "the sweep has no leg 3; allowed: 1 to 2" in done.output
+
+
+@pytest.mark.parametrize(
+    ("at", "words"),
+    [
+        ("pressure=9 MPa", "the sweep has no state at pressure=9 MPa: its steps have pressure "),
+        ("pressure=9", "--at pressure=9: "),
+        ("leak_rate=1e-3 mm^3/s", "roughvol ask"),
+        ("step=3", "allowed: last, or a load"),
+        ("pressure=1 um", "1 um"),
+        ("speed=3", "no state"),
+    ],
+)
+def test_a_load_that_is_none_is_refused_by_name(at: str, words: str) -> None:
+    end = "to: {pressure: 0.1}" if at == "pressure=9" else "to: {pressure: 0.01 MPa}"
+    done = _card(_study(SEAL.replace("to: percolation", end)), "--at", at)
+    assert done.exit_code == 2
+    assert words in done.output
+    assert len(done.output.strip().splitlines()) <= 2
+    assert "<string>" not in done.output
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "words"),
+    [
+        (2.79e-4, "mm^3/s", "2.79e-4 mm³/s (0.279 mm³ in 1000 s)"),
+        (1e-5, "mm^3/s", "1.00e-5 mm³/s (0.864 mm³ in a day)"),
+        (4e-9, "mm^3/s", "4.00e-9 mm³/s (0.126 mm³ in a year)"),
+        (1.5, "um^3/s", "1.5 µm³/s"),
+        (2e-4, "ml/min", "2.00e-4 ml/min"),
+        (0.0, "mm^3/s", "0 mm³/s"),
+        (0.0123, "", "T* V*³ = 0.0123"),
+    ],
+)
+def test_a_leak_is_said_as_a_person_says_it(value: float, unit: str, words: str) -> None:
+    assert card_text.amount(value, unit) == words
