@@ -8,6 +8,7 @@ from pathlib import Path
 
 from roughvol import __version__
 from tests.extremes.matrix import CELLS, RTOL
+from tests.extremes.random_cases import LARGEST, SMALLEST
 
 PAGE = Path(__file__).parents[2] / "docs" / "extremes.md"
 HEAD = f"""# Extremes
@@ -20,6 +21,12 @@ by a convolution that is not the package's; V* = d/σ + mean(u)/σ; and that A* 
 loading. Up to 300 elements the pressures are those of the dense problem. Any warning is an error. Default:
 η/σ ≤ {RTOL:g}. At m = 11 and 12 one state at half the way to d = 0 is solved from nothing, to
 1e-6. Only its certified residual is checked: the other conditions do not change with m.
+
+The rows `random` are studies drawn from the numbers 0, 1, 2 … (`tests/extremes/random_cases.py`): grids of
+{SMALLEST} to {LARGEST} elements a side, square or not, free or periodic; heights that are self-affine, cropped, white
+noise or in terraces; three kernels; with and without hardness; tolerances of 1e-8 to 1e-3; ends at a pressure, an area,
+a free volume or a separation; paths up, down and up. Checked is that each study is solved to its tolerance, and that
+each leg ends where the study says.
 
 | what | value | largest η/σ | states | compared with | seconds |
 |---|---|---|---|---|---|

@@ -31,6 +31,8 @@ from roughvol.surfaces.surface import Surface
 sys.path.insert(0, str(Path(__file__).parents[1] / "contact"))
 from oracles import dense_matrix, exact_pressure, lattice_pressure, scaled_overlap, summed_displacement
 
+from .random_cases import random_case, run
+
 DENSE = 300  # elements; beyond, the dense oracle takes too long
 RTOL = 1e-9
 ROUNDING = 1e-13
@@ -336,6 +338,21 @@ def yielding(contact, surface, limit, left) -> None:
     assert eta <= RTOL + 100 * ROUNDING * scale
     volume = contact.separation + (w + scaled_overlap(surface, contact.indentation) - left).mean() + plastic.mean()
     assert abs(contact.free_volume - max(volume, 0.0)) <= 100 * ROUNDING * scale
+
+
+@cells("random", {f"{count} cases": count for count in (40, 2000)}, quick=["40 cases"])
+def over_random_cases(count):
+    states, most, failed = 0, 0.0, []
+    for number in range(count):
+        case = random_case(number)
+        try:
+            solved, residual = run(case)
+        except Exception as error:  # all failures are reported together
+            failed.append(f"{case}: {type(error).__name__}: {error}")
+        else:
+            states, most = states + solved, max(most, residual)
+    assert not failed, f"{len(failed)} of {count} fail\n" + "\n".join(failed)
+    return Found(most, states, "η ≤ its tolerance of 1e-8 to 1e-3, ends of legs")
 
 
 REFUSED = (
