@@ -983,6 +983,7 @@ QUESTIONS: dict[str, Callable[[Made], int]] = {
     "roughvol.open": open_python,
     "roughvol.run": run_python,
     "roughvol.press": press,
+    "card": card,
     "ask": ask,
     "ask --closed": ask_closed,
     "creep": creep,

@@ -75,6 +75,14 @@ CELLS = {
     "roughvol.open": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
     "roughvol.run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
     "roughvol.press": Cells(PRESSED_AGAIN, ONE_MAP, {"unpressed": "X8"}),
+    "card": Cells(
+        f"{UNITS.replace(' m ', ' ')} mean-plane study-changed file-changed",
+        {
+            **dict.fromkeys(("m", "D"), "a leak card is of one kind of surface; allowed: one D and one m"),
+            "ensemble": "a leak card takes seeds, and no ensemble",
+            "unpressed": "a leak card needs a load",
+        },
+    ),
     "ask": Cells(f"{ONE_KIND} legs", READ_OFF | NO_LEAK_RATE),
     "ask --closed": Cells(
         f"{ONE_KIND} legs mean-plane",
@@ -85,7 +93,6 @@ CELLS = {
     "status": Cells(f"{PRESSED} unpressed", OTHER_RUN),
 }
 NOT_ASKED = {
-    "card": "to come",
     "explain": "describes keys and variables; it reads no run",
     "init": "writes an example study; it reads no run",
     "ls": "lists the runs of a folder; it prints no number of a surface",
@@ -129,7 +136,7 @@ def page() -> str:
     lines += ["", "The questions:", ""]
     lines += [f"- `{name}`: {(function.__doc__ or '').splitlines()[0]}" for name, function in QUESTIONS.items()]
     lines += ["", "Commands and functions without a column:", ""]
-    lines += [f"- `{name}` {words}." for name, words in NOT_ASKED.items() if words != "to come"]
+    lines += [f"- `{name}` {words}." for name, words in NOT_ASKED.items()]
     return HEAD + "\n".join(lines) + "\n"
 
 
