@@ -157,6 +157,15 @@ def test_functions_that_a_page_names_exist(page: str) -> None:
             assert _object(name) is not None
 
 
+def test_names_that_the_recipes_find_in_a_file_are_there() -> None:
+    text = " ".join(_text("CONTRIBUTING.md").split())
+    named = re.findall(r"`(\w+)` (?:of|in) `([\w/]+\.py)`", text)
+    assert len(named) >= 10
+    for name, file in named:
+        path = next(path for path in (ROOT / file, ROOT / "roughvol" / file) if path.is_file())
+        assert re.search(rf"\b{name}\b", path.read_text(encoding="utf-8")), f"{name} is not in {file}"
+
+
 def test_the_life_of_a_study_passes_its_stations_in_order(tmp_path: Path) -> None:
     rows = re.findall(r"^\| (\d+) \| `([\w.]+)`", _text("docs/architecture.md"), re.MULTILINE)
     assert [int(number) for number, _ in rows] == list(range(1, len(rows) + 1))
