@@ -38,6 +38,7 @@ NUMBERS: dict[str, tuple[str, ...]] = {  # commands that print numbers
     "compare": ("tiny", "other"),
     "report": ("tiny",),
     "ask": ("tiny", "--leak-rate", "1e-3 mm^3/s"),
+    "card": ("tiny", "--jobs", "1"),
     "creep": ("tiny", "--at", "pressure=0.2MPa", *CREEP),
     "tradeoff": ("plain",),
 }
@@ -97,7 +98,9 @@ def test_json_of_a_run_has_the_numbers_of_show() -> None:
 
 
 @pytest.mark.parametrize("form", ["tiny", "tiny.yaml", "runs/tiny", "runs/tiny/study.nc"])
-@pytest.mark.parametrize("name", ["check", "run", "status", "show", "plot", "report", "ask", "creep", "tradeoff"])
+@pytest.mark.parametrize(
+    "name", ["card", "check", "run", "status", "show", "plot", "report", "ask", "creep", "tradeoff"]
+)
 def test_a_command_takes_a_study_in_each_form(name: str, form: str) -> None:
     form = form.replace("tiny", NUMBERS.get(name, ("tiny",))[0])
     extra = {"plot": ("v_of_p",)}.get(name, NUMBERS.get(name, ())[1:])
@@ -106,7 +109,7 @@ def test_a_command_takes_a_study_in_each_form(name: str, form: str) -> None:
 
 
 @pytest.mark.parametrize("load", ["last", "pressure=0.2 MPa", "p=0.3", "pressure=0.2MPa, leg 1", "load=1 mN"])
-@pytest.mark.parametrize("name", ["show", "compare", "ask", "creep"])
+@pytest.mark.parametrize("name", ["show", "compare", "card", "ask", "creep"])
 def test_a_load_is_written_alike_in_every_command(name: str, load: str) -> None:
     extra = NUMBERS[name] if name != "creep" else ("tiny", *CREEP)
     extra = (*extra, "--for", "modulus") if name == "ask" else extra
