@@ -334,7 +334,8 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
         there = values[reached + beyond]
         old = data[name].values if name in data else np.full(there.shape, np.nan)
         data[name] = ("seed", np.where(np.isfinite(there), there, old), group[name].attrs if name in group else {})
-    _close(data, len(reached), {axis: shut[axis][beyond] for axis in leak.AXES})
+    if beyond:
+        _close(data, len(reached), {axis: shut[axis][beyond] for axis in leak.AXES})
     return State(label, data, group.sizes["seed"], len(beyond), _label(level, leg))
 
 

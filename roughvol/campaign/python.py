@@ -224,7 +224,7 @@ def _with_units(data: Mapping[str, Any], names: Arguments) -> Study:
     """Return the study of `press`, which stores the nominal pressure and the mean gap where it has their units."""
     study = of_data(data, names)
     units = {"pressure": study.material.unit, "mean_gap": study.cases()[0].length_unit}
-    known = {name: unit for name, unit in units.items() if unit}
+    known = {name: unit for name, unit in units.items() if unit and study.sweep.steps}  # else there is no state
     asked = {name: value for name, value in (data["record"].get("dimensional") or {}).items() if value is not None}
     return of_data({**data, "record": {**data["record"], "dimensional": known | asked}}, names) if known else study
 

@@ -200,7 +200,7 @@ KINDS = (
     Kind(
         "coupled",
         "fluid pressure, coupled",
-        _patch("[1, 2, 3]")
+        _patch("[1, 3]")
         + RUBBER
         + LISTED
         + RECORD.replace("5 mbar", "50 mbar")
@@ -247,7 +247,7 @@ KINDS = (
     Kind(
         "ensemble",
         "an ensemble",
-        "surface: {D: 2.3, m: 4}\nsweep: {steps: 6, to: {pressure: 0.5}}\n"
+        "surface: {D: 2.3, m: 3}\nsweep: {steps: 6, to: {pressure: 0.5}}\n"
         "ensemble: {accuracy: {free_volume: 20 %}, at: {pressure: [0.1, 0.3]}}\n",
         ("pressure=0.2",),
         modulus=float("nan"),

@@ -388,14 +388,9 @@ def show_json(made: Made) -> int:
 
 
 def show_csv(made: Made) -> int:
-    """The same as comma-separated values, `roughvol show RUN --csv`."""
-    count = 0
-    for labels in ((), made.kind.at):
-        text = call(made, "show", made.kind.asked, "--csv", *(_at(made) if labels else ()))
-        rows = list(csv.DictReader(io.StringIO(text)))
-        plain = [{name: _plain(value) for name, value in row.items()} for row in rows]
-        count += check_rows(made, plain, labels)
-    return count
+    """The same at all steps as comma-separated values, `roughvol show RUN --csv`."""
+    rows = csv.DictReader(io.StringIO(call(made, "show", made.kind.asked, "--csv")))
+    return check_rows(made, [{name: _plain(value) for name, value in row.items()} for row in rows], ())
 
 
 def _plain(text: str) -> Any:

@@ -74,7 +74,7 @@ CELLS = {
     "roughvol.plot": Cells(PRESSED, OTHER_RESULTS | {"unpressed": "which the study did not record"}),
     "roughvol.open": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
     "roughvol.run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
-    "roughvol.press": Cells(PRESSED_AGAIN, ONE_MAP, {"unpressed": "X8"}),
+    "roughvol.press": Cells(PRESSED_AGAIN, ONE_MAP),
     "card": Cells(
         f"{UNITS.replace(' m ', ' ')} mean-plane study-changed file-changed",
         {
