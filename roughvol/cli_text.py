@@ -83,8 +83,7 @@ def summary(results: Dataset, path: Path) -> str:
         lines.append(f"{count(int(solved.sum()), 'state')}, {convolutions:.1f} convolutions each on average")
         lines.append(f"largest residual η/σ {float(results.residual.max()):.1e}")
         if not bool(results.converged.where(solved, True).all()):
-            message = f"{path} holds states that did not converge; please report this defect"
-            raise CampaignError(message)
+            raise CampaignError(f"{path} holds states that did not converge; please report this defect")
     if "observable" in results.sizes:
         seconds = results.observable_time.sum([dim for dim in results.observable_time.dims if dim != "observable"])
         parts = (f"{one.observable.item()} {duration(float(one))}" for one in seconds)

@@ -80,8 +80,7 @@ def parse(text: str) -> Level:
     found = _LEG.search(text)
     leg, rest = (int(found[1]), text[: found.start()]) if found else (None, text)
     if leg == 0:
-        message = f"no leg 0 in {text!r}; allowed: legs from 1"
-        raise DatasetError(message)
+        raise DatasetError(f"no leg 0 in {text!r}; allowed: legs from 1")
     kind, equals, value = (part.strip() for part in rest.partition("="))
     if kind == "last" and not equals:
         return replace(LAST, leg=leg)
@@ -95,14 +94,11 @@ def parse(text: str) -> Level:
     try:
         level = Level(kind, read(value, KINDS[kind][0] if kind in KINDS else ""), leg)
     except ValueError as error:
-        message = f"{text}: {error}"
-        raise DatasetError(message) from error
+        raise DatasetError(f"{text}: {error}") from error
     if kind.startswith(LEAK) and not float(level.value or 0.0) > 0.0:
-        message = f"{text}: allowed: a leak rate > 0; roughvol show has the load at which each way closes"
-        raise DatasetError(message)
+        raise DatasetError(f"{text}: allowed: a leak rate > 0; roughvol show has the load at which each way closes")
     if kind in ALWAYS and not isinstance(level.value, Quantity):
-        message = f"{text}: needs its unit, as {kind}={EXAMPLES[KINDS[kind][0]].replace(' ', '')}"
-        raise DatasetError(message)
+        raise DatasetError(f"{text}: needs its unit, as {kind}={EXAMPLES[KINDS[kind][0]].replace(' ', '')}")
     return level
 
 
@@ -271,8 +267,7 @@ def at(run: Run, group: Dataset, level: Level) -> State:
     """
     legs = legs_of(group)
     if level.leg is not None and level.leg not in legs:
-        message = f"{run.name} has no leg {level.leg}; allowed: {', '.join(map(str, legs))}"
-        raise DatasetError(message)
+        raise DatasetError(f"{run.name} has no leg {level.leg}; allowed: {', '.join(map(str, legs))}")
     every = legs[-1:] if level.kind == "last" else legs
     searched = every if level.leg is None else [level.leg]
     reach: list[float] = []
@@ -368,8 +363,7 @@ def _path(
     try:
         kind, value = scale.starred(level.kind, level.value)
     except ValueError as error:
-        message = f"{level.kind} {error}"
-        raise DatasetError(message) from error
+        raise DatasetError(f"{level.kind} {error}") from error
     values = part[STORED[kind]].transpose("seed", "step").values[k]
     reach += (values[np.isfinite(values)] * (float(level.value) / value if value else 1.0)).tolist()
     return values, value, slack(kind, value)
@@ -442,8 +436,7 @@ def _leak(run: Run, part: Dataset, k: int, level: Level) -> tuple[Array, float]:
         )
         raise DatasetError(message)
     if absent := [name for name in names if name not in part]:
-        message = f"{run.name} has no {absent[0]}: add record.dimensional.leak_rate to its study"
-        raise DatasetError(message)
+        raise DatasetError(f"{run.name} has no {absent[0]}: add record.dimensional.leak_rate to its study")
     rows = [part[name].transpose("seed", "step").values[k] for name in names]
     values = np.max(rows, axis=0) * convert(1.0, str(part[names[0]].attrs["units"]), unit)
     return values, float(level.value)

@@ -57,8 +57,7 @@ class Cluster:
         try:
             from distributed import Event
         except ImportError as error:
-            message = "a scheduler needs dask.distributed: pip install 'roughvol[cluster]'"
-            raise CampaignError(message) from error
+            raise CampaignError("a scheduler needs dask.distributed: pip install 'roughvol[cluster]'") from error
         self._client = _connected(address)
         self._executor = self._client.get_executor(pure=False)
         self._run = f"roughvol-{uuid.uuid4().hex}"  # name of the messages, and of the event that stops

@@ -49,8 +49,7 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
     cases = answer.cases_of(study, folder)
     parts, _, versions = _finished(folder, cases)
     if not parts:
-        message = f"no case of {study.name} is finished in {folder}"
-        raise DatasetError(message)
+        raise DatasetError(f"no case of {study.name} is finished in {folder}")
     if study.ensemble is None:
         return combined(parts, cases, study, versions)
     return _with_means(study, folder, cases, parts, versions)
@@ -75,8 +74,7 @@ def _with_means(
     def finished(wanted: Sequence[Case]) -> Mapping[str, Arrays]:
         absent = sum(case.id not in parts for case in wanted)
         if absent:
-            message = f"{absent} of {len(wanted)} samples of a round are missing"
-            raise _Unfinished(message)
+            raise _Unfinished(f"{absent} of {len(wanted)} samples of a round are missing")
         return parts
 
     results = combined(parts, {id: case for id, case in cases.items() if id in parts}, study, versions)
@@ -94,8 +92,7 @@ def all_parts(
     parts, faults, found = _finished(folder, cases, stopping)
     absent = [f"{case_file(folder, id)} has vanished" for id in cases if id not in parts and id not in faults]
     if absent or faults:
-        message = "\n".join([*faults.values(), *absent])
-        raise DatasetError(message)
+        raise DatasetError("\n".join([*faults.values(), *absent]))
     versions.update(found)
     return parts
 

@@ -138,8 +138,7 @@ def estimate_means(
             if reduced and planned == counts:
                 return answer
         counts = planned
-    message = f"the accuracy was not reached in {ROUNDS} rounds"
-    raise CampaignError(message)
+    raise CampaignError(f"the accuracy was not reached in {ROUNDS} rounds")
 
 
 def _complete(table: SampleTable, counts: Counts, compute: Compute) -> None:

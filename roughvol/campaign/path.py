@@ -175,11 +175,9 @@ def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
         low = leg.first or high / RANGE
         places = np.arange(leg.steps) / max(leg.steps - 1, 1) if leg.steps > 1 else np.ones(1)
         if not low < high and leg.steps > 1:
-            message = f"the first step is at p* = {low:.6g}; allowed: below that of the last, {high:.6g}"
-            raise ContactError(message)
+            raise ContactError(f"the first step is at p* = {low:.6g}; allowed: below that of the last, {high:.6g}")
     if not (low > 0.0 and high > 0.0):
-        message = f"equal ratios from p* = {low:.6g} to {high:.6g} on leg {number + 1}; allowed: both > 0"
-        raise ContactError(message)
+        raise ContactError(f"equal ratios from p* = {low:.6g} to {high:.6g} on leg {number + 1}; allowed: both > 0")
     return list((low * (high / low) ** places).tolist())
 
 
@@ -195,8 +193,7 @@ def _reaching(case: Case, target: Level, surface: Surface, half_space: Complianc
     options, (measure, value) = options_of(case, surface), measure_of(target, case, surface)
     largest, elements = options["hardness"], target.kind.startswith(("percolation", "contact_area"))
     if target.kind == "pressure" and largest is not None and value > largest:
-        message = f"p* = {value:.6g} is not reached: pressures end at the hardness, p* = {largest:.6g}"
-        raise ContactError(message)
+        raise ContactError(f"p* = {value:.6g} is not reached: pressures end at the hardness, p* = {largest:.6g}")
     if not states:
         if target.kind == "indentation":
             _positive(value, target)

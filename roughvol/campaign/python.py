@@ -252,8 +252,7 @@ def _written(study: Mapping[str, Any], names: Arguments) -> Iterator[tuple[Mappi
             try:
                 path = memory.write(body["heights"], Path(folder), BODIES[key])
             except SurfaceError as error:
-                message = f"{argument}: {error}"
-                raise SurfaceError(message) from error
+                raise SurfaceError(f"{argument}: {error}") from error
             said[path] = argument
             bodies[key] = {**{name: value for name, value in body.items() if name != "heights"}, "file": str(path)}
             names = Arguments(names.call, {**names.names, f"{key}.file": argument.partition(": ")[2]})

@@ -130,8 +130,7 @@ def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, folder:
     if free is not None and disk > max(free, SMALL):
         problems.append(f"the results need up to {_size(disk)} of disk, {_size(free)} are free at {folder}")
     if problems:
-        message = "this study does not fit: " + "; ".join(problems)
-        raise ResourceError(message)
+        raise ResourceError("this study does not fit: " + "; ".join(problems))
 
 
 def limited(jobs: int, needs: Iterable[float], available: float | None) -> tuple[int, str]:

@@ -52,11 +52,9 @@ def run(
     folder, text = folder_of(study, out), study.stored()
     cases = answer.cases_of(study, folder)
     if jobs is not None and jobs < 1:
-        message = f"jobs is {jobs}; allowed: 1 or more"
-        raise CampaignError(message)
+        raise CampaignError(f"jobs is {jobs}; allowed: 1 or more")
     if only is not None and study.ensemble is not None:
-        message = "only: an ensemble decides itself which cases it needs"
-        raise CampaignError(message)
+        raise CampaignError("only: an ensemble decides itself which cases it needs")
     if only is not None and (not only or set(only) - cases.keys()):
         message = f"only: {', '.join(sorted(set(only) - cases.keys())) or 'nothing'} names no case of this study"
         raise CampaignError(message)

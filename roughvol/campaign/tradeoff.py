@@ -89,8 +89,7 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
     finest = max((case.m or 0 for case in cases), default=0)
     cases = tuple(case for case in cases if (case.m or 0) == finest)
     if not cases or cases[0].sweep.steps == 0:
-        message = "the study has no sweep; allowed: sweep.steps of at least 1"
-        raise ContactError(message)
+        raise ContactError("the study has no sweep; allowed: sweep.steps of at least 1")
     if cases[0].plastic or len(cases[0].sweep.legs) > 1 or cases[0].sweep.legs[0].listed or cases[0].sweep.has_units:
         message = "a trade-off is measured on one elastic sweep; allowed: no list of legs or states, no hardness that "
         message += "acts, an end without a unit"

@@ -156,8 +156,7 @@ def _error(future: Future[Any]) -> BaseException | None:
     try:
         return future.exception()
     except CancelledError as error:  # never cancelled here: the scheduler is gone
-        message = "the scheduler is gone; what is finished is kept, run again to go on"
-        raise CampaignError(message) from error
+        raise CampaignError("the scheduler is gone; what is finished is kept, run again to go on") from error
 
 
 class _Worker(SpawnProcess):

@@ -83,8 +83,7 @@ def init(example: str | None, listing: bool, changes: tuple[str, ...]) -> None:
     if example not in known:
         near = difflib.get_close_matches(example, known, n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
-        message = f"no example and no height map {example!r}{hint} (examples: {', '.join(known)})"
-        raise click.UsageError(message)
+        raise click.UsageError(f"no example and no height map {example!r}{hint} (examples: {', '.join(known)})")
     if changes:
         message = "--set changes the study of a height map; an example is changed by: roughvol run EXAMPLE.yaml --set …"
         raise click.UsageError(message)
@@ -98,8 +97,7 @@ def init(example: str | None, listing: bool, changes: tuple[str, ...]) -> None:
 def _write_new(files: dict[str, str]) -> None:
     """Write files into the current folder, or none if any of them is there."""
     if present := [name for name in files if Path(name).exists()]:
-        message = f"already in {Path.cwd()}: {', '.join(present)}; nothing was written"
-        raise FolderError(message)
+        raise FolderError(f"already in {Path.cwd()}: {', '.join(present)}; nothing was written")
     for name, text in files.items():
         stamped_file.store(Path(name), text.encode())
         say(f"wrote {name}")
@@ -211,8 +209,7 @@ def explain(name: str | None, markdown: bool) -> None:
     if not exact and not other and name not in VARIABLES:
         near = difflib.get_close_matches(name, _explained(), n=3, cutoff=0.5)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
-        message = f"no key and no variable {name!r}; {hint}roughvol explain lists the sections"
-        raise click.UsageError(message)
+        raise click.UsageError(f"no key and no variable {name!r}; {hint}roughvol explain lists the sections")
     if name in VARIABLES:
         _say_variable(name, VARIABLES[name])
     for key in exact:

@@ -139,8 +139,7 @@ def ask(
     from roughvol.study.units import has_unit
 
     if (leak_rate is None) == (not closed):
-        message = "either --leak-rate VALUE or --closed"
-        raise click.UsageError(message)
+        raise click.UsageError("either --leak-rate VALUE or --closed")
     if no_solve:
         warn(["--no-solve is the only way now: nothing is solved; leave it out"])
     opened = StoredRun.open(run, changes)
@@ -284,8 +283,7 @@ def creep(
     read_off.check(results)
     load = _load(results, state, pressure)
     if load is None:
-        message = "needs its constant load, as --at pressure=0.1MPa"
-        raise click.UsageError(message)
+        raise click.UsageError("needs its constant load, as --at pressure=0.1MPa")
     history = over_time.history(results, load_creep(law), load, read_times(times))
     if as_json:
         say_json({"run": opened.name, "leg": 1} | over_time.record(history))

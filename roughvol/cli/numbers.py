@@ -80,8 +80,7 @@ def compare(
     _one_form(as_csv, as_json)
     opened = [part for name in run for part in _opened(name, changes).parts]
     if len(opened) < 2:
-        message = "compare takes two runs or more; one is shown by: roughvol show RUN"
-        raise click.UsageError(message)
+        raise click.UsageError("compare takes two runs or more; one is shown by: roughvol show RUN")
     found = screen.compared(opened, _wanted(states))
     if as_csv or as_json:
         names, rows, units = found.records()
@@ -151,8 +150,7 @@ def _wanted(states: Sequence[str]) -> list[Level]:
 
 def _one_form(as_csv: bool, as_json: bool) -> None:
     if as_csv and as_json:
-        message = "--csv and --json exclude each other"
-        raise click.UsageError(message)
+        raise click.UsageError("--csv and --json exclude each other")
 
 
 def _write(names: Sequence[str], rows: Sequence[Sequence[Any]], units: dict[str, str] | None, name: str) -> None:

@@ -216,8 +216,7 @@ def report(
     departures = reporting.departures(answered, expected.read_text(encoding="utf-8")) if expected else []
     if departures:
         head = f"{cli_text.count(len(departures), 'answer')} left the bands of {expected}"
-        message = "\n".join([head, *(f"  {departure}" for departure in departures)])
-        raise CampaignError(message)
+        raise CampaignError("\n".join([head, *(f"  {departure}" for departure in departures)]))
 
 
 def _all_runs() -> list[StoredRun]:

@@ -350,8 +350,7 @@ def westergaard(x: ArrayLike, ratio: float, amplitude: float, wavelength: float,
     """
     check_positive(ratio=ratio, amplitude=amplitude, wavelength=wavelength, E_star=E_star)
     if ratio > 0.5:
-        message = f"ratio is {ratio}; allowed: 0 < a/λ <= 1/2"
-        raise ContactError(message)
+        raise ContactError(f"ratio is {ratio}; allowed: 0 < a/λ <= 1/2")
     angle = np.pi * np.asarray(x, dtype=np.float64) / wavelength
     s, s_a = np.abs(np.sin(angle)), math.sin(math.pi * ratio)
     scale = math.pi * E_star * amplitude / wavelength
@@ -395,5 +394,4 @@ def check_positive(**values: float) -> None:
     """
     for name, value in values.items():
         if not (math.isfinite(value) and value > 0.0):
-            message = f"{name} must be finite and positive, got {value!r}"
-            raise ContactError(message)
+            raise ContactError(f"{name} must be finite and positive, got {value!r}")

@@ -62,8 +62,7 @@ def state_crossing(
     """
     begin = measure(start)
     if begin == value:
-        message = f"the leg begins at Δ/σ = {start.approach:g}, where the value {value:g} is reached already"
-        raise ContactError(message)
+        raise ContactError(f"the leg begins at Δ/σ = {start.approach:g}, where the value {value:g} is reached already")
     sign = 1.0 if value > begin else -1.0
 
     def excess(contact: Contact) -> float:
@@ -82,8 +81,7 @@ def state_crossing(
         if far is not None:
             full = not elements and far.contact_area_fraction >= 1.0 and measure(far) <= measure(near)
             if full or solves == SOLVES:
-                message = f"the value {value:g} is not reached up to Δ/σ = {far.approach:g}"
-                raise ContactError(message)
+                raise ContactError(f"the value {value:g} is not reached up to Δ/σ = {far.approach:g}")
             near = far
         far = trials.at(near.approach + reach, near)
         reach, solves = 2.0 * reach, solves + 1
@@ -97,8 +95,7 @@ def _apart(trials: Trials, measure: Callable[[Contact], float], value: float) ->
     touch = trials.untouched
     state = trials.apart(touch.approach - (measure(touch) - value))
     if abs(measure(state) - value) > ACCURACY * max(1.0, abs(value)):
-        message = f"the value {value:g} is not reached in contact, which begins at Δ/σ = {touch.approach:g}"
-        raise ContactError(message)
+        raise ContactError(f"the value {value:g} is not reached in contact, which begins at Δ/σ = {touch.approach:g}")
     return state
 
 
@@ -120,5 +117,4 @@ def _between(
             far, high, low = middle, value, 0.5 * low
         else:
             near, low, high = middle, value, 0.5 * high
-    message = f"no indentation found in {SOLVES} solves; the last was {far.approach:.9g}"
-    raise ContactError(message)
+    raise ContactError(f"no indentation found in {SOLVES} solves; the last was {far.approach:.9g}")

@@ -81,8 +81,7 @@ class HalfSpace:
     def __init__(self, shape: tuple[int, int], kernel: str = "love", threads: int = 1, tuning: Tuning = TUNING) -> None:
         self.shape = (int(shape[0]), int(shape[1]))
         if min(self.shape) < 1:
-            message = f"shape is {shape}; allowed: at least one element along each axis"
-            raise ContactError(message)
+            raise ContactError(f"shape is {shape}; allowed: at least one element along each axis")
         self.kernel, self.threads, self._tuning = kernel, threads, tuning
         self._halves = transform_length(self.shape[0]) // 2, transform_length(self.shape[1]) // 2
         # Lags beyond the grid enter no result, but have the kernel as well. With zeros there, the spectrum of a
@@ -119,8 +118,7 @@ class HalfSpace:
             If the shape differs from that of the grid.
         """
         if pressure.shape != self.shape:
-            message = f"pressure has shape {pressure.shape}; the half space has {self.shape}"
-            raise ContactError(message)
+            raise ContactError(f"pressure has shape {pressure.shape}; the half space has {self.shape}")
         self.convolutions += 1.0
         return self._engine(self._halves, "float64").convolve(pressure)
 

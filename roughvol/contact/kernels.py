@@ -46,8 +46,7 @@ def love_kernel(x: Array, y: Array) -> Array:
     """
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     if x.size and min(x.min(), y.min()) < 0:
-        message = f"love_kernel: offset is {min(x.min(), y.min()):g}; allowed: >= 0 (the kernel is even)"
-        raise ContactError(message)
+        raise ContactError(f"love_kernel: offset is {min(x.min(), y.min()):g}; allowed: >= 0 (the kernel is even)")
     kernel = np.empty(x.shape)
     far = np.hypot(x, y) > _SERIES_FROM
     kernel[far] = _love_far(x[far], y[far])
@@ -127,8 +126,7 @@ def kernel_quadrant(shape: tuple[int, int], kernel: str = "love") -> Array:
         If the kernel is unknown.
     """
     if kernel not in KERNELS:
-        message = f"kernel is {kernel!r}; allowed: {', '.join(KERNELS)}"
-        raise ContactError(message)
+        raise ContactError(f"kernel is {kernel!r}; allowed: {', '.join(KERNELS)}")
     row, column = (np.arange(float(n)) for n in shape)
     return np.ascontiguousarray(KERNELS[kernel](row[:, None], column))
 

@@ -137,19 +137,16 @@ def sweep(
     check_rtol(rtol)
     solve_one = _method(method)
     if hardness is not None and method != "fast":
-        message = f"method {method!r} has no hardness; allowed: 'fast'"
-        raise ContactError(message)
+        raise ContactError(f"method {method!r} has no hardness; allowed: 'fast'")
     if pressure_error is not None and not 0 < pressure_error <= 0.1:
-        message = f"pressure_error is {pressure_error}; allowed: 0 < pressure_error <= 0.1"
-        raise ContactError(message)
+        raise ContactError(f"pressure_error is {pressure_error}; allowed: 0 < pressure_error <= 0.1")
     problem, latest, previous, error = _resumed(problem, resume)
     rising, last = previous is None or latest.indentation > previous.indentation, latest.indentation
     started = previous is not None
     for indentation in map(float, indentations):
         if not np.isfinite(indentation) or (started and indentation == last):
             at_last = f" and not {last:g}, that of the state before" if started else ""
-            message = f"indentation is {indentation}; allowed: finite{at_last}"
-            raise ContactError(message)
+            raise ContactError(f"indentation is {indentation}; allowed: finite{at_last}")
         if started and rising != (indentation > last):  # a leg ends
             rising = not rising
             problem, latest, previous = _new_leg(problem, latest, previous, error)
@@ -366,6 +363,5 @@ class Trials:
 
 def _method(name: str) -> Method:
     if name not in METHODS:
-        message = f"method is {name!r}; allowed: {', '.join(METHODS)}"
-        raise ContactError(message)
+        raise ContactError(f"method is {name!r}; allowed: {', '.join(METHODS)}")
     return METHODS[name]

@@ -79,8 +79,7 @@ class PeriodicHalfSpace:
     def __init__(self, shape: tuple[int, int], kernel: str = "love", threads: int = 1, tuning: Tuning = TUNING) -> None:
         self.shape = (int(shape[0]), int(shape[1]))
         if min(self.shape) < LEAST:
-            message = f"shape is {shape}; allowed: at least {LEAST} elements along each axis of a period"
-            raise ContactError(message)
+            raise ContactError(f"shape is {shape}; allowed: at least {LEAST} elements along each axis of a period")
         self.kernel, self.threads, self._tuning = kernel, threads, tuning
         spectrum = periodic_spectrum(self.shape, kernel)
         if not spectrum.min() > 0.0:
@@ -114,8 +113,7 @@ class PeriodicHalfSpace:
             If the shape differs from that of the grid.
         """
         if pressure.shape != self.shape:
-            message = f"pressure has shape {pressure.shape}; the half space has {self.shape}"
-            raise ContactError(message)
+            raise ContactError(f"pressure has shape {pressure.shape}; the half space has {self.shape}")
         self.convolutions += 1.0
         return self._engine("float64").convolve(pressure)
 
@@ -210,8 +208,7 @@ def periodic_spectrum(shape: tuple[int, int], kernel: str = "love") -> Array:
     253-287 (the sum over images, split in two that converge fast).
     """
     if kernel not in PERIODIC_KERNELS:
-        message = f"kernel is {kernel!r}; allowed on a periodic half space: {', '.join(PERIODIC_KERNELS)}"
-        raise ContactError(message)
+        raise ContactError(f"kernel is {kernel!r}; allowed on a periodic half space: {', '.join(PERIODIC_KERNELS)}")
     row, column = (np.arange(n // 2 + 1) / n for n in shape)
     if kernel == "fourier":
         with np.errstate(divide="ignore"):

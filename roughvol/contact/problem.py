@@ -44,8 +44,7 @@ def check_rtol(rtol: float) -> None:
         If not 0 < `rtol` ≤ 1.
     """
     if not 0 < rtol <= 1:
-        message = f"rtol is {rtol}; allowed: 0 < rtol <= 1 (a bound on the residual η/σ)"
-        raise ContactError(message)
+        raise ContactError(f"rtol is {rtol}; allowed: 0 < rtol <= 1 (a bound on the residual η/σ)")
 
 
 class Problem:
@@ -88,18 +87,14 @@ class Problem:
         hardness: float | None = None,
     ) -> None:
         if surface.shape != half_space.shape:
-            message = f"the surface has shape {surface.shape}, the half space {half_space.shape}"
-            raise ContactError(message)
+            raise ContactError(f"the surface has shape {surface.shape}, the half space {half_space.shape}")
         if precision not in PRECISIONS:
-            message = f"precision is {precision!r}; allowed: {', '.join(PRECISIONS)}"
-            raise ContactError(message)
+            raise ContactError(f"precision is {precision!r}; allowed: {', '.join(PRECISIONS)}")
         if hardness is not None and not hardness > 0.0:
-            message = f"hardness is {hardness}; allowed: hardness > 0, in the unit of p*"
-            raise ContactError(message)
+            raise ContactError(f"hardness is {hardness}; allowed: hardness > 0, in the unit of p*")
         if surface.periodic != half_space.periodic:
             one, other = ("periodic" if periodic else "free" for periodic in (surface.periodic, half_space.periodic))
-            message = f"the surface is {one}, the half space {other}; allowed: both periodic, or none"
-            raise ContactError(message)
+            raise ContactError(f"the surface is {one}, the half space {other}; allowed: both periodic, or none")
         self.half_space, self.shape, self.tuning = half_space, surface.shape, tuning
         self.intervals, self.periodic = surface.intervals[0], surface.periodic
         self.limit = np.inf if hardness is None else hardness / (np.pi * self.intervals)

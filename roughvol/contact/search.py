@@ -78,8 +78,7 @@ def indentation_for(
         If a solve does not converge.
     """
     if target not in TARGETS:
-        message = f"target is {target!r}; allowed: {', '.join(TARGETS)}"
-        raise ContactError(message)
+        raise ContactError(f"target is {target!r}; allowed: {', '.join(TARGETS)}")
     area = target == "contact_area"
     if not 0 < value < np.inf or (area and value > 1):
         message = (
@@ -91,8 +90,7 @@ def indentation_for(
     if target == "free_volume":
         most = (surface.z_max - surface.mean_height) / surface.unit
         if value >= min(most, float(trials.untouched.gap().mean())):  # the two differ by rounding
-            message = f"{target} is {value}; allowed: 0 < V* < {most:.6g}, that of the first touch"
-            raise ContactError(message)
+            raise ContactError(f"{target} is {value}; allowed: 0 < V* < {most:.6g}, that of the first touch")
         closed = most - value
         return _search(
             trials, *_reaching(closed_of(surface), closed), closed, tuning.accuracy, tuning, elements=False
@@ -277,8 +275,7 @@ def _search(
                 # The last: reached with elements on the brink, as a flat surface is in contact everywhere at once.
                 below = sorted([contact, *below], key=_indentation, reverse=True)[:2]
             else:
-                message = f"not reached at full contact (Δ/σ = {contact.approach:g}) either"
-                raise ContactError(message)
+                raise ContactError(f"not reached at full contact (Δ/σ = {contact.approach:g}) either")
         solved = []
         low = below[0].approach
         if not above:
@@ -307,8 +304,7 @@ def _search(
             proposed = guess([below[0], above[0]])
             proposed = proposed if math.isfinite(proposed) else 0.5 * (first + last)
             indentation = min(max(proposed, first + tuning.inside * width), last - tuning.inside * width)
-    message = f"no indentation found in {tuning.solves} solves; the last was {indentation:.9g}"
-    raise ContactError(message)
+    raise ContactError(f"no indentation found in {tuning.solves} solves; the last was {indentation:.9g}")
 
 
 def _bounds(

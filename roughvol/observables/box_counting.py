@@ -53,8 +53,7 @@ def box_counts(mask: Mask, *, periodic: bool = False) -> BoxCounts:
         If the mask is not a 2-D, non-empty array of bool.
     """
     if mask.dtype != np.bool_ or mask.ndim != 2 or mask.size == 0:
-        message = f"mask must be a 2-D array of bool, got {mask.dtype} of shape {mask.shape}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"mask must be a 2-D array of bool, got {mask.dtype} of shape {mask.shape}")
     levels = min(mask.shape).bit_length() - 1
     sides = 2 ** np.arange(levels + 1, dtype=np.int64)
     if periodic:

@@ -202,5 +202,4 @@ def check_gap(gap: Array) -> None:
 def check_exponent(exponent: float) -> None:
     """Refuse an exponent of the conductance that is not positive and finite."""
     if not 0.0 < exponent < np.inf:
-        message = f"exponent must be > 0, got {exponent}"
-        raise ContactError(message)
+        raise ContactError(f"exponent must be > 0, got {exponent}")

@@ -42,8 +42,7 @@ def harmonic_conductivity(first: float, second: float) -> float:
         If one is not positive.
     """
     if not (first > 0.0 and second > 0.0):
-        message = f"conductivities are {first:g} and {second:g}; allowed: > 0"
-        raise ContactError(message)
+        raise ContactError(f"conductivities are {first:g} and {second:g}; allowed: > 0")
     return 2.0 * first * second / (first + second)
 
 

@@ -222,8 +222,7 @@ class Coupling:
         self, surface: Surface, half_space: Compliance, axis: int, inlet: float, outlet: float = 0.0, rtol: float = RTOL
     ) -> None:
         if not 0.0 <= outlet < inlet < np.inf:
-            message = f"inlet {inlet:g}, outlet {outlet:g}; allowed: inlet > outlet >= 0"
-            raise ContactError(message)
+            raise ContactError(f"inlet {inlet:g}, outlet {outlet:g}; allowed: inlet > outlet >= 0")
         self.surface, self.half_space, self.axis = surface, half_space, axis
         self.inlet, self.outlet, self.rtol = inlet, outlet, rtol
 
@@ -389,8 +388,7 @@ class Coupling:
                 there = self._round(trial, load, near, least)
                 error = float(np.linalg.norm(there.left - expected)) / here.norm
             elif load - fluid.mean() <= OPENS * load and (fluid + here.left).mean() >= load:
-                message = f"contact is lost at an inlet of p* = {self.inlet:.6g}"
-                raise Opening(message)
+                raise Opening(f"contact is lost at an inlet of p* = {self.inlet:.6g}")
             if error > TRUST or (drag == 0.0 and there.norm >= here.norm):
                 drag = max(1.0, 4.0 * drag)
                 continue

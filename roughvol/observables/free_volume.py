@@ -56,8 +56,7 @@ def element_volumes(gap: Array, spacing: float, contact: Mask) -> Array:
     """
     _check_mask(gap, contact)
     if not np.all(gap[~contact] >= 0.0):
-        message = f"gap must be >= 0 off the contact, the lowest is {gap[~contact].min():.6g}"
-        raise ContactError(message)
+        raise ContactError(f"gap must be >= 0 off the contact, the lowest is {gap[~contact].min():.6g}")
     return np.where(contact, 0.0, gap * spacing**2)
 
 
@@ -85,8 +84,7 @@ def free_volume(gap: Array, Sq: float) -> float:
         If σ is not positive.
     """
     if not Sq > 0.0:
-        message = f"Sq must be positive for a free volume in units of it, got {Sq!r}"
-        raise ContactError(message)
+        raise ContactError(f"Sq must be positive for a free volume in units of it, got {Sq!r}")
     return float(np.mean(gap / Sq))
 
 
@@ -123,14 +121,12 @@ def volume_density(
     """
     _check_mask(volumes, contact)
     if bins < 1:
-        message = f"bins must be >= 1, got {bins}"
-        raise ContactError(message)
+        raise ContactError(f"bins must be >= 1, got {bins}")
     counted = volumes.ravel() if include_contact else volumes[~contact]
     largest = float(counted.max(initial=0.0))
     end = largest if upper is None else float(upper)
     if counted.min(initial=0.0) < 0.0 or not largest <= end:
-        message = f"volumes must lie in [0, {end:.6g}], got {counted.min(initial=0.0):.6g} … {largest:.6g}"
-        raise ContactError(message)
+        raise ContactError(f"volumes must lie in [0, {end:.6g}], got {counted.min(initial=0.0):.6g} … {largest:.6g}")
     if counted.size == 0 or end == 0.0:
         return VolumeDensity(np.full(bins + 1, np.nan), np.full(bins, np.nan))
     numbers, edges = np.histogram(counted, bins=bins, range=(0.0, end))
@@ -163,8 +159,7 @@ def domain(volumes: Array, threshold: float, contact: Mask) -> Mask:
     """
     _check_mask(volumes, contact)
     if not threshold >= 0.0:
-        message = f"threshold must be >= 0, got {threshold!r}"
-        raise ContactError(message)
+        raise ContactError(f"threshold must be >= 0, got {threshold!r}")
     return contact.copy() if threshold == 0.0 else (volumes <= threshold) | contact
 
 

@@ -99,8 +99,7 @@ def reached(level: Level, step: int, contact: State, case: Case, before: Mapping
             return contact.contact_area_fraction >= level.value - slack
         case "pressure":
             return contact.mean_pressure >= level.value - slack
-    message = f"no such level: {level.label}"
-    raise ValueError(message)
+    raise ValueError(f"no such level: {level.label}")
 
 
 def _size(kind: str, value: float) -> float:

@@ -42,8 +42,7 @@ def contact_perimeter(contact: Mask, periodic: bool = False) -> float:
         If the mask is no 2-D field of bool.
     """
     if contact.ndim != 2 or contact.dtype != np.bool_ or contact.size == 0:
-        message = f"contact must be a 2-D mask of bool, got {contact.dtype} of shape {contact.shape}"
-        raise ContactError(message)
+        raise ContactError(f"contact must be a 2-D mask of bool, got {contact.dtype} of shape {contact.shape}")
     edges = int(np.sum(contact[1:] != contact[:-1])) + int(np.sum(contact[:, 1:] != contact[:, :-1]))
     if periodic:
         edges += int(np.sum(contact[0] != contact[-1])) + int(np.sum(contact[:, 0] != contact[:, -1]))

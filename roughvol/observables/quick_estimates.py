@@ -47,8 +47,7 @@ def effective_medium(gap: Array, exponent: float = 3.0, *, closes_at: float = 0.
     check_gap(gap)
     check_exponent(exponent)
     if not 0.0 < closes_at < 1.0:
-        message = f"closes_at must be between 0 and 1, got {closes_at}"
-        raise ContactError(message)
+        raise ContactError(f"closes_at must be between 0 and 1, got {closes_at}")
     values = gap[gap > 0.0]
     closed = gap.size - values.size
     if closed >= closes_at * gap.size:

@@ -161,8 +161,7 @@ def window_of(region: Region, shape: tuple[int, int], *, periodic: bool = False)
         side = intervals(nodes, periodic)
         first, last = math.ceil(start * side - ROUNDING), min(math.floor(end * side + ROUNDING), nodes - 1)
         if last <= first:
-            message = f"the region {region.label} of {shape[0]} × {shape[1]} elements is fewer than 2 × 2"
-            raise ContactError(message)
+            raise ContactError(f"the region {region.label} of {shape[0]} × {shape[1]} elements is fewer than 2 × 2")
         slices.append(slice(first, last + 1))
     return slices[0], slices[1]
 

@@ -44,11 +44,9 @@ def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
     """
     p, d = np.asarray(pressure, dtype=np.float64), np.asarray(separation, dtype=np.float64)
     if p.shape != d.shape or p.ndim == 0:
-        message = f"pressure and separation must have one shape (..., steps), got {p.shape} and {d.shape}"
-        raise ContactError(message)
+        raise ContactError(f"pressure and separation must have one shape (..., steps), got {p.shape} and {d.shape}")
     if np.any(p < 0.0):
-        message = f"pressure must be >= 0, got {np.nanmin(p):g}"
-        raise ContactError(message)
+        raise ContactError(f"pressure must be >= 0, got {np.nanmin(p):g}")
     stiffness = np.full(p.shape, np.nan)
     for row in np.ndindex(p.shape[:-1]):
         states = np.flatnonzero((p[row] > 0.0) & np.isfinite(p[row]) & np.isfinite(d[row]))
@@ -57,8 +55,7 @@ def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
         logarithm = np.log(p[row][states])
         steps = np.diff(logarithm)
         if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
-            message = "pressure must rise or fall throughout: give one leg of a path at a time"
-            raise ContactError(message)
+            raise ContactError("pressure must rise or fall throughout: give one leg of a path at a time")
         gaps = d[row][states]
         slope = np.gradient(gaps, logarithm, edge_order=2)
         straight = np.diff(gaps) / steps

@@ -110,8 +110,7 @@ def assemble(stored: Sequence[StoredRun | str | Path], *, any_size: bool = False
     opened = [run if isinstance(run, StoredRun) else StoredRun.open(run) for run in stored]
     opened = list({run.file.resolve(): run for run in opened}.values())
     if not opened:
-        message = "no run to report on"
-        raise DatasetError(message)
+        raise DatasetError("no run to report on")
     named = zip(names_of([run.file for run in opened]), opened, strict=True)
     runs = tuple(part for name, run in named for part in Run.of(name, run.dataset).parts)
     rows = tuple(assess(Evidence(runs, any_size), LITERATURE))

@@ -69,8 +69,7 @@ def _named(run: Run, units: dict[str, str] | None = None) -> list[tuple[str, Dat
     """Return the groups of surfaces of a run by name, in common units where these are given."""
     ds = run.dataset
     if "step" not in ds.sizes or P not in ds:
-        message = f"{run.name} has no state: nothing was pressed"
-        raise DatasetError(message)
+        raise DatasetError(f"{run.name} has no state: nothing was pressed")
     ready = derived(ds, run.study)
     return list(groups(ready if units is None else in_units(ready, units)))
 
@@ -403,8 +402,7 @@ def compared(runs: Sequence[Run], states: Sequence[Level] = ()) -> Compared:
     for name in columns:
         units = {str(ds[name].attrs.get("units", "1")) for ds in datasets if name in ds}
         if len(units) > 1:
-            message = f"the runs have {name} in different units: {', '.join(sorted(units))}"
-            raise DatasetError(message)
+            raise DatasetError(f"the runs have {name} in different units: {', '.join(sorted(units))}")
     return Compared(tuple(rows), tuple(columns))
 
 
@@ -426,8 +424,7 @@ def _equal_loads(named: Sequence[tuple[Run, list[tuple[str, Dataset]]]]) -> list
     if not low < high:
         unit = "" if name == P else f" {next(iter(units))}"
         found = f"the largest first step has {name} {low:.4g}{unit}, the smallest end {high:.4g}{unit}"
-        message = f"no load is common to these runs: {found}"
-        raise DatasetError(message)
+        raise DatasetError(f"no load is common to these runs: {found}")
     rounded = dict.fromkeys(float(f"{value:.2g}") for value in np.geomspace(low, high, EQUAL))
     inside = [value for value in rounded if low <= value <= high] or [0.5 * (low + high)]
     unit = units.pop() if name != P else ""

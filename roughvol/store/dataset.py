@@ -76,13 +76,11 @@ def combine(cases: Sequence[Dataset | Arrays], attributes: Mapping[str, str]) ->
         If there is no case, or the cases differ in L.
     """
     if not cases:
-        message = "no case to combine"
-        raise DatasetError(message)
+        raise DatasetError("no case to combine")
     parts = [arrays_of(case) if isinstance(case, Dataset) else case for case in cases]
     sides = sorted({float(part["L"][1]) for part in parts})
     if len(sides) > 1:
-        message = f"cases of one study share L, got {', '.join(f'{side:g}' for side in sides)}"
-        raise DatasetError(message)
+        raise DatasetError(f"cases of one study share L, got {', '.join(f'{side:g}' for side in sides)}")
     held = set().union(*parts)
     names = [name for name in VARIABLES if name in held]
     dims = {dim: _union([part[dim][1] for part in parts if dim in part]) for dim in names if _is_dim(dim)}
@@ -163,8 +161,7 @@ def read(path: Path, *, saved: bool = False) -> Dataset:
     try:
         dataset = _opened(content)
     except (OSError, ValueError, RuntimeError, LookupError, TypeError) as error:
-        message = f"{path} is damaged or no netCDF file ({error})"
-        raise DatasetError(message) from error
+        raise DatasetError(f"{path} is damaged or no netCDF file ({error})") from error
     _check_format(dataset.attrs, path)
     if labels is not None:
         _check_stamp(dataset.attrs, labels, path)
@@ -231,8 +228,7 @@ def _read(path: Path) -> tuple[Arrays, dict[str, str], stamped_file.Labels]:
                 texts = {name: str(stored.getncattr(name)) for name in stored.ncattrs()}
                 arrays = _decoded(stored.variables)
     except (OSError, ValueError, RuntimeError, LookupError, TypeError) as error:
-        message = f"{path} is damaged or no dataset of roughvol ({error})"
-        raise DatasetError(message) from error
+        raise DatasetError(f"{path} is damaged or no dataset of roughvol ({error})") from error
     _check_stamp(texts, labels, path)
     return arrays, texts, labels
 
@@ -256,8 +252,7 @@ def _decoded(variables: Mapping[str, Any]) -> Arrays:
 
 def _check_format(attributes: Mapping[str, str], path: Path) -> None:
     if (theirs := attributes.get("format")) != FORMAT:
-        message = f"{path} is no dataset of roughvol: its format is {theirs!r}, not {FORMAT!r}"
-        raise DatasetError(message)
+        raise DatasetError(f"{path} is no dataset of roughvol: its format is {theirs!r}, not {FORMAT!r}")
 
 
 def _check_stamp(attributes: Mapping[str, str], labels: stamped_file.Labels, path: Path) -> None:
@@ -265,8 +260,7 @@ def _check_stamp(attributes: Mapping[str, str], labels: stamped_file.Labels, pat
     try:
         own = stamped_file.labels_of(attributes)
     except (ValueError, AttributeError) as error:  # the text of its case is none
-        message = f"{path} is damaged: it has no description of its case"
-        raise DatasetError(message) from error
+        raise DatasetError(f"{path} is damaged: it has no description of its case") from error
     for name in ("case", "key", "study", "format_of_answers"):
         if name in labels and name in own and labels[name] != own[name]:
             message = (

@@ -156,8 +156,7 @@ def _same_file(handle: int, path: Path) -> bool:
 
 def _refuse_foreign(named: Holder | None, path: Path) -> None:
     if named is not None and named.host != platform.node():
-        message = f"{path.parent} is in use by {named}; if that process is no more, remove {path}"
-        raise FolderError(message)
+        raise FolderError(f"{path.parent} is in use by {named}; if that process is no more, remove {path}")
 
 
 def _named(handle: int) -> Holder | None:

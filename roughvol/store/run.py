@@ -129,8 +129,7 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
     except DatasetError as error:
         if file.suffix in DATASETS or not _is_map(file):
             raise
-        message = f"{file}: a height map, no run: roughvol init {file} writes a study for it"
-        raise DatasetError(message) from error
+        raise DatasetError(f"{file}: a height map, no run: roughvol init {file} writes a study for it") from error
     if run is not None and changes and given is None:
         given = study_of(run, changes)[0]
     call = shlex.join([str(run), *(word for change in changes for word in ("--set", change))])

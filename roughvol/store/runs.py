@@ -54,8 +54,7 @@ def listed(folder: str | Path) -> list[Listed]:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        message = f"no folder {folder}: roughvol run STUDY makes runs/NAME"
-        raise DatasetError(message)
+        raise DatasetError(f"no folder {folder}: roughvol run STUDY makes runs/NAME")
     found = [_listed(path.parent) for path in folder.glob("*/study.yaml")]
     return sorted(found, key=lambda run: run.age)
 

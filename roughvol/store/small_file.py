@@ -48,16 +48,14 @@ def arrays_of_case(case: Case, values: Mapping[str, ArrayLike]) -> dict[str, Arr
     found: dict[str, Array] = {}
     for name, value in (labels | dict(values)).items():
         if name not in VARIABLES:
-            message = f"{name!r} is not a stored variable; known are {', '.join(VARIABLES)}"
-            raise DatasetError(message)
+            raise DatasetError(f"{name!r} is not a stored variable; known are {', '.join(VARIABLES)}")
         array: NDArray[Any] = np.asarray(value, dtype=DTYPES[VARIABLES[name].kind])
         dims = tuple(VARIABLES[name].dims.split())
         if dims[:1] == ("...",):
             dims = (*leading, *dims[1:])
             array = array[(np.newaxis,) * len(leading)]
         if array.ndim != len(dims):
-            message = f"{name} has dimensions ({', '.join(dims)}), got an array of shape {array.shape}"
-            raise DatasetError(message)
+            raise DatasetError(f"{name} has dimensions ({', '.join(dims)}), got an array of shape {array.shape}")
         found[name] = (dims, array)
     return found
 

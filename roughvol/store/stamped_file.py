@@ -213,8 +213,7 @@ def unstamped(content: bytes, path: Path) -> tuple[bytes, Labels]:
     length = _labels_length(path, content[-TAIL:])
     body = memoryview(content)[: max(len(content) - TAIL, 0)]
     if hashlib.sha256(body).hexdigest().encode() != content[-TAIL : -TAIL + 64]:
-        message = f"{path} has been altered: its content does not have the checksum it was written with"
-        raise DatasetError(message)
+        raise DatasetError(f"{path} has been altered: its content does not have the checksum it was written with")
     return bytes(body[: len(body) - length]), _parsed(path, bytes(body[len(body) - length :]))
 
 
@@ -248,8 +247,7 @@ def alive(pid: int) -> bool:
 def _labels_length(path: Path, tail: bytes) -> int:
     digits = tail[64:72]
     if len(tail) < TAIL or not tail.endswith(MARK) or not digits.isdigit() or int(digits) > MAX_LABELS:
-        message = f"{path} does not end with a checksum: it is truncated, or not a file of roughvol"
-        raise DatasetError(message)
+        raise DatasetError(f"{path} does not end with a checksum: it is truncated, or not a file of roughvol")
     return int(digits)
 
 
@@ -257,8 +255,7 @@ def _parsed(path: Path, text: bytes) -> Labels:
     try:
         labels = json.loads(text)
     except (ValueError, RecursionError) as error:
-        message = f"{path} ends with a damaged checksum"
-        raise DatasetError(message) from error
+        raise DatasetError(f"{path} ends with a damaged checksum") from error
     return {str(name): str(value) for name, value in labels.items()} if isinstance(labels, dict) else {}
 
 

@@ -190,8 +190,7 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> list[tuple[Place
                 )
                 wrong.setdefault((where, item["msg"]), details)
     if wrong:
-        title = "Study"
-        raise ValidationError.from_exception_data(title, list(wrong.values()))
+        raise ValidationError.from_exception_data("Study", list(wrong.values()))
     return made
 
 

@@ -87,8 +87,7 @@ class Scale:
         if (unit := unit_of(value)) is None:
             return quantity, float(value)
         if not self.Sq > 0.0:
-            message = f"{kind} {value}: the surface is flat, Sq is 0, and has no starred numbers"
-            raise ValueError(message)
+            raise ValueError(f"{kind} {value}: the surface is flat, Sq is 0, and has no starred numbers")
         if message := lacking(kind, value, self.modulus_unit, self.length_unit):
             raise ValueError(message)
         if kind in ("pressure", "load"):
@@ -99,8 +98,7 @@ class Scale:
         assert self.length_unit is not None
         if kind.startswith("leak_rate"):
             if self.drive is None:
-                message = f"{kind} {value}: needs the fluid, record.dimensional.leak_rate"
-                raise ValueError(message)
+                raise ValueError(f"{kind} {value}: needs the fluid, record.dimensional.leak_rate")
             return quantity, convert(float(value), unit, "m^3/s") * 12.0 / (self.drive * self._sigma_in_metres**3)
         return quantity, convert(float(value), unit, self.length_unit) / self.Sq
 

@@ -47,8 +47,7 @@ T = TypeVar("T")
 
 def refuse(message: str, **context: str) -> NoReturn:
     """Raise the error of a validator with this message."""
-    kind = "refused"
-    raise PydanticCustomError(kind, message, context)
+    raise PydanticCustomError("refused", message, context)
 
 
 def refuse_at(path: KeyPath, given: Any, message: str, **context: str) -> NoReturn:

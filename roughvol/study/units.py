@@ -142,14 +142,12 @@ def read(text: str, kind: str) -> float:
     try:
         if match is not None and kind and math.isfinite(value := float(match[1])):
             return Quantity(value, _checked(match[2], kind))
-        message = f"no number: {text!r}"
-        raise ValueError(message)
+        raise ValueError(f"no number: {text!r}")
     except PydanticCustomError as error:
         raise ValueError(error.message()) from error
     except ValueError as error:
         unit = f", or a number with a unit of {kind}, as in {EXAMPLES[kind]}" if kind else " without a unit"
-        message = f"must be a number{unit}, given {text!r}"
-        raise ValueError(message) from error
+        raise ValueError(f"must be a number{unit}, given {text!r}") from error
 
 
 @dataclass(frozen=True)

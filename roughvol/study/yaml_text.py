@@ -50,8 +50,7 @@ class Reading:
             message = f"not YAML: {', '.join(filter(None, parts)) or error}"
             raise UnreadableError(message, (mark.line if mark else text.count("\n", 0, position)) + 1) from error
         except (ValueError, OverflowError, LookupError) as error:  # PyYAML does not check escapes and directives
-            message = f"not YAML: {error}"
-            raise UnreadableError(message) from error
+            raise UnreadableError(f"not YAML: {error}") from error
         data = None if node is None else self._build(node, ())
         if not isinstance(data, dict):
             message = f"{self.form}, given {show(data)}"

@@ -49,8 +49,7 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
         If the kind is not one of these, or no height is known.
     """
     if kind not in LEVELS:
-        message = f"level must be one of {', '.join(map(repr, LEVELS))}, got {kind!r}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"level must be one of {', '.join(map(repr, LEVELS))}, got {kind!r}")
     mask = _some_known(heights)
     support = mask if among is None else among & mask
     degree = LEVELS[kind]
@@ -98,13 +97,11 @@ def fill(heights: Array, rule: str, *, periodic: bool = False) -> Array:
         If the rule is not one of these, or more than half of the heights are not known.
     """
     if rule not in FILLS:
-        message = f"missing must be one of {', '.join(map(repr, FILLS))}, got {rule!r}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"missing must be one of {', '.join(map(repr, FILLS))}, got {rule!r}")
     missing = ~_some_known(heights)
     share = float(missing.mean())
     if share > LARGEST_SHARE:
-        message = f"{missing.sum()} of {missing.size} heights are missing; allowed: up to {LARGEST_SHARE:.0%}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{missing.sum()} of {missing.size} heights are missing; allowed: up to {LARGEST_SHARE:.0%}")
     if not missing.any():
         return heights.copy()
     filled = heights.copy()
@@ -152,8 +149,7 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
         )
         raise SurfaceError(message)
     if not np.isfinite(heights).all():
-        message = "heights must be known at every node before they are filtered"
-        raise SurfaceError(message)
+        raise SurfaceError("heights must be known at every node before they are filtered")
     from scipy import signal  # imports scipy.stats: half a second, for this filter alone
 
     reach = math.ceil(REACH * cut_off / spacing)
@@ -174,8 +170,7 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
 def _some_known(heights: Array) -> Mask:
     mask = ~np.isnan(heights)
     if not mask.any():
-        message = f"none of the {heights.size} heights is known"
-        raise SurfaceError(message)
+        raise SurfaceError(f"none of the {heights.size} heights is known")
     return mask
 
 

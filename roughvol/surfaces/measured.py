@@ -113,8 +113,7 @@ def _measured(body: Body, treatment: Treatment, unit: str | None) -> Array:
     with body.file.open("rb") as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     if sha256 != body.sha256:
-        message = f"{body.file} has changed since the study was loaded; run the study again"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{body.file} has changed since the study was loaded; run the study again")
     own = body.numbers_in
     if own is not None and unit is not None and own != unit:
         heights = heights * length_units.factor(own, unit)
@@ -146,6 +145,5 @@ def _treated(heights: Array, body: Body, treatment: Treatment, L: float, periodi
         if treatment.low_pass is not None:
             heights = levelling.low_pass(heights, L / (len(heights) - 1), treatment.low_pass)
     except SurfaceError as error:
-        message = f"{body.file}: {error}"
-        raise SurfaceError(message) from error
+        raise SurfaceError(f"{body.file}: {error}") from error
     return heights[mirror], missing[mirror], removed

@@ -170,12 +170,10 @@ def _edge_noise(normal: Callable[[int | tuple[int, int]], Array], cells: int) ->
 def _deviations(D: float, m: int, law: str) -> list[float]:
     """Return the standard deviations of the 2m half steps."""
     if law not in LAWS:
-        message = f"law must be one of {', '.join(map(repr, LAWS))}, got {law!r}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"law must be one of {', '.join(map(repr, LAWS))}, got {law!r}")
     D = real("D", D)
     if not 2.0 < D < 3.0:
-        message = f"D must be in (2, 3), got {D!r}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"D must be in (2, 3), got {D!r}")
     factors = [2.0 ** (-half_step * (3.0 - D) / 2.0) for half_step in range(1, 2 * m + 1)]
     if law == "variance":
         return [math.sqrt(INITIAL_SPREAD * factor) for factor in factors]
@@ -187,9 +185,7 @@ def _integer(name: str, value: int, lowest: int, highest: int | None = None) -> 
     try:
         number = operator.index(value)
     except TypeError as error:
-        message = f"{name} must be {allowed}, got {value!r}"
-        raise SurfaceError(message) from error
+        raise SurfaceError(f"{name} must be {allowed}, got {value!r}") from error
     if number < lowest or (highest is not None and number > highest):
-        message = f"{name} must be {allowed}, got {value!r}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{name} must be {allowed}, got {value!r}")
     return number

@@ -168,12 +168,10 @@ def skewed(waves: Waves, spectrum: Spectrum) -> Waves:
         below, above = -STRONGEST, STRONGEST
     if not excess(below) <= 0.0 <= excess(above):
         low, high = wanted + excess(below), wanted + excess(above)
-        message = f"Ssk = {wanted:g} is out of reach of these waves; allowed: {low:.2f} to {high:.2f}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"Ssk = {wanted:g} is out of reach of these waves; allowed: {low:.2f} to {high:.2f}")
     found = optimize.brentq(excess, below, above, xtol=1e-11, rtol=1e-11)
     if abs(excess(found)) > SKEWNESS_ERROR:  # pragma: no cover, the skewness is continuous in s
-        message = f"Ssk = {wanted:g} was not met: {excess(found) + wanted:g}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"Ssk = {wanted:g} was not met: {excess(found) + wanted:g}")
     return translated(found)
 
 
@@ -265,5 +263,4 @@ def _check(spectrum: Spectrum, hurst: float, n: int, seed: int) -> None:
     if spectrum.slope is not None:
         positive("slope", spectrum.slope)
     if spectrum.Ssk is not None and not math.isfinite(spectrum.Ssk):
-        message = f"Ssk must be finite, got {spectrum.Ssk!r}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"Ssk must be finite, got {spectrum.Ssk!r}")

@@ -148,19 +148,15 @@ def _checked_heights(heights: ArrayLike) -> Array:
     """Return a read-only, C-contiguous copy of the heights, or refuse them with the reason."""
     masked = int(np.ma.count_masked(heights)) if isinstance(heights, np.ma.MaskedArray) else 0
     if masked:
-        message = f"heights must be known at every node, {masked} are masked"
-        raise SurfaceError(message)
+        raise SurfaceError(f"heights must be known at every node, {masked} are masked")
     try:
         given = np.asarray(heights)
     except ValueError as error:  # rows of unequal length
-        message = f"heights must be a 2-D array of numbers: {error}"
-        raise SurfaceError(message) from error
+        raise SurfaceError(f"heights must be a 2-D array of numbers: {error}") from error
     if given.dtype.kind not in "fiub":
-        message = f"heights must be real numbers, got an array of {given.dtype}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"heights must be real numbers, got an array of {given.dtype}")
     if given.ndim != 2 or min(given.shape) < 3:
-        message = f"heights must be 2-D with at least 3 nodes per axis, got shape {given.shape}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"heights must be 2-D with at least 3 nodes per axis, got shape {given.shape}")
     checked = np.array(given, dtype=np.float64, order="C")
     bad = ~np.isfinite(checked)
     if bad.any():
@@ -172,8 +168,7 @@ def _checked_heights(heights: ArrayLike) -> Array:
         raise SurfaceError(message)
     height_range = float(checked.max()) - float(checked.min())
     if not math.isfinite(height_range):
-        message = f"heights must have a finite range, got {checked.min():.3g} … {checked.max():.3g}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"heights must have a finite range, got {checked.min():.3g} … {checked.max():.3g}")
     if 0.0 < height_range < SMALLEST_RANGE:
         message = f"the range of the heights is {height_range:.3g}; allowed: 0 (flat), or at least {SMALLEST_RANGE:g}"
         raise SurfaceError(message)
@@ -186,14 +181,12 @@ def real(name: str, value: float) -> float:
     try:
         return float(value)
     except (TypeError, ValueError) as error:
-        message = f"{name} must be a number, got {value!r}"
-        raise SurfaceError(message) from error
+        raise SurfaceError(f"{name} must be a number, got {value!r}") from error
 
 
 def positive(name: str, value: float) -> float:
     """Return a value as a float, or refuse one that is not finite and positive."""
     number = real(name, value)
     if not (math.isfinite(number) and number > 0.0):
-        message = f"{name} must be finite and positive, got {value!r}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{name} must be finite and positive, got {value!r}")
     return number

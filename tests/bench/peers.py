@@ -160,8 +160,7 @@ class ContactMechanicsPeer:
                 # zero the next conjugate direction is this noise times 1e30, and the iteration stands still for ever
                 seen.append(state["rms_penetration"])
                 if len(seen) > STALLED and np.ptp(seen[-STALLED:]) <= 1e-9 * seen[-1]:
-                    message = f"rms penetration unchanged at {seen[-1]:.2g} σ for {STALLED} iterations"
-                    raise RuntimeError(message)
+                    raise RuntimeError(f"rms penetration unchanged at {seen[-1]:.2g} σ for {STALLED} iterations")
 
             def solve(offset: float = indentation, start: Any = forces) -> Any:
                 return self.system.minimize_proxy(

@@ -42,8 +42,7 @@ class Channel:
         last, step = 0.9 + 0.4 * inlet, 0.08
         state = both.solve(last * self.closed, self.near, fluid)
         if not is_open(state):
-            message = f"closed at the first load, {last}"
-            raise ValueError(message)
+            raise ValueError(f"closed at the first load, {last}")
         while step > accuracy:
             try:
                 tried = both.solve((last + step) * self.closed, self.near, state.fluid)

@@ -68,8 +68,7 @@ def test_a_failing_case_here_is_named_and_costs_no_other(tmp_path: Path, monkeyp
 
     def failing(case: Any, **options: Any) -> bytes:
         if case.seed == 1:
-            message = "does not fit"
-            raise MemoryError(message)
+            raise MemoryError("does not fit")
         return real(case, **options)
 
     monkeypatch.setattr(batch, "file_of_case", failing)

@@ -34,8 +34,7 @@ def idle(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make every solve an error."""
 
     def refuse(*_: object, **__: object) -> None:
-        message = "a case is computed"
-        raise AssertionError(message)
+        raise AssertionError("a case is computed")
 
     monkeypatch.setattr(batch.Batch, "through", refuse)
 

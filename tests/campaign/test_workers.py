@@ -19,8 +19,7 @@ pytestmark = pytest.mark.processes
 
 def _task(number: int, tell: Callable[[Any], None]) -> None:
     if number == 2:
-        message = "two is not wanted"
-        raise ValueError(message)
+        raise ValueError("two is not wanted")
     for value in range(100):  # far more than are passed on
         tell((number, os.getpid(), value))
 
@@ -119,8 +118,7 @@ def test_main_is_what_it_was() -> None:
 def _here(number: int, tell: Callable[[Any], None]) -> tuple[int, int, bool]:
     tell(number)
     if number == 2:
-        message = "two is not wanted"
-        raise ValueError(message)
+        raise ValueError("two is not wanted")
     return number, os.getpid(), workers.stop_asked()
 
 

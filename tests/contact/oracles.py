@@ -77,8 +77,7 @@ def exact_pressure(matrix, b):
         pressure[touching] = linalg.solve(matrix[np.ix_(touching, touching)], b[touching], assume_a="pos")
     scale = np.abs(b).max()
     if pressure.min() < -1e-12 * scale or (matrix @ pressure - b).min() < -1e-11 * scale:
-        message = "the oracle found no solution"
-        raise ArithmeticError(message)
+        raise ArithmeticError("the oracle found no solution")
     return np.maximum(pressure, 0.0)
 
 

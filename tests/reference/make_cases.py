@@ -63,8 +63,7 @@ def solved(matrix: np.ndarray, overlap: np.ndarray) -> tuple[np.ndarray, np.ndar
         if np.array_equal(after, touching):
             return pressure, np.where(touching, 0.0, gap)
         touching = after
-    message = "the contact set does not settle"
-    raise ArithmeticError(message)
+    raise ArithmeticError("the contact set does not settle")
 
 
 def main() -> None:

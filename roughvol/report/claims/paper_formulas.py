@@ -43,8 +43,7 @@ def bearing_area_volume(
     t = np.asarray(separation, dtype=np.float64)
     if isinstance(heights, str):
         if heights != "gaussian":
-            message = f'heights must be an array or "gaussian", got {heights!r}'
-            raise ContactError(message)
+            raise ContactError(f'heights must be an array or "gaussian", got {heights!r}')
         volume = t * ndtr(t) + np.exp(-0.5 * t * t) / math.sqrt(2.0 * math.pi)
     else:
         ordered = np.sort(_standardised(heights), axis=None)
@@ -55,8 +54,7 @@ def bearing_area_volume(
         return volume
     covered = np.asarray(area_fraction, dtype=np.float64)
     if not np.all((covered >= 0.0) & (covered <= 1.0)):
-        message = f"area_fraction must be in [0, 1], got {area_fraction!r}"
-        raise ContactError(message)
+        raise ContactError(f"area_fraction must be in [0, 1], got {area_fraction!r}")
     return (1.0 - covered) * volume
 
 
@@ -115,12 +113,10 @@ def volume_from_dimension(
         raise ContactError(message)
     widths = np.diff(thresholds)
     if np.any(widths < 0.0):
-        message = f"thresholds must not decrease, got {thresholds}"
-        raise ContactError(message)
+        raise ContactError(f"thresholds must not decrease, got {thresholds}")
     weights = {"width": widths, "volume": 0.5 * (thresholds[1:] + thresholds[:-1])}
     if weight not in weights:
-        message = f"weight must be 'width' or 'volume', got {weight!r}"
-        raise ContactError(message)
+        raise ContactError(f"weight must be 'width' or 'volume', got {weight!r}")
     return float(np.diff(boxes_of_dimension(dimensions, length, spacing)) @ weights[weight]) / (Sq * area)
 
 
@@ -180,8 +176,7 @@ def westergaard_mean_gap(ratio: ArrayLike) -> Array:
     """
     a = np.asarray(ratio, dtype=np.float64)
     if not np.all((a > 0.0) & (a <= 0.5)):
-        message = f"ratio is {ratio!r}; allowed: 0 < a/λ <= 1/2"
-        raise ContactError(message)
+        raise ContactError(f"ratio is {ratio!r}; allowed: 0 < a/λ <= 1/2")
     square = np.sin(math.pi * a) ** 2
     return np.asarray(0.5 * (1.0 - square + square * np.log(square)))
 
@@ -209,6 +204,5 @@ def _standardised(heights: ArrayLike) -> Array:
     z = np.asarray(heights, dtype=np.float64)
     span = float(np.ptp(z))
     if not (math.isfinite(span) and span > 0.0):
-        message = f"heights must be finite and not flat, got a range of {span}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"heights must be finite and not flat, got a range of {span}")
     return texture.standardised(z)

@@ -180,8 +180,7 @@ def _pair(runs: Sequence[Run]) -> tuple[Run, Run, Shared]:
         shared = _shared(large, small)
         if large.L > small.L and shared:
             return large, small, shared
-    message = "two runs of the same D, m and seeds at two L"
-    raise Lacking(message)
+    raise Lacking("two runs of the same D, m and seeds at two L")
 
 
 def _shared(a: Run, b: Run) -> Shared | None:

@@ -290,8 +290,7 @@ def _variable(key: str, runs: Sequence[Named]) -> str:
         if all(name in run.dataset for run in runs) and len(units) == 1:
             return name
     units = {_unit(name, run.dataset) for run in runs for name in VARIABLES_OF[key] if name in run.dataset}
-    message = f"the runs have {VARIABLES_OF[key][-1]} in different units: {', '.join(sorted(units))}"
-    raise DatasetError(message)
+    raise DatasetError(f"the runs have {VARIABLES_OF[key][-1]} in different units: {', '.join(sorted(units))}")
 
 
 def _unit(name: str, ds: Dataset) -> str:
@@ -364,5 +363,4 @@ def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
                 empty = False
                 yield names | {"x": x, "y": y}
     if empty:
-        message = "the figure has no curves: --format csv takes figures of curves, fields are in study.nc"
-        raise DatasetError(message)
+        raise DatasetError("the figure has no curves: --format csv takes figures of curves, fields are in study.nc")

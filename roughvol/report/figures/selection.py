@@ -75,8 +75,7 @@ def check_known(wanted: Sequence[str]) -> None:
         if name not in table:
             near = difflib.get_close_matches(name, table, n=1)
             hint = f"; did you mean {near[0]}?" if near else ""
-            message = f"no figure {name!r}{hint} (known: {', '.join(figures())}; {content.IN_WORDS})"
-            raise DatasetError(message)
+            raise DatasetError(f"no figure {name!r}{hint} (known: {', '.join(figures())}; {content.IN_WORDS})")
 
 
 def _by_D(wish: float) -> Rule:

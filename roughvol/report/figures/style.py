@@ -105,8 +105,7 @@ class Drawing(Figure):
                 return
             path, content = Path(fname), io.BytesIO()
             if not path.parent.is_dir():
-                message = f"cannot write {path}: there is no folder {path.parent}"
-                raise FolderError(message)
+                raise FolderError(f"cannot write {path}: there is no folder {path.parent}")
             kind = kwargs.pop("format", None) or path.suffix.removeprefix(".")
             super().savefig(content, transparent=transparent, format=kind or None, **kwargs)
             default = "" if path.suffix else f".{kind or mpl.rcParams['savefig.format']}"

@@ -76,13 +76,11 @@ def write(surface: Surface | None, unit: str | None, title: str, path: Path) -> 
         If the surface is too large to be made for a picture (None), or the file cannot be written.
     """
     if surface is None:
-        message = f"{title}: too large a surface to be drawn before it is computed"
-        raise DatasetError(message)
+        raise DatasetError(f"{title}: too large a surface to be drawn before it is computed")
     try:
         look(surface, unit, title).savefig(path)
     except ValueError as error:  # an ending that is no picture
-        message = f"cannot write {path}: {error}"
-        raise DatasetError(message) from error
+        raise DatasetError(f"cannot write {path}: {error}") from error
     return path
 
 

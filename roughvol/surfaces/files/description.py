@@ -177,8 +177,7 @@ def refuse_huge(path: Path, shape: tuple[int, ...]) -> None:
     for number in shape:
         nodes *= int(number)
     if nodes > MAX_NODES:
-        message = f"{path}: the array has shape {shape}; allowed: at most {MAX_NODES} nodes"
-        raise DatasetError(message)
+        raise DatasetError(f"{path}: the array has shape {shape}; allowed: at most {MAX_NODES} nodes")
 
 
 def position(path: Path, names: list[str], wanted: str, listing: str, kind: str) -> int:
@@ -210,8 +209,7 @@ def position(path: Path, names: list[str], wanted: str, listing: str, kind: str)
         return int(wanted)
     if len(matches) != 1:
         reason = f"has several {kind}s {wanted!r}, give the number" if matches else f"has no {kind} {wanted!r}"
-        message = f"{path}: {reason}; {kind}s in the file: {listing}"
-        raise DatasetError(message)
+        raise DatasetError(f"{path}: {reason}; {kind}s in the file: {listing}")
     return matches[0]
 
 
@@ -244,5 +242,4 @@ def array_name(path: Path, variable: str | None, shapes: dict[str, tuple[int, ..
     if len(fields) == 1:
         return fields[0]
     reason = "give the array of heights (variable)" if fields else "holds no map of at least 3 x 3 nodes"
-    message = f"{path}: {reason}; arrays in the file: {listing}"
-    raise DatasetError(message)
+    raise DatasetError(f"{path}: {reason}; arrays in the file: {listing}")

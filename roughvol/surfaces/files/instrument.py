@@ -88,8 +88,7 @@ def _opened(path: Path) -> Iterator[Any]:
             from SurfaceTopography import open_topography
             from SurfaceTopography.Exceptions import CannotDetectFileFormat
     except ImportError as error:
-        message = f"{path}: is read through SurfaceTopography, which is not installed: {EXTRA}"
-        raise NotRead(message) from error
+        raise NotRead(f"{path}: is read through SurfaceTopography, which is not installed: {EXTRA}") from error
     # The library has forty readers of binary formats. On damaged files they raise errors of any type.
     with warnings.catch_warnings(), reading(path, ""):
         warnings.simplefilter("ignore")
@@ -100,8 +99,7 @@ def _opened(path: Path) -> Iterator[Any]:
                     raise CannotDetectFileFormat
                 yield reader
         except CannotDetectFileFormat as error:
-            message = f"{path}: is damaged, or in none of the formats that SurfaceTopography reads"
-            raise NotRead(message) from error
+            raise NotRead(f"{path}: is damaged, or in none of the formats that SurfaceTopography reads") from error
 
 
 def _recognised(open_topography: Any, path: Path) -> Any:
@@ -127,8 +125,7 @@ def _channel(path: Path, reader: Any, wanted: str | None) -> Any:
         listing = ", ".join(f"{text} ({kind})" for text, kind in zip(_texts(channels), kinds, strict=True))
         chosen = channels[position(path, [data.name for data in channels], wanted, listing, "channel")]
     elif not channels:
-        message = f"{path}: holds no channels"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: holds no channels")
     else:
         chosen = reader.default_channel
         if chosen.index not in maps:
@@ -198,8 +195,7 @@ def _sides(path: Path, shape: tuple[int, ...], sizes: tuple[float, float] | None
         return None
     pixel = [float(size) / nodes for size, nodes in zip(sizes, shape, strict=True)]
     if not all(math.isfinite(side) and side > 0.0 for side in pixel):
-        message = f"{path}: pixels of {pixel[0]:.6g} by {pixel[1]:.6g}; allowed: finite and positive"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: pixels of {pixel[0]:.6g} by {pixel[1]:.6g}; allowed: finite and positive")
     return pixel[0] * (shape[0] - 1), pixel[1] * (shape[1] - 1)
 
 

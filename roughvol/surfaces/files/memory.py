@@ -86,21 +86,18 @@ def _labelled(heights: Any) -> Labelled:
         return _of_topography(heights)
     if hasattr(heights, "data_vars"):
         names = ", ".join(map(str, heights.data_vars)) or "none"
-        message = f"a Dataset of xarray is no map; give one of its variables: {names}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"a Dataset of xarray is no map; give one of its variables: {names}")
     if hasattr(heights, "dims") and hasattr(heights, "attrs"):  # a DataArray or a Variable
         return _of_data_array(heights)
     if hasattr(heights, "columns") and {type(axis).__name__ for axis in getattr(heights, "axes", ())} != {"RangeIndex"}:
-        message = "a DataFrame has labels without units; give its numbers, as .to_numpy(), and L"
-        raise SurfaceError(message)
+        raise SurfaceError("a DataFrame has labels without units; give its numbers, as .to_numpy(), and L")
     array, attributes = _numbers(heights)
     return Labelled(array, attributes=attributes)
 
 
 def _of_topography(heights: Any) -> Labelled:
     if heights.dim != 2 or not getattr(heights, "is_uniform", True):
-        message = f"a {type(heights).__name__} is no map of equidistant nodes; allowed: a uniform Topography"
-        raise SurfaceError(message)
+        raise SurfaceError(f"a {type(heights).__name__} is no map of equidistant nodes; allowed: a uniform Topography")
     array, attributes = _numbers(heights.heights())
     unit = {"units": str(heights.unit)} if heights.unit else {}
     pixels = (float(side) / nodes for side, nodes in zip(heights.physical_sizes, array.shape, strict=True))
@@ -114,8 +111,7 @@ def _of_data_array(heights: Any) -> Labelled:
     """Return an array of xarray; the coordinate of one axis alone gives the spacing of both."""
     if len(heights.dims) != 2:
         sizes = ", ".join(f"{dim} {size}" for dim, size in heights.sizes.items()) or "none"
-        message = f"heights have the dimensions {sizes}; allowed: two, as after .isel or .squeeze"
-        raise SurfaceError(message)
+        raise SurfaceError(f"heights have the dimensions {sizes}; allowed: two, as after .isel or .squeeze")
     array, unit = _numbers(heights.data)
     dims = tuple(_name(dim) for dim in heights.dims)
     coordinates: dict[str, tuple[Array, dict[str, str]]] = {}
@@ -153,15 +149,12 @@ def _numbers(heights: Any) -> tuple[Array, dict[str, str]]:
     try:
         array: NDArray[Any] = np.ma.asarray(heights) if np.ma.isMaskedArray(heights) else np.asarray(heights)
     except (TypeError, ValueError) as error:
-        message = f"heights make no array: {error}"
-        raise SurfaceError(message) from error
+        raise SurfaceError(f"heights make no array: {error}") from error
     if array.dtype.kind not in "fiu":
         kind = {"c": "complex", "b": "true or false", "O": "objects"}.get(array.dtype.kind, str(array.dtype))
-        message = f"heights are of the type {array.dtype} ({kind}); allowed: real numbers"
-        raise SurfaceError(message)
+        raise SurfaceError(f"heights are of the type {array.dtype} ({kind}); allowed: real numbers")
     if array.ndim != 2:
-        message = f"heights have shape {array.shape}; allowed: two axes"
-        raise SurfaceError(message)
+        raise SurfaceError(f"heights have shape {array.shape}; allowed: two axes")
     return np.ma.filled(array.astype(np.float64), np.nan), unit
 
 

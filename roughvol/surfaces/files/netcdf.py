@@ -78,13 +78,11 @@ def opened(path: Path, variable: str | None = None, *, ignore_header: bool = Fal
         name = _field(path, stored, variable)
         field = stored[name]
         if not _holds_numbers(field):
-            message = f"{path}: {name} holds text, or values of a type of its own, not numbers"
-            raise SurfaceError(message)
+            raise SurfaceError(f"{path}: {name} holds text, or values of a type of its own, not numbers")
         down = _is_down(path, field, name)
         refuse_huge(path, field.shape)
         if len(field.shape) != 2:
-            message = f"{path}: {name} has shape {field.shape}; allowed: two dimensions"
-            raise SurfaceError(message)
+            raise SurfaceError(f"{path}: {name} has shape {field.shape}; allowed: two dimensions")
         turned = [_axis(stored, dim) for dim in field.dimensions] in ([1, 0], [1, None], [None, 0])
         dims = field.dimensions[::-1] if turned else field.dimensions
         shape = field.shape[::-1] if turned else field.shape
@@ -131,8 +129,7 @@ def _is_down(path: Path, variable: Any, name: str) -> bool:
     """Return whether values are positive down, by the attribute of the CF conventions."""
     direction = str(getattr(variable, "positive", "up")).strip().lower()
     if direction not in ("up", "down"):
-        message = f"{path}: {name}:positive is {direction[:40]!r}; allowed: up and down"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: {name}:positive is {direction[:40]!r}; allowed: up and down")
     return direction == "down"
 
 
@@ -160,12 +157,10 @@ def _coordinate(path: Path, stored: Any, dim: str) -> tuple[float, str | None, b
     spacing = (values[-1] - values[0]) / (len(values) - 1)
     off = np.abs(values - (values[0] + spacing * np.arange(len(values)))).max()
     if not (spacing != 0.0 and off <= _EVEN * abs(spacing)):
-        message = f"{path}: the coordinate {dim} is not equidistant; allowed: a regular grid"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: the coordinate {dim} is not equidistant; allowed: a regular grid")
     length = getattr(variable, "length", None)  # of all pixels, as SurfaceTopography writes it
     if length is not None and abs(float(length) / len(values) - abs(spacing)) > _SAME * abs(spacing):
-        message = f"{path}: {dim}:length is {float(length):g}, its coordinate has a spacing of {spacing:g}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: {dim}:length is {float(length):g}, its coordinate has a spacing of {spacing:g}")
     counted = bool(spacing == 1.0 and values[0] in (0.0, 1.0))
     return abs(float(spacing)) * (len(values) - 1), _unit(path, variable, dim), bool(spacing < 0.0), counted
 

@@ -87,8 +87,7 @@ def split(path: Path) -> Text:
     lines = numbered(path)
     first = next((index for index, (_, line) in enumerate(lines) if _is_data(line)), None)
     if first is None:
-        message = f"{path}: holds no numbers"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: holds no numbers")
     header = [(number, line.strip()) for number, line in lines[:first] if line.strip()]
     data = [(number, bare) for number, line in lines[first:] if (bare := _bare(line))]
     comments = [(number, line.strip()) for number, line in lines[first:] if line.lstrip().startswith("#")]
@@ -190,14 +189,12 @@ def _slowly(text: Text, lines: list[str], mark: str | None) -> Array:
     for (number, whole), line in zip(text.data, lines, strict=True):
         cells = [cell.strip().strip('"') for cell in line.split(mark)]
         if not any(_NUMBER.fullmatch(cell) or _MISSING.fullmatch(cell) for cell in cells):
-            message = f"{text.path}: line {number} holds no numbers: {whole[:60]!r}; delete it"
-            raise NotRead(message)
+            raise NotRead(f"{text.path}: line {number} holds no numbers: {whole[:60]!r}; delete it")
         rows.append([_value(text.path, number, cell) for cell in cells])
     usual = Counter(map(len, rows)).most_common(1)[0][0]
     for (number, _), row in zip(text.data, rows, strict=True):
         if len(row) != usual:
-            message = f"{text.path}: line {number} holds {len(row)} numbers, most lines {usual}"
-            raise DatasetError(message)
+            raise DatasetError(f"{text.path}: line {number} holds {len(row)} numbers, most lines {usual}")
     return np.array(rows)
 
 
@@ -206,8 +203,7 @@ def _value(path: Path, number: int, cell: str) -> float:
         return float(cell.lower().replace("d", "e"))
     if _MISSING.fullmatch(cell):
         return np.nan
-    message = f"{path}: line {number}: {cell[:40]!r} is no number"
-    raise DatasetError(message)
+    raise DatasetError(f"{path}: line {number}: {cell[:40]!r} is no number")
 
 
 def _bare(line: str) -> str:

@@ -39,14 +39,12 @@ def grid(points: Array) -> tuple[Array, tuple[float, float], bool]:
         If the points are not on a regular grid; the message is the reason.
     """
     if not np.isfinite(points[:, :2]).all():
-        message = "a coordinate is missing"
-        raise SurfaceError(message)
+        raise SurfaceError("a coordinate is missing")
     (i, nx, span_x, whole_x), (j, ny, span_y, whole_y) = (_nodes(points[:, axis], "xy"[axis]) for axis in (0, 1))
     node = i * ny + j
     shared = int((np.bincount(node) > 1).sum()) if nx * ny <= _CROWDED * len(node) else 0
     if shared:
-        message = f"{shared} nodes have several of the {len(node)} points"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{shared} nodes have several of the {len(node)} points")
     if len(node) < _COVERED * nx * ny:
         message = (
             f"{len(node)} points lie on a grid of {nx} x {ny} nodes; allowed: at least {_COVERED:.0%} of its nodes"
@@ -62,19 +60,16 @@ def _nodes(values: Array, name: str) -> tuple[Index, int, float, bool]:
     order = np.unique(values)
     span = float(order[-1] - order[0])
     if not span > 0.0:
-        message = f"{name} is {order[0]:g} everywhere"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{name} is {order[0]:g} everywhere")
     steps = np.diff(order)
     steps = steps[steps > _SAME * span]
     count = round(span / float(np.median(steps)))
     if count < 2:
-        message = f"{name} takes {count + 1} values; allowed: at least 3"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{name} takes {count + 1} values; allowed: at least 3")
     position = (values - order[0]) / (span / count)
     node = np.rint(position)
     off = float(np.abs(position - node).max())
     if off > _REGULAR:
-        message = f"{name} is not equidistant: a point lies {off:.2g} of a spacing off its node"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{name} is not equidistant: a point lies {off:.2g} of a spacing off its node")
     whole = bool(order[0] in (0.0, 1.0) and count == span)
     return node.astype(np.int64), count + 1, span, whole

@@ -116,16 +116,14 @@ def _opened(path: Path, variable: str | None, columns: str | None, ignore_header
     refuse_huge(path, _two(path, height_map.description.shape))
     sides, source = height_map.description.sides, height_map.description.source
     if sides is not None and not ignore_header and not all(0.0 < side < math.inf for side in sides):
-        message = f"{path}: {source} makes sides of {sides[0]:g} by {sides[1]:g}; allowed: finite and above 0"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: {source} makes sides of {sides[0]:g} by {sides[1]:g}; allowed: finite and above 0")
     return height_map
 
 
 def _by_content(path: Path, variable: str | None, columns: str | None, ignore_header: bool) -> HeightMap:
     size = path.stat().st_size
     if size > MAX_BYTES:
-        message = f"{path}: has {size} bytes; allowed: at most {MAX_BYTES}"
-        raise DatasetError(message)
+        raise DatasetError(f"{path}: has {size} bytes; allowed: at most {MAX_BYTES}")
     suffix = path.suffix.lower()
     if suffix == ".npy":
         return _npy(path, variable)
@@ -174,8 +172,7 @@ def _text(path: Path, variable: str | None, columns: str | None, ignore_header: 
 
 def _refuse_variable(path: Path, variable: str | None) -> None:
     if variable is not None:
-        message = f"{path}: holds one array, without a name; leave out the variable {variable!r}"
-        raise DatasetError(message)
+        raise DatasetError(f"{path}: holds one array, without a name; leave out the variable {variable!r}")
 
 
 def _instrument(path: Path, variable: str | None, columns: str | None, ignore_header: bool) -> HeightMap:
@@ -195,8 +192,7 @@ def _instrument(path: Path, variable: str | None, columns: str | None, ignore_he
 
 def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
     if array.dtype.kind not in "fiu":
-        message = f"{path}: holds values of type {array.dtype}, not numbers"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: holds values of type {array.dtype}, not numbers")
     _two(path, array.shape)
     with np.errstate(over="ignore"):  # a long double beyond float64 becomes inf, and is refused below
         heights = np.ascontiguousarray(array, dtype=np.float64)
@@ -260,8 +256,7 @@ def _npz(path: Path, variable: str | None) -> HeightMap:
 
 def _two(path: Path, shape: tuple[int, ...]) -> tuple[int, int]:
     if len(shape) != 2 or min(shape) < 3:
-        message = f"{path}: heights have shape {shape}; allowed: two dimensions of at least 3 nodes each"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: heights have shape {shape}; allowed: two dimensions of at least 3 nodes each")
     return shape[0], shape[1]
 
 

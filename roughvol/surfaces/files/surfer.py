@@ -77,14 +77,12 @@ def _text(path: Path) -> HeightMap:
     filled = [(number, line.strip(" \t\x1a")) for number, line in lines if line.strip(" \t\x1a")]
     numbers = plain_text.words(plain_text.Text(path, [], filled, []))
     if len(numbers) < 8:
-        message = f"{path}: ends within its header"
-        raise DatasetError(message)
+        raise DatasetError(f"{path}: ends within its header")
     nx, ny, *limits = numbers[:8].tolist()
     described = _described(path, (nx, ny), (limits[0], limits[1]), (limits[2], limits[3]), "text")
     columns, rows = described.shape
     if len(numbers) - 8 != rows * columns:
-        message = f"{path}: holds {len(numbers) - 8} heights; its header gives {columns} x {rows}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: holds {len(numbers) - 8} heights; its header gives {columns} x {rows}")
     return HeightMap(described, lambda: numbers[8:].reshape(rows, columns).T)
 
 
@@ -92,8 +90,7 @@ def _six(path: Path) -> HeightMap:
     with path.open("rb") as stream:
         head = stream.read(_HEAD_6.size)
     if len(head) < _HEAD_6.size:
-        message = f"{path}: ends within its header"
-        raise DatasetError(message)
+        raise DatasetError(f"{path}: ends within its header")
     _, nx, ny, *limits = _HEAD_6.unpack(head)
     described = _described(path, (nx, ny), (limits[0], limits[1]), (limits[2], limits[3]), "Surfer 6")
     _check_bytes(path, path.stat().st_size - len(head), 4, described.shape)
@@ -110,8 +107,7 @@ def _seven(path: Path) -> HeightMap:
         stream.seek(sections[b"GRID"][0])
         ny, nx, left, front, dx, dy, *_, blank = _GRID_7.unpack(stream.read(_GRID_7.size))
     if version not in (1, 2):
-        message = f"{path}: is of version {version}; allowed: 1 and 2"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: is of version {version}; allowed: 1 and 2")
     limits = (left, left + dx * (nx - 1)), (front, front + dy * (ny - 1))
     described = _described(path, (nx, ny), *limits, "Surfer 7")
     start, size = sections[b"DATA"]
@@ -154,8 +150,7 @@ def _described(
     refuse_huge(path, shape)
     for name, (low, high) in (("x", x), ("y", y)):
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
-            message = f"{path}: its header gives {name} from {low:g} to {high:g}; allowed: rising and finite"
-            raise SurfaceError(message)
+            raise SurfaceError(f"{path}: its header gives {name} from {low:g} to {high:g}; allowed: rising and finite")
     counted = all(low in (0.0, 1.0) and high - low == n - 1 for n, (low, high) in zip(shape, (x, y), strict=True))
     sides = x[1] - x[0], y[1] - y[0]
     reader = f"Surfer grid, {kind}"

@@ -176,8 +176,7 @@ def _keyed(header: Header, path: Path, bare: str, place: str) -> bool:
         if key == "factor":
             header.factor = _number(match[2])
             if not 0.0 < abs(header.factor) < math.inf:
-                message = f"{path}: {place} is {header.factor:g}; allowed: finite and not 0"
-                raise SurfaceError(message)
+                raise SurfaceError(f"{path}: {place} is {header.factor:g}; allowed: finite and not 0")
         return True
     counts = {name.lower(): int(value) for name, value in _COUNTS.findall(bare)}
     header.counts |= counts

@@ -157,8 +157,7 @@ def _even(values: Array) -> bool:
 def _esri(text: plain_text.Text, header: Header) -> HeightMap:
     path, given = text.path, header.esri
     if not {"ncols", "nrows"} <= given.keys():
-        message = f"{path}: the header gives {', '.join(given)}; needed: ncols and nrows"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: the header gives {', '.join(given)}; needed: ncols and nrows")
     if header.unclear is not None:
         raise _not_understood(path, header.unclear)
     if not all(given[name].is_integer() and given[name] > 0.0 for name in ("ncols", "nrows")):
@@ -167,8 +166,7 @@ def _esri(text: plain_text.Text, header: Header) -> HeightMap:
     rows, columns = int(given["nrows"]), int(given["ncols"])
     heights = plain_text.words(text)  # the numbers of a row may run over several lines
     if heights.size != rows * columns:
-        message = f"{path}: holds {heights.size} heights; its header gives {rows} x {columns}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{path}: holds {heights.size} heights; its header gives {rows} x {columns}")
     heights[heights == given.get("nodata_value", -9999.0)] = math.nan
     cell = given.get("cellsize")
     dx, dy = given.get("dx", cell), given.get("dy", cell)

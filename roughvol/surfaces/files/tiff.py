@@ -50,13 +50,11 @@ def opened(path: Path, variable: str | None = None, *, ignore_header: bool = Fal
     try:
         from tifffile import TiffFile
     except ImportError as error:
-        message = f"{path}: is read through tifffile, which is not installed: {EXTRA}"
-        raise DatasetError(message) from error
+        raise DatasetError(f"{path}: is read through tifffile, which is not installed: {EXTRA}") from error
     with reading(path, "TIFF"), TiffFile(path) as stored:
         pages = len(stored.pages)
         if variable is not None and not (variable.isdecimal() and int(variable) < pages):
-            message = f"{path}: has no page {variable!r}; allowed: 0 to {pages - 1}"
-            raise DatasetError(message)
+            raise DatasetError(f"{path}: has no page {variable!r}; allowed: 0 to {pages - 1}")
         number = int(variable or 0)
         page = stored.pages[number]
         refuse_huge(path, page.shape)
