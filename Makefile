@@ -60,18 +60,18 @@ bench-peers: setup  ## compare with other contact codes, installed for this
 validation: setup  ## print errors against closed forms, by resolution
 	@$(BIN)/python -m tests.bench.validation
 
-tradeoff: setup  ## measure speed against accuracy, to docs/tradeoff.md
+tradeoff: setup  ## measure speed against accuracy, to docs/explanation/notes/tradeoff.md
 	@$(BIN)/roughvol tradeoff configs/tradeoff.yaml
 	@$(BIN)/python -m tests.bench.asked
 
-extremes: setup  ## press the extremes of every input, to docs/extremes.md
+extremes: setup  ## press the extremes of every input, to docs/explanation/notes/extremes.md
 	@$(BIN)/python -m tests.extremes
 
-reference: setup  ## write docs/reference.md: all keys of a study and all stored variables
-	@$(BIN)/roughvol explain --markdown > docs/reference.md.new
-	@mv docs/reference.md.new docs/reference.md
+reference: setup  ## write docs/reference/keys-and-variables.md: all keys of a study and all stored variables
+	@$(BIN)/roughvol explain --markdown > docs/reference/keys-and-variables.md.new
+	@mv docs/reference/keys-and-variables.md.new docs/reference/keys-and-variables.md
 
-crossing: setup  ## write docs/crossing.md: what may be combined, as the tests check it
+crossing: setup  ## write docs/reference/crossing.md: what may be combined, as the tests check it
 	@$(BIN)/python -m tests.crossing
 
 # Warnings are errors. Notebooks are executed. Nothing is fetched: the site works without the internet.

@@ -15,7 +15,11 @@ import roughvol
 
 ROOT = Path(__file__).parents[1]
 
-INCLUDED = {"runs/README.md": "files.md", "CHANGELOG.md": "changes.md", "CONTRIBUTING.md": "contributing.md"}
+INCLUDED = {  # pages outside this folder, and the page that includes each
+    "runs/README.md": "reference/files.md",
+    "CHANGELOG.md": "reference/changes.md",
+    "CONTRIBUTING.md": "explanation/contributing.md",
+}
 
 project = "roughvol"
 author = "roughvol authors"
@@ -72,7 +76,8 @@ def shaped(app: Sphinx, name: str, source: list[str]) -> None:
     """Lead links to pages outside this folder to those that include them, and bring equations near their numbers."""
     source[0] = re.sub(r"^( {4}.*\S) {5,}(\(\d+\))", r"\1    \2", source[0], flags=re.MULTILINE)
     for outside, inside in INCLUDED.items():
-        source[0] = source[0].replace(f"](../{outside}", f"](site/{inside}")
+        above = "../" * name.count("/")
+        source[0] = source[0].replace(f"](../{above}{outside}", f"]({above}{inside}")
 
 
 def as_code(app: Sphinx, context: Any, lines: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""The matrix of extremes; `make extremes` runs all of it and writes docs/extremes.md."""
+"""The matrix of extremes; `make extremes` runs all of it and writes docs/explanation/notes/extremes.md."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ import pytest
 
 import roughvol
 
-PAGE = Path(__file__).parents[1] / "docs" / "from-python.md"
+PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "from-python.md"
 BLOCKS = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 

@@ -47,8 +47,8 @@ def test_the_description_on_pypi_renders_and_refers_to_nothing_that_is_not_there
     assert shown is not None
     targets = re.findall(r'(?:href|src)="([^"]*)"', shown)
     assert [target for target in targets if not target.startswith(("https://", "mailto:", "#"))] == []
-    assert "docs/solver.md" in shown  # a page is still named where its link cannot work
-    assert "docs/fig05.png" in shown
+    assert "docs/how-to/sealing.md" in shown  # a page is still named where its link cannot work
+    assert "docs/pictures/fig05.png" in shown
 
 
 def test_every_picture_and_page_that_the_readme_refers_to_is_in_the_repository() -> None:

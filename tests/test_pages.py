@@ -29,9 +29,10 @@ from tests.extremes.matrix import CELLS
 
 ROOT = Path(__file__).parents[1]
 MARK = re.compile(r"<!-- made by: make ([\w-]+), roughvol (\d+\.\d+\.\d+) -->")
-DOCS = [path.relative_to(ROOT).as_posix() for path in sorted(ROOT.glob("docs/*.md"))]
+DOCS = [path.relative_to(ROOT).as_posix() for path in sorted(ROOT.glob("docs/**/*.md"))]
 PROSE = ["README.md", "CONTRIBUTING.md", *DOCS]
-PAGES = {"docs/performance.md": 3, "docs/extremes.md": 1, "docs/tradeoff.md": 1}
+NOTES = "docs/explanation/notes"
+PAGES = {"docs/explanation/performance.md": 3, f"{NOTES}/extremes.md": 1, f"{NOTES}/tradeoff.md": 1}
 
 
 def _text(name: str) -> str:
@@ -49,7 +50,7 @@ def test_measured_tables_name_a_command_and_a_version_that_exist(page: str, coun
 
 
 def test_versions_that_the_page_of_performance_names_are_those_of_its_marks() -> None:
-    text = _text("docs/performance.md")
+    text = _text("docs/explanation/performance.md")
     marked = {version for _, version in MARK.findall(text)}
     assert set(re.findall(r"roughvol (\d+\.\d+\.\d+)", MARK.sub("", text))) <= marked
     assert "with roughvol " + MARK.findall(text)[-1][1] in text  # the peers were measured by an older one
@@ -66,7 +67,7 @@ def test_the_counts_of_the_page_of_performance_are_those_stored() -> None:
 
 
 def _speed() -> str:
-    text = _text("docs/performance.md")
+    text = _text("docs/explanation/performance.md")
     return text[text.index("| m | η/σ ≤ |") :]
 
 
@@ -77,7 +78,7 @@ def test_the_readme_rounds_the_seconds_of_the_page_of_performance() -> None:
 
 
 def test_the_page_of_extremes_is_as_its_command_writes_it() -> None:
-    page = MARK.sub("", _text("docs/extremes.md"))
+    page = MARK.sub("", _text(f"{NOTES}/extremes.md"))
     head = MARK.sub("", HEAD)
     assert page.startswith(head)
     assert page.endswith(TAIL)
@@ -86,7 +87,7 @@ def test_the_page_of_extremes_is_as_its_command_writes_it() -> None:
 
 
 def test_what_other_pages_take_from_the_page_of_the_tradeoff_is_there() -> None:
-    page, text = _text("docs/tradeoff.md"), " ".join(_text("docs/performance.md").split())
+    page, text = _text(f"{NOTES}/tradeoff.md"), " ".join(_text("docs/explanation/performance.md").split())
     (saved,) = re.findall(r"\*\*Ten times less accuracy costs (\d+) per cent less time\.\*\*", page)
     assert f"**Ten times less accuracy costs {saved} per cent less time**" in text
     assert f"Ten times less accuracy costs {saved} per cent less time (`make tradeoff`)" in _text("README.md")
@@ -100,9 +101,17 @@ def test_what_other_pages_take_from_the_page_of_the_tradeoff_is_there() -> None:
         assert sentence.format(counts[name]) in text
 
 
-@pytest.mark.parametrize("page", DOCS)
-def test_a_page_is_in_the_index_of_the_readme_and_its_links_lead_somewhere(page: str) -> None:
-    assert f"]({page})" in _text("README.md")
+@pytest.mark.parametrize("group", ["tutorials", "how-to", "reference", "explanation"])
+def test_the_readme_leads_to_each_group(group: str) -> None:
+    assert f"](docs/{group}/index.md)" in _text("README.md")
+
+
+def test_the_readme_is_short() -> None:
+    assert len(_text("README.md").splitlines()) <= 90
+
+
+@pytest.mark.parametrize("page", PROSE)
+def test_links_of_a_page_lead_somewhere(page: str) -> None:
     targets = re.findall(r"\]\(([^)\s#]+)", _text(page))
     folder = (ROOT / page).parent
     assert [name for name in targets if not name.startswith("https:") and not (folder / name).exists()] == []
@@ -150,7 +159,7 @@ def _object(name: str) -> Any:
     raise AttributeError(name)
 
 
-@pytest.mark.parametrize("page", ["docs/architecture.md", "CONTRIBUTING.md", "docs/solver.md"])
+@pytest.mark.parametrize("page", ["docs/explanation/architecture.md", "CONTRIBUTING.md", "docs/explanation/solver.md"])
 def test_functions_that_a_page_names_exist(page: str) -> None:
     for name in re.findall(NAMES, _text(page)):
         if not name.endswith((".py", ".md", ".nc")):
@@ -167,10 +176,10 @@ def test_names_that_the_recipes_find_in_a_file_are_there() -> None:
 
 
 def test_the_life_of_a_study_passes_its_stations_in_order(tmp_path: Path) -> None:
-    rows = re.findall(r"^\| (\d+) \| `([\w.]+)`", _text("docs/architecture.md"), re.MULTILINE)
+    rows = re.findall(r"^\| (\d+) \| `([\w.]+)`", _text("docs/explanation/architecture.md"), re.MULTILINE)
     assert [int(number) for number, _ in rows] == list(range(1, len(rows) + 1))
     assert len(rows) <= 15
-    worker = re.search(r"Stations (\d+) to (\d+) run in a worker", _text("docs/architecture.md"))
+    worker = re.search(r"Stations (\d+) to (\d+) run in a worker", _text("docs/explanation/architecture.md"))
     assert worker
     first, last = map(int, worker.groups())
     codes = [_code(name) for _, name in rows]

@@ -30,8 +30,7 @@ def _placed() -> list[str]:
 @pytest.mark.parametrize("page", [path.relative_to(DOCS).as_posix() for path in sorted(DOCS.rglob("*.md"))])
 def test_every_page_is_in_one_group(page: str) -> None:
     name = page.removesuffix(".md")
-    groups = "docs/site/how-to.md, docs/site/reference.md, docs/site/explanation.md"
-    assert _placed().count(name) == (name != "index"), f"give docs/{page} one line in one of {groups}"
+    assert _placed().count(name) == (name != "index"), f"give docs/{page} one line in the index.md of its folder"
 
 
 def test_every_entry_is_a_page() -> None:
@@ -39,8 +38,13 @@ def test_every_entry_is_a_page() -> None:
 
 
 def test_the_site_copies_no_page_of_the_repository() -> None:
-    for name, outside in {"files": "runs/README", "changes": "CHANGELOG", "contributing": "CONTRIBUTING"}.items():
-        text = (DOCS / "site" / f"{name}.md").read_text(encoding="utf-8")
+    included = {
+        "reference/files": "runs/README",
+        "reference/changes": "CHANGELOG",
+        "explanation/contributing": "CONTRIBUTING",
+    }
+    for name, outside in included.items():
+        text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
         assert text.startswith(f"```{{include}} ../../{outside}.md\n")
         assert len(text.splitlines()) <= 3
 
@@ -70,7 +74,7 @@ def test_the_first_tutorial_has_commands_that_exist() -> None:
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_answers_in_the_shells_that_its_page_names(shell: str) -> None:
-    page = (DOCS / "site" / "completion.md").read_text(encoding="utf-8")
+    page = (DOCS / "how-to" / "completion.md").read_text(encoding="utf-8")
     assert f"_ROUGHVOL_COMPLETE={shell}_source roughvol" in page
     asked = {"_ROUGHVOL_COMPLETE": f"{shell}_complete", "COMP_WORDS": "roughvol sh", "COMP_CWORD": "1"}
     if shell == "fish":

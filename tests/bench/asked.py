@@ -1,4 +1,4 @@
-"""What each thing asked for costs, and the work-precision table of runs/tradeoff, as docs/tradeoff.md.
+"""What each thing asked for costs, and the work-precision table of runs/tradeoff, as notes/tradeoff.md.
 
 `python -m tests.bench.asked` after `roughvol tradeoff configs/tradeoff.yaml` (`make tradeoff` does both). Convolutions
 are counted on the half space itself, so those of a search for the end of a sweep are in.
@@ -129,15 +129,17 @@ def settings(ds: dataset.Dataset) -> str:
 
 
 def main() -> None:
-    """Write docs/tradeoff.md and its diagram; with --asked, only the table of costs."""
+    """Write docs/explanation/notes/tradeoff.md and its diagram; with --asked, only the table of costs."""
     if sys.argv[1:] == ["--asked"]:
-        page = (ROOT / "docs" / "tradeoff.md").read_text(encoding="utf-8")
+        page = (ROOT / "docs" / "explanation" / "notes" / "tradeoff.md").read_text(encoding="utf-8")
         head, _ = page.split(TABLE_AFTER.partition("\n")[0])
-        (ROOT / "docs" / "tradeoff.md").write_text(f"{head}{TABLE_AFTER}{asked()}\n", encoding="utf-8")
+        (ROOT / "docs" / "explanation" / "notes" / "tradeoff.md").write_text(
+            f"{head}{TABLE_AFTER}{asked()}\n", encoding="utf-8"
+        )
         return
     ds = dataset.read(ROOT / "runs" / "tradeoff" / "tradeoff.nc")
-    work_precision.FIGURES["tradeoff_answer"](ds).savefig(ROOT / "docs" / "tradeoff_answer.png")
-    work_precision.FIGURES["tradeoff_precision"](ds).savefig(ROOT / "docs" / "tradeoff.png")
+    work_precision.FIGURES["tradeoff_answer"](ds).savefig(ROOT / "docs" / "pictures" / "tradeoff_answer.png")
+    work_precision.FIGURES["tradeoff_precision"](ds).savefig(ROOT / "docs" / "pictures" / "tradeoff.png")
     saved = 100 * convergence.time_saved(ds)
     verdicts = "\n".join(f"- {line}" for line in convergence.summary(ds).splitlines() if line.startswith("D = "))
     page = f"""# Speed against accuracy
@@ -149,9 +151,9 @@ def main() -> None:
 A mean over surfaces has errors of the seeds, of the resolution m, of the steps and of the solver. The figure has their
 sum for the mean V* against cost (modelled seconds of one core). Each line varies one choice about the circle, which is
 100 seeds on the finest m with the steps of the study and the residual of `standard`. An ensemble takes the seeds of
-every m that its request needs ([ensemble.md](ensemble.md)), here ± 2 %.
+every m that its request needs ([ensemble.md](../../how-to/ensemble.md)), here ± 2 %.
 
-![Error of the answer against cost](tradeoff_answer.png)
+![Error of the answer against cost](../../pictures/tradeoff_answer.png)
 
 It is drawn by `roughvol tradeoff configs/tradeoff.yaml`, which prints the parts of the error as well. Seeds and m
 decide the error. Fewer steps and a looser residual save time, and their errors are not visible at this scale. For a
@@ -169,7 +171,7 @@ convolution in double precision.
 {precision(ds)}
 
 The bounds are certified: η/σ bounds the error of V*, η/σ times a bound of the stiffness of the contact that of p*
-(docs/solver.md). A residual looser than 1e-2 saves nothing.
+(docs/explanation/solver.md). A residual looser than 1e-2 saves nothing.
 
 ## The other choices
 
@@ -186,8 +188,7 @@ At the last state, from the last two refinements (Richardson); converged: less t
 
 {TABLE_AFTER}{asked()}
 """
-    (ROOT / "docs").mkdir(exist_ok=True)
-    (ROOT / "docs" / "tradeoff.md").write_text(page, encoding="utf-8")
+    (ROOT / "docs" / "explanation" / "notes" / "tradeoff.md").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
 A sine across, flat along; a fluid flows along it while it is pressed. Loads rise under pressure until no way is open.
 
-    python -m tests.bench.wavy_channel                        the table of docs/fluid-pressure.md
-    python -m tests.bench.wavy_channel --figure docs/wavy-channel.png
+    python -m tests.bench.wavy_channel                        the table of docs/how-to/fluid-pressure.md
+    python -m tests.bench.wavy_channel --figure docs/pictures/wavy-channel.png
 """
 
 from __future__ import annotations

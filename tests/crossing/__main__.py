@@ -1,4 +1,4 @@
-"""Write docs/crossing.md: ``python -m tests.crossing``."""
+"""Write docs/reference/crossing.md: ``python -m tests.crossing``."""
 
 from tests.crossing.table import PAGE, page
 

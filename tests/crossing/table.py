@@ -13,7 +13,7 @@ from pathlib import Path
 from tests.crossing.kinds import KINDS
 from tests.crossing.questions import QUESTIONS
 
-PAGE = Path(__file__).parents[2] / "docs" / "crossing.md"
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "crossing.md"
 UNITS = (
     "one seeds m files bodies spectrum materials regions legs one-way coupled gas lifted-gas region periodic closed "
     "some-closed percolation to-pressure to-area force nominal gap records"

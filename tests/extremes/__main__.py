@@ -1,4 +1,4 @@
-"""Run the whole matrix of extremes and write docs/extremes.md (`make extremes`)."""
+"""Run the whole matrix of extremes and write docs/explanation/notes/extremes.md (`make extremes`)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from roughvol import __version__
 from tests.extremes.matrix import CELLS, RTOL
 from tests.extremes.random_cases import LARGEST, SMALLEST
 
-PAGE = Path(__file__).parents[2] / "docs" / "extremes.md"
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "notes" / "extremes.md"
 HEAD = f"""# Extremes
 
 <!-- made by: make extremes, roughvol {__version__} -->

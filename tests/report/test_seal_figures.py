@@ -248,7 +248,7 @@ def test_a_way_closes_at_the_first_state_computed_closed() -> None:
 def test_ways_of_the_example_of_the_page_close_where_they_are_computed_closed(tmp_path: Path) -> None:
     z = random_midpoint_displacement(D=2.2, m=5, seed=11).heights
     np.save(tmp_path / "scan.npy", 0.8 * z / z.std())
-    text = (Path(__file__).parents[2] / "docs" / "sealing.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "sealing.md").read_text(encoding="utf-8")
     study = next(part for part in text.split("```yaml\n") if part.startswith("name: leak")).split("```")[0]
     study = study.replace("file: scan.npy", f"file: {tmp_path / 'scan.npy'}")
     study = study.replace("  transport: {", "  transport: {percolation: every-step, ")

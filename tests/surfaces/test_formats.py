@@ -171,7 +171,7 @@ def test_one_scan_gives_the_same_pressures_in_every_format(folder: Path, name: s
 
 
 def test_every_format_is_described_by_the_reader_that_the_docs_name(folder: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "measured.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "measured.md").read_text(encoding="utf-8")
     for name, (write, keys) in FORMATS.items():
         write(folder / name)
         description = reading.describe(folder / name, keys.partition("variable: ")[2] or None)
