@@ -146,7 +146,7 @@ def test_the_hooks_run_the_linters_of_make_lint() -> None:
     assert [name.strip() for name in hooks] == [name.strip() for name in tools]
 
 
-NAMES = re.compile(r"`((?:campaign|cli|contact|errors|observables|report|store|study|surfaces)(?:\.\w+)+)`")
+NAMES = re.compile(r"`((?:campaign|cli|contact|errors|gap|observables|report|store|study|surfaces)(?:\.\w+)+)`")
 
 
 def _object(name: str) -> Any:

@@ -22,8 +22,9 @@ PACKAGE = Path(__file__).parents[1] / "roughvol"
 FLOORS = (
     ("errors", "typing", "_version"),
     ("surfaces",),
-    ("study", "contact"),
-    ("store", "observables"),
+    ("gap", "contact", "study"),
+    ("observables",),
+    ("store",),
     ("campaign", "analysis"),
     ("report",),
     ("cli_text",),
@@ -35,6 +36,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
     "scipy": (
         "surfaces",
         "contact",
+        "gap",
         "observables",
         "store.dataset",
         "store.small_file",
@@ -44,7 +46,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
     ),
     "lazy_loader": ("__init__", *(room for rooms in FLOORS[1:-3] for room in rooms)),
     "pyfftw": ("contact.convolution",),
-    "pyamg": ("observables.network",),
+    "pyamg": ("gap.network",),
     "yaml": ("study",),
     "pydantic": ("study",),
     "pydantic_core": ("study",),

@@ -29,8 +29,8 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
+from roughvol.gap.transport import conduction
 from roughvol.observables.coupling import ACCURACY, RTOL
-from roughvol.observables.transport import conduction
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.study import HeightFile, Quantity
 from roughvol.typing import Array

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from roughvol.campaign import limits
 from roughvol.errors import CampaignError, ResourceError
+from roughvol.gap.network import check_multigrid, needs_multigrid
 from roughvol.observables import recorded
-from roughvol.observables.network import check_multigrid, needs_multigrid
 from roughvol.study import Case
 
 # Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/cluster.md).

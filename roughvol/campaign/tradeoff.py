@@ -34,7 +34,7 @@ from roughvol.campaign.path import last_indentation
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, sweep
 from roughvol.errors import ContactError
-from roughvol.observables import box_counting, free_volume
+from roughvol.gap import box_counting, free_volume
 from roughvol.store import provenance
 from roughvol.store.dataset import Dataset
 from roughvol.store.tradeoff_variables import EACH, QUANTITIES, RUNG, RUNG_VARIABLES, TABLE

@@ -14,17 +14,8 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `deformed`         texture before load and under load
 `waves`            power spectral density of the undeformed surface
 `plastic`          hardness in the unit of p*, the residual surface and its texture
-`perimeter`        edges between contact and void, and the contact area corrected by them
 `pressures`        shares above the hardness, the pressure in the middle
-`free_volume`      element volumes, their total, density and domains
-`box_counting`     boxes of side r, and the local dimension
-`clusters`         percolation, connected and trapped volume, sizes of contact and pockets
-`network`          pressures on nodes joined by conductances, by factorisation or multigrid
-`transport`        critical constriction, and flow
-`gas`              the flow of a gas, from viscous to free molecular
-`fluid_pressure`   the pressure of a fluid in the gap
 `coupling`         contact and flow together: fluid pressure that lifts a seal
-`quick_estimates`  the flow by effective medium and by a single junction
 `stiffness`        pressure per separation along a loading
 `conductance`      contact conductance from the stiffness
 `void`             the transport that a study asks for, state by state

@@ -41,9 +41,9 @@ from roughvol.contact.loading import Compliance, Contact, Trials
 from roughvol.contact.pressed import state_under
 from roughvol.contact.response import Response
 from roughvol.errors import ContactError, ConvergenceError
-from roughvol.observables.fluid_pressure import LEAST, FluidField
+from roughvol.gap.fluid_pressure import LEAST, FluidField
+from roughvol.gap.transport import conduction
 from roughvol.observables.regions import State, Within, window
-from roughvol.observables.transport import conduction
 from roughvol.study import Case, Scale
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array

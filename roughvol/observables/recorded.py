@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.search import TARGETS
-from roughvol.observables import box_counting, coupling, deformed, free_volume, regions, void, waves
+from roughvol.gap import box_counting, free_volume
+from roughvol.observables import coupling, deformed, regions, void, waves
 from roughvol.observables.regions import State, window
 from roughvol.study import Case, Level, Record, Select
 from roughvol.surfaces.surface import Surface

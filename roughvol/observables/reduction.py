@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact
+from roughvol.gap.perimeter import contact_perimeter
 from roughvol.observables import deformed, plastic, waves
 from roughvol.observables.along_steps import AlongSteps
 from roughvol.observables.levels import at_level, is_end, on_legs, reached
-from roughvol.observables.perimeter import contact_perimeter
 from roughvol.observables.pressures import above, central_pressure_ratio
 from roughvol.observables.recorded import AT_STATES, asked_at_states, fields_of
 from roughvol.observables.regions import State, within

@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 
 from roughvol.contact.loading import Contact
 from roughvol.errors import ContactError, Problem, StudyError
-from roughvol.observables import transport, void
+from roughvol.gap import transport
+from roughvol.observables import void
 from roughvol.study import Case, Level, Region, RegionWidths
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array, Mask

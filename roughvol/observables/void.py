@@ -13,8 +13,8 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from roughvol.observables import clusters, quick_estimates, transport
-from roughvol.observables.gas import conduction_of_gas
+from roughvol.gap import clusters, quick_estimates, transport
+from roughvol.gap.gas import conduction_of_gas
 from roughvol.study import Gas, Level, Select, Transport
 from roughvol.typing import Array, Index, Mask
 

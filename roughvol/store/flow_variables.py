@@ -6,7 +6,7 @@ from roughvol.store.variable import Variable, rows
 
 ROWS: dict[str, Variable] = {}
 ROWS |= rows(
-    "observables.quick_estimates.effective_medium",
+    "gap.quick_estimates.effective_medium",
     "estimates",
     estimate_medium_transmissivity=Variable(
         "... step", "1", "effective-medium estimate of the transmissivity", "T_em*"
@@ -20,7 +20,7 @@ ROWS |= rows(
     ),
 )
 ROWS |= rows(
-    "observables.quick_estimates.single_junction",
+    "gap.quick_estimates.single_junction",
     "estimates",
     estimate_junction_transmissivity_x=Variable("... step", "1", "critical-junction estimate along x", "T_cj,x*"),
     estimate_junction_transmissivity_y=Variable("... step", "1", "critical-junction estimate along y", "T_cj,y*"),
@@ -28,7 +28,7 @@ ROWS |= rows(
     estimate_junction_diffusivity_y=Variable("... step", "1", "critical-junction estimate along y", "D_cj,y*"),
 )
 ROWS |= rows(
-    "observables.gas.conduction_of_gas",
+    "gap.gas.conduction_of_gas",
     "gas_flow",
     gas_transmissivity_x=Variable(
         "... step", "1", "throughput of the gas along x over that of viscous flow between plates", "T_g,x*"
@@ -44,7 +44,7 @@ ROWS |= rows(
     ),
 )
 ROWS |= rows(
-    "observables.gas.conduction_of_gas",
+    "gap.gas.conduction_of_gas",
     "flux_at",
     flux_at_gas_transmissivity_x=Variable(
         "... flux_at", "1", "throughput of the gas along x over that of plates, at the state", "T_g,x*"

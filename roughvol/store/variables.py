@@ -40,7 +40,7 @@ VARIABLES |= rows(
     psd_at=Variable("psd_at", "1", "state under load at which the spectrum is taken", "state", "text"),
 )
 VARIABLES |= rows(
-    "observables.free_volume.volume_density",
+    "gap.free_volume.volume_density",
     bin=Variable("bin", "1", "bin of the density", "k", "index"),
     edge=Variable("edge", "1", "edge of the bins of the density", "k", "index"),
 )
@@ -49,11 +49,11 @@ VARIABLES |= rows(
     threshold=Variable("threshold", "1", "threshold over the largest element volume", "v_th/v_max"),
 )
 VARIABLES |= rows(
-    "observables.box_counting.box_counts",
+    "gap.box_counting.box_counts",
     r=Variable("r", "1", "side of the boxes in elements", "r/δ", "index"),
 )
 VARIABLES |= rows(
-    "observables.box_counting.local_dimension",
+    "gap.box_counting.local_dimension",
     r_mid=Variable("r_mid", "1", "geometric mean of two box sides in elements", "r/δ"),
 )
 VARIABLES |= rows(
@@ -148,7 +148,7 @@ VARIABLES |= rows(
     converged=Variable("... step", "1", "the state was solved and met its residual", "converged", "flag"),
 )
 VARIABLES |= rows(
-    "observables.perimeter.contact_perimeter",
+    "gap.perimeter.contact_perimeter",
     contact_perimeter=Variable("... step", "1", "edges between contact and void times L over the area", "S_d L/A_n"),
 )
 # where pressures end at a hardness
@@ -175,7 +175,7 @@ VARIABLES |= rows(
 )
 # of the void, at the steps a study selects; open: gap > 0; void 4-connected, contact 8-connected
 VARIABLES |= rows(
-    "observables.clusters.connectivity",
+    "gap.clusters.connectivity",
     "percolation",
     percolates_x=Variable("... step", "1", "1 if void leads from side to side along x, 0 if not", "Π_x", "count"),
     percolates_y=Variable("... step", "1", "1 if void leads from side to side along y, 0 if not", "Π_y", "count"),
@@ -190,7 +190,7 @@ VARIABLES |= rows(
     trapped_pockets_by_size=Variable("... step size", "1", "pockets of void in the class", "n_t(n)", "count"),
 )
 VARIABLES |= rows(
-    "observables.transport.constriction",
+    "gap.transport.constriction",
     "constriction",
     critical_gap_x=Variable("... step", "1", "largest gap over Sq still open from side to side along x", "h_c,x/σ"),
     critical_gap_y=Variable("... step", "1", "largest gap over Sq still open from side to side along y", "h_c,y/σ"),
@@ -198,14 +198,14 @@ VARIABLES |= rows(
     critical_position_y=Variable("... step axis", "1", "position of the critical gap along y over L", "x_c,y/L"),
 )
 VARIABLES |= rows(
-    "observables.transport.conduction",
+    "gap.transport.conduction",
     "transmissivity",
     transmissivity_x=Variable("... step", "1", "flow along x with g^3, over that of plates at the mean gap", "T_x*"),
     transmissivity_y=Variable("... step", "1", "flow along y with g^3, over that of plates at the mean gap", "T_y*"),
     transmissivity_conservation_error=Variable("... step", "1", "inflow against outflow over the flow", "ε_T"),
 )
 VARIABLES |= rows(
-    "observables.transport.cell_conduction",
+    "gap.transport.cell_conduction",
     "cell_transmissivity",
     cell_transmissivity_x=Variable(
         "... step", "1", "flow along x with g^3 in the endless plane, over that of plates", "T_cx*"
@@ -215,7 +215,7 @@ VARIABLES |= rows(
     ),
 )
 VARIABLES |= rows(
-    "observables.transport.conduction",
+    "gap.transport.conduction",
     "diffusivity",
     diffusivity_x=Variable("... step", "1", "flow along x with g, over that of plates at the mean gap", "D_x*"),
     diffusivity_y=Variable("... step", "1", "flow along y with g, over that of plates at the mean gap", "D_y*"),
@@ -237,7 +237,7 @@ VARIABLES |= rows(
     free_volume_within=Variable("... step region_width", "1", "mean gap of the region over Sq", "V*(w)"),
 )
 VARIABLES |= rows(
-    "observables.transport.conduction",
+    "gap.transport.conduction",
     "region_transmissivity",
     transmissivity_within_x=Variable(
         "... step region_width", "1", "flow along x with g^3 through the region, over that of plates", "T_x*(w)"
@@ -272,7 +272,7 @@ VARIABLES |= rows(
     ),
 )
 VARIABLES |= rows(
-    "observables.transport.conduction",
+    "gap.transport.conduction",
     "flux_at",
     flux_at_transmissivity_x=Variable(
         "... flux_at", "1", "flow along x with g^3, over that of plates at the mean gap, at the state", "T_x*"
@@ -282,7 +282,7 @@ VARIABLES |= rows(
     ),
 )
 VARIABLES |= rows(
-    "observables.transport.conduction",
+    "gap.transport.conduction",
     "flux_at",
     flux_x=Variable("... flux_at x y", "1", "flux with g^3 for a flow along x, over that of plates", "|q_x|"),
     flux_y=Variable("... flux_at x y", "1", "flux with g^3 for a flow along y, over that of plates", "|q_y|"),
@@ -294,7 +294,7 @@ VARIABLES |= rows(
     pressure=Variable("... field_at x y", "1", "contact pressure times L/(E* Sq)", "p L/(E* σ)"),
 )
 VARIABLES |= rows(
-    "observables.free_volume.volume_density",
+    "gap.free_volume.volume_density",
     "volume_density",
     volume_density=Variable(
         "... density_at bin", "length^-3", "probability density of element volumes", "f(v)", height_power=-1
@@ -304,17 +304,17 @@ VARIABLES |= rows(
     ),
 )
 VARIABLES |= rows(
-    "observables.free_volume.element_volumes",
+    "gap.free_volume.element_volumes",
     "box_counting",
     volume_max=Variable("... box_at", "length^3", "largest element volume", "v_max", height_power=1),
 )
 VARIABLES |= rows(
-    "observables.box_counting.box_counts",
+    "gap.box_counting.box_counts",
     "box_counting",
     box_count=Variable("... box_at threshold r", "1", "boxes that meet the domain v ≤ v_th", "N(r)", "count"),
 )
 VARIABLES |= rows(
-    "observables.box_counting.local_dimension",
+    "gap.box_counting.local_dimension",
     "box_counting",
     local_dimension=Variable("... box_at threshold r_mid", "1", "local box dimension -d log N / d log r", "D_box"),
 )

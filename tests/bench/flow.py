@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-from roughvol.observables.transport import conduction
+from roughvol.gap.transport import conduction
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 

@@ -18,7 +18,7 @@ from roughvol.contact.loading import Trials
 from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.contact.pressed import state_under
 from roughvol.errors import ConvergenceError
-from roughvol.observables.clusters import percolates
+from roughvol.gap.clusters import percolates
 from roughvol.observables.coupling import Coupling, Lifted
 from roughvol.surfaces.surface import Surface
 

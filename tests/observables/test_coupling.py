@@ -16,11 +16,11 @@ from roughvol.contact.loading import Contact, Trials
 from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.contact.pressed import state_under
 from roughvol.errors import ContactError, ConvergenceError, StudyError
+from roughvol.gap.clusters import percolates
+from roughvol.gap.fluid_pressure import fluid_pressure
+from roughvol.gap.transport import conduction
 from roughvol.observables import coupling
-from roughvol.observables.clusters import percolates
 from roughvol.observables.coupling import Coupling
-from roughvol.observables.fluid_pressure import fluid_pressure
-from roughvol.observables.transport import conduction
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement

@@ -13,7 +13,8 @@ from roughvol.campaign.one_case import surface_of
 from roughvol.contact.loading import sweep
 from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.errors import SurfaceError
-from roughvol.observables import box_counting, clusters, deformed, free_volume, transport
+from roughvol.gap import box_counting, clusters, free_volume, transport
+from roughvol.observables import deformed
 from roughvol.study import loads
 from roughvol.surfaces import levelling, outliers, psd, texture
 from roughvol.surfaces.power_law import Spectrum

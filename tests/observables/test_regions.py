@@ -9,7 +9,8 @@ from roughvol.campaign.one_case import run_case, surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.errors import ContactError
-from roughvol.observables import regions, transport, void
+from roughvol.gap import transport
+from roughvol.observables import regions, void
 from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case, loads

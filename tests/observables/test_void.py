@@ -15,7 +15,8 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, solve, sweep
 from roughvol.contact.search import first_indentation, indentation_for
 from roughvol.errors import ContactError, StudyError
-from roughvol.observables import clusters, levels, reduction, regions, transport, void
+from roughvol.gap import clusters, transport
+from roughvol.observables import levels, reduction, regions, void
 from roughvol.store.dataset import VARIABLES, Dataset
 from roughvol.study import Case, Level, Transport, loads
 

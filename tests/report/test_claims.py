@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 from roughvol.campaign import one_case
-from roughvol.observables.box_counting import box_counts
+from roughvol.gap.box_counting import box_counts
 from roughvol.report.claims import (
     ABSENT,
     CLAIMS,

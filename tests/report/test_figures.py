@@ -17,8 +17,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from roughvol.errors import DatasetError
-from roughvol.observables.box_counting import box_counts, local_dimension
-from roughvol.observables.free_volume import domain, element_volumes, volume_density
+from roughvol.gap.box_counting import box_counts, local_dimension
+from roughvol.gap.free_volume import domain, element_volumes, volume_density
 from roughvol.report.figures import curves
 from roughvol.report.figures.families import ENOUGH, merged
 from roughvol.report.figures.paper import FIGURES, NEEDS, missing

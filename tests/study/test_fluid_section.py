@@ -16,7 +16,7 @@ from roughvol.campaign import card as card_runs
 from roughvol.campaign import running
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import StudyError
-from roughvol.observables.gas import plate_flow
+from roughvol.gap.gas import plate_flow
 from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
 from roughvol.study import Fluid, Level, Study, loads, throughput

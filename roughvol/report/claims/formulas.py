@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from roughvol.observables import box_counting
-from roughvol.observables.free_volume import domain
+from roughvol.gap import box_counting
+from roughvol.gap.free_volume import domain
 from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, V, claim
 from roughvol.report.claims.needs import FIELD, ONE_D
 from roughvol.report.claims.paper_formulas import bearing_area_volume, volume_from_dimension

@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from roughvol.analysis.stored_run import Run
+from roughvol.gap.perimeter import corrected_area
 from roughvol.observables.at_state import at_state
-from roughvol.observables.perimeter import corrected_area
 from roughvol.observables.stiffness import interfacial_stiffness
 from roughvol.report.claims.evidence import D_SIGMA, LITERATURE, A, Given, Outcome, P, V, claim, require
 from roughvol.report.claims.literature_needs import Light, Rolled, ratios_of

@@ -12,8 +12,8 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis.stored_run import Run
+from roughvol.gap.perimeter import corrected_area
 from roughvol.observables.at_state import at_state
-from roughvol.observables.perimeter import corrected_area
 from roughvol.report.claims.evidence import LITERATURE, A, Given, Outcome, P, V, claim, require
 from roughvol.report.claims.literature import ASPERITIES, PERIMETER, PERSSON, SLOPE, within
 from roughvol.report.claims.literature_needs import Files

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roughvol.analysis.stored_run import Run
-from roughvol.observables.free_volume import domain, element_volumes, free_volume
+from roughvol.gap.free_volume import domain, element_volumes, free_volume
 from roughvol.report.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, require
 from roughvol.report.claims.needs import BOXES, BY_D, FIELD, ONE_D
 from roughvol.report.claims.statistics import exact, mean, single, slope, straightness

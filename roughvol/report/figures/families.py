@@ -17,8 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from xarray import DataArray, Dataset
 
+from roughvol.gap.free_volume import element_volumes
 from roughvol.observables import at_state as interpolation
-from roughvol.observables.free_volume import element_volumes
 from roughvol.report.figures.style import A, Drawing, P, looks
 from roughvol.report.paper_rules import PAPER_D, nearest, nearest_state, nearest_surface
 from roughvol.store.dataset import at_state

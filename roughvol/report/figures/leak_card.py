@@ -19,7 +19,7 @@ from xarray import Dataset, concat
 from roughvol.analysis.leak import AXES, STATE
 from roughvol.analysis.leak_card import Card, SurfaceAtLoad
 from roughvol.analysis.legs import first_leg
-from roughvol.observables.transport import conduction
+from roughvol.gap.transport import conduction
 from roughvol.report.card_text import SAME
 from roughvol.report.figures.families import Family
 from roughvol.report.figures.seal_drawing import CLOSED, draw_flow, look_of

@@ -21,7 +21,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from xarray import Dataset
 
-from roughvol.observables.free_volume import domain
+from roughvol.gap.free_volume import domain
 from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import (
     FINEST,

@@ -21,7 +21,7 @@ from matplotlib.lines import Line2D
 from xarray import Dataset
 
 from roughvol.analysis import leak
-from roughvol.observables.transport import constriction
+from roughvol.gap.transport import constriction
 from roughvol.report.figures import seal_ways
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import Family, curves, families, own, several, single

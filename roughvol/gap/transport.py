@@ -35,7 +35,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from roughvol.observables.clusters import (
+from roughvol.gap.clusters import (
     SIDES,
     check_exponent,
     check_gap,
@@ -45,7 +45,7 @@ from roughvol.observables.clusters import (
     percolates,
     spanning,
 )
-from roughvol.observables.network import SOLVES, flow_through, harmonic, inverse
+from roughvol.gap.network import SOLVES, flow_through, harmonic, inverse
 from roughvol.typing import Array, Mask
 
 _WINDOW = 1e7

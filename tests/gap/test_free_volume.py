@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from roughvol.errors import ContactError
-from roughvol.observables.free_volume import domain, element_volumes, free_volume, volume_density
+from roughvol.gap.free_volume import domain, element_volumes, free_volume, volume_density
 
 RANDOM = np.random.Generator(np.random.PCG64(3))
 CONTACT = RANDOM.random((17, 12)) < 0.2

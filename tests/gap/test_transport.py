@@ -12,9 +12,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
 from roughvol.errors import ContactError
-from roughvol.observables.clusters import connectivity, percolates
-from roughvol.observables.quick_estimates import CLOSES_AT, effective_medium, single_junction
-from roughvol.observables.transport import conduction, constriction
+from roughvol.gap.clusters import connectivity, percolates
+from roughvol.gap.quick_estimates import CLOSES_AT, effective_medium, single_junction
+from roughvol.gap.transport import conduction, constriction
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 Field = NDArray[np.float64]

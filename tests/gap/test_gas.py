@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy import integrate
 
 from roughvol.errors import ContactError
-from roughvol.observables.gas import (
+from roughvol.gap.gas import (
     LAWS,
     conduction_of_gas,
     kinetic_flow_rate,
@@ -18,7 +18,7 @@ from roughvol.observables.gas import (
     local_flow,
     plate_flow,
 )
-from roughvol.observables.transport import conduction
+from roughvol.gap.transport import conduction
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 PATHS = (1e-4, 1e-2, 1.0, 1e2, 1e4)  # mean free path at the inlet over the gap

@@ -28,9 +28,9 @@ from typing import NamedTuple
 import numpy as np
 
 from roughvol.errors import ContactError, ConvergenceError
-from roughvol.observables.clusters import SIDES, check_gap, joined, labelled, spanning
-from roughvol.observables.network import flow_through, harmonic
-from roughvol.observables.transport import constriction
+from roughvol.gap.clusters import SIDES, check_gap, joined, labelled, spanning
+from roughvol.gap.network import flow_through, harmonic
+from roughvol.gap.transport import constriction
 from roughvol.typing import Array, Mask
 
 LAWS = ("kinetic", "slip", "viscous")

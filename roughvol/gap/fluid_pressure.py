@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from roughvol.errors import ConvergenceError
-from roughvol.observables.clusters import check_gap
-from roughvol.observables.network import harmonic, inverse
-from roughvol.observables.transport import constriction
+from roughvol.gap.clusters import check_gap
+from roughvol.gap.network import harmonic, inverse
+from roughvol.gap.transport import constriction
 from roughvol.typing import Array
 
 LEAST = 1e-8  # conductance of a closed element over that of the gap h

@@ -10,7 +10,7 @@ from roughvol.campaign import one_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve
 from roughvol.errors import ContactError, StudyError
-from roughvol.observables.perimeter import contact_perimeter, corrected_area
+from roughvol.gap.perimeter import contact_perimeter, corrected_area
 from roughvol.study import loads
 from roughvol.surfaces.surface import Surface
 

@@ -13,9 +13,9 @@ from numpy.testing import assert_allclose
 
 from roughvol.campaign import resources
 from roughvol.errors import ContactError, ConvergenceError
-from roughvol.observables import network
-from roughvol.observables.gas import conduction_of_gas
-from roughvol.observables.transport import cell_conduction, conduction
+from roughvol.gap import network
+from roughvol.gap.gas import conduction_of_gas
+from roughvol.gap.transport import cell_conduction, conduction
 from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 

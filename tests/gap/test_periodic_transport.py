@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from roughvol.observables import clusters, quick_estimates, transport
+from roughvol.gap import clusters, quick_estimates, transport
 
 Field = NDArray[np.float64]
 SHIFT = (13, 5)

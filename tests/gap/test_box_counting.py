@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from roughvol.errors import SurfaceError
-from roughvol.observables.box_counting import BoxCounts, box_counts, local_dimension
+from roughvol.gap.box_counting import BoxCounts, box_counts, local_dimension
 
 
 def empty(rows, columns=None):

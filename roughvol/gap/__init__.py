@@ -1,0 +1,20 @@
+"""The gap of a solved state: its free volume, its clusters, and the flow through it.
+
+The room of the gap. It knows arrays alone: no study, no solver.
+
+=================  ===================================================================
+`free_volume`      element volumes, their total, density and domains
+`box_counting`     boxes of side r, and the local dimension
+`clusters`         percolation, connected and trapped volume, sizes of contact and pockets
+`perimeter`        edges between contact and void, and the contact area corrected by them
+`network`          pressures on nodes joined by conductances, by factorisation or multigrid
+`transport`        critical constriction, and flow
+`gas`              flow of a gas, from viscous to free molecular
+`fluid_pressure`   pressure of a fluid in the gap
+`quick_estimates`  flow by effective medium and by a single junction
+=================  ===================================================================
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
