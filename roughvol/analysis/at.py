@@ -30,8 +30,8 @@ from roughvol.observables.levels import REACHED
 from roughvol.store.derived_variables import OF_STATE
 from roughvol.store.variables import STATES, VARIABLES
 from roughvol.study import KINDS, STORED, Level, Quantity, Scale, convert, read
-from roughvol.study.scale import ALWAYS
-from roughvol.study.units import EXAMPLES
+from roughvol.study.values.scale import ALWAYS
+from roughvol.study.values.units import EXAMPLES
 from roughvol.typing import Array
 
 P, V = "mean_pressure", "free_volume"

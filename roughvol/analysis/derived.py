@@ -14,7 +14,7 @@ from roughvol.errors import ContactError
 from roughvol.observables.conductance import contact_conductance, harmonic_conductivity
 from roughvol.observables.stiffness import interfacial_stiffness
 from roughvol.study import Study, convert
-from roughvol.study.units import in_unit
+from roughvol.study.values.units import in_unit
 
 P, V = "mean_pressure", "free_volume"
 STIFFNESS = "interfacial stiffness -dp/d(mean gap) times L/E*; with h and k_s the conductance h L/k_s"

@@ -7,7 +7,7 @@ from xarray import Dataset
 from roughvol.analysis import read_off
 from roughvol.analysis.leak import AXES
 from roughvol.study import read
-from roughvol.study.units import unit_of
+from roughvol.study.values.units import unit_of
 
 
 def is_throughput(text: str) -> bool:

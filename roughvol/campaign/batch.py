@@ -18,7 +18,8 @@ from roughvol.campaign.one_case import HalfSpaces, Stopped, file_of_case
 from roughvol.errors import CampaignError, RoughvolError
 from roughvol.store import lock, run_folder, stamped_file
 from roughvol.store.run_folder import case_file, checkpoint_file, failed_file
-from roughvol.study import Case, one_case
+from roughvol.study import Case
+from roughvol.study import case as one_case
 from roughvol.surfaces.surface import Surface
 
 SMALL = 0.25  # share of the available memory up to which a single worker is this process itself

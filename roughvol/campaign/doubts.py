@@ -12,8 +12,8 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from roughvol.study import ContactModulus, Level, Study
-from roughvol.study.ensemble import WIDEST
-from roughvol.study.units import convert, unit_of
+from roughvol.study.sections.ensemble import WIDEST
+from roughvol.study.values.units import convert, unit_of
 from roughvol.study.yaml_text import number_text
 
 SOFT, HARD = (

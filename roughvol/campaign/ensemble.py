@@ -18,8 +18,8 @@ from roughvol.campaign.steps import Steps, measured
 from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.store.dataset import Arrays
 from roughvol.study import Case, MadeSurface, Study
-from roughvol.study.ensemble import AUTO_TO
-from roughvol.study.spectral import SpectralSurface, first_finest, holds_all_waves
+from roughvol.study.sections.ensemble import AUTO_TO
+from roughvol.study.sections.spectral import SpectralSurface, first_finest, holds_all_waves
 
 ROUNDS = 40  # largest number of rounds
 MOST_SAMPLES = 1_000_000  # largest number of samples for one mean without a budget

@@ -21,7 +21,7 @@ from roughvol.campaign.sampling import pilot
 from roughvol.observables import allocation, multilevel
 from roughvol.observables.multilevel import Link
 from roughvol.study import MadeSurface, Record, Study, levels_below
-from roughvol.study.spectral import first_finest
+from roughvol.study.sections.spectral import first_finest
 from roughvol.typing import Array
 
 FINEST = 6  # finest level solved

@@ -17,7 +17,7 @@ from roughvol.observables.levels import check_touch, end_of, measure_of, options
 from roughvol.observables.reduction import Reduction
 from roughvol.observables.regions import within
 from roughvol.study import Case, Legs, Level, Scale, Sweep
-from roughvol.study.targets import LISTS
+from roughvol.study.sections.targets import LISTS
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 

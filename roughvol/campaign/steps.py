@@ -20,7 +20,7 @@ from roughvol.campaign import quantities
 from roughvol.campaign.one_case import HalfSpaces, arrays_of_case
 from roughvol.campaign.samples import SMALLEST, Target, targets_of
 from roughvol.study import CLOSING, Case, MadeSurface, Study
-from roughvol.study.targets import FEWEST_STEPS
+from roughvol.study.sections.targets import FEWEST_STEPS
 from roughvol.typing import Array
 
 SHARE = 0.1  # largest error between steps that needs no remark, over the accuracy

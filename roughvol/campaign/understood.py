@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from roughvol.campaign.one_case import surface_of
-from roughvol.study import Case, MadeSurface, Study, treatment
+from roughvol.study import Case, MadeSurface, Study
+from roughvol.study.sections import treatment
 from roughvol.surfaces import length_units, measured, texture
 from roughvol.surfaces.body import Body
 from roughvol.surfaces.files import reading

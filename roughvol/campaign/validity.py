@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from roughvol.study import Level, MadeSurface, SpectralSurface, Study, convert
-from roughvol.study.units import in_unit, unit_of
+from roughvol.study.values.units import in_unit, unit_of
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset

@@ -50,8 +50,8 @@ def _keys_with(context: click.Context, option: click.Parameter, start: str) -> l
 def _explained() -> list[str]:
     """Return all names that `explain` describes."""
     from roughvol.store.variables import VARIABLES
-    from roughvol.study.fluid import SUBSTANCES
     from roughvol.study.reference import keys
+    from roughvol.study.sections.fluid import SUBSTANCES
 
     return list(dict.fromkeys([*(key.path for key in keys()), *VARIABLES, *SUBSTANCES]))
 
@@ -187,8 +187,8 @@ def _heights() -> str:
 def explain(name: str | None, markdown: bool) -> None:
     """Describe NAME: a key of a study, a section, a stored variable, or a gas."""
     from roughvol.store.variables import VARIABLES
-    from roughvol.study.fluid import SUBSTANCES
     from roughvol.study.reference import keys
+    from roughvol.study.sections.fluid import SUBSTANCES
 
     if markdown:
         say(page(), nl=False)
@@ -255,7 +255,7 @@ def _say_variable(name: str, row: Variable) -> None:
 
 
 def _say_gas(name: str) -> None:
-    from roughvol.study.fluid import SUBSTANCES, Fluid
+    from roughvol.study.sections.fluid import SUBSTANCES, Fluid
 
     row, gas = SUBSTANCES[name], Fluid(gas=name, inlet="1 bar", outlet="0 bar")  # type: ignore[arg-type]
     facts = (

@@ -136,7 +136,7 @@ def ask(
     """
     from roughvol.analysis import gas_leak, read_off
     from roughvol.store import StoredRun
-    from roughvol.study.units import has_unit
+    from roughvol.study.values.units import has_unit
 
     if (leak_rate is None) == (not closed):
         raise click.UsageError("either --leak-rate VALUE or --closed")
@@ -224,7 +224,7 @@ def _in_unit(text: str, unit: str, option: str, kind: str, kelvin: float | None 
     """Return a quantity with a unit as a number in another unit."""
     from roughvol.errors import Problem, StudyError
     from roughvol.study import convert, read, throughput
-    from roughvol.study.units import unit_of
+    from roughvol.study.values.units import unit_of
 
     try:
         value = read(text, kind)

@@ -15,12 +15,12 @@ from typing import Any, Generic, TypeVar
 from pydantic import ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from roughvol.study.record import INTERIOR
-from roughvol.study.sections import refuse_at
-from roughvol.study.units import Quantity, convert
+from roughvol.study.sections.record import INTERIOR
+from roughvol.study.sections.strict import refuse_at
+from roughvol.study.values.units import Quantity, convert
 from roughvol.study.yaml_text import KeyPath, number_text, show
 
-S = TypeVar("S")  # `cases.Study`
+S = TypeVar("S")  # `study.Study`
 Places = dict[str, int]
 
 AXES: dict[str, tuple[str, ...]] = {

@@ -12,7 +12,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from roughvol.study.units import Quantity
+from roughvol.study.values.units import Quantity
 from roughvol.study.yaml_text import KeyPath, number_text
 
 ALLOWED = "text, a number, a path, a list or a mapping"

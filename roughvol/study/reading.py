@@ -1,6 +1,6 @@
 """From a study file to a `Study`, or to all its problems.
 
-Text becomes plain data with line numbers (`yaml_text`), then records (pydantic). `conflicts` checks rules across
+Text becomes plain data with line numbers (`yaml_text`), then records (pydantic). `rules` checks rules across
 sections on the plain data, beside other problems. All problems are sorted by line.
 """
 
@@ -16,11 +16,11 @@ from pydantic import BaseModel, RootModel, ValidationError
 
 from roughvol.errors import Problem, StudyError
 from roughvol.study.axes import combinations, indexed
-from roughvol.study.cases import Places, Study
-from roughvol.study.conflicts import conflicts
 from roughvol.study.plain_data import plain
-from roughvol.study.sections import names, nearest
-from roughvol.study.targets import LISTS
+from roughvol.study.rules import conflicts
+from roughvol.study.sections.strict import names, nearest
+from roughvol.study.sections.targets import LISTS
+from roughvol.study.study import Places, Study
 from roughvol.study.yaml_text import (
     MAX_BYTES,
     TOO_LARGE,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from roughvol.study.cases import json_schema
+from roughvol.study.study import json_schema
 from roughvol.study.yaml_text import number_text, write
 
 

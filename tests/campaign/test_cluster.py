@@ -149,8 +149,8 @@ def test_a_long_sweep_goes_on_elsewhere_where_the_folder_is_shared(scheduler: Cl
 def test_a_worker_whose_answers_are_of_another_format_computes_nothing(scheduler: Cluster, tmp_path: Path) -> None:
     (scheduler.place / "later.py").write_text(
         "from roughvol.campaign import batch\n"
-        "from roughvol.study import one_case\n"
-        "one_case.ANSWER_FORMAT = 99\n"
+        "from roughvol.study import case\n"
+        "case.ANSWER_FORMAT = 99\n"
         "batch.file_of_case = lambda *_, **__: 1 / 0\n"
     )
     scheduler.end_workers()
@@ -172,8 +172,8 @@ def test_a_process_labels_its_file_by_its_own_format_of_answers(tmp_path: Path) 
     (tmp_path / "case").write_bytes(pickle.dumps(case))
     code = (
         "import pathlib, pickle\n"
-        "from roughvol.study import one_case\n"
-        "one_case.ANSWER_FORMAT = 99\n"
+        "from roughvol.study import case\n"
+        "case.ANSWER_FORMAT = 99\n"
         "from roughvol.campaign.one_case import file_of_case\n"
         "case = pickle.loads(pathlib.Path('case').read_bytes())\n"
         "pathlib.Path('case.nc').write_bytes(file_of_case(case))\n"

@@ -13,7 +13,7 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.observables import recorded
 from roughvol.study import ACCURACY, Level, loads
-from roughvol.study.record import Record
+from roughvol.study.sections.record import Record
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 

@@ -15,7 +15,8 @@ from click.testing import CliRunner
 import roughvol
 from roughvol.cli import main
 from roughvol.errors import StudyError
-from roughvol.study import height_file, load, loads
+from roughvol.study import load, loads
+from roughvol.study.sections import height_file
 
 TEXT = "surface: {files: maps/*.npy, L: 100 um}\nmaterial: {E_star: 10 MPa}\nsweep: {pressures: [0.05 MPa, 0.1 MPa]}\n"
 

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 import roughvol
 from roughvol.cli import main
 from roughvol.study import Study
-from roughvol.study.record import Record
+from roughvol.study.sections.record import Record
 from tests.crossing.kinds import BY_NAME, KINDS
 from tests.crossing.questions import QUESTIONS, Made, Refused
 from tests.crossing.table import CELLS, NOT_ASKED, PAGE, cell, page

@@ -28,7 +28,7 @@ from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolEr
 from roughvol.store import dataset, lock, provenance, run_folder, run_status, stamped_file
 from roughvol.store.dataset import Dataset
 from roughvol.study import Study, loads
-from roughvol.study import one_case as one_of_study
+from roughvol.study import case as one_of_study
 
 TEXT = "name: small\nsurface: {D: 2.4, m: 3, seeds: 4}\nsweep: {steps: 4}\n"
 FIELDS = (

@@ -13,7 +13,7 @@ import tifffile
 from roughvol.campaign import one_case, understood
 from roughvol.errors import StudyError
 from roughvol.study import Case, loads
-from roughvol.study.agreement import resolve
+from roughvol.study.sections.agreement import resolve
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 HEIGHTS = random_midpoint_displacement(2.3, 2, seed=1).heights  # 5 x 5

@@ -13,7 +13,7 @@ import roughvol
 from roughvol.cli import main
 from roughvol.errors import StudyError
 from roughvol.study import loads
-from roughvol.study.fluid import SUBSTANCES
+from roughvol.study.sections.fluid import SUBSTANCES
 
 SURFACE = "surface: {D: 2.3, m: 4}\n"
 

@@ -15,7 +15,7 @@ from roughvol.campaign import one_case
 from roughvol.errors import StudyError, SurfaceError
 from roughvol.store import dataset
 from roughvol.study import Case, loads
-from roughvol.study.treatment import Crop, Lattice, after, nodes_kept, resampled_nodes
+from roughvol.study.sections.treatment import Crop, Lattice, after, nodes_kept, resampled_nodes
 from roughvol.surfaces import lattice, levelling, outliers
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface

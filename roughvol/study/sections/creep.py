@@ -28,10 +28,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.material import ContactModulus, YoungPoisson
 from roughvol.study.reading import in_words
-from roughvol.study.sections import Positive, Strict, refuse
-from roughvol.study.units import In, convert, in_unit, read, unit_of
+from roughvol.study.sections.material import ContactModulus, YoungPoisson
+from roughvol.study.sections.strict import Strict
+from roughvol.study.values.numbers import Positive
+from roughvol.study.values.units import In, convert, in_unit, read, unit_of
+from roughvol.study.values.words import refuse
 from roughvol.study.yaml_text import KeyPath, Reading, UnreadableError, key_text
 
 SECOND = "s"

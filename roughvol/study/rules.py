@@ -10,14 +10,25 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from roughvol.study import fluid, spectral
-from roughvol.study.ensemble import CLOSING, FEWEST_LEVELS, RECORDED_BY, STORED_AS
-from roughvol.study.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
-from roughvol.study.record import EVERY_STEP, SELECTORS, Record
-from roughvol.study.sections import PAPER_MAX_M, names, whole
-from roughvol.study.sweep import Target
-from roughvol.study.targets import FALLING, LISTS, end_of, lacking_units, levels_of, list_of, sections_of, steps_of
-from roughvol.study.units import has_unit, length_unit
+from roughvol.study.sections import fluid, spectral
+from roughvol.study.sections.ensemble import CLOSING, FEWEST_LEVELS, RECORDED_BY, STORED_AS
+from roughvol.study.sections.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
+from roughvol.study.sections.record import EVERY_STEP, SELECTORS, Record
+from roughvol.study.sections.solver import PAPER_MAX_M
+from roughvol.study.sections.strict import names
+from roughvol.study.sections.sweep import Target
+from roughvol.study.sections.targets import (
+    FALLING,
+    LISTS,
+    end_of,
+    lacking_units,
+    levels_of,
+    list_of,
+    sections_of,
+    steps_of,
+)
+from roughvol.study.values.numbers import whole
+from roughvol.study.values.units import has_unit, length_unit
 from roughvol.study.yaml_text import KeyPath, number_text
 
 FILES = {"file", "files"}  # keys of measured surfaces

@@ -13,28 +13,25 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, PrivateAttr, SerializationInfo, Tag, model_serializer, model_validator
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study import axes, spectral
-from roughvol.study import ensemble as ensembles
-from roughvol.study.agreement import resolve
+from roughvol.study import axes
 from roughvol.study.axes import Axis, Variant
-from roughvol.study.conflicts import conflicts
-from roughvol.study.ensemble import Ensemble
-from roughvol.study.fluid import Fluid, Gas
-from roughvol.study.height_file import HeightFile
-from roughvol.study.material import ContactModulus, YoungPoisson, tag_material
-from roughvol.study.one_case import Case
-from roughvol.study.record import Record
-from roughvol.study.sections import (
-    GeneratedSurface,
-    Solver,
-    Strict,
-    Word,
-    refuse,
-    refuse_at,
-)
-from roughvol.study.spectral import MadeSurface, SpectralSurface
-from roughvol.study.sweep import Legs, Sweep, tag_sweep
-from roughvol.study.targets import need_length
+from roughvol.study.case import Case
+from roughvol.study.rules import conflicts
+from roughvol.study.sections import ensemble as ensembles
+from roughvol.study.sections import spectral
+from roughvol.study.sections.agreement import resolve
+from roughvol.study.sections.ensemble import Ensemble
+from roughvol.study.sections.fluid import Fluid, Gas
+from roughvol.study.sections.height_file import HeightFile
+from roughvol.study.sections.material import ContactModulus, YoungPoisson, tag_material
+from roughvol.study.sections.record import Record
+from roughvol.study.sections.solver import Solver
+from roughvol.study.sections.spectral import MadeSurface, SpectralSurface
+from roughvol.study.sections.strict import Strict, refuse_at
+from roughvol.study.sections.surface import GeneratedSurface
+from roughvol.study.sections.sweep import Legs, Sweep, tag_sweep
+from roughvol.study.sections.targets import need_length
+from roughvol.study.values.words import Word, refuse
 from roughvol.study.yaml_text import Places, key_text, write
 
 

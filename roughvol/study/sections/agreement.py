@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from roughvol.errors import DatasetError, Problem, StudyError, SurfaceError
-from roughvol.study.height_file import BARE_FORMATS, CounterBody, HeightFile
-from roughvol.study.treatment import File, settled
+from roughvol.study.sections.height_file import BARE_FORMATS, CounterBody, HeightFile
+from roughvol.study.sections.treatment import File, settled
 from roughvol.study.yaml_text import number_text
 from roughvol.surfaces.body import Body, Treatment
 from roughvol.surfaces.length_units import METRES, factor

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from roughvol.study.sections import Strict
-from roughvol.study.units import Conductivity, Pressure, in_unit, unit_of
+from roughvol.study.sections.strict import Strict
+from roughvol.study.values.units import Conductivity, Pressure, in_unit, unit_of
 
 PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
 _HARDNESS = "hardness, > 0, in the unit of the modulus, or as 2 GPa: the largest contact pressure; default: elastic"

@@ -18,8 +18,9 @@ from typing import Annotated, Any, NoReturn, Protocol
 from pydantic import Field, field_validator
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.sections import Strict, refuse
-from roughvol.study.units import In, Length, unit_of
+from roughvol.study.sections.strict import Strict
+from roughvol.study.values.units import In, Length, unit_of
+from roughvol.study.values.words import refuse
 from roughvol.study.yaml_text import number_text
 from roughvol.surfaces.body import Levelling, Missing, Nodes, Resampling, Treatment
 from roughvol.surfaces.length_units import factor

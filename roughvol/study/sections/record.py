@@ -11,29 +11,19 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
     Tag,
     field_validator,
     model_serializer,
     model_validator,
 )
-from pydantic_core import core_schema
 
-from roughvol.study.dimensional import Dimensional, FluidPressure
-from roughvol.study.sections import (
-    AreaFraction,
-    Choice,
-    Fraction,
-    Level,
-    Many,
-    Strict,
-    Whole,
-    Word,
-    refuse,
-)
-from roughvol.study.selected import IN_WORDS, Select, Selector
-from roughvol.study.units import in_unit, unit_of
+from roughvol.study.sections.dimensional import Dimensional, FluidPressure
+from roughvol.study.sections.select import IN_WORDS, Select, Selector
+from roughvol.study.sections.strict import Choice, Strict
+from roughvol.study.values.numbers import AreaFraction, Fraction, Whole
+from roughvol.study.values.state_kinds import Level
+from roughvol.study.values.units import in_unit, unit_of
+from roughvol.study.values.words import Many, Switch, Word, refuse
 from roughvol.study.yaml_text import number_text
 
 
@@ -52,24 +42,6 @@ class VolumeDensity(Strict):
     bins: Annotated[Whole, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
     at: Selector = Field(default=Select(), description=f"states: {IN_WORDS}")
     include_contact: bool = Field(default=False, description="include elements in contact (v = 0): true or false")
-
-
-class Switch:
-    """Accept true for the defaults of a mapping and false for nothing, and show both in the JSON schema."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(self._spelled_out, handler(source))
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": [{"type": "boolean"}, handler(schema["schema"])]}
-
-    @staticmethod
-    def _spelled_out(value: Any) -> Any:
-        if isinstance(value, bool):
-            return {} if value else None
-        if not isinstance(value, dict | BaseModel | None):
-            refuse("must be true, false or a mapping (key: value)")
-        return value
 
 
 class Texture(Strict):

@@ -10,14 +10,11 @@ from pydantic import (
     model_validator,
 )
 
-from roughvol.study.sections import (
-    Choice,
-    Positive,
-    Strict,
-    refuse,
-)
-from roughvol.study.selected import IN_WORDS, Select, Selector
-from roughvol.study.units import In, UnitOf, convert, in_unit, unit_of
+from roughvol.study.sections.select import IN_WORDS, Select, Selector
+from roughvol.study.sections.strict import Choice, Strict
+from roughvol.study.values.numbers import Positive
+from roughvol.study.values.units import In, UnitOf, convert, in_unit, unit_of
+from roughvol.study.values.words import refuse
 
 
 class LeakRate(Strict):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from roughvol.study.units import convert, unit_of
+from roughvol.study.values.units import convert, unit_of
 
 KINDS = {
     "pressure": ("pressure", "pressure"),

@@ -10,9 +10,9 @@ from typing import Any
 from pydantic_core import PydanticCustomError
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.record import SELECTORS
-from roughvol.study.scale import KINDS, lacking
-from roughvol.study.units import convert, has_unit, unit_of
+from roughvol.study.sections.record import SELECTORS
+from roughvol.study.values.scale import KINDS, lacking
+from roughvol.study.values.units import convert, has_unit, unit_of
 
 LISTS = {
     "pressures": "pressure",

@@ -10,8 +10,11 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_serializer, model_validator
 from pydantic_core import core_schema
 
-from roughvol.study.sections import AreaFraction, Choice, Level, Many, Positive, Seed, Word, refuse
-from roughvol.study.targets import FEWEST_STEPS, LISTS
+from roughvol.study.sections.strict import Choice
+from roughvol.study.sections.targets import FEWEST_STEPS, LISTS
+from roughvol.study.values.numbers import AreaFraction, Positive, Seed
+from roughvol.study.values.state_kinds import Level
+from roughvol.study.values.words import Many, Word, refuse
 from roughvol.study.yaml_text import number_text
 
 STORED_AS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}

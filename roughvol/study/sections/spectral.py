@@ -8,23 +8,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationError, field_validator, model_serializer
 
-from roughvol.study import sections
-from roughvol.study.ensemble import AUTO, AUTO_FROM, AUTO_TO
-from roughvol.study.sections import (
-    MAX_SEEDS,
-    UNIT,
-    Auto,
-    Dimension,
-    GeneratedSurface,
-    LengthUnit,
-    Many,
-    Positive,
-    Seed,
-    Strict,
-    Whole,
-    refuse,
-)
-from roughvol.study.units import Length, has_unit, length_unit, unit_of
+from roughvol.study.sections import surface as midpoint
+from roughvol.study.sections.ensemble import AUTO, AUTO_FROM, AUTO_TO
+from roughvol.study.sections.strict import Strict
+from roughvol.study.sections.surface import MAX_SEEDS, UNIT, GeneratedSurface
+from roughvol.study.values.numbers import Dimension, Positive, Seed, Whole
+from roughvol.study.values.units import Length, LengthUnit, has_unit, length_unit, unit_of
+from roughvol.study.values.words import Auto, Many, refuse
 from roughvol.study.yaml_text import KeyPath, number_text
 from roughvol.surfaces.length_units import factor
 from roughvol.surfaces.power_law import Spectrum
@@ -85,7 +75,7 @@ class SpectralSurface(Strict):
     seeds: Many[Seed] = Field(
         default=10,
         validate_default=True,
-        json_schema_extra=sections.count_in_schema,
+        json_schema_extra=midpoint.count_in_schema,
         description=f"number of seeds, 1 to {MAX_SEEDS} (10: seeds 0 to 9), or a list of seeds >= 0",
     )
     unit: LengthUnit | None = Field(default=None, description=UNIT)
@@ -95,7 +85,7 @@ class SpectralSurface(Strict):
         "repeated, (n + 1) x (n + 1) nodes",
     )
 
-    _count = field_validator("seeds", mode="before")(sections.counted)
+    _count = field_validator("seeds", mode="before")(midpoint.counted)
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
@@ -202,12 +192,12 @@ def holds_all_waves(surface: MadeSurface, m: int) -> bool:
 
 
 def tag_surface(value: Any) -> str:
-    """Return the tag of `SpectralSurface` for its own keys, else that of `sections.tag_surface`."""
+    """Return the tag of `SpectralSurface` for its own keys, else that of `midpoint.tag_surface`."""
     if isinstance(value, SpectralSurface):
         return "<spectrum>"
     if isinstance(value, dict) and not {"file", "files", "m", "midpoint_law"} & value.keys() and {*OWN} & value.keys():
         return "<spectrum>"
-    return sections.tag_surface(value)
+    return midpoint.tag_surface(value)
 
 
 def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:

@@ -15,8 +15,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from roughvol.study.sections import Positive, Strict, refuse
-from roughvol.study.units import In, convert, counts_substance, in_unit, length_unit, unit_of
+from roughvol.study.sections.strict import Strict
+from roughvol.study.values.numbers import Positive
+from roughvol.study.values.units import In, convert, counts_substance, in_unit, length_unit, unit_of
+from roughvol.study.values.words import refuse
 from roughvol.study.yaml_text import KeyPath, number_text
 from roughvol.surfaces.length_units import METRES
 
@@ -209,7 +211,7 @@ def throughput(value: float, given: str, wanted: str, kelvin: float) -> float:
 
 
 def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
-    """Yield conflicts between the section ``fluid`` and others, see `conflicts.conflicts`.
+    """Yield conflicts between the section ``fluid`` and others, see `rules.conflicts`.
 
     Parameters
     ----------

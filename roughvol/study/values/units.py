@@ -219,6 +219,8 @@ _Positive = Annotated[float, Field(gt=0)]
 Conductivity = Annotated[_Positive, In("conductivity", needed=True)]
 Length = Annotated[_Positive, In("length")]
 Pressure = Annotated[_Positive, In("pressure")]
+LengthUnit = Annotated[str, UnitOf("length")]
+HeightsUnit = Annotated[str, UnitOf("length", counts=True)]
 
 
 def _written(value: Any) -> Any:

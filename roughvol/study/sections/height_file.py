@@ -1,6 +1,6 @@
 """The section ``surface`` of measured heights: one file, or two for two rough bodies, and their treatment.
 
-Sizes and units in a file are read when the cases are made, see `agreement`.
+Sizes and units in a file are read when the cases are made, see `sections.agreement`.
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ from pydantic import (
     model_validator,
 )
 
-from roughvol.study.sections import UNIT, HeightsUnit, LengthUnit, Strict, refuse, refuse_at
-from roughvol.study.treatment import Crop, Outliers
-from roughvol.study.units import Length, unit_of
+from roughvol.study.sections.strict import Strict, refuse_at
+from roughvol.study.sections.surface import UNIT
+from roughvol.study.sections.treatment import Crop, Outliers
+from roughvol.study.values.units import HeightsUnit, Length, LengthUnit, unit_of
+from roughvol.study.values.words import refuse
 from roughvol.study.yaml_text import printable
 from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, Resampling
 

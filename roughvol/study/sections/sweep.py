@@ -19,11 +19,14 @@ from pydantic import (
     model_validator,
 )
 
-from roughvol.study.ensemble import AutoSteps, StepsText
-from roughvol.study.scale import OF_ALL
-from roughvol.study.sections import AreaFraction, Choice, Level, Many, Positive, Strict, Whole, Word, refuse, refuse_at
-from roughvol.study.targets import LISTS, listed_of, misplaced, spelled
-from roughvol.study.units import In, Quantity, unit_of
+from roughvol.study.sections.ensemble import AutoSteps, StepsText
+from roughvol.study.sections.strict import Choice, Strict, refuse_at
+from roughvol.study.sections.targets import LISTS, listed_of, misplaced, spelled
+from roughvol.study.values.numbers import AreaFraction, Positive, Whole
+from roughvol.study.values.scale import OF_ALL
+from roughvol.study.values.state_kinds import Level
+from roughvol.study.values.units import In, Quantity, unit_of
+from roughvol.study.values.words import Many, Word, refuse
 
 
 class Target(Choice):

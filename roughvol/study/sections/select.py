@@ -11,17 +11,12 @@ from pydantic import (
     model_serializer,
 )
 
-from roughvol.study.scale import OF_ALL
-from roughvol.study.sections import (
-    AreaFraction,
-    Choice,
-    Level,
-    Many,
-    Positive,
-    StepNumber,
-    Word,
-)
-from roughvol.study.units import In, Quantity, Starred, unit_of
+from roughvol.study.sections.strict import Choice
+from roughvol.study.values.numbers import AreaFraction, Positive, StepNumber
+from roughvol.study.values.scale import OF_ALL
+from roughvol.study.values.state_kinds import Level
+from roughvol.study.values.units import In, Quantity, Starred, unit_of
+from roughvol.study.values.words import Many, Word
 
 
 class Select(Choice):

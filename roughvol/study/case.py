@@ -10,14 +10,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from roughvol.study.fluid import Gas
-from roughvol.study.record import Record
-from roughvol.study.sections import (
-    Solver,
-)
-from roughvol.study.sweep import Legs, Sweep
-from roughvol.study.treatment import steps
-from roughvol.study.units import convert
+from roughvol.study.sections.fluid import Gas
+from roughvol.study.sections.record import Record
+from roughvol.study.sections.solver import Solver
+from roughvol.study.sections.sweep import Legs, Sweep
+from roughvol.study.sections.treatment import steps
+from roughvol.study.values.units import convert
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
 from roughvol.surfaces.power_law import Spectrum
 

@@ -1,0 +1,87 @@
+"""The section ``solver``: accuracy, kernel and method."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from roughvol.study.sections.strict import Choice, Strict
+from roughvol.study.values.words import refuse
+
+ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
+"""Bound of the residual η/σ for each accuracy."""
+EXPECTED = {"draft": (4e-4, 8e-4, 9e-5), "standard": (2e-5, 2e-6, 3e-8), "reference": (0.0, 2e-9, 2e-10)}
+"""Largest errors of A*, p* (relative) and V*, rounded up, from `roughvol tradeoff configs/tradeoff.yaml`.
+
+That of A* at standard is one element of m = 8. Other surfaces differ by a factor of a few. η/σ is a bound for V*.
+"""
+LOOSEST = 1e-2  # residual η/σ; a sweep with a looser one costs more, since its steps start from poor states
+PAPER_MAX_M = 6  # the paper's algorithm has a dense matrix of 4^m rows
+
+
+class MaxError(Choice):
+    """Largest allowed errors of any state. The solver ends each state as soon as they are certified."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    free_volume: Annotated[float, Field(ge=1e-12, le=1e-1)] | None = Field(
+        default=None, description="largest error of V* at any state, 1e-12 to 1e-1"
+    )
+    mean_pressure: Annotated[float, Field(ge=1e-9, le=1e-1)] | None = Field(
+        default=None, description="largest relative error of p* at any state, 1e-9 to 1e-1"
+    )
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> MaxError:
+        if not self.named:
+            refuse("must name free_volume or mean_pressure")
+        return self
+
+
+class Solver(Strict):
+    """Accuracy, kernel and method of the solver."""
+
+    accuracy: Literal["draft", "standard", "reference"] = Field(
+        default="standard",
+        description=f"bound on the residual η/σ: {', '.join(f'{k} {v:g}' for k, v in ACCURACY.items())}",
+    )
+    rtol: Annotated[float, Field(ge=1e-12, le=1e-1)] | None = Field(
+        default=None, description="bound on the residual η/σ, 1e-12 to 1e-1; overrides accuracy"
+    )
+    max_error: MaxError | None = Field(
+        default=None, description="{free_volume, mean_pressure}: largest errors allowed; instead of accuracy and rtol"
+    )
+    kernel: Literal["love", "punch", "fourier"] = Field(
+        default="love",
+        description="influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch); 'fourier' "
+        "(waves of the grid alone) on a periodic surface",
+    )
+    method: Literal["fast", "paper"] = Field(
+        default="fast", description=f"'fast', or 'paper': the paper's dense Algorithm 1, for m <= {PAPER_MAX_M}"
+    )
+
+    @property
+    def tolerance(self) -> float:
+        """Bound of η/σ: ``rtol``, else the error of V* in ``max_error``, else that of ``accuracy``.
+
+        η/σ bounds the error of V*, so the largest residual allowed is the error allowed.
+        """
+        if self.rtol is not None:
+            return self.rtol
+        if self.max_error is not None:
+            return min(self.max_error.free_volume or LOOSEST, LOOSEST)
+        return ACCURACY[self.accuracy]
+
+    @property
+    def pressure_error(self) -> float | None:
+        """Bound of the relative error of p*; None without one."""
+        return self.max_error.mean_pressure if self.max_error else None
+
+    @model_validator(mode="after")
+    def _one_of(self) -> Solver:
+        if self.max_error is not None and (self.rtol is not None or self.accuracy != "standard"):
+            refuse("give only one of accuracy, rtol and max_error")
+        if self.max_error is not None and self.method == "paper" and self.max_error.mean_pressure is not None:
+            refuse("max_error.mean_pressure needs method fast")
+        return self

@@ -1,0 +1,50 @@
+"""Strict, frozen records with the keys of a section."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any, NoReturn
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_serializer
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from roughvol.study.values.units import Quantity
+from roughvol.study.yaml_text import KeyPath
+
+
+def refuse_at(path: KeyPath, given: Any, message: str, **context: str) -> NoReturn:
+    """Raise the error of a validator with this message at a key inside its own, with the value given there."""
+    kind, title = "refused", "Study"
+    details = InitErrorDetails(type=PydanticCustomError(kind, message, context), loc=path, input=given)
+    raise ValidationError.from_exception_data(title, [details])
+
+
+def names(*models: type[BaseModel]) -> list[str]:
+    """Return the keys of these models."""
+    return list(dict.fromkeys(name for model in models for name in model.model_fields))
+
+
+def nearest(word: str, known: list[str]) -> str | None:
+    """Return the known word most similar to ``word``, ignoring case; None without one."""
+    lower = {name.lower(): name for name in known}
+    close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.65)
+    return lower[close[0]] if close else None
+
+
+class Strict(BaseModel):
+    """A frozen record without unknown keys."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Choice(Strict):
+    """A mapping with optional keys."""
+
+    @property
+    def named(self) -> dict[str, Any]:
+        """Given keys and their values."""
+        return {name: value for name, value in self.__dict__.items() if value not in (None, ())}
+
+    @model_serializer
+    def _plain(self) -> Any:
+        return {name: str(value) if isinstance(value, Quantity) else value for name, value in self.named.items()}
