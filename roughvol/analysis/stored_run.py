@@ -74,7 +74,7 @@ class Run:
     @property
     def steps(self) -> int:
         """Steps of the sweep, 0 where nothing was pressed."""
-        if self.study is not None and not self.study.sweep.automatic:
+        if self.study is not None:
             return self.study.sweep.steps
         return int(self.dataset.sizes.get("step", 0))
 

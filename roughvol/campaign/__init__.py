@@ -34,7 +34,6 @@ Room of the campaign.
 `doubts`        numbers of a study that may be meant in another way
 `validity`      where a study leaves the model
 `card`          runs behind a leak card
-`answer_trade`  the error of an answer against its cost
 `tradeoff`      speed against accuracy, measured
 ==============  ====================================================================
 """

@@ -179,7 +179,7 @@ def _cost_sentence(D: float, table: SampleTable, estimates: Sequence[MeanEstimat
 
 def _steps_sentence(steps: Steps) -> str:
     """Return the number of steps, and the origin of the errors between them, in one line."""
-    text = f"{steps.number} steps a sweep" + ", chosen by the accuracy" * steps.automatic
+    text = f"{steps.number} steps a sweep"
     if not steps.surfaces:
         return f"{text}; nothing is interpolated between them"
     return f"{text}; the errors between them are those of {steps.surfaces} trial surfaces with more steps"
@@ -192,7 +192,7 @@ def _interpolation_remark(estimate: MeanEstimate) -> str:
     return (
         f"the error between steps of {target.quantity} at {target.state.label}, "
         f"{_relative(estimate, estimate.interpolation_error)}, passes a tenth of the accuracy, {target.accuracy}: "
-        "take more sweep.steps, or steps: auto"
+        "take more sweep.steps"
     )
 
 

@@ -39,7 +39,7 @@ class Answer:
     samples : SampleTable
         All samples.
     steps : Steps
-        Number of steps, and the errors between them.
+        Errors between the steps.
     estimates : dict
         Estimates of all means, by D.
     rounds : dict
@@ -102,7 +102,7 @@ def estimate_means(
     assert isinstance(study.surface, MadeSurface)
     automatic = not study.surface.m
     steps = measured(study) if steps is None else steps
-    table = SampleTable(study.with_steps(steps.number), first_finest(study.surface), steps.errors)
+    table = SampleTable(study, first_finest(study.surface), steps.errors)
     start, budget = clock(), study.ensemble.budget
     counts: Counts = {D: pilot(table.levels) for D in table.dimensions}
     answer = Answer(table, steps, {}, {D: [] for D in table.dimensions})

@@ -85,7 +85,7 @@ def expected(study: Study) -> list[Expected]:
     assert isinstance(surface, MadeSurface)
     levels = levels_below(first_finest(surface))
     found = steps.measured(study)
-    table = samples.SampleTable(study.with_steps(found.number), min(levels[-1], max(FINEST, levels[0])), found.errors)
+    table = samples.SampleTable(study, min(levels[-1], max(FINEST, levels[0])), found.errors)
     return [_of_dimension(table, D, levels) for D in surface.dimensions]
 
 

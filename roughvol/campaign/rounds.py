@@ -41,7 +41,6 @@ class Rounds:
         self._parts: dict[str, Arrays] = {}
         self._versions: Counter[str] = Counter()
         self._interval, self._kept = "", 0
-        self._steps = 0
         self._planned, self._goal = dict[float, dict[int, int]](), dict[float, dict[int, int]]()
         for notice in notices:
             self._report(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
@@ -51,10 +50,6 @@ class Rounds:
         from roughvol.campaign import answered, ensemble, steps  # scipy.stats: half a second, for ensembles alone
 
         measured = steps.measured(self._study, self._stopping)
-        self._steps = measured.number
-        if measured.automatic:
-            notice = f"{measured.number} steps a sweep, by the accuracy"
-            self._report(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
         means = ensemble.estimate_means(
             self._study,
             self._compute,
@@ -76,16 +71,16 @@ class Rounds:
     def _plan(self, counts: Mapping[float, dict[int, int]]) -> None:
         """Store the samples of the next round."""
         self._planned = dict(counts)
-        answer.store_plan(self._folder, counts, self._steps)
+        answer.store_plan(self._folder, counts)
 
     def _later(self) -> float:
         """Return the expected seconds of the samples after those planned."""
-        seconds, study = 0.0, self._study.with_steps(self._steps)
+        seconds = 0.0
         for D, goal in self._goal.items():
             for m, number in goal.items():
                 if (more := number - self._planned.get(D, {}).get(m, 0)) > 0:
                     nodes = 2**m + 1
-                    seconds += more * cost.expected_seconds(study.sample(D, m, 0), (nodes, nodes))
+                    seconds += more * cost.expected_seconds(self._study.sample(D, m, 0), (nodes, nodes))
         return seconds
 
     def _compute(self, cases: Sequence[Case]) -> Mapping[str, Arrays]:

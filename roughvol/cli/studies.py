@@ -236,14 +236,10 @@ def status(study: Path, out: Path | None, as_json: bool, changes: tuple[str, ...
 @JSON
 @SET
 def tradeoff(study: Path, out: Path | None, as_json: bool, changes: tuple[str, ...]) -> None:
-    """Measure the error of an answer against its cost, and speed against accuracy, on the surfaces of STUDY.
-
-    The answer is the mean of V* over all surfaces. Its error is drawn by seeds, m, steps, residual, and for an
-    ensemble. Work-precision diagrams of single surfaces follow. Both are in tradeoff.nc.
+    """Measure speed against accuracy on the surfaces of STUDY, with work-precision diagrams; numbers in tradeoff.nc.
 
     Shows also the convergence of A*, p* and V* in the resolution m of the study.
     """
-    from roughvol.campaign import answer_trade
     from roughvol.campaign import tradeoff as trade
     from roughvol.report import convergence
     from roughvol.report.figures import work_precision
@@ -254,9 +250,6 @@ def tradeoff(study: Path, out: Path | None, as_json: bool, changes: tuple[str, .
     show = sys.stderr.isatty()
     measured = trade.measure(loaded, lambda k, n: say(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None)
     lines = []
-    if answer_trade.answerable(loaded):
-        measured = answer_trade.with_answer(measured, loaded)
-        lines.append(answer_trade.summary(measured))
     dataset.write(measured, folder / "tradeoff.nc")
     for name, draw in work_precision.FIGURES.items():
         if work_precision.missing(name, measured) is None:

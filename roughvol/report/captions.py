@@ -94,16 +94,11 @@ CAPTIONS: dict[str, str] = {
     "ensemble_cost": "Samples (left) and modelled cost (middle) on each refinement m; half-width of the 95 % interval "
     "over the mean against cost (right), after each round. Dotted lines are plain Monte Carlo, "
     "the grey line is the accuracy asked for.",
-    "answer_cost": "Error of the mean over all surfaces against cost: 10 to 1000 seeds (dots) on one m, and the "
-    "ensemble (squares). The error is the half-width over seeds plus the distance to the limit in m. The dashed line "
-    "is the error that the solver certifies.",
     # the spectrum of the surfaces
     "psd": "Left: radially averaged power spectral density of the undeformed surfaces by fractal dimension D; the "
     "dashed line is the law of the study, dotted lines are the deformed surface under load. Right: root mean square "
     "slope of the waves up to each wave number.",
     # speed against accuracy
-    "tradeoff_answer": "Error of the mean V* over all surfaces against cost. Each line varies one choice about the "
-    "circle; numbers are seeds and m. The error is the half-width over seeds plus those of resolution, steps, solver.",
     "tradeoff_precision": "Largest error of any state against the residual asked for (left) and against the seconds of "
     "a sweep (right). Dashed lines are the certified bounds; an error of zero is drawn at 1e-16.",
     "tradeoff_resolution": "Relative difference to the finest refinement at the last state (left), and values over "

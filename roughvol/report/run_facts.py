@@ -247,9 +247,7 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
             acts = "pressures end there" if material.plastic else "for comparison alone, no yield is computed"
             yield "Hardness", f"{number(material.indentation_hardness)}{unit}, {acts}"
         sweep = study.sweep
-        legs = ", ".join(
-            f"{run.steps if sweep.automatic else leg.steps} steps to {leg.target.label}" for leg in sweep.legs
-        )
+        legs = ", ".join(f"{leg.steps} steps to {leg.target.label}" for leg in sweep.legs)
         yield "Sweep", legs if sweep.steps else "none, surfaces alone"
         if sweep.steps:
             solver = study.solving

@@ -37,8 +37,8 @@ def plan_file(folder: Path) -> Path:
     return folder / "ensemble.json"
 
 
-def store_plan(folder: Path, counts: Mapping[float, Mapping[int, int]], steps: int) -> None:
-    """Store the planned numbers of samples and their steps for `cases_of`.
+def store_plan(folder: Path, counts: Mapping[float, Mapping[int, int]]) -> None:
+    """Store the planned numbers of samples for `cases_of`.
 
     Parameters
     ----------
@@ -46,33 +46,9 @@ def store_plan(folder: Path, counts: Mapping[float, Mapping[int, int]], steps: i
         Folder of a run.
     counts : mapping
         Number of samples by D and m.
-    steps : int
-        Steps of a sweep.
     """
     samples = {repr(D): {str(m): n for m, n in levels.items()} for D, levels in counts.items()}
-    content = {"steps": steps, **samples}
-    stamped_file.store(plan_file(folder), json.dumps(content, indent=1).encode())
-
-
-def with_planned_steps(study: Study, folder: Path) -> Study:
-    """Return a study with the number of steps of the latest plan, where the campaign chooses it.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    folder : path
-        Folder of a run.
-
-    Returns
-    -------
-    Study
-        The study as it is without such a plan.
-    """
-    steps = run_folder.small_json(plan_file(folder)).get("steps")
-    if study.ensemble is None or not study.sweep.automatic or not isinstance(steps, int) or steps < 1:
-        return study
-    return study.with_steps(steps)
+    stamped_file.store(plan_file(folder), json.dumps(samples, indent=1).encode())
 
 
 def cases_of(study: Study, folder: Path) -> dict[str, Case]:
@@ -93,7 +69,6 @@ def cases_of(study: Study, folder: Path) -> dict[str, Case]:
     if study.ensemble is None:
         return {case.id: case for case in study.cases()}
     first, plan = study.ensemble.first_seed, run_folder.small_json(plan_file(folder))
-    study = with_planned_steps(study, folder)
     counts = {case.D: {case.m: 1} for case in study.cases()}
     for D, levels in counts.items():
         planned = plan.get(repr(D))

@@ -42,20 +42,3 @@ TABLE: dict[str, Variable] = RUNG_VARIABLES | {
     "seconds": Variable(EACH, "s", "processor time of the sweep, one thread", "t"),
     "memory": Variable(EACH, "B", "peak memory of half space and sweep (first surface only)", "M"),
 }
-
-CHOICES = ("seeds", "m", "steps", "rtol", "ensemble")
-"""What varies in the error of an answer, each alone."""
-OF_ANSWER = "answer_D answer_row"
-PARTS = {
-    "answer_seeds_error": Variable(OF_ANSWER, "1", "half-width of the 95 % interval of the mean V* over V*", "h/V*"),
-    "answer_resolution_error": Variable(OF_ANSWER, "1", "distance of the mean V* from its limit in m", "b/V*"),
-    "answer_steps_error": Variable(OF_ANSWER, "1", "error of the mean V* between steps", "ε_k/V*"),
-    "answer_solver_error": Variable(OF_ANSWER, "1", "error of the mean V* by the solver", "|δV*|/V*"),
-}
-"""Parts of the error of an answer; their sum is the total."""
-ANSWER = PARTS | {
-    "answer_cost": Variable(OF_ANSWER, "s", "modelled cost of the answer", "C"),
-    "answer_D": Variable("answer_D", "1", "fractal dimension of the answer", "D"),
-    "answer_choice": Variable("answer_row", "1", "what is varied", "choice", "text"),
-    "answer_setting": Variable("answer_row", "1", "its value", "value"),
-}

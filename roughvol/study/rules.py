@@ -301,7 +301,7 @@ def _target_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
 def _ensemble_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
     """Yield keys that an ensemble excludes, and means without scatter."""
     surface, sweep = _mapping(data, "surface"), _mapping(data, "sweep")
-    for keys in (("surface", "m"), ("surface", "n"), ("sweep", "steps")):
+    for keys in (("surface", "m"), ("surface", "n")):
         if _mapping(data, keys[0]).get(keys[1]) == "auto" and data.get("ensemble") is None:
             yield keys, "'auto' needs the section 'ensemble', whose accuracy decides it"
     if not isinstance(data.get("ensemble"), dict):

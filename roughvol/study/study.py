@@ -88,7 +88,7 @@ class Study(Strict):
     @model_validator(mode="before")
     @classmethod
     def _steps_of_an_ensemble(cls, data: Any) -> Any:
-        return ensembles.with_auto_steps(data)
+        return ensembles.with_default_steps(data)
 
     @model_validator(mode="after")
     def _possible(self) -> Study:
@@ -163,8 +163,6 @@ class Study(Strict):
             return tuple({case.id: case for case in each}.values())
         surface = self.surface
         E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solving, self.record
-        if sweep.automatic:  # the fewest, until the campaign has chosen
-            sweep = sweep.model_copy(update={"steps": int(sweep.steps)})
         hard = self.material.indentation_hardness
         hardness = None if hard is None else hard / E_star
         has_units = sweep.has_units or (sweep.steps > 0 and record.has_units)
@@ -253,7 +251,7 @@ class Study(Strict):
 
     def with_steps(self, steps: int) -> Study:
         """Return this study with another number of steps."""
-        if steps == self.sweep.steps and not self.sweep.automatic:
+        if steps == self.sweep.steps:
             return self
         study = self.model_copy(update={"sweep": self.sweep.model_copy(update={"steps": steps})})
         study.__dict__.pop("_first", None)  # of the former number

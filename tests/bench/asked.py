@@ -138,26 +138,12 @@ def main() -> None:
         )
         return
     ds = dataset.read(ROOT / "runs" / "tradeoff" / "tradeoff.nc")
-    work_precision.FIGURES["tradeoff_answer"](ds).savefig(ROOT / "docs" / "pictures" / "tradeoff_answer.png")
     work_precision.FIGURES["tradeoff_precision"](ds).savefig(ROOT / "docs" / "pictures" / "tradeoff.png")
     saved = 100 * convergence.time_saved(ds)
     verdicts = "\n".join(f"- {line}" for line in convergence.summary(ds).splitlines() if line.startswith("D = "))
     page = f"""# Speed against accuracy
 
 <!-- made by: make tradeoff, roughvol {__version__} -->
-
-## The answer first
-
-A mean over surfaces has errors of the seeds, of the resolution m, of the steps and of the solver. The figure has their
-sum for the mean V* against cost (modelled seconds of one core). Each line varies one choice about the circle, which is
-100 seeds on the finest m with the steps of the study and the residual of `standard`. An ensemble takes the seeds of
-every m that its request needs ([ensemble.md](../../how-to/ensemble.md)), here ± 2 %.
-
-![Error of the answer against cost](../../pictures/tradeoff_answer.png)
-
-It is drawn by `roughvol tradeoff configs/tradeoff.yaml`, which prints the parts of the error as well. Seeds and m
-decide the error. Fewer steps and a looser residual save time, and their errors are not visible at this scale. For a
-stored ensemble, `roughvol plot answers answer_cost` draws the error for seeds on each m.
 
 ## The solver
 

@@ -75,7 +75,7 @@ def measure(m: int, D: float, accuracy: str, studies: int, *, quantity: str, few
     with mock.patch.object(sampling, "COSTLY", {m: 4, m - 1: 10} if few else sampling.COSTLY):
         for number in range(studies):
             one = study(m, D, accuracy, quantity=quantity, seed=number * APART)
-            found = ensemble.estimate_means(one, compute, Steps(int(one.sweep.steps), (0.0,), 0, False))
+            found = ensemble.estimate_means(one, compute, Steps(one.sweep.steps, (0.0,), 0))
             estimate = found.estimates[D][0]
             inside += abs(estimate.mean.value - mean) <= estimate.mean.half_width
             held += estimate.reached

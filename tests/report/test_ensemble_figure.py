@@ -82,22 +82,3 @@ def test_it_is_found_by_name_and_needs_an_ensemble(results: Dataset) -> None:
     assert "section 'ensemble'" in str(missing("ensemble_cost", Dataset()))
     with pytest.raises(DatasetError, match="section 'ensemble'"):
         FIGURES["ensemble_cost"](Dataset())
-
-
-def test_the_error_of_a_mean_is_that_of_seeds_and_of_the_resolution(results: Dataset) -> None:
-    left, right = FIGURES["answer_cost"](results).axes
-    curve, dots = left.lines[:2]
-    seeds = dots.get_xdata() / 0.02
-    np.testing.assert_allclose(seeds, [10, 100, 1000])
-    np.testing.assert_allclose(dots.get_ydata(), 100 / 1.5 * (1.96 * 0.2 / seeds**0.5 + 0.3 + 0.03))
-    np.testing.assert_allclose(curve.get_ydata()[[0, -1]], dots.get_ydata()[[0, -1]])
-    finest = right.lines[2 * LEVELS - 1]
-    np.testing.assert_allclose(finest.get_ydata(), 100 / 1.7 * 1.96 * 0.2 / seeds**0.5)
-    ensemble = right.lines[2 * LEVELS]
-    np.testing.assert_allclose(ensemble.get_ydata()[-1], 100 / 1.7 * 0.05)
-    assert len(left.lines) == len(right.lines) + 1  # the solver certifies nothing on the right
-
-
-def test_the_trade_of_one_dimension_is_one_panel(results: Dataset) -> None:
-    assert len(FIGURES["answer_cost"](results.isel(D=[0])).axes) == 1
-    assert selection.drawable(results, ["answer_cost"]) == ["answer_cost"]

@@ -47,18 +47,22 @@ def test_cases_are_one_sample_of_each_level() -> None:
     assert [case.m for case in loads(SURFACE.replace("7", "auto") + ASKED).cases()] == [4, 5, 6, 7]
 
 
-def test_an_ensemble_chooses_its_steps_unless_they_are_given() -> None:
-    for sweep in ("", "sweep: {steps: auto}\n", "sweep: {to: mean-plane}\n"):
+def test_an_ensemble_without_steps_takes_twenty() -> None:
+    for sweep in ("", "sweep: {to: mean-plane}\n"):
         study = loads(SURFACE + sweep + ASKED)
-        assert study.sweep.automatic
-        assert "steps: auto" in study.stored()
+        assert study.sweep.steps == 20
         assert loads(study.to_yaml()) == pickle.loads(pickle.dumps(study)) == study
-        assert study.cases()[0].id == study.with_steps(10).cases()[0].id
     assert study.with_steps(33).sample(2.5, 6, 1).sweep.steps == 33
-    assert not loads(SURFACE + "sweep: {steps: 30}\n" + ASKED).sweep.automatic
-    assert not loads(SURFACE + "sweep: {pressures: [0.1, 0.3]}\n" + ASKED).sweep.automatic
+    assert loads(SURFACE + "sweep: {steps: 30}\n" + ASKED).sweep.steps == 30
+    assert loads(SURFACE + "sweep: {pressures: [0.1, 0.3]}\n" + ASKED).sweep.steps == 2
     assert loads(SURFACE).sweep.steps == 60
-    assert "one.yaml:2: sweep.steps: 'auto' needs the section 'ensemble'" in _refused(SURFACE + "sweep: {steps: auto}")
+
+
+@pytest.mark.parametrize("rest", ["", ASKED])
+def test_steps_are_a_number(rest: str) -> None:
+    text = _refused(SURFACE + "sweep: {steps: auto}\n" + rest)
+    assert text.count("\n") == 0
+    assert "one.yaml:2: sweep.steps: is a number, as 20" in text
 
 
 def test_states_between_listed_ones_are_refused() -> None:

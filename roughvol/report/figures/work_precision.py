@@ -6,15 +6,13 @@ Markers are the means over the surfaces (errors: the largest of any), colours na
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from xarray import Dataset
 
 from roughvol.report.figures.origin import Draw, register
-from roughvol.report.figures.style import PAGE, Drawing, axes, canvas, looks, plain_ticks
-from roughvol.store.tradeoff_variables import PARTS, QUANTITIES, RUNG
+from roughvol.report.figures.style import PAGE, Drawing, axes, looks, plain_ticks
+from roughvol.store.tradeoff_variables import QUANTITIES, RUNG
 from roughvol.typing import Array
 
 FIGURES: dict[str, Draw] = {}
@@ -23,9 +21,6 @@ LADDERS: dict[str, str] = {}  # that a figure needs
 LABELS = {"mean_pressure": r"$p^{\ast}$ (relative)", "free_volume": r"$V^{\ast}$"}
 LABELS |= {"contact_area_fraction": r"$A^{\ast}$"}
 LOOKS = {name: look | {"label": LABELS[name]} for name, look in zip(LABELS, looks(3), strict=True)}
-ANSWER = "answer"  # in place of a ladder
-WORDS = {"seeds": "seeds", "m": "$m$", "steps": "steps", "rtol": r"residual $\eta/\sigma$", "ensemble": "ensemble"}
-P = r"$p^{\ast}$"
 FLOOR = 1e-16  # where an error of exactly zero is drawn
 
 
@@ -33,8 +28,6 @@ def missing(name: str, ds: Dataset) -> str | None:
     """Return why a figure cannot be drawn from a dataset, or None if it can."""
     if "ladder" not in ds.coords:
         return f"{name} needs a dataset of `roughvol tradeoff`"
-    if LADDERS[name] == ANSWER:
-        return None if "answer_cost" in ds else f"{name} needs generated surfaces, whose mean has an error"
     if LADDERS[name] not in ds["ladder"].values:
         return f"{name} needs the ladder {LADDERS[name]!r}, which a height file does not have"
     return None
@@ -57,47 +50,6 @@ def _rungs(ds: Dataset, ladder: str, precision: str | None = None) -> Dataset:
 
 def _worst(ds: Dataset, name: str) -> Array:
     return np.asarray(np.maximum(ds[name].max("surface").values, FLOOR), dtype=np.float64)
-
-
-@_figure(ANSWER)
-def tradeoff_answer(ds: Dataset) -> Drawing:
-    """Draw the error of the mean V* against its cost: by seeds, m, steps and residual, and of an ensemble.
-
-    Each line varies one choice about the circle: the finest m, the steps of the study, the residual of `standard`. The
-    error is the half-width of the 95 % interval over seeds, plus those of resolution, steps and solver.
-    To see: more seeds lower the error down to that of the resolution; fewer steps and a looser residual save time and
-    add no visible error up to 1e-2; the ensemble reaches the error of many seeds at a fraction of their cost.
-    """
-    dimensions = ds["answer_D"].values
-    fig = canvas(PAGE, 2.9)
-    panels = np.atleast_1d(fig.subplots(1, len(dimensions), sharey=True))
-    choices = ds["answer_choice"].values
-    for ax, D in zip(panels, dimensions, strict=True):
-        one = ds.sel(answer_D=D)
-        ax.margins(0.08, 0.12)  # room for the values at the ends of lines
-        for (name, label), look in zip(WORDS.items(), looks(len(WORDS)), strict=True):
-            rows = one.isel(answer_row=np.flatnonzero(choices == name))
-            error = 100.0 * np.sum([rows[part].values for part in PARTS], axis=0)
-            ax.loglog(rows["answer_cost"].values, error, **(look | {"label": label, "ms": 4}))
-            if name in ("seeds", "m"):
-                _name_ends(ax, rows, error)
-            if name == "m":
-                ax.loglog(rows["answer_cost"].values[-1], error[-1], "o", mfc="none", mec="k", ms=9)
-        ax.set(xlabel="cost [s]", title=f"$D = {D:g}$")
-        for axis, steps in ((ax.xaxis, (1.0,)), (ax.yaxis, (1.0, 2.0, 5.0))):
-            plain_ticks(axis, steps)
-    panels[0].set_ylabel(f"error of the mean $V^{{\\ast}}$ at {ds.attrs['answer_at'].replace('pressure', P)} [%]")
-    handles, labels = panels[0].get_legend_handles_labels()
-    fig.legend(handles, labels, loc="outside upper center", ncols=len(handles))
-    return _with_grid(fig)
-
-
-def _name_ends(ax: Axes, rows: Dataset, error: Array) -> None:
-    """Write the values at both ends of a line."""
-    for end in (0, -1):
-        text, x = f"{float(rows['answer_setting'][end]):g}", float(rows["answer_cost"][end])
-        place: dict[str, Any] = {"xytext": (3, 4), "ha": "left"} if end == 0 else {"xytext": (-5, -10), "ha": "right"}
-        ax.annotate(text, (x, error[end]), fontsize=7, textcoords="offset points", **place)
 
 
 @_figure("tolerance")

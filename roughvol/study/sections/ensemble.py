@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandl
 from pydantic_core import core_schema
 
 from roughvol.study.sections.strict import Choice
-from roughvol.study.sections.targets import FEWEST_STEPS, LISTS
+from roughvol.study.sections.targets import LISTS
 from roughvol.study.values.numbers import AreaFraction, Positive, Seed
 from roughvol.study.values.state_kinds import Level
 from roughvol.study.values.words import Many, Word, refuse
@@ -45,39 +45,7 @@ COARSEST = 4  # m of the coarsest level; there a sweep takes as long as its file
 FEWEST_LEVELS = 3  # levels that show whether a mean converges
 AUTO_FROM = 7  # smallest finest level of `m: auto`
 AUTO_TO = 12  # largest finest level of `m: auto`
-AUTO = "auto"  # a number that the campaign chooses
-
-
-class AutoSteps(int):
-    """A number of steps that the campaign chooses; its value is the fewest that it may choose."""
-
-    def __new__(cls) -> AutoSteps:
-        """Return `FEWEST_STEPS`."""
-        return super().__new__(cls, FEWEST_STEPS)
-
-    def __getnewargs__(self) -> tuple[Any, ...]:
-        """Survive pickling."""
-        return ()
-
-    def __str__(self) -> str:
-        """Return the text of a study."""
-        return AUTO
-
-
-class StepsText:
-    """A whole number of steps, or the word 'auto', for pydantic and the JSON schema."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_wrap_validator_function(
-            lambda value, inner: AutoSteps() if value == AUTO or isinstance(value, AutoSteps) else inner(value),
-            handler(source),
-            serialization=core_schema.plain_serializer_function_ser_schema(
-                lambda value: AUTO if isinstance(value, AutoSteps) else value
-            ),
-        )
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": [{"const": AUTO}, handler(schema["schema"])]}
+STEPS = 20  # steps of an ensemble that gives none
 
 
 class Accuracy(float):
@@ -290,25 +258,14 @@ class Ensemble(Choice):
         return min(max(10.0 ** math.floor(math.log10(least) + 1e-9), TIGHTEST_RTOL), LOOSEST_RTOL)
 
 
-def with_auto_steps(data: Any) -> Any:
-    """Return the data of a study, with ``steps: auto`` where an ensemble is given without a number of steps.
-
-    Parameters
-    ----------
-    data : object
-        Data of a study; anything but a mapping is returned as it is.
-
-    Returns
-    -------
-    object
-        The same data, or a changed copy.
-    """
+def with_default_steps(data: Any) -> Any:
+    """Return the data of a study, with `STEPS` where an ensemble is given without a number of steps."""
     if not isinstance(data, dict) or data.get("ensemble") is None:
         return data
     sweep = data.get("sweep", {})
     if not isinstance(sweep, dict) or "steps" in sweep or any(sweep.get(name) for name in LISTS):
         return data
-    return {**data, "sweep": {"steps": AUTO, **sweep}}
+    return {**data, "sweep": {"steps": STEPS, **sweep}}
 
 
 def levels_below(m: int) -> tuple[int, ...]:

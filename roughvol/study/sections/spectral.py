@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationError, field_validator, model_serializer
 
 from roughvol.study.sections import surface as midpoint
-from roughvol.study.sections.ensemble import AUTO, AUTO_FROM, AUTO_TO
+from roughvol.study.sections.ensemble import AUTO_FROM, AUTO_TO
 from roughvol.study.sections.strict import Strict
 from roughvol.study.sections.surface import MAX_SEEDS, UNIT, GeneratedSurface
 from roughvol.study.values.numbers import Dimension, Positive, Seed, Whole
@@ -93,7 +93,7 @@ class SpectralSurface(Strict):
         data: dict[str, Any] = handler(self)
         left_out = ("H", "D", "cut", "shortest", "Sq", "slope", "Ssk")
         data = {name: value for name, value in data.items() if name not in left_out or value not in (None, (), [])}
-        return data if self.n else data | {"n": AUTO}
+        return data if self.n else data | {"n": "auto"}
 
     @property
     def dimensions(self) -> tuple[float, ...]:

@@ -19,7 +19,6 @@ from pydantic import (
     model_validator,
 )
 
-from roughvol.study.sections.ensemble import AutoSteps, StepsText
 from roughvol.study.sections.strict import Choice, Strict, refuse_at
 from roughvol.study.sections.targets import LISTS, listed_of, misplaced, spelled
 from roughvol.study.values.numbers import AreaFraction, Positive, Whole
@@ -75,12 +74,18 @@ def _as_tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
+def _number_of_steps(value: Any) -> Any:
+    if value == "auto":
+        refuse("is a number, as 20; without the key an ensemble takes 20 steps, and other studies 60")
+    return value
+
+
 class Sweep(Strict):
     """Number of equal steps of indentation, and the last state."""
 
-    steps: Annotated[Annotated[Whole, Field(ge=0, le=10_000)], StepsText()] = Field(
+    steps: Annotated[Whole, Field(ge=0, le=10_000), BeforeValidator(_number_of_steps)] = Field(
         default=60,
-        description="number of equal steps of indentation, 0 to 10000; 0: no contact; 'auto' for an ensemble",
+        description="number of equal steps of indentation, 0 to 10000; 0: no contact; 20 in an ensemble without steps",
     )
     to: Annotated[
         Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
@@ -165,11 +170,6 @@ class Sweep(Strict):
         return tuple(Level(kind, value) for value in values) or None
 
     @property
-    def automatic(self) -> bool:
-        """Whether the campaign chooses the number of steps."""
-        return isinstance(self.steps, AutoSteps)
-
-    @property
     def has_units(self) -> bool:
         """Whether any state has a unit."""
         states = [level.value for leg in self.legs for level in (leg.target, *(leg.listed or ()))]
@@ -241,11 +241,6 @@ class Legs(RootModel[tuple[Leg, ...]]):
     root: Annotated[tuple[Leg, ...], BeforeValidator(_as_tuple), Field(min_length=1, max_length=100)] = Field(
         description="list of legs {steps, to}, each from the end of the one before"
     )
-
-    @property
-    def automatic(self) -> bool:
-        """Whether the campaign chooses the number of steps: never on a path."""
-        return False
 
     @property
     def legs(self) -> tuple[Leg, ...]:

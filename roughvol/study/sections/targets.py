@@ -26,7 +26,6 @@ LISTS = {
 }
 """Keys of lists of states, and the kind of each."""
 FALLING = ("separation", "free_volume", "mean_gap", "leak_rate", "leak_rate_x", "leak_rate_y")  # fall on loading
-FEWEST_STEPS = 10  # fewest steps that `steps: auto` chooses
 
 
 def listed_of(sweep: Any) -> tuple[str, tuple[float, ...]]:
@@ -137,8 +136,7 @@ def steps_of(leg: dict[str, Any]) -> Any:
     """Return the number of steps of a leg in plain data."""
     name = list_of(leg)
     if name is None:
-        steps = leg.get("steps", 60)
-        return FEWEST_STEPS if steps == "auto" else steps
+        return leg.get("steps", 60)
     return len(leg[name]) if isinstance(leg[name], list) else 1
 
 
