@@ -162,7 +162,7 @@ def _seconds(case: Case, shape: tuple[int, int]) -> float:
 
 
 def _convolution(case: Case, shape: tuple[int, int]) -> float:
-    return seconds_per_convolution(shape, case.solver.kernel, case.periodic)
+    return seconds_per_convolution(shape, case.periodic)
 
 
 def expected_seconds(case: Case, shape: tuple[int, int], convolution: float | None = None) -> float:
@@ -257,10 +257,10 @@ def _measured_shape(case: Case) -> tuple[int, int]:
 
 
 @functools.cache
-def seconds_per_convolution(shape: tuple[int, int], kernel: str, periodic: bool = False) -> float:
+def seconds_per_convolution(shape: tuple[int, int], periodic: bool = False) -> float:
     """Return the seconds of one convolution, timed on this grid, or scaled from `TIMED_UP_TO`."""
     timed = (min(shape[0], TIMED_UP_TO), min(shape[1], TIMED_UP_TO))
-    half_space = (PeriodicHalfSpace if periodic else HalfSpace)(timed, kernel=kernel)
+    half_space = (PeriodicHalfSpace if periodic else HalfSpace)(timed)
     pressure = np.ones(timed)
     half_space.displacement(pressure)  # plans
     times = []

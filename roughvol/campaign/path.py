@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.crossing import state_crossing
-from roughvol.contact.kernels import M_MATRIX
 from roughvol.contact.loading import Compliance, Trials, sweep
 from roughvol.contact.search import first_indentation, indentation_for, state_reaching
 from roughvol.errors import ContactError
@@ -145,7 +144,7 @@ def indentations(
             last = list(steps[-1:])
         first += leg.steps
         if reduced.steps < first:
-            if case.plastic and leg.steps > 1 and case.solver.kernel not in M_MATRIX:
+            if case.plastic and leg.steps > 1 and not half_space.kernel.m_matrix:
                 # what has yielded on the way may differ from what the search at the begin of the leg found
                 last = ends[number : number + 1] = [_reaching(case, leg.target, surface, half_space, reduced)]
             yield from last
@@ -206,7 +205,7 @@ def _reaching(case: Case, target: Level, surface: Surface, half_space: Complianc
     if target.kind in ("contact_area", "pressure") and not (case.plastic or falls or fell):
         trials.least = start
         return state_reaching(trials, measure, value, [start], elements=elements, below=True).approach
-    if falls != fell or case.solver.kernel not in M_MATRIX:
+    if falls != fell or not half_space.kernel.m_matrix:
         trials = Trials(surface, half_space, after=last, turned=True, **options)
         start = trials.known(last, reduced.residual)
     return state_crossing(trials, measure, value, start, elements=elements).approach

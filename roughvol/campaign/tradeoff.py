@@ -32,6 +32,7 @@ from threadpoolctl import threadpool_limits
 from roughvol.campaign.one_case import FFT, surface_of
 from roughvol.campaign.path import last_indentation
 from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.kernels import KERNELS
 from roughvol.contact.loading import Contact, sweep
 from roughvol.errors import ContactError
 from roughvol.gap import box_counting, free_volume
@@ -110,7 +111,7 @@ def rungs_of(case: Case) -> list[Rung]:
     rungs = [replace(base, rtol=rtol, precision=how) for how in ("mixed", "double") for rtol in RTOLS]
     fewer = dict.fromkeys(k for k in (steps, steps // 3, steps // 10) if k and steps % k == 0)
     rungs += [replace(base, ladder="steps", steps=k) for k in fewer]
-    rungs += [replace(base, ladder="kernel", kernel=kernel) for kernel in ("love", "punch")]
+    rungs += [replace(base, ladder="kernel", kernel=name) for name, kernel in KERNELS.items() if kernel.coefficients]
     if case.m is not None:
         least = min(case.m, PAPER_M)
         few = max(k for k in fewer if k <= max(6, min(fewer)))

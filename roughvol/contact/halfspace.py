@@ -15,6 +15,7 @@ quadrant. If it is positive, the operator on the grid is positive definite, as a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,41 +23,52 @@ from numpy.typing import NDArray
 from scipy import fft as scipy_fft
 
 from roughvol.contact.convolution import Convolution
-from roughvol.contact.kernels import kernel_quadrant
+from roughvol.contact.kernels import LOVE, Kernel, kernel_of
 from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.errors import ContactError
-from roughvol.typing import Array
+from roughvol.typing import Array, Index
 
 
 def transform_length(nodes: int) -> int:
-    """Return the FFT length for an even kernel: the next fast even length ≥ 2 (nodes - 1).
-
-    Parameters
-    ----------
-    nodes : int
-        Nodes along the axis.
-
-    Returns
-    -------
-    int
-        Points of the transform.
-    """
+    """Return the FFT length for an even kernel: the next fast even length ≥ 2 (nodes - 1)."""
     half: int = scipy_fft.next_fast_len(max(nodes - 1, 1), real=True)
     return 2 * half
 
 
-class HalfSpace:
-    """Displacement under pressure, u = K ∗ p, for one grid shape and kernel.
+@dataclass(frozen=True)
+class Window:
+    """A convolution over the whole grid or a part of it, for fixed elements.
 
-    Buffers and FFTW plans are made once, for any number of surfaces of this shape. Not thread-safe. Displacements are
-    in lattice units, see the conventions of the module.
+    Attributes
+    ----------
+    engine : Convolution
+        The convolution over the window.
+    elements : array (n,)
+        Flat indices on the grid.
+    share : float
+        Points transformed, over those of the whole grid.
+    positions : edges and positions
+        The elements in the window, see `Convolution.positions`.
+    """
+
+    engine: Convolution
+    elements: Index
+    share: float
+    positions: tuple[list[int], NDArray[Any]]
+
+
+class ElasticBody:
+    """Displacement under pressure, u = K ∗ p, by convolutions: the common part of free and periodic half spaces.
+
+    Buffers and FFTW plans are made once, for any number of surfaces of the shape. Not thread-safe. Displacements are in
+    lattice units, see the conventions of `halfspace`.
 
     Parameters
     ----------
     shape : (int, int)
-        Rows and columns, each at least 1.
-    kernel : {"love", "punch"}
-        Influence coefficients, see `kernels`.
+        Rows and columns of the grid.
+    kernel : Kernel or str
+        Influence coefficients, or the name of a kernel in `kernels`: "love", "punch", "fourier".
     threads : int
         Threads inside one convolution. Results do not depend on them.
     tuning : Tuning
@@ -65,7 +77,7 @@ class HalfSpace:
     Attributes
     ----------
     influence : array (rows, columns)
-        K(i, j) of the non-negative offsets.
+        K(i, j) of the non-negative offsets. On a periodic half space images are included.
     convolutions, convolutions_fp32 : float
         Convolutions so far, by precision. Unit: one on the full grid. A convolution over a window counts by its share
         of the points transformed.
@@ -73,96 +85,47 @@ class HalfSpace:
     Raises
     ------
     ContactError
-        If the shape is empty, the kernel unknown, or K not positive definite.
+        If the shape is too small, the kernel unknown, or K not positive definite.
     """
 
-    periodic = False
+    periodic: bool
+    least: int  # elements along an axis
+    influence: Array
 
-    def __init__(self, shape: tuple[int, int], kernel: str = "love", threads: int = 1, tuning: Tuning = TUNING) -> None:
-        self.shape = (int(shape[0]), int(shape[1]))
-        if min(self.shape) < 1:
-            raise ContactError(f"shape is {shape}; allowed: at least one element along each axis")
-        self.kernel, self.threads, self._tuning = kernel, threads, tuning
-        self._halves = transform_length(self.shape[0]) // 2, transform_length(self.shape[1]) // 2
-        # Lags beyond the grid enter no result, but have the kernel as well. With zeros there, the spectrum of a
-        # positive operator would be negative in places.
-        self._quadrant = kernel_quadrant((self._halves[0] + 1, self._halves[1] + 1), kernel)
-        self._quadrant.flags.writeable = False
-        self.influence = np.ascontiguousarray(self._quadrant[: self.shape[0], : self.shape[1]])
-        self._spectrum = _spectrum(self._quadrant)
-        if not self._spectrum.min() > 0.0:
-            message = f"the {self.kernel} kernel is not positive definite on {self.shape}; no unique solution there"
-            raise ContactError(message)
-        self._engines: dict[tuple[int, int, str], Convolution] = {}
-        self._windows: dict[str, _Window] = {}
+    def __init__(
+        self, shape: tuple[int, int], kernel: Kernel | str = LOVE, threads: int = 1, tuning: Tuning = TUNING
+    ) -> None:
+        self.shape, self.kernel = (int(shape[0]), int(shape[1])), kernel_of(kernel)
+        if min(self.shape) < self.least:
+            raise ContactError(f"shape is {shape}; allowed: at least {self.least} × {self.least} elements")
+        self.threads, self._tuning = threads, tuning
+        self._windows: dict[str, Window] = {}
         self.convolutions = 0.0
         self.convolutions_fp32 = 0.0
-        self._compliance: Array | None = None
+        self._spectrum = self._waves()
+        if not self._spectrum.min() > 0.0:
+            message = (
+                f"the {self.kernel.name} kernel is not positive definite on {self.shape}; no unique solution there"
+            )
+            raise ContactError(message)
+        self.influence.flags.writeable = False
 
     def displacement(self, pressure: Array) -> Array:
-        """Return u = K ∗ p on every element, by one convolution.
-
-        Parameters
-        ----------
-        pressure : array (rows, columns)
-            Pressures.
-
-        Returns
-        -------
-        array (rows, columns)
-            Displacement [lattice units].
-
-        Raises
-        ------
-        ContactError
-            If the shape differs from that of the grid.
-        """
+        """Return u = K ∗ p (rows, columns) on every element, by one convolution."""
         if pressure.shape != self.shape:
             raise ContactError(f"pressure has shape {pressure.shape}; the half space has {self.shape}")
         self.convolutions += 1.0
-        return self._engine(self._halves, "float64").convolve(pressure)
+        return self._whole("float64").convolve(pressure)
 
-    def displacement_above(self, heights: Array, elements: NDArray[np.intp], pressure: NDArray[Any]) -> Array:
-        """Return u - heights on every element, by one convolution.
-
-        Parameters
-        ----------
-        heights : array (rows * columns,)
-            Heights [lattice units].
-        elements : array (n,)
-            Flat indices of the elements under pressure, increasing.
-        pressure : array (n,)
-            Pressures there.
-
-        Returns
-        -------
-        array (rows * columns,)
-            u - heights [lattice units].
-        """
+    def displacement_above(self, heights: Array, elements: Index, pressure: NDArray[Any]) -> Array:
+        """Return u - heights on every element, flat, by one convolution; pressure (n,) on increasing elements."""
         self.convolutions += 1.0
-        engine = self._engine(self._halves, "float64")
+        engine = self._whole("float64")
         positions = engine.positions(*np.divmod(elements.astype(np.int32), np.int32(self.shape[1])))
         return engine.convolve_above(heights.reshape(self.shape), *positions, pressure).ravel()
 
-    def displacement_at(
-        self, elements: NDArray[np.intp], pressure: NDArray[Any], *, single: bool = False
-    ) -> NDArray[Any]:
-        """Return u at the elements that carry the pressure. On large grids only their rectangle is transformed.
-
-        Parameters
-        ----------
-        elements : array (n,)
-            Flat indices, increasing.
-        pressure : array (n,)
-            Pressures there.
-        single : bool
-            Transform in 32 bits.
-
-        Returns
-        -------
-        array (n,)
-            Displacement [lattice units].
-        """
+    def displacement_at(self, elements: Index, pressure: NDArray[Any], *, single: bool = False) -> NDArray[Any]:
+        """Return u (n,) at the increasing elements that carry the pressure (n,), in 32 bits if `single`."""
         precision = "float32" if single else "float64"
         window = self._windows.get(precision)
         if window is None or not np.array_equal(window.elements, elements):
@@ -173,19 +136,53 @@ class HalfSpace:
             self.convolutions += window.share
         return window.engine.convolve_at(*window.positions, pressure)
 
-    @property
+    def _waves(self) -> Array:
+        """Return one quadrant of the spectrum, with the factor of the inverse transform, and set `influence`."""
+        raise NotImplementedError
+
+    def _whole(self, precision: str) -> Convolution:
+        """Return the convolution over the whole grid."""
+        raise NotImplementedError
+
+    def _window(self, elements: Index, precision: str) -> Window:
+        """Return the convolution for pressures on some elements: over the whole grid."""
+        engine = self._whole(precision)
+        return Window(engine, elements.copy(), 1.0, engine.positions(*np.divmod(elements, self.shape[1])))
+
+
+class HalfSpace(ElasticBody):
+    """The free half space: nothing is periodic.
+
+    On large grids only the rectangle of the elements under pressure is transformed.
+    """
+
+    periodic = False
+    least = 1
+
+    def _waves(self) -> Array:
+        self._halves = transform_length(self.shape[0]) // 2, transform_length(self.shape[1]) // 2
+        # Lags beyond the grid enter no result, but have the kernel as well. With zeros there, the spectrum of a
+        # positive operator would be negative in places.
+        self._quadrant = self.kernel.quadrant((self._halves[0] + 1, self._halves[1] + 1))
+        self._quadrant.flags.writeable = False
+        self.influence = np.ascontiguousarray(self._quadrant[: self.shape[0], : self.shape[1]])
+        self._engines: dict[tuple[int, int, str], Convolution] = {}
+        return _spectrum(self._quadrant)
+
+    @cached_property
     def total_compliance(self) -> Array:
         """Displacement K ∗ 1 under unit pressure everywhere, array (rows, columns) [lattice units].
 
         K is symmetric, so Σu = Σ (K ∗ 1) p. The mean displacement and the free volume are a dot product with it.
         """
-        if self._compliance is None:
-            self._compliance = self.displacement(np.ones(self.shape))
-            self.convolutions -= 1.0  # a property of the grid, not a cost of the first case
-            self._compliance.flags.writeable = False
-        return self._compliance
+        compliance = self._whole("float64").convolve(np.ones(self.shape))
+        compliance.flags.writeable = False
+        return compliance
 
-    def _window(self, elements: NDArray[np.intp], precision: str) -> _Window:
+    def _whole(self, precision: str) -> Convolution:
+        return self._engine(self._halves, precision)
+
+    def _window(self, elements: Index, precision: str) -> Window:
         """Return the convolution over the least window that holds the elements."""
         row, column = np.divmod(elements, self.shape[1])
         first = (int(row[0]), int(column.min())) if elements.size else (0, 0)
@@ -203,7 +200,7 @@ class HalfSpace:
             min(first[0], self.shape[0] - engine.shape[0]),
             min(first[1], self.shape[1] - engine.shape[1]),
         )
-        return _Window(engine, elements.copy(), share, engine.positions(row - first[0], column - first[1]))
+        return Window(engine, elements.copy(), share, engine.positions(row - first[0], column - first[1]))
 
     @property
     def window_points(self) -> int:
@@ -250,13 +247,3 @@ def _spectrum(quadrant: Array) -> Array:
     spectrum: Array = scipy_fft.dctn(quadrant, type=1)
     spectrum /= 4.0 * max(quadrant.shape[0] - 1, 1) * max(quadrant.shape[1] - 1, 1)
     return spectrum
-
-
-@dataclass(frozen=True)
-class _Window:
-    """A convolution over a part of the grid, for fixed elements."""
-
-    engine: Convolution
-    elements: NDArray[np.intp]
-    share: float
-    positions: tuple[list[int], NDArray[Any]]

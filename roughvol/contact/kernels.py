@@ -1,4 +1,4 @@
-"""Influence coefficients: displacement of one element by a unit pressure on another.
+"""Kernels: displacement of the elements around one element under a unit pressure on it.
 
 Lattice units, see `halfspace`: u = δ/(π E*) Σ K(i - k, j - l) p. K is even along both axes.
 """
@@ -6,15 +6,47 @@ Lattice units, see `halfspace`: u = δ/(π E*) Σ K(i - k, j - l) p. K is even a
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from roughvol.errors import ContactError
 from roughvol.typing import Array, Index
 
-# Kernels whose K⁻¹ is an M-matrix, see docs/solver.md: overlaps at the hardness are never undone on a leg of a path.
-M_MATRIX = ("love",)
-_SERIES_FROM = 64.0  # spacings; the two forms are equally exact there (test_halfspace, love_kernel)
+_SERIES_FROM = 64.0  # spacings; the two forms are equally exact there (test_kernels, love_kernel)
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """The elastic body as a half space sees it: influence coefficients, or displacement of waves.
+
+    A kernel with a length is made by a function of this length in spacings. Two kernels of one name are the same.
+
+    Attributes
+    ----------
+    name : str
+        Name, with the length if it has one.
+    coefficients : callable, optional
+        (x, y) ↦ K at offsets ≥ 0 [spacings]. Default: none, for a kernel of periodic half spaces alone.
+    spectrum : callable, optional
+        (f₁, f₂) ↦ displacement under a unit wave of f periods per spacing, on a periodic half space; any value at 0.
+        Default: the coefficients summed over images. They then differ from Love's as 1/r⁵ at most.
+    m_matrix : bool
+        Whether K⁻¹ is an M-matrix, see docs/solver.md: overlaps at the hardness are never undone on a leg of a path.
+    """
+
+    name: str
+    coefficients: Callable[[Array, Array], Array] | None = field(default=None, compare=False, repr=False)
+    spectrum: Callable[[Array, Array], Array] | None = field(default=None, compare=False, repr=False)
+    m_matrix: bool = field(default=False, compare=False)
+
+    def quadrant(self, shape: tuple[int, int]) -> Array:
+        """Return K(i, j) for the offsets 0 ≤ i < rows, 0 ≤ j < columns."""
+        if self.coefficients is None:
+            allowed = ", ".join(kernel.name for kernel in KERNELS.values() if kernel.coefficients)
+            raise ContactError(f"kernel is {self.name!r}; allowed on a free patch: {allowed}")
+        row, column = (np.arange(float(n)) for n in shape)
+        return np.ascontiguousarray(self.coefficients(row[:, None], column))
 
 
 def love_kernel(x: Array, y: Array) -> Array:
@@ -22,23 +54,8 @@ def love_kernel(x: Array, y: Array) -> Array:
 
     .. math:: K(x, y) = \int_{-1/2}^{1/2}\int_{-1/2}^{1/2} \frac{dξ\,dη}{\sqrt{(x-ξ)^2 + (y-η)^2}}
 
-    u = δ/(π E*) K p. The closed form loses digits as ε r². Beyond 64 spacings the multipole series of a uniform square
-    replaces it, up to fourth moments. The relative error is below 1e-13 everywhere.
-
-    Parameters
-    ----------
-    x, y : array_like
-        Offsets [spacings], ≥ 0, broadcast together, not on the edge of the element. The kernel is even.
-
-    Returns
-    -------
-    array
-        K, without unit.
-
-    Raises
-    ------
-    ContactError
-        If an offset is negative.
+    The closed form loses digits as ε r². Beyond 64 spacings the multipole series of a uniform square replaces it, up to
+    fourth moments. The relative error is below 1e-13 everywhere. Offsets are in spacings, off the edge of the element.
 
     References
     ----------
@@ -81,19 +98,9 @@ def _love_far(x: Array, y: Array) -> Array:
 
 
 def punch_kernel(x: Array, y: Array) -> Array:
-    """Return the influence coefficients of a rigid punch on itself, and of a disc on other elements.
+    """Return the coefficients of a rigid punch on itself, K(0, 0) = 2, and of a disc on others, 2 asin(1/(2 r)).
 
-    K(0, 0) = 2 and K(r) = 2 asin(1/(2 r)), which tends to 1/r. K⁻¹ is no M-matrix: the diagonal is small.
-
-    Parameters
-    ----------
-    x, y : array_like
-        Offsets [spacings], broadcast together.
-
-    Returns
-    -------
-    array
-        K, without unit.
+    K(r) tends to 1/r. K⁻¹ is no M-matrix: the diagonal is small.
     """
     r = np.hypot(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     kernel = np.full(r.shape, 2.0)
@@ -102,50 +109,30 @@ def punch_kernel(x: Array, y: Array) -> Array:
     return kernel
 
 
-KERNELS: dict[str, Callable[[Array, Array], Array]] = {"love": love_kernel, "punch": punch_kernel}
+def _fourier(row: Array, column: Array) -> Array:
+    """Return the displacement 1/|f| of the half space itself, 2/(E* q), on the waves of the grid."""
+    with np.errstate(divide="ignore"):
+        displacement: Array = 1.0 / np.hypot(row, column)
+    return displacement
 
 
-def kernel_quadrant(shape: tuple[int, int], kernel: str = "love") -> Array:
-    """Return K(i, j) for the offsets 0 ≤ i < rows, 0 ≤ j < columns.
+LOVE = Kernel("love", love_kernel, m_matrix=True)
+PUNCH = Kernel("punch", punch_kernel)
+FOURIER = Kernel("fourier", spectrum=_fourier)
+KERNELS = {kernel.name: kernel for kernel in (LOVE, PUNCH, FOURIER)}
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns.
-    kernel : {"love", "punch"}
-        Name of the kernel.
 
-    Returns
-    -------
-    array (rows, columns)
-        K in units δ/(π E*).
-
-    Raises
-    ------
-    ContactError
-        If the kernel is unknown.
-    """
+def kernel_of(kernel: Kernel | str) -> Kernel:
+    """Return a kernel, or the kernel of a name."""
+    if isinstance(kernel, Kernel):
+        return kernel
     if kernel not in KERNELS:
         raise ContactError(f"kernel is {kernel!r}; allowed: {', '.join(KERNELS)}")
-    row, column = (np.arange(float(n)) for n in shape)
-    return np.ascontiguousarray(KERNELS[kernel](row[:, None], column))
+    return KERNELS[kernel]
 
 
 def influence_matrix(influence: Array, elements: Index) -> Array:
-    """Return K between some elements.
-
-    Parameters
-    ----------
-    influence : array (rows, columns)
-        K of the non-negative offsets.
-    elements : array (n,)
-        Flat indices on the same grid.
-
-    Returns
-    -------
-    array (n, n)
-        K in units δ/(π E*).
-    """
+    """Return K (n, n) between elements, by their flat indices on the grid of the coefficients."""
     columns = np.int32(influence.shape[1])
     row, column = np.divmod(elements.astype(np.int32), columns)
     offset = np.abs(np.subtract.outer(row, row))

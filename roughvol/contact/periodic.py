@@ -22,201 +22,66 @@ operator is an M-matrix (test_periodic), and docs/solver.md applies as it stands
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from roughvol.contact.convolution import Convolution
-from roughvol.contact.kernels import love_kernel, punch_kernel
-from roughvol.contact.tuning import TUNING, Tuning
-from roughvol.errors import ContactError
+from roughvol.contact.halfspace import ElasticBody
+from roughvol.contact.kernels import LOVE, Kernel, love_kernel
 from roughvol.typing import Array
 
-PERIODIC_KERNELS = ("love", "punch", "fourier")
 LEAST = 5  # the neighbours of an element within two spacings are then five different ones along an axis
 # The split of 1/r into near and far: erfc(r/2)/r vanishes to rounding beyond 13 spacings, and the transform of the
 # rest, erfc(2π|f|)/|f|, beyond |f| = 1.
 _WIDTH, _NEAR = 0.5, 13
 _POINTS = 16  # of the Gauss-Legendre rule over an element; the far part is smooth
-_PUNCH_REACH = 200  # spacings; punch and Love differ by 0.02/r⁵ there
+_REACH = 200  # spacings; punch and Love differ by 0.02/r⁵ there
 
 
-class PeriodicHalfSpace:
-    """Displacement under periodic pressure, u = K ∗ p, for one grid shape and kernel.
-
-    Buffers and FFTW plans are made once. Not thread-safe. Displacements are in lattice units, see the module.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of one period, each at least 5.
-    kernel : {"love", "punch", "fourier"}
-        Influence coefficients.
-    threads : int
-        Threads inside one convolution. Results do not depend on them.
-    tuning : Tuning
-        Constants.
-
-    Attributes
-    ----------
-    periodic : bool
-        True.
-    influence : array (rows, columns)
-        K(i, j) of the non-negative offsets, images included.
-    convolutions, convolutions_fp32 : float
-        Convolutions so far, by precision. Every one is over the whole grid.
-
-    Raises
-    ------
-    ContactError
-        If the shape is too small, the kernel unknown, or K not positive definite.
-    """
+class PeriodicHalfSpace(ElasticBody):
+    """The half space under one pressure pattern repeated without end; every convolution is over the whole period."""
 
     periodic = True
+    least = LEAST
 
-    def __init__(self, shape: tuple[int, int], kernel: str = "love", threads: int = 1, tuning: Tuning = TUNING) -> None:
-        self.shape = (int(shape[0]), int(shape[1]))
-        if min(self.shape) < LEAST:
-            raise ContactError(f"shape is {shape}; allowed: at least {LEAST} elements along each axis of a period")
-        self.kernel, self.threads, self._tuning = kernel, threads, tuning
-        spectrum = periodic_spectrum(self.shape, kernel)
-        if not spectrum.min() > 0.0:
-            message = f"the {kernel} kernel is not positive definite on {self.shape}; no unique solution there"
-            raise ContactError(message)
+    def _waves(self) -> Array:
+        spectrum = periodic_spectrum(self.shape, self.kernel)
         self.influence = _influence(spectrum, self.shape)
-        self.influence.flags.writeable = False
         self._mean = np.float64(spectrum[0, 0])
-        self._spectrum = spectrum / math.prod(self.shape)
         self._engines: dict[str, Convolution] = {}
-        self._positions: dict[str, tuple[NDArray[np.intp], tuple[list[int], NDArray[Any]]]] = {}
-        self.convolutions = 0.0
-        self.convolutions_fp32 = 0.0
-
-    def displacement(self, pressure: Array) -> Array:
-        """Return u = K ∗ p on every element, by one convolution.
-
-        Parameters
-        ----------
-        pressure : array (rows, columns)
-            Pressures of one period.
-
-        Returns
-        -------
-        array (rows, columns)
-            Displacement [lattice units].
-
-        Raises
-        ------
-        ContactError
-            If the shape differs from that of the grid.
-        """
-        if pressure.shape != self.shape:
-            raise ContactError(f"pressure has shape {pressure.shape}; the half space has {self.shape}")
-        self.convolutions += 1.0
-        return self._engine("float64").convolve(pressure)
-
-    def displacement_above(self, heights: Array, elements: NDArray[np.intp], pressure: NDArray[Any]) -> Array:
-        """Return u - heights on every element, by one convolution.
-
-        Parameters
-        ----------
-        heights : array (rows * columns,)
-            Heights [lattice units].
-        elements : array (n,)
-            Flat indices of the elements under pressure, increasing.
-        pressure : array (n,)
-            Pressures there.
-
-        Returns
-        -------
-        array (rows * columns,)
-            u - heights [lattice units].
-        """
-        self.convolutions += 1.0
-        engine = self._engine("float64")
-        positions = engine.positions(*np.divmod(elements.astype(np.int32), np.int32(self.shape[1])))
-        return engine.convolve_above(heights.reshape(self.shape), *positions, pressure).ravel()
-
-    def displacement_at(
-        self, elements: NDArray[np.intp], pressure: NDArray[Any], *, single: bool = False
-    ) -> NDArray[Any]:
-        """Return u at the elements that carry the pressure.
-
-        Parameters
-        ----------
-        elements : array (n,)
-            Flat indices, increasing.
-        pressure : array (n,)
-            Pressures there.
-        single : bool
-            Transform in 32 bits.
-
-        Returns
-        -------
-        array (n,)
-            Displacement [lattice units].
-        """
-        precision = "float32" if single else "float64"
-        engine = self._engine(precision)
-        held = self._positions.get(precision)
-        if held is None or not np.array_equal(held[0], elements):
-            row, column = np.divmod(elements.astype(np.int32), np.int32(self.shape[1]))
-            held = self._positions[precision] = elements.copy(), engine.positions(row, column)
-        if single:
-            self.convolutions_fp32 += 1.0
-        else:
-            self.convolutions += 1.0
-        return engine.convolve_at(*held[1], pressure)
+        return spectrum / math.prod(self.shape)
 
     @property
     def total_compliance(self) -> Array:
         """Displacement λ(0) under unit pressure everywhere, array (rows, columns) [lattice units]."""
         return np.broadcast_to(self._mean, self.shape)
 
-    def _engine(self, precision: str) -> Convolution:
+    def _whole(self, precision: str) -> Convolution:
         if precision not in self._engines:
             shape, dtype = self.shape, np.dtype(precision)
             self._engines[precision] = Convolution(shape, self._spectrum, dtype, self.threads, self._tuning, shape)
         return self._engines[precision]
 
 
-def periodic_spectrum(shape: tuple[int, int], kernel: str = "love") -> Array:
-    """Return λ, the displacement per pressure of each wave of the grid.
+def periodic_spectrum(shape: tuple[int, int], kernel: Kernel = LOVE) -> Array:
+    """Return λ, the displacement per pressure of each wave of the grid, λ(0) = π max(shape) [δ/(π E*)].
 
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of one period.
-    kernel : {"love", "punch", "fourier"}
-        Influence coefficients.
-
-    Returns
-    -------
-    array (rows // 2 + 1, columns // 2 + 1)
-        λ in units δ/(π E*), at k = 0, 1, … periods in the grid along each axis; λ(0) = π max(shape).
-
-    Raises
-    ------
-    ContactError
-        If the kernel is unknown.
+    The array (rows // 2 + 1, columns // 2 + 1) has the waves of k = 0, 1, … periods in the grid along each axis.
 
     References
     ----------
     K. L. Johnson, Contact Mechanics (1985), Section 13.2 (waves on a half space); P. P. Ewald, Ann. Phys. 369 (1921)
     253-287 (the sum over images, split in two that converge fast).
     """
-    if kernel not in PERIODIC_KERNELS:
-        raise ContactError(f"kernel is {kernel!r}; allowed on a periodic half space: {', '.join(PERIODIC_KERNELS)}")
     row, column = (np.arange(n // 2 + 1) / n for n in shape)
-    if kernel == "fourier":
-        with np.errstate(divide="ignore"):
-            spectrum = 1.0 / np.hypot(row[:, None], column)
+    if kernel.spectrum is not None:
+        spectrum = kernel.spectrum(row[:, None], column)
     else:
         spectrum = _far_part(row[:, None], column) + _wave_sums(_near_part(), shape)
-        if kernel == "punch":
-            spectrum += _wave_sums(_punch_over_love(), shape)
+        if kernel != LOVE:  # images far away do not count in the difference
+            reach = (_REACH + 1, _REACH + 1)
+            spectrum += _wave_sums(kernel.quadrant(reach) - LOVE.quadrant(reach), shape)
     spectrum[0, 0] = math.pi * max(shape)
     return spectrum
 
@@ -240,12 +105,6 @@ def _near_part() -> Array:
     r = np.hypot(along[:, None, :, None], along[None, :, None, :])
     smooth = np.where(r > 0.0, special.erf(_WIDTH * r) / np.where(r > 0.0, r, 1.0), 2.0 * _WIDTH / math.sqrt(math.pi))
     return love_kernel(offset[:, None], offset) - 0.25 * np.einsum("ijkl,k,l->ij", smooth, weight, weight)
-
-
-def _punch_over_love() -> Array:
-    """Return the coefficients of the punch less Love's. They fall off as 1/r⁵, so images far away do not count."""
-    offset = np.arange(_PUNCH_REACH + 1.0)
-    return punch_kernel(offset[:, None], offset) - love_kernel(offset[:, None], offset)
 
 
 def _wave_sums(coefficients: Array, shape: tuple[int, int]) -> Array:

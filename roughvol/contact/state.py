@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from roughvol.contact.kernels import Kernel
 from roughvol.typing import Array, Index, Mask
 
 
@@ -18,6 +19,8 @@ class Compliance(Protocol):
     ----------
     shape : (int, int)
         Rows and columns of the grid.
+    kernel : Kernel
+        Influence coefficients.
     influence : array (rows, columns)
         K(i, j) of the non-negative offsets, in units δ/(π E*).
     convolutions, convolutions_fp32 : float
@@ -28,6 +31,7 @@ class Compliance(Protocol):
 
     periodic: bool
     shape: tuple[int, int]
+    kernel: Kernel
     influence: Array
     convolutions: float
     convolutions_fp32: float

@@ -8,13 +8,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from roughvol.study.sections import fluid, spectral
 from roughvol.study.sections.ensemble import CLOSING, FEWEST_LEVELS, RECORDED_BY, STORED_AS
 from roughvol.study.sections.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.sections.record import EVERY_STEP, SELECTORS, Record
-from roughvol.study.sections.solver import PAPER_MAX_M
+from roughvol.study.sections.solver import PAPER_MAX_M, FreeKernel, PeriodicKernel
 from roughvol.study.sections.strict import names
 from roughvol.study.sections.sweep import Target
 from roughvol.study.sections.targets import (
@@ -216,8 +216,9 @@ def _periodic_conflicts(
         message = "needs surface.periodic: true and no record.region: a part of a plane is no period"
         yield ("record", "transport", "cell_transmissivity"), message
     if not periodic:
-        if solver.get("kernel") == "fourier":
-            yield ("solver", "kernel"), "'fourier' needs surface.periodic: true; allowed on a free patch: love, punch"
+        if (kernel := solver.get("kernel")) in get_args(PeriodicKernel):
+            allowed = ", ".join(get_args(FreeKernel))
+            yield ("solver", "kernel"), f"{kernel!r} needs surface.periodic: true; allowed on a free patch: {allowed}"
         return
     for path, m in _numbers(surface.get("m"), "surface", "m"):
         if m < PERIODIC_LEAST_M:

@@ -9,7 +9,14 @@ from scipy import linalg, signal
 from scipy.optimize import nnls
 
 from roughvol.contact import closed_forms
-from roughvol.contact.kernels import kernel_quadrant
+from roughvol.contact.kernels import kernel_of
+
+KERNELS = ("love", "punch")  # with coefficients, so that a free patch has them
+
+
+def coefficients(shape, kernel="love"):
+    """K of the non-negative offsets, by the name of the kernel."""
+    return kernel_of(kernel).quadrant(shape)
 
 
 def dense_matrix(influence):
@@ -27,7 +34,7 @@ def love_influence(shape):
 
 def summed_displacement(pressure, kernel="love"):
     """K ∗ p by a linear convolution with the whole mirrored kernel, padded in full."""
-    quadrant = kernel_quadrant(pressure.shape, kernel)
+    quadrant = coefficients(pressure.shape, kernel)
     half = np.concatenate([quadrant[:0:-1], quadrant])
     whole = np.concatenate([half[:, :0:-1], half], axis=1)
     return signal.fftconvolve(whole, pressure, mode="valid")
@@ -39,8 +46,8 @@ class DenseHalfSpace:
     periodic = False
 
     def __init__(self, shape, kernel="love"):
-        self.shape = shape
-        self.influence = kernel_quadrant(shape, kernel)
+        self.shape, self.kernel = shape, kernel_of(kernel)
+        self.influence = coefficients(shape, kernel)
         self.matrix = dense_matrix(self.influence)
         self.convolutions = self.convolutions_fp32 = 0
 

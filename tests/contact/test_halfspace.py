@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracles import dense_matrix, love_influence, summed_displacement
+from oracles import KERNELS, coefficients, dense_matrix, love_influence, summed_displacement
 
 from roughvol.contact import closed_forms, convolution
 from roughvol.contact.halfspace import HalfSpace, transform_length
-from roughvol.contact.kernels import KERNELS, kernel_quadrant, love_kernel, punch_kernel
+from roughvol.contact.kernels import kernel_of, love_kernel, punch_kernel
 from roughvol.contact.tuning import Tuning
 from roughvol.errors import ContactError
 
@@ -65,7 +65,7 @@ def test_nine_elements_are_one_of_three_times_the_side(x, slope):
 
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_kernel_is_symmetric_positive_and_falls_off(kernel):
-    quadrant = kernel_quadrant((120, 120), kernel)
+    quadrant = coefficients((120, 120), kernel)
     np.testing.assert_allclose(quadrant, quadrant.T, rtol=1e-13)
     assert quadrant.min() > 0.0
     assert np.diff(quadrant, axis=0).max() < 0.0
@@ -93,14 +93,14 @@ def test_negative_offsets_are_refused(x, y):
 
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_quadrant_lists_the_kernel_by_offset(kernel):
-    quadrant = kernel_quadrant((4, 3), kernel)
+    quadrant = coefficients((4, 3), kernel)
     assert quadrant.shape == (4, 3)
     for (i, j), value in np.ndenumerate(quadrant):
-        assert value == float(KERNELS[kernel](float(i), float(j)))
+        assert value == float(kernel_of(kernel).coefficients(float(i), float(j)))
 
 
 def test_unknown_kernel_is_refused_with_the_known_ones():
-    for make in (kernel_quadrant, HalfSpace):
+    for make in (coefficients, HalfSpace):
         with pytest.raises(ContactError, match=r"'boussinesq'.*love, punch"):
             make((3, 3), "boussinesq")
 
@@ -112,7 +112,7 @@ def test_unknown_kernel_is_refused_with_the_known_ones():
 @pytest.mark.parametrize("nodes", [2, 3, 5, 33, 129])
 def test_kernel_on_the_torus_is_positive_definite(kernel, nodes):
     # The operator of the grid is a block of the circulant one, with eigenvalues from the mirrored quadrant.
-    quadrant = kernel_quadrant((nodes, nodes), kernel)
+    quadrant = coefficients((nodes, nodes), kernel)
     torus = np.pad(quadrant, ((0, nodes - 2), (0, nodes - 2)), mode="reflect")
     eigenvalues = np.fft.fft2(torus)
     np.testing.assert_allclose(eigenvalues.imag, 0.0, atol=1e-12 * eigenvalues.real.max())
@@ -122,14 +122,14 @@ def test_kernel_on_the_torus_is_positive_definite(kernel, nodes):
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("shape", [(1, 9), (9, 9), (13, 6), (3, 40)])
 def test_grid_operator_is_positive_definite(kernel, shape):
-    lowest = np.linalg.eigvalsh(dense_matrix(kernel_quadrant(shape, kernel)))[0]
+    lowest = np.linalg.eigvalsh(dense_matrix(coefficients(shape, kernel)))[0]
     assert lowest > {"love": 1.8, "punch": 0.25}[kernel]
 
 
 @pytest.mark.parametrize("shape", [(9, 9), (13, 6), (3, 40), (17, 17)])
 def test_inverse_of_love_is_an_m_matrix_and_that_of_punch_is_not(shape):
     def inverse(kernel, kept):
-        return np.linalg.inv(dense_matrix(kernel_quadrant(shape, kernel))[np.ix_(kept, kept)])
+        return np.linalg.inv(dense_matrix(coefficients(shape, kernel))[np.ix_(kept, kept)])
 
     everything = np.arange(shape[0] * shape[1])
     some = np.flatnonzero(noise(everything.size) > 0)
@@ -148,7 +148,7 @@ def test_inverse_of_love_is_an_m_matrix_and_that_of_punch_is_not(shape):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_displacement_is_the_sum_over_all_elements(shape, kernel):
     pressure = noise(shape)
-    expected = (dense_matrix(kernel_quadrant(shape, kernel)) @ pressure.ravel()).reshape(shape)
+    expected = (dense_matrix(coefficients(shape, kernel)) @ pressure.ravel()).reshape(shape)
     displacement = half_space(shape, kernel).displacement(pressure)
     assert displacement.dtype == np.float64
     np.testing.assert_allclose(displacement, expected, rtol=0, atol=2e-14 * np.abs(expected).max())
@@ -399,7 +399,7 @@ def test_counters_count_convolutions_by_precision():
 def test_total_compliance_sums_any_displacement(shape, kernel):
     space, pressure = HalfSpace(shape, kernel), noise(shape, 5)
     total = space.total_compliance
-    rows = dense_matrix(kernel_quadrant(shape, kernel)).sum(axis=1).reshape(shape)
+    rows = dense_matrix(coefficients(shape, kernel)).sum(axis=1).reshape(shape)
     np.testing.assert_allclose(total, rows, rtol=1e-13)
     expected = space.displacement(pressure).sum()
     assert np.sum(total * pressure) == pytest.approx(expected, rel=1e-12)
@@ -444,7 +444,7 @@ def test_transform_length_is_even_long_enough_and_smooth():
 
 @pytest.mark.parametrize("shape", [(0, 3), (3, 0), (-1, 3)])
 def test_empty_grids_are_refused(shape):
-    with pytest.raises(ContactError, match="at least one element"):
+    with pytest.raises(ContactError, match="at least 1 × 1 elements"):
         HalfSpace(shape)
 
 

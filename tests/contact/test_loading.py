@@ -17,7 +17,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from oracles import (
+    KERNELS,
     DenseHalfSpace,
+    coefficients,
     dense_matrix,
     exact_pressure,
     lattice_pressure,
@@ -28,7 +30,6 @@ from oracles import (
 
 from roughvol.contact import active_set
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.kernels import kernel_quadrant
 from roughvol.contact.loading import Trials, solve, sweep
 from roughvol.contact.tuning import SearchTuning, Tuning
 from roughvol.errors import ContactError, ConvergenceError
@@ -59,7 +60,6 @@ HEIGHTS = {
 }
 GENERIC = [name for name in HEIGHTS if name.startswith("D=") or name in ("white noise", "3 × 60", "3 × 3")]
 INDENTATIONS = (0.05, 0.6, 0.61, 2.0, 7.0, 60.0, 400.0)
-KERNELS = ("love", "punch")
 TIGHT = 1e-10
 
 
@@ -86,7 +86,7 @@ def swept(name, kernel):
 
 @lru_cache
 def matrix(shape, kernel="love"):
-    return dense_matrix(kernel_quadrant(shape, kernel))
+    return dense_matrix(coefficients(shape, kernel))
 
 
 def residual(contact, surface, kernel="love"):
@@ -518,7 +518,7 @@ def test_single_contact_is_one_element_on_the_half_space(kernel):
         mask = contact.contact()
         assert mask.sum() == 1
         assert surface.heights[mask] == surface.z_max
-        p = math.pi * 32 * contact.indentation / kernel_quadrant((1, 1), kernel)[0, 0]
+        p = math.pi * 32 * contact.indentation / coefficients((1, 1), kernel)[0, 0]
         assert contact.pressure().max() == pytest.approx(p, rel=1e-12)
 
 

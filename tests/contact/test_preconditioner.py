@@ -7,11 +7,11 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from oracles import dense_matrix
+from oracles import KERNELS, coefficients, dense_matrix
 
 from roughvol.contact import far_field
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.kernels import influence_matrix, kernel_quadrant
+from roughvol.contact.kernels import influence_matrix
 from roughvol.contact.loading import solve, sweep
 from roughvol.contact.near_field import near_field
 from roughvol.contact.periodic import PeriodicHalfSpace
@@ -20,7 +20,6 @@ from roughvol.contact.tuning import Tuning
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 
-KERNELS = ("love", "punch")
 SHAPES = ((33, 33), (33, 65), (3, 120), (50, 19))
 
 
@@ -33,7 +32,7 @@ def contact_set(shape, seed=0, kernel="love"):
     surface = Surface(heights - heights.max(), 1.0)
     half_space = HalfSpace(shape, kernel)
     elements = np.flatnonzero(solve(surface, half_space, 3.0).contact())
-    matrix = dense_matrix(kernel_quadrant(shape, kernel))[np.ix_(elements, elements)]
+    matrix = dense_matrix(coefficients(shape, kernel))[np.ix_(elements, elements)]
     return half_space.influence, elements, matrix, np.linalg.solve(matrix, np.ones(elements.size))
 
 
@@ -50,7 +49,7 @@ def eigenvalues(inverse, matrix):
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_influence_matrix_is_k_of_the_offsets(shape):
-    influence = kernel_quadrant(shape)
+    influence = coefficients(shape)
     elements = np.sort(np.random.Generator(np.random.PCG64(4)).choice(influence.size, 40, replace=False))
     wanted = dense_matrix(influence)[np.ix_(elements, elements)]
     assert np.array_equal(influence_matrix(influence, elements), wanted)
@@ -81,7 +80,7 @@ def test_near_field_is_the_factor_of_its_definition(reach, kernel):
 
 def test_near_field_of_neighbours_alone_is_the_inverse():
     shape = (9, 9)
-    influence = kernel_quadrant(shape)
+    influence = coefficients(shape)
     elements = np.array([10, 11, 19, 20, 60])  # a square of four and one too far to be taken for a neighbour
     matrix = dense_matrix(influence)[np.ix_(elements, elements)]
     matrix[4, :4] = matrix[:4, 4] = 0.0
@@ -269,7 +268,7 @@ def lifted(**constants):
     )
     assert free[inside].all()
     assert free[~inside].mean() < 0.1
-    matrix = dense_matrix(kernel_quadrant(shape))[np.ix_(around, around)]
+    matrix = dense_matrix(coefficients(shape))[np.ix_(around, around)]
     return around, inverse, free, matrix, influence
 
 

@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.kernels import kernel_quadrant
 from roughvol.contact.loading import solve, sweep
 from roughvol.contact.search import indentation_for
 from roughvol.errors import ContactError, SurfaceError
@@ -29,7 +28,7 @@ from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "contact"))
-from oracles import dense_matrix, exact_pressure, lattice_pressure, scaled_overlap, summed_displacement
+from oracles import coefficients, dense_matrix, exact_pressure, lattice_pressure, scaled_overlap, summed_displacement
 
 from .random_cases import random_case, run
 
@@ -38,7 +37,7 @@ RTOL = 1e-9
 ROUNDING = 1e-13
 
 half_space = lru_cache(maxsize=4)(HalfSpace)
-matrix = lru_cache(maxsize=4)(lambda shape: dense_matrix(kernel_quadrant(shape)))
+matrix = lru_cache(maxsize=4)(lambda shape: dense_matrix(coefficients(shape)))
 
 
 @dataclass(frozen=True)
@@ -202,7 +201,7 @@ def over_indentation(name):
     if name in ("one ulp", "1e-300", "1e-9"):
         at = {"one ulp": np.finfo(float).eps, "1e-300": 1e-300, "1e-9": 1e-9}[name]
         found, (contact,) = press(surface, [at])
-        alone = math.pi * 8 / kernel_quadrant((1, 1))[0, 0] * at
+        alone = math.pi * 8 / coefficients((1, 1))[0, 0] * at
         assert contact.contact().sum() == 1
         assert abs(contact.pressure().max() / alone - 1.0) < 1e-12
         return Found(found.residual, 1, "one element alone")

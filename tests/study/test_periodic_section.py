@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
+from roughvol.contact.kernels import KERNELS
 from roughvol.errors import StudyError
 from roughvol.study import loads
+from roughvol.study.sections.solver import FreeKernel, PeriodicKernel
 
 GENERATED = "surface: {D: 2.3, m: 4, seeds: 1, periodic: true}\n"
 
@@ -66,3 +69,8 @@ def test_a_period_is_one_pixel_longer_than_its_nodes(tmp_path: Path) -> None:
     assert pytest.approx(3.0) == loads(text.format("true"), tmp_path / "s.yaml").cases()[0].L
     with pytest.raises(StudyError, match="a period of 3"):
         loads("surface: {file: z.xyz, L: 2.5, periodic: true}", tmp_path / "s.yaml").cases()
+
+
+def test_the_kernels_of_a_study_are_those_of_the_half_spaces():
+    assert set(get_args(FreeKernel) + get_args(PeriodicKernel)) == set(KERNELS)
+    assert set(get_args(FreeKernel)) == {name for name, kernel in KERNELS.items() if kernel.coefficients}

@@ -39,6 +39,10 @@ class MaxError(Choice):
         return self
 
 
+FreeKernel = Literal["love", "punch"]  # with influence coefficients: on a free patch and on a periodic surface
+PeriodicKernel = Literal["fourier"]
+
+
 class Solver(Strict):
     """Accuracy, kernel and method of the solver."""
 
@@ -52,7 +56,7 @@ class Solver(Strict):
     max_error: MaxError | None = Field(
         default=None, description="{free_volume, mean_pressure}: largest errors allowed; instead of accuracy and rtol"
     )
-    kernel: Literal["love", "punch", "fourier"] = Field(
+    kernel: Literal[FreeKernel, PeriodicKernel] = Field(
         default="love",
         description="influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch); 'fourier' "
         "(waves of the grid alone) on a periodic surface",
