@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+PACKAGE := $(VENV)/.package
 PAPER := gallery effect_of_D effect_of_m morphology
 SEAL := seal seal_map seal_region metal_seal metal_seal_elastic
 # Second readings of the paper's ambiguous passages, and more surfaces than it has: for the claims report.
@@ -20,17 +21,24 @@ help:  ## show this list
 
 setup: $(STAMP)  ## install the package and all tools into .venv
 
-$(STAMP): pyproject.toml
-	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+$(BIN)/python:
+	@$(PYTHON) -m venv $(VENV)
+
+$(PACKAGE): pyproject.toml | $(BIN)/python
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@touch $@
+
+$(STAMP): pyproject.toml | $(BIN)/python
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-reproduce: setup  ## run the paper's studies, draw its figures and the report of claims
+# It needs the package alone: no tests, no tools.
+reproduce: $(PACKAGE)  ## run the paper's studies, draw its figures and the report of claims
 	@for study in $(PAPER) $(READINGS); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
 	@for study in $(PAPER); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
 	@$(BIN)/roughvol report $(PAPER) $(READINGS) --out runs/report --check tests/regression/expected_paper.json
 
-seal: setup  ## run the sealing studies and report on them
+seal: $(PACKAGE)  ## run the sealing studies and report on them
 	@for study in $(SEAL); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
 	@for study in $(SEAL); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
 	@$(BIN)/roughvol report $(SEAL) --out runs/seal_report
@@ -91,7 +99,7 @@ lint: setup  ## check style, types and docstrings
 	@$(BIN)/mypy
 	@$(BIN)/numpydoc lint $$(find roughvol -name '*.py')
 
-smoke: setup  ## run and plot one small study
+smoke: $(PACKAGE)  ## run and plot one small study
 	@$(BIN)/roughvol run configs/smoke.yaml --fresh --out runs/smoke
 	@$(BIN)/roughvol plot runs/smoke
 
