@@ -1,0 +1,184 @@
+"""The accessor ``ds.roughvol`` of the datasets of this package: states at a load, derived numbers, means, units.
+
+``roughvol.open``, ``roughvol.run`` and ``roughvol.press`` register the accessor; ``import roughvol.analysis.accessor``
+does so for a dataset from elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+from xarray import Dataset
+
+from roughvol.analysis import at as states
+from roughvol.analysis import average, units
+from roughvol.analysis.derived import derived, groups
+from roughvol.analysis.stored_run import Run
+from roughvol.errors import DatasetError
+from roughvol.store.dataset import with_case
+from roughvol.store.variants import parts_of
+
+NAME = "dataset"  # in messages: a dataset has no name of its own
+
+
+@xr.register_dataset_accessor("roughvol")
+class Accessor:
+    """What `roughvol show` prints, as datasets.
+
+    Parameters
+    ----------
+    ds : Dataset
+        A study with states, as `roughvol.open` returns it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import roughvol
+    >>> heights = np.random.default_rng(0).normal(size=(20, 30))
+    >>> ds = roughvol.press(heights, L=1.0, E_star=1.0, to={"contact_area": 0.3})
+    >>> at_area = ds.roughvol.at(contact_area=0.1)
+    >>> bool(at_area["free_volume"] > ds["free_volume"].isel(step=-1))
+    True
+    """
+
+    def __init__(self, ds: Dataset) -> None:
+        self._ds = ds
+
+    def at(self, state: str = "", *, leg: int | None = None, **level: float | str) -> Dataset:
+        """Return the numbers of every surface at a level.
+
+        Parameters
+        ----------
+        state : str, optional
+            The level as on the command line: ``"last"`` or ``"pressure=0.5 MPa, leg 2"``.
+        leg : int, optional
+            Leg of a path. Default: the first leg on which a surface reaches the level.
+        **level : float or str
+            The level by its kind, as ``contact_area=0.1`` or ``pressure="0.5 MPa"``.
+
+        Returns
+        -------
+        Dataset
+            The variables along ``step`` without it, in 64 bits. A surface that does not reach the level has NaN; a
+            surface that closed before has flows of 0. ``reached`` marks the surfaces that reach the level.
+
+        Raises
+        ------
+        DatasetError
+            If no surface reaches the level, or the arguments name no level or several.
+        """
+        wanted = states.parse(_text(state, level, leg))
+
+        def of_part(part: Dataset) -> Dataset:
+            run = Run.of(NAME, part)
+            found, missing = [], list[DatasetError]()
+            for _, group in groups(derived(part, run.study)):
+                try:
+                    found.append(_labelled(states.at(run, group, wanted)))
+                except DatasetError as error:
+                    missing.append(error)
+            if not found:
+                raise missing[0]
+            return _together(found)
+
+        result = self._by_part(of_part)
+        result["reached"] = (result["reached"] == 1.0).assign_attrs(
+            units="1", long_name="the surface reaches the level"
+        )
+        return result
+
+    def derived(self) -> Dataset:
+        """Return the dataset with mean gap, nominal pressure, open ways, stiffness, and the leak that counts.
+
+        Returns
+        -------
+        Dataset
+            The same with further variables.
+        """
+        return self._by_part(lambda part: derived(part, Run.of(NAME, part).study))
+
+    def in_units(self, **wanted: str) -> Dataset:
+        """Return the dataset with variables in other units.
+
+        Parameters
+        ----------
+        **wanted : str
+            Unit by the name of a variable, as ``nominal_pressure="kPa"``.
+
+        Returns
+        -------
+        Dataset
+            The same, converted.
+
+        Raises
+        ------
+        DatasetError
+            If there is no such variable, or its unit cannot be converted.
+        """
+        if absent := [name for name in wanted if name not in self._ds]:
+            raise DatasetError(f"no variable {absent[0]!r}; ds.roughvol.derived() adds nominal pressure and mean gap")
+        found = units.in_units(self._ds, dict(wanted))
+        for name, unit in wanted.items():
+            if (own := found[name].attrs.get("units")) != unit:
+                raise DatasetError(f"{name} has the unit {own!r}, which is not converted to {unit!r}")
+        return found
+
+    def mean(self, over: str = "seed") -> Dataset:
+        """Return the number of several surfaces: the median of a flow, closed surfaces as 0, else the mean.
+
+        Parameters
+        ----------
+        over : str
+            Dimension of the surfaces.
+
+        Returns
+        -------
+        Dataset
+            Each variable without ``over``, beside ``<name>_range`` (16 and 84 %) and ``<name>_count``.
+
+        Raises
+        ------
+        DatasetError
+            If the dataset has no such dimension.
+        """
+        if over not in self._ds.dims:
+            raise DatasetError(f"no dimension {over!r}; allowed: {', '.join(map(str, self._ds.dims))}")
+        return average.averages(self._ds, over)
+
+    def _by_part(self, function: Callable[[Dataset], Dataset]) -> Dataset:
+        """Return what a function returns for each combination of the lists of a study, joined again."""
+        found, whole = [], with_case(self._ds)
+        for part in parts_of(whole):
+            result = function(part.dataset)
+            for name, label in part.labels.items():
+                result = result.expand_dims({name: [label]})
+            found.append(result)
+        joined = _together(found).assign_attrs(self._ds.attrs)
+        return joined if "case" in self._ds.dims or "case" not in joined.dims else joined.isel(case=0)
+
+
+def _text(state: str, level: dict[str, float | str], leg: int | None) -> str:
+    """Return a level as the command line takes it."""
+    if bool(state) + len(level) != 1:
+        raise DatasetError('at takes one level; as at("last"), at(contact_area=0.1) or at(pressure="0.5 MPa")')
+    text = state or "=".join(map(str, *level.items()))
+    return text if leg is None else f"{text}, leg {leg}"
+
+
+def _labelled(state: states.State) -> Dataset:
+    """Return the numbers of a state in 64 bits, along the dimensions of the surfaces."""
+    data = state.data
+    data["reached"] = ("seed", np.arange(data.sizes["seed"]) < state.reached)
+    numbers = data[[name for name in data.data_vars if data[name].dtype.kind in "fib"]].astype(float)
+    if "case" in numbers.coords:
+        return numbers.isel(seed=0, drop=True).expand_dims("case")
+    return numbers.expand_dims(("D", "m"))
+
+
+def _together(parts: list[Dataset]) -> Dataset:
+    """Return one dataset; a number that a part lacks is NaN."""
+    return (
+        parts[0] if len(parts) == 1 else xr.merge(parts, join="outer", compat="no_conflicts", combine_attrs="override")
+    )

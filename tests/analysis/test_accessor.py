@@ -1,0 +1,101 @@
+"""``ds.roughvol``: against plain numpy, over every shape of a dataset, and its refusals."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from xarray import Dataset
+
+import roughvol
+from roughvol.errors import DatasetError
+
+STUDY: dict[str, Any] = {
+    "surface": {"D": [2.2, 2.6], "m": [4, 5], "seeds": 2, "L": "100 um"},
+    "material": {"E": ["10 MPa", "20 MPa"], "nu": 0.5},
+    "sweep": {"steps": 6, "to": "mean-plane"},
+}
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    return roughvol.run(STUDY, out=tmp_path_factory.mktemp("swept"))
+
+
+def test_a_level_is_read_on_straight_lines_of_every_surface(swept: Dataset) -> None:
+    found = swept.roughvol.at(contact_area=0.1)
+    assert found["free_volume"].dims == ("E", "D", "m", "seed")
+    assert found["reached"].all()
+    for place in np.ndindex(2, 2, 2, 2):
+        (area,), (volume,) = (
+            [swept[name].transpose("E", "D", "m", "seed", "step").values[place]]
+            for name in ("contact_area_fraction", "free_volume")
+        )
+        assert found["free_volume"].values[place] == pytest.approx(np.interp(0.1, area, volume), rel=1e-12)
+
+
+def test_a_level_in_units_takes_the_modulus_of_its_combination(swept: Dataset) -> None:
+    found = swept.roughvol.at(pressure="0.02 MPa")
+    assert np.allclose(found["nominal_pressure"], 0.02, rtol=1e-12)
+    soft, stiff = (found["mean_pressure"].sel(E=E).values for E in (10.0, 20.0))
+    assert np.allclose(soft, 2.0 * stiff, rtol=1e-12)
+
+
+def test_a_surface_that_does_not_reach_a_level_is_missing(swept: Dataset) -> None:
+    ends = swept["mean_pressure"].isel(step=-1)
+    found = swept.roughvol.at(pressure=float(ends.median()))
+    assert np.array_equal(found["reached"].values, (ends >= ends.median()).values)
+    assert np.array_equal(found["free_volume"].notnull().values, found["reached"].values)
+    assert 0 < int(found["reached"].sum()) < ends.size
+
+
+def test_the_mean_and_its_count_leave_out_missing_surfaces(swept: Dataset) -> None:
+    found = swept.roughvol.at(pressure=float(swept["mean_pressure"].isel(step=-1).median()))
+    means = found.roughvol.mean("seed")
+    assert np.allclose(means["separation"], found["separation"].mean("seed"), equal_nan=True)
+    assert np.array_equal(means["separation_count"], found["reached"].sum("seed"))
+
+
+def test_derived_numbers_have_units_and_are_converted(swept: Dataset) -> None:
+    whole = swept.roughvol.derived()
+    kilo = whole.roughvol.in_units(nominal_pressure="kPa", mean_gap="nm")
+    assert np.allclose(kilo["nominal_pressure"], 1e3 * whole["nominal_pressure"], rtol=1e-12)
+    assert np.allclose(kilo["mean_gap"], 1e3 * whole["mean_gap"], rtol=1e-12)
+    assert kilo["mean_gap"].attrs["units"] == "nm"
+
+
+def test_the_last_state_of_a_pressed_map_is_its_last_step() -> None:
+    heights = np.random.Generator(np.random.PCG64(3)).normal(size=(12, 17))
+    ds = roughvol.press(heights, L=1.0, E_star=1.0, sweep={"steps": 3, "to": {"contact_area": 0.3}})
+    found = ds.roughvol.at("last")
+    assert dict(found.sizes) == {}
+    assert float(found["free_volume"]) == float(ds["free_volume"].isel(step=-1))
+    assert str(found["case"].values) == str(ds["case"].values)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda ds: ds.roughvol.at(pressure="9 GPa"), "its steps have pressure"),
+        (lambda ds: ds.roughvol.at(force=1), "allowed: last, or KIND=VALUE"),
+        (lambda ds: ds.roughvol.at(), "at takes one level"),
+        (lambda ds: ds.roughvol.at(pressure=1, separation=1), "at takes one level"),
+        (lambda ds: ds.roughvol.at("last", leg=2), "no leg 2; allowed: 1"),
+        (lambda ds: ds.roughvol.mean("time"), "no dimension 'time'; allowed: "),
+        (lambda ds: ds.roughvol.in_units(mean_gap="um"), "no variable 'mean_gap'"),
+        (lambda ds: ds.roughvol.derived().roughvol.in_units(mean_gap="MPa"), "not converted to 'MPa'"),
+    ],
+)
+def test_a_question_without_an_answer_is_refused(swept: Dataset, call: Any, message: str) -> None:
+    with pytest.raises(DatasetError, match=message):
+        call(swept)
+
+
+def test_the_accessor_comes_with_the_functions_that_return_a_dataset_and_not_with_the_import(tmp_path: Path) -> None:
+    lines = ["import sys, roughvol", "assert 'xarray' not in sys.modules", "roughvol.open"]
+    lines += ["import xarray", "xarray.Dataset.roughvol"]
+    subprocess.run([sys.executable, "-c", "; ".join(lines)], check=True, cwd=tmp_path, timeout=60)
