@@ -97,6 +97,19 @@ def run(
     -----
     RoughvolWarning
         For each line of the attribute ``warnings``: limits of the model that the study exceeds, doubtful input.
+
+    See Also
+    --------
+    roughvol.press : Presses a height map in memory.
+    roughvol.open : Opens the results again.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> study = {"name": "seeds", "surface": {"D": [2.2, 2.5], "m": 3, "seeds": 2}, "sweep": {"steps": 2}}
+    >>> ds = roughvol.run(study, jobs=1)
+    >>> ds["free_volume"].dims
+    ('D', 'm', 'seed', 'step')
     """
     options: dict[str, Any] = {"out": out, "jobs": jobs, "fresh": fresh, "scheduler": scheduler}
     options |= {"on_event": _heard(on_event), "stopping": stopping, "only": only}
@@ -177,6 +190,20 @@ def press(
     -----
     RoughvolWarning
         For each line of the attribute ``warnings``: limits of the model that are exceeded, doubtful input.
+
+    See Also
+    --------
+    roughvol.run : Computes a study, on all cores, and stores the results.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import roughvol
+    >>> x = np.linspace(0.0, 4.0 * np.pi, 33)
+    >>> heights = 1e-3 * np.cos(x)[:, None] * np.cos(x)  # in the unit of L
+    >>> ds = roughvol.press(heights, L="1 mm", E="10 MPa", nu=0.5, to={"pressure": "5 kPa"})
+    >>> round(1e3 * float(ds["nominal_pressure"][-1]), 3)  # MPa to kPa
+    5.0
     """
     _refuse_twice(surface, sweep, to, steps)
     notes = []

@@ -38,6 +38,19 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
     ------
     DatasetError
         If there is no such figure, or the results lack a quantity that it draws.
+
+    See Also
+    --------
+    roughvol.open : Opens the results of a run.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import roughvol
+    >>> ds = roughvol.press(np.random.default_rng(0).normal(size=(16, 16)), L=1.0, E_star=1.0)
+    >>> figure = roughvol.plot(ds, "v_of_p")
+    >>> len(figure.axes)
+    1
     """
     from roughvol.report.figures import content, origin, selection
 

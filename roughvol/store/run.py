@@ -111,6 +111,18 @@ def open(run: str | Path | None = None) -> Dataset:
         If the results are of another study. The message has the keys that differ.
     StudyError
         If the study file has problems.
+
+    See Also
+    --------
+    roughvol.run : Computes a study.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> study = {"name": "tiny", "surface": {"D": 2.5, "m": 3, "seeds": 2}, "sweep": {"steps": 2}}
+    >>> ds = roughvol.run(study, jobs=1)
+    >>> bool((roughvol.open("tiny")["free_volume"] == ds["free_volume"]).all())
+    True
     """
     return _opened(run)[1]
 

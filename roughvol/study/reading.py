@@ -60,6 +60,14 @@ def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
     ------
     StudyError
         With all problems of the file in its order, or if the file cannot be read.
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> import roughvol
+    >>> _ = pathlib.Path("tiny.yaml").write_text("surface: {D: 2.5, m: 3, seeds: 2}")
+    >>> roughvol.load("tiny.yaml", ["surface.m=4"]).surface.m
+    (4,)
     """
     file = printable(str(path))
     content = b""
