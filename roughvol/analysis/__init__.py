@@ -4,6 +4,7 @@ Room of the analysis. It reads datasets, solves no contact, and draws nothing.
 
 =============  ==================================================================
 `stored_run`   a stored run: its name, dataset and study
+`accessor`     ``ds.roughvol``: states at a load, derived numbers, means, units
 `derived`      numbers that follow from stored numbers; surfaces that share a table
 `leak`         the leak that counts: lifted by the fluid where a study asks for it
 `at`           the states of stored surfaces at a load, on a step or between two
