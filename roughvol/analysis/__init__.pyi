@@ -1,5 +1,4 @@
 from .at import State as State
-from .at import parse as parse
 from .average import Average as Average
 from .average import averages as averages
 from .closing import Span as Span

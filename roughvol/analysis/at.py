@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import re
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,9 +28,7 @@ from roughvol.errors import DatasetError
 from roughvol.observables.levels import REACHED
 from roughvol.store.derived_variables import OF_STATE
 from roughvol.store.variables import STATES, VARIABLES
-from roughvol.study import KINDS, STORED, Level, Quantity, Scale, convert, read
-from roughvol.study.values.scale import ALWAYS
-from roughvol.study.values.units import EXAMPLES
+from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, convert
 from roughvol.typing import Array
 
 P, V = "mean_pressure", "free_volume"
@@ -47,59 +44,11 @@ BY_LOGARITHM = (
 WAYS = ("open_", "percolates_")  # a way that closes between two steps is closed from the second step on
 MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V}  # in units, of starred numbers
 LEAK = "leak_rate"
-STARRED = tuple(kind for kind in KINDS if not kind.startswith(LEAK))
-FALLING = ("separation", "free_volume", "mean_gap")  # kinds that fall while the load grows
-SYMBOLS = {"p": "pressure", "A": "contact_area", "V": "free_volume", "d": "separation", "Δ": "indentation"}
 RULE = (
     "Between steps: straight lines over the quantity asked for, of the logarithm for flows and openings. A way that "
     "closes between two steps leaks along a straight line to 0 at the second."
 )
 LAST = Level("last")
-_LEG = re.compile(r",\s*leg\s*=?\s*(\d+)\s*$")
-
-
-def parse(text: str) -> Level:
-    """Return the level that a text names, as ``pressure=0.5MPa`` or ``last, leg 1``.
-
-    Parameters
-    ----------
-    text : str
-        ``last``, or a kind of `study.KINDS` or ``step`` with its value, joined by ``=``. ``, leg 2`` names the leg of
-        a path. p, A, V, d and Δ stand for pressure, contact_area, free_volume, separation and indentation.
-
-    Returns
-    -------
-    Level
-        The level; its value is a `Quantity` where it has a unit.
-
-    Raises
-    ------
-    DatasetError
-        If the kind is unknown, or the value is no number with a fitting unit.
-    """
-    found = _LEG.search(text)
-    leg, rest = (int(found[1]), text[: found.start()]) if found else (None, text)
-    if leg == 0:
-        raise DatasetError(f"no leg 0 in {text!r}; allowed: legs from 1")
-    kind, equals, value = (part.strip() for part in rest.partition("="))
-    if kind == "last" and not equals:
-        return replace(LAST, leg=leg)
-    kind = SYMBOLS.get(kind, kind)
-    if not equals or kind not in (*KINDS, "step"):
-        message = (
-            f"no state {text!r}; allowed: last, or KIND=VALUE with a KIND of {', '.join((*KINDS, 'step'))}, as "
-            "pressure=0.5MPa; then a leg of a path, as pressure=0.5MPa, leg 2"
-        )
-        raise DatasetError(message)
-    try:
-        level = Level(kind, read(value, KINDS[kind][0] if kind in KINDS else ""), leg)
-    except ValueError as error:
-        raise DatasetError(f"{text}: {error}") from error
-    if kind.startswith(LEAK) and not float(level.value or 0.0) > 0.0:
-        raise DatasetError(f"{text}: allowed: a leak rate > 0; roughvol show has the load at which each way closes")
-    if kind in ALWAYS and not isinstance(level.value, Quantity):
-        raise DatasetError(f"{text}: needs its unit, as {kind}={EXAMPLES[KINDS[kind][0]].replace(' ', '')}")
-    return level
 
 
 def scales(run: Run, surfaces: Dataset) -> list[Scale]:
@@ -116,6 +65,11 @@ def scales(run: Run, surfaces: Dataset) -> list[Scale]:
     if len(nodes) == 2:
         areas = (nodes[0] * nodes[1] * (L / (nodes[0] - (not periodic))) ** 2).tolist()
     return [Scale(modulus, L, Sq, area, modulus_unit, unit) for Sq, area in zip(sizes, areas, strict=True)]
+
+
+def _is_stored(level: Level) -> bool:
+    """Return whether the quantity of a level is stored, or fixes a stored one."""
+    return level.kind in STATE_KINDS and bool(STATE_KINDS[level.kind].stored)
 
 
 def slack(kind: str, value: float) -> float:
@@ -252,7 +206,7 @@ def at(run: Run, group: Dataset, level: Level) -> State:
     group : Dataset
         Surfaces along ``seed``, of `derived.groups`.
     level : Level
-        The level, as `parse` returns it. Without a leg: the first leg on which any surface reaches it; of ``last``, the
+        The level, of `study.parse`. Without a leg: the first leg on which any surface reaches it; of ``last``, the
         last leg.
 
     Returns
@@ -303,22 +257,22 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
         solved = np.flatnonzero(np.isfinite(values))
         if not solved.size:
             continue
-        is_recorded = bool(own) and math.isfinite(own[STORED[KINDS[level.kind][1]]][k])
+        is_recorded = bool(own) and math.isfinite(own[STATE_KINDS[level.kind].stored][k])
         if is_recorded:
-            value = own[STORED[KINDS[level.kind][1]]][k]
+            value = own[STATE_KINDS[level.kind].stored][k]
         if level.kind == "last":
             place: float | None = float(solved[-1])
         elif own or (place := _defined(run, level, leg, scale, solved.tolist())) is None:
             place = place_of(values, value, near, between=level.kind != "step")
         first = values[solved[0]]
-        if place is None and is_recorded and (value > first if level.kind in FALLING else value < first):
+        if place is None and is_recorded and (value > first if STATE_KINDS[level.kind].falls else value < first):
             place = float(solved[0])
             alone.append(len(reached))
         if place is not None:
             reached.append(k)
             places.append(place + offset)
-        elif level.kind in STARRED and (shut["x"][k] or shut["y"][k]):
-            farther = value < values[solved].min() if level.kind in FALLING else value > values[solved].max()
+        elif _is_stored(level) and (shut["x"][k] or shut["y"][k]):
+            farther = value < values[solved].min() if STATE_KINDS[level.kind].falls else value > values[solved].max()
             beyond += [k] if farther else []
     if not reached and not beyond:
         return None
@@ -364,7 +318,7 @@ def _path(
         kind, value = scale.starred(level.kind, level.value)
     except ValueError as error:
         raise DatasetError(f"{level.kind} {error}") from error
-    values = part[STORED[kind]].transpose("seed", "step").values[k]
+    values = part[STARRED[kind].stored].transpose("seed", "step").values[k]
     reach += (values[np.isfinite(values)] * (float(level.value) / value if value else 1.0)).tolist()
     return values, value, slack(kind, value)
 
@@ -372,13 +326,13 @@ def _path(
 def _defined(run: Run, level: Level, leg: int, scale: Scale, solved: list[int]) -> float | None:
     """Return the place of the step that a leg defines as a level, its target or a listed load; else None."""
     legs = run.study.sweep.legs if run.study else ()
-    if not 1 <= leg <= len(legs) or level.value is None or level.kind not in STARRED:
+    if not 1 <= leg <= len(legs) or level.value is None or not _is_stored(level):
         return None
     kind, value = scale.starred(level.kind, level.value)
     defined = legs[leg - 1]
     targets = dict(enumerate(defined.listed)) if defined.listed is not None else {solved[-1]: defined.target}
     for place, target in targets.items():
-        if target.value is None or target.kind not in STARRED or place not in solved:
+        if target.value is None or not _is_stored(target) or place not in solved:
             continue
         starred, wanted = scale.starred(target.kind, target.value)
         if starred == kind and abs(wanted - value) <= slack(kind, value):
@@ -444,9 +398,9 @@ def _leak(run: Run, part: Dataset, k: int, level: Level) -> tuple[Array, float]:
 
 def _recorded(group: Dataset, level: Level, leg: int) -> dict[str, Array]:
     """Return the numbers of a recorded state by surface, NaN where it is not reached; empty without one."""
-    stored = STORED.get(KINDS[level.kind][1]) if level.kind in KINDS else None
-    if stored is None:
+    if not _is_stored(level):
         return {}
+    stored = STATE_KINDS[level.kind].stored
     label = _label(level, leg)
     for dim in STATES:
         if dim in group.dims and label in group[dim].values.tolist():

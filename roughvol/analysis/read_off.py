@@ -214,7 +214,7 @@ def nominal_of(run: Dataset, level: Level) -> float:
     run : Dataset
         A study with ``nominal_pressure``.
     level : Level
-        As `at.parse` returns it: a pressure, a load, or ``last`` of leg 1.
+        As `study.parse` returns it: a pressure, a load, or ``last`` of leg 1.
 
     Returns
     -------

@@ -16,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from roughvol.campaign import path, resources
+from roughvol.campaign import resources
 from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.resources import cores
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.observables import recorded, regions
 from roughvol.observables.recorded import searched_levels
-from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
+from roughvol.study import ACCURACY, EXPECTED, Case, Level, Solver, Study
 
 TIMED_UP_TO = 1025  # nodes a side; times of larger grids are scaled as N² log N
 # seconds a step on any grid, and in addition with iteration
@@ -194,9 +194,9 @@ def expected_seconds(case: Case, shape: tuple[int, int], convolution: float | No
 
 def searches(case: Case) -> int:
     """Return the number of states of the path that are searched for."""
-    kinds = [level.kind for leg in case.sweep.legs for level in leg.listed or (leg.target,)]
-    kinds += ["pressure" for leg in case.sweep.legs if leg.equal != "indentation" for _ in range(leg.steps)]
-    return sum(case.periodic or kind.startswith((*path.SEARCHED, "mean_gap", "load", "leak_rate")) for kind in kinds)
+    levels = [level for leg in case.sweep.legs for level in leg.listed or (leg.target,)]
+    levels += [Level("pressure") for leg in case.sweep.legs if leg.equal != "indentation" for _ in range(leg.steps)]
+    return sum(case.periodic or level.searched for level in levels)
 
 
 def observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:

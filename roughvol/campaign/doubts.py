@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from roughvol.study import ContactModulus, Level, Study
+from roughvol.study import STARRED, ContactModulus, Level, Study
 from roughvol.study.sections.ensemble import WIDEST
 from roughvol.study.values.units import convert, unit_of
 from roughvol.study.yaml_text import number_text
@@ -20,7 +20,6 @@ SOFT, HARD = (
     1e-4,
     1.0,
 )  # hardness over E*: a tenth of that of the softest metals (`validity.SOFTEST`); no solid is harder
-STARRED = {"pressure": "p*", "separation": "d/σ", "indentation": "Δ/σ"}
 SHOWN = 4  # values in a sentence
 SCATTER = 0.01  # relative difference of the largest and the smallest Sq from which both are shown
 
@@ -65,7 +64,7 @@ def sentences(study: Study, Sq: Iterable[float], L: float, unit: str | None, *, 
         for kind in ("separation", "indentation"):
             if values := sorted({level.value for level in states if level.kind == kind and level.value}):
                 lengths = _range(values, [float(end) for end in ends])
-                star = STARRED[kind]
+                star = STARRED[kind].symbol
                 found.append(
                     f"{_listed(kind, values, star)}, that is {about}{lengths} {unit}; "
                     f"write '{number_text(values[0])} {unit}' for a length"
@@ -86,7 +85,7 @@ def _states(study: Study) -> list[Level]:
 
 def _pressures(study: Study, kind: str, values: Sequence[float], scales: Sequence[float], about: str) -> str:
     """Return the sentence on pressures, with their nominal values: starred ones times E* Sq/L."""
-    text, wanted = _listed(kind, values, STARRED["pressure"]), study.record.dimensional
+    text, wanted = _listed(kind, values, STARRED["pressure"].symbol), study.record.dimensional
     unit = study.material.unit
     if unit is None:
         name = "E_star" if isinstance(study.material, ContactModulus) else "E"

@@ -15,13 +15,11 @@ from roughvol.errors import ContactError
 from roughvol.observables.levels import check_touch, end_of, measure_of, options_of, searched
 from roughvol.observables.reduction import Reduction
 from roughvol.observables.regions import within
-from roughvol.study import Case, Legs, Level, Scale, Sweep
-from roughvol.study.sections.targets import LISTS
+from roughvol.study import STATE_KINDS, Case, Legs, Level, Scale, Sweep
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
 RANGE = 1e3  # p* of the last step over that of the first, of steps in equal ratios
-SEARCHED = ("contact_area", "pressure", "percolation", "free_volume")
 
 
 def starred(case: Case, surface: Surface) -> Case:
@@ -75,9 +73,8 @@ def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
         changed["to"] = type(leg.to).model_construct(None, **{level.kind: level.value})
     if leg.listed is not None:
         levels = [of(level) for level in leg.listed]
-        changed |= {name: () for name, kind in LISTS.items() if kind == leg.listed[0].kind}
-        name = next(name for name, kind in LISTS.items() if kind == levels[0].kind)
-        changed |= {name: tuple(level.value for level in levels)}
+        changed[STATE_KINDS[leg.listed[0].kind].plural] = ()
+        changed[STATE_KINDS[levels[0].kind].plural] = tuple(level.value for level in levels)
     if leg.first is not None:
         changed["first"] = of(Level("pressure", leg.first)).value
     return leg.model_copy(update=changed)

@@ -16,7 +16,8 @@ from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
 from roughvol.observables.levels import defined_step, step_at
 from roughvol.store.dataset import Arrays
-from roughvol.study import CLOSING, STORED_AS, Case, Level
+from roughvol.study import CLOSING, Case, Level
+from roughvol.study.values.state_kinds import stored_name
 from roughvol.study.yaml_text import number_text
 from roughvol.typing import Array
 
@@ -87,7 +88,7 @@ def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
     if stored in CLOSING:
         return _closing_pressure(series, stored, case)
     quantity = series[stored]
-    along = series[STORED_AS.get(state.kind, state.kind)] if state.value is not None else quantity
+    along = series[stored_name(state.kind)] if state.value is not None else quantity
     step = _step(along, state, case)
     if step is None:
         assert state.value is not None
@@ -145,7 +146,7 @@ def error_at(series: Series, stored: str, state: Level, case: Case, every: int) 
         return _middle(pressure[kept], closed[kept]) - _middle(pressure, closed)
     if state.value is None:
         return 0.0
-    along = series[STORED_AS.get(state.kind, state.kind)]
+    along = series[stored_name(state.kind)]
     step = _step(along, state, case)
     value = state.value if step is None else float(along[step])
     return error_of_fewer_steps(along, series[stored], value, every)

@@ -18,7 +18,8 @@ from roughvol.campaign.one_case import one_thread, surface_of
 from roughvol.observables.allocation import Alone
 from roughvol.store.dataset import Arrays
 from roughvol.store.variables import VARIABLES
-from roughvol.study import CLOSING, STORED_AS, Accuracy, Case, Ensemble, Level, MadeSurface, Study, levels_below
+from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level, MadeSurface, Study, levels_below
+from roughvol.study.values.state_kinds import stored_name
 from roughvol.surfaces import texture
 from roughvol.typing import Array
 
@@ -44,7 +45,7 @@ class Target:
     @property
     def stored(self) -> str:
         """Name of the stored variable."""
-        return STORED_AS.get(self.quantity, self.quantity)
+        return stored_name(self.quantity)
 
     @property
     def symbol(self) -> str:

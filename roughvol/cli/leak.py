@@ -45,9 +45,9 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None, as_json: b
     Several height files have a card each and one together, and each combination of lists has its own; a table shows
     all of them. The files of a card are named by its load.
     """
-    from roughvol.analysis.at import parse
     from roughvol.analysis.leak_budget import card_of, check_reached
     from roughvol.campaign import card as cards
+    from roughvol.study import parse
 
     asked, _ = study_of(study, changes)
     level = parse(state)
@@ -212,7 +212,7 @@ def _beyond(name: str) -> str:
 def _load(results: Dataset, state: str | None, pressure: str | None) -> float | None:
     """Return the nominal pressure of --at, or of --pressure as in older versions, in the unit of a run."""
     from roughvol.analysis import read_off
-    from roughvol.analysis.at import parse
+    from roughvol.study import parse
 
     if pressure is not None:
         state = f"pressure={pressure}"

@@ -143,7 +143,7 @@ def _opened(run: str | None, changes: Sequence[str]) -> Run:
 
 
 def _wanted(states: Sequence[str]) -> list[Level]:
-    from roughvol.analysis.at import parse
+    from roughvol.study import parse
 
     return [parse(text) for text in states]
 

@@ -44,9 +44,9 @@ def completed_runs_and_figures(context: click.Context, parameter: click.Paramete
 
 def completed_states(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
     """Return ``last`` and the kinds of a state with this start."""
-    from roughvol.study import KINDS
+    from roughvol.study import STATE_KINDS
 
-    return [word for word in ("last", *(f"{kind}=" for kind in KINDS), "step=") if word.startswith(start)]
+    return [word for word in ("last", *(f"{kind}=" for kind in STATE_KINDS), "step=") if word.startswith(start)]
 
 
 def completed_changes(context: click.Context, parameter: click.Parameter, start: str) -> Completed:

@@ -19,7 +19,7 @@ from roughvol.errors import ContactError
 from roughvol.observables import void
 from roughvol.observables.plastic import largest_pressure
 from roughvol.observables.regions import State, within
-from roughvol.study import STORED, Case, Legs, Level, Sweep
+from roughvol.study import STARRED, Case, Legs, Level, Sweep
 from roughvol.surfaces.surface import Surface
 
 LAST = Level("last")
@@ -201,7 +201,7 @@ def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping
     case : Case
         Its legs.
     before : mapping
-        Numbers of the state before by the names of `STORED`.
+        Numbers of the state before by the names of stored variables.
 
     Returns
     -------
@@ -214,7 +214,7 @@ def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping
         return False
     if is_end(level, step, case):
         return True
-    name, value = STORED[level.kind], level.value or 0.0
+    name, value = STARRED[level.kind].stored, level.value or 0.0
     one, other = before[name] - value, float(getattr(contact, name)) - value
     return one * other < 0.0 or (other == 0.0 and one != 0.0)
 

@@ -11,7 +11,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import leak
-from roughvol.analysis.at import RULE, State, at, legs_of, parse
+from roughvol.analysis.at import RULE, State, at, legs_of
 from roughvol.analysis.average import average, is_flow
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.legs import first_leg
@@ -24,7 +24,7 @@ from roughvol.observables.stiffness import without_every_second
 from roughvol.report.run_facts import LEAKS, WAYS, cell, closing, conventions, head
 from roughvol.store.variables import STATES
 from roughvol.store.variants import parts_of
-from roughvol.study import Level, Quantity
+from roughvol.study import Level, Quantity, parse
 
 STIFFNESS = "interfacial_stiffness"
 P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"

@@ -11,7 +11,6 @@ from .sections.creep import load_creep as load_creep
 from .sections.creep import read_times as read_times
 from .sections.dimensional import Dimensional as Dimensional
 from .sections.ensemble import CLOSING as CLOSING
-from .sections.ensemble import STORED_AS as STORED_AS
 from .sections.ensemble import Accuracy as Accuracy
 from .sections.ensemble import Ensemble as Ensemble
 from .sections.ensemble import levels_below as levels_below
@@ -45,10 +44,12 @@ from .sections.treatment import Crop as Crop
 from .sections.treatment import Outliers as Outliers
 from .study import Study as Study
 from .study import json_schema as json_schema
-from .values.scale import KINDS as KINDS
-from .values.scale import STORED as STORED
 from .values.scale import Scale as Scale
+from .values.state_kinds import STARRED as STARRED
+from .values.state_kinds import STATE_KINDS as STATE_KINDS
 from .values.state_kinds import Level as Level
+from .values.state_kinds import StateKind as StateKind
+from .values.state_kinds import parse as parse
 from .values.units import Quantity as Quantity
 from .values.units import convert as convert
 from .values.units import read as read

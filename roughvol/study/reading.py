@@ -19,8 +19,8 @@ from roughvol.study.axes import combinations, indexed
 from roughvol.study.plain_data import plain
 from roughvol.study.rules import conflicts
 from roughvol.study.sections.strict import names, nearest
-from roughvol.study.sections.targets import LISTS
 from roughvol.study.study import Places, Study
+from roughvol.study.values.state_kinds import LISTS
 from roughvol.study.yaml_text import (
     MAX_BYTES,
     TOO_LARGE,

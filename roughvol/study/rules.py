@@ -11,15 +11,13 @@ from pathlib import Path
 from typing import Any, get_args
 
 from roughvol.study.sections import fluid, spectral
-from roughvol.study.sections.ensemble import CLOSING, FEWEST_LEVELS, RECORDED_BY, STORED_AS
+from roughvol.study.sections.ensemble import CLOSING, FEWEST_LEVELS, RECORDED_BY
 from roughvol.study.sections.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.sections.record import EVERY_STEP, SELECTORS, Record
 from roughvol.study.sections.solver import PAPER_MAX_M, FreeKernel, PeriodicKernel
 from roughvol.study.sections.strict import names
 from roughvol.study.sections.sweep import Target
 from roughvol.study.sections.targets import (
-    FALLING,
-    LISTS,
     end_of,
     lacking_units,
     levels_of,
@@ -28,6 +26,7 @@ from roughvol.study.sections.targets import (
     steps_of,
 )
 from roughvol.study.values.numbers import whole
+from roughvol.study.values.state_kinds import LISTS, STARRED, STATE_KINDS
 from roughvol.study.values.units import has_unit, length_unit
 from roughvol.study.yaml_text import KeyPath, number_text
 
@@ -111,7 +110,7 @@ def _unreached_levels(data: dict[str, Any], levels: Iterable[tuple[str, ...]]) -
     ends = [end_of(leg) for _, leg in _legs(data)]
     for keys in levels:
         kind = keys[-1]
-        sign = -1 if kind in FALLING else 1
+        sign = -1 if kind in STATE_KINDS and STATE_KINDS[kind].falls else 1
         lasts = [last for end in ends for _, last in _numbers(_steps(data) if kind == "step" else end.get(kind))]
         if len(lasts) < len(ends):  # a leg ends at another quantity
             continue
@@ -326,7 +325,7 @@ def _ensemble_conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
         yield ("ensemble",), "there is no contact to average, since sweep.steps is 0"
     states = _mapping(data, "ensemble", "at")
     yield from _between_listed(sweep, states)
-    short_names = {stored: short for short, stored in STORED_AS.items()}
+    short_names = {kind.stored: kind.name for kind in STARRED.values()}
     quantities = {name: short_names.get(name, name) for name in _mapping(data, "ensemble", "accuracy")}
     for name, quantity in quantities.items():
         if quantity in states:
@@ -350,7 +349,7 @@ def _between_listed(sweep: dict[str, Any], states: dict[str, Any]) -> Iterator[t
     if name is None:
         return
     for kind, levels in states.items():
-        known = [value for _, value in _numbers(sweep[name])] if LISTS[name] == kind else []
+        known = [value for _, value in _numbers(sweep[name])] if LISTS[name].name == kind else []
         for path, level in _numbers(levels, "ensemble", "at", kind):
             if level not in known:
                 yield path, f"{number_text(level)} is not among sweep.{name}: list it there, or give steps and to"

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from xarray import Dataset
 
 import roughvol
-from roughvol.analysis.at import at, between, parse, place_of
+from roughvol.analysis.at import at, between, place_of
 from roughvol.analysis.average import average, averages, is_flow
 from roughvol.analysis.closing import spans
 from roughvol.analysis.derived import derived, groups
@@ -25,7 +25,7 @@ from roughvol.analysis.stored_run import Run
 from roughvol.cli import main
 from roughvol.errors import DatasetError
 from roughvol.store import dataset
-from roughvol.study import Level, Quantity
+from roughvol.study import Level, Quantity, parse
 
 SEAL = """
 name: seal

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.analysis.at import parse
 from roughvol.analysis.average import Average
 from roughvol.analysis.closing import Span
 from roughvol.analysis.leak_budget import card_of, check_reached
@@ -20,7 +19,7 @@ from roughvol.campaign import running
 from roughvol.errors import DatasetError, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.store.dataset import Dataset
-from roughvol.study import Level, Study, load, loads
+from roughvol.study import Level, Study, load, loads, parse
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 DIMENSIONAL = "dimensional: {pressure: MPa, leak_rate: {pressure_drop: 10 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}"

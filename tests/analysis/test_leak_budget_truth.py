@@ -10,14 +10,13 @@ import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
-from roughvol.analysis.at import parse
 from roughvol.analysis.leak_budget import card_of
 from roughvol.analysis.leak_card import Part, Way
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import running
 from roughvol.cli import main
 from roughvol.store.card_runs import CardRuns, Pressed
-from roughvol.study import Level, load, loads
+from roughvol.study import Level, load, loads, parse
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 RECORD = """

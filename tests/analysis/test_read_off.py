@@ -14,14 +14,13 @@ from click.testing import CliRunner, Result
 from numpy.testing import assert_allclose
 
 from roughvol.analysis import read_off
-from roughvol.analysis.at import parse
 from roughvol.analysis.leak_curve import Curve, curves
 from roughvol.analysis.tables import rounded
 from roughvol.campaign import running
 from roughvol.cli import main
 from roughvol.errors import StudyError
 from roughvol.store.dataset import Dataset
-from roughvol.study import loads
+from roughvol.study import loads, parse
 from tests.bench.read_off import measured
 
 TEXT = """name: seal

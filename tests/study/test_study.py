@@ -28,7 +28,7 @@ from roughvol.study import (
     load,
     loads,
 )
-from roughvol.study.sections.targets import LISTS
+from roughvol.study.values.state_kinds import LISTS
 from roughvol.surfaces.body import UNTREATED
 
 CONFIGS = Path(__file__).parents[2] / "configs"

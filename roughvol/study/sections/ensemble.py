@@ -11,14 +11,10 @@ from pydantic import ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandl
 from pydantic_core import core_schema
 
 from roughvol.study.sections.strict import Choice
-from roughvol.study.sections.targets import LISTS
 from roughvol.study.values.numbers import AreaFraction, Positive, Seed
-from roughvol.study.values.state_kinds import Level
+from roughvol.study.values.state_kinds import LISTS, STARRED, Level
 from roughvol.study.values.words import Many, Word, refuse
 from roughvol.study.yaml_text import number_text
-
-STORED_AS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
-"""Names of stored variables where they differ from those of quantities in a study."""
 
 CLOSING = {  # end of a sweep that gives each quantity without a state
     "percolation_pressure": "percolation-both",
@@ -193,7 +189,7 @@ class Accuracies(Choice):
         """Accept the names of the stored variables as well."""
         if not isinstance(value, dict):
             return value
-        short = {stored: name for name, stored in STORED_AS.items() if name not in value}
+        short = {kind.stored: name for name, kind in STARRED.items() if name not in value}
         return {short.get(name, name): accuracy for name, accuracy in value.items()}
 
     @model_validator(mode="after")
@@ -263,7 +259,7 @@ def with_default_steps(data: Any) -> Any:
     if not isinstance(data, dict) or data.get("ensemble") is None:
         return data
     sweep = data.get("sweep", {})
-    if not isinstance(sweep, dict) or "steps" in sweep or any(sweep.get(name) for name in LISTS):
+    if not isinstance(sweep, dict) or "steps" in sweep or any(map(sweep.get, LISTS)):
         return data
     return {**data, "sweep": {"steps": STEPS, **sweep}}
 

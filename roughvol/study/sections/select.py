@@ -14,8 +14,8 @@ from pydantic import (
 from roughvol.study.sections.strict import Choice
 from roughvol.study.values.numbers import AreaFraction, Positive, StepNumber
 from roughvol.study.values.scale import OF_ALL
-from roughvol.study.values.state_kinds import Level
-from roughvol.study.values.units import In, Quantity, Starred, unit_of
+from roughvol.study.values.state_kinds import Level, Starred
+from roughvol.study.values.units import In, Quantity, unit_of
 from roughvol.study.values.words import Many, Word
 
 

@@ -20,10 +20,10 @@ from pydantic import (
 )
 
 from roughvol.study.sections.strict import Choice, Strict, refuse_at
-from roughvol.study.sections.targets import LISTS, listed_of, misplaced, spelled
+from roughvol.study.sections.targets import listed_of, misplaced, spelled
 from roughvol.study.values.numbers import AreaFraction, Positive, Whole
 from roughvol.study.values.scale import OF_ALL
-from roughvol.study.values.state_kinds import Level
+from roughvol.study.values.state_kinds import LISTS, Level
 from roughvol.study.values.units import In, Quantity, unit_of
 from roughvol.study.values.words import Many, Word, refuse
 

@@ -11,26 +11,14 @@ from pydantic_core import PydanticCustomError
 
 from roughvol.errors import Problem, StudyError
 from roughvol.study.sections.record import SELECTORS
-from roughvol.study.values.scale import KINDS, lacking
+from roughvol.study.values.scale import lacking
+from roughvol.study.values.state_kinds import LISTS, STATE_KINDS
 from roughvol.study.values.units import convert, has_unit, unit_of
-
-LISTS = {
-    "pressures": "pressure",
-    "loads": "load",
-    "contact_areas": "contact_area",
-    "indentations": "indentation",
-    "separations": "separation",
-    "free_volumes": "free_volume",
-    "mean_gaps": "mean_gap",
-    "leak_rates": "leak_rate",
-}
-"""Keys of lists of states, and the kind of each."""
-FALLING = ("separation", "free_volume", "mean_gap", "leak_rate", "leak_rate_x", "leak_rate_y")  # fall on loading
 
 
 def listed_of(sweep: Any) -> tuple[str, tuple[float, ...]]:
     """Return the kind and the values of the list of a sweep; empty ones without a list."""
-    return next(((kind, getattr(sweep, name)) for name, kind in LISTS.items() if getattr(sweep, name)), ("", ()))
+    return next(((kind.name, getattr(sweep, name)) for name, kind in LISTS.items() if getattr(sweep, name)), ("", ()))
 
 
 def spelled(data: Any) -> Any:
@@ -50,7 +38,7 @@ def spelled(data: Any) -> Any:
         kind, message = "refused", "'{name}' makes a step of each value: omit {others}"
         raise PydanticCustomError(kind, message, {"name": name, "others": ", ".join(f"'{key}'" for key in beside)})
     values = data[name] if isinstance(data[name], list | tuple) else [data[name]]
-    return {**data, "steps": len(values), "to": {LISTS[name]: values[-1]}}
+    return {**data, "steps": len(values), "to": {LISTS[name].name: values[-1]}}
 
 
 def misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str] | None:
@@ -70,7 +58,7 @@ def misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str] 
         return None, "either all values have a unit, or none"
     if (wanted := units[0]) is not None:
         values = [convert(float(value), unit or wanted, wanted) for value, unit in zip(values, units, strict=True)]
-    falls = values[:2] != sorted(values[:2]) if either else levels[0].kind in FALLING
+    falls = values[:2] != sorted(values[:2]) if either else STATE_KINDS[levels[0].kind].falls
     for index, (one, other) in enumerate(itertools.pairwise(values), start=1):
         if not (one > other if falls else one < other):
             if either:
@@ -95,10 +83,12 @@ def sections_of(sweep: Any) -> list[tuple[tuple[str | int, ...], str, Any]]:
         for name, kind in LISTS.items():
             values = leg.get(name)
             items = values if isinstance(values, list) else [values]
-            found += [((*path, name, index), kind, value) for index, value in enumerate(items) if value is not None]
+            found += [
+                ((*path, name, index), kind.name, value) for index, value in enumerate(items) if value is not None
+            ]
         if leg.get("first") is not None:
             found.append(((*path, "first"), "pressure", leg["first"]))
-    return [row for row in found if row[1] in KINDS]
+    return [row for row in found if row[1] in STATE_KINDS]
 
 
 def levels_of(record: Any) -> list[tuple[tuple[str | int, ...], str, Any]]:
@@ -111,7 +101,7 @@ def levels_of(record: Any) -> list[tuple[tuple[str | int, ...], str, Any]]:
         for kind, values in here.items() if isinstance(here, dict) else ():
             items = values if isinstance(values, list) else [values]
             found += [(("record", *path, kind, index), kind, value) for index, value in enumerate(items)]
-    return [row for row in found if row[1] in KINDS]
+    return [row for row in found if row[1] in STATE_KINDS]
 
 
 def lacking_units(data: dict[str, Any], modulus: Any, *, has_length: bool) -> list[tuple[tuple[str | int, ...], str]]:
@@ -145,14 +135,14 @@ def end_of(leg: dict[str, Any]) -> dict[str, Any]:
     name = list_of(leg)
     if name is not None:
         values = leg[name] if isinstance(leg[name], list) else [leg[name]]
-        return {LISTS[name]: values[-1]}
+        return {LISTS[name].name: values[-1]}
     return leg["to"] if isinstance(leg.get("to"), dict) else {}
 
 
 def need_length(sweep: Any, record: Any, file: str) -> None:
     """Refuse states with a unit of length, or a load, on a surface whose file gives no unit."""
     states = [level for leg in sweep.legs for level in (leg.target, *(leg.listed or ()))]
-    levels = [level for select in record.selects.values() for level in select.levels if level.kind in KINDS]
+    levels = [level for select in record.selects.values() for level in select.levels if level.kind in STATE_KINDS]
     for level in (*states, *levels):
         if level.value is not None and lacking(level.kind, level.value, "Pa", None):
             reason = f"needs the unit of length, and {Path(file).name} gives none: add surface: {{L: 100 um}}"

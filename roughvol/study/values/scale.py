@@ -9,32 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from roughvol.study.values.state_kinds import STATE_KINDS
 from roughvol.study.values.units import convert, unit_of
 
-KINDS = {
-    "pressure": ("pressure", "pressure"),
-    "load": ("force", "pressure"),
-    "separation": ("length", "separation"),
-    "indentation": ("length", "indentation"),
-    "mean_gap": ("length", "free_volume"),
-    "contact_area": ("", "contact_area"),
-    "free_volume": ("", "free_volume"),
-    "leak_rate": ("flow", "leak_rate"),
-    "leak_rate_x": ("flow", "leak_rate_x"),
-    "leak_rate_y": ("flow", "leak_rate_y"),
-}
-"""Kinds of a state: the kind of its unit, empty without one, and the starred quantity that it fixes."""
 OF_ALL = "a load is the nominal pressure times N^2 δ^2, on a free patch of N = 33 nodes a side 6 % more than L^2"
 """The area that a load acts on, in words."""
-ALWAYS = ("load", "mean_gap", "leak_rate", "leak_rate_x", "leak_rate_y")  # have a unit in any case
-STORED = {
-    "pressure": "mean_pressure",
-    "contact_area": "contact_area_fraction",
-    "separation": "separation",
-    "indentation": "indentation",
-    "free_volume": "free_volume",
-}
-"""Stored name of each starred quantity."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +48,7 @@ class Scale:
         Parameters
         ----------
         kind : str
-            Of `KINDS`.
+            Of `STATE_KINDS`.
         value : float
             A `Quantity`, or a starred number.
 
@@ -83,14 +62,14 @@ class Scale:
         ValueError
             If the unit of the modulus or of length is needed and unknown, or the surface is flat.
         """
-        quantity = KINDS[kind][1]
+        quantity = STATE_KINDS[kind].fixes
         if (unit := unit_of(value)) is None:
             return quantity, float(value)
         if not self.Sq > 0.0:
             raise ValueError(f"{kind} {value}: the surface is flat, Sq is 0, and has no starred numbers")
         if message := lacking(kind, value, self.modulus_unit, self.length_unit):
             raise ValueError(message)
-        if kind in ("pressure", "load"):
+        if quantity == "pressure":
             assert self.modulus_unit is not None
             modulus = convert(self.E_star, self.modulus_unit, "Pa")
             pressure = convert(float(value), unit, "Pa") if kind == "pressure" else self._pressure(float(value), unit)
@@ -118,7 +97,7 @@ def lacking(kind: str, value: float, modulus_unit: str | None, length_unit: str 
     """Return which unit of the study a value with a unit needs and the study lacks, empty if none."""
     if unit_of(value) is None:
         return ""
-    if kind in ("pressure", "load") and modulus_unit is None:
+    if STATE_KINDS[kind].fixes == "pressure" and modulus_unit is None:
         return f"has a unit ({value}) and the modulus has none: give it, as material: {{E_star: 10 MPa}}"
     if kind != "pressure" and length_unit is None:
         return f"has a unit ({value}) and L has none: give it, as surface: {{L: 100 um}}"

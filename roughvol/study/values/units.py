@@ -199,22 +199,6 @@ class UnitOf:
         return unit if number == 1.0 else f"{number_text(number)} {unit}"
 
 
-class Starred(float):
-    """A starred number of one surface with the label of the state in the study, as ``pressure=0.5 MPa``."""
-
-    label: str
-
-    def __new__(cls, value: float, label: str) -> Starred:
-        """Return the number with its label."""
-        new = super().__new__(cls, value)
-        new.label = label
-        return new
-
-    def __getnewargs__(self) -> tuple[Any, ...]:
-        """Survive pickling."""
-        return float(self), self.label
-
-
 _Positive = Annotated[float, Field(gt=0)]
 Conductivity = Annotated[_Positive, In("conductivity", needed=True)]
 Length = Annotated[_Positive, In("length")]
