@@ -19,6 +19,7 @@ from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
 from roughvol.store.dataset import with_case
 from roughvol.store.variants import parts_of
+from roughvol.study import parse
 
 NAME = "dataset"  # in messages: a dataset has no name of its own
 
@@ -69,7 +70,7 @@ class Accessor:
         DatasetError
             If no surface reaches the level, or the arguments name no level or several.
         """
-        wanted = states.parse(_text(state, level, leg))
+        wanted = parse(_text(state, level, leg))
 
         def of_part(part: Dataset) -> Dataset:
             run = Run.of(NAME, part)
