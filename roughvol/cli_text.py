@@ -73,8 +73,8 @@ def summary(results: Dataset, path: Path) -> str:
     CampaignError
         If the file holds a state that did not converge.
     """
+    from roughvol.observables.variables import STATES
     from roughvol.store import dataset
-    from roughvol.store.variables import STATES
 
     lines = []
     if "step" in results.sizes:

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from roughvol.cli import main
-from roughvol.store.variables import VARIABLES
+from roughvol.observables.variables import VARIABLES
 from roughvol.study import load
 from roughvol.study.reference import keys
 

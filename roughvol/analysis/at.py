@@ -26,8 +26,7 @@ from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
 from roughvol.observables.levels import REACHED
-from roughvol.store.derived_variables import OF_STATE
-from roughvol.store.variables import STATES, VARIABLES
+from roughvol.observables.variables import OF_STATE, STATES, VARIABLES
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, convert
 from roughvol.typing import Array
 

@@ -28,7 +28,7 @@ from roughvol.analysis.derived import groups
 from roughvol.analysis.legs import first_leg
 from roughvol.observables.at_state import at_state
 from roughvol.observables.levels import REACHED
-from roughvol.store import axis_variables
+from roughvol.observables.variables import LISTED
 from roughvol.typing import Array
 
 
@@ -254,7 +254,7 @@ def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:
     list of (str, Dataset)
         Label of the file, or the seed; numbers along ``step``.
     """
-    one = run.squeeze([name for name in axis_variables.ROWS if name in run.dims])
+    one = run.squeeze([name for name in LISTED if name in run.dims])
     found = []
     for label, group in groups(first_leg(one)):
         for place in range(group.sizes["seed"]):

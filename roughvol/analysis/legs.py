@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xarray import Dataset
 
-from roughvol.store.variables import STATES
+from roughvol.observables.variables import STATES
 
 
 def first_leg(ds: Dataset) -> Dataset:

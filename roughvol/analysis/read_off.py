@@ -29,12 +29,12 @@ from roughvol.analysis.leak_curve import Bracket, curves, surfaces
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.levels import REACHED
-from roughvol.store import axis_variables
+from roughvol.observables.variables import LISTED
 from roughvol.study import Level, Quantity, Study, convert, loads
 from roughvol.typing import Array
 
 UNKNOWNS = ("pressure", "modulus", "Sq")
-ONE_OF_EACH = ("D", "m", *axis_variables.ROWS)  # the surfaces of an answer are seeds or files
+ONE_OF_EACH = ("D", "m", *LISTED)  # the surfaces of an answer are seeds or files
 AROUND = 5  # loads of a study that narrows an answer, along each axis
 
 

@@ -13,8 +13,8 @@ from roughvol.campaign.estimates import MeanEstimate
 from roughvol.campaign.quantities import PERCOLATION
 from roughvol.campaign.samples import SMALLEST, SampleTable
 from roughvol.campaign.steps import Steps
+from roughvol.observables.variables import DTYPES, MISSING, VARIABLES
 from roughvol.store.answer import BOUNDS
-from roughvol.store.variables import DTYPES, MISSING, VARIABLES
 
 Values = dict[str, tuple[tuple[str, ...], Any]]
 
@@ -30,7 +30,7 @@ def variables(answer: Answer) -> Values:
     Returns
     -------
     dict
-        Dimensions and values by the name in `store.variables.VARIABLES`.
+        Dimensions and values by the name in `observables.variables.VARIABLES`.
     """
     table = answer.samples
     dimensions = sorted(table.dimensions)

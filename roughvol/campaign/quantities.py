@@ -15,6 +15,7 @@ import numpy as np
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
 from roughvol.observables.levels import defined_step, step_at
+from roughvol.observables.variables import OF_STATE
 from roughvol.store.dataset import Arrays
 from roughvol.study import CLOSING, Case, Level
 from roughvol.study.values.state_kinds import stored_name
@@ -24,7 +25,6 @@ from roughvol.typing import Array
 PERCOLATION = Level("percolation")
 """State of the quantities that belong to none: the closing of the void."""
 
-OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 ALONG_AXES = ("percolates_x", "percolates_y", "transmissivity_x", "transmissivity_y")
 
 Series = Mapping[str, Array]

@@ -16,8 +16,8 @@ import numpy as np
 from roughvol.campaign import cost, quantities
 from roughvol.campaign.one_case import one_thread, surface_of
 from roughvol.observables.allocation import Alone
+from roughvol.observables.variables import VARIABLES
 from roughvol.store.dataset import Arrays
-from roughvol.store.variables import VARIABLES
 from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level, MadeSurface, Study, levels_below
 from roughvol.study.values.state_kinds import stored_name
 from roughvol.surfaces import texture

@@ -22,7 +22,7 @@ from roughvol.errors import FolderError, StudyError
 from roughvol.store import stamped_file
 
 if TYPE_CHECKING:
-    from roughvol.store.variables import Variable
+    from roughvol.observables.variables import Variable
     from roughvol.study.reference import Key
 
 WIDTH = 100
@@ -49,7 +49,7 @@ def _keys_with(context: click.Context, option: click.Parameter, start: str) -> l
 
 def _explained() -> list[str]:
     """Return all names that `explain` describes."""
-    from roughvol.store.variables import VARIABLES
+    from roughvol.observables.variables import VARIABLES
     from roughvol.study.reference import keys
     from roughvol.study.sections.fluid import SUBSTANCES
 
@@ -186,7 +186,7 @@ def _heights() -> str:
 @click.option("--markdown", is_flag=True, help="Print all keys and variables as one page.")
 def explain(name: str | None, markdown: bool) -> None:
     """Describe NAME: a key of a study, a section, a stored variable, or a gas."""
-    from roughvol.store.variables import VARIABLES
+    from roughvol.observables.variables import VARIABLES
     from roughvol.study.reference import keys
     from roughvol.study.sections.fluid import SUBSTANCES
 
@@ -276,7 +276,7 @@ def _say_gas(name: str) -> None:
 
 def page() -> str:
     """Return the page of all keys and variables in Markdown."""
-    from roughvol.store.variables import VARIABLES
+    from roughvol.observables.variables import VARIABLES
     from roughvol.study.reference import keys
 
     lines = [HEAD]

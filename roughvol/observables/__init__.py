@@ -3,10 +3,11 @@
 Room of the observables: pure functions of arrays, and the reduction of a sweep to what a study asks for.
 
 To add an observable, write its function here, with a row in `recorded.AT_STATES`, `void.QUANTITIES` or
-`regions.QUANTITIES`. Give each stored name a row in `store.variables`. If it has its own key, add the field in
+`regions.QUANTITIES`. Give each stored name a row in `observables.variables`. If it has its own key, add the field in
 `study.record`. docs/observables.md has the details.
 
 =================  ===================================================================
+`variables`        the table of stored variables, from `variables.toml`
 `reduction`        each state of a sweep reduced to stored values
 `recorded`         the list of observables: states, functions, labels, costs
 `levels`           the states at which an observable is taken

@@ -3,8 +3,7 @@
 Numbers of a contact are those of the region of the study, as if it were cut out of the loaded surface. The heights, the
 fields of gap and pressure, Sq and the separation are those of the whole surface. Lengths are over that Sq.
 
-Every function returns a mapping from names of `store.variables.VARIABLES` to arrays, without the dimensions of the
-case.
+Every function returns a mapping from names of `variables.VARIABLES` to arrays, without the dimensions of the case.
 """
 
 from __future__ import annotations
@@ -23,6 +22,7 @@ from roughvol.observables.levels import at_level, is_end, on_legs, reached
 from roughvol.observables.pressures import above, central_pressure_ratio
 from roughvol.observables.recorded import AT_STATES, asked_at_states, fields_of
 from roughvol.observables.regions import State, within
+from roughvol.observables.variables import OF_STATE
 from roughvol.study import Case, Legs, Level
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
@@ -44,7 +44,6 @@ PER_STEP = (
 )
 PLASTIC = ("plastic_volume", "plastic_area_fraction")
 ABOVE_HARDNESS = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
-OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 
 
 def of_surface(case: Case, surface: Surface) -> Values:

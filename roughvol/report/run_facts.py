@@ -21,7 +21,7 @@ from roughvol.analysis.hysteresis import hysteresis
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number
-from roughvol.store.variables import VARIABLES
+from roughvol.observables.variables import VARIABLES
 from roughvol.study import HeightFile, SpectralSurface
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array

@@ -21,8 +21,8 @@ from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.observables.conductance import stiffness_exponent
 from roughvol.observables.stiffness import without_every_second
+from roughvol.observables.variables import STATES
 from roughvol.report.run_facts import LEAKS, WAYS, cell, closing, conventions, head
-from roughvol.store.variables import STATES
 from roughvol.store.variants import parts_of
 from roughvol.study import Level, Quantity, parse
 

@@ -3,13 +3,7 @@
 Room of the store. It computes nothing.
 
 =====================  =============================================================
-`variable`             a row of the table
-`variables`            the table of every stored variable
-`derived_variables`    rows that follow from others
-`axis_variables`       rows of the axes that lists make
 `variants`             combinations of lists joined, and taken apart
-`flow_variables`       rows of gases and of quick estimates of a flow
-`fluid_variables`      rows of a contact under the pressure of a fluid
 `tradeoff_variables`   the table of a stored trade-off
 `record_key`           the key of a study file that stores a variable
 `provenance`           attributes of stored files

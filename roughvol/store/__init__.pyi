@@ -3,5 +3,3 @@ from .run import StoredRun as StoredRun
 from .run_folder import folder_of as folder_of
 from .run_status import Status as Status
 from .run_status import status as status
-from .variable import Variable as Variable
-from .variables import VARIABLES as VARIABLES

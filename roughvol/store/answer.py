@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from roughvol.observables.variables import DTYPES, VARIABLES
 from roughvol.store import run_folder, stamped_file
-from roughvol.store.variables import DTYPES, VARIABLES
 from roughvol.study import Case, Study
 
 if TYPE_CHECKING:

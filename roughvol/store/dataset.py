@@ -32,13 +32,12 @@ from xarray import Dataset
 from xarray.backends import NetCDF4DataStore
 
 from roughvol.errors import DatasetError
+from roughvol.observables.variables import ALONG, DTYPES, FIELDS, MISSING, TIMES, VARIABLES
 from roughvol.store import small_file, stamped_file
 from roughvol.store.stamped_file import FORMAT
-from roughvol.store.variable import Variable
-from roughvol.store.variables import ALONG, DTYPES, FIELDS, MISSING, TIMES, VARIABLES
 from roughvol.study import Case
 
-__all__ = ["VARIABLES", "Arrays", "Dataset", "Variable", "build", "combine", "read", "write"]
+__all__ = ["Arrays", "Dataset", "build", "combine", "read", "write"]
 
 Arrays = dict[str, tuple[tuple[str, ...], NDArray[Any]]]  # dimensions and values of variables by name
 

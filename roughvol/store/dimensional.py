@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from roughvol.errors import Problem, StudyError
-from roughvol.store.variables import HEIGHT_POWERS, VARIABLES
+from roughvol.observables.variables import HEIGHT_POWERS, VARIABLES
 from roughvol.study import Case, GeneratedSurface, Study, convert, throughput
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 
-from roughvol.store.variables import VARIABLES
+from roughvol.observables.variables import VARIABLES
 
 IN_UNITS = {  # variables of the section ``dimensional``
     "nominal_pressure": "pressure",

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.io import netcdf_file
 
 from roughvol.errors import DatasetError
-from roughvol.store.variables import DTYPES, VARIABLES
+from roughvol.observables.variables import DTYPES, VARIABLES
 from roughvol.study import Case
 
 Array = tuple[tuple[str, ...], NDArray[Any]]  # dimensions and values

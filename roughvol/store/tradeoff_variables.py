@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from roughvol.store.dataset import Variable
+from roughvol.observables.variables import Variable
 
 QUANTITIES = {"contact_area_fraction": "A*", "mean_pressure": "p*", "free_volume": "V*"}
 

@@ -16,9 +16,9 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, solve
 from roughvol.errors import StudyError
 from roughvol.observables import deformed
+from roughvol.observables.variables import VARIABLES
 from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
-from roughvol.store.variables import VARIABLES
 from roughvol.study import Case, loads
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface

@@ -13,10 +13,9 @@ from numpy.testing import assert_array_equal
 from roughvol.campaign.one_case import run_case, surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, sweep
-from roughvol.observables import recorded, reduction, regions, void
-from roughvol.store import derived_variables, variables
+from roughvol.observables import recorded, reduction, regions, variables, void
+from roughvol.observables.variables import VARIABLES
 from roughvol.store.dataset import Dataset
-from roughvol.store.variables import VARIABLES
 from roughvol.study import loads
 from roughvol.surfaces.surface import Surface
 
@@ -136,4 +135,3 @@ def test_the_table_and_the_list_of_observables_agree() -> None:
     assert {row.observable for row in VARIABLES.values()} - {""} == observables
     assert set(variables.STATES) == {row.dim for row in recorded.AT_STATES.values()}
     assert set(variables.ALONG) == {*void.QUANTITIES, *regions.QUANTITIES}
-    assert derived_variables.OF_STATE == reduction.OF_STATE

@@ -17,7 +17,8 @@ from roughvol.contact.search import first_indentation, indentation_for
 from roughvol.errors import ContactError, StudyError
 from roughvol.gap import clusters, transport
 from roughvol.observables import levels, reduction, regions, void
-from roughvol.store.dataset import VARIABLES, Dataset
+from roughvol.observables.variables import VARIABLES
+from roughvol.store.dataset import Dataset
 from roughvol.study import Case, Level, Transport, loads
 
 SURFACE = "surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}\n"

@@ -19,10 +19,11 @@ from matplotlib.figure import Figure
 from roughvol.errors import DatasetError
 from roughvol.gap.box_counting import box_counts, local_dimension
 from roughvol.gap.free_volume import domain, element_volumes, volume_density
+from roughvol.observables.variables import VARIABLES
 from roughvol.report.figures import curves
 from roughvol.report.figures.families import ENOUGH, merged
 from roughvol.report.figures.paper import FIGURES, NEEDS, missing
-from roughvol.store.dataset import VARIABLES, combine
+from roughvol.store.dataset import combine
 from roughvol.store.record_key import record_key
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 

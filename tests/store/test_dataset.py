@@ -18,8 +18,9 @@ from xarray.backends import NetCDF4DataStore
 
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import DatasetError, FolderError
+from roughvol.observables.variables import VARIABLES
 from roughvol.store import dataset, provenance, run_folder, stamped_file
-from roughvol.store.dataset import VARIABLES, Dataset
+from roughvol.store.dataset import Dataset
 from roughvol.study import Case, loads
 
 FFT = {"library": "FFTW", "planner": "FFTW_ESTIMATE", "threads": "1"}

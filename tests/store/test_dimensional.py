@@ -11,10 +11,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from roughvol.campaign import collected, running
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import StudyError
+from roughvol.observables.variables import HEIGHT_POWERS, VARIABLES
 from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
 from roughvol.store.run_folder import case_file
-from roughvol.store.variables import HEIGHT_POWERS, VARIABLES
 from roughvol.study import Study, loads
 
 LEAK = "leak_rate: {pressure_drop: 2 bar, viscosity: 3 mPa*s, unit: mm^3/s}"

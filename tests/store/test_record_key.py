@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from roughvol.observables.variables import VARIABLES
 from roughvol.store.record_key import record_key
-from roughvol.store.variables import VARIABLES
 from roughvol.study.reference import keys
 
 

@@ -13,8 +13,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from roughvol.observables.variables import VARIABLES
 from roughvol.report.paper_rules import PAPER_D, PAPER_M, nearest
-from roughvol.store.variables import VARIABLES
 
 if TYPE_CHECKING:
     from roughvol.analysis.stored_run import Run

@@ -1,0 +1,79 @@
+"""The table of observables and of the variables they store: `variables.toml`, read once.
+
+A row of `VARIABLES` is all that the store needs: by it fields are compressed, heights scaled and states found.
+"""
+
+from __future__ import annotations
+
+import itertools
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ACROSS = {"x": "y", "y": "x"}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of study.nc, with the fields that `variables.toml` explains."""
+
+    dims: str
+    units: str
+    long_name: str
+    symbol: str
+    kind: str = "real"
+    height_power: int = 0
+    source: str = ""
+    observable: str = ""
+
+
+def _variables(groups: Iterable[Mapping[str, Any]]) -> dict[str, Variable]:
+    """Return the variables of all groups, without those that are not stored."""
+    table: dict[str, Variable] = {}
+    unstored: set[str] = set()
+    for group in groups:
+        common = {key: value for key, value in group.items() if key in Variable.__dataclass_fields__}
+        repeated = itertools.product(group.get("along", ("",)), group.get("of", ("",)), group["rows"].items())
+        for along, base, (template, row) in repeated:
+            words = asdict(table[base]) if base else {"units": "1"}
+            fields = words | common | row
+            words |= {"base": base, "along": along, "inner": words.get("dims", "").removeprefix("...")}
+            words["function"] = words.get("source", "").rpartition(".")[2]
+            for axis, across in ACROSS.items() if "{axis}" in template else [("", "")]:
+                words |= {"axis": axis, "across": across}
+                words["name"] = name = template.format_map(words)
+                table[name] = Variable(**{key: _filled(value, words) for key, value in fields.items()})
+                unstored |= set() if group.get("stored", True) else {name}
+    return {name: row for name, row in table.items() if name not in unstored}
+
+
+def _filled(value: Any, words: Mapping[str, Any]) -> Any:
+    return value.format_map(words) if isinstance(value, str) else value
+
+
+_TABLE = tomllib.loads(Path(__file__).with_name("variables.toml").read_text(encoding="utf-8"))
+
+VARIABLES = _variables(_TABLE["group"])
+OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
+"""Numbers that every state has, between two steps as well."""
+STATES = tuple(name for name, row in VARIABLES.items() if row.source == "study.sections.select.Select.levels")
+"""Dimensions along which recorded states are stored."""
+FIELDS = frozenset(name for name, row in VARIABLES.items() if row.dims.endswith(" x y"))
+"""The large variables, compressed on disk."""
+TIMES = frozenset(name for name, row in VARIABLES.items() if row.units == "s")
+"""The only variables in which two equal runs differ."""
+HEIGHT_POWERS = {name: row.height_power for name, row in VARIABLES.items() if row.height_power}
+"""Power of the heights in each number that changes when they are scaled and the plane is not; v = g δ²."""
+ALONG: dict[str, str] = {}
+"""The first variable of each observable along the steps."""
+for _name, _row in VARIABLES.items():
+    if _row.observable and " step" in _row.dims:
+        ALONG.setdefault(_row.observable, _name)
+LISTED = tuple(name for name, row in VARIABLES.items() if row.source == "study.axes.axes_of")
+"""Coordinates of the axes that the lists of a study make."""
+DTYPES = {"real": np.float64, "count": np.float64, "index": np.int64, "flag": np.bool_, "text": object}
+MISSING: dict[str, Any] = {"real": np.nan, "count": np.nan, "index": -1, "flag": False, "text": ""}
