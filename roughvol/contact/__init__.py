@@ -9,6 +9,7 @@ The room of the solver. It knows surfaces and arrays, no study and no results.
 `pressed`             state under a given load
 `response`            linear response of a solved state
 `active_set`          loop: free elements, residual, direction, exact step
+`law`                 pressures allowed: rigid wall, wall with a hardness
 `problem`             scaled problem: convolution, verification, record
 `state`               solved state
 `preconditioner`      approximate inverse on the candidates

@@ -2,8 +2,7 @@
 
 This is the page of the solver. Equation numbers are those of docs/solver.md. With pressures q, overlap b = h + Δ, gap
 w = K q - b and all lengths over σ, the contact is the solution of q ≥ 0, w ≥ 0, q w = 0 on every element.
-
-A surface that yields has q ≤ Q as well, and w ≤ 0 where q = Q: equation (16). Q is infinite in elastic contact.
+The law of the problem (`law`) says which pressures are allowed and which elements are free; a hardness is in it.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ class Start:
     """The candidates for contact, and the start of the iteration on them.
 
     The rates of q and K q with indentation give the preconditioner the answer to a uniform indentation (14). Elements
-    held at the limit Q take no part in the iteration; w counts their pressure.
+    held at the limit of the law take no part in the iteration; w counts their pressure.
     """
 
     candidates: Index
@@ -51,6 +50,14 @@ class Start:
     w: Array
     rates: Rates | None
     held: Index
+
+    def with_held(self, q: Array, limit: float) -> tuple[Index, Array]:
+        """Return the candidates and the elements held at the limit in increasing order, with q."""
+        if not self.held.size:
+            return self.candidates, q
+        elements = np.concatenate((self.candidates, self.held))
+        order = np.argsort(elements)
+        return elements[order], np.concatenate((q, np.full(self.held.size, limit)))[order]
 
 
 def solve_indentation(
@@ -95,7 +102,7 @@ def solve_indentation(
             q, steps = conjugate_gradients(problem, indentation, start, rtol, mode)
         iterations += steps
         advance = indentation - latest.indentation
-        elements, q = _with_held(start, q, problem.limit)
+        elements, q = start.with_held(q, problem.law.limit)
         state, residual = problem.verified(indentation, elements, q, next_advance=advance)  # (2)
         if residual <= rtol:
             return state, iterations, residual
@@ -108,7 +115,7 @@ def solve_indentation(
 def conjugate_gradients(
     problem: Problem, indentation: float, start: Start, rtol: float, mode: Mode
 ) -> tuple[Array, int]:
-    """Minimise the energy over 0 ≤ q ≤ Q on the candidates, by preconditioned conjugate gradients with bounds.
+    """Minimise the energy over the pressures that the law allows, by preconditioned conjugate gradients.
 
     q and w have 64 bits. Residuals, directions and their convolutions may have 32: the error of a step is a share of
     the step, and steps shrink. The verification measures the errors that add up in w.
@@ -127,7 +134,7 @@ def conjugate_gradients(
     Returns
     -------
     q : array (n,)
-        Scaled pressures, 0 ≤ q ≤ Q, on the candidates.
+        Allowed pressures on the candidates.
     iterations : int
         Iterations taken.
 
@@ -138,13 +145,10 @@ def conjugate_gradients(
     """
     tuning, half_space, elements = problem.tuning, problem.half_space, start.candidates
     single = problem.single(rtol) and mode is not Mode.EXACT
-    tolerance, limit = tuning.safety * rtol, problem.limit
-    yields = limit < np.inf
+    tolerance, law = tuning.safety * rtol, problem.law
     q, w = start.q, start.w
     # First free set: (6) without the elements that M⁻¹ expects lifted clear. The verification finds a wrong guess.
-    free = (q > 0.0) | (w < 0.0)
-    if yields:
-        free &= (q < limit) | (w > 0.0)
+    free = law.free(q, w)
     inverse, free = approximate_inverse(
         half_space.influence, half_space.shape, elements, q, w, free, start.rates, tuning, periodic=half_space.periodic
     )
@@ -153,11 +157,9 @@ def conjugate_gradients(
     r_before, rz, step, residual = direction.copy(), 1.0, 0.0, np.inf  # without effect: the first direction is z
     for iteration in range(3 * tuning.iterations):
         if iteration % tuning.cut_every == 0:
-            _project(problem, elements, q, w, single)  # (5) project on 0 ≤ q ≤ Q: may cost a convolution
+            _project(problem, elements, q, w, single)  # (5) project on the pressures allowed: may cost a convolution
         if iteration:
-            free = (q != 0.0) | (w < 0.0)  # (6) free set: q < 0 stays in it until the next projection
-            if yields:
-                free &= (q != limit) | (w > 0.0)
+            free = law.free(q, w)  # (6) free set: q < 0 stays in it until the next projection
         r = np.negative(w, out=np.empty_like(direction), casting="same_kind")
         r *= free  # (7) residual
         residual_before, residual = residual, float(np.abs(r).max())
@@ -166,16 +168,14 @@ def conjugate_gradients(
                 continue  # w has changed
             return q, iteration
         z = inverse(r)  # (8) precondition
-        z *= free & ((q > 0.0) | (z >= 0.0))  # (9) bounds: no tensile direction at q ≤ 0
-        if yields:
-            z *= (q < limit) | (z <= 0.0)
+        z *= free & law.admits(q, z)  # (9) bounds: no tensile direction at q ≤ 0
         rz_before, rz = rz, float(r @ z)
         direction *= max(0.0, (rz - float(r_before @ z)) / rz_before)
         direction += z  # (10) direction
         direction *= free
         reduction = residual_before / residual  # by the previous step
         if mode is Mode.SWIFT and iteration and residual <= tolerance * min(tuning.last_step, reduction):
-            return np.clip(q + step * direction, 0.0, limit), iteration  # (12) one more step of the previous length
+            return law.project(q + step * direction), iteration  # (12) one more step of the previous length
         response = half_space.displacement_at(elements, direction, single=single)
         curvature = float(direction @ response)
         descends = 0.0 < rz < np.inf and 0.0 < curvature < np.inf
@@ -192,32 +192,24 @@ def conjugate_gradients(
 
 
 def _project(problem: Problem, elements: Index, q: Array, w: Array, single: bool) -> bool:
-    """Set q to its projection on 0 ≤ q ≤ Q and w accordingly, in place, and return whether any q has changed."""
-    if q.min(initial=0.0) >= 0.0 and not q.max(initial=0.0) > problem.limit:
+    """Project q on the pressures allowed and change w accordingly, in place; return whether any q has changed."""
+    outside = problem.law.outside(q)
+    if not outside.size:
         return False
-    outside = np.flatnonzero((q < 0.0) | (q > problem.limit))
-    excess = q[outside] - np.clip(q[outside], 0.0, problem.limit)
+    allowed = problem.law.project(q[outside])
+    excess = q[outside] - allowed
     displacement = problem.superposition.displacement(elements, outside, excess, single=single)
     if displacement is None:  # too many for a sum
         field = np.zeros(q.size)
         field[outside] = excess
         displacement = problem.half_space.displacement_at(elements, field, single=single)
     w -= displacement
-    q[outside] = np.clip(q[outside], 0.0, problem.limit)
+    q[outside] = allowed
     return True
 
 
-def _with_held(start: Start, q: Array, limit: float) -> tuple[Index, Array]:
-    """Return the candidates and the elements held at the limit in increasing order, with q."""
-    if not start.held.size:
-        return start.candidates, q
-    elements = np.concatenate((start.candidates, start.held))
-    order = np.argsort(elements)
-    return elements[order], np.concatenate((q, np.full(start.held.size, limit)))[order]
-
-
 def _factorised(problem: Problem, indentation: float, start: Start) -> Array:
-    """Return 0 ≤ q ≤ Q on few elements, by Cholesky factorisations.
+    """Return the pressures of few elements, by Cholesky factorisations.
 
     Tensile elements leave the contact set, penetrating ones come back, until neither is left. Elements above the limit
     are set to it, and freed where a gap opens.
@@ -227,7 +219,7 @@ def _factorised(problem: Problem, indentation: float, start: Start) -> Array:
     ConvergenceError
         If the contact set does not settle.
     """
-    elements, limit = start.candidates, problem.limit
+    elements, limit = start.candidates, problem.law.limit
     matrix = influence_matrix(problem.half_space.influence, elements)
     b = matrix @ start.q - start.w if start.held.size else problem.heights[elements] + indentation
     q = np.zeros(b.size)
@@ -250,7 +242,7 @@ def _factorised(problem: Problem, indentation: float, start: Start) -> Array:
         margin = TENSILE * np.abs(b).max(initial=0.0)
         back = (~active & ~yielded & (w < -margin)) | (yielded & (w > margin))
         if not back.any():
-            return np.clip(q, 0.0, limit)
+            return problem.law.project(q)
         active |= back
         yielded &= ~back
     message = f"the contact set of {b.size} candidates did not settle"
@@ -283,16 +275,12 @@ def _predict(problem: Problem, indentation: float, latest: State, previous: Stat
     latest.forget()
     w = gap + theta * (gap - previous.gap(candidates))
     # Gaps are not convex while a surface yields: elements near contact take part as well.
-    margin = problem.tuning.yield_margin * max(0.0, advance) if problem.limit < np.inf else 0.0
+    margin = problem.tuning.yield_margin * max(0.0, advance) if problem.law.yields else 0.0
     predicted = (w if theta > 0.0 else gap) < margin
     contact = previous if falls else latest
     predicted[problem.positions(candidates, contact.elements)[0]] = True  # (3) contact is among the candidates
     candidates, w = candidates[predicted], w[predicted]
-    held = _NONE
-    if problem.limit < np.inf:
-        q, earlier = problem.pressures(candidates, latest, previous)
-        stay = (np.minimum(q, earlier) >= problem.limit) & (w < 0.0)
-        held, candidates, w = candidates[stay], candidates[~stay], w[~stay]
+    candidates, w, held = _without_held(problem, candidates, w, latest, previous)
     q, rates = _rates(problem, candidates, latest, previous)
     q += advance * rates[0]  # (4) secant
     _project(problem, candidates, q, w, single)  # (5)
@@ -306,15 +294,22 @@ def _corrected(problem: Problem, state: State, latest: State) -> Start:
     mask = w < 0.0  # `within` may return more
     mask[problem.positions(candidates, state.elements)[0]] = True
     candidates, w = candidates[mask], w[mask]
-    held = _NONE
-    if problem.limit < np.inf:
-        stay = (problem.pressures(candidates, state)[0] >= problem.limit) & (w < 0.0)
-        held, candidates, w = candidates[stay], candidates[~stay], w[~stay]
+    candidates, w, held = _without_held(problem, candidates, w, state)
     if state.indentation > latest.indentation:  # rates need two states in order
         q, rates = _rates(problem, candidates, state, latest)
         return Start(candidates, q, w, rates, held)
     (q,) = problem.pressures(candidates, state)
     return Start(candidates, q, w, None, held)
+
+
+def _without_held(problem: Problem, candidates: Index, w: Array, *states: State) -> tuple[Index, Array, Index]:
+    """Return the candidates that take part with their w, and those that overlap at the limit in every state."""
+    if not problem.law.yields:
+        return candidates, w, _NONE
+    stay = w < 0.0
+    for q in problem.pressures(candidates, *states):
+        stay &= problem.law.held(q)
+    return candidates[~stay], w[~stay], candidates[stay]
 
 
 def _rates(problem: Problem, candidates: Index, latest: State, previous: State) -> tuple[Array, Rates]:

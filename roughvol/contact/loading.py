@@ -199,7 +199,7 @@ def _new_leg(
     problem: Problem, latest: State, previous: State | None, error: float
 ) -> tuple[Problem, State, State | None]:
     """Return the problem on the heights that a state has left, with the states before."""
-    leg = Leg(problem.limit, problem.leg.plastic_under(latest), error)
+    leg = Leg(problem.law, problem.leg.plastic_under(latest), error)
     return _turned(problem, leg, latest, previous)
 
 
@@ -216,7 +216,7 @@ def _resumed(problem: Problem, states: Iterable[Mapping[str, Any]]) -> tuple[Pro
 def _held(problem: Problem, state: Mapping[str, Any]) -> tuple[Leg, State, float]:
     """Return the leg, the state and its error, from `Contact.state`."""
     held = dict(state)
-    leg = Leg(problem.limit, held.pop("plastic", None), held.pop("carried", 0.0))
+    leg = Leg(problem.law, held.pop("plastic", None), held.pop("carried", 0.0))
     error = held.pop("residual", 0.0)
     return leg, State(**held), error
 
@@ -268,7 +268,7 @@ class Trials:
         self.problem = Problem(surface, half_space, tuning=tuning, hardness=hardness)
         if after is not None:
             leg, state, error = _held(self.problem, after)
-            self.problem = self.problem.on(Leg(leg.limit, leg.plastic_under(state), error) if turned else leg)
+            self.problem = self.problem.on(Leg(leg.law, leg.plastic_under(state), error) if turned else leg)
         self._solve = _method(method)
         self.rtol, self.pressure_error = rtol, pressure_error
         self.least: Contact | None = None
@@ -354,7 +354,7 @@ class Trials:
             x = start + (indentation - one.approach) * rate - margin
             elements = np.flatnonzero(x > 0.0)
             gap = np.maximum(-x, TENSILE * max(1.0, indentation))
-            pressure = np.minimum(x[elements] / problem.firmness, problem.limit)
+            pressure = problem.law.project(x[elements] / problem.firmness)
             state = State(indentation, elements, pressure, gap + indentation)
             return problem.record(state, problem.counts(), 0, np.nan)
 

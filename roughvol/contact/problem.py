@@ -1,7 +1,7 @@
 """The scaled contact problem: convolution, verification and record of a state, without any iteration.
 
-Pressures have an upper bound, the limit, on a surface that yields. The overlap left on elements at the limit is a
-plastic displacement of the surface, ≥ 0, that stays. All states of a leg have the heights of its start.
+The overlap that the law leaves on elements at its limit is a plastic displacement of the surface, ≥ 0, that stays. All
+states of a leg have the heights of its start.
 
 Symbols and equations are those of docs/solver.md.
 """
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.contact.few_loads import Superposition
+from roughvol.contact.law import ELASTIC, HardWall, RigidWall
 from roughvol.contact.state import Compliance, Contact, Leg, State
 from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.errors import ContactError
@@ -67,8 +68,8 @@ class Problem:
     ----------
     heights : array (nodes,)
         h at the start of the leg, flat: less the plastic displacement so far.
-    limit : float
-        Largest q; infinite in elastic contact.
+    law : RigidWall or HardWall
+        Pressures and gaps allowed.
     leg : Leg
         Plastic displacement at the start of the leg, and its error.
 
@@ -97,8 +98,8 @@ class Problem:
             raise ContactError(f"the surface is {one}, the half space {other}; allowed: both periodic, or none")
         self.half_space, self.shape, self.tuning = half_space, surface.shape, tuning
         self.intervals, self.periodic = surface.intervals[0], surface.periodic
-        self.limit = np.inf if hardness is None else hardness / (np.pi * self.intervals)
-        self.leg = Leg(self.limit)
+        self.law: RigidWall = ELASTIC if hardness is None else HardWall(hardness / (np.pi * self.intervals))
+        self.leg = Leg(self.law)
         self._mixed = precision == "mixed"
         self.superposition = Superposition(half_space.influence, tuning)
         self._position = np.full(surface.heights.size, -1, dtype=np.int32)  # restored by `positions`
@@ -129,9 +130,11 @@ class Problem:
 
     def rebound(self, before: State, state: State) -> float:
         """Return the largest fall of an overlap at the limit from one state to a later one: none for an M-matrix."""
-        yielded = before.elements[before.pressure >= self.limit]
+        if not self.law.yields:
+            return 0.0
+        yielded = before.elements[self.law.held(before.pressure)]
         (q,) = self.pressures(yielded, state)
-        left = np.where(q >= self.limit, np.maximum(-state.gap(yielded), 0.0), 0.0)
+        left = np.where(self.law.held(q), np.maximum(-state.gap(yielded), 0.0), 0.0)
         return float((np.maximum(-before.gap(yielded), 0.0) - left).max(initial=0.0))
 
     def single(self, rtol: float) -> bool:
@@ -186,7 +189,8 @@ class Problem:
         """
         elements, gap = state.within(2.0 * residual)
         brink = gap <= 2.0 * residual
-        brink[self.positions(elements, state.elements[state.pressure >= self.limit])[0]] = False  # no stiffness left
+        if self.law.yields:  # no stiffness left at the limit
+            brink[self.positions(elements, state.elements[self.law.held(state.pressure)])[0]] = False
         elements, gap = elements[brink], gap[brink]
         if self.positions(elements, previous.elements)[0].min(initial=0) < 0:
             elements = np.union1d(elements, previous.elements)
@@ -219,15 +223,15 @@ class Problem:
         return float(0.999 / np.linalg.inv(near).diagonal().max())
 
     def depth(self, contact: Contact) -> Array:
-        """Return x on every element, flat: c q in contact, -w elsewhere; c q - w at the limit."""
+        """Return x on every element, flat: c q in contact, -w elsewhere; c q - w at the limit of the law."""
         x = -contact._state.gap()
-        overlap = np.where(contact._pressure >= self.limit, x[contact._elements], 0.0)
+        overlap = np.where(self.law.held(contact._pressure), x[contact._elements], 0.0)
         x[contact._elements] = self.firmness * contact._pressure + overlap
         return x
 
     def least_pressure(self, indentation: float, latest: State) -> float:
         """Return a lower bound of p* at an indentation: that of the latest state, or of the highest element alone."""
-        alone = min((indentation - self.touch) / float(self.half_space.influence[0, 0]), self.limit)
+        alone = min((indentation - self.touch) / float(self.half_space.influence[0, 0]), self.law.limit)
         rising = latest.pressure.size and indentation >= latest.indentation
         q = max(float(latest.pressure.sum()) if rising else 0.0, alone)
         # the pressure of the latest state has an error of up to a tenth, see `sweep`
@@ -249,13 +253,11 @@ class Problem:
         # w < 0 only where b > 0, as K is positive
         reach = abs(next_advance) * (1.0 + 1e-6)  # the next one may be larger by rounding
         near, gap = state.within(reach)
-        open_gap = state.gap(elements)
-        if self.limit < np.inf:  # at the limit an overlap is no error
-            yielded = q >= self.limit
+        loaded = self.law.residual(q, state.gap(elements))
+        if self.law.yields:
             gap = gap.copy()
-            gap[self.positions(near, elements[yielded])[0]] = 0.0
-            open_gap[yielded] = np.maximum(open_gap[yielded], 0.0)
-        return state, max(float(np.abs(open_gap).max(initial=0.0)), -float(gap.min(initial=0.0)))
+            gap[self.positions(near, elements)[0]] = loaded
+        return state, max(float(np.abs(loaded).max(initial=0.0)), -float(gap.min(initial=0.0)))
 
     def record(
         self,

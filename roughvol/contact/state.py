@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.contact.kernels import Kernel
+from roughvol.contact.law import ELASTIC, RigidWall
 from roughvol.typing import Array, Index, Mask
 
 
@@ -134,7 +135,7 @@ class Contact:
     def state(self) -> dict[str, Any]:
         """Return the numbers and arrays from which `sweep` goes on (``resume``)."""
         state = {name: getattr(self._state, name) for name in ("indentation", "elements", "pressure", "touch_at")}
-        if self._leg.limit == np.inf:
+        if not self._leg.law.yields:
             return state
         return state | {"plastic": self._leg.plastic, "carried": self._leg.carried, "residual": self.residual}
 
@@ -142,7 +143,7 @@ class Contact:
         """Return the mask of the elements that have yielded, now or before."""
         plastic = self._leg.plastic
         mask = np.zeros(self.shape, dtype=bool) if plastic is None else plastic.reshape(self.shape) > 0.0
-        mask.flat[self._state.elements[self._state.pressure >= self._leg.limit]] = True
+        mask.flat[self._state.elements[self._leg.law.held(self._state.pressure)]] = True
         return mask
 
     def plastic_displacement(self) -> Array:
@@ -157,21 +158,21 @@ class Leg:
 
     Attributes
     ----------
-    limit : float
-        Largest q; infinite in elastic contact.
+    law : RigidWall or HardWall
+        Pressures and gaps allowed.
     plastic : array (nodes,) or None
         Plastic displacement over σ, flat; None before any.
     carried : float
         Bound of the error of `plastic`: the residuals of the states that left it.
     """
 
-    limit: float = np.inf
+    law: RigidWall = ELASTIC
     plastic: Array | None = None
     carried: float = 0.0
 
     def plastic_under(self, state: State) -> Array | None:
         """Return the plastic displacement under a state: that of the leg, and the overlaps of elements at the limit."""
-        elements = state.elements[state.pressure >= self.limit]
+        elements = state.elements[self.law.held(state.pressure)]
         if not elements.size:
             return self.plastic
         plastic = np.zeros(state.touch_at.size) if self.plastic is None else self.plastic.copy()
@@ -180,10 +181,10 @@ class Leg:
 
     def yielded(self, state: State) -> tuple[float, float]:
         """Return the mean plastic displacement under a state, and the share of elements that have yielded."""
-        if self.limit == np.inf:
+        if not self.law.yields:
             return 0.0, 0.0
         before = np.zeros(state.touch_at.size) if self.plastic is None else self.plastic
-        elements = state.elements[state.pressure >= self.limit]
+        elements = state.elements[self.law.held(state.pressure)]
         overlap = np.maximum(-state.gap(elements), 0.0).sum()
         area = np.count_nonzero(before) + np.count_nonzero(before[elements] == 0.0)
         return float(before.sum() + overlap) / before.size, area / before.size
