@@ -1,0 +1,64 @@
+"""The linear response of a contact: against dense matrices, and against the change of solved contacts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import solve
+from roughvol.contact.periodic import PeriodicHalfSpace
+from roughvol.contact.response import Response
+from roughvol.contact.tuning import TUNING, Tuning
+from roughvol.errors import ConvergenceError
+from roughvol.surfaces.surface import Surface
+
+FREE = [(HalfSpace, (17, 17), "love"), (HalfSpace, (12, 19), "punch"), (HalfSpace, (30, 8), "love")]
+PERIODIC = [(PeriodicHalfSpace, (16, 16), kernel) for kernel in ("love", "punch", "fourier")]
+GRIDS = [*FREE, *PERIODIC, (PeriodicHalfSpace, (13, 22), "love")]
+ITERATIVE = Tuning(dense_up_to=0)
+
+
+@pytest.mark.parametrize(("kind", "shape", "kernel"), GRIDS)
+@pytest.mark.parametrize("tuning", [TUNING, ITERATIVE])
+def test_pressures_displace_the_elements_as_asked(kind, shape, kernel, tuning):
+    generator = np.random.default_rng(2)
+    half_space = kind(shape, kernel)
+    for count in (1, 2, 70):
+        elements = np.sort(generator.choice(shape[0] * shape[1], size=count, replace=False))
+        matrix = np.column_stack([half_space.displacement_at(elements, unit) for unit in np.eye(count)])
+        response = Response(half_space, elements, tuning=tuning)
+        asked = generator.normal(size=count)
+        exact = np.linalg.solve(matrix, asked)
+        np.testing.assert_allclose(response.pressure(asked), exact, atol=1e-6 * np.abs(exact).max())
+        stiffness = np.linalg.solve(matrix, np.ones(count)).sum()
+        assert response.rates.sum() == pytest.approx(stiffness, rel=1e-7)
+
+
+@pytest.mark.parametrize(("kind", "shape"), [(HalfSpace, (24, 20)), (PeriodicHalfSpace, (24, 20))])
+@pytest.mark.parametrize("hardness", [None, 8.0])
+def test_the_response_is_the_change_of_a_solved_contact(kind, shape, hardness):
+    """Elements at the hardness keep their pressure: the elements between 0 and the hardness respond alone."""
+    half_space = kind(shape)
+    surface = Surface(np.random.default_rng(5).normal(size=shape), 1.0, periodic=half_space.periodic)
+    factor, step = np.pi * surface.intervals[0], 1e-5
+    below, here, above = (
+        solve(surface, half_space, 1.6 + change, rtol=1e-12, hardness=hardness).pressure().ravel() / factor
+        for change in (-step, 0.0, step)
+    )
+    limit = np.inf if hardness is None else hardness / factor * (1.0 - 1e-9)
+    sets = [(q > 0.0) + (q >= limit).astype(int) for q in (below, here, above)]
+    assert all(np.array_equal(sets[1], other) for other in sets)  # else the change is no derivative
+    assert (here >= limit).any() == (hardness is not None)
+    elements = np.flatnonzero(sets[1] == 1)
+    for tuning in (TUNING, ITERATIVE):
+        rates = Response(half_space, elements, tuning=tuning).rates
+        change = (above - below)[elements] / (2.0 * step)
+        np.testing.assert_allclose(change, rates, atol=1e-5 * rates.max())
+    assert np.abs(above - below)[sets[1] != 1].max() == 0.0
+
+
+def test_an_accuracy_that_is_not_reached_is_an_error():
+    response = Response(HalfSpace((9, 9)), np.arange(81), tuning=Tuning(dense_up_to=0, iterations=1))
+    with pytest.raises(ConvergenceError, match="linear response of 81 elements"):
+        response.pressure(np.ones(81))
