@@ -36,6 +36,7 @@ RIM = 0.8  # mean pressure in the central half of each side over that of the who
 HIGH = 6.0  # highest point above the mean plane over Sq: of 10⁶ independent normal heights the highest is at 5
 METAL = 20.0  # GPa, E*: above polymers and rubber, below all structural metals
 SOFTEST = 1e-3  # contact pressure over E* at which the softest metals yield: H = 3 Y (Tabor 1951), Y/E of 1/3000
+UNLOADED = 1e-12  # p*: an unloaded surface to rounding
 CLOSES_AT = 0.42  # A* at the closing of the last way (Persson & Yang 2008; Wang & Müser 2020)
 
 SMALL_SLOPES = "Al-Qudsi, De Lorenzis & Scaraggi 2022; Sdr ≈ Sdq²/2 (ISO 25178-2)"
@@ -87,6 +88,7 @@ class Setting:
     drop_text: str | None = None  # pressure drop of a leak rate
     drop: float = math.nan  # over E*; NaN for a modulus without a unit
     fluid: float = math.nan  # largest mean pressure of a fluid over the ambient, over E*; NaN without one
+    fluid_text: str = ""  # its inlet and outlet
     lifted: bool = False  # fluid pressure lifts the gap at recorded states
     scaled: bool = False  # the ratio of heights to L is that of a real surface
     patch: bool = False  # a free patch that is a sample of a larger joint
@@ -103,7 +105,7 @@ def setting(study: Study) -> Setting:
     if (fluid := study.fluid) is not None:
         drops.append((fluid.pressures[0] - fluid.pressures[1], f"{fluid.inlet} - {fluid.outlet}"))
     pascal, drop_text = max(drops, default=(None, None))
-    mean = _mean_fluid(study)
+    mean, sides = _mean_fluid(study)
     drop = convert(pascal, "Pa", unit) if pascal is not None and unit is not None else None
     scaled = not isinstance(surface, MadeSurface) or bool(surface.Sq or surface.length_unit)
     scaled = scaled or (isinstance(surface, SpectralSurface) and surface.slope is not None)
@@ -119,6 +121,7 @@ def setting(study: Study) -> Setting:
         drop_text=drop_text,
         drop=math.nan if drop is None else drop / material.contact_modulus,
         fluid=math.nan if unit is None else convert(mean, "Pa", unit) / material.contact_modulus,
+        fluid_text=sides,
         lifted=record.fluid_pressure is not None,
         scaled=scaled,
         patch=asks and whole and not surface.periodic,  # a period has no rim
@@ -127,17 +130,23 @@ def setting(study: Study) -> Setting:
     )
 
 
-def _mean_fluid(study: Study) -> float:
-    """Return the largest mean of inlet and outlet of the fluids of a study over the ambient [Pa], NaN without one."""
-    record, means = study.record, list[float]()
+def _mean_fluid(study: Study) -> tuple[float, str]:
+    """Return the largest mean of inlet and outlet of the fluids of a study over the ambient [Pa], and both in words.
+
+    The mean is NaN without a fluid.
+    """
+    record, means = study.record, list[tuple[float, str]]()
     if record.dimensional is not None and (leak := record.dimensional.leak_rate) is not None:
-        means.append(0.5 * (in_unit(leak.pressure_drop, "Pa") or 0.0))  # the outlet is at the ambient
+        drop = in_unit(leak.pressure_drop, "Pa") or 0.0
+        means.append((0.5 * drop, f"inlet {leak.pressure_drop} over the outlet at the ambient"))
     if study.fluid is not None:
-        means.append(0.5 * sum(study.fluid.pressures) - ATMOSPHERE)
+        sides = f"inlet {study.fluid.inlet}, outlet {study.fluid.outlet}, absolute"
+        means.append((0.5 * sum(study.fluid.pressures) - ATMOSPHERE, sides))
     lift = record.fluid_pressure
     if lift is not None and unit_of(lift.inlet) is not None:
-        means.append(0.5 * sum(in_unit(value, "Pa") or 0.0 for value in (lift.inlet, lift.outlet)))
-    return max(means, default=math.nan)
+        mean = 0.5 * sum(in_unit(value, "Pa") or 0.0 for value in (lift.inlet, lift.outlet))
+        means.append((mean, f"inlet {lift.inlet}, outlet {lift.outlet}"))
+    return max(means, default=(math.nan, ""))
 
 
 def _written(hardness: float | None, unit: str | None) -> str:
@@ -194,8 +203,8 @@ def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float) ->
     findings += _metal(given, math.sqrt(0.5 * math.pi) * scale, "about ")
     if 0.0 < end <= given.fluid:
         text = (
-            f"the mean pressure of the fluid is {_pressure(given, given.fluid)} over the ambient, the nominal pressure "
-            f"expected at the end about {_pressure(given, end)}: {_OPENS}"
+            f"the mean pressure of the fluid is {_pressure(given, given.fluid)} over the ambient ({given.fluid_text}), "
+            f"the nominal pressure expected at the end about {_pressure(given, end)}: {_OPENS}"
         )
         findings.append(Finding("fluid", text, 1.0, COUPLING))
     if given.drop_text is not None and math.isnan(given.drop):
@@ -367,13 +376,13 @@ def _drop(given: Setting, starred: DataArray, nominal: DataArray) -> list[Findin
 
 def _fluid(given: Setting, starred: DataArray, nominal: DataArray) -> list[Finding]:
     """Return the states whose load the fluid carries alone; ``starred`` is NaN without a leak rate."""
-    beyond = (nominal <= given.fluid) & (starred > 0.0)
+    beyond = (nominal <= given.fluid) & (starred > UNLOADED)
     if not bool(beyond.any()):
         return []
     extent = _extent(beyond, starred)
     text = (
-        f"the mean pressure of the fluid is {_pressure(given, given.fluid)} over the ambient, at least the nominal "
-        f"pressure at {extent}: {_OPENS}"
+        f"the mean pressure of the fluid is {_pressure(given, given.fluid)} over the ambient ({given.fluid_text}), "
+        f"at least the nominal pressure at {extent}: {_OPENS}"
     )
     return [Finding("fluid", text, 1.0, COUPLING, extent)]
 

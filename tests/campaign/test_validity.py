@@ -268,6 +268,14 @@ def test_a_fluid_above_the_load_is_said_to_open_the_joint() -> None:
         assert [(one.key, one.extent.states) for one in found] == ([("fluid", opened)] if opened else [])
 
 
+def test_an_unloaded_state_is_not_said_to_be_opened_by_the_fluid() -> None:
+    rounding = _states(
+        mean_pressure=[1e-17, 0.1, 1.0], contact_area_fraction=[0.01, 0.1, 0.2], leak_rate_x=[2.0, 1.0, 0.5]
+    )
+    found = validity.after(Setting(1.0, unit="GPa", drop_text="1 mbar", drop=1e-9, fluid=2e-3), rounding)
+    assert [one.extent.states for one in found if one.key == "fluid"] == [1]
+
+
 HELIUM = "fluid: {{gas: helium, inlet: {}, outlet: {}}}\nrecord: {{transport: {{gas_flow: last}}}}"
 
 
@@ -288,6 +296,9 @@ def test_the_pressure_of_a_fluid_is_taken_over_the_ambient(fluid: str, mean: flo
     text = f"{rubber}sweep: {{steps: 2, to: {{pressure: 0.19 MPa}}}}\n{fluid}\n"
     assert validity.setting(loads(text)).fluid == pytest.approx(mean / 1e7)
     assert ("fluid" in _before(text)) is (mean > 1.9e5)
+    if mean > 1.9e5:
+        sides = "inlet 4 bar over the outlet at the ambient" if "4 bar" in fluid else "inlet 10 bar, outlet 9.9 bar"
+        assert sides in _before(text)["fluid"].sentence
 
 
 def test_metal_beyond_the_reach_of_perfect_plasticity_is_said() -> None:
