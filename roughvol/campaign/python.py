@@ -36,7 +36,7 @@ OF_PRESS = {
     "surface.L": "argument L",
     "material": "arguments E, nu and E_star",
     **{f"material.{name}": f"argument {name}" for name in ("E", "nu", "E_star", "hardness")},
-    **{name: f"argument {name}" for name in ("sweep", "record", "solver")},
+    **{name: f"argument {name}" for name in ("sweep", "record", "solver", "fluid")},
     **{f"sweep.{name}": f"argument {name}" for name in ("to", "steps")},
 }
 OPTIONS = {"another --out": "another out", "--fresh": "fresh=True"}  # of the command line, and arguments of `run`
@@ -136,6 +136,7 @@ def press(
     sweep: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None = None,
     record: Mapping[str, Any] | None = None,
     solver: Mapping[str, Any] | str | None = None,
+    fluid: Mapping[str, Any] | None = None,
     surface: Mapping[str, Any] | None = None,
     jobs: int | None = None,
 ) -> Dataset:
@@ -169,6 +170,8 @@ def press(
         Section ``sweep`` of a study instead of ``to`` and ``steps``.
     record, solver : mapping, optional
         Sections of a study. ``record["dimensional"]`` adds to ``nominal_pressure`` and ``mean_gap``.
+    fluid : mapping, optional
+        Section ``fluid`` of a study: a gas, as ``{"gas": "helium", "inlet": "1 bar", "outlet": "0 bar"}``.
     surface : mapping, optional
         Further keys of the section ``surface``, as ``{"level": "tilt", "missing": "interpolate"}``.
     jobs : int, optional
@@ -222,8 +225,7 @@ def press(
     names = OF_PRESS
     if sweep is not None:
         study["sweep"], names = sweep, {key: name for key, name in OF_PRESS.items() if not key.startswith("sweep.")}
-    if solver is not None:
-        study["solver"] = solver
+    study |= {name: section for name, section in (("solver", solver), ("fluid", fluid)) if section is not None}
     with (
         tempfile.TemporaryDirectory(prefix="roughvol-") as folder,
         _written(study, Arguments("press", names)) as (data, arguments, files),

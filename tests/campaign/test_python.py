@@ -61,6 +61,24 @@ def test_press_refuses_what_is_no_map_or_no_study(heights: object, options: dict
         roughvol.press(heights, **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("rows", [[[1.0, 2.0, 3.0], [1.0, 2.0]], [np.zeros((5, 5)), np.zeros((9, 9))]])
+def test_rows_of_different_lengths_are_named(rows: list[Any]) -> None:
+    shapes = " and ".join(str(np.shape(row)) for row in rows)
+    with pytest.raises(SurfaceError) as refused:
+        roughvol.press(rows, L=1)
+    assert f"press: argument heights: heights make no array: its rows have the shapes {shapes}" in str(refused.value)
+
+
+def test_press_takes_a_gas() -> None:
+    options: dict[str, Any] = {"L": "500 um", "E": "10 MPa", "nu": 0.5, "to": {"pressure": "0.1 MPa"}, "steps": 3}
+    options |= {"record": {"transport": {"gas_flow": "every-step"}}, "surface": {"heights_unit": "um"}}
+    found = roughvol.press(_heights(), fluid={"gas": "helium", "inlet": "2 bar", "outlet": "1 bar"}, **options)
+    wider = roughvol.press(_heights(), fluid={"gas": "helium", "inlet": "4 bar", "outlet": "1 bar"}, **options)
+    assert (wider.gas_transmissivity_x < found.gas_transmissivity_x).all()  # less slip at the larger mean pressure
+    with pytest.raises(StudyError, match=r'press: argument fluid\["inlet"\]: missing'):
+        roughvol.press(_heights(), fluid={"gas": "helium"}, **options)
+
+
 def test_a_dict_is_a_study() -> None:
     data = {"name": "tiny", "surface": {"D": 2.3, "m": 4, "seeds": 1}, "sweep": {"steps": 2, "to": {"indentation": 1}}}
     ds = roughvol.run(data, jobs=1)

@@ -149,13 +149,24 @@ def _numbers(heights: Any) -> tuple[Array, dict[str, str]]:
     try:
         array: NDArray[Any] = np.ma.asarray(heights) if np.ma.isMaskedArray(heights) else np.asarray(heights)
     except (TypeError, ValueError) as error:
-        raise SurfaceError(f"heights make no array: {error}") from error
+        raise SurfaceError(f"heights make no array: {_ragged(heights) or error}") from error
     if array.dtype.kind not in "fiu":
         kind = {"c": "complex", "b": "true or false", "O": "objects"}.get(array.dtype.kind, str(array.dtype))
         raise SurfaceError(f"heights are of the type {array.dtype} ({kind}); allowed: real numbers")
     if array.ndim != 2:
         raise SurfaceError(f"heights have shape {array.shape}; allowed: two axes")
     return np.ma.filled(array.astype(np.float64), np.nan), unit
+
+
+def _ragged(heights: Any) -> str:
+    """Return that rows have different lengths in words; empty if that is not the fault."""
+    try:
+        shapes = list(dict.fromkeys(np.shape(row) for row in heights))
+    except (TypeError, ValueError):
+        return ""
+    if len(shapes) < 2:
+        return ""
+    return f"its rows have the shapes {shapes[0]} and {shapes[1]}; allowed: rows of one length"
 
 
 def _name(dim: Any) -> str:
