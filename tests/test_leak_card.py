@@ -224,6 +224,9 @@ def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
     dry = card_text.short(stored["leak_rate_x"].isel(step=-1).item())
     assert f"Leak of the dry gap, without fluid pressure: x {dry}" in printed
     assert "closes: without fluid pressure " in printed
+    assert "Leak rate: pressure drop 0.4 bar, viscosity 1 mPa*s" in printed
+    assert "Fluid pressure: inlet 0.4 bar" in printed
+    assert "warning: the mean pressure of the fluid is " in printed
     assert "record.fluid_pressure computes it" not in Path("runs/lift_card/card_last.html").read_text()
 
 
@@ -236,6 +239,13 @@ def test_the_second_leg_of_a_path_has_a_card() -> None:
     for at in ("pressure=0.3", "pressure=0.3, leg 2"):
         leaks[at] = json.loads(_printed(study, "--at", at, "--json"))["ways"][1]["leak"]
     assert leaks["pressure=0.3, leg 2"] < leaks["pressure=0.3"]
+    printed = _printed(study, "--at", "pressure=0.3, leg 2")
+    page = Path("runs/seal_card/card_pressure=0.3_leg_2.html").read_text()
+    for words in ("(p* = 0.3) on leg 2", "on leg 1 "):
+        assert words in printed
+        assert words in page
+    assert "on leg 1, at pressure=0.3" in _printed(study, "--at", "pressure=0.3")
+    assert "on leg 2, at the end of the sweep" in _printed(study)
     done = _card(study, "--at", "pressure=0.3, leg 3")
     assert done.exit_code == 2
     assert "the sweep has no leg 3; allowed: 1 to 2" in done.output

@@ -176,7 +176,7 @@ def lines_of(page: Page) -> list[str]:
     Returns
     -------
     list of str
-        Surfaces, load, leaks with their error, closings, and the error budget.
+        Surfaces, load, fluid, leaks with their error, closings, the error budget, and limits of the model exceeded.
     """
     card = page.card
     length = f" {card.length_unit}" if card.length_unit else ""
@@ -185,11 +185,13 @@ def lines_of(page: Page) -> list[str]:
         for one in card.surfaces
     ]
     lines += [f"{name}: {value}" for name, value in card_text.load_facts(card)]
+    facts, _, exceeded = card_text.rests_on(page.fine)
+    lines += [f"{name}: {value}" for name, value in facts if name in card_text.FLUID]
     for way in card.ways:
         first, *others = card_text.closes(card, way)
         lines += [f"along {way.axis}: {card_text.answer(way)}", f"  {first}", *(f"    {line}" for line in others)]
         lines += [f"  {name}: {factor} ({words})" for name, factor, words in card_text.budget(way)]
-    return [*lines, card_text.patch(card)]
+    return [*lines, card_text.patch(card), *(f"warning: {line}" for line in exceeded)]
 
 
 def table_of(pages: Sequence[Page]) -> Table:

@@ -35,6 +35,7 @@ KEPT = {
 }
 """Limits of the model by the key of their finding, in words."""
 NOT_OF_A_CARD = ("File", "States", "Comment")  # facts of a run that a card leaves out, or has elsewhere
+FLUID = ("Leak rate", "Fluid pressure", "Gas")  # facts of the flow, which a terminal shows too
 OF_EACH = ("Nodes", "Size", "Treatment", "Missing heights")  # facts of several files that stand beside each other
 
 
@@ -148,8 +149,9 @@ def closes(card: Card, way: Way) -> list[str]:
         A line for the finest grid, and one for coarser grids.
     """
     dry = "without fluid pressure " if card.lifted else ""
+    leg = "on leg 1 " if _leg(card) else ""
     bracket = f" ({STEPS})" if way.closing.closed else ""
-    lines = [f"closes: {dry}{way.closing.words}{bracket}"]
+    lines = [f"closes: {leg}{dry}{way.closing.words}{bracket}"]
     if way.coarser:
         lines.append("; ".join(f"at {words}: {closing.words}" for words, closing in way.coarser))
     return lines
@@ -235,7 +237,17 @@ def load_of(card: Card) -> str:
     load = f"p* = {_range(card.loads('mean_pressure'))}"
     if card.pressure_unit:
         load = f"{_range(card.loads('nominal_pressure'))} {card.pressure_unit} ({load})"
-    return f"{load} under fluid pressure" if card.lifted else load
+    return " ".join(filter(None, [load, _leg(card), "under fluid pressure" if card.lifted else ""]))
+
+
+def _leg(card: Card) -> str:
+    """Return the leg of the load of a card in words; empty without legs."""
+    table = card.surfaces[0].table
+    if "leg" not in table:
+        return ""
+    _, _, leg = card.load.partition(", leg ")
+    first, last = int(table["leg"].min()), int(table["leg"].max())
+    return f"on leg {leg or (last if card.load == 'last' else first)}" if last > first else ""
 
 
 def _range(loads: list[float]) -> str:
