@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
 from roughvol.cli import main
 from roughvol.store import dataset
+from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 
 def _call(*arguments: str) -> Result:
@@ -126,6 +128,30 @@ def test_a_study_with_lists_is_refused_where_one_combination_is_needed(
         refused = _call(*arguments)
         assert refused.exit_code == 2, refused.output
         assert words in refused.output
+
+
+def test_several_height_files_are_said_to_be_samples_of_one_joint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for k in range(2):
+        z = random_midpoint_displacement(2.2, 4, seed=k).heights
+        np.savetxt(f"face{k}.txt", 0.5 * z / z.std())
+    Path("faces.yaml").write_text(
+        "surface: {files: [face0.txt, face1.txt], L: 200 um, unit: um}\n"
+        "material: {E_star: 5 MPa}\nsweep: {steps: 6, to: {pressure: 0.1 MPa}}\n"
+        "record:\n  transport: {transmissivity: every-step}\n"
+        "  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s}}\n"
+    )
+    Path("creep.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
+    assert _call("run", "faces.yaml", "--jobs", "1").exit_code == 0
+    leak = float(dataset.read(Path("runs/faces/study.nc")).leak_rate_x[0, 1])
+    for told in (
+        _call("ask", "faces", "--leak-rate", f"{leak} mm^3/s"),
+        _call("creep", "faces", "--law", "creep.yaml", "--at", "pressure=0.03MPa", "--times", "1 s, 1 h"),
+    ):
+        assert told.exit_code == 0, told.output
+        assert "The 2 height files are taken as samples of one joint." in told.output
 
 
 def test_creep_of_a_closed_seal_draws_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -256,6 +256,12 @@ def path_words(run: Dataset) -> str:
     return f"leg 1 of {legs}" if legs > 1 else ""
 
 
+def files_words(run: Dataset) -> str:
+    """Return that several height files are taken as one joint; empty for other runs."""
+    count = run.sizes.get("case", 1)
+    return f"The {count} height files are taken as samples of one joint." if count > 1 else ""
+
+
 def narrower(run: Dataset, answers: Sequence[Answer]) -> list[str]:
     """Return the changes of the study that solve states around the answers, as ``--set`` takes them.
 

@@ -171,11 +171,11 @@ def ask(
         say_json(content)
         return
     leg = read_off.path_words(results)
-    say(f"{opened.name}{leg and f', {leg}'}: {'no open way' if closed else f'leak up to {given}'}")
+    say(f"{opened.name}{leg and f', {leg}'}: asked for {'no open way' if closed else f'a leak up to {given}'}")
     for answer in answers:
         say(f"along {answer.axis}: {_words(answer, unknown, closed=closed)}")
     if any(answer.found for answer in answers):
-        say(_beyond(opened.name))
+        say(_beyond(opened.name, results))
     if narrower:
         say(f"Solved states narrow the interval: {finer}")
 
@@ -204,9 +204,12 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     return f"{text}, between the steps p* = {low} and {high}{of}"
 
 
-def _beyond(name: str) -> str:
-    """Return which errors of a leak a read-off does not have."""
-    return f"Errors of the grid and of the window are not in these numbers; their factors: roughvol card {name}"
+def _beyond(name: str, results: Dataset) -> str:
+    """Return what several height files count as, and which errors of a leak a read-off does not have."""
+    from roughvol.analysis import read_off
+
+    errors = f"Errors of the grid and of the window are not in these numbers; their factors: roughvol card {name}"
+    return "\n".join(filter(None, [read_off.files_words(results), errors]))
 
 
 def _load(results: Dataset, state: str | None, pressure: str | None) -> float | None:
@@ -291,7 +294,7 @@ def creep(
     leg = read_off.path_words(results)
     say(f"{opened.name}{leg and f', {leg}'}: at {history.pressure:.4g} {history.pressure_unit}")
     say_table(over_time.table_of(history))
-    say(_beyond(opened.name))
+    say(_beyond(opened.name, results))
     folder = out or opened.folder
     over_time.write_csv(history, folder / "creep.csv")
     say(str(folder / "creep.csv"))
