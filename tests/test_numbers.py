@@ -227,3 +227,32 @@ def test_a_figure_by_content_has_the_size_and_the_scale_asked_for() -> None:
     assert drawn.exit_code == 0, drawn.output
     header = Path("sized/leak_of_p.png").read_bytes()[16:24]
     assert [int.from_bytes(header[:4], "big"), int.from_bytes(header[4:], "big")] == [1500, 600]
+
+
+def test_the_note_says_of_what_and_at_which_fluid_a_leak_is() -> None:
+    same = "Q is the leak of the patch, pressure drop 1 mbar, viscosity 1 mPa*s."
+    assert same in Path("wet.txt").read_text(encoding="utf-8")
+    assert same in _call("show", "wet").stdout
+    assert "pressure drop" not in _call("show", "dry").stdout
+    changed = ("name=thick", "record.dimensional.leak_rate.viscosity=1 Pa*s")
+    assert _call("run", "wet.yaml", *(word for one in changed for word in ("--set", one))).exit_code == 0
+    told = _call("compare", "wet", "thick", "--at", "contact_area=0.2").stdout
+    assert same not in told
+    for name, viscosity in (("wet", "1 mPa*s"), ("thick", "1 Pa*s")):
+        assert f"{name}, D = 2.4, m = 4: pressure drop 1 mbar, viscosity {viscosity}" in told
+
+
+def test_the_note_on_closing_loads_says_what_the_parentheses_are_and_which_leg() -> None:
+    closing = Path("wet.txt").read_text(encoding="utf-8").partition("Where it closes")[2]
+    stored = dataset.read(Path("runs/wet/study.nc")).sel(D=2.4, m=4)
+    ends = []
+    for k in range(2):
+        loads, open_ = (stored[name].isel(seed=k).values for name in ("nominal_pressure", "percolates_x"))
+        ends.append(loads[np.flatnonzero(open_ > 0)[-1]])
+    (row,) = (row for row in _columns(closing) if row[:2] == ["D = 2.4, m = 4", "x"])
+    assert row[2] == f"{np.mean(ends):.4g} ({min(ends):.4g} to {max(ends):.4g})"
+    assert "mean (smallest to largest)" in closing
+    assert "leg 1" not in closing
+    changed = ("name=loops", "sweep=[{steps: 6, to: {contact_area: 0.5}}, {steps: 3, to: {pressure: 0.01 MPa}}]")
+    done = _call("run", "wet.yaml", *(word for one in changed for word in ("--set", one)))
+    assert "The loads are those of leg 1." in done.stdout

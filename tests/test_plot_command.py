@@ -97,3 +97,47 @@ def test_points_of_a_leak_have_their_direction(tmp_path: Path) -> None:
     assert {row["axis"] for row in rows} == {"x", "y"}
     assert {row["D"] for row in rows} == {"2.3"}
     assert not any("surface" in row["curve"] for row in rows)
+
+
+def _note(run: str, name: str) -> str:
+    return " ".join(roughvol.plot(run, name).get_supxlabel().split())
+
+
+def _title(run: str, name: str) -> str:
+    return roughvol.plot(run, name).axes[0].get_legend().get_title().get_text()
+
+
+LIFTED = """
+surface: {D: 2.3, m: 4, seeds: [2, 5], L: 100 um, Sq: 1 um, periodic: true}
+material: {E: 10 MPa, nu: 0.5}
+sweep: {steps: 4, to: {pressure: 0.5 MPa}}
+record:
+  transport: {transmissivity: every-step}
+  fluid_pressure: {inlet: 1 bar, at: last, coupling: one-way}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit: mm^3/s}}
+"""
+
+
+def test_a_figure_says_which_gap_it_shows_and_of_what_its_points_are() -> None:
+    Path("lifted.yaml").write_text(LIFTED, encoding="utf-8")
+    roughvol.run("lifted.yaml", jobs=1)
+    assert "The gap without fluid pressure." in _note("lifted", "v_of_p")
+    assert "without fluid pressure" not in _note("leaking", "v_of_p")
+    titles = {run: _title(run, "leak_of_p") for run in ("lifted", "leaking")}
+    assert "each of 2 surfaces" in titles["lifted"]  # one state has no curve
+    assert "median" not in titles["lifted"]
+    assert "median of 2 surfaces" in titles["leaking"]
+
+
+def test_a_leak_in_a_figure_has_its_pressure_drop_and_viscosity() -> None:
+    Path("loops.yaml").write_text(
+        LEAKING.replace(
+            "{steps: 8, to: {pressure: 0.5 MPa}}", "[{steps: 4, to: {pressure: 1}}, {steps: 2, to: {pressure: 0}}]"
+        ),
+        encoding="utf-8",
+    )
+    roughvol.run("loops.yaml", jobs=1)
+    title = roughvol.plot("loops", "path_loops").legends[0].get_title().get_text()
+    assert "pressure drop 5 mbar, viscosity 1 mPa s" in title
+    assert "Pressure drop 5 mbar, viscosity 1 mPa*s." in _note("leaking", "leak_of_p")
+    assert "ressure drop" not in _note("leaking", "flow_of_p")

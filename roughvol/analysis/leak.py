@@ -31,6 +31,13 @@ DRY_NOTE = (
 )
 
 
+def fluid_of(ds: Dataset) -> str:
+    """Return pressure drop and viscosity of the leak rates of a run in words; empty without leak rates."""
+    names = (f"{name}_{AXES[0]}" for name in ("leak_rate", "leak_rate_dry"))
+    found = (ds[name].attrs for name in names if name in ds and "pressure_drop" in ds[name].attrs)
+    return next((f"pressure drop {given['pressure_drop']}, viscosity {given['viscosity']}" for given in found), "")
+
+
 def is_lifted(ds: Dataset) -> bool:
     """Return whether a run has states under fluid pressure, so that the dry leak is not the leak."""
     return STATE in ds.dims or f"leak_rate_dry_{AXES[0]}" in ds or f"transmissivity_dry_{AXES[0]}" in ds

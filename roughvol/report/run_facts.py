@@ -266,9 +266,8 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
     for name, colon, text in (line.partition(": ") for line in str(ds.attrs.get("answer", "")).splitlines()):
         if colon:
             yield name, text
-    rate = ds.get("leak_rate_x")
-    if rate is not None and "pressure_drop" in rate.attrs:
-        yield "Leak rate", f"pressure drop {rate.attrs['pressure_drop']}, viscosity {rate.attrs['viscosity']}"
+    if leak.fluid_of(ds):
+        yield "Leak rate", leak.fluid_of(ds)
     if study is not None and (fluid := study.record.fluid_pressure) is not None:
         yield "Fluid pressure", f"inlet {fluid.inlet}, outlet {fluid.outlet}, coupling {fluid.coupling}"
     gas = ds.get("gas_leak_rate_x")
@@ -371,11 +370,15 @@ def closing(some: list[tuple[str, Dataset]]) -> Iterator[Table]:
             low = _range(np.array([span.open_up_to for span in closed or found]))
             high = _range(np.array([span.closed_from for span in closed]))
             rows.append((name, axis, low, high, f"{len(closed)} of {len(found)}"))
+    notes = [
+        "The last way from side to side closes between the two loads, those of neighbouring states. The bracket leaves "
+        "out the error of grid and window."
+    ]
+    if any(group.sizes["seed"] > 1 for _, group in some):
+        notes.append("Of several surfaces: mean (smallest to largest) over those whose way closes, or else over all.")
+    if any("leg" in group for _, group in some):
+        notes.append("The loads are those of leg 1.")
+    if dry:
+        notes.append("The loads are those of the dry gap.")
     if rows:
-        yield Table(
-            CLOSING,
-            title,
-            tuple(rows),
-            "The last way from side to side closes between the two loads, those of neighbouring states. The bracket "
-            "leaves out the error of grid and window." + (" The loads are those of the dry gap." if dry else ""),
-        )
+        yield Table(CLOSING, title, tuple(rows), " ".join(notes))

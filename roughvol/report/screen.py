@@ -95,8 +95,21 @@ def _most(states: Sequence[State]) -> int:
     return max((state.surfaces for state in states), default=1)
 
 
-def _note(states: Sequence[State], columns: Sequence[str], *more: str) -> str:
+def _fluids(rows: Sequence[tuple[str, Dataset]], columns: Sequence[str]) -> list[str]:
+    """Return whose leak a table has, with pressure drop and viscosity, by name where they differ."""
+    if not any(name in columns for name in LEAKS if name.startswith("leak_rate")):
+        return []
+    found: dict[str, dict[str, None]] = {}
+    for name, data in rows:
+        found.setdefault(leak.fluid_of(data), {})[name] = None
+    each = [", ".join(names) + f": {fluid}" if len(found) > 1 else fluid for fluid, names in found.items() if fluid]
+    return [f"Q is the leak of the patch, {'; '.join(each)}."] if each else []
+
+
+def _note(rows: Sequence[tuple[str, State]], columns: Sequence[str], *more: str) -> str:
+    states = [state for _, state in rows]
     notes = [conventions(columns, _most(states), dry=any(leak.is_lifted(state.data) for state in states))]
+    notes += _fluids([(name, state.data) for name, state in rows], columns)
     if any(state.reached < state.surfaces for state in states):
         notes.append("Not all surfaces reach each state: the column 'surfaces' counts those that do.")
     if any(state.closed for state in states):
@@ -115,7 +128,7 @@ def _table(title: str, rows: Sequence[tuple[str, State]], columns: Sequence[str]
         line = [*([name] if grouped else []), state.label, *([state.count] if counted else [])]
         lines.append((*line, *_row(columns, state.data)))
     heads = (*first, *_heads(columns, datasets, _most(states)))
-    return Table(title, heads, tuple(lines), _note(states, columns, *notes))
+    return Table(title, heads, tuple(lines), _note(rows, columns, *notes))
 
 
 def summary(run: Run) -> list[Table]:
@@ -199,7 +212,8 @@ def shown(run: Run, states: Sequence[Level] = ()) -> list[Table]:
             held = [str(int(data[P].notnull().sum()))] if count > 1 else []
             rows.append((*line, *held, *_row(columns, data)))
         heads = ["step", *(["leg"] if "leg" in group else []), *(["surfaces"] if count > 1 else [])]
-        note = " ".join(filter(None, [conventions(columns, count, dry=leak.is_lifted(group)), *_exponent(group)]))
+        words = [conventions(columns, count, dry=leak.is_lifted(group)), *_fluids([("", group)], columns)]
+        note = " ".join(filter(None, [*words, *_exponent(group)]))
         tables.append(Table(name, (*heads, *_heads(columns, [group], count)), tuple(rows), note))
     return tables
 
@@ -344,7 +358,7 @@ class Compared:
             for name, state in self.rows
         ]
         heads = ("state", "run", *(["surfaces"] if counted else []), *_heads(self.columns, datasets, _most(states)))
-        return Table("", heads, tuple(lines), _note(states, self.columns, RULE))
+        return Table("", heads, tuple(lines), _note(self.rows, self.columns, RULE))
 
     def records(self) -> tuple[list[str], list[list[Any]], dict[str, str]]:
         """Return names, rows of numbers, and units by name, for CSV and JSON.

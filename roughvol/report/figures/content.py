@@ -22,14 +22,14 @@ from xarray import Dataset
 
 from roughvol.analysis import average
 from roughvol.analysis.derived import derived
-from roughvol.analysis.leak import AXES
+from roughvol.analysis.leak import AXES, fluid_of
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.report.figures.curves import plot
-from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named
-from roughvol.report.figures.origin import lacking, study_of, surfaces, written
-from roughvol.report.figures.seal_drawing import CLOSED, LEAD, LINES, SHUT, draw_flow, look_of
+from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
+from roughvol.report.figures.origin import dry_note, fluid_note, lacking, study_of, surfaces, written
+from roughvol.report.figures.seal_drawing import CLOSED, LEAD, LINES, SHUT, draw_flow, has_median, look_of
 from roughvol.report.figures.seal_ways import band_words, ways
 from roughvol.report.figures.style import (
     COLUMN,
@@ -166,7 +166,7 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
             ax.set_yscale("log")
         if y_key in POWERS and x_key == "p":
             ax.set_xscale("log")
-        fig.note(_origin(ready, some))
+        fig.note(" ".join([_origin(ready, some), *dry_note([run.dataset for run in ready])]))
     return fig
 
 
@@ -187,17 +187,18 @@ def _flow(runs: Sequence[Named], x: str, name: str) -> Drawing:
         floor = 0.4 * max(float(values.min(initial=top)), top * 10.0**-DECADES)
         ax.set(yscale="log", ylim=(floor, 2.5 * top), xlabel=_label(x, runs))
         ax.set_ylabel(_label(stored[0], runs, WORDS[name]))
-        closed = set[str]()
+        closed, median = set[str](), False
         for family in some:
             for axis in AXES:
                 members = ways(family, x, name, axis) if f"{name}_{axis}" in stored else []
+                median = median or has_median(members)
                 if members and draw_flow(ax, family, members, axis, alone=len(some) == 1):
                     closed.add(axis)
             if f"{name}_dry_x" in family.data:
                 _dry(ax, family, x, f"{name}_dry")
         dry = any(f"{name}_dry_x" in family.data for family in some)
-        _legend(ax, some, closed, [title, band_words([family.surfaces for family in some])], dry=dry)
-        fig.note(" ".join([_origin(runs, some), *_fluids(runs, stored[0])]))
+        _legend(ax, some, closed, title, dry=dry, median=median)
+        fig.note(" ".join([_origin(runs, some), *(_fluids(runs) if name == "leak_rate" else [])]))
     return fig
 
 
@@ -211,10 +212,13 @@ def _dry(ax: Axes, family: Family, x: str, name: str) -> None:
             named(ax, lines, family, surface, curve=f"{family.label}, without fluid pressure", axis=axis)
 
 
-def _legend(ax: Axes, some: Sequence[Family], closed: set[str], words: Sequence[str], *, dry: bool) -> None:
+def _legend(ax: Axes, some: Sequence[Family], closed: set[str], title: str, *, dry: bool, median: bool) -> None:
     """Put families, directions, closings and the dry gap into one legend above the axes."""
-    alone = len(some) == 1
-    plain = [{"marker": "none"} if family.surfaces > 1 else {} for family in some]  # a median has no markers
+    alone, number = len(some) == 1, several(family.surfaces for family in some)
+    drawn = band_words([family.surfaces for family in some]) if median else f"each of {number} surfaces"
+    heading = [some[0].label if alone else "", title, drawn if number else ""]
+    of_several = {"marker": "none"} if median else {"ls": ""}  # a median has no markers, single states have no line
+    plain = [of_several if family.surfaces > 1 else {} for family in some]
     handles = [] if alone else [Line2D([], [], label=f.label, **(f.look | p)) for f, p in zip(some, plain, strict=True)]
     for axis in AXES:
         look = look_of(some[0], axis, alone=True) | plain[0] if alone else {"color": GREY, "ls": LINES[axis]}
@@ -224,19 +228,17 @@ def _legend(ax: Axes, some: Sequence[Family], closed: set[str], words: Sequence[
         for axis in sorted(closed)
     ]
     if dry:
-        handles.append(Line2D([], [], color=GREY, lw=0.6, label="without fluid pressure"))
-    legend(ax, "; ".join(filter(None, [some[0].label if alone else "", *words])), handles)
+        words = "without fluid pressure" + ", each surface" * bool(number)
+        handles.append(Line2D([], [], color=GREY, lw=0.6, label=words))
+    legend(ax, "; ".join(filter(None, heading)), handles)
 
 
-def _fluids(runs: Sequence[Named], name: str) -> list[str]:
+def _fluids(runs: Sequence[Named]) -> list[str]:
     """Return pressure drop and viscosity of a leak, run by run where they differ."""
-    keys = ("pressure_drop", "viscosity")
-    found = [tuple(str(run.dataset[name].attrs.get(key, "")) for key in keys) for run in runs]
-    if not any(map(any, found)):
-        return []
+    found = [fluid_of(run.dataset) for run in runs]
     if len(set(found)) == 1:
-        return [f"Pressure drop {found[0][0]}, viscosity {found[0][1]}."]
-    each = [f"{file_text(run.name)} {drop}, {viscosity}" for run, (drop, viscosity) in zip(runs, found, strict=True)]
+        return fluid_note(runs[0].dataset)
+    each = [f"{file_text(run.name)}: {words or 'unknown'}" for run, words in zip(runs, found, strict=True)]
     return [f"Pressure drop and viscosity differ: {'; '.join(each)}."]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis.creep import History
-from roughvol.report.figures.origin import origin, written
+from roughvol.report.figures.origin import fluid_note, origin, written
 from roughvol.report.figures.seal_ways import band_words
 from roughvol.report.figures.style import COLUMN, DASHES, STYLE, Drawing, canvas, legend, looks, unit_text
 
@@ -52,5 +52,5 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
         )
         load = f"at {over_time.pressure:.4g} {unit_text(over_time.pressure_unit)}"
         legend(ax, "; ".join(filter(None, [load, band_words([several])])))
-        fig.note(" ".join([origin("creep", run, {"surfaces": [several]}), *written(run)]))
+        fig.note(" ".join([origin("creep", run, {"surfaces": [several]}), *written(run), *fluid_note(run)]))
     return fig

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import matplotlib as mpl
 from xarray import Dataset
 
-from roughvol.analysis.leak import is_lifted
+from roughvol.analysis.leak import fluid_of, is_lifted
 from roughvol.analysis.legs import first_leg
 from roughvol.errors import DatasetError, StudyError
 from roughvol.report.figures.families import file_text, held
@@ -175,6 +175,17 @@ def written(ds: Dataset) -> list[str]:
     return [f"roughvol {version}, {date[:10]}."] if version and date else []
 
 
+def fluid_note(ds: Dataset) -> list[str]:
+    """Return pressure drop and viscosity of the leak rates of a dataset as a sentence; empty without them."""
+    words = fluid_of(ds)
+    return [f"{words[:1].upper()}{words[1:]}."] if words else []
+
+
+def dry_note(datasets: Sequence[Dataset]) -> list[str]:
+    """Return that a figure shows the gap without fluid pressure, where fluid pressure lifts the gap of any dataset."""
+    return ["The gap without fluid pressure."] if any(map(is_lifted, datasets)) else []
+
+
 def lacking(name: str, ds: Dataset, variables: Sequence[str]) -> str | None:
     """Return which variables of a figure a dataset does not have in any case, in words, or None."""
     absent = [variable for variable in variables if variable not in ds]
@@ -217,10 +228,7 @@ def register(
         with mpl.rc_context(STYLE):
             figure = draw(ds if every_leg else first_leg(ds))
             if "L" in ds:
-                words = [origin(draw.__name__, ds, figure.shown), *written(ds)]
-                if is_lifted(ds):
-                    words.append("The gap without fluid pressure.")
-                figure.note(" ".join(words))
+                figure.note(" ".join([origin(draw.__name__, ds, figure.shown), *written(ds), *dry_note([ds])]))
             return figure
 
     figures[draw.__name__] = checked

@@ -217,9 +217,8 @@ def seal_diffusivity(ds: Dataset) -> Drawing:
 @_figure(P, A, V, "leak_rate_x", "leak_rate_y")
 def seal_leak_rate(ds: Dataset) -> Drawing:
     """Leak rate of the patch along x and y, at the pressure drop and viscosity of the study, and where it stops."""
-    given = ds["leak_rate_x"].attrs
-    words = f"pressure drop {given.get('pressure_drop', '?')}, viscosity {given.get('viscosity', '?')}"
-    return _coefficient(ds, "leak_rate", f"leak rate [{unit_of(ds, 'leak_rate_x')}]", words.replace("*", " "))
+    fluid = leak.fluid_of(ds).replace("*", " ")
+    return _coefficient(ds, "leak_rate", f"leak rate [{unit_of(ds, 'leak_rate_x')}]", fluid)
 
 
 @_figure(A, "contact_area_fraction_within", "mean_pressure_within", "free_volume_within")

@@ -84,11 +84,17 @@ def closing(
         named(ax, marks, family, curve=f"{family.label}, closed", axis=direction)
 
 
+def has_median(members: list[Way]) -> bool:
+    """Return whether several surfaces share loads, so that their median is drawn."""
+    return len(members) > 1 and seal_ways.grid(members).size > 1
+
+
 def draw_flow(ax: Axes, family: Family, members: list[Way], direction: str, *, alone: bool) -> bool:
     """Draw a flow along one direction; return whether it is seen to close."""
     look, name, floor = look_of(family, direction, alone=alone), name_of(family, direction), ax.get_ylim()[0]
-    if len(members) < 2 or (at := seal_ways.grid(members)).size < 2:
+    if not has_median(members):
         return _draw_each(ax, family, members, direction, look | {"label": name}, lead=True)
+    at = seal_ways.grid(members)
     centre, low, high = seal_ways.centre_and_band(seal_ways.sample(members, at))
     open_ = centre > 0.0
     ax.fill_between(at, np.maximum(low, 0.1 * floor), high, color=look["color"], alpha=FAINT, lw=0, zorder=2)

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from xarray import Dataset
 
 from roughvol.analysis.average import averages
-from roughvol.analysis.leak import counted
+from roughvol.analysis.leak import counted, fluid_of
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import families, own, several, single
 from roughvol.report.figures.origin import Draw, lacking, register
@@ -87,6 +87,8 @@ def path_loops(ds: Dataset) -> Drawing:
     handles += [Line2D([], [], color=GREY, ls=dash, label=f"leg {leg}") for leg, dash in zip(legs, dashes, strict=True)]
     number = several(family.surfaces for family in some)
     words = [title, f"mean of {number} surfaces, of leaks the median" if number else ""]
+    if further is not None and further[0][0].startswith("leak_rate"):
+        words.append(fluid_of(ds).replace("*", " "))
     fig.legend(handles=handles, title="; ".join(filter(None, words)) or None, loc="outside upper center", ncols=8)
     fig.shown = shown(some)
     return fig
