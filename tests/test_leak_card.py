@@ -244,6 +244,7 @@ def test_the_second_leg_of_a_path_has_a_card() -> None:
     for words in ("(p* = 0.3) on leg 2", "on leg 1 "):
         assert words in printed
         assert words in page
+    assert "against load on leg 1; bars" in page
     assert "on leg 1, at pressure=0.3" in _printed(study, "--at", "pressure=0.3")
     assert "on leg 2, at the end of the sweep" in _printed(study)
     done = _card(study, "--at", "pressure=0.3, leg 3")
@@ -285,3 +286,10 @@ def test_a_load_that_is_none_is_refused_by_name(at: str, words: str) -> None:
 )
 def test_a_leak_is_said_as_a_person_says_it(value: float, unit: str, words: str) -> None:
     assert card_text.amount(value, unit) == words
+
+
+@pytest.mark.parametrize(
+    ("value", "words"), [(999.0, "999"), (999.9, "1.00e3"), (3042.0, "3.04e3"), (2.79e-4, "2.79e-4"), (0.0, "0")]
+)
+def test_a_number_has_one_form_of_powers_of_ten(value: float, words: str) -> None:
+    assert card_text.short(value) == words

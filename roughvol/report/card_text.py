@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from xarray import Dataset
 
+from roughvol.analysis.at import legs_of
 from roughvol.analysis.average import Average
 from roughvol.analysis.leak_card import Card, Way
 from roughvol.analysis.stored_run import Run
@@ -89,11 +90,11 @@ def short(value: float) -> str:
     Returns
     -------
     str
-        With a power of ten below 0.001 and from 10000 on; a dash without a number.
+        With a power of ten below 0.001 and from 1000 on; a dash without a number.
     """
     if not math.isfinite(value):
         return "–"
-    if value == 0.0 or 1e-3 <= abs(value) < 1e4:
+    if value == 0.0 or 1e-3 <= abs(value) < 999.5:
         return f"{value:.3g}"
     digits, _, power = f"{value:.2e}".partition("e")
     return f"{digits}e{int(power)}"
@@ -149,7 +150,7 @@ def closes(card: Card, way: Way) -> list[str]:
         A line for the finest grid, and one for coarser grids.
     """
     dry = "without fluid pressure " if card.lifted else ""
-    leg = "on leg 1 " if _leg(card) else ""
+    leg = "on leg 1 " if has_legs(card) else ""
     bracket = f" ({STEPS})" if way.closing.closed else ""
     lines = [f"closes: {leg}{dry}{way.closing.words}{bracket}"]
     if way.coarser:
@@ -240,14 +241,18 @@ def load_of(card: Card) -> str:
     return " ".join(filter(None, [load, _leg(card), "under fluid pressure" if card.lifted else ""]))
 
 
+def has_legs(card: Card) -> bool:
+    """Return whether the surfaces of a card are pressed along a path of several legs."""
+    return len(legs_of(card.surfaces[0].table)) > 1
+
+
 def _leg(card: Card) -> str:
     """Return the leg of the load of a card in words; empty without legs."""
-    table = card.surfaces[0].table
-    if "leg" not in table:
+    if not has_legs(card):
         return ""
+    legs = legs_of(card.surfaces[0].table)
     _, _, leg = card.load.partition(", leg ")
-    first, last = int(table["leg"].min()), int(table["leg"].max())
-    return f"on leg {leg or (last if card.load == 'last' else first)}" if last > first else ""
+    return f"on leg {leg or legs[-1 if card.load == 'last' else 0]}"
 
 
 def _range(loads: list[float]) -> str:

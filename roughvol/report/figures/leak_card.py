@@ -20,7 +20,7 @@ from roughvol.analysis.leak import AXES, STATE
 from roughvol.analysis.leak_card import Card, SurfaceAtLoad
 from roughvol.analysis.legs import first_leg
 from roughvol.gap.transport import conduction
-from roughvol.report.card_text import SAME
+from roughvol.report.card_text import SAME, has_legs
 from roughvol.report.figures.families import Family
 from roughvol.report.figures.seal_drawing import CLOSED, draw_flow, look_of
 from roughvol.report.figures.seal_ways import ways
@@ -67,7 +67,9 @@ def panels(card: Card) -> list[Panel]:
     several = len(card.surfaces) > 1
     kind = "Median leak over surfaces" if several else "Leak"
     dry = " of the gap without fluid pressure, and the leak under it" if card.lifted else ""
-    found = [Panel("leak", f"{kind}{dry} against load; bars are the error at the load of the card.", _against_load)]
+    leg = " on leg 1" if has_legs(card) else ""
+    words = f"{kind}{dry} against load{leg}; bars are the error at the load of the card."
+    found = [Panel("leak", words, _against_load)]
     if (shown := _shown(card)) is not None:
         name = f" on {shown.name}" if several else ""
         lifted = " under fluid pressure" if card.lifted else ""
@@ -183,7 +185,7 @@ def _against_load(ax: Axes, card: Card) -> None:
     unit = card.ways[0].unit
     ax.set(yscale="log", ylim=(0.4 * floor, 2.5 * top), xlabel=_load_label(card))
     ax.set_ylabel(f"leak [{unit_text(unit)}]" if unit else "leak T* V*³")
-    handles, dry = [], ", dry" if card.lifted else ""
+    handles, dry = [], ", dry" * card.lifted + ", leg 1" * has_legs(card)
     at = _load(card)
     reach = float(np.nanmax(family.data["load"].values))
     for order, (axis, way) in enumerate(zip(AXES, card.ways, strict=True)):
