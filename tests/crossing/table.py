@@ -36,16 +36,14 @@ class Cells:
 
 NO_LEAK = dict.fromkeys(("D", "ensemble", "mean-plane", "unpressed"), "which the study did not record")
 PRESSED_AGAIN = (
-    "one bodies spectrum materials regions legs one-way coupled region periodic closed some-closed percolation "
-    "mean-plane to-pressure to-area force nominal gap records unpressed study-changed file-changed"
+    "one bodies spectrum materials regions legs one-way coupled gas lifted-gas region periodic closed some-closed "
+    "percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed file-changed"
 )
 ONE_MAP = {
     "seeds": "heights have shape (3, 17, 17); allowed: two axes",
     "D": "heights have shape (4, 17, 17); allowed: two axes",
-    "m": "heights make no array",
+    "m": "allowed: rows of one length",
     "files": "allowed: real numbers",
-    "gas": "unexpected keyword argument 'fluid'",
-    "lifted-gas": "unexpected keyword argument 'fluid'",
     "ensemble": "unexpected keyword argument 'ensemble'",
 }
 ONE_KIND = (
