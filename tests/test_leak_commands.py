@@ -52,7 +52,11 @@ def test_a_stored_sweep_answers_with_a_pressure(scan: Path) -> None:
     assert re.search(r"along x: any pressure of p\* = 0\.\d+ or more: the first step leaks less", least)
     never = _call("ask", "scan", "--leak-rate", "1e-30 mm^3/s", "--for", "modulus", "--pressure", "1 kPa")
     assert "along y: no modulus within the stored loads, up to p* = " in never.output
-    assert "leak up to 1e-4 mm^3/s" in _call("ask", "scan", "--leak-rate", "1e-4", "--no-solve").output
+    assert "scan: largest modulus for a leak up to 1e-30 mm^3/s" in never.output
+    assert (
+        "least pressure for a leak up to 1e-4 mm^3/s"
+        in _call("ask", "scan", "--leak-rate", "1e-4", "--no-solve").output
+    )
 
 
 @pytest.mark.parametrize(

@@ -171,7 +171,8 @@ def ask(
         say_json(content)
         return
     leg = read_off.path_words(results)
-    say(f"{opened.name}{leg and f', {leg}'}: asked for {'no open way' if closed else f'a leak up to {given}'}")
+    sought = {"pressure": "least pressure", "modulus": "largest modulus", "Sq": "largest Sq"}[unknown]
+    say(f"{opened.name}{leg and f', {leg}'}: {sought} for {'no open way' if closed else f'a leak up to {given}'}")
     for answer in answers:
         say(f"along {answer.axis}: {_words(answer, unknown, closed=closed)}")
     if any(answer.found for answer in answers):
