@@ -225,7 +225,7 @@ def _swept(
         reduced.restore(state["reduction"], state["states"])
     ends: list[Any] = list(state["ends"]) if state else []
     left = path.indentations(case, surface, half_space, reduced, ends)
-    contacts = sweep(surface, half_space, left, resume=reduced.states, **options_of(case, surface))
+    contacts = sweep(surface, half_space, left, options_of(case, surface), resume=reduced.states)
     for contact in contacts:
         reduced.follow(contact)
         if on_step is not None:

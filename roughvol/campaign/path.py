@@ -10,6 +10,7 @@ import numpy as np
 
 from roughvol.contact.crossing import state_crossing
 from roughvol.contact.loading import Compliance, Trials, sweep
+from roughvol.contact.options import Options
 from roughvol.contact.search import first_indentation, indentation_for, state_reaching
 from roughvol.errors import ContactError
 from roughvol.observables.levels import check_touch, end_of, measure_of, options_of, searched
@@ -158,7 +159,7 @@ def _pressures(
     """Return p* in the region of the study at the begin and at the end of a leg."""
     if target.kind == "pressure":
         return reduced.mean_pressure, target.value or 0.0
-    last = next(sweep(surface, half_space, [end], resume=reduced.states, **options_of(case, surface)))
+    last = next(sweep(surface, half_space, [end], options_of(case, surface), resume=reduced.states))
     return reduced.mean_pressure, float(within(last, case).mean_pressure)
 
 
@@ -187,23 +188,23 @@ def _reaching(case: Case, target: Level, surface: Surface, half_space: Complianc
         end = _plane(target, surface)
         return end if states else _positive(end, target)
     options, (measure, value) = options_of(case, surface), measure_of(target, case, surface)
-    largest, elements = options["hardness"], target.kind.startswith(("percolation", "contact_area"))
+    largest, elements = options.hardness, target.kind.startswith(("percolation", "contact_area"))
     if target.kind == "pressure" and largest is not None and value > largest:
         raise ContactError(f"p* = {value:.6g} is not reached: pressures end at the hardness, p* = {largest:.6g}")
     if not states:
         if target.kind == "indentation":
             _positive(value, target)
-        trials = Trials(surface, half_space, **options)
+        trials = Trials(surface, half_space, options)
         return state_crossing(trials, measure, value, trials.untouched, elements=elements).approach
     last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
-    trials = Trials(surface, half_space, after=last, **options)
+    trials = Trials(surface, half_space, options, after=last)
     start = trials.known(last, reduced.residual)
     falls, fell = value < measure(start), last["indentation"] < before
     if target.kind in ("contact_area", "pressure") and not (case.plastic or falls or fell):
         trials.least = start
         return state_reaching(trials, measure, value, [start], elements=elements, below=True).approach
     if falls != fell or not half_space.kernel.m_matrix:
-        trials = Trials(surface, half_space, after=last, turned=True, **options)
+        trials = Trials(surface, half_space, options, after=last, turned=True)
         start = trials.known(last, reduced.residual)
     return state_crossing(trials, measure, value, start, elements=elements).approach
 
@@ -237,7 +238,7 @@ def _first(case: Case, target: Level, surface: Surface, half_space: Compliance) 
     """Return Δ/σ at a state of elastic contact, from first touch."""
     in_region = case.record.region is not None and target.kind in ("contact_area", "pressure", "free_volume")
     if in_region or target.kind.startswith("leak_rate"):
-        trials = Trials(surface, half_space, **options_of(case, surface))
+        trials = Trials(surface, half_space, options_of(case, surface))
         measure, least = measure_of(target, case, surface)
         if target.kind == "free_volume":
             check_touch(target, case, surface, trials.untouched)
@@ -248,16 +249,17 @@ def _first(case: Case, target: Level, surface: Surface, half_space: Compliance) 
             raise ContactError(message)
         elements = target.kind == "contact_area"
         return state_crossing(trials, measure, least, trials.untouched, elements=elements).approach
-    rtol, method = min(case.solver.tolerance, case.solver.pressure_error or 1.0), case.solver.method
+    solver = case.solver
+    options = Options(min(solver.tolerance, solver.pressure_error or 1.0), solver.method)
     predicate = end_of(case, target)
     if predicate is not None:
-        return first_indentation(surface, half_space, predicate, rtol=rtol, method=method)
+        return first_indentation(surface, half_space, predicate, options)
     if searched(target, surface):
         kind, value = target.kind, target.value or 0.0
         if kind in ("indentation", "separation"):
             _positive(_plane(target, surface), target)
             kind, value = "free_volume", value if kind == "separation" else _plane(Level("separation", value), surface)
-        return indentation_for(surface, half_space, kind, value, rtol=rtol, method=method)
+        return indentation_for(surface, half_space, kind, value, options)
     return _positive(_plane(target, surface), target)
 
 

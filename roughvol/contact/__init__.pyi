@@ -5,6 +5,7 @@ from .loading import Contact as Contact
 from .loading import Trials as Trials
 from .loading import solve as solve
 from .loading import sweep as sweep
+from .options import Options as Options
 from .search import first_indentation as first_indentation
 from .search import indentation_for as indentation_for
 from .tuning import TUNING as TUNING

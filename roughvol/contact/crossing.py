@@ -67,7 +67,7 @@ def state_crossing(
 
     def excess(contact: Contact) -> float:
         if elements and sign > 0.0:
-            contact = trials.line(contact, contact)(contact.approach, SEARCH_TUNING.sure * trials.rtol)
+            contact = trials.line(contact, contact)(contact.approach, SEARCH_TUNING.sure * trials.options.rtol)
         return sign * (measure(contact) - value)
 
     touch = trials.untouched

@@ -21,31 +21,24 @@ docs/solver.md has the method and its equations.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from roughvol.contact.active_set import solve_indentation
+from roughvol.contact.options import DEFAULT, Options
 from roughvol.contact.paper_algorithm import solve_paper
-from roughvol.contact.problem import LIGHT, LIGHT_ROUGH, ROUNDING, TENSILE, Problem, check_rtol
+from roughvol.contact.problem import LIGHT, LIGHT_ROUGH, ROUNDING, TENSILE, Problem
 from roughvol.contact.state import Compliance, Contact, Leg, State
-from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
 
-Method = Callable[[Problem, float, State, State | None, float], tuple[State, int, float]]
-METHODS: dict[str, Method] = {"fast": solve_indentation, "paper": solve_paper}
+SOLVERS = {"fast": solve_indentation, "paper": solve_paper}
 
 
 def solve(
-    surface: Surface,
-    half_space: Compliance,
-    indentation: float,
-    *,
-    rtol: float = 1e-6,
-    method: str = "fast",
-    hardness: float | None = None,
-    tuning: Tuning = TUNING,
+    surface: Surface, half_space: Compliance, indentation: float, options: Options = DEFAULT, **changed: Any
 ) -> Contact:
     """Return the contact at one indentation, started from the rigid overlap.
 
@@ -57,14 +50,10 @@ def solve(
         Half space of the same shape, such as `HalfSpace`.
     indentation : float
         Δ/σ. At or below zero nothing touches.
-    rtol : float
-        Bound of the residual η/σ, 0 < rtol ≤ 1; equation (2) of docs/solver.md.
-    method : {"fast", "paper"}
-        "paper" is the paper's Algorithm 1 on dense matrices, for at most 65 × 65 elements.
-    hardness : float, optional
-        Largest pressure H L/(E* σ), in the unit of p*. Default: elastic contact.
-    tuning : Tuning
-        Constants.
+    options : Options
+        Accuracy, method, hardness and constants.
+    **changed
+        Fields of `options` by name, as ``rtol=1e-8``.
 
     Returns
     -------
@@ -77,23 +66,29 @@ def solve(
         If an argument is out of range, or the shapes differ.
     ConvergenceError
         If the residual is not reached.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from roughvol.contact import HalfSpace, solve
+    >>> from roughvol.surfaces import Surface
+    >>> x = np.linspace(-1.0, 1.0, 33)
+    >>> dome = Surface(-(x[:, None] ** 2) - x**2, spacing=x[1] - x[0])
+    >>> contact = solve(dome, HalfSpace(dome.shape), indentation=1.0, rtol=1e-8)
+    >>> print(f"{contact.contact_area_fraction:.3f}")
+    0.170
     """
-    options: dict[str, Any] = {"rtol": rtol, "method": method, "hardness": hardness, "tuning": tuning}
-    return next(sweep(surface, half_space, [indentation], **options))
+    return next(sweep(surface, half_space, [indentation], options, **changed))
 
 
 def sweep(
     surface: Surface,
     half_space: Compliance,
     indentations: Iterable[float],
+    options: Options = DEFAULT,
     *,
-    rtol: float = 1e-6,
-    method: str = "fast",
-    precision: str = "mixed",
-    pressure_error: float | None = None,
-    hardness: float | None = None,
     resume: Iterable[Mapping[str, Any]] = (),
-    tuning: Tuning = TUNING,
+    **changed: Any,
 ) -> Iterator[Contact]:
     """Yield the contact at each of several indentations, started from the last two.
 
@@ -106,20 +101,13 @@ def sweep(
         As in `solve`.
     indentations : iterable of float
         Δ/σ, each different from the one before.
-    rtol, method
-        As in `solve`.
-    precision : {"mixed", "double"}
-        Precision of the convolutions inside the iteration: "mixed" has 32 bits where this loses no digit. The residual
-        is in double precision with both.
-    pressure_error : float, optional
-        Bound of the relative error of p* at every state, 0 < pressure_error ≤ 0.1, in addition to `rtol`.
-    hardness
+    options
         As in `solve`.
     resume : iterable of dict
         `Contact.state` of the last two contacts of an interrupted sweep with the same hardness. The states that follow
         are the same to the last bit.
-    tuning : Tuning
-        Constants.
+    **changed
+        As in `solve`.
 
     Yields
     ------
@@ -133,13 +121,7 @@ def sweep(
     ConvergenceError
         If the residual is not reached.
     """
-    problem = Problem(surface, half_space, precision, tuning, hardness)
-    check_rtol(rtol)
-    solve_one = _method(method)
-    if hardness is not None and method != "fast":
-        raise ContactError(f"method {method!r} has no hardness; allowed: 'fast'")
-    if pressure_error is not None and not 0 < pressure_error <= 0.1:
-        raise ContactError(f"pressure_error is {pressure_error}; allowed: 0 < pressure_error <= 0.1")
+    problem = Problem(surface, half_space, replace(options, **changed))
     problem, latest, previous, error = _resumed(problem, resume)
     rising, last = previous is None or latest.indentation > previous.indentation, latest.indentation
     started = previous is not None
@@ -151,12 +133,11 @@ def sweep(
             rising = not rising
             problem, latest, previous = _new_leg(problem, latest, previous, error)
         started, last, counts = True, indentation, problem.counts()
-        options = solve_one, rtol, pressure_error, counts
-        contact = _step(problem, indentation, latest, previous, *options)
+        contact = _step(problem, indentation, latest, previous, counts)
         noise = error + contact.residual + ROUNDING * max(1.0, indentation)
         if problem.rebound(latest, contact._state) > noise:  # no M-matrix: the leg ends at the state before
             problem, latest, previous = _new_leg(problem, latest, previous, error)
-            contact = _step(problem, indentation, latest, previous, *options)
+            contact = _step(problem, indentation, latest, previous, counts)
         yield contact
         latest, previous = contact._state, latest
         if indentation <= problem.touch:
@@ -166,20 +147,14 @@ def sweep(
 
 
 def _step(
-    problem: Problem,
-    indentation: float,
-    latest: State,
-    previous: State | None,
-    solve_one: Method,
-    rtol: float,
-    pressure_error: float | None,
-    counts: tuple[float, float],
+    problem: Problem, indentation: float, latest: State, previous: State | None, counts: tuple[float, float]
 ) -> Contact:
     """Return the contact at the next indentation of a leg, to the bounds of the residual and of the pressure."""
-    tolerance = rtol
+    tolerance, pressure_error = problem.options.rtol, problem.options.pressure_error
+    solve_one = SOLVERS[problem.options.method]
     if pressure_error is not None and indentation > problem.touch:
         least = problem.least_pressure(indentation, latest)
-        tolerance = min(rtol, pressure_error * least / problem.expected_stiffness(latest, previous))
+        tolerance = min(tolerance, pressure_error * least / problem.expected_stiffness(latest, previous))
     problem.check_reachable(indentation, tolerance)
     if indentation <= problem.touch:
         return problem.record(problem.untouched(indentation), counts, 0, 0.0)
@@ -234,13 +209,13 @@ class Trials:
 
     Parameters
     ----------
-    surface, half_space, rtol, method, pressure_error, hardness
-        As in `solve` and `sweep`.
+    surface, half_space, options
+        As in `solve`.
     after : dict, optional
         `Contact.state` on the leg of the trials, for a surface that has yielded before.
     turned : bool
         Whether the leg begins at this state, and so with the plastic displacement that it leaves.
-    tuning
+    **changed
         As in `solve`.
 
     Attributes
@@ -255,22 +230,17 @@ class Trials:
         self,
         surface: Surface,
         half_space: Compliance,
+        options: Options = DEFAULT,
         *,
-        rtol: float = 1e-6,
-        method: str = "fast",
-        pressure_error: float | None = None,
-        hardness: float | None = None,
         after: Mapping[str, Any] | None = None,
         turned: bool = False,
-        tuning: Tuning = TUNING,
+        **changed: Any,
     ) -> None:
-        check_rtol(rtol)
-        self.problem = Problem(surface, half_space, tuning=tuning, hardness=hardness)
+        self.options = replace(options, **changed)
+        self.problem = Problem(surface, half_space, self.options)
         if after is not None:
             leg, state, error = _held(self.problem, after)
             self.problem = self.problem.on(Leg(leg.law, leg.plastic_under(state), error) if turned else leg)
-        self._solve = _method(method)
-        self.rtol, self.pressure_error = rtol, pressure_error
         self.least: Contact | None = None
         self.untouched = self.apart(self.problem.touch)
 
@@ -279,33 +249,18 @@ class Trials:
         return self.problem.record(self.problem.untouched(indentation), self.problem.counts(), 0, 0.0)
 
     def at(self, indentation: float, latest: Contact, previous: Contact | None = None, *, rtol: float = 0.0) -> Contact:
-        """Return the contact at an indentation, started from the straight line through two contacts.
+        """Return the contact at Δ/σ > 0, from the line through two contacts; `latest` has the larger indentation.
 
-        Parameters
-        ----------
-        indentation : float
-            Δ/σ > 0, beyond both contacts or between them.
-        latest, previous : Contact
-            Contacts of the line; ``latest`` has the larger indentation.
-        rtol : float
-            Bound of the residual η/σ, if looser than that of the search.
-
-        Returns
-        -------
-        Contact
-            The state.
-
-        Raises
-        ------
-        ConvergenceError
-            If the residual is not reached.
+        `rtol` is the bound of the residual η/σ, if looser than that of the search.
         """
         problem = self.problem
-        problem.check_reachable(indentation, max(self.rtol, rtol))
+        problem.check_reachable(indentation, max(self.options.rtol, rtol))
         tolerance = max(self.tolerance(indentation), min(rtol, LIGHT_ROUGH * (indentation - problem.touch)))
         counts = problem.counts()
         earlier = previous._state if previous else None
-        state, iterations, residual = self._solve(problem, indentation, latest._state, earlier, tolerance)
+        state, iterations, residual = SOLVERS[self.options.method](
+            problem, indentation, latest._state, earlier, tolerance
+        )
         return problem.record(state, counts, iterations, residual)
 
     def known(self, state: Mapping[str, Any], residual: float) -> Contact:
@@ -316,15 +271,15 @@ class Trials:
         return self.problem.record(held, self.problem.counts(), 0, residual - self.problem.leg.carried)
 
     def tolerance(self, indentation: float) -> float:
-        """Return the bound of the residual η/σ at an indentation: at most `rtol`, and Δ/(100 σ).
+        """Return the bound of the residual η/σ at an indentation: at most that of the options, and Δ/(100 σ).
 
-        `pressure_error` lowers it to the bound for the stiffest contact, under the pressure of `least` or of the
+        A bound of the pressure lowers it to the bound for the stiffest contact, under the pressure of `least` or of the
         highest element alone.
         """
-        bound = min(self.rtol, LIGHT * (indentation - self.problem.touch))
-        if self.pressure_error is not None:
+        bound = min(self.options.rtol, LIGHT * (indentation - self.problem.touch))
+        if self.options.pressure_error is not None:
             pressure = self.problem.least_pressure(indentation, (self.least or self.untouched)._state)
-            bound = min(bound, self.pressure_error * pressure / self.problem.stiffest)
+            bound = min(bound, self.options.pressure_error * pressure / self.problem.stiffest)
         return bound
 
     def line(self, one: Contact, other: Contact) -> Callable[[float, float], Contact]:
@@ -333,16 +288,7 @@ class Trials:
         The line is that of x = c q in contact and x = -w outside, with 1/c = (K⁻¹)_ii. Where K⁻¹ is an M-matrix every
         x is a rising, concave function of Δ. Between the two contacts the line then has too little contact and
         pressure, beyond them too much. An x of residual η/σ is right to 2 η/σ.
-
-        Parameters
-        ----------
-        one, other : Contact
-            Two contacts, or the same one twice.
-
-        Returns
-        -------
-        callable
-            (Δ/σ, margin) ↦ Contact, the margin being subtracted from every x.
+        The callable maps Δ/σ and a margin, subtracted from every x, to a contact. Both contacts may be the same.
         """
         problem = self.problem
         start = problem.depth(one)
@@ -359,9 +305,3 @@ class Trials:
             return problem.record(state, problem.counts(), 0, np.nan)
 
         return at
-
-
-def _method(name: str) -> Method:
-    if name not in METHODS:
-        raise ContactError(f"method is {name!r}; allowed: {', '.join(METHODS)}")
-    return METHODS[name]

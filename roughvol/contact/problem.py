@@ -16,36 +16,18 @@ from numpy.typing import NDArray
 
 from roughvol.contact.few_loads import Superposition
 from roughvol.contact.law import ELASTIC, HardWall, RigidWall
+from roughvol.contact.options import DEFAULT, Options
 from roughvol.contact.state import Compliance, Contact, Leg, State
-from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array, Index
 
-PRECISIONS = ("mixed", "double")
 ROUNDING = 4e-16  # least residual η/σ over the indentation: the rounding of a convolution
 TENSILE = 1e-12  # largest pressure that counts as rounding, as a share of the largest pressure of the state
 # Largest residual over the indentation. A state without pressure has η = Δ. With η ≤ Δ/100 the highest element carries
 # load, as F ≥ F(Δ - η) > 0, and p* is right to a few per cent at any tolerance.
 LIGHT = 0.01
 LIGHT_ROUGH = 0.5  # the same for rough states of a search
-
-
-def check_rtol(rtol: float) -> None:
-    """Refuse a tolerance out of range.
-
-    Parameters
-    ----------
-    rtol : float
-        Bound of the residual η/σ.
-
-    Raises
-    ------
-    ContactError
-        If not 0 < `rtol` ≤ 1.
-    """
-    if not 0 < rtol <= 1:
-        raise ContactError(f"rtol is {rtol}; allowed: 0 < rtol <= 1 (a bound on the residual η/σ)")
 
 
 class Problem:
@@ -57,12 +39,8 @@ class Problem:
         Heights and spacing [length].
     half_space : Compliance
         Half space of the same shape.
-    precision : {"mixed", "double"}
-        Precision of the convolutions inside the iteration.
-    tuning : Tuning
-        Constants.
-    hardness : float, optional
-        H L/(E* σ), the largest pressure in the unit of p*. Default: none, the contact is elastic.
+    options : Options
+        Accuracy, method, precision, hardness and constants.
 
     Attributes
     ----------
@@ -76,32 +54,22 @@ class Problem:
     Raises
     ------
     ContactError
-        If the shapes differ, the precision is unknown, or the hardness is not positive.
+        If the shapes differ, or one of the two alone is periodic.
     """
 
-    def __init__(
-        self,
-        surface: Surface,
-        half_space: Compliance,
-        precision: str = "mixed",
-        tuning: Tuning = TUNING,
-        hardness: float | None = None,
-    ) -> None:
+    def __init__(self, surface: Surface, half_space: Compliance, options: Options = DEFAULT) -> None:
         if surface.shape != half_space.shape:
             raise ContactError(f"the surface has shape {surface.shape}, the half space {half_space.shape}")
-        if precision not in PRECISIONS:
-            raise ContactError(f"precision is {precision!r}; allowed: {', '.join(PRECISIONS)}")
-        if hardness is not None and not hardness > 0.0:
-            raise ContactError(f"hardness is {hardness}; allowed: hardness > 0, in the unit of p*")
         if surface.periodic != half_space.periodic:
             one, other = ("periodic" if periodic else "free" for periodic in (surface.periodic, half_space.periodic))
             raise ContactError(f"the surface is {one}, the half space {other}; allowed: both periodic, or none")
-        self.half_space, self.shape, self.tuning = half_space, surface.shape, tuning
+        self.half_space, self.shape, self.options, self.tuning = half_space, surface.shape, options, options.tuning
         self.intervals, self.periodic = surface.intervals[0], surface.periodic
-        self.law: RigidWall = ELASTIC if hardness is None else HardWall(hardness / (np.pi * self.intervals))
+        self.law: RigidWall = ELASTIC
+        if options.hardness is not None:
+            self.law = HardWall(options.hardness / (np.pi * self.intervals))
         self.leg = Leg(self.law)
-        self._mixed = precision == "mixed"
-        self.superposition = Superposition(half_space.influence, tuning)
+        self.superposition = Superposition(half_space.influence, self.tuning)
         self._position = np.full(surface.heights.size, -1, dtype=np.int32)  # restored by `positions`
         # The range first, then σ: the standard deviation of heights of 1e-250 underflows.
         heights = surface.heights - surface.heights.max()
@@ -139,7 +107,7 @@ class Problem:
 
     def single(self, rtol: float) -> bool:
         """Return whether directions are convolved in single precision."""
-        return self._mixed and rtol >= self.tuning.single_from
+        return self.options.precision == "mixed" and rtol >= self.tuning.single_from
 
     def counts(self) -> tuple[float, float]:
         """Return the convolutions done so far, by precision."""

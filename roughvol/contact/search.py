@@ -23,10 +23,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact, Trials
+from roughvol.contact.options import DEFAULT, Options
 from roughvol.contact.tuning import SEARCH_TUNING, SearchTuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
@@ -42,10 +44,10 @@ def indentation_for(
     half_space: Compliance,
     target: str,
     value: float,
+    options: Options = DEFAULT,
     *,
-    rtol: float = 1e-6,
-    method: str = "fast",
     tuning: SearchTuning = SEARCH_TUNING,
+    **changed: Any,
 ) -> float:
     """Return the smallest indentation at which contact area fraction, mean pressure or free volume reach a value.
 
@@ -60,10 +62,12 @@ def indentation_for(
         A*, p* or V*.
     value : float
         0 < A* ≤ 1, p* > 0, or V* > 0 below that of the first touch.
-    rtol, method
-        As in `roughvol.contact.solve`.
+    options
+        As in `roughvol.contact.solve`; elastic contact.
     tuning : SearchTuning
         Constants.
+    **changed
+        As in `roughvol.contact.solve`.
 
     Returns
     -------
@@ -86,7 +90,7 @@ def indentation_for(
         )
         raise ContactError(message)
 
-    trials = Trials(surface, half_space, rtol=rtol, method=method)
+    trials = Trials(surface, half_space, options, **changed)
     if target == "free_volume":
         most = (surface.z_max - surface.mean_height) / surface.unit
         if value >= min(most, float(trials.untouched.gap().mean())):  # the two differ by rounding
@@ -167,7 +171,7 @@ def state_reaching(
         If a solve does not converge.
     """
     if elements and len(between) == 1 and not below:
-        touch = trials.at(min(trials.rtol, 0.5 * between[0].approach), trials.untouched)
+        touch = trials.at(min(trials.options.rtol, 0.5 * between[0].approach), trials.untouched)
         if measure(touch) >= value:
             return touch
         between = [touch, *between]
@@ -179,11 +183,11 @@ def first_indentation(
     surface: Surface,
     half_space: Compliance,
     reached: Callable[[Contact], bool],
+    options: Options = DEFAULT,
     *,
-    rtol: float = 1e-6,
-    method: str = "fast",
     accuracy: float = 1e-4,
     tuning: SearchTuning = SEARCH_TUNING,
+    **changed: Any,
 ) -> float:
     """Return the smallest indentation at which a condition holds that stays true under more contact.
 
@@ -196,12 +200,14 @@ def first_indentation(
         As in `roughvol.contact.solve`.
     reached : callable
         Contact ↦ bool, the condition. Estimates of states are passed as well.
-    rtol, method
-        As in `roughvol.contact.solve`.
+    options
+        As in `roughvol.contact.solve`; elastic contact.
     accuracy : float
         Relative accuracy of the indentation.
     tuning : SearchTuning
         Constants.
+    **changed
+        As in `roughvol.contact.solve`.
 
     Returns
     -------
@@ -215,7 +221,7 @@ def first_indentation(
     ConvergenceError
         If a solve does not converge.
     """
-    trials = Trials(surface, half_space, rtol=rtol, method=method)
+    trials = Trials(surface, half_space, options, **changed)
     return _search(trials, reached, lambda _: math.inf, _mean_plane(surface), accuracy, tuning).approach
 
 
@@ -255,7 +261,7 @@ def _search(
     If single elements matter, elements on the brink of contact do not count. States on either side (`between`) replace
     the start. States without contact may be among them.
     """
-    brink = tuning.sure * trials.rtol if elements else 0.0
+    brink = tuning.sure * trials.options.rtol if elements else 0.0
 
     def holds(line: Line, indentation: float, noise: float = 0.0) -> bool:
         return reached(line(indentation, brink + noise))

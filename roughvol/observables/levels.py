@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from roughvol.contact import search
 from roughvol.contact.crossing import state_crossing
 from roughvol.contact.loading import Compliance, Contact, Trials, sweep
+from roughvol.contact.options import Options
 from roughvol.contact.search import TARGETS
 from roughvol.errors import ContactError
 from roughvol.observables import void
@@ -241,28 +242,10 @@ def is_end(level: Level, step: int, case: Case) -> bool:
     return last or (step in ends and replace(level, leg=None) == ends[step].target)
 
 
-def options_of(case: Case, surface: Surface) -> dict[str, Any]:
-    """Return the arguments of `sweep` and `Trials` that follow from a case.
-
-    Parameters
-    ----------
-    case : Case
-        Its solver and hardness.
-    surface : Surface
-        The surface pressed.
-
-    Returns
-    -------
-    dict
-        rtol, method, pressure_error and hardness.
-    """
-    solver = case.solver
-    return {
-        "rtol": solver.tolerance,
-        "method": solver.method,
-        "pressure_error": solver.pressure_error,
-        "hardness": largest_pressure(case, surface),
-    }
+def options_of(case: Case, surface: Surface) -> Options:
+    """Return the options of the solver of a case."""
+    solver, hardness = case.solver, largest_pressure(case, surface)
+    return Options(solver.tolerance, solver.method, pressure_error=solver.pressure_error, hardness=hardness)
 
 
 def searched(level: Level, surface: Surface) -> bool:
@@ -361,17 +344,17 @@ def at_level(
     value = level.value or 0.0
     options = options_of(case, surface)
     if not earlier and level.kind in ("free_volume", "separation"):
-        check_touch(level, case, surface, Trials(surface, half_space, **options).untouched)
+        check_touch(level, case, surface, Trials(surface, half_space, options).untouched)
     falls = bool(earlier) and after.approach < earlier[-1]["indentation"]
     if searched(level, surface):
         measure, value = measure_of(level, case, surface)
         value *= 1.0 - ROUNDING
     if searched(level, surface) and (case.plastic or falls):
-        trials = Trials(surface, half_space, after=after.state(), **options)
+        trials = Trials(surface, half_space, options, after=after.state())
         start = trials.known(earlier[-1], residual) if earlier else trials.untouched
         return state_crossing(trials, measure, value, start, trials.known(after.state(), after.residual))
     if searched(level, surface):
-        trials = Trials(surface, half_space, **options)
+        trials = Trials(surface, half_space, options)
         between = [trials.known(state, residual) for state in earlier[-1:]]
         trials.least = between[0] if between else None
         between.append(trials.known(after.state(), after.residual))
@@ -385,7 +368,7 @@ def at_level(
     indentation = value if level.kind == "indentation" else after.indentation + after.separation - value
     if abs(indentation - after.indentation) <= ROUNDING * after.indentation:
         return after
-    return next(sweep(surface, half_space, [indentation], resume=earlier, **options))
+    return next(sweep(surface, half_space, [indentation], options, resume=earlier))
 
 
 def check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) -> None:
