@@ -4,7 +4,8 @@
 ``roughvol.press(heights, L="500 um", E="10 MPa", nu=0.5)`` presses a height map in memory. ``roughvol.plot`` draws a
 dataset, ``roughvol.load`` reads a study. ``ds.roughvol.at(pressure="0.5 MPa")`` has the numbers at a load. Doubts are
 warnings of the class `RoughvolWarning`.
-The rooms, from the bottom up: `surfaces`, `study` and `contact`, `store` and `observables`, `campaign` and `report`.
+The rooms, from the bottom up: `surfaces`, `study` and `contact`, `store` and `observables`, `campaign` and `report`,
+`reproduction`.
 """
 
 import importlib

@@ -3,6 +3,6 @@ from ._version import __version__ as __version__
 from .campaign.python import press as press
 from .campaign.python import run as run
 from .errors import RoughvolWarning as RoughvolWarning
-from .report.plotting import plot as plot
+from .plotting import plot as plot
 from .store.run import open as open
 from .study.reading import load as load

@@ -25,20 +25,21 @@ def completed_runs(context: click.Context, parameter: click.Parameter, start: st
 
 def completed_figures(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
     """Return the names of figures with this start, behind a comma too."""
-    from roughvol.report.figures import selection
+    from roughvol import plotting
 
     before, comma, last = start.rpartition(",")
-    return [f"{before}{comma}{name}" for name in selection.figures() if name.startswith(last)]
+    return [f"{before}{comma}{name}" for name in plotting.figures() if name.startswith(last)]
 
 
 def completed_runs_and_figures(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
     """Return the names of runs, and after the first the names of figures, with this start."""
     if not context.params.get(parameter.name or ""):
         return completed_runs(context, parameter, start)
-    from roughvol.report.figures import content, selection
+    from roughvol import plotting
+    from roughvol.report.figures import content
 
     runs = completed_runs(context, parameter, start)
-    figures = [name for name in (*selection.figures(), *content.NAMES) if name.startswith(start)]
+    figures = [name for name in (*plotting.figures(), *content.NAMES) if name.startswith(start)]
     return [*figures, *(run for run in runs if isinstance(run, str))]
 
 

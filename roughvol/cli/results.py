@@ -62,17 +62,18 @@ def plot(
     with lists, into its own figures. Without FIGURE, all figures of the run are drawn, or v_of_p, a_of_p, v_of_a,
     v_of_d, gap_of_p, leak_of_p of several runs. A FIGURE that does not apply is named, and the others are drawn.
     """
-    from roughvol.report.figures import content, selection
+    from roughvol import plotting
+    from roughvol.report.figures import content
     from roughvol.store import StoredRun, stamped_file
     from roughvol.store.run import is_run, names_of
 
     inches = _inches(size)
-    known = {*selection.figures(), *content.NAMES}
+    known = {*plotting.figures(), *content.NAMES}
     wanted = [name for name in names if name in known and not Path(name).exists()]
     others = [name for name in names if name not in wanted]
     misspelt = [name for name in others if not is_run(name)]
     if len(misspelt) < len(others):
-        selection.check_known(misspelt)
+        plotting.check_known(misspelt)
     opened = [StoredRun.open(name, changes) for name in others] or [StoredRun.open()]
     stored = zip(names_of([run.file for run in opened]), opened, strict=True)
     runs = [part for name, run in stored for part in content.parts(name, run.dataset, alone=len(opened) == 1)]
@@ -109,9 +110,10 @@ Draws = dict[str, Callable[[], Any]]
 
 def _drawings(runs: Sequence[Named], wanted: Sequence[str], *, alone: bool) -> tuple[Draws, list[str]]:
     """Return what draws each figure of runs by its path, and why some of those wanted cannot be drawn."""
-    from roughvol.report.figures import content, selection
+    from roughvol import plotting
+    from roughvol.report.figures import content
 
-    figures, drawings, refused = selection.figures(), Draws(), list[str]()
+    figures, drawings, refused = plotting.figures(), Draws(), list[str]()
     every = [name for name in content.DRAWN if content.missing(name, runs) is None]
     for name in wanted or (every if len(runs) > 1 else ()):
         if name in content.NAMES:
@@ -119,17 +121,20 @@ def _drawings(runs: Sequence[Named], wanted: Sequence[str], *, alone: bool) -> t
             if reason is None:
                 drawings[name] = partial(content.draw, name, runs)
         elif alone:
-            reasons = {run.name: figures[name][1](name, run.dataset) for run in runs}
+            reasons = {run.name: figures[name].missing(run.dataset) for run in runs}
             reason = "\n".join(dict.fromkeys(filter(None, reasons.values()))) or None
             for run in runs:
                 if reasons[run.name] is None:
-                    drawings[f"{_within(run, runs)}{name}"] = partial(figures[name][0], run.dataset)
+                    drawings[f"{_within(run, runs)}{name}"] = partial(figures[name], run.dataset)
         else:
             reason = f"{name} shows one run; several are overlaid in figures by content, {content.IN_WORDS}"
         refused += [reason] if reason else []
     for run in runs if alone and not wanted else ():
-        for name in selection.drawable(run.dataset, ()):
-            drawings[f"{_within(run, runs)}{name}"] = partial(figures[name][0], run.dataset)
+        reasons = {name: figure.missing(run.dataset) for name, figure in figures.items()}
+        if all(reasons.values()):
+            raise DatasetError("\n".join(filter(None, reasons.values())))
+        for name in (name for name, reason in reasons.items() if not reason):
+            drawings[f"{_within(run, runs)}{name}"] = partial(figures[name], run.dataset)
     return drawings, refused
 
 
@@ -202,7 +207,7 @@ def report(
     claims; others are refused by name and reason. Every other run, such as one of a measured map, gets its own
     section: surface, loading, states, closing pressures, warnings, figures.
     """
-    from roughvol.report import write as reporting
+    from roughvol.reproduction import write as reporting
     from roughvol.store import StoredRun
 
     opened = [StoredRun.open(name, changes) for name in run] or _all_runs()

@@ -153,9 +153,9 @@ def run(
     folder = out or folder
     only = None
     if figures:
-        from roughvol.report.figures import selection
+        from roughvol import plotting
 
-        only = selection.needed(figures.split(","), loaded.cases())
+        only = plotting.needed(figures.split(","), loaded.cases())
     last: Progress | None = None
 
     def follow(now: Progress) -> None:
@@ -242,7 +242,7 @@ def tradeoff(study: Path, out: Path | None, as_json: bool, changes: tuple[str, .
     """
     from roughvol.campaign import tradeoff as trade
     from roughvol.report import convergence
-    from roughvol.report.figures import work_precision
+    from roughvol.report.figures import registry
     from roughvol.store import dataset
 
     loaded, folder = study_of(study, changes)
@@ -251,10 +251,10 @@ def tradeoff(study: Path, out: Path | None, as_json: bool, changes: tuple[str, .
     measured = trade.measure(loaded, lambda k, n: say(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None)
     lines = []
     dataset.write(measured, folder / "tradeoff.nc")
-    for name, draw in work_precision.FIGURES.items():
-        if work_precision.missing(name, measured) is None:
+    for name, figure in registry.TRADEOFF.items():
+        if figure.missing(measured) is None:
             (folder / "figures").mkdir(exist_ok=True)
-            draw(measured).savefig(folder / "figures" / f"{name}.png")
+            figure(measured).savefig(folder / "figures" / f"{name}.png")
             lines.append(str(folder / "figures" / f"{name}.png"))
     if as_json:
         say_json({"study": loaded.name, "file": str(folder / "tradeoff.nc"), **measured.to_dict()})

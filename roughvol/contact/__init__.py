@@ -23,7 +23,6 @@ The room of the solver. It knows surfaces and arrays, no study and no results.
 `few_loads`           displacement by few loaded elements, as a sum
 `tuning`              constants of the solver
 `paper_algorithm`     the paper's Algorithm 1, as a reference
-`closed_forms`        indenters and loaded rectangles, as references
 ====================  ==============================================================
 """
 

@@ -1,4 +1,3 @@
-from . import closed_forms as closed_forms
 from .halfspace import HalfSpace as HalfSpace
 from .loading import Compliance as Compliance
 from .loading import Contact as Contact

@@ -16,8 +16,9 @@ import numpy as np
 from roughvol import __version__
 from roughvol.campaign import tradeoff
 from roughvol.campaign.one_case import run_case
+from roughvol.plotting import needed
 from roughvol.report import convergence
-from roughvol.report.figures import selection, work_precision
+from roughvol.report.figures.registry import TRADEOFF
 from roughvol.store import dataset, tradeoff_variables
 from roughvol.study import ACCURACY, loads
 
@@ -57,7 +58,7 @@ def cost(text: str, names: tuple[str, ...]) -> tuple[float, int, float]:
     """Return convolutions, bytes written and processor seconds of a study, or of what figures need of it."""
     study = loads(text)
     cases = study.cases()
-    wanted = selection.needed(names, cases) if names else [case.id for case in cases]
+    wanted = needed(names, cases) if names else [case.id for case in cases]
     convolutions, written, started = 0.0, 0, time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         for case in (case for case in cases if case.id in wanted):
@@ -138,7 +139,7 @@ def main() -> None:
         )
         return
     ds = dataset.read(ROOT / "runs" / "tradeoff" / "tradeoff.nc")
-    work_precision.FIGURES["tradeoff_precision"](ds).savefig(ROOT / "docs" / "pictures" / "tradeoff.png")
+    TRADEOFF["tradeoff_precision"](ds).savefig(ROOT / "docs" / "pictures" / "tradeoff.png")
     saved = 100 * convergence.time_saved(ds)
     verdicts = "\n".join(f"- {line}" for line in convergence.summary(ds).splitlines() if line.startswith("D = "))
     page = f"""# Speed against accuracy

@@ -15,7 +15,7 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.errors import ContactError, StudyError
 from roughvol.report import convergence
-from roughvol.report.figures import work_precision
+from roughvol.report.figures.registry import TRADEOFF
 from roughvol.store import dataset, tradeoff_variables
 from roughvol.study import ACCURACY, EXPECTED, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -106,9 +106,9 @@ def test_time_saved_is_that_of_a_straight_line(measured: dataset.Dataset) -> Non
     assert convergence.time_saved(ds) == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize("name", work_precision.FIGURES)
+@pytest.mark.parametrize("name", TRADEOFF)
 def test_figures_are_drawn(name: str, measured: dataset.Dataset, tmp_path: Path) -> None:
-    work_precision.FIGURES[name](measured).savefig(tmp_path / "figure.png")
+    TRADEOFF[name](measured).savefig(tmp_path / "figure.png")
     assert (tmp_path / "figure.png").stat().st_size > 10_000
 
 
@@ -133,7 +133,7 @@ def test_command_writes_a_dataset_and_figures(tmp_path: Path) -> None:
     assert "per cent less time" in done.stdout
     assert "A* NOT converged in m" in done.stdout
     assert "ladder" in dataset.read(tmp_path / "run" / "tradeoff.nc").coords
-    assert len(list((tmp_path / "run" / "figures").glob("*.png"))) == len(work_precision.FIGURES)
+    assert len(list((tmp_path / "run" / "figures").glob("*.png"))) == len(TRADEOFF)
 
 
 # ---- named accuracies and errors asked for

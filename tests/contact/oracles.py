@@ -8,8 +8,8 @@ import numpy as np
 from scipy import linalg, signal
 from scipy.optimize import nnls
 
-from roughvol.contact import closed_forms
 from roughvol.contact.kernels import kernel_of
+from roughvol.reproduction import closed_forms
 
 KERNELS = ("love", "punch")  # with coefficients, so that a free patch has them
 

@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import KERNELS, coefficients, dense_matrix, love_influence, summed_displacement
 
-from roughvol.contact import closed_forms, convolution
+from roughvol.contact import convolution
 from roughvol.contact.halfspace import HalfSpace, transform_length
 from roughvol.contact.kernels import kernel_of, love_kernel, punch_kernel
 from roughvol.contact.tuning import Tuning
 from roughvol.errors import ContactError
+from roughvol.reproduction import closed_forms
 
 SHAPES = [(1, 1), (1, 2), (1, 7), (2, 1), (2, 2), (3, 3), (3, 4), (5, 9), (17, 9), (12, 7), (23, 18), (3, 100), (33, 2)]
 EPS = np.finfo(float).eps

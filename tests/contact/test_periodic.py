@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from oracles import dense_matrix, exact_pressure, scaled_overlap
 
-from roughvol.contact import closed_forms
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import KERNELS, Kernel
 from roughvol.contact.loading import Trials, solve, sweep
 from roughvol.contact.periodic import PeriodicHalfSpace, periodic_spectrum
 from roughvol.contact.search import indentation_for
 from roughvol.errors import ContactError
+from roughvol.reproduction import closed_forms
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from roughvol.contact import closed_forms
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve, sweep
+from roughvol.reproduction import closed_forms
 from roughvol.surfaces.surface import Surface
 
 NODES = (17, 33, 65, 129)

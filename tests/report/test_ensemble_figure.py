@@ -9,9 +9,7 @@ import pytest
 from xarray import Dataset
 
 from roughvol.errors import DatasetError
-from roughvol.report.captions import CAPTIONS
-from roughvol.report.figures import selection
-from roughvol.report.figures.ensembles import FIGURES, missing
+from roughvol.report.figures.registry import FIGURES
 
 LEVELS, ROUNDS = 3, 4
 
@@ -77,8 +75,7 @@ def test_the_note_has_the_samples_of_each_level(results: Dataset) -> None:
 
 
 def test_it_is_found_by_name_and_needs_an_ensemble(results: Dataset) -> None:
-    assert selection.drawable(results, ["ensemble_cost"]) == ["ensemble_cost"]
-    assert "ensemble_cost" in CAPTIONS
-    assert "section 'ensemble'" in str(missing("ensemble_cost", Dataset()))
+    assert FIGURES["ensemble_cost"].missing(results) is None
+    assert "section 'ensemble'" in str(FIGURES["ensemble_cost"].missing(Dataset()))
     with pytest.raises(DatasetError, match="section 'ensemble'"):
         FIGURES["ensemble_cost"](Dataset())

@@ -14,8 +14,8 @@ from matplotlib import font_manager
 
 from roughvol.cli import main
 from roughvol.report.figures import style, work_precision
-from roughvol.report.figures.paper import FIGURES
 from roughvol.report.figures.style import ACCENT, CONTACT, GREY, SECOND, STYLE, contrast, lightness, looks, unit_text
+from roughvol.reproduction.figures.registry import FIGURES
 from roughvol.store.dataset import write
 
 LEAST_CONTRAST = 3.0  # WCAG 2.2, 1.4.11

@@ -15,8 +15,7 @@ from numpy.testing import assert_allclose
 from roughvol.analysis.average import average
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import DatasetError
-from roughvol.report.figures import paper
-from roughvol.report.figures.seal import FIGURES, NEEDS, missing
+from roughvol.report.figures.registry import FIGURES as ALL
 from roughvol.report.figures.seal_ways import (
     Way,
     band_words,
@@ -27,6 +26,7 @@ from roughvol.report.figures.seal_ways import (
     sample,
     way,
 )
+from roughvol.reproduction.figures import registry as paper
 from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads
@@ -50,6 +50,8 @@ record:
   dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}
 """
 
+FIGURES = {name: figure for name, figure in ALL.items() if name.startswith("seal_")}
+
 
 @pytest.fixture(scope="module")
 def ds() -> Dataset:
@@ -59,14 +61,13 @@ def ds() -> Dataset:
 
 
 def test_names_do_not_clash_and_every_figure_is_explained() -> None:
-    assert not set(FIGURES) & set(paper.FIGURES)
-    assert set(FIGURES) == set(NEEDS)
-    assert all(name.startswith("seal_") and FIGURES[name].__doc__ for name in FIGURES)
+    assert not set(ALL) & set(paper.FIGURES)
+    assert all(figure.draw.__doc__ for figure in ALL.values())
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_is_drawn(name: str, ds: Dataset) -> None:
-    assert missing(name, ds) is None
+    assert FIGURES[name].missing(ds) is None
     assert shown(FIGURES[name](ds)) > 1
 
 
@@ -84,10 +85,10 @@ def test_a_single_state_is_no_curve_and_no_error(name: str, ds: Dataset) -> None
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_figure_says_what_it_lacks(name: str, ds: Dataset) -> None:
-    lacking = NEEDS[name][-1]
+    lacking = FIGURES[name].needs[-1]
     with pytest.raises(DatasetError, match=f"{name} needs {lacking}, which the study did not record"):
         FIGURES[name](ds.drop_vars(lacking))
-    assert "no case" in str(missing(name, ds.assign({lacking: ds[lacking].astype(float) * np.nan})))
+    assert "no case" in str(FIGURES[name].missing(ds.assign({lacking: ds[lacking].astype(float) * np.nan})))
 
 
 def _lines(fig: Figure, panel: int, words: str) -> list[Line2D]:

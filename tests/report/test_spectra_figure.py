@@ -11,8 +11,8 @@ import xarray as xr
 from roughvol.campaign.one_case import run_case
 from roughvol.campaign.running import run
 from roughvol.errors import DatasetError
-from roughvol.report.figures import selection
-from roughvol.report.figures.spectra import FIGURES
+from roughvol.plotting import needed
+from roughvol.report.figures.registry import FIGURES
 from roughvol.store import dataset
 from roughvol.study import loads
 from roughvol.surfaces.power_law import density
@@ -51,9 +51,9 @@ def test_lines_are_the_means_of_the_finest_grid_and_the_law() -> None:
 def test_it_needs_the_record_and_is_found_by_name() -> None:
     ds = results(TEXT)
     with pytest.raises(DatasetError, match=r"add record: \{psd: true\}"):
-        selection.drawable(ds, ["psd"])
+        FIGURES["psd"](ds)
     cases = loads(TEXT).cases()
-    assert set(selection.needed(["psd"], cases)) == {case.id for case in cases if case.m == 5}
+    assert set(needed(["psd"], cases)) == {case.id for case in cases if case.m == 5}
 
 
 def test_midpoint_surfaces_have_no_law() -> None:

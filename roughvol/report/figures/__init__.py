@@ -1,22 +1,22 @@
 """Figures, each a function of a dataset that returns a matplotlib ``Figure``.
 
 ==================  ==================================================================
-`paper`             Figs. 1 to 12 of the paper
+`registry`          tables of all figures, one row a figure
+`figure`            row of a table: variables, drawing, caption, cases
+`cases`             surfaces, states and cases that a figure shows
 `seal`              flow through the gap
 `yielding`          paths of legs, and plastic displacement
 `content`           figures named by content, of one run or several overlaid
 `spectra`           power spectral density, and slope by scale
 `leak_card`         drawings and print of the leak card
-`theory`            theories, second readings and many seeds, from several runs
 `work_precision`    speed against accuracy of a trade-off
 `surface_picture`   one surface before it is pressed (``roughvol check --look``)
-`selection`         figures that a dataset can feed, and cases that a figure needs
 `families`          curves, states and densities read from a dataset
 `seal_ways`         flow along one direction, and the load at which it stops
 `curves`            curves of several surfaces on one axes
 `seal_drawing`      directions, closing marks and the legend of the flow
 `relief`            lit surfaces in perspective
-`origin`            the note below a figure, and the table that it is in
+`origin`            the note below a figure
 `style`             sizes, colours, labels, units, legends
 ==================  ==================================================================
 """

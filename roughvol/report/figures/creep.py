@@ -52,5 +52,5 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
         )
         load = f"at {over_time.pressure:.4g} {unit_text(over_time.pressure_unit)}"
         legend(ax, "; ".join(filter(None, [load, band_words([several])])))
-        fig.note(" ".join([origin("creep", run, {"surfaces": [several]}), *written(run), *fluid_note(run)]))
+        fig.note(" ".join([f"{origin(run, {'surfaces': [several]})}.", *written(run), *fluid_note(run)]))
     return fig

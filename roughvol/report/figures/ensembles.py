@@ -1,6 +1,6 @@
 """The figure of an ensemble: the cost of its answer by level.
 
-``FIGURES["ensemble_cost"](ds)`` is a matplotlib ``Figure`` of the dataset of a study with a section ``ensemble``.
+It is a function of the dataset of a study with a section ``ensemble``.
 """
 
 from __future__ import annotations
@@ -11,25 +11,13 @@ import numpy as np
 from matplotlib.lines import Line2D
 from xarray import Dataset
 
-from roughvol.report.figures.origin import Draw, register
 from roughvol.report.figures.style import DASHES, GREY, PAGE, Drawing, canvas, looks, plain_ticks
 from roughvol.typing import Array
 
-FIGURES: dict[str, Draw] = {}
 NORMAL = 1.96  # of the 95 % interval of many samples
 LINES = DASHES[:3]  # dots are plain Monte Carlo
 
 
-def missing(name: str, ds: Dataset) -> str | None:
-    """Return why a figure cannot be drawn from a dataset, or None if it can."""
-    return None if "ensemble_samples" in ds else f"{name} needs a study with a section 'ensemble'"
-
-
-def _figure(draw: Draw) -> Draw:
-    return register(draw, FIGURES, missing)
-
-
-@_figure
 def ensemble_cost(ds: Dataset) -> Drawing:
     """Draw samples and cost by level, and the half-width of the interval against cost, beside plain Monte Carlo.
 

@@ -1,7 +1,7 @@
 """Read from a dataset, for figures: families of surfaces that share a curve, single surfaces, states, densities.
 
 Nothing is solved here, and nothing is drawn. A comparison of D is at the largest m (or the m nearest a wish), one of m
-at the D nearest 2.3; a single case is the one nearest to D = 2.3, m = 7 and A* = 0.1, the paper's. A study of files
+at the D nearest 2.3; a single case is that nearest to D = 2.3, m = 7 and A* = 0.1 (`cases`). A study of files
 (dimension ``case``) has its curves labelled by case.
 """
 
@@ -19,14 +19,13 @@ from xarray import DataArray, Dataset
 
 from roughvol.gap.free_volume import element_volumes
 from roughvol.observables import at_state as interpolation
+from roughvol.report.figures.cases import FINEST, SHOWN_D, nearest, nearest_state, nearest_surface
 from roughvol.report.figures.style import A, Drawing, P, looks
-from roughvol.report.paper_rules import PAPER_D, nearest, nearest_state, nearest_surface
 from roughvol.store.dataset import at_state
 from roughvol.typing import Array, Mask
 
 Curve = tuple[Array, Array]
 
-FINEST = 1e9  # a wish for the largest m
 ENOUGH = 25  # elements in a bin of a density: a fifth of noise
 PER_DECADE = 12  # bins on a logarithmic axis at most
 
@@ -73,7 +72,7 @@ def held(ds: Dataset, *variables: str) -> DataArray:
 
 def families(ds: Dataset, by: str, *variables: str, m: float = FINEST) -> tuple[list[Family], str]:
     """Return the families to compare in the order of `by`, and what they have in common, for the legend."""
-    common, wish = ("D", PAPER_D) if by == "m" else ("m", m)
+    common, wish = ("D", SHOWN_D) if by == "m" else ("m", m)
     if "case" in ds.dims:
         by, title, ds = "case", "", ds.expand_dims("seed")
     else:
@@ -109,7 +108,7 @@ def every_family(ds: Dataset, *variables: str) -> tuple[list[Family], str]:
 
 
 def single(ds: Dataset, *variables: str) -> tuple[Dataset, str]:
-    """Return the case nearest to the paper's D = 2.3, m = 7 that holds the variables, and its name."""
+    """Return the case nearest to D = 2.3, m = 7 that holds the variables, and its name."""
     mask = held(ds, *variables)
     places = [dict(zip(mask.dims, place, strict=True)) for place in np.argwhere(mask.values).tolist()]
     numbers = [dim for dim in ("D", "m") if dim in mask.dims]
@@ -127,7 +126,7 @@ def file_text(name: str) -> str:
 
 
 def state(ds: Dataset, at: str, *variables: str) -> tuple[Dataset, str, str]:
-    """Return the single case at its recorded state (along `at`) nearest to the paper's A* = 0.1, and both in words."""
+    """Return the single case at its recorded state (along `at`) nearest to A* = 0.1, and both in words."""
     case, name = single(ds, *variables)
     reached = {k: at_state(case, at, k) for k in np.flatnonzero(case[f"{at}_step"].values > 0).tolist()}  # -1: never
     chosen = reached[nearest_state({k: float(candidate[A]) for k, candidate in reached.items()})]

@@ -1,7 +1,7 @@
-"""Figures of the flow through the gap, each a function of a dataset: ``FIGURES["seal_map"](ds)`` is a ``Figure``.
+"""Figures of the flow through the gap, each a function of a dataset.
 
-Nothing is solved here; ``missing(name, ds)`` says why a figure cannot be drawn, or returns None. Curves are by D at the
-largest m (or by file), and by direction: solid along x, dashed along y. They are never averaged with each other.
+Nothing is solved here. Curves are by D at the largest m (or by file), and by direction: solid along x, dashed along y.
+The directions are never averaged with each other.
 
 One surface is drawn through its computed states, with a marker at each. Several surfaces are a median and a band over
 surfaces, without markers. A direction that is sealed ends at a cross (along x) or a plus (along y) on the lower edge:
@@ -11,7 +11,6 @@ state, and the closing load lies between the two.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -23,9 +22,9 @@ from xarray import Dataset
 from roughvol.analysis import leak
 from roughvol.gap.transport import constriction
 from roughvol.report.figures import seal_ways
+from roughvol.report.figures.cases import SHOWN_D, nearest
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import Family, curves, families, own, several, single
-from roughvol.report.figures.origin import Draw, lacking, register
 from roughvol.report.figures.seal_drawing import (
     CLOSED,
     FAINT,
@@ -54,32 +53,12 @@ from roughvol.report.figures.style import (
     plain_ticks,
     unit_of,
 )
-from roughvol.report.paper_rules import PAPER_D, nearest
 from roughvol.store.dataset import at_state
 
-FIGURES: dict[str, Draw] = {}
-NEEDS: dict[str, tuple[str, ...]] = {}
-
-LEAKING = ("seal_transmissivity", "seal_leak_rate")  # figures of the leak along the steps
 NOMINAL = "nominal_pressure"
 DECADES = 9  # of a flow that an axis spans; less flows off it
 STATES = 4  # of a surface, in a figure of its regions
 MAP_RANGE = (1e-2, 1e2)  # of the flux over its mean
-
-
-def missing(name: str, ds: Dataset) -> str | None:
-    """Return why figure `name` cannot be drawn from a dataset, or None if it can (an unknown name is a KeyError)."""
-    if name in LEAKING and leak.is_lifted(ds):
-        return f"{name} shows the gap without fluid pressure; allowed with record.fluid_pressure: leak_of_p"
-    return lacking(name, ds, NEEDS[name])
-
-
-def _figure(*variables: str) -> Callable[[Draw], Draw]:
-    def add(draw: Draw) -> Draw:
-        NEEDS[draw.__name__] = variables
-        return register(draw, FIGURES, missing)
-
-    return add
 
 
 def _in_units(ax: Axes, ds: Dataset) -> None:
@@ -122,7 +101,6 @@ def _rows(axes: Any, some: list[Family], label: str) -> list[tuple[Any, str]]:
     return list(zip(axes, DIRECTIONS, strict=True))
 
 
-@_figure(P, A, V, "connected_volume_fraction", "trapped_volume_fraction")
 def seal_volume(ds: Dataset) -> Drawing:
     """Free volume connected to the sides of the patch, and trapped in pockets, over p*, A* and V*.
 
@@ -143,7 +121,6 @@ def seal_volume(ds: Dataset) -> Drawing:
     return fig
 
 
-@_figure(P, A, V, "percolates_x", "percolates_y")
 def seal_percolation(ds: Dataset) -> Drawing:
     """Which directions are open from side to side: of one surface 1 or 0 at its states, of several the share.
 
@@ -202,26 +179,22 @@ def _what(counts: list[int]) -> str:
     return "first state closed" if max(counts) == 1 else "median closed"
 
 
-@_figure(P, A, V, "transmissivity_x", "transmissivity_y")
 def seal_transmissivity(ds: Dataset) -> Drawing:
     """Flow of div(g³ grad P) = 0 along x and y over that of smooth plates at the mean gap, and where it stops."""
     return _coefficient(ds, "transmissivity", r"transmissivity $T^{\ast}$")
 
 
-@_figure(P, A, V, "diffusivity_x", "diffusivity_y")
 def seal_diffusivity(ds: Dataset) -> Drawing:
     """Flow of div(g grad P) = 0 along x and y over that of smooth plates at the mean gap, and where it stops."""
     return _coefficient(ds, "diffusivity", r"diffusivity $D^{\ast}$")
 
 
-@_figure(P, A, V, "leak_rate_x", "leak_rate_y")
 def seal_leak_rate(ds: Dataset) -> Drawing:
     """Leak rate of the patch along x and y, at the pressure drop and viscosity of the study, and where it stops."""
     fluid = leak.fluid_of(ds).replace("*", " ")
     return _coefficient(ds, "leak_rate", f"leak rate [{unit_of(ds, 'leak_rate_x')}]", fluid)
 
 
-@_figure(A, "contact_area_fraction_within", "mean_pressure_within", "free_volume_within")
 def seal_region(ds: Dataset) -> Drawing:
     """Values of A*, p*, V* inside central squares over those of the whole, and T* along x and y inside, by their width.
 
@@ -278,15 +251,12 @@ def seal_region(ds: Dataset) -> Drawing:
 
 
 def _nearest(ds: Dataset) -> Family:
-    """Return the surfaces of the D nearest the paper's."""
+    """Return the surfaces of the D nearest 2.3."""
     some, _ = families(ds, "D", A, "contact_area_fraction_within")
-    value = nearest([family.value for family in some], PAPER_D if "D" in ds.dims else 0.0)
+    value = nearest([family.value for family in some], SHOWN_D if "D" in ds.dims else 0.0)
     return next(family for family in some if family.value == value)
 
 
-@_figure(
-    A, "transmissivity_x", "transmissivity_y", "estimate_medium_transmissivity", "estimate_junction_transmissivity_x"
-)
 def seal_estimates(ds: Dataset) -> Drawing:
     """How far the quick estimates are off: effective medium and critical junction over the flow, by direction.
 
@@ -327,7 +297,6 @@ def seal_estimates(ds: Dataset) -> Drawing:
     return fig
 
 
-@_figure(A, P, "flux_x", "gap", "critical_position_x")
 def seal_map(ds: Dataset) -> Drawing:
     """Flux along x at each recorded load over its mean, contact in flat blue, the critical constriction in a circle.
 

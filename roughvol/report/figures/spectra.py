@@ -1,6 +1,6 @@
 """The figure of the power spectral density, with the law asked for, and of the slope by scale.
 
-``FIGURES["psd"](ds)`` is a matplotlib ``Figure`` of the dataset of a study with ``record: {psd: true}``.
+It is a function of the dataset of a study with ``record: {psd: true}``.
 """
 
 from __future__ import annotations
@@ -9,29 +9,16 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.report.figures.families import Family, families
-from roughvol.report.figures.origin import Draw, lacking, register, study_of
+from roughvol.report.figures.origin import study_of
 from roughvol.report.figures.style import GREY, PAGE, Drawing, axes, legend, marked, unit_of
 from roughvol.study import SpectralSurface
 from roughvol.surfaces.power_law import density
 from roughvol.typing import Array
 
-FIGURES: dict[str, Draw] = {}
 NEEDED = ("psd", "rms_slope_below")
 ROUNDING = 1e-24  # of the largest density: waves beyond L/λ_s are zero but for rounding
 
 
-def missing(name: str, ds: Dataset) -> str | None:
-    """Return why a figure cannot be drawn from a dataset, or None if it can."""
-    if "psd" not in ds:
-        return f"{name} needs the power spectral density: add record: {{psd: true}}"
-    return lacking(name, ds, NEEDED)
-
-
-def _figure(draw: Draw) -> Draw:
-    return register(draw, FIGURES, missing)
-
-
-@_figure
 def psd(ds: Dataset) -> Drawing:
     """Draw the radial power spectral density C^iso, and the root mean square slope of the waves up to each one.
 

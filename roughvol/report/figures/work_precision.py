@@ -5,40 +5,17 @@ Markers are the means over the surfaces (errors: the largest of any), colours na
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from xarray import Dataset
 
-from roughvol.report.figures.origin import Draw, register
 from roughvol.report.figures.style import PAGE, Drawing, axes, looks, plain_ticks
 from roughvol.store.tradeoff_variables import QUANTITIES, RUNG
 from roughvol.typing import Array
-
-FIGURES: dict[str, Draw] = {}
-LADDERS: dict[str, str] = {}  # that a figure needs
 
 LABELS = {"mean_pressure": r"$p^{\ast}$ (relative)", "free_volume": r"$V^{\ast}$"}
 LABELS |= {"contact_area_fraction": r"$A^{\ast}$"}
 LOOKS = {name: look | {"label": LABELS[name]} for name, look in zip(LABELS, looks(3), strict=True)}
 FLOOR = 1e-16  # where an error of exactly zero is drawn
-
-
-def missing(name: str, ds: Dataset) -> str | None:
-    """Return why a figure cannot be drawn from a dataset, or None if it can."""
-    if "ladder" not in ds.coords:
-        return f"{name} needs a dataset of `roughvol tradeoff`"
-    if LADDERS[name] not in ds["ladder"].values:
-        return f"{name} needs the ladder {LADDERS[name]!r}, which a height file does not have"
-    return None
-
-
-def _figure(ladder: str) -> Callable[[Draw], Draw]:
-    def add(draw: Draw) -> Draw:
-        LADDERS[draw.__name__] = ladder
-        return register(draw, FIGURES, missing)
-
-    return add
 
 
 def _rungs(ds: Dataset, ladder: str, precision: str | None = None) -> Dataset:
@@ -52,7 +29,6 @@ def _worst(ds: Dataset, name: str) -> Array:
     return np.asarray(np.maximum(ds[name].max("surface").values, FLOOR), dtype=np.float64)
 
 
-@_figure("tolerance")
 def tradeoff_precision(ds: Dataset) -> Drawing:
     """Errors against the residual asked for, and against the time: what a digit costs.
 
@@ -82,7 +58,6 @@ def tradeoff_precision(ds: Dataset) -> Drawing:
     return _with_grid(fig)
 
 
-@_figure("resolution")
 def tradeoff_resolution(ds: Dataset) -> Drawing:
     """Discretisation against algebra: errors at each m of the nested family, beside those of the accuracies.
 
@@ -111,7 +86,6 @@ def tradeoff_resolution(ds: Dataset) -> Drawing:
     return _with_grid(fig)
 
 
-@_figure("steps")
 def tradeoff_settings(ds: Dataset) -> Drawing:
     """Work and errors of the other choices: number of steps, kernel, method.
 

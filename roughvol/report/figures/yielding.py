@@ -1,12 +1,10 @@
-"""Figures of a path of legs and of plastic displacement: ``FIGURES["path_loops"](ds)`` is a ``Figure``.
+"""Figures of a path of legs and of plastic displacement, each a function of a dataset.
 
 Curves are by D at the largest m, or by file. A colour is a family, a dash pattern a leg. Several surfaces are drawn by
 the means of both coordinates at every step, leaks by their median.
 """
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -16,11 +14,7 @@ from roughvol.analysis.average import averages
 from roughvol.analysis.leak import counted, fluid_of
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import families, own, several, single
-from roughvol.report.figures.origin import Draw, lacking, register
 from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing, P, V, canvas, unit_of
-
-FIGURES: dict[str, Draw] = {}
-NEEDS: dict[str, tuple[str, ...]] = {}
 
 # Further panels, where they are stored: variables, label, and whether the axis is logarithmic.
 FURTHER = (
@@ -31,24 +25,6 @@ FURTHER = (
 NOMINAL = "nominal_pressure"
 
 
-def missing(name: str, ds: Dataset) -> str | None:
-    """Return why figure `name` cannot be drawn from a dataset, or None if it can."""
-    if name == "path_loops" and "leg" not in ds:
-        return (
-            f"{name} needs a path, as sweep: [{{steps: 30, to: {{pressure: 1}}}}, {{steps: 30, to: {{pressure: 0}}}}]"
-        )
-    return lacking(name, ds, NEEDS[name])
-
-
-def _figure(*variables: str) -> Callable[[Draw], Draw]:
-    def add(draw: Draw) -> Draw:
-        NEEDS[draw.__name__] = variables
-        return register(draw, FIGURES, missing, every_leg=True)
-
-    return add
-
-
-@_figure(P, A, V)
 def path_loops(ds: Dataset) -> Drawing:
     """Draw contact area, free volume, and leak or plastic volume over pressure, leg by leg.
 
@@ -94,7 +70,6 @@ def path_loops(ds: Dataset) -> Drawing:
     return fig
 
 
-@_figure("heights", "residual_heights")
 def yielded_map(ds: Dataset) -> Drawing:
     """Draw the plastic displacement of one surface at the end of its path, over σ.
 

@@ -1,0 +1,196 @@
+"""Registration of a claim, and the runs that answer it: chosen by their configuration, never by their names.
+
+A claim declares the configuration it needs (`needs`). Of the runs that have it, the one with the most values compared
+is taken, then the one of the finest lattice, then the one of the most surfaces; all others are refused with a reason.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from roughvol.analysis.stored_run import Run
+from roughvol.errors import RoughvolError
+from roughvol.observables.at_state import at_state
+from roughvol.reproduction import paper_rules
+from roughvol.reproduction.claims.needs import Needs
+from roughvol.reproduction.claims.verdict import Check, Claim, Number
+from roughvol.typing import Array
+
+A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
+GRID = 20  # points of a common axis on which curves are compared
+
+
+class Lacking(RoughvolError):
+    """A configuration that a claim needs and no run has."""
+
+
+def require(condition: object, message: str) -> None:
+    """Raise `Lacking` with a message unless a condition is true."""
+    if not condition:
+        raise Lacking(message)
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """All runs of a report; with ``any_size`` small ones count too, for trials and not for verdicts."""
+
+    runs: tuple[Run, ...]
+    any_size: bool = False
+
+    def fit(self, needs: Needs) -> list[Run]:
+        """Return the runs of a configuration, the best first (see the docstring of the module)."""
+        needs = self._asked(needs)
+        return sorted((run for run in self.runs if not needs.unfit(run)), key=needs.rank, reverse=True)
+
+    def refusals(self, *needs: Needs) -> dict[str, str]:
+        """Return why each run that fits none of several needs is refused, by its name: the need it misses by least."""
+        reasons = {run.name: [self._asked(need).unfit(run) for need in needs] for run in self.runs}
+        return {name: "; ".join(sorted(unfit, key=len)[0]) for name, unfit in reasons.items() if all(unfit)}
+
+    def _asked(self, needs: Needs) -> Needs:
+        return needs.relaxed() if self.any_size else needs
+
+    def best(self, needs: Needs) -> Run:
+        """Return the best of `fit`.
+
+        Raises
+        ------
+        Lacking
+            If there is none.
+        """
+        runs = self.fit(needs)
+        require(runs, f"no run with {needs}")
+        return runs[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """The runs that fit a claim, by what they serve for, the best of each first."""
+
+    needs: Mapping[str, Needs]
+    fit: Mapping[str, Sequence[Run]]
+
+    def run(self, use: str = "") -> Run:
+        """Return the best run for a use.
+
+        Raises
+        ------
+        Lacking
+            If there is none.
+        """
+        require(self.fit[use], f"no run with {self.needs[use]}")
+        return self.fit[use][0]
+
+    def runs(self, use: str = "") -> list[Run]:
+        """Return all runs for a use, the best first."""
+        return list(self.fit[use])
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Answer to a claim: its checks, further numbers, the sentence for the verdict, and the runs used."""
+
+    checks: Sequence[Check]
+    why: str
+    source: Sequence[Run]
+    numbers: Sequence[Number] = ()
+
+
+Answer = Callable[[Given], Outcome]
+
+
+@dataclass(frozen=True)
+class Question:
+    """A claim of the paper, what it needs of a run for each use it makes of one, and the function that answers it."""
+
+    id: int
+    title: str
+    place: str
+    sentence: str
+    needs: Mapping[str, Needs]
+    answer: Answer
+    figures: tuple[str, ...] = ()
+
+    @property
+    def method(self) -> str:
+        """How it is judged: the docstring of the function, shown beside the verdict."""
+        return inspect.getdoc(self.answer) or ""
+
+    def given(self, evidence: Evidence) -> Given:
+        """Return the runs that fit."""
+        return Given(self.needs, {use: evidence.fit(needs) for use, needs in self.needs.items()})
+
+    def __call__(self, evidence: Evidence) -> Claim:
+        """Return the claim with what was found, or with what no run has; every run refused is named."""
+        refused = tuple(evidence.refusals(*self.needs.values()).items())
+        names = ("id", "title", "place", "sentence", "method", "figures")
+        claim = Claim(**{name: getattr(self, name) for name in names}, refused=refused)
+        try:
+            outcome = self.answer(self.given(evidence))
+        except Lacking as lacking:
+            return replace(claim, lacking=str(lacking), why=f"Not computed: {lacking}.")
+        checks = tuple(check.tested() for check in outcome.checks)
+        source = tuple(dict.fromkeys(run.name for run in outcome.source))
+        claim = replace(claim, checks=checks, numbers=tuple(outcome.numbers), source=source, why=outcome.why)
+        if lacking_ := claim.untested:
+            return replace(claim, lacking=lacking_, why=f"Not computed: {lacking_}.")
+        return claim
+
+
+CLAIMS: dict[int, Question] = {}
+
+
+def claim(
+    id: int,
+    title: str,
+    place: str,
+    sentence: str,
+    *,
+    needs: Needs | Mapping[str, Needs],
+    figures: tuple[str, ...] = (),
+    among: dict[int, Question] = CLAIMS,
+) -> Callable[[Answer], Answer]:
+    """Register the function that answers a claim, with the configuration it needs."""
+
+    def register(answer: Answer) -> Answer:
+        uses = {"": needs} if isinstance(needs, Needs) else dict(needs)
+        among[id] = Question(id, title, place, sentence, uses, answer, figures)
+        return answer
+
+    return register
+
+
+def at(x: Array, y: Array, points: Array) -> Array:
+    """Return y of each surface at points of x, NaN beyond the steps of that surface.
+
+    Lines are straight between steps: several steps near first touch have one A*, with another V* each.
+
+    ``x``, ``y`` : (surfaces, steps), x rising or falling along a row; the result is (surfaces, points).
+    """
+    return np.array(
+        [at_state(abscissa, ordinate, points, straight=True) for abscissa, ordinate in zip(x, y, strict=True)]
+    )
+
+
+def common(curves: Sequence[Array]) -> Array:
+    """Return `GRID` even points over the range that every surface of every curve reaches.
+
+    Raises
+    ------
+    Lacking
+        If there is no such range.
+    """
+    low = max(float(np.nanmax(np.nanmin(x, axis=1))) for x in curves)
+    high = min(float(np.nanmin(np.nanmax(x, axis=1))) for x in curves)
+    require(low < high, "a range of the axis that all surfaces reach")
+    return np.linspace(low, high, GRID)
+
+
+def area_slopes(run: Run, D: Sequence[float], m: Sequence[int]) -> tuple[dict[tuple[float, int], Array], float]:
+    """Return `paper_rules.area_slopes` of a run by (D, m), and the largest pressure used."""
+    states = {(d, k): (run.values(P, D=d, m=k), run.values(A, D=d, m=k)) for d in D for k in m}
+    return paper_rules.area_slopes(states)

@@ -1,0 +1,79 @@
+"""How wrong the quick estimates of leakage are: effective medium and single junction over the flow computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from roughvol.analysis.stored_run import Run
+from roughvol.reproduction.claims.evidence import A, Evidence
+
+ESTIMATES = {
+    "effective medium": "estimate_medium_transmissivity",
+    "single critical junction": "estimate_junction_transmissivity_{}",
+}
+EDGES = (0.0, 0.05, 0.1, 0.2, 0.3, 1.0)  # of the classes of A*
+HEAD = ("run", "estimate", "A*", "median", "90 % of states", "off by more than 2", "open or closed wrongly", "n")
+FEWEST = 5  # states that a class needs
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """An estimate over the transmissivity computed, at the states of one run with A* in a class, x and y together.
+
+    ``span`` holds 90 % of the states; ``doubled`` is the share of states at which the two differ by more than a factor
+    of two; ``closed`` counts the states at which the estimate lets fluid through and the gap does not, or the reverse.
+    """
+
+    run: str
+    estimate: str
+    area: tuple[float, float]
+    median: float
+    span: tuple[float, float]
+    doubled: float
+    closed: int
+    states: int
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """The row of a table under `HEAD`."""
+        low, high = (f"{value:.3g}" for value in self.area)
+        inner = f"{self.span[0]:.3g} to {self.span[1]:.3g}"
+        counts = (f"{self.doubled:.0%}", str(self.closed), str(self.states))
+        return self.run, self.estimate, f"{low} to {high}", f"{self.median:.2f}", inner, *counts
+
+
+def ratios(evidence: Evidence) -> list[Ratio]:
+    """Return how far the estimates are off, for every run that holds both them and the flow."""
+    return [ratio for run in evidence.runs for name in ESTIMATES for ratio in _of(run, name)]
+
+
+def _of(run: Run, name: str) -> Iterator[Ratio]:
+    ds = run.dataset
+    pairs = [(ESTIMATES[name].format(axis), f"transmissivity_{axis}") for axis in "xy"]
+    if A not in ds or any(variable not in ds for pair in pairs for variable in pair):
+        return
+    area = np.concatenate([ds[A].values.ravel() for _ in pairs])
+    guess = np.concatenate([ds[estimate].values.ravel() for estimate, _ in pairs])
+    flow = np.concatenate([ds[computed].values.ravel() for _, computed in pairs])
+    mask = np.isfinite(guess) & np.isfinite(flow) & np.isfinite(area)
+    for low, high in pairwise(EDGES):
+        inside = mask & (area > low) & (area <= high)
+        open_ = inside & (guess > 0.0) & (flow > 0.0)
+        if open_.sum() < FEWEST:
+            continue
+        ratio = guess[open_] / flow[open_]
+        bounds = np.quantile(ratio, [0.05, 0.95])
+        yield Ratio(
+            run=run.name,
+            estimate=name,
+            area=(low, high),
+            median=float(np.median(ratio)),
+            span=(float(bounds[0]), float(bounds[1])),
+            doubled=float(np.mean((ratio > 2.0) | (ratio < 0.5))),
+            closed=int((inside & ((guess > 0.0) != (flow > 0.0))).sum()),
+            states=int(open_.sum()),
+        )

@@ -1,0 +1,15 @@
+"""Numbers of the literature as rows of a table, judged as the claims of the paper are.
+
+=================  ===================================================================
+`random_surfaces`  area, closing, stiffness and mean gap of surfaces with a spectrum
+`given_surfaces`   Westergaard's wave, two other codes, MIRCO, the Contact Challenge
+`needs`            configurations that the rows need
+=================  ===================================================================
+"""
+
+from roughvol.reproduction.literature import given_surfaces, random_surfaces
+from roughvol.reproduction.literature.needs import LITERATURE
+
+__all__ = ["LITERATURE"]
+
+MODULES = (random_surfaces, given_surfaces)  # their import registers the rows

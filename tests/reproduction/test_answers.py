@@ -1,0 +1,67 @@
+"""Statements judged by ten seeds and by an ensemble."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from roughvol.analysis.stored_run import Run
+from roughvol.campaign.running import run
+from roughvol.reproduction.claims.ensemble_means import HEAD, answers
+from roughvol.reproduction.model import assemble
+from roughvol.reproduction.page import to_html
+from roughvol.store import dataset
+from roughvol.store.dataset import Dataset
+from roughvol.study import loads
+
+TEXT = """
+name: trial
+surface: {D: [2.1, 2.9], m: 4}
+sweep: {steps: 8, to: {separation: -0.1}}
+ensemble: {accuracy: {free_volume: 4 %, contact_area: 10 %}, at: {pressure: 0.1, separation: 0}}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("trial")
+    run(loads(TEXT), out=folder, jobs=1)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def results(folder: Path) -> Dataset:
+    return dataset.read(folder / "study.nc")
+
+
+def test_a_statement_is_undecided_where_its_interval_contains_the_limit(results: Dataset) -> None:
+    (found,) = answers([Run.of("trial", results)])
+    rows = {row[0]: row for row in found.rows}
+    assert all(len(row) == len(HEAD) for row in found.rows)
+    row = rows["V* at d/σ = 0 grows from D = 2.1 to 2.9"]
+    state = results.sel(ensemble_at="separation=0")
+    low, high = (float(state.free_volume_mean.sel(D=D)) for D in (2.1, 2.9))
+    assert math.isclose(float(row[1]), high - low, rel_tol=1e-3)
+    for span, verdict in ((row[2], row[3]), (row[4], row[5])):
+        ends = [float(end) for end in span.split(" to ")]
+        assert verdict == ("holds" if ends[0] > 0.0 else "does not hold" if ends[1] <= 0.0 else "undecided")
+    assert found.changed == sum(row[3] != row[5] for row in found.rows)
+
+
+def test_the_exponent_of_the_area_is_that_of_its_last_levels(results: Dataset) -> None:
+    (found,) = answers([Run.of("trial", results)])
+    (row,) = [row for row in found.rows if row[0].startswith("n > 0") and row[0].endswith("D = 2.9")]
+    means = results.contact_area_fraction_level_mean.sel(D=2.9, ensemble_at="pressure=0.1").values
+    assert math.isclose(float(row[1]), math.log2(means[-2] / means[-1]), rel_tol=1e-3)
+
+
+def test_a_run_of_seeds_has_no_such_section(results: Dataset) -> None:
+    assert not list(answers([Run.of("seeds", results.drop_vars("ensemble_samples"))]))
+
+
+def test_the_page_of_an_ensemble_has_the_section(folder: Path) -> None:
+    page = to_html(assemble([folder / "study.nc"]))
+    assert "Ten seeds and the ensemble (" in page
+    assert "verdicts change when ten seeds become the ensemble" in page

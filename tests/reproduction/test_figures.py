@@ -1,0 +1,624 @@
+"""Every figure draws what the dataset holds: curves, bands, fields and images are compared with the stored numbers."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray as xr
+from drawn import shown
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from roughvol.errors import DatasetError
+from roughvol.gap.box_counting import box_counts, local_dimension
+from roughvol.gap.free_volume import domain, element_volumes, volume_density
+from roughvol.observables.variables import VARIABLES
+from roughvol.report.figures import curves
+from roughvol.report.figures.families import ENOUGH, merged
+from roughvol.reproduction.figures.registry import FIGURES
+from roughvol.store.dataset import combine
+from roughvol.store.record_key import record_key
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+NAMES = [
+    f"fig{name}"
+    for name in [
+        "01",
+        "02",
+        "03",
+        "04a",
+        "04b",
+        "05",
+        "06a",
+        "06b",
+        "07a",
+        "07b",
+        "08",
+        "09",
+        "10",
+        "11a",
+        "11b",
+        "12a",
+        "12b",
+    ]
+]
+CURVES = {
+    "fig04a": ("D", "mean_pressure", "contact_area_fraction"),
+    "fig05": ("D", "separation", "free_volume"),
+    "fig06a": ("D", "mean_pressure", "free_volume"),
+    "fig06b": ("D", "contact_area_fraction", "free_volume"),
+    "fig04b": ("m", "mean_pressure", "contact_area_fraction"),
+    "fig07a": ("m", "mean_pressure", "free_volume"),
+    "fig07b": ("m", "contact_area_fraction", "free_volume"),
+}
+THRESHOLDS = (0.0, 0.2, 1.0)
+SIDE, STEPS, BINS = 10.0, 8, 12
+
+
+def _case(heights: np.ndarray, slope: float) -> dict[str, tuple[tuple[str, ...], np.ndarray]]:
+    """Make the record of one surface that a plane cuts off: the right relations, a contact without elasticity."""
+    Sq, spacing = heights.std(), SIDE / (len(heights) - 1)
+    separation = np.linspace((heights.max() - heights.mean()) / Sq, 0.0, STEPS + 1)[1:]
+    pressure = 0.3 * (separation[0] - separation + 0.1) ** 1.5
+    indentation = (heights.max() - heights.mean()) / Sq - separation[-1]
+    gap = np.maximum(heights.max() / Sq - heights / Sq - indentation, 0.0)
+    volumes, contact = element_volumes(gap * Sq, spacing, gap == 0.0), gap == 0.0
+    density = volume_density(volumes, contact, bins=BINS)
+    boxes = [box_counts(domain(volumes, share * volumes.max(), contact)) for share in THRESHOLDS]
+    dimension = np.array([local_dimension(box).dimension for box in boxes])
+    return {
+        "Sq": ((), Sq),
+        "Sdq": ((), slope),
+        "heights": (("x", "y"), heights),
+        "indentation": (("step",), (heights.max() - heights.mean()) / Sq - separation),
+        "separation": (("step",), separation),
+        "mean_pressure": (("step",), pressure),
+        "contact_area_fraction": (("step",), slope * pressure),
+        "free_volume": (("step",), np.sqrt(separation**2 + 0.5)),
+        "gap": (("field_at", "x", "y"), gap[None]),
+        "field_at_step": (("field_at",), np.array([STEPS])),
+        "volume_density": (("density_at", "bin"), density.density[None]),
+        "volume_density_edges": (("density_at", "edge"), density.edges[None]),
+        "density_at_step": (("density_at",), np.array([STEPS])),
+        "box_count": (("box_at", "threshold", "r"), np.array([box.counts for box in boxes], dtype=float)[None]),
+        "local_dimension": (("box_at", "threshold", "r_mid"), dimension[None]),
+        "box_at_step": (("box_at",), np.array([STEPS])),
+        "r": (("r",), boxes[0].r),
+        "r_mid": (("r_mid",), local_dimension(boxes[0]).r_mid),
+    }
+
+
+def _labelled(case: dict[str, tuple[tuple[str, ...], np.ndarray]], leading: dict[str, object]) -> xr.Dataset:
+    """Give a record its coordinates: leading dimensions of the case, positions over L."""
+    own = {name: case[name][1] for name in ("r", "r_mid")}
+    variables = {
+        name: ((*leading, *dims), np.asarray(values)[(None,) * len(leading)])
+        for name, (dims, values) in case.items()
+        if name not in own
+    }
+    rows, columns = case["heights"][1].shape
+    coordinates: dict[str, object] = {name: [label] for name, label in leading.items()}
+    coordinates |= own | {"L": SIDE, "step": np.arange(1, STEPS + 1), "threshold": [*THRESHOLDS]}
+    coordinates |= {"bin": np.arange(BINS), "edge": np.arange(BINS + 1)}
+    coordinates |= {"x": np.arange(rows) / (rows - 1), "y": np.arange(columns) / (rows - 1)}
+    for at in ("field_at", "density_at", "box_at"):
+        coordinates[at] = np.array(["last"], dtype=object)
+    return xr.Dataset(variables, coordinates)
+
+
+def _made(D: Sequence[float] = (2.1, 2.3, 2.9), m: Sequence[int] = (3, 4, 5), seeds: int = 2) -> xr.Dataset:
+    """Make a study with everything recorded; A*/p* = δ^0.37 exactly, but for a factor by D and seed."""
+    cases = []
+    for dimension in D:
+        for level in m:
+            for seed in range(seeds):
+                heights = random_midpoint_displacement(dimension, level, side=SIDE, seed=seed).heights
+                slope = 0.2 * (2.0**-level) ** 0.37 / (dimension - 1.0) * (1.0 + 0.1 * seed)
+                cases.append(_labelled(_case(heights, slope), {"D": dimension, "m": level, "seed": seed}))
+    return combine(cases, {})
+
+
+def _files() -> xr.Dataset:
+    names = ["_turned $1.npy", "ground.npy"]
+    surfaces = [random_midpoint_displacement(2.4, 4, seed=seed).heights[:, :11] for seed in range(2)]
+    cases = [_labelled(_case(z, 0.1), {"case": name}) for name, z in zip(names, surfaces, strict=True)]
+    return combine(cases, {})
+
+
+@pytest.fixture(scope="module")
+def study() -> xr.Dataset:
+    return _made()
+
+
+@pytest.fixture(scope="module")
+def single() -> xr.Dataset:
+    return _made(seeds=1)
+
+
+def _line(fig: Figure, label: str, axes: int = 0) -> np.ndarray:
+    (line,) = [line for line in fig.axes[axes].lines if line.get_label() == label]
+    return np.array(line.get_data(), dtype=float)
+
+
+def _title(fig: Figure, axes: int = 0) -> str:
+    legend = fig.axes[axes].get_legend()
+    assert legend is not None
+    return legend.get_title().get_text()
+
+
+def test_the_figures_are_those_of_the_paper() -> None:
+    assert list(FIGURES) == NAMES
+    assert all(
+        FIGURES[name].name == name and f"Fig. {name[3:].lstrip('0')}" in str(FIGURES[name].draw.__doc__)
+        for name in NAMES
+    )
+
+
+def test_what_figures_need_is_what_datasets_store(study: xr.Dataset) -> None:
+    assert {variable for figure in FIGURES.values() for variable in figure.needs} <= set(VARIABLES)
+    for name, variable in study.data_vars.items():  # and the datasets of these tests are built like the stored ones
+        assert list(variable.dims) == VARIABLES[str(name)].dims.replace("...", "D m seed").split()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("data", ["study", "single"])
+def test_every_figure_draws_with_labelled_axes(name: str, data: str, request: pytest.FixtureRequest) -> None:
+    ds: xr.Dataset = request.getfixturevalue(data)
+    before = ds.copy(deep=True)
+    fig = FIGURES[name](ds)
+    assert shown(fig) > 1
+    assert fig.axes[0].get_ylabel()
+    assert all(axes.get_xlabel() and axes.get_ylabel() for axes in fig.axes if len(fig.axes) == 1)
+    assert any(axes.get_xlabel() for axes in fig.axes)
+    assert ds.identical(before)
+
+
+@pytest.mark.parametrize(("name", "by", "x", "y"), [(name, *what) for name, what in CURVES.items()])
+def test_a_single_seed_is_drawn_as_stored(single: xr.Dataset, name: str, by: str, x: str, y: str) -> None:
+    fig = FIGURES[name](single)
+    values = [2.1, 2.9] if name == "fig05" else single[by].values
+    for value in values:
+        case = single.isel(seed=0).sel({by: value} | ({"m": 5} if by == "D" else {"D": 2.3}))
+        drawn = _line(fig, f"${by} = {value:g}$")
+        np.testing.assert_array_equal(drawn, case[[x, y]].sortby(case[x]).to_array().values)
+    assert len(fig.axes[0].lines) == len(values) + (name == "fig05")
+    assert _title(fig) == ("$m = 5$" if by == "D" else "$D = 2.3$")
+
+
+@pytest.mark.parametrize(("name", "by", "x", "y"), [(name, *what) for name, what in CURVES.items()])
+def test_seeds_are_averaged_over_the_range_they_share(study: xr.Dataset, name: str, by: str, x: str, y: str) -> None:
+    fig = FIGURES[name](study)
+    value = study[by].values[-1]
+    cases = study.sel({by: value} | ({"m": 5} if by == "D" else {"D": 2.3}))
+    pairs = [case[[x, y]].sortby(case[x]).to_array().values for case in (cases.isel(seed=0), cases.isel(seed=1))]
+    abscissa, mean = _line(fig, f"${by} = {value:g}$")
+    assert abscissa[0] == max(pair[0][0] for pair in pairs)
+    assert abscissa[-1] == min(pair[0][-1] for pair in pairs)
+    rows = np.array([np.interp(abscissa, *pair) for pair in pairs])
+    np.testing.assert_allclose(mean, rows.mean(axis=0), rtol=1e-14)
+    band = fig.axes[0].collections[-1].get_paths()[0].vertices
+    spread = np.abs(rows[0] - rows[1]) / np.sqrt(2.0)  # standard deviation of two
+    for at in (0, 77, 199):
+        ends = band[band[:, 0] == abscissa[at], 1]
+        np.testing.assert_allclose([ends.min(), ends.max()], [mean[at] - spread[at], mean[at] + spread[at]], rtol=1e-12)
+    faint = [np.array(line.get_data()) for line in fig.axes[0].lines if line.get_linewidth() < 0.5]
+    assert all(any(np.array_equal(pair, line) for line in faint) for pair in pairs)
+    assert "mean of 2 surfaces, band ± 1 std. dev." in _title(fig)
+
+
+def test_seeds_without_a_common_range_have_no_mean(study: xr.Dataset) -> None:
+    apart = study.copy()
+    apart["mean_pressure"] = study["mean_pressure"] + 1e3 * study["seed"]
+    fig = FIGURES["fig06a"](apart)
+    assert _line(fig, "$D = 2.1$").size == 0
+    assert shown(fig) > 1
+
+
+def test_fig04b_finds_the_exponent(study: xr.Dataset) -> None:
+    fig = FIGURES["fig04b"](study)
+    labels = [str(line.get_label()) for line in fig.axes[1].lines[-3:]]
+    assert labels == ["fit $0.37$", "paper $0.37$", "Persson $0.30$"]
+    points = {float(line.get_xdata()[0]): line.get_ydata() for line in fig.axes[1].lines[:-3]}
+    assert sorted(points) == [2.0**-5, 2.0**-4, 2.0**-3]
+    stored = (study["contact_area_fraction"] / study["mean_pressure"]).sel(D=2.3).isel(step=0)
+    for m in (3, 4, 5):
+        np.testing.assert_allclose(points[2.0**-m], stored.sel(m=m), rtol=1e-12)
+    shared = study["mean_pressure"].sel(D=2.3).max("step").min()
+    assert f"{float(shared):.2f}" in fig.axes[1].get_ylabel()
+    assert "$m = 3$ to $5$" in _title(fig, 1)
+
+
+def test_fig04b_fits_the_four_finest_and_the_paper_only_at_its_D() -> None:
+    ds = _made(D=[2.5], m=[1, 2, 3, 4, 5], seeds=1)
+    coarse = ds["contact_area_fraction"].where(ds["m"] > 1, 7.0 * ds["contact_area_fraction"])
+    fig = FIGURES["fig04b"](ds.assign(contact_area_fraction=coarse))
+    assert [str(line.get_label()) for line in fig.axes[1].lines[-2:]] == ["fit $0.37$", "Persson $0.50$"]
+    assert "$m = 2$ to $5$" in _title(fig, 1)
+
+
+def test_fig04b_draws_sweeps_of_one_step(study: xr.Dataset) -> None:
+    assert shown(FIGURES["fig04b"](study.isel(step=[-1]))) > 1
+
+
+def test_fig05_has_the_rigid_line(study: xr.Dataset) -> None:
+    x, y = _line(FIGURES["fig05"](study), r"$V^{\ast} = d/\sigma$")
+    np.testing.assert_array_equal(x, y)
+    assert x[-1] == study["separation"].sel(m=5, D=[2.1, 2.9]).max()
+
+
+def test_fig01_colours_the_nodes_in_the_order_of_the_recursion(study: xr.Dataset) -> None:
+    fig = FIGURES["fig01"](study)
+    heights = study["heights"].sel(D=2.3, m=5, seed=0).values[::8, ::8]
+    for axes, nodes in zip(fig.axes[:4], (5, 9, 13, 25), strict=True):
+        offsets = np.concatenate([layer.get_offsets() for layer in axes.collections]).astype(int)
+        assert len({tuple(offset) for offset in offsets.tolist()}) == len(offsets) == nodes
+        colours = np.concatenate([np.asarray(layer.get_array()) for layer in axes.collections])
+        np.testing.assert_array_equal(colours, heights[offsets[:, 0], offsets[:, 1]])
+    assert [len(axes.texts) for axes in fig.axes[:4]] == [4 + 5, 12 + 9, 16, 4 * 4 + 8 * 3]  # arrows, and letters
+
+
+def test_fig01_of_one_level_has_two_half_steps() -> None:
+    fig = FIGURES["fig01"](_made(D=[2.3], m=[1], seeds=1))
+    assert [axes.get_title() for axes in fig.axes[:-1]] == ["half step 1", "half step 2"]
+
+
+def test_reliefs_show_every_node_on_one_vertical_scale(single: xr.Dataset) -> None:
+    fig = FIGURES["fig03"](single)
+    assert len({axes.get_zlim() for axes in fig.axes}) == 1
+    assert shown(fig) > 1
+    facets = [len(axes.collections[0].get_facecolor()) for axes in fig.axes]
+    assert facets == [4**3, 4**4, 4**5]
+    low, high = fig.axes[0].get_zlim()
+    heights = single["heights"].sel(D=2.3) / SIDE
+    np.testing.assert_allclose([low, high], [heights.min(), heights.max()], rtol=1e-12)
+
+
+def test_fig02_takes_low_middle_and_high_D_with_their_slopes() -> None:
+    ds = _made(D=[2.1, 2.2, 2.5, 2.8, 2.9], m=[3], seeds=1)
+    titles = [axes.get_title() for axes in FIGURES["fig02"](ds).axes]
+    slopes = ds["Sdq"].sel(D=[2.1, 2.5, 2.9], m=3).isel(seed=0).values
+    expected = [
+        f"$D = {D:g}$, $m = 3$, $S_{{dq}} = {slope:.3g}$" for D, slope in zip((2.1, 2.5, 2.9), slopes, strict=True)
+    ]
+    assert titles == expected
+    assert "dq" not in FIGURES["fig02"](ds.drop_vars("Sdq")).axes[0].get_title()
+
+
+def test_fig08_deforms_the_surface_by_the_gap(study: xr.Dataset) -> None:
+    case = study.sel(D=2.3, m=5, seed=0)
+    fig = FIGURES["fig08"](study)
+    before = (case["heights"] - case["heights"].mean()) / case["Sq"]
+    after = before.max() - case["indentation"].isel(step=-1) - case["gap"].isel(field_at=0)
+    low, high = fig.axes[1].get_zlim()
+    np.testing.assert_allclose([low, high], [min(before.min(), after.min()), before.max()], rtol=1e-12)
+    assert shown(fig) > 1
+    vertices = fig.axes[1].collections[0]
+    blue = mpl.colors.to_rgba("#08306b")
+    contact = (case["gap"].isel(field_at=0).values == 0.0)[:-1, :-1]
+    colours = np.asarray(vertices.get_facecolor())
+    assert np.isclose(colours, blue).all(axis=1).sum() == contact.sum() > 0
+
+
+def test_fig09_maps_the_element_volumes(study: xr.Dataset) -> None:
+    image = FIGURES["fig09"](study).axes[0].images[0]
+    case = study.sel(D=2.3, m=5, seed=0)
+    gap = case["gap"].isel(field_at=0).values
+    volumes = gap * float(case["Sq"]) * (SIDE / 32) ** 2
+    np.testing.assert_allclose(image.get_array(), np.where(gap == 0.0, -1.0, volumes).T, rtol=1e-12)
+    under = image.cmap(image.norm(-1.0))
+    assert under == mpl.colors.to_rgba("#08306b")
+    assert tuple(image.get_extent()) == (-1 / 64, 65 / 64, -1 / 64, 65 / 64)
+
+
+def test_fig09_and_fig10_of_full_contact(study: xr.Dataset) -> None:
+    full = study.assign(gap=0.0 * study["gap"])
+    assert shown(FIGURES["fig09"](full)) > 1
+    assert all(np.all(axes.images[0].get_array() == 1) for axes in FIGURES["fig10"](full).axes)
+
+
+@pytest.mark.parametrize("thresholds", [THRESHOLDS, None])
+def test_fig10_blackens_from_contact_to_everything(study: xr.Dataset, thresholds: tuple[float, ...] | None) -> None:
+    ds = study if thresholds else study.drop_dims("threshold")
+    shares = thresholds or (0.0, 0.1, 0.25, 0.5, 1.0)
+    gap = study["gap"].sel(D=2.3, m=5, seed=0).isel(field_at=0).values
+    panels = [np.asarray(axes.images[0].get_array()).T for axes in FIGURES["fig10"](ds).axes]
+    assert len(panels) == len(shares)
+    for black, share in zip(panels, shares, strict=True):
+        np.testing.assert_array_equal(black == 1, gap <= share * gap.max() * (1 + 1e-12))
+
+
+@pytest.mark.parametrize(
+    ("name", "variable", "r"), [("fig11a", "box_count", "r"), ("fig11b", "local_dimension", "r_mid")]
+)
+def test_fig11_draws_the_box_counting(study: xr.Dataset, name: str, variable: str, r: str) -> None:
+    fig = FIGURES[name](study)
+    case = study[variable].sel(D=2.3, m=5, seed=0).isel(box_at=0)
+    for share in THRESHOLDS:
+        sides, values = _line(fig, f"${share:g}$")
+        np.testing.assert_array_equal(values, case.sel(threshold=share).dropna(r))
+        np.testing.assert_array_equal(sides, case.sel(threshold=share).dropna(r)[r])
+    everything = _line(fig, "$1$")[1]
+    np.testing.assert_allclose(everything, 2.0 if name == "fig11b" else 4.0 ** np.arange(5, -1, -1), rtol=1e-12)
+
+
+def _joined(edges: np.ndarray, density: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Return the share of the stored density between the ends of the bins that a line was drawn on."""
+    below = np.append(0.0, np.cumsum(density * np.diff(edges)))
+    bins = [0.0]
+    for middle in line[0]:
+        bins.append(2.0 * middle - bins[-1])
+    assert np.isclose(np.array(bins)[:, None], edges, rtol=1e-9).any(axis=1).all()  # ends of stored bins
+    shares: np.ndarray = np.diff(np.interp(bins, edges, below))
+    np.testing.assert_allclose(line[1] * np.diff(bins), shares, rtol=1e-9)
+    return shares
+
+
+def test_fig12a_keeps_the_share_of_the_stored_bins_at_m_7() -> None:
+    ds = _made(D=[2.2, 2.8], m=[3, 6, 8], seeds=1).assign_coords(m=[3, 7, 8])
+    fig = FIGURES["fig12a"](ds)
+    assert _title(fig) == "$m = 7$"
+    case = ds.sel(D=2.8, m=7).isel(seed=0, density_at=0)
+    drawn = _line(fig, "$D = 2.8$")
+    shares = _joined(case["volume_density_edges"].values, case["volume_density"].values, drawn)
+    assert shares.sum() == pytest.approx(1.0, rel=1e-12)
+    elements = int((case["gap"].sel(x=slice(None), y=slice(None)) > 0.0).sum())
+    assert shares.min() * elements >= ENOUGH - 1e-9
+
+
+def test_fig12a_mean_density_integrates_to_one(study: xr.Dataset) -> None:
+    fig = FIGURES["fig12a"](study)
+    faint = [line for line in fig.axes[0].lines if line.get_linewidth() < 0.5]
+    assert len(faint) == 6
+    for line in faint:
+        middles, f = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        bins = [0.0]
+        for middle in middles:
+            bins.append(2.0 * middle - bins[-1])
+        assert np.sum(f * np.diff(bins)) == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("elements", [40, 300, 5000])
+@pytest.mark.parametrize("log", [True, False])
+def test_densities_neither_comb_nor_block(elements: int, log: bool) -> None:
+    volumes = np.random.default_rng(elements).gamma(2.0, 1.0, elements)
+    counted = volume_density(volumes[None], np.zeros((1, elements), bool), bins=50)
+    ((v, f),) = merged(counted.edges, counted.density[None], float(elements), log=log)
+    assert (f > 0.0).all()
+    truth = v * np.exp(-v)
+    assert np.abs(np.log(f / truth))[1:-1].max() < 3.0 / np.sqrt(min(ENOUGH, 0.5 * elements ** (2 / 3)))  # 3 deviations
+    if log and len(v) > 3:
+        assert np.diff(np.log10(v)).min() > 0.5 / 12
+    if elements == 40:  # the stored bins are a comb
+        assert (counted.density == 0.0).sum() > 10
+
+
+def test_fig12b_line_of_means_has_slope_minus_one_for_similar_densities(single: xr.Dataset) -> None:
+    shape, edges = np.linspace(2.0, 0.0, 12), np.linspace(0.0, 1.0, 13)
+    shape /= np.sum(shape) / 12
+    scale = 4.0 ** -single["m"]
+    similar = single.assign(
+        volume_density=xr.DataArray(shape, dims="bin") / scale + 0.0 * single["volume_density"],
+        volume_density_edges=xr.DataArray(edges, dims="edge") * scale + 0.0 * single["volume_density_edges"],
+    )
+    fig = FIGURES["fig12b"](similar)
+    assert r"stars: $(\overline{v}, \overline{f})$, slope $-1.00$" in _title(fig)
+    (stars,) = [line for line in fig.axes[0].lines if line.get_marker() == "*"]
+    np.testing.assert_allclose(stars.get_xdata() * stars.get_ydata(), stars.get_xdata()[0] * stars.get_ydata()[0])
+    np.testing.assert_allclose(stars.get_xdata(), np.sum(shape * (edges[1:] + edges[:-1])) / 24 * scale, rtol=1e-12)
+    assert np.all(_line(fig, "$m = 4$")[1] > 0.0)
+
+
+def test_fig12_takes_the_last_state_that_was_reached(study: xr.Dataset) -> None:
+    later = study.copy()
+    for name in ("volume_density", "volume_density_edges"):
+        later[name] = study[name] * np.nan
+    later = later.assign_coords(density_at=["contact_area=0.9"]).assign(
+        density_at_step=0 * study["density_at_step"] - 1
+    )
+    both = xr.concat(
+        [study, later], "density_at", data_vars="minimal", coords="minimal", compat="override", join="outer"
+    )
+    np.testing.assert_array_equal(
+        _line(FIGURES["fig12a"](both), "$D = 2.1$"), _line(FIGURES["fig12a"](study), "$D = 2.1$")
+    )
+
+
+def test_fields_are_those_of_the_state_nearest_the_contact_area_of_the_paper(study: xr.Dataset) -> None:
+    area = study["contact_area_fraction"] * 0.0 + 0.05 * study["step"]  # A* = 0.1 at step 2
+    parts = []
+    for step, label in ((8, "last"), (-1, "contact_area=0.5"), (3, "step=3")):
+        gap = study["gap"] * (np.nan if step < 0 else step)
+        parts.append(study[["field_at_step"]].assign(gap=gap, field_at_step=0 * study["field_at_step"] + step))
+        parts[-1] = parts[-1].assign_coords(field_at=[label])
+    states = study.drop_dims("field_at").assign(xr.concat(parts, "field_at")).assign(contact_area_fraction=area)
+    fig = FIGURES["fig09"](states)
+    assert r"$A^{\ast} = 0.150$" in fig.axes[0].get_title()
+    scale = float((study["gap"] * study["Sq"]).sel(D=2.3, m=5, seed=0).max()) * (SIDE / 32) ** 2
+    assert fig.axes[0].images[0].get_array().max() == pytest.approx(3 * scale, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_study_of_files_draws_by_case_or_says_why_not(name: str) -> None:
+    ds = _files()
+    if name in ("fig01", "fig03", "fig04b", "fig07a", "fig07b", "fig12b"):
+        assert (
+            FIGURES[name].missing(ds)
+            == f"{name} needs surfaces made from D and m, and those of the dataset were read from files"
+        )
+        return
+    fig = FIGURES[name](ds)
+    assert shown(fig) > 1
+    if name in (*CURVES, "fig12a"):
+        assert {r"turned \$1.npy", "ground.npy"} <= {str(line.get_label()) for line in fig.axes[0].lines}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_missing_is_named(study: xr.Dataset, name: str) -> None:
+    assert FIGURES[name].missing(study) is None
+    variable = FIGURES[name].needs[0]
+    absent = study.drop_vars(variable)
+    key = record_key(variable)
+    assert FIGURES[name].missing(absent) == f"{name} needs {variable}, which the study did not record" + (
+        key and f" ({key})"
+    )
+    with pytest.raises(DatasetError, match=f"{name} needs {variable}, which"):
+        FIGURES[name](absent)
+    unknown = study.assign({variable: study[variable] * np.nan})
+    assert str(FIGURES[name].missing(unknown)).endswith("and no case of the dataset has a value of each")
+
+
+def test_comparisons_need_something_to_compare(study: xr.Dataset) -> None:
+    one_m, one_D = study.sel(m=[4]), study.sel(D=[2.3])
+    for name, figure in FIGURES.items():
+        by = figure.by
+        assert figure.missing(one_m) == (f"{name} compares values of m, and the dataset has one" if by == "m" else None)
+        assert figure.missing(one_D) == (f"{name} compares values of D, and the dataset has one" if by == "D" else None)
+        lone = figure.missing(study.sel(D=[2.3], m=[4]))  # nothing is compared: the curve alone is worth drawing
+        assert lone == (f"{name} compares values of m, and the dataset has one" if by == "m" else None)
+
+
+def test_surfaces_without_contact_feed_the_first_three_figures(study: xr.Dataset) -> None:
+    gallery = study[["heights", "Sdq"]]
+    assert [name for name in NAMES if FIGURES[name].missing(gallery) is None] == ["fig01", "fig02", "fig03"]
+
+
+def test_cases_that_are_not_there_yet_are_left_out(study: xr.Dataset) -> None:
+    there = (study["D"] != 2.1) & ((study["D"] != 2.9) | (study["seed"] == 0))
+    partial = study.assign({name: study[name].where(there) for name in ("mean_pressure", "free_volume")})
+    fig = FIGURES["fig06a"](partial)
+    legend = fig.axes[0].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["$D = 2.3$", "$D = 2.9$"]
+    assert "mean of 2 surfaces" in _title(fig)
+    single = fig.axes[0].lines[-1]
+    assert single.get_marker() != "None"
+    stored = partial.sel(D=2.9, m=5, seed=0)
+    np.testing.assert_array_equal(single.get_xydata(), stored[["mean_pressure", "free_volume"]].to_array().values.T)
+    assert (
+        FIGURES["fig07a"].missing(partial.where(partial["m"] == 4))
+        == "fig07a compares values of m, and the dataset has one"
+    )
+
+
+def test_many_values_keep_their_own_look() -> None:
+    ds = _made(D=np.linspace(2.05, 2.95, 10).round(2).tolist(), m=[2], seeds=1)
+    fig = FIGURES["fig06b"](ds)
+    assert len({(line.get_marker(), tuple(line.get_color())) for line in fig.axes[0].lines}) == 10
+    assert shown(fig) > 1
+
+
+def test_drawing_leaves_no_trace_in_matplotlib(study: xr.Dataset) -> None:
+    before = dict(mpl.rcParams)
+    FIGURES["fig06a"](study)
+    with pytest.raises(DatasetError):
+        FIGURES["fig06a"](study.drop_vars("mean_pressure"))
+    assert dict(mpl.rcParams) == before
+    code = "import sys, roughvol.reproduction.figures.paper; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_markers_are_computed_states(study: xr.Dataset, single: xr.Dataset, name: str) -> None:
+    _, x, y = CURVES[name]
+    for ds in (study, single):
+        stored = {tuple(pair) for pair in ds[[x, y]].to_array().values.reshape(2, -1).T.tolist()}
+        for line in FIGURES[name](ds).axes[0].lines:
+            if line.get_marker() not in ("None", "", None):
+                assert {tuple(pair) for pair in line.get_xydata().tolist()} <= stored
+    marked = [line for line in FIGURES[name](single).axes[0].lines if line.get_marker() != "None"]
+    assert marked
+
+
+@pytest.mark.parametrize("log", [True, False])
+def test_no_single_surface_falls_to_zero_on_a_logarithmic_axis(log: bool) -> None:
+    ax = Figure().subplots()
+    x = np.array([1.0, 2.0, 3.0])
+    family: Any = SimpleNamespace(label="", look={"color": "k"})
+    two = [(x, np.array([3.0, 2.0, 1.0])), (x, np.array([3.0, 1.0, 0.0]))]
+    curves.plot(ax, [family], [two], ("", ""), "", common=True, log=log)
+    single = [line.get_ydata() for line in ax.lines if line.get_linewidth() < 0.5]
+    assert len(single) == 2
+    assert bool(np.isnan(single[1][-1])) is log
+
+
+def test_labels_carry_the_units_of_the_dataset(study: xr.Dataset) -> None:
+    micro = study.assign_coords(L=study["L"].assign_attrs(units="um"))
+    micro["Sq"].attrs["units"] = "um"
+    micro["heights"].attrs["units"] = "um"
+    assert FIGURES["fig09"](micro).axes[1].get_ylabel() == "element volume $v$ [µm³]"
+    assert FIGURES["fig12a"](micro).axes[0].get_xlabel() == "element volume $v$ [µm³]"
+    assert FIGURES["fig12b"](micro).axes[0].get_ylabel() == "probability density $f(v)$ [µm$^{-3}$]"
+    assert FIGURES["fig02"](micro).axes[0].get_zlabel() == "$z$ [µm]"
+    assert "[µm]" in FIGURES["fig01"](micro).axes[-1].get_ylabel()
+    assert "length" not in "".join(text.get_text() for text in FIGURES["fig09"](micro).findobj(mpl.text.Text))
+    nano = micro.copy()
+    nano["Sq"] = micro["Sq"].assign_attrs(units="nm")
+    assert FIGURES["fig09"](nano).axes[1].get_ylabel() == "element volume $v$ [nm µm²]"
+    assert FIGURES["fig09"](study.copy(deep=True)).axes[1].get_ylabel() == "element volume $v$ [length³]"
+
+
+def test_every_panel_of_fig10_has_its_axis_at_the_end_of_its_column(study: xr.Dataset) -> None:
+    fig = FIGURES["fig10"](study.drop_dims("threshold"))  # five panels in two rows of three
+    fig.draw_without_rendering()
+    labelled = [bool(ax.get_xlabel()) and ax.get_xticklabels()[0].get_visible() for ax in fig.axes]
+    assert labelled == [False, False, True, True, True]
+
+
+@pytest.mark.parametrize("name", ["fig02", "fig03", "fig08", "fig09", "fig12b", "fig07b", "fig11b"])
+def test_nothing_is_cut_off(single: xr.Dataset, name: str) -> None:
+    fig = FIGURES[name](single)
+    canvas = FigureCanvasAgg(fig)
+    canvas.draw()
+    image = np.asarray(canvas.buffer_rgba())[..., :3]
+    edge = [image[:2], image[-2:], image[:, :2], image[:, -2:]]
+    assert all((part == 255).all() for part in edge)
+
+
+def test_the_line_of_the_paper_is_drawn_for_its_surfaces_alone() -> None:
+    ds = _made(D=[2.1, 2.9], m=[4, 5], seeds=1).assign_coords(m=[5, 7], L=100.0)
+    ds["volume_density_edges"] = ds["volume_density_edges"] * 1e3
+
+    def fulcrum(some: xr.Dataset) -> bool:
+        return any(np.allclose(line.get_xdata(), 1.0) for line in FIGURES["fig12a"](some).axes[0].lines)
+
+    assert fulcrum(ds)
+    assert not fulcrum(ds.assign_coords(L=500.0))
+    assert not fulcrum(ds.assign_coords(L=ds["L"].assign_attrs(units="um")))
+    assert not fulcrum(ds.assign_coords(m=[5, 8]))
+    scaled = "name: other\nsurface: {D: [2.1, 2.9], m: [5, 7], L: 100.0, Sq: 0.5}\n"
+    assert not fulcrum(ds.assign_attrs(study=scaled))
+    files = _files().assign_coords(L=100.0)
+    files["volume_density_edges"] = files["volume_density_edges"] * 1e3
+    assert not fulcrum(files)
+
+
+def _note(fig: Figure) -> str:
+    return " ".join(fig.get_supxlabel().split())
+
+
+def test_a_figure_says_whether_it_is_the_papers_or_whose_run_it_is() -> None:
+    ds = _made(D=[2.1, 2.3, 2.9], m=[4, 5], seeds=1).assign_coords(m=[7, 8], L=100.0)
+    run = "name: mine\nsurface: {D: [2.1, 2.3, 2.9], m: [7, 8], L: 100.0}\nsweep: {steps: 8}\n"
+    ds = ds.assign_attrs(study=run)
+    assert _note(FIGURES["fig05"](ds)) == "Fig. 5 of Paggi and He (2015), computed by the run mine."
+    lone = _note(FIGURES["fig05"](ds.sel(D=[2.3], m=[8])))
+    assert "Run mine: D = 2.3, m = 8, L = 100, one surface." in lone
+    assert "D = 2.3, not 2.1, 2.9" in lone
+    assert "1 of each, not 10" in _note(FIGURES["fig04a"](ds))
+    more = ds.assign_attrs(study=run).isel(seed=[0] * 3).assign_coords(seed=[0, 1, 2])
+    uneven = more.where((more["m"] == 7) | (more["seed"] == 0)).assign_attrs(more.attrs)
+    assert "1 to 3 surfaces of each" in _note(FIGURES["fig04b"](uneven))
+    other = ds.assign_attrs(study=run.replace("{steps: 8}", "{steps: 8, to: {pressure: 2}}"))
+    assert "a sweep to pressure=2" in _note(FIGURES["fig05"](other))
+    scan = _files().assign_attrs(study="name: 'leak'\nsurface: {file: gone.npy, L: 500 um}\n")
+    scan = scan.assign_coords(L=scan["L"].assign_attrs(units="um"))
+    words = _note(FIGURES["fig05"](scan))
+    assert r"Run leak: height files turned \$1.npy, ground.npy, L = 10 µm." in words
+    assert "Drawn as Fig. 5 of Paggi and He (2015), whose surfaces are others." in words

@@ -1,0 +1,40 @@
+"""Reports of periodic surfaces: every figure that they have, and none of the paper's free patches."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from roughvol.analysis.stored_run import Run
+from roughvol.campaign import running
+from roughvol.reproduction import write
+from roughvol.reproduction.claims.needs import Needs
+from roughvol.reproduction.figures.conditions import is_paper_surface
+from roughvol.reproduction.figures.registry import FIGURES
+from roughvol.store import dataset
+from roughvol.study import loads
+
+RECORD = """
+sweep: {steps: 3, to: {contact_area: 0.5}}
+record:
+  heights: true
+  fields_at: last
+  psd: {at: last}
+  transport: {percolation: every-step, transmissivity: every-step, constriction: last, estimates: last}
+"""
+SURFACES = {
+    "midpoint": "surface: {D: [2.3, 2.6], m: 4, seeds: 2, periodic: true}",
+    "spectrum, free": "surface: {H: 0.7, n: 16, rolloff: 2, cut: 6, seeds: 2}",
+}
+
+
+@pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
+def test_a_report_has_every_figure_but_that_of_the_recursion(surface: str, tmp_path: Path) -> None:
+    running.run(loads(surface + RECORD), out=tmp_path, jobs=1)
+    ds = dataset.read(tmp_path / "study.nc")
+    assert "midpoint displacement of a free patch" in (FIGURES["fig01"].missing(ds) or "")
+    assert not is_paper_surface(ds)
+    page = write.to_html(write.assemble([tmp_path / "study.nc"]))
+    assert "id='run-1'" in page
+    assert Needs().unfit(Run.of("other", ds))[0] in ("periodic surfaces", "surfaces with a spectrum")

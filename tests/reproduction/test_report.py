@@ -1,0 +1,463 @@
+"""The report: one page that stands alone, says what the claims say, escapes what it is given, and can be checked."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import json
+import re
+from html import escape, unescape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from roughvol.campaign import running
+from roughvol.cli import main
+from roughvol.errors import DatasetError
+from roughvol.report import run_facts
+from roughvol.report.figures.registry import TRADEOFF
+from roughvol.reproduction import page as report_page
+from roughvol.reproduction import write
+from roughvol.reproduction.claims import ABSENT, FAILS, HOLDS, Evidence, Lacking
+from roughvol.reproduction.figures.registry import ALL, COMPARISONS
+from roughvol.store import dataset
+from roughvol.store.run import names_of
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+EXPECTED = Path(__file__).parents[1] / "regression" / "expected_small.json"
+UNUSABLE = ["", "[]", "{}", '{"numbers": {"4.exponent": 1}}', '{"verdict": {"1": "holds"}}', '{"verdicts": {"x": ""}}']
+VOID = {"meta", "img", "br", "link", "hr"}
+
+
+class Page(HTMLParser):
+    """Collects ids, links, images and text, and sees that tags close in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.images: list[str] = []
+        self.tags: set[str] = set()
+        self.wrong: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        values = dict(attrs)
+        self.tags.add(tag)
+        self.ids += [str(values["id"])] if "id" in values else []
+        self.links += [str(values["href"])] if "href" in values else []
+        self.images += [str(values["src"])] if "src" in values else []
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append(tag)
+
+
+@pytest.fixture(scope="module")
+def answered(small_study: Path) -> write.Report:
+    return write.assemble([small_study], any_size=True)
+
+
+@pytest.fixture(scope="module")
+def html(answered: write.Report) -> str:
+    return write.to_html(answered)
+
+
+@pytest.fixture
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the figures out of the page: they take seconds and are tested once."""
+    monkeypatch.setattr(report_page, "drawings", lambda _: iter(()))
+    monkeypatch.setattr(report_page, "drawings_of", lambda *_: iter(()))
+
+
+@pytest.fixture(scope="module")
+def page(html: str) -> Page:
+    return Page(html)
+
+
+def test_page_is_well_formed(page: Page) -> None:
+    assert page.wrong == []
+    assert page.open == []
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_page_stands_alone(page: Page, html: str) -> None:
+    assert "script" not in page.tags
+    assert "link" not in page.tags
+    assert all(link.startswith("#") for link in page.links)
+    assert all(source.startswith("data:image/png;base64,") for source in page.images)
+    assert not re.search(r"@import|url\(|https?://|<base|srcset", html)
+
+
+def test_every_link_leads_somewhere(page: Page) -> None:
+    assert {link[1:] for link in page.links} <= set(page.ids)
+
+
+def test_page_is_light_and_dark_and_prints(html: str) -> None:
+    for rule in ("prefers-color-scheme: dark", "@media print", "figure.plot:target"):
+        assert rule in html
+
+
+def test_every_claim_is_on_the_page_with_its_verdict(answered: write.Report, page: Page, html: str) -> None:
+    for claim in answered.claims:
+        assert f"claim-{claim.id}" in page.ids
+    for claim in answered.absent:
+        assert escape(claim.lacking or claim.untested) in html.split("class='absent-claims'")[1].split("</table>")[0]
+    for claim in answered.computed:
+        section = html.split(f"id='claim-{claim.id}'")[1].split("</section>")[0]
+        assert f">{claim.verdict}<" in section
+        assert section.count("class='met'") == sum(check.met is True for check in claim.checks)
+        assert section.count("class='not-met'") == sum(check.met is False for check in claim.checks)
+
+
+def test_figures_are_png_and_each_is_there_once(page: Page, html: str) -> None:
+    names = re.findall(r"<figure id='(\w+)'", html)
+    assert len(names) == len(set(names)) == len(page.images)
+    assert {"fig04a", "fig04b", "fig09", "fig12a", "theory_separation", "theory_bearing", "volume_by_m"} <= set(names)
+    for source in page.images:
+        assert base64.b64decode(source.split(",")[1])[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_what_comes_from_outside_is_escaped(answered: write.Report) -> None:
+    evil = "<img src=x onerror='alert(1)'>&"
+    run = dataclasses.replace(answered.runs[0], name=evil)
+    claim = dataclasses.replace(answered.claims[1], source=(evil,), why=evil, sentence=evil, figures=())
+    text = write.to_html(dataclasses.replace(answered, runs=(run,), claims=(claim,)))
+    assert "<img src=x" not in text
+    assert "&lt;img src=x onerror=&#x27;alert(1)&#x27;&gt;&amp;" in text
+
+
+def test_json_says_what_the_claims_say(answered: write.Report) -> None:
+    data = json.loads(write.to_json(answered))
+    assert data["counts"] == answered.counts()
+    assert [claim["verdict"] for claim in data["claims"]] == [claim.verdict for claim in answered.claims]
+    numbers = {number["key"]: number["value"] for number in data["claims"][2]["numbers"]}
+    assert numbers == {key: number.value for key, number in answered.claims[2].all_numbers.items()}
+    facts = data["runs"][0]
+    assert facts["states"] == facts["converged"] == 36 * 12
+    assert facts["residual"] <= 1e-6
+
+
+def test_markdown_has_every_verdict_in_tables_of_equal_width(answered: write.Report) -> None:
+    text = write.to_markdown(answered)
+    for claim in answered.claims:
+        assert f"### {claim.id}. {claim.title}: {claim.verdict}" in text
+    for table in re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE):
+        assert len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) == 1
+
+
+def test_summary_counts_all_claims(answered: write.Report) -> None:
+    lines = write.summary(answered).splitlines()
+    assert len(lines) == 25
+    assert lines[-1].startswith("24 claims: ")
+    assert sum(map(int, re.findall(r"(\d+) (?:holds|does|not)", lines[-1]))) == 24
+
+
+@pytest.mark.parametrize("name", sorted(COMPARISONS))
+def test_figures_say_what_they_lack(name: str) -> None:
+    with pytest.raises(Lacking):
+        COMPARISONS[name](Evidence(()))
+
+
+def test_a_figure_of_theory_shows_computed_numbers(answered: write.Report) -> None:
+    run = answered.runs[0]
+    axes = COMPARISONS["volume_by_m"](answered.evidence).axes[0]
+    drawn = {line.get_label(): line.get_ydata() for line in axes.lines}
+    means = [run.last("free_volume", D=2.3, m=m).mean() for m in run.m]
+    np.testing.assert_allclose(drawn["mean over elements"], means)
+
+
+# checks
+
+
+def test_a_report_meets_its_own_expectation(answered: write.Report) -> None:
+    expected = write.expectation(answered, relative=1e-6)
+    assert write.departures(answered, expected) == []
+    assert len(json.loads(expected)["numbers"]) > 100
+
+
+def test_what_leaves_its_band_is_named(answered: write.Report) -> None:
+    expected = json.loads(write.expectation(answered, relative=1e-6))
+    verdict = answered.claims[2].verdict
+    expected["verdicts"]["3"] = FAILS if verdict == HOLDS else HOLDS
+    expected["numbers"]["4.exponent"] = [5.0, 6.0]
+    expected["numbers"]["4.nonsense"] = [0.0, 1.0]
+    expected["verdicts"]["99"] = HOLDS
+    found = write.departures(answered, json.dumps(expected))
+    assert len(found) == 4
+    assert any(f"claim 3: {verdict}" in line for line in found)
+    assert any("4.exponent" in line and "expected 5 to 6" in line for line in found)
+
+
+@pytest.mark.parametrize("text", UNUSABLE)
+def test_an_expectation_that_checks_nothing_is_refused(answered: write.Report, text: str) -> None:
+    with pytest.raises(DatasetError):
+        write.departures(answered, text)
+
+
+def test_small_study_answers_as_stored(answered: write.Report) -> None:
+    """A change of the code that changes an answer is seen here.
+
+    Where the change is meant, the file is made anew: `report.expectation(report.assemble([study_nc]), relative=1e-3)`.
+    """
+    assert write.departures(answered, EXPECTED.read_text(encoding="utf-8")) == []
+
+
+# the command
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_command_writes_the_report_and_checks(small_study: Path, tmp_path: Path) -> None:
+    arguments = ["report", str(small_study), "--out", str(tmp_path / "out")]
+    right = tmp_path / "right.json"
+    right.write_text('{"verdicts": {"2": "not computed"}}')  # the surfaces are too coarse, and too few
+    done = CliRunner().invoke(main, [*arguments, "--check", str(right)])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.splitlines()[-1] == str(tmp_path / "out" / "report.html")
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"report.html", "report.md", "claims.json"}
+    wrong = tmp_path / "wrong.json"
+    wrong.write_text('{"verdicts": {"2": "does not hold"}}')
+    failed = CliRunner().invoke(main, [*arguments, "--check", str(wrong)])
+    assert failed.exit_code == 1
+    assert "claim 2: not computed, expected does not hold" in failed.stderr
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_one_run_has_its_report_beside_it(small_study: Path, tmp_path: Path) -> None:
+    run = tmp_path / "copy"
+    dataset.write(dataset.read(small_study), run / "study.nc")
+    assert CliRunner().invoke(main, ["report", str(run)]).exit_code == 0
+    assert (run / "report.html").is_file()
+
+
+def test_no_run_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(main, ["report"])
+    assert done.exit_code == 2
+    assert "no finished run" in done.stderr
+    with pytest.raises(DatasetError):
+        write.assemble([])
+
+
+def test_counts_of_surfaces_are_those_computed(answered: write.Report) -> None:
+    run = answered.runs[0]
+    D, m = run.D[0], run.m[0]
+    left_out = (run.dataset["D"] == D) & (run.dataset["m"] == m) & (run.dataset["seed"] == run.seed_numbers()[-1])
+    part = run.dataset.assign({name: run.dataset[name].where(~left_out) for name in ("Sq", "mean_pressure")})
+    facts = run_facts.facts(dataclasses.replace(run, dataset=part))
+    assert f"{run.seeds - 1} to {run.seeds} of each D and m" in dict(facts.surface)["Surfaces"]
+    notes = {table.title: table.note for table in facts.tables}
+    assert notes[f"States, D = {D:g}, m = {m}"].startswith(f"Mean over {run.seeds - 1} surfaces")
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_a_report_that_cannot_be_written_is_an_error(answered: write.Report, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DatasetError, match="cannot write"):
+        write.write(answered, tmp_path / "file")
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_runs_that_answer_little_are_reported_all_the_same(tmp_path: Path) -> None:
+    """Surfaces alone, and a surface from a file that is gone since: nothing fails, and little is claimed."""
+    heights = tmp_path / "hills.npy"
+    np.save(heights, np.random.Generator(np.random.PCG64(1)).normal(size=(9, 9)))
+    studies = {
+        "bare": "{surface: {D: [2.2, 2.8], m: [4, 5], seeds: 2}, sweep: {steps: 0}, record: {heights: true}}",
+        "hills": f"{{surface: {{file: {heights}, L: 1.0}}, sweep: {{steps: 3}}}}",
+    }
+    for name, text in studies.items():
+        (tmp_path / f"{name}.yaml").write_text(text)
+        running.run(tmp_path / f"{name}.yaml", out=tmp_path / name, jobs=1)
+    heights.unlink()
+    little = write.assemble([tmp_path / name / "study.nc" for name in studies])
+    assert {claim.verdict for claim in little.claims} == {ABSENT}
+    assert [run.name for run in little.own] == list(studies)
+    assert "hills" in write.to_html(little)
+    assert Page(write.to_html(little)).wrong == []
+
+
+# a run of one's own
+
+
+SCAN = """
+name: scan
+surface: {{file: {file}, L: 50 um, level: tilt, missing: nearest}}
+material: {{E: 10 MPa, nu: 0.49}}
+sweep: {{steps: 8, to: percolation}}
+record: {{transport: {{constriction: every-step, percolation: every-step}}, dimensional: {{pressure: kPa}}}}
+"""
+SEALING = """
+name: sealing
+surface: {D: [2.2, 2.4], m: 4, seeds: 2}
+sweep: {steps: 6, to: percolation}
+record: {transport: {percolation: every-step}}
+"""
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return the stored answers of a measured map and of a small sealing study."""
+    folder = tmp_path_factory.mktemp("own")
+    heights = random_midpoint_displacement(D=2.2, m=4, seed=3).heights[:, :13].copy()
+    heights[2, 3] = np.nan
+    np.save(folder / "map.npy", heights)
+    texts = {"scan": SCAN.format(file=folder / "map.npy"), "sealing": SEALING}
+    for name, text in texts.items():
+        (folder / f"{name}.yaml").write_text(text)
+        running.run(folder / f"{name}.yaml", out=folder / name, jobs=1)
+    stored = dataset.read(folder / "scan" / "study.nc").assign_attrs(
+        warnings="the slope <0.9> is large\nthe pressure exceeds the hardness"
+    )
+    dataset.write(stored, folder / "warned" / "study.nc")
+    return {name: folder / name / "study.nc" for name in ("scan", "sealing", "warned")}
+
+
+@pytest.fixture(scope="module")
+def scan_page(own: dict[str, Path]) -> str:
+    return write.to_html(write.assemble([own["warned"]]))
+
+
+def _text(html: str) -> str:
+    return " ".join(unescape(re.sub(r"<[^>]+>", " ", html)).split())
+
+
+def test_a_scan_gets_a_page_about_its_surface(own: dict[str, Path], scan_page: str) -> None:
+    text, stored = _text(scan_page), dataset.read(own["scan"])
+    assert "17 x 13" in text
+    assert "50 by 37.5 um" in text
+    assert f"Sq, root mean square height {run_facts.number(float(stored.Sq[0]))} um" in text
+    peak = float((stored.separation + stored.indentation)[0, 0])
+    assert f"Highest point above the mean plane over Sq {run_facts.number(peak)}" in text
+    assert "tilt" in text
+    assert f"{1 / (17 * 13):.2%} of the nodes, 1 node, filled" in text
+    assert "13.16 MPa" in text
+    assert Page(scan_page).wrong == []
+    assert Page(scan_page).images
+
+
+def test_a_scan_is_not_asked_about_the_paper(scan_page: str) -> None:
+    for words in ("not computed", "Does the paper hold", "claim-", "Verdicts"):
+        assert words not in scan_page
+    assert "Wear 336-337" in scan_page
+
+
+def test_the_table_of_states_has_the_stored_numbers(own: dict[str, Path]) -> None:
+    stored = dataset.read(own["scan"])
+    facts = run_facts.facts(write.assemble([own["scan"]]).runs[0])
+    states = next(table for table in facts.tables if table.title == "States")
+    columns = dict(zip(states.head, zip(*states.rows, strict=True), strict=True))
+    assert columns["p [kPa]"][-1] == run_facts.number(float(stored.nominal_pressure[0, -1]))
+    assert columns["A*"] == tuple(run_facts.number(float(value)) for value in stored.contact_area_fraction[0])
+    gap = float(stored.free_volume[0, -1] * stored.Sq[0])
+    assert columns["g_mean [um]"][-1] == run_facts.number(gap)
+    assert columns["open along x"][0] == "open"
+    assert columns["open along x"][-1] == "closed"
+
+
+def test_closing_lies_between_neighbouring_loads(own: dict[str, Path]) -> None:
+    stored = dataset.read(own["scan"])
+    facts = run_facts.facts(write.assemble([own["scan"]]).runs[0])
+    closing = next(table for table in facts.tables if table.title == run_facts.CLOSING)
+    for row, axis in zip(closing.rows, "xy", strict=True):
+        is_open = stored[f"percolates_{axis}"][0].values > 0
+        last = int(np.flatnonzero(is_open)[-1])
+        loads = stored.nominal_pressure[0].values
+        assert row[1:4] == (axis, run_facts.number(loads[last]), run_facts.number(loads[last + 1]))
+
+
+def test_warnings_are_shown_one_a_line(scan_page: str, own: dict[str, Path]) -> None:
+    assert "<li>the slope &lt;0.9&gt; is large</li><li>the pressure exceeds the hardness</li>" in scan_page
+    assert "Warnings" not in write.to_html(write.assemble([own["scan"]]))
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_a_study_of_ones_own_gets_its_facts_and_no_claims(own: dict[str, Path]) -> None:
+    text = _text(write.to_html(write.assemble([own["sealing"]])))
+    assert "4 generated surfaces, D = 2.2, 2.4, m = 4" in text
+    assert "Where it closes" in text
+    assert "not computed" not in text
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_runs_of_the_paper_and_scans_have_a_section_each(small_study: Path, own: dict[str, Path]) -> None:
+    both = write.assemble([small_study, own["scan"]], any_size=True)
+    html = write.to_html(both)
+    assert [run.name for run in both.own] == ["scan"]
+    assert "Does the paper hold?" in html
+    assert "<section id='run-1' class='run'>" in html
+    assert Page(html).wrong == []
+    assert dict(both.claims[2].refused) == {"scan": "heights from a file"}
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_each_row_names_its_run_and_those_refused(answered: write.Report, small_study: Path, tmp_path: Path) -> None:
+    dataset.write(dataset.read(small_study), tmp_path / "toy" / "study.nc")
+    refused = write.assemble([tmp_path / "toy" / "study.nc"])
+    assert not refused.computed
+    assert dict(refused.claims[2].refused)["toy"].startswith("D = 2.1, 2.3, 2.9, needs")
+    row = write.to_html(answered).split("href='#claim-3'")[1].split("</tr>")[0]
+    assert "data-head='Run'>small" in row
+    claim = dataclasses.replace(answered.claims[2], refused=(("toy", "m = 4, needs m >= 8; 1 surface"),))
+    some = dataclasses.replace(answered, claims=(claim,))
+    assert "<li>toy: m = 4, needs m &gt;= 8; 1 surface</li>" in write.to_html(some).split("</table>")[0]
+    assert "| toy: m = 4, needs m >= 8 |" in write.to_markdown(some)
+    assert json.loads(write.to_json(some))["claims"][0]["refused"] == dict(claim.refused)
+
+
+def test_facts_are_in_json_markdown_and_on_the_terminal(own: dict[str, Path]) -> None:
+    scan = write.assemble([own["warned"]])
+    assert json.loads(write.to_json(scan))["surfaces"][0]["surface"]["Nodes"].startswith("17 x 13")
+    markdown, lines = write.to_markdown(scan), write.summary(scan)
+    for table in re.findall(r"(?:^\|.*\n)+", markdown, flags=re.MULTILINE):
+        assert len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) == 1
+    for words in ("17 x 13", "the pressure exceeds the hardness", "Where it closes"):
+        assert words in markdown
+        assert words in lines
+    assert "not computed" not in markdown + lines
+
+
+def test_runs_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    paths = [
+        tmp_path / "a" / "scan" / "study.nc",
+        tmp_path / "b" / "scan" / "study.nc",
+        tmp_path / "other" / "study.nc",
+    ]
+    assert names_of(paths) == ["a/scan", "b/scan", "other"]
+
+
+# captions and narrow windows
+
+
+def test_every_figure_has_a_caption_of_its_own() -> None:
+    captions = [figure.caption for figure in (*ALL.values(), *COMPARISONS.values(), *TRADEOFF.values())]
+    for text in captions:
+        assert text.endswith(".")
+        assert max(len(sentence.split()) for sentence in re.split(r"[.;:] ", text)) <= 30
+    assert len(set(captions)) == len(captions)
+
+
+def test_captions_and_not_docstrings_are_shown(html: str) -> None:
+    assert ALL["fig09"].words() in unescape(html)
+
+
+def test_a_single_surface_has_no_band_and_a_measured_one_no_D() -> None:
+    assert "band" in ALL["fig04a"].words()
+    text = ALL["fig04a"].words(surfaces=1, measured=True)
+    assert "band" not in text
+    assert "dimension D" not in text
+
+
+def test_tables_fit_a_phone(html: str) -> None:
+    """Every table scrolls in its own box, but for those that turn into cards, whose cells name their columns."""
+    for before, table in re.findall(r"(.{0,20})<table([^>]*)>", html):
+        assert "class='box'>" in before or "verdicts" in table
+    assert "table.verdicts td[data-head]::before" in html
+    assert html.count("data-head='Why'") == len(re.findall(r"<td class='n'>\d+</td><td><a", html))
