@@ -20,18 +20,6 @@ def block_means(heights: Array, side: int) -> Array:
 
     The mean of a plane over a block is the plane in the middle of the block. Rows and columns at the end that fill no
     block are left out.
-
-    Parameters
-    ----------
-    heights : array, shape (rows, columns)
-        z [length], NaN where not known.
-    side : int
-        k ≥ 1, nodes along a side of a block.
-
-    Returns
-    -------
-    array, shape (rows // k, columns // k)
-        NaN where more than half of a block is not known.
     """
     rows, columns = (nodes // side for nodes in heights.shape)
     blocks = heights[: rows * side, : columns * side].reshape(rows, side, columns, side)
@@ -47,23 +35,6 @@ def squared(heights: Array, ratio: float) -> Array:
     and more to 3 % of their amplitude, wherever the new nodes fall between the old. Linear interpolation takes off up
     to 1 - cos(π/4) = 29 %, and nothing where old and new nodes meet, so roughness would vary over the map. Planes are
     exact.
-
-    Parameters
-    ----------
-    heights : array, shape (rows, columns)
-        z [length], NaN where not known.
-    ratio : float
-        Side of the pixels along y over that along x.
-
-    Returns
-    -------
-    array
-        As many nodes as fit on the axis that was coarser; NaN between two nodes if one of them is not known.
-
-    Raises
-    ------
-    SurfaceError
-        If more than half of the heights are not known.
     """
     axis = 1 if ratio > 1.0 else 0
     finer = ratio if ratio > 1.0 else 1.0 / ratio

@@ -29,24 +29,6 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
 
     z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'² over the nodes with known z. The degree n is 0
     for ``mean``, 1 for ``tilt`` (a plane) and 2 for ``quadratic``. ``none`` takes nothing off.
-
-    Parameters
-    ----------
-    heights : array, shape (rows, columns)
-        z [length], NaN where not known; these stay NaN.
-    kind : {"none", "mean", "tilt", "quadratic"}
-    among : bool array of the same shape, optional
-        The known nodes that the surface is fitted to; all known ones if not given.
-
-    Returns
-    -------
-    array, shape (rows, columns)
-        Levelled heights [length], NaN where not known.
-
-    Raises
-    ------
-    SurfaceError
-        If the kind is not one of these, or no height is known.
     """
     if kind not in LEVELS:
         raise SurfaceError(f"level must be one of {', '.join(map(repr, LEVELS))}, got {kind!r}")
@@ -77,24 +59,6 @@ def fill(heights: Array, rule: str, *, periodic: bool = False) -> Array:
     ``nearest`` takes the height of the nearest known node (of several equally near ones always the same). With
     ``interpolate`` every filled height is the mean of its 4 neighbours, 3 or 2 at the rim (the discrete Laplace
     equation). This is smooth, exact for a plane away from the rim, and within the known heights around the hole.
-
-    Parameters
-    ----------
-    heights : array, shape (rows, columns)
-        z [length], NaN where not known, at most half of them.
-    rule : {"nearest", "interpolate"}
-    periodic : bool
-        Whether the heights are one period; neighbours across its edges are then those of the next one.
-
-    Returns
-    -------
-    array, shape (rows, columns)
-        Heights [length], all known.
-
-    Raises
-    ------
-    SurfaceError
-        If the rule is not one of these, or more than half of the heights are not known.
     """
     if rule not in FILLS:
         raise SurfaceError(f"missing must be one of {', '.join(map(repr, FILLS))}, got {rule!r}")
@@ -121,25 +85,6 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
     along x and along y; together they weigh by distance alone. A wave of wavelength λc in any direction keeps half its
     amplitude, if the lattice samples it (λc ≳ 4 δ). At the edges the weights inside are scaled up to a sum of one. A
     constant then passes unchanged everywhere, a plane at 1.5 λc and more from the edge.
-
-    Parameters
-    ----------
-    heights : array, shape (rows, columns)
-        z [length], all known.
-    spacing : float
-        δ [length] of the nodes.
-    cut_off : float
-        λc in the unit of δ, from 2 δ to the shorter side.
-
-    Returns
-    -------
-    array, shape (rows, columns)
-        Filtered heights [length].
-
-    Raises
-    ------
-    SurfaceError
-        If λc lies outside, or a height is not known.
     """
     shorter = spacing * (min(heights.shape) - 1)
     if not 2.0 * spacing <= cut_off <= shorter:

@@ -27,32 +27,7 @@ _MIRRORS = {"none": np.s_[:, :], "x": np.s_[::-1, :], "y": np.s_[:, ::-1]}
 def surface(
     bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | None, *, periodic: bool = False
 ) -> Surface:
-    """Return the surface whose heights come from files: one body, or the sum of two.
-
-    Parameters
-    ----------
-    bodies : sequence of Body
-        One body or two.
-    treatment : Treatment
-        Treatment of each body.
-    L : float
-        Length of the first axis of the treated lattice [unit].
-    unit : str or None
-        Unit of lengths and heights; None to take the numbers as they are.
-    periodic : bool
-        Whether the heights are one period of length L, without a repeated edge.
-
-    Returns
-    -------
-    Surface
-        Heights as pressed.
-
-    Raises
-    ------
-    SurfaceError, DatasetError
-        If a file cannot be read, holds no heights, or has changed since the study was loaded. If the two lattices
-        differ in shape, heights are missing and ``treatment`` refuses them, or the treatment is not possible.
-    """
+    """Return the surface whose heights come from files: one body, or the sum of two."""
     measured = [_measured(body, treatment, unit) for body in bodies]
     total, filled, removed = _pressed(bodies, measured, treatment, L, periodic)
     peak_before = None
@@ -78,20 +53,7 @@ def _pressed(
 
 
 def notes(surface: Surface, unit: str | None) -> tuple[str, ...]:
-    """Return a note where the heights are absurd for the length of the surface.
-
-    Parameters
-    ----------
-    surface : Surface
-        Measured surface.
-    unit : str or None
-        Unit of its heights and lengths.
-
-    Returns
-    -------
-    tuple of str
-        One sentence, or none.
-    """
+    """Return a note where the heights are absurd for the length of the surface."""
     span, side = float(np.ptp(surface.heights)), surface.spacing * min(surface.intervals)
     text = f"the heights span {span:.3g} {unit or ''}".rstrip()
     if span > side:

@@ -40,29 +40,6 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
     The plane is fitted again without heights farther than sigma s from it, until these are the same twice, or `ROUNDS`
     times. Otherwise the outliers would tilt it, and a tilt would raise s. Where less than half of a window is known,
     the reference is the plane: heights alone in a hole are often wrong and have no neighbours to show it.
-
-    Parameters
-    ----------
-    heights : array, shape (rows, columns)
-        z [length], NaN where not known; never outliers.
-    sigma : float
-        Robust deviations, > 0.
-    window : int
-        Nodes a side of the neighbourhood, odd, at least 3; it is cut off at the rim.
-    degree : {"mean", "tilt", "quadratic"}
-        What r is taken from, as in `levelling.level`; a period has neither tilt nor bow, and takes "mean".
-    periodic : bool
-        Whether the map is one period; windows then reach into the next one and are not cut off.
-
-    Returns
-    -------
-    bool array of the same shape
-        True where a height is an outlier.
-
-    Raises
-    ------
-    SurfaceError
-        If no height is known, more than half of the heights are equal (s = 0), or more than 5 % are found.
     """
     known = ~np.isnan(heights)
     rest, middle, deviation = _robust(heights, known, sigma, degree)

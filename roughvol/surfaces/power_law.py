@@ -53,22 +53,7 @@ class Spectrum:
 
 
 def moment(spectrum: Spectrum, hurst: float, order: int) -> float:
-    """Return a moment of the isotropic spectrum, ∫ k^order k C(k) dk from 1 to L/λ_s, in units of C0.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Roll-off and cut-off.
-    hurst : float
-        H, 0 < H < 1.
-    order : int
-        0 for the heights, 2 for the slopes, 4 for the curvatures.
-
-    Returns
-    -------
-    float
-        Moment [1].
-    """
+    """Return a moment of the isotropic spectrum, ∫ k^order k C(k) dk from 1 to L/λ_s, in units of C0."""
     rolloff, cut = spectrum.rolloff, spectrum.cut
     plateau = (rolloff ** (order + 2) - 1.0) / (order + 2)
     power = order - 2.0 * hurst
@@ -77,20 +62,7 @@ def moment(spectrum: Spectrum, hurst: float, order: int) -> float:
 
 
 def slope_per_height(spectrum: Spectrum, hurst: float) -> float:
-    """Return h'_rms/h_rms times L of the isotropic spectrum, 2π √(M₂/M₀) with `moment` M.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Roll-off and cut-off.
-    hurst : float
-        H, 0 < H < 1.
-
-    Returns
-    -------
-    float
-        h'_rms L/h_rms [1].
-    """
+    """Return h'_rms/h_rms times L of the isotropic spectrum, 2π √(M₂/M₀) with `moment` M."""
     return 2.0 * math.pi * math.sqrt(moment(spectrum, hurst, 2) / moment(spectrum, hurst, 0))
 
 
@@ -98,41 +70,12 @@ def nayak(spectrum: Spectrum, hurst: float) -> float:
     """Return Nayak's parameter of the isotropic spectrum, α = m₀ m₄/m₂² = (3/2) M₀ M₄/M₂² ≥ 3/2 (Nayak 1971).
 
     m are the moments of a profile: m₀ = h_rms², m₂ = h'_rms²/2, m₄ = (3/8) mean((∇²h)²). M is `moment`.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Roll-off and cut-off.
-    hurst : float
-        H, 0 < H < 1.
-
-    Returns
-    -------
-    float
-        α [1].
     """
     return 1.5 * moment(spectrum, hurst, 0) * moment(spectrum, hurst, 4) / moment(spectrum, hurst, 2) ** 2
 
 
 def density(spectrum: Spectrum, hurst: float, side: float, wave: float) -> float:
-    """Return the isotropic power spectral density of the law, C(q) with C0 = h_rms² L²/(2π M₀) and M₀ the `moment`.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Roll-off, cut-off and amplitude; the anisotropy is left out.
-    hurst : float
-        H, 0 < H < 1.
-    side : float
-        Length L of the period [length].
-    wave : float
-        k = q L/(2π) > 0.
-
-    Returns
-    -------
-    float
-        C(q) [length⁴].
-    """
+    """Return the isotropic power spectral density of the law, C(q) with C0 = h_rms² L²/(2π M₀) and M₀ the `moment`."""
     if not 1.0 <= wave < spectrum.cut:
         return 0.0
     height = spectrum.Sq

@@ -25,46 +25,21 @@ from roughvol.typing import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class Spectral:
-    """The radial spectrum of a surface, and what follows from it.
+    """The radial spectrum of a surface, and what follows from it."""
 
-    Attributes
-    ----------
-    wave : ndarray of int, shape (rings,)
-        q L/(2π) of the rings, 1 … L/(2δ).
-    psd : ndarray, shape (rings,)
-        C^iso [length⁴]; NaN for a ring without a wave.
-    rms_height, rms_slope, rms_curvature : float
-        h_rms [length], h'_rms [1] and h''_rms [1/length] of all waves.
-    rms_height_below, rms_slope_below, rms_curvature_below : ndarray, shape (rings,)
-        The same of the waves up to each ring: of the surface seen at a resolution.
-    nayak : float
-        α = m₀ m₄/m₂² = 6 (h_rms h''_rms)²/h'_rms⁴ [1], of the isotropic surface with these numbers; NaN if flat.
-    """
-
-    wave: Index
-    psd: Array
-    rms_height: float
-    rms_slope: float
-    rms_curvature: float
-    rms_height_below: Array
+    wave: Index  # q L/(2π) of the rings, 1 … L/(2δ)
+    psd: Array  # C^iso [length⁴] of the rings; NaN for a ring without a wave
+    rms_height: float  # h_rms [length]
+    rms_slope: float  # h'_rms [1]
+    rms_curvature: float  # h''_rms [1/length]
+    rms_height_below: Array  # of the waves up to each ring: of the surface seen at a resolution
     rms_slope_below: Array
     rms_curvature_below: Array
-    nayak: float
+    nayak: float  # α = m₀ m₄/m₂² = 6 (h_rms h''_rms)²/h'_rms⁴ [1] of an isotropic surface; NaN if flat
 
 
 def spectral(surface: Surface) -> Spectral:
-    """Return the radial power spectral density of a surface, its root mean squares by scale, and Nayak's parameter.
-
-    Parameters
-    ----------
-    surface : Surface
-        Periodic, for exact numbers, or a patch, for those under a Hann window.
-
-    Returns
-    -------
-    Spectral
-        See the conventions of the module.
-    """
+    """Return the radial power spectral density of a surface, its root mean squares by scale, and Nayak's parameter."""
     (rows, columns), spacing, unit = surface.shape, surface.spacing, surface.unit
     z = (surface.heights - surface.mean_height) / unit  # of any scale, so that no square underflows
     if not surface.periodic:

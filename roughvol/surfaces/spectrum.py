@@ -81,22 +81,7 @@ def power_law_surface(spectrum: Spectrum, hurst: float, n: int, *, side: float =
 
 
 def gaussian_waves(spectrum: Spectrum, hurst: float, seed: int) -> Waves:
-    """Return the waves of a Gaussian field of any amplitude, c_k = √C(k_e) (a + i b)/√2.
-
-    Parameters
-    ----------
-    spectrum : Spectrum
-        The law; its amplitude and skewness are left out.
-    hurst : float
-        Hurst exponent H.
-    seed : int
-        Seed of the stream.
-
-    Returns
-    -------
-    ndarray of complex, shape (2R + 1, R + 1)
-        c_k of all j ≥ 0, with R the largest whole number below L/λ_s.
-    """
+    """Return the waves of a Gaussian field of any amplitude, c_k = √C(k_e) (a + i b)/√2."""
     radius = math.ceil(spectrum.cut) - 1
     # Generator and bit generator are both named: `default_rng` may change its mind between versions.
     normal = np.random.Generator(np.random.PCG64(seed)).standard_normal
@@ -129,23 +114,6 @@ def skewed(waves: Waves, spectrum: Spectrum) -> Waves:
         f_s(y) = (2/s) ((1 + s y/6 - s²/36)³ - 1),
 
     monotone in y for every s. The parameter s is searched for until Ssk of the result is met.
-
-    Parameters
-    ----------
-    waves : ndarray of complex
-        Waves of a Gaussian field, as `gaussian_waves` returns them.
-    spectrum : Spectrum
-        Its ``Ssk``; with None the waves are returned as they are.
-
-    Returns
-    -------
-    ndarray of complex
-        Waves of the same moduli.
-
-    Raises
-    ------
-    SurfaceError
-        If no parameter up to `STRONGEST` reaches the skewness.
     """
     if spectrum.Ssk is None:
         return waves

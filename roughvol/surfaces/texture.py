@@ -25,18 +25,7 @@ SPECTRUM_BINS = 8
 
 
 def standardised(heights: Array) -> Array:
-    """Return the heights about their mean plane in units of their root mean square, ζ/Sq [1].
-
-    Parameters
-    ----------
-    heights : ndarray
-        Heights z [length], finite.
-
-    Returns
-    -------
-    ndarray, shape of ``heights``
-        Mean 0 and root mean square 1; NaN everywhere if flat.
-    """
+    """Return the heights about their mean plane in units of their root mean square, ζ/Sq [1]."""
     unit, _ = _about_mean_plane(heights)
     spread = _root_mean_square(unit)
     return unit / spread if spread > 0.0 else np.full(unit.shape, math.nan)
@@ -86,18 +75,6 @@ def Sdq(heights: Array, spacing: float) -> float:
 
     Central differences over 2δ on the interior nodes. They are exact for planes and blind to the wavelength 2δ. A field
     that is rough down to the lattice has larger slopes between neighbouring nodes.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (rows, columns)
-        Heights z [length].
-    spacing : float
-        Distance δ of neighbouring nodes [length].
-
-    Returns
-    -------
-    float
-        Sdq, NaN for fewer than 3 nodes on an axis.
     """
     if min(heights.shape) < 3:
         return math.nan
@@ -112,16 +89,6 @@ def summits(heights: Array) -> Mask:
     """Return where the summits are: interior nodes strictly higher than each of their eight neighbours.
 
     A plateau of equal nodes has no summit, and neither has the boundary, whose neighbourhood is not known.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (rows, columns)
-        Heights z [length].
-
-    Returns
-    -------
-    ndarray of bool, shape of the heights
-        True on summits.
     """
     rows, columns = heights.shape
     inner = heights[1:-1, 1:-1]
@@ -136,23 +103,7 @@ def summits(heights: Array) -> Mask:
 
 
 def summit_plane(heights: Array) -> float:
-    """Return the mean height of the summits [length]: the paper's "mean plane of the asperity heights" (Section 3).
-
-    Parameters
-    ----------
-    heights : ndarray, shape (rows, columns)
-        Heights z [length].
-
-    Returns
-    -------
-    float
-        Height in the frame of z [length].
-
-    Raises
-    ------
-    SurfaceError
-        If there is no summit (see `summits`).
-    """
+    """Return the mean height of the summits [length]: the paper's "mean plane of the asperity heights" (Section 3)."""
     return float(heights[_some_summits(heights)].mean())
 
 
@@ -161,23 +112,6 @@ def summit_radius(heights: Array, spacing: float) -> float:
 
     κ = -½ (∂²z/∂x² + ∂²z/∂y²) at each summit, by second differences over δ. 1/ρ is the Spc of ISO 25178-2 over the
     nodes of `summits` instead of pruned peaks. ρ is that of the plasticity index.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (rows, columns)
-        Heights z [length].
-    spacing : float
-        Distance δ of neighbouring nodes [length].
-
-    Returns
-    -------
-    float
-        ρ [length].
-
-    Raises
-    ------
-    SurfaceError
-        If there is no summit (see `summits`).
     """
     i, j = np.nonzero(_some_summits(heights))
     top = heights[i, j]
@@ -187,20 +121,7 @@ def summit_radius(heights: Array, spacing: float) -> float:
 
 
 def material_ratio(heights: Array, levels: ArrayLike) -> Array:
-    """Return the areal material ratio, the share of nodes at or above each level (Smr(c) of ISO 25178-2).
-
-    Parameters
-    ----------
-    heights : ndarray
-        Heights z [length].
-    levels : array_like
-        Levels c [length], in the same frame as z.
-
-    Returns
-    -------
-    ndarray of float, shape of ``levels``
-        1 up to the lowest height, 0 above the highest.
-    """
+    """Return the areal material ratio, the share of nodes at or above each level (Smr(c) of ISO 25178-2)."""
     ordered = np.sort(heights, axis=None)
     below = np.searchsorted(ordered, levels, side="left")
     return np.asarray((ordered.size - below) / ordered.size, dtype=np.float64)
@@ -230,25 +151,6 @@ def structure_function(heights: Array, lags: Index, *, periodic: bool = False) -
     """Return the structure function, S(l) = mean((z(x + l) - z(x))²) [length²], the mean of both axes.
 
     A self-affine surface has S ~ l^(2H). Far beyond its correlation length S is 2 Sq².
-
-    Parameters
-    ----------
-    heights : ndarray, shape (rows, columns)
-        Heights z [length]; their squares must be in the range of doubles.
-    lags : ndarray of int
-        Distances l in nodes, from 1 to the shorter axis less one.
-    periodic : bool
-        Whether the heights are one period; every node then has a partner at each lag.
-
-    Returns
-    -------
-    ndarray, shape of ``lags``
-        S at each lag.
-
-    Raises
-    ------
-    SurfaceError
-        If a lag is outside its interval.
     """
     longest = min(heights.shape) - 1
     if not np.all((lags >= 1) & (lags <= longest)):
@@ -273,20 +175,6 @@ def hurst_structure(heights: Array, spacing: float = 1.0, *, periodic: bool = Fa
     Least squares over the lags l = 1, 2, 4, … δ up to an eighth of the shorter side (at least 1 and 2).
     S converges slowly to its power law near H = 0 and H = 1. Midpoint surfaces at m = 8 give 0.67 for H = 0.8, and 0.24
     for H = 0.2 (tests/surfaces/test_texture.py holds the bounds). `hurst_spectrum` is closer and noisier.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (rows, columns)
-        Heights z [length].
-    spacing : float
-        Distance δ of neighbouring nodes [length]; H does not depend on it.
-    periodic : bool
-        Whether the heights are one period.
-
-    Returns
-    -------
-    float
-        H, or NaN for fewer than 3 nodes on an axis or if S vanishes at a lag (flat heights, or a wave of that length).
     """
     if min(heights.shape) < 3:
         return math.nan
@@ -311,20 +199,6 @@ def hurst_spectrum(heights: Array, spacing: float = 1.0, *, periodic: bool = Fal
     Midpoint surfaces of H = 0.2 … 0.8 give H - 0.05 on average at m = 8. The deviation between seeds is 0.04
     (tests/surfaces/test_texture.py holds the bounds). One period has its waves exactly, and is not multiplied by a
     window.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (rows, columns)
-        Heights z [length].
-    spacing : float
-        Distance δ of neighbouring nodes [length]; H does not depend on it.
-    periodic : bool
-        Whether the heights are one period.
-
-    Returns
-    -------
-    float
-        H, or NaN for fewer than 33 nodes on an axis (32 of a period), or flat heights.
     """
     cells = intervals(min(heights.shape), periodic)
     if cells < FEWEST_CELLS_FOR_SPECTRUM:

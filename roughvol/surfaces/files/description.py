@@ -7,6 +7,7 @@ outer nodes: ``nodes - 1`` pixels. A file that gives the width of all its pixels
 from __future__ import annotations
 
 import contextlib
+import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -30,44 +31,20 @@ _ERROR = re.compile(r"error", re.IGNORECASE)  # also that of a height
 
 @dataclass(frozen=True)
 class Description:
-    """Everything in a file beside its heights.
+    """Everything in a file beside its heights."""
 
-    Attributes
-    ----------
-    shape : (int, int)
-        Nodes along x and along y.
-    sides : (float, float) or None
-        Lengths of the two axes in ``unit``; None in a file without size.
-    unit, heights_unit : str or None
-        Units of the sides and of the heights; None in a file without units.
-    channel, reader : str
-        Name of the channel or array, and of the reader.
-    read_as : str or None
-        Layout of a text, part of the identity of a case.
-    source : str
-        Position of the size in the file, for messages.
-    counted : bool
-        The sides are numbers without meaning, as coordinates that count nodes. A length in the study replaces them.
-    unsized : str
-        Reason why the sides need a length in the study; empty if they do not.
-    counts : bool
-        The heights are whole numbers of an instrument, in no unit of length.
-    notes : tuple of str
-        Remarks for the user.
-    """
-
-    shape: tuple[int, int]
-    sides: tuple[float, float] | None = None
-    unit: str | None = None
+    shape: tuple[int, int]  # nodes along x and along y
+    sides: tuple[float, float] | None = None  # lengths of the two axes in `unit`; None in a file without size
+    unit: str | None = None  # of the sides
     heights_unit: str | None = None
-    channel: str = ""
+    channel: str = ""  # name of the channel or array
     reader: str = ""
-    read_as: str | None = None
-    source: str = ""
-    counted: bool = False
-    unsized: str = ""
-    counts: bool = False
-    notes: tuple[str, ...] = ()
+    read_as: str | None = None  # layout of a text, part of the identity of a case
+    source: str = ""  # position of the size in the file, for messages
+    counted: bool = False  # the sides count nodes, and a length in the study replaces them
+    unsized: str = ""  # reason why the sides need a length in the study
+    counts: bool = False  # heights are whole numbers of an instrument, in no unit of length
+    notes: tuple[str, ...] = ()  # remarks for the user
 
 
 @dataclass(frozen=True)
@@ -84,22 +61,7 @@ class NotRead(DatasetError):
 
 @contextlib.contextmanager
 def reading(path: Path, kind: str, errors: tuple[type[Exception], ...] = (Exception,)) -> Iterator[None]:
-    """Turn any error of a library on a damaged file into one message.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    kind : str
-        Name of the format; may be empty.
-    errors : tuple of exception types
-        Errors of the library. Errors of roughvol pass unchanged.
-
-    Raises
-    ------
-    DatasetError
-        In place of any of the errors.
-    """
+    """Turn any error of a library on a damaged file into one message."""
     try:
         yield
     except (DatasetError, SurfaceError):
@@ -111,27 +73,7 @@ def reading(path: Path, kind: str, errors: tuple[type[Exception], ...] = (Except
 
 
 def length_unit(path: Path, unit: object, place: str) -> str | None:
-    """Return the name of a unit of length.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    unit : object
-        Unit as the file gives it, as text or bytes.
-    place : str
-        Position in the file, for the message.
-
-    Returns
-    -------
-    str or None
-        Name of the unit; None for an empty one, or pixels.
-
-    Raises
-    ------
-    SurfaceError
-        If it is no unit of length.
-    """
+    """Return the name of a unit of length, None for an empty unit or pixels; refuse any other unit."""
     text = unit.decode("latin-1") if isinstance(unit, bytes) else str(unit)
     if text.strip() in ("", "1", "None", "px", "pixel", "pixels"):
         return None
@@ -143,67 +85,18 @@ def length_unit(path: Path, unit: object, place: str) -> str | None:
 
 
 def names_no_heights(name: str) -> bool:
-    """Return whether a channel holds another quantity than heights by its name, as ``AmplitudeError`` does.
-
-    Parameters
-    ----------
-    name : str
-        Name of the channel.
-
-    Returns
-    -------
-    bool
-        Whether the name has a word of another quantity, and none of heights.
-    """
+    """Return whether a channel holds another quantity than heights by its name, as ``AmplitudeError`` does."""
     return bool(_ERROR.search(name) or (_NO_HEIGHTS.search(name) and not _HEIGHTS.search(name)))
 
 
 def refuse_huge(path: Path, shape: tuple[int, ...]) -> None:
-    """Refuse an array before it is read. A small compressed file may hold any number of zeros.
-
-    Parameters
-    ----------
-    path : Path
-        File, for the message.
-    shape : tuple of int
-        Shape of the array.
-
-    Raises
-    ------
-    DatasetError
-        If it has more than 2²⁸ nodes.
-    """
-    nodes = 1
-    for number in shape:
-        nodes *= int(number)
-    if nodes > MAX_NODES:
+    """Refuse an array before it is read. A small compressed file may hold any number of zeros."""
+    if math.prod(map(int, shape)) > MAX_NODES:
         raise DatasetError(f"{path}: the array has shape {shape}; allowed: at most {MAX_NODES} nodes")
 
 
 def position(path: Path, names: list[str], wanted: str, listing: str, kind: str) -> int:
-    """Return the index of a channel or array.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    names : list of str
-        Names in the file.
-    wanted : str
-        Name, or number from 0.
-    listing, kind : str
-        Names as listed in the message, and their kind ("channel", "array").
-
-    Returns
-    -------
-    int
-        Index in `names`.
-
-    Raises
-    ------
-    DatasetError
-        If no name or several names match.
-    """
+    """Return the index of a channel or array, named or numbered from 0; refuse names that match none or several."""
     matches = [index for index, name in enumerate(names) if name == wanted]
     if not matches and wanted.isdecimal() and int(wanted) < len(names):
         return int(wanted)
@@ -214,27 +107,7 @@ def position(path: Path, names: list[str], wanted: str, listing: str, kind: str)
 
 
 def array_name(path: Path, variable: str | None, shapes: dict[str, tuple[int, ...]]) -> str:
-    """Return the name of the array of heights.
-
-    Parameters
-    ----------
-    path : Path
-        File, for the message.
-    variable : str or None
-        Name, or number from 0. Default: the only array with two dimensions of at least 3 nodes.
-    shapes : dict of tuple of int
-        Shapes of the arrays by name.
-
-    Returns
-    -------
-    str
-        Name in `shapes`.
-
-    Raises
-    ------
-    DatasetError
-        If there is no such array, or several may be maps.
-    """
+    """Return the name of the array of heights: the wanted one, or the only map of at least 3 x 3 nodes."""
     listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items()) or "none"
     if variable is not None:
         return list(shapes)[position(path, list(shapes), variable, listing, "array")]

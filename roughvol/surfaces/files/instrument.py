@@ -43,29 +43,7 @@ TEXT = ("asc", "xyz")  # readers of text in the library
 
 
 def opened(path: Path, channel: str | None = None) -> HeightMap:
-    """Return the map in the file of an instrument; its heights are read on demand.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    channel : str, optional
-        Name of the channel, or its number from 0. Default: the channel of heights in the format.
-
-    Returns
-    -------
-    HeightMap
-        The map.
-
-    Raises
-    ------
-    NotRead
-        If the library is not installed, or does not recognise the file.
-    DatasetError
-        If the file is missing or broken, or has no such channel.
-    SurfaceError
-        If the channel is no map of heights.
-    """
+    """Return the map in the file of an instrument; its heights are read on demand."""
     with _opened(path) as reader:
         described = _described(path, reader, channel)
     return HeightMap(described, lambda: _read(path, channel))

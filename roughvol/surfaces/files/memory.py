@@ -29,48 +29,16 @@ SQUARE = 1e-4  # largest relative difference of the spacings of square pixels
 
 @dataclass
 class Labelled:
-    """A map with its labels.
+    """A map with its labels."""
 
-    Attributes
-    ----------
-    heights : array (n0, n1)
-        Heights, NaN where they are missing.
-    dims : (str, str)
-        Names of the axes; empty for a plain array.
-    attributes : dict
-        Attributes of the heights, as ``units``.
-    coordinates : dict
-        Positions along an axis and their attributes, by the name of the axis.
-    """
-
-    heights: Array
-    dims: tuple[str, ...] = ()
-    attributes: dict[str, str] = field(default_factory=dict)
-    coordinates: dict[str, tuple[Array, dict[str, str]]] = field(default_factory=dict)
+    heights: Array  # NaN where they are missing
+    dims: tuple[str, ...] = ()  # names of the axes; empty for a plain array
+    attributes: dict[str, str] = field(default_factory=dict)  # of the heights, as `units`
+    coordinates: dict[str, tuple[Array, dict[str, str]]] = field(default_factory=dict)  # positions and attributes
 
 
 def write(heights: Any, folder: Path, name: str = VARIABLE) -> Path:
-    """Write heights in memory to a file.
-
-    Parameters
-    ----------
-    heights : array_like, masked array, Quantity, DataArray or Topography
-        Heights, positive out of the body.
-    folder : Path
-        Folder of the file.
-    name : str
-        Name of the file, without an ending.
-
-    Returns
-    -------
-    Path
-        A ``.npy`` or ``.nc`` file.
-
-    Raises
-    ------
-    SurfaceError
-        If the object is no map of real numbers.
-    """
+    """Write heights in memory, positive out of the body, to a ``.npy`` or ``.nc`` file."""
     labelled = _labelled(heights)
     if not labelled.dims and not labelled.attributes:
         path = folder / f"{name}.npy"

@@ -49,29 +49,7 @@ def is_hdf5(path: Path) -> bool:
 
 
 def opened(path: Path, variable: str | None = None, *, ignore_header: bool = False) -> HeightMap:
-    """Return the map in a netCDF file; its heights are read on demand.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    variable : str, optional
-        Name of the variable, or its number from 0. Default: the only one with two dimensions.
-    ignore_header : bool
-        Pass over coordinates and units.
-
-    Returns
-    -------
-    HeightMap
-        The map.
-
-    Raises
-    ------
-    DatasetError
-        If there is no such variable, or several have two dimensions.
-    SurfaceError
-        If the coordinates are not equidistant, or a unit is no unit of length.
-    """
+    """Return the map in a netCDF file; its heights are read on demand."""
     from netCDF4 import Dataset
 
     with reading(path, path.suffix.lower()), Dataset(path) as stored:

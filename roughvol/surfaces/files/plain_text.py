@@ -27,39 +27,16 @@ _HEAD = 4096  # bytes searched for control characters
 
 @dataclass(frozen=True)
 class Text:
-    """The lines of a text file, each with its number.
-
-    Attributes
-    ----------
-    path : Path
-        File.
-    header : list of (int, str)
-        Lines before the first line of numbers.
-    data : list of (int, str)
-        Lines from there on, without comments.
-    comments : list of (int, str)
-        Comments from there on.
-    """
+    """The lines of a text file, each with its number."""
 
     path: Path
-    header: list[tuple[int, str]]
-    data: list[tuple[int, str]]
-    comments: list[tuple[int, str]]
+    header: list[tuple[int, str]]  # lines before the first line of numbers
+    data: list[tuple[int, str]]  # lines from there on, without comments
+    comments: list[tuple[int, str]]  # comments from there on
 
 
 def is_text(path: Path) -> bool:
-    """Return whether a file starts like text: no zero bytes and few control characters, or the mark of UTF-16.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-
-    Returns
-    -------
-    bool
-        Whether it does.
-    """
+    """Return whether a file starts like text: no zero bytes and few control characters, or the mark of UTF-16."""
     with path.open("rb") as stream:
         start = stream.read(_HEAD)
     control = sum(byte < 32 and byte not in b"\t\n\r\f\x1a" for byte in start)
@@ -67,23 +44,7 @@ def is_text(path: Path) -> bool:
 
 
 def split(path: Path) -> Text:
-    """Split a text file into header, data and comments.
-
-    Parameters
-    ----------
-    path : Path
-        File in UTF-8, UTF-16 or Latin-1.
-
-    Returns
-    -------
-    Text
-        Its lines.
-
-    Raises
-    ------
-    SurfaceError
-        If there is no line of numbers.
-    """
+    """Split a text file in UTF-8, UTF-16 or Latin-1 into header, data and comments."""
     lines = numbered(path)
     first = next((index for index, (_, line) in enumerate(lines) if _is_data(line)), None)
     if first is None:
@@ -95,18 +56,7 @@ def split(path: Path) -> Text:
 
 
 def numbered(path: Path) -> list[tuple[int, str]]:
-    """Return the lines of a text file, each with its number.
-
-    Parameters
-    ----------
-    path : Path
-        File in UTF-8, UTF-16 or Latin-1.
-
-    Returns
-    -------
-    list of (int, str)
-        Numbers from 1, and lines without their ends.
-    """
+    """Return the lines of a text file, each with its number from 1."""
     content = path.read_bytes()
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         text = content.decode("utf-16")
@@ -119,23 +69,7 @@ def numbered(path: Path) -> list[tuple[int, str]]:
 
 
 def words(text: Text) -> Array:
-    """Return all numbers of a text in one row, across its lines.
-
-    Parameters
-    ----------
-    text : Text
-        Lines with cells between blanks, commas or semicolons.
-
-    Returns
-    -------
-    array (n,)
-        Numbers, NaN where missing.
-
-    Raises
-    ------
-    DatasetError
-        If a cell is no number.
-    """
+    """Return all numbers of a text in one row, across its lines, NaN where missing."""
     try:
         return np.array(" ".join(line for _, line in text.data).split(), dtype=np.float64)
     except ValueError:
@@ -144,25 +78,7 @@ def words(text: Text) -> Array:
 
 
 def table(text: Text) -> Array:
-    """Return the numbers of a text, a row for each line.
-
-    Parameters
-    ----------
-    text : Text
-        Lines with cells between blanks or one delimiter.
-
-    Returns
-    -------
-    array (lines, cells)
-        Numbers, NaN where a cell is empty or marked as missing.
-
-    Raises
-    ------
-    NotRead
-        If a line holds words.
-    DatasetError
-        If rows differ in length, or a cell is no number.
-    """
+    """Return the numbers of a text, a row for each line, NaN where a cell is empty or marked as missing."""
     sample = [line for _, line in text.data[:_SAMPLE]]
     mark = _delimiter(sample)
     if mark is None:

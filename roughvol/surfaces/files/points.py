@@ -17,27 +17,7 @@ _COVERED = 0.5  # least share of nodes with a point
 
 
 def grid(points: Array) -> tuple[Array, tuple[float, float], bool]:
-    """Return the map of points on a regular grid.
-
-    Parameters
-    ----------
-    points : array (n, 3)
-        Columns x, y and z.
-
-    Returns
-    -------
-    heights : array (nodes along x, nodes along y)
-        Heights in the unit of z, NaN at nodes without a point.
-    sides : (float, float)
-        Spans of x and of y in their unit.
-    counted : bool
-        Whether both coordinates are whole numbers one apart, from 0 or 1.
-
-    Raises
-    ------
-    SurfaceError
-        If the points are not on a regular grid; the message is the reason.
-    """
+    """Return the map of points, the spans of x and y, and whether both coordinates only count from 0 or 1."""
     if not np.isfinite(points[:, :2]).all():
         raise SurfaceError("a coordinate is missing")
     (i, nx, span_x, whole_x), (j, ny, span_y, whole_y) = (_nodes(points[:, axis], "xy"[axis]) for axis in (0, 1))

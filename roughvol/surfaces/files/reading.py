@@ -11,29 +11,21 @@ import math
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import DatasetError, SurfaceError
 from roughvol.surfaces.files import instrument, netcdf, plain_text, surfer, text_map, tiff
-from roughvol.surfaces.files.description import Description, HeightMap, NotRead, array_name, reading, refuse_huge
+from roughvol.surfaces.files.description import EXTRA, Description, HeightMap, NotRead, array_name, reading, refuse_huge
 from roughvol.typing import Array
 
 # Errors of numpy, zipfile and netCDF4 on damaged files, such as a header that asks for petabytes.
-_UNREADABLE = (
-    ArithmeticError,
-    EOFError,
-    MemoryError,
-    OSError,
-    RuntimeError,
-    ValueError,
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
+_DAMAGED = (EOFError, tokenize.TokenError, zipfile.BadZipFile, zlib.error)
+_UNREADABLE = (ArithmeticError, MemoryError, OSError, RuntimeError, ValueError, *_DAMAGED)
 MAX_BYTES = 1 << 32  # like MAX_NODES far above the size of any contact problem
 TEXT = (".txt", ".csv", ".xyz", ".dat", ".asc")
 TIFF = (".tif", ".tiff")
@@ -46,23 +38,7 @@ _FAR = 3.0  # least distance of a mark of missing heights from the others, over 
 def describe(
     path: str | Path, variable: str | None = None, *, columns: str | None = None, ignore_header: bool = False
 ) -> Description:
-    """Return the description of a height file: nodes, size, units, channel, reader.
-
-    Parameters
-    ----------
-    path, variable, columns, ignore_header
-        As in `read`.
-
-    Returns
-    -------
-    Description
-        Everything in the file beside its heights.
-
-    Raises
-    ------
-    DatasetError, SurfaceError
-        As in `read`.
-    """
+    """Return the description of a height file, with the arguments of `read`."""
     return _opened(Path(path), variable, columns, ignore_header).description
 
 
@@ -76,32 +52,9 @@ def read(
 ) -> Array:
     """Return the heights in a file, in the unit ``heights_unit`` of its description.
 
-    Parameters
-    ----------
-    path : str or Path
-        An array in ``.npy``; one of the arrays in ``.npz`` or ``.nc``; text of heights or of points x y z; an ESRI
-        ASCII grid; a Surfer grid; a grey-scale TIFF. SurfaceTopography reads all other files, see `instrument`.
-    variable : str, optional
-        Array in an ``.npz`` or ``.nc`` file, channel of an instrument, or page of a TIFF: its name, or its number from
-        0. Default: the only array with two dimensions.
-    holes : bool
-        Return NaN where a height is missing or not finite, rather than refuse the file.
-    columns : {"heights"}, optional
-        All columns of a text are heights, even if there are three.
-    ignore_header : bool
-        Pass over sizes and units that are not understood.
-
-    Returns
-    -------
-    array (nodes along x, nodes along y)
-        Heights, at least 3 x 3, finite except in holes.
-
-    Raises
-    ------
-    DatasetError
-        If the file is missing, cannot be read, or holds several arrays.
-    SurfaceError
-        If it is not a field of finite heights.
+    ``variable`` is the array of an ``.npz`` or ``.nc`` file, the channel of an instrument, or the page of a TIFF: its
+    name, or its number from 0. ``holes`` returns NaN for missing heights, which are refused otherwise. ``columns`` as
+    "heights" takes all columns of a text for heights. ``ignore_header`` passes over sizes and units.
     """
     path = Path(path)
     height_map = _opened(path, variable, columns, ignore_header)
@@ -159,7 +112,9 @@ def _text(path: Path, variable: str | None, columns: str | None, ignore_header: 
     except (NotRead, SurfaceError) as refused:
         try:
             other = instrument.opened(path, variable)
-        except (DatasetError, SurfaceError):
+        except (DatasetError, SurfaceError) as error:
+            if isinstance(refused, NotRead) and EXTRA in str(error):
+                raise NotRead(f"{refused}; for headers of other programs: {EXTRA}") from None
             raise refused from None
         lossy = other.description.reader.endswith(instrument.TEXT)  # this reader passes over unknown lines
         complete = other.description.sides is not None and other.description.unit is not None
@@ -226,32 +181,30 @@ def _far(mark: float, others: Array) -> bool:
 
 def _npy(path: Path, variable: str | None) -> HeightMap:
     _refuse_variable(path, variable)
-    with path.open("rb") as stream:
+    return _array(path, "", lambda: path.open("rb"))
+
+
+def _npz(path: Path, variable: str | None) -> HeightMap:
+    shapes = {}
+    with zipfile.ZipFile(path) as archive:
+        for name in archive.namelist():  # the headers alone: other arrays may be large
+            if name.endswith(".npy"):
+                with archive.open(name) as stream:
+                    shapes[name.removesuffix(".npy")] = _header_shape(stream)
+    chosen = array_name(path, variable, shapes)
+    return _array(path, chosen, lambda: zipfile.ZipFile(path).open(f"{chosen}.npy"))
+
+
+def _array(path: Path, name: str, opened: Callable[[], IO[bytes]]) -> HeightMap:
+    with opened() as stream:
         shape = _header_shape(stream)
     refuse_huge(path, shape)
 
     def heights() -> NDArray[Any]:
-        with path.open("rb") as stream:
+        with opened() as stream:
             return np.lib.format.read_array(stream, allow_pickle=False)
 
-    return HeightMap(Description(_two(path, shape), reader="numpy"), heights)
-
-
-def _npz(path: Path, variable: str | None) -> HeightMap:
-    with zipfile.ZipFile(path) as archive:
-        members = {name.removesuffix(".npy"): name for name in archive.namelist() if name.endswith(".npy")}
-        shapes = {}
-        for name, member in members.items():  # the headers alone: other arrays may be large
-            with archive.open(member) as stream:
-                shapes[name] = _header_shape(stream)
-    name = array_name(path, variable, shapes)
-    refuse_huge(path, shapes[name])
-
-    def heights() -> NDArray[Any]:
-        with zipfile.ZipFile(path) as archive, archive.open(members[name]) as stream:
-            return np.lib.format.read_array(stream, allow_pickle=False)
-
-    return HeightMap(Description(_two(path, shapes[name]), channel=name, reader="numpy"), heights)
+    return HeightMap(Description(_two(path, shape), channel=name, reader="numpy"), heights)
 
 
 def _two(path: Path, shape: tuple[int, ...]) -> tuple[int, int]:

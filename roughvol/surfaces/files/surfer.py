@@ -28,41 +28,12 @@ _TAG_7 = struct.Struct("<4si")  # name and bytes of a section
 
 
 def is_grid(path: Path) -> bool:
-    """Return whether a file starts with the name of a Surfer grid.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-
-    Returns
-    -------
-    bool
-        Whether it does.
-    """
+    """Return whether a file starts with the name of a Surfer grid."""
     return _name(path) in (TEXT, SIX, SEVEN)
 
 
 def opened(path: Path) -> HeightMap:
-    """Return the map in a Surfer grid; binary heights are read on demand.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-
-    Returns
-    -------
-    HeightMap
-        The map.
-
-    Raises
-    ------
-    DatasetError
-        If the file is cut, or a cell of a text is no number.
-    SurfaceError
-        If the header has no nodes or limits of a grid.
-    """
+    """Return the map in a Surfer grid; binary heights are read on demand."""
     return {TEXT: _text, SIX: _six, SEVEN: _seven}[_name(path)](path)
 
 

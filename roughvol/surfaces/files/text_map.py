@@ -1,8 +1,8 @@
 """Height maps in text: rows of heights with or without a header, points x y z, and ESRI ASCII grids.
 
 Conventions: without labels, each line is a row of the array, as numpy.savetxt writes it. A header with the size along
-the lines (Width, w, pixel size, ncols) makes that axis x, and the array the transpose of the text. Points and ESRI
-grids have coordinates: both axes ascend with the index.
+the lines (Width, ncols) makes that axis x, and the array the transpose of the text. Points and ESRI grids have
+coordinates: both axes ascend with the index.
 
 The readers of SurfaceTopography skip every line that is not numbers: a row with ``***`` is lost. They take no decimal
 commas, semicolons, ESRI headers or NODATA values.
@@ -18,8 +18,8 @@ import numpy as np
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.files import plain_text, points, text_header
-from roughvol.surfaces.files.description import Description, HeightMap, NotRead, names_no_heights
-from roughvol.surfaces.files.text_header import Header
+from roughvol.surfaces.files.description import Description, HeightMap, names_no_heights
+from roughvol.surfaces.files.text_header import REMEDY, Header, not_understood
 from roughvol.typing import Array
 
 INSIST = "surface.columns: heights takes all numbers as heights"
@@ -27,29 +27,7 @@ _EVEN = 1e-6  # largest relative difference of steps of a coordinate
 
 
 def opened(path: Path, columns: str | None = None, *, ignore_header: bool = False) -> HeightMap:
-    """Return the map in a text file.
-
-    Parameters
-    ----------
-    path : Path
-        Text, with any ending.
-    columns : {"heights"}, optional
-        All columns are heights, even if they look like coordinates.
-    ignore_header : bool
-        Pass over header lines that are not understood.
-
-    Returns
-    -------
-    HeightMap
-        The map.
-
-    Raises
-    ------
-    NotRead
-        If a header line is not understood.
-    SurfaceError, DatasetError
-        If the file holds no map.
-    """
+    """Return the map in a text file."""
     text = plain_text.split(path)
     header = text_header.parse(path, text.header, ignore=ignore_header)
     for comment in text.comments:
@@ -61,13 +39,11 @@ def opened(path: Path, columns: str | None = None, *, ignore_header: bool = Fals
         raise SurfaceError(message)
     if header.esri:
         return _esri(text, header)
-    complete = header.along_lines and header.unit is not None and header.heights_unit is not None
+    complete = header.size and header.unit is not None and header.heights_unit is not None
     if header.unclear is not None and not complete and not ignore_header:
-        raise _not_understood(
-            path, header.unclear, "; delete it, or pass over it with surface.header: ignore and give L and heights_unit"
-        )
+        raise not_understood(path, header.unclear, REMEDY)
     numbers = plain_text.table(text)
-    if columns == "heights" or header.along_lines:
+    if columns == "heights" or header.size:
         return _matrix(path, numbers, header)
     if header.points or numbers.shape[1] == 3:
         return _points(path, numbers[:, :3], header)
@@ -75,13 +51,7 @@ def opened(path: Path, columns: str | None = None, *, ignore_header: bool = Fals
     return _matrix(path, numbers, header)
 
 
-def _not_understood(path: Path, line: tuple[int, str], remedy: str = "") -> NotRead:
-    return NotRead(f"{path}: line {line[0]} is not understood: {line[1][:80]!r}{remedy}")
-
-
 def _map(heights: Array, header: Header, description: Description) -> HeightMap:
-    if header.factor != 1.0:
-        heights = heights * header.factor
     described = replace(
         description,
         shape=(heights.shape[0], heights.shape[1]),
@@ -94,24 +64,13 @@ def _map(heights: Array, header: Header, description: Description) -> HeightMap:
 
 
 def _matrix(path: Path, numbers: Array, header: Header) -> HeightMap:
-    if not header.along_lines:
+    if not header.size:
         return _map(numbers, header, Description(numbers.shape, reader="text, rows", read_as="rows"))
-    heights = numbers.T
-    for axis, name in enumerate("wh"):
-        if header.counts.get(name, heights.shape[axis]) != heights.shape[axis]:
-            message = (
-                f"{path}: the header gives {name} = {header.counts[name]}, the text has {numbers.shape[1]} columns "
-                f"in {numbers.shape[0]} lines"
-            )
-            raise SurfaceError(message)
-    pixels = [
-        size / nodes if size is not None else header.pixel
-        for size, nodes in zip(header.size, heights.shape, strict=True)
-    ]
+    columns, lines = numbers.T.shape
     sides = None
-    if pixels[0] is not None and pixels[1] is not None:
-        sides = pixels[0] * (heights.shape[0] - 1), pixels[1] * (heights.shape[1] - 1)
-    return _map(heights, header, Description(heights.shape, sides, reader="text with a header", read_as="header"))
+    if len(header.size) == 2:
+        sides = header.size["width"] / columns * (columns - 1), header.size["height"] / lines * (lines - 1)
+    return _map(numbers.T, header, Description((columns, lines), sides, reader="text with a header", read_as="header"))
 
 
 def _points(path: Path, numbers: Array, header: Header) -> HeightMap:
@@ -159,7 +118,7 @@ def _esri(text: plain_text.Text, header: Header) -> HeightMap:
     if not {"ncols", "nrows"} <= given.keys():
         raise SurfaceError(f"{path}: the header gives {', '.join(given)}; needed: ncols and nrows")
     if header.unclear is not None:
-        raise _not_understood(path, header.unclear)
+        raise not_understood(path, header.unclear)
     if not all(given[name].is_integer() and given[name] > 0.0 for name in ("ncols", "nrows")):
         message = f"{path}: ncols {given['ncols']:g}, nrows {given['nrows']:g}; allowed: whole numbers above 0"
         raise SurfaceError(message)

@@ -24,29 +24,7 @@ _PIXEL_SCALE, _NODATA = 33550, 42113  # tags of GeoTIFF and GDAL
 
 
 def opened(path: Path, variable: str | None = None, *, ignore_header: bool = False) -> HeightMap:
-    """Return the map in a TIFF file; its heights are read on demand.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    variable : str, optional
-        Number of the page from 0. Default: the first.
-    ignore_header : bool
-        Pass over sizes and units.
-
-    Returns
-    -------
-    HeightMap
-        The map.
-
-    Raises
-    ------
-    DatasetError
-        If tifffile is not installed, the file cannot be read, or has no such page.
-    SurfaceError
-        If the page is a picture: in colour, or with 8 bits.
-    """
+    """Return the map in a TIFF file; its heights are read on demand."""
     try:
         from tifffile import TiffFile
     except ImportError as error:

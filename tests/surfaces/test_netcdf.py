@@ -1,0 +1,141 @@
+"""NetCDF: names of dimensions give the axes, coordinates the size; what is no map of numbers is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from kit import HEIGHTS, HOLES, library, netcdf, refused, same
+from netCDF4 import Dataset
+
+from roughvol.surfaces.files import reading
+
+POINT = np.dtype([("height", "f8"), ("quality", "i4")])
+
+
+@pytest.mark.parametrize(
+    ("dims", "turned"),
+    [
+        (("x", "y"), False),
+        (("y", "x"), True),
+        (("lat", "lon"), True),
+        (("scan_y", "scan_x"), True),
+        (("row", "x"), True),
+        (("y", "column"), True),
+        (("row", "column"), False),
+        (("x", "time"), False),
+    ],
+)
+def test_names_of_dimensions_say_which_axis_is_x(tmp_path: Path, dims: tuple[str, str], turned: bool) -> None:
+    xr.Dataset({"z": (dims, HEIGHTS.T if turned else HEIGHTS)}).to_netcdf(tmp_path / "z.nc")
+    same(tmp_path / "z.nc", HEIGHTS)
+
+
+def test_the_attribute_of_a_coordinate_says_which_axis_is_x(tmp_path: Path) -> None:
+    along = {dim: (dim, np.arange(n), {"axis": axis}) for dim, n, axis in (("p", 5, "Y"), ("q", 6, "X"))}
+    xr.Dataset({"z": (("p", "q"), HEIGHTS.T)}, coords=along).to_netcdf(tmp_path / "z.nc")
+    same(tmp_path / "z.nc", HEIGHTS)
+
+
+@pytest.mark.parametrize("kind", ["NETCDF3_CLASSIC", "NETCDF4"])
+def test_a_grid_of_gmt_is_netcdf(tmp_path: Path, kind: Any) -> None:
+    coordinates = {"lat": ("lat", np.arange(5.0)), "lon": ("lon", np.arange(6.0))}
+    xr.Dataset({"z": (("lat", "lon"), HEIGHTS.T)}, coords=coordinates).to_netcdf(tmp_path / "z.grd", format=kind)
+    found = reading.describe(tmp_path / "z.grd")
+    assert (found.reader, found.sides, found.counted) == ("netCDF", (5.0, 4.0), True)
+    same(tmp_path / "z.grd", HEIGHTS)
+
+
+@pytest.mark.parametrize(
+    ("x", "attributes", "pattern"),
+    [
+        (np.arange(6.0) ** 2, {"units": "um"}, "the coordinate x is not equidistant"),
+        (np.arange(6.0), {"units": "degrees_east"}, "x:units has the unit 'degrees_east'"),
+        (np.arange(6.0), {"units": "nm"}, "x is in nm, y in um"),
+        (np.arange(6.0), {"units": "um", "length": 7.0}, "x:length is 7, its coordinate has a spacing of 1"),
+        (np.arange(6.0), {"units": "um", "length": [1.0, 2.0]}, r"cannot be read as \.nc"),
+    ],
+)
+def test_coordinates_that_cannot_be_used_are_refused_or_ignored(
+    tmp_path: Path, x: np.ndarray, attributes: dict[str, Any], pattern: str
+) -> None:
+    coordinates = {"x": ("x", x, attributes), "y": ("y", np.arange(5.0), {"units": "um"})}
+    xr.Dataset({"z": (("x", "y"), HEIGHTS)}, coords=coordinates).to_netcdf(tmp_path / "z.nc")
+    refused(tmp_path / "z.nc", pattern)
+    same(tmp_path / "z.nc", HEIGHTS, ignore_header=True)
+
+
+def test_coordinates_in_words_are_no_coordinates(tmp_path: Path) -> None:
+    words = {"x": ("x", np.array(list("abcdef"), dtype=object))}
+    xr.Dataset({"z": (("x", "y"), HEIGHTS)}, coords=words).to_netcdf(tmp_path / "z.nc")
+    same(tmp_path / "z.nc", HEIGHTS)
+    assert reading.describe(tmp_path / "z.nc").sides is None
+
+
+@pytest.mark.parametrize(("positive", "sign"), [("up", 1.0), ("down", -1.0), ("DOWN ", -1.0), (None, 1.0)])
+@pytest.mark.parametrize("kind", ["f8", "i2"])
+def test_heights_may_be_positive_down(tmp_path: Path, positive: str | None, sign: float, kind: str) -> None:
+    path, heights = tmp_path / "z.nc", (1e3 * HEIGHTS).astype(kind)
+    attributes = {} if positive is None else {"positive": positive}
+    xr.Dataset({"z": (("y", "x"), heights.T, attributes)}).to_netcdf(path)
+    same(path, sign * heights)
+    found = reading.describe(path)
+    assert found.read_as == ("labels, down" if sign < 0.0 else "labels")
+    assert ["turned over" in note for note in found.notes] == [True] * (sign < 0.0)
+
+
+def test_another_direction_is_refused(tmp_path: Path) -> None:
+    xr.Dataset({"z": (("x", "y"), HEIGHTS, {"positive": "east"})}).to_netcdf(tmp_path / "z.nc")
+    refused(tmp_path / "z.nc", "z:positive is 'east'; allowed: up and down")
+
+
+@pytest.mark.parametrize(
+    ("kind", "value"),
+    [
+        (lambda stored: stored.createCompoundType(POINT, "point"), np.zeros((), POINT)),
+        (lambda stored: stored.createVLType("f8", "ragged"), np.zeros(3)),
+        (lambda stored: stored.createEnumType("i1", "quality", {"bad": 0, "good": 1}), 0),
+        (lambda stored: str, "high"),
+        (lambda stored: "S1", "a"),
+    ],
+    ids=["compound", "ragged", "enumerated", "words", "letters"],
+)
+def test_what_holds_no_plain_numbers_is_refused(tmp_path: Path, kind: Callable[[Dataset], Any], value: Any) -> None:
+    with Dataset(tmp_path / "z.nc", "w") as stored:
+        stored.createDimension("x", 6)
+        stored.createDimension("y", 5)
+        stored.createVariable("z", kind(stored), ("x", "y"))[0, 0] = value
+    refused(tmp_path / "z.nc", r"z holds text, or values of a type of its own, not numbers")
+
+
+def test_scaled_integers_are_unpacked_and_their_mask_is_kept(tmp_path: Path) -> None:
+    with Dataset(tmp_path / "z.nc", "w") as stored:
+        stored.createDimension("x", 6)
+        stored.createDimension("y", 5)
+        packed = stored.createVariable("z", "i2", ("x", "y"))
+        packed.scale_factor, packed.add_offset = 0.5, 10.0
+        packed[...] = np.ma.masked_array(10.0 + 0.5 * np.arange(30).reshape(6, 5), HOLES)
+    expected = np.where(HOLES, np.nan, 10.0 + 0.5 * np.arange(30).reshape(6, 5))
+    same(tmp_path / "z.nc", expected, holes=True)
+    netcdf(tmp_path / "z.nc", z=np.ma.masked_array(np.arange(30).reshape(6, 5), HOLES))
+    same(tmp_path / "z.nc", 2.0 * (expected - 10.0), holes=True)
+
+
+def test_what_the_library_writes_has_its_size_and_unit(tmp_path: Path) -> None:
+    found = reading.describe(library(tmp_path / "z.nc", np.ma.masked_array(HEIGHTS, HOLES)))
+    assert (found.sides, found.unit, found.heights_unit) == ((2.5, 2.0), "um", "um")
+
+
+def test_the_library_would_take_the_axes_for_one_another(tmp_path: Path) -> None:
+    """The reason for a reader of netCDF of our own."""
+    topography = pytest.importorskip("SurfaceTopography")
+    path = tmp_path / "z.nc"
+    xr.Dataset({"heights": (("y", "x"), HEIGHTS.T)}).to_netcdf(path, format="NETCDF3_CLASSIC")
+    with topography.open_topography(str(path)) as reader:
+        assert reader.channels[0].nb_grid_pts == (6, 5)
+        assert reader.topography(physical_sizes=(6, 5)).heights().shape == (5, 6)
+    same(path, HEIGHTS)
