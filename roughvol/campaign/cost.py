@@ -21,8 +21,8 @@ from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.resources import cores
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.periodic import PeriodicHalfSpace
-from roughvol.observables import recorded, regions
-from roughvol.observables.recorded import searched_levels
+from roughvol.observables.requests import passes, searched_levels, timed
+from roughvol.observables.variables import OBSERVABLES
 from roughvol.study import ACCURACY, EXPECTED, Case, Level, Solver, Study
 
 TIMED_UP_TO = 1025  # nodes a side; times of larger grids are scaled as N² log N
@@ -201,22 +201,13 @@ def searches(case: Case) -> int:
 
 def observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
     """Return the seconds of each observable of a case, all its states together."""
-    record, steps, nodes = case.record, case.sweep.steps, math.prod(shape)
-    inside = nodes
-    if record.region is not None:
-        (x, y) = record.region.x, record.region.y
-        inside = math.ceil(nodes * (x[1] - x[0]) * (y[1] - y[0]))
-    states = {name: steps if at is None else len(at) for name, at in recorded.asked(record).items()}
-    parts = {name: [float(inside)] for name in states}  # the nodes of each of its parts, for every state
-    parts |= {name: [float(inside)] * row.parts(record) for name, row in recorded.AT_STATES.items()}
-    if record.region_widths is not None:
-        shares = record.region_widths.shares
-        parts |= {name: [nodes * share**2 for share in shares] for name in regions.QUANTITIES}
     seconds = {}
-    for name, count in states.items():
-        per_node, flow = recorded.seconds_per_node(name)
-        power = FLOW_POWER if flow else 0.0
-        seconds[name] = count * per_node * sum(n * (n / FLOW_NODES) ** power for n in parts[name])
+    for name, levels in timed(case.record).items():
+        row = OBSERVABLES[name]
+        nodes = [math.prod(shape) * share for share in passes(row, case.record)]
+        power = FLOW_POWER if row.flow else 0.0
+        count = case.sweep.steps if levels is None else len(levels)
+        seconds[name] = count * row.seconds * sum(n * (n / FLOW_NODES) ** power for n in nodes)
     return seconds
 
 

@@ -12,11 +12,11 @@ from pathlib import Path
 from roughvol.campaign import limits
 from roughvol.errors import CampaignError, ResourceError
 from roughvol.gap.network import check_multigrid, needs_multigrid
-from roughvol.observables import recorded
+from roughvol.observables import requests
+from roughvol.observables.variables import OBSERVABLES
 from roughvol.study import Case
 
 # Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/cluster.md).
-FLOWS = ("transmissivity", "diffusivity", "cell_transmissivity", "gas_flow", "flux_at")  # keys of record.transport
 PROCESS_BYTES = 2e8  # of a process after its imports
 SURFACE_BYTES, NODE_BYTES = 50, 280  # per node: of a surface alone; of half space and solver
 SKEWED_BYTES = 25  # per node, in addition: while heights get their skewness
@@ -64,14 +64,9 @@ def memory_of(case: Case, nodes: int) -> float:
 
 def flow_elements(case: Case, nodes: int) -> int:
     """Return the number of elements of the largest flow that a case asks for, 0 without one."""
-    transport, widths, region = case.record.transport, case.record.region_widths, case.record.region
-    elements = 0
-    if widths is not None and widths.transmissivity is not None:
-        elements = math.ceil(nodes * max(widths.shares) ** 2)
-    if transport is not None and any(getattr(transport, name) is not None for name in FLOWS):
-        share = 1.0 if region is None else (region.x[1] - region.x[0]) * (region.y[1] - region.y[0])
-        elements = max(elements, math.ceil(nodes * share))
-    return elements
+    rows = [OBSERVABLES[name] for name in requests.asked(case.record)]
+    shares = [max(requests.passes(row, case.record)) for row in rows if row.flow]
+    return math.ceil(nodes * max(shares, default=0.0))
 
 
 def disk_of(case: Case, nodes: int) -> float:
@@ -86,7 +81,7 @@ def nodes_of(case: Case, shape: tuple[int, int] | None) -> int:
 
 def fields_of(case: Case) -> int:
     """Return how many fields of a case are kept."""
-    return recorded.fields_of(case.record)
+    return requests.fields_of(case.record)
 
 
 def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, folder: Path, *, here: bool = True) -> None:

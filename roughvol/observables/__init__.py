@@ -2,16 +2,15 @@
 
 Room of the observables: pure functions of arrays, and the reduction of a sweep to what a study asks for.
 
-To add an observable, write its function here, with a row in `recorded.AT_STATES`, `void.QUANTITIES` or
-`regions.QUANTITIES`. Give each stored name a row in `observables.variables`. If it has its own key, add the field in
-`study.record`. docs/observables.md has the details.
+An observable is a row of `variables.toml` and a function of a `View`. docs/reference/observables.md shows how to add
+an observable.
 
 =================  ===================================================================
-`variables`        the table of stored variables, from `variables.toml`
+`variables`        the table of observables and stored variables, `variables.toml`
 `reduction`        each state of a sweep reduced to stored values
-`recorded`         the list of observables: states, functions, labels, costs
+`requests`         what a study asks for: states, costs
+`view`             a state as an observable sees it
 `levels`           the states at which an observable is taken
-`along_steps`      observables stored along the steps
 `deformed`         texture before load and under load
 `waves`            power spectral density of the undeformed surface
 `plastic`          hardness in the unit of p*, the residual surface and its texture
@@ -19,8 +18,10 @@ To add an observable, write its function here, with a row in `recorded.AT_STATES
 `coupling`         contact and flow together: fluid pressure that lifts a seal
 `stiffness`        pressure per separation along a loading
 `conductance`      contact conductance from the stiffness
-`void`             the transport that a study asks for, state by state
-`regions`          a part of the surface, and central squares
+`void`             percolation, constriction, and flow through the void
+`fields`           gap and pressure; density and box counting of element volumes
+`central`          area, pressure, volume and flow of central squares
+`regions`          a part of the surface
 `at_state`         quantities of a sweep at a given state, between its steps
 `multilevel`       multilevel estimators of the mean over an ensemble
 `best_linear`      the best linear estimator for a given covariance

@@ -32,7 +32,6 @@ Nothing else is said to open. States above that inlet may exist for a joint pres
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
@@ -43,8 +42,9 @@ from roughvol.contact.response import Response
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap.fluid_pressure import LEAST, FluidField
 from roughvol.gap.transport import conduction
-from roughvol.observables.regions import State, Within, window
-from roughvol.study import Case, Scale
+from roughvol.observables.regions import window
+from roughvol.observables.view import Values, View
+from roughvol.study import Scale
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
 
@@ -93,43 +93,20 @@ class Lifted:
         return float(np.count_nonzero(self.gap == 0.0) / self.gap.size)
 
 
-def of_state(case: Case, surface: Surface, state: State, half_space: Compliance) -> dict[str, Any]:
+def of_state(view: View) -> Values:
     """Return leak, gap, contact and load under the fluid pressure of a study, at the load of a state.
 
     The fluid flows through the whole surface. Leaks, gaps and areas are those of the region.
-
-    Parameters
-    ----------
-    case : Case
-        Names the fluid pressures; elastic contact.
-    surface : Surface
-        The surface pressed.
-    state : Contact or Within
-        The dry state in the region of the study.
-    half_space : Compliance
-        On which it was solved.
-
-    Returns
-    -------
-    dict
-        Numbers by stored name.
-
-    Raises
-    ------
-    ContactError
-        If the fluid alone carries more than the load.
-    ConvergenceError
-        If the fixed point is not reached.
     """
+    case, surface, dry, half_space = view.case, view.surface, view.whole, view.half_space
     asked = case.record.fluid_pressure
     assert asked is not None
     area = surface.heights.size * surface.spacing**2
     scale = Scale(case.E_star, surface.side, case.height or surface.Sq, area, case.modulus_unit, case.length_unit)
     inlet, outlet = (scale.starred("pressure", value)[1] for value in (asked.inlet, asked.outlet))
-    dry = state.whole if isinstance(state, Within) else state
     inside = window(case, surface.shape)
-    periodic = state.periodic
-    values: dict[str, Any] = {"fluid_at_inlet": inlet, "fluid_at_outlet": outlet}
+    periodic = view.periodic
+    values: Values = {"fluid_at_inlet": inlet, "fluid_at_outlet": outlet}
     for axis, name in enumerate(("x", "y")):
         both = Coupling(surface, half_space, axis, inlet, outlet, min(RTOL, case.solver.tolerance))
         last, one_way = None, {"leak": np.nan, "free_volume": np.nan}

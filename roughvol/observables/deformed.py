@@ -18,39 +18,21 @@ region of the study, before load as well, so both are of the same nodes.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from roughvol.observables.regions import State, is_period, window
+from roughvol.observables.regions import is_period, window
+from roughvol.observables.view import Values, View
 from roughvol.study import Case
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface, intervals, with_neighbours
 from roughvol.typing import Array, Index
-
-Values = dict[str, Any]
 
 LEVELS = np.arange(-50, 51) / 10.0  # of the material ratio, from the mean plane over σ
 STORED_ANYWAY = ("Sq", "Sdq", "hurst_measured")  # of the whole surface, whatever a study asks for
 
 
 def numbers(heights: Array, spacing: float, *, periodic: bool = False) -> dict[str, float]:
-    """Return the numbers of `texture` by stored name.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (rows, columns)
-        Heights z [length].
-    spacing : float
-        Distance δ of neighbouring nodes [length].
-    periodic : bool
-        Whether the heights are one period.
-
-    Returns
-    -------
-    dict
-        Sq, Sa, Sp, Sv and Sz [length]; Ssk, Sku, Svi, Sbi, Sdq and two Hurst exponents [1]. NaN where undefined.
-    """
+    """Return the numbers of `texture` by stored name: lengths, and numbers without a unit. NaN where undefined."""
     names = ("Sq", "Sa", "Ssk", "Sku", "Sp", "Sv", "Sz", "Svi", "Sbi")
     return {name: getattr(texture, name)(heights) for name in names} | {
         "Sdq": texture.Sdq(with_neighbours(heights, periodic), spacing),
@@ -60,20 +42,7 @@ def numbers(heights: Array, spacing: float, *, periodic: bool = False) -> dict[s
 
 
 def curves(z: Array, *, periodic: bool = False) -> Values:
-    """Return the material ratio at `LEVELS` above the mean plane, and the structure function at `lags`.
-
-    Parameters
-    ----------
-    z : ndarray, shape (rows, columns)
-        Heights over σ [1].
-    periodic : bool
-        Whether the heights are one period.
-
-    Returns
-    -------
-    dict
-        Values by stored name.
-    """
+    """Return material ratio at `LEVELS` and structure function at `lags` of heights over σ."""
     return {
         "material_ratio": texture.material_ratio(z, LEVELS + z.mean()),
         "structure_function": texture.structure_function(z, lags(z.shape, periodic=periodic), periodic=periodic),
@@ -81,38 +50,15 @@ def curves(z: Array, *, periodic: bool = False) -> Values:
 
 
 def lags(shape: tuple[int, ...], *, periodic: bool = False) -> Index:
-    """Return the lags of the structure function, 1, 2, 4 … nodes up to half of the shorter axis.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Nodes along both axes.
-    periodic : bool
-        Whether the axes are one period.
-
-    Returns
-    -------
-    ndarray of int
-        Lags, increasing.
-    """
+    """Return the lags of the structure function, 1, 2, 4 … nodes up to half of the shorter axis."""
     return texture.dyadic_lags(intervals(min(shape), periodic) // 2)
 
 
 def before_load(case: Case, surface: Surface) -> Values:
     """Return the texture of the undeformed surface in the region of the study, and the labels of its curves.
 
-    Parameters
-    ----------
-    case : Case
-        Names the region.
-    surface : Surface
-        The whole surface.
-
-    Returns
-    -------
-    dict
-        Numbers and curves by stored name. Sq, Sdq and the exponent of the spectrum have the suffix ``_region``; they
-        are left out where the region is the whole surface.
+    Sq, Sdq and the exponent of the spectrum have the suffix ``_region``; they are left out where the region is the
+    whole surface.
     """
     heights = surface.heights[window(case, surface.shape)]
     periodic = is_period(case)
@@ -124,24 +70,8 @@ def before_load(case: Case, surface: Surface) -> Values:
     return values | {"material_level": LEVELS, "lag": lags(heights.shape, periodic=periodic)}
 
 
-def under_load(case: Case, surface: Surface, state: State) -> Values:
-    """Return the texture of the deformed surface at a state, by stored name with the suffix ``_loaded``.
-
-    Parameters
-    ----------
-    case : Case
-        Not used; every observable of a state takes it.
-    surface : Surface
-        The whole surface; its Sq is the unit of the gap.
-    state : Contact or Within
-        The state in the region of the study.
-
-    Returns
-    -------
-    dict
-        Values by stored name.
-    """
-    z = -state.gap()
-    periodic = state.periodic
-    values = numbers(z * surface.unit, surface.spacing, periodic=periodic) | curves(z, periodic=periodic)
-    return {f"{name}_loaded": value for name, value in values.items()}
+def under_load(view: View) -> Values:
+    """Return the texture of the deformed surface at a state, by stored name with the suffix ``_loaded``."""
+    z, periodic = -view.gap, view.periodic
+    found = numbers(z * view.surface.unit, view.surface.spacing, periodic=periodic) | curves(z, periodic=periodic)
+    return {f"{name}_loaded": value for name, value in found.items()}

@@ -6,70 +6,36 @@ are gone there.
 
 from __future__ import annotations
 
-from typing import Any
-
-from roughvol.contact.loading import Contact
 from roughvol.observables import deformed
 from roughvol.observables.regions import is_period, window
+from roughvol.observables.view import Values, View
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
 
-Values = dict[str, Any]
-
 
 def starred_hardness(case: Case, surface: Surface) -> float | None:
-    """Return the hardness in the unit of p*, H L/(E* σ).
-
-    Parameters
-    ----------
-    case : Case
-        Its hardness over E*, and the Sq to which heights are scaled.
-    surface : Surface
-        The surface pressed.
-
-    Returns
-    -------
-    float or None
-        Hardness [1]; None without one.
-    """
+    """Return the hardness in the unit of p*, H L/(E* σ); None without one."""
     return None if case.hardness is None else case.hardness * surface.side / (case.height or surface.unit)
 
 
 def largest_pressure(case: Case, surface: Surface) -> float | None:
-    """Return the largest pressure of a contact that yields, in the unit of p*; None in elastic contact.
-
-    Parameters
-    ----------
-    case, surface
-        As in `starred_hardness`.
-
-    Returns
-    -------
-    float or None
-        Largest pressure [1].
-    """
+    """Return the largest pressure of a contact that yields, in the unit of p*; None in elastic contact."""
     return starred_hardness(case, surface) if case.plastic else None
 
 
-def residual(case: Case, surface: Surface, last: Contact) -> Values:
-    """Return the residual heights and their texture, where a study asks for them.
+def shares(view: View) -> Values:
+    """Return plastic volume and yielded area."""
+    names = ("plastic_volume", "plastic_area_fraction") if view.case.plastic else ()
+    return {name: getattr(view.state, name) for name in names}
 
-    Parameters
-    ----------
-    case : Case
-        Names what to record, and the region.
-    surface : Surface
-        The whole surface.
-    last : Contact
-        The last state of the path.
 
-    Returns
-    -------
-    dict
-        Values by stored name; those of the texture have the suffix ``_residual``.
-    """
+def residual(view: View) -> Values:
+    """Return the residual heights and their texture, with the suffix ``_residual``, where a study asks for them."""
+    case, surface = view.case, view.surface
+    if not case.plastic:
+        return {}
     values: Values = {}
-    heights = surface.heights - last.plastic_displacement() * surface.unit
+    heights = surface.heights - view.whole.plastic_displacement() * surface.unit
     if case.record.residual_heights:
         values["residual_heights"] = heights
     if case.record.texture is not None:

@@ -1,4 +1,4 @@
-"""Numbers of a pressure field: the shares above the hardness, and the pressure in the middle."""
+"""Observables of a pressure field: the shares above the hardness, and the pressure in the middle."""
 
 from __future__ import annotations
 
@@ -7,44 +7,35 @@ import math
 import numpy as np
 
 from roughvol.contact.loading import Contact
-from roughvol.observables import regions
+from roughvol.observables import plastic, regions
+from roughvol.observables.view import Values, View
 from roughvol.typing import Array
 
 
+def above_hardness(view: View) -> Values:
+    """Return the shares above a hardness that is given for comparison alone."""
+    hardness = None if view.case.plastic else plastic.starred_hardness(view.case, view.surface)
+    if hardness is None:
+        return {}
+    contact, load = above(view.state.pressure(), hardness)
+    return {"contact_above_hardness_fraction": contact, "load_above_hardness_fraction": load}
+
+
 def above(pressure: Array, hardness: float) -> tuple[float, float]:
-    """Return the share of the contact with a pressure above the hardness, and the share of the load there.
-
-    Parameters
-    ----------
-    pressure : ndarray
-        Pressure of every element, 0 outside the contact, in any unit.
-    hardness : float
-        Hardness in the same unit.
-
-    Returns
-    -------
-    tuple of float
-        Share of the contact and share of the load, 0 to 1.
-    """
+    """Return the share of the contact with a pressure above the hardness, and the share of the load there."""
     hard = pressure[pressure > hardness]
     if hard.size == 0:
         return 0.0, 0.0
     return hard.size / np.count_nonzero(pressure), float(hard.sum() / pressure.sum())
 
 
+def central(view: View) -> Values:
+    """Return the mean pressure in the middle over that of the whole; 3 nodes a side have one in the middle."""
+    return {"central_pressure_ratio": central_pressure_ratio(view.whole)} if min(view.whole.shape) > 3 else {}
+
+
 def central_pressure_ratio(whole: Contact) -> float:
-    """Return the mean pressure in the central half of each side over that of the whole; NaN without contact.
-
-    Parameters
-    ----------
-    whole : Contact
-        A state of the whole surface, of at least 4 elements a side.
-
-    Returns
-    -------
-    float
-        The ratio [1].
-    """
+    """Return the mean pressure in the central half of each side over that of the whole; NaN without contact."""
     pressure = whole.pressure()
     mean = float(pressure.mean())
     inside = regions.window_of(regions.central(0.5), whole.shape)

@@ -2,8 +2,6 @@
 
 Numbers of a contact are those of the region of the study, as if it were cut out of the loaded surface. The heights, the
 fields of gap and pressure, Sq and the separation are those of the whole surface. Lengths are over that Sq.
-
-Every function returns a mapping from names of `variables.VARIABLES` to arrays, without the dimensions of the case.
 """
 
 from __future__ import annotations
@@ -15,26 +13,16 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact
-from roughvol.gap.perimeter import contact_perimeter
-from roughvol.observables import deformed, plastic, waves
-from roughvol.observables.along_steps import AlongSteps
 from roughvol.observables.levels import at_level, is_end, on_legs, reached
-from roughvol.observables.pressures import above, central_pressure_ratio
-from roughvol.observables.recorded import AT_STATES, asked_at_states, fields_of
-from roughvol.observables.regions import State, within
-from roughvol.observables.variables import OF_STATE
+from roughvol.observables.requests import asked, fields_of, value_of
+from roughvol.observables.variables import OBSERVABLES, OF_STATE, VARIABLES, function
+from roughvol.observables.view import Values, View
 from roughvol.study import Case, Legs, Level
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
-Values = dict[str, Any]
-
 PER_STEP = (
-    "indentation",
-    "separation",
-    "contact_area_fraction",
-    "mean_pressure",
-    "free_volume",
+    *OF_STATE,
     "iterations",
     "convolutions",
     "convolutions_fp32",
@@ -42,25 +30,15 @@ PER_STEP = (
     "mean_pressure_bound",
     "converged",
 )
-PLASTIC = ("plastic_volume", "plastic_area_fraction")
-ABOVE_HARDNESS = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
+
+
+def numbers(view: View) -> Values:
+    """Return the numbers of every state."""
+    return {name: getattr(view.state, name) for name in PER_STEP}
 
 
 def of_surface(case: Case, surface: Surface) -> Values:
-    """Return the numbers of the undeformed surface, its heights and texture if asked for, and the labels of nodes.
-
-    Parameters
-    ----------
-    case : Case
-        Names what to record.
-    surface : Surface
-        The undeformed surface.
-
-    Returns
-    -------
-    dict
-        Values by stored name.
-    """
+    """Return the numbers of the undeformed surface, its heights and texture if asked for, and the labels of nodes."""
     heights, spacing = surface.heights, surface.spacing
     values: Values = {"Sq": surface.Sq, "Sdq": texture.Sdq(surface.with_neighbours, spacing), "z_max": surface.z_max}
     values["hurst_measured"] = texture.hurst_spectrum(heights, spacing, periodic=surface.periodic)
@@ -70,10 +48,9 @@ def of_surface(case: Case, surface: Surface) -> Values:
         values |= {"x": np.arange(rows) / surface.intervals[0], "y": np.arange(columns) / surface.intervals[0]}
     if case.record.heights:
         values["heights"] = heights
-    if case.record.texture is not None:
-        values |= deformed.before_load(case, surface)
-    if case.record.psd is not None:
-        values |= waves.before_load(case, surface)
+    for row in OBSERVABLES.values():
+        if row.before and value_of(case.record, row.key.partition(".")[0]) is not None:
+            values |= function(row.before)(case, surface)
     return values
 
 
@@ -84,31 +61,12 @@ def of_sweep(
     contacts: Iterable[Contact],
     on_step: Callable[[int], None] | None = None,
 ) -> Values:
-    """Return the numbers of every step, and the observables of the states that a study selects.
-
-    Parameters
-    ----------
-    case : Case
-        Names the states and what to record of them.
-    surface : Surface
-        The surface pressed.
-    half_space : Compliance
-        On which the states at levels between two steps are solved.
-    contacts : iterable of Contact
-        The states in the order of the sweep; none is held longer than its turn.
-    on_step : callable, optional
-        Called with the number of each step that has been reduced.
-
-    Returns
-    -------
-    dict
-        Values by stored name.
-    """
+    """Return the numbers of every step, and the observables of the states that a study selects, by stored name."""
     reduction = Reduction(case, surface, half_space)
-    for step, contact in enumerate(contacts, start=1):
+    for contact in contacts:
         reduction.follow(contact)
         if on_step is not None:
-            on_step(step)
+            on_step(reduction.steps)
     return reduction.values()
 
 
@@ -116,133 +74,138 @@ class Reduction:
     """The values recorded of a sweep so far; it takes in the states one by one."""
 
     def __init__(self, case: Case, surface: Surface, half_space: Compliance) -> None:
-        self._case, self._surface = case, surface
-        self._per_step: dict[str, list[Any]] = {name: [] for name in PER_STEP}
-        self._hardness = None if case.plastic else plastic.starred_hardness(case, surface)
-        if self._hardness is not None:
-            self._per_step |= {name: [] for name in ABOVE_HARDNESS}
-        if case.plastic:
-            self._per_step |= {name: [] for name in PLASTIC}
-        if case.record.contact_perimeter:
-            self._per_step["contact_perimeter"] = []
-        self._levels = {name: on_legs(by_label, case) for name, by_label in asked_at_states(case.record).items()}
-        self._kept: dict[str, dict[str, tuple[int, Values]]] = {name: {} for name in self._levels}
-        self._along = AlongSteps(case, surface)
-        self._seconds = dict.fromkeys(self._levels, 0.0)
-        self._half_space, self._convolutions = half_space, 0.0
-        self._states: list[Mapping[str, Any]] = []
-
-    @property
-    def steps(self) -> int:
-        """Number of states taken in."""
-        return len(self._per_step["indentation"])
-
-    @property
-    def states(self) -> list[Mapping[str, Any]]:
-        """The last two states, as `Contact.state` returns them."""
-        return self._states
+        self._case, self._surface, self._half_space = case, surface, half_space
+        self.steps = 0  # states taken in
+        self.states: list[Mapping[str, Any]] = []  # the last two, as `Contact.state` returns them
+        levels = {name: by and on_legs(by, case) for name, by in asked(case.record).items()}
+        self._along = {name: by for name, by in levels.items() if not OBSERVABLES[name].dim}
+        self._at = {name: by for name, by in levels.items() if by is not None and OBSERVABLES[name].dim}
+        self._values: Values = {}
+        self._kept: dict[str, dict[str, tuple[int, Values]]] = {name: {} for name in self._at}
+        self._seconds = {name: 0.0 for name in levels if OBSERVABLES[name].seconds}
+        self._convolutions = 0.0
 
     @property
     def mean_pressure(self) -> float:
         """Pressure p* of the last state taken in, in the region of the study; 0 before any."""
-        return float(self._per_step["mean_pressure"][-1]) if self._states else 0.0
+        return self._last("mean_pressure")
 
     @property
     def residual(self) -> float:
         """Residual η/σ of the last state taken in; 0 before any."""
-        return self._per_step["residual"][-1] if self._states else 0.0
+        return self._last("residual")
+
+    def _last(self, name: str) -> float:
+        return float(self._values[name][self.steps - 1]) if self.steps else 0.0
 
     def follow(self, whole: Contact) -> None:
         """Take in the next state."""
-        contact, step = within(whole, self._case), self.steps + 1
-        self._along.follow(step, contact, whole, self._before)
-        for level, wanted in self._reached(step, contact).items():
-            state = within(self._at(level, step, whole), self._case)
-            for observable, label in wanted:
-                started, row = time.perf_counter(), AT_STATES[observable]
-                solver = (self._half_space,) if row.solves else ()
-                own = {f"{row.dim}_{name}": getattr(state, name) for name in OF_STATE}
-                self._kept[observable][label] = step, own | row.of_state(self._case, self._surface, state, *solver)
-                self._seconds[observable] += time.perf_counter() - started
-        for name in (*PER_STEP, *(PLASTIC if self._case.plastic else ())):
-            self._per_step[name].append(getattr(contact, name))
-        if self._case.record.contact_perimeter:
-            self._per_step["contact_perimeter"].append(contact_perimeter(contact.contact(), contact.periodic))
-        if self._hardness is not None:
-            for name, share in zip(ABOVE_HARDNESS, above(contact.pressure(), self._hardness), strict=True):
-                self._per_step[name].append(share)
-        if step == self._case.sweep.steps and min(whole.shape) > 3:  # 3 nodes have one in the middle
-            self._along.values["central_pressure_ratio"] = central_pressure_ratio(whole)
-        if step == self._case.sweep.steps and self._case.plastic:
-            self._along.values |= plastic.residual(self._case, self._surface, whole)
-        self._states = [*self._states, whole.state()][-2:]
+        step, before = self.steps + 1, {name: self._last(name) for name in OF_STATE} if self.steps else None
+        view = self._view(whole)
+        void = self._of_void()
+        for name, levels in self._along.items():
+            hit = [
+                label for label, level in (levels or {}).items() if reached(level, step, view.state, self._case, before)
+            ]
+            for label in hit:
+                del (levels or {})[label]
+            if levels is None or hit:
+                self._store(step, self._taken(name, view))
+        if (spent := self._of_void() - void) > 0.0:
+            self._store(step, {"transport_time": spent})
+        for level, wanted in self._reached(step, view, before).items():
+            there = self._view(self._solved(level, step, whole))
+            for name, label in wanted:
+                dim = OBSERVABLES[name].dim
+                own = {f"{dim}_{number}": getattr(there.state, number) for number in OF_STATE}
+                self._kept[name][label] = step, own | self._taken(name, there)
+        self.steps, self.states = step, [*self.states, whole.state()][-2:]
 
-    @property
-    def _before(self) -> dict[str, float] | None:
-        """The numbers of the last state taken in, None before any."""
-        if not self._per_step["indentation"]:
-            return None
-        return {name: float(self._per_step[name][-1]) for name in OF_STATE}
+    def _view(self, whole: Contact) -> View:
+        return View(self._case, self._surface, whole, self._half_space)
 
-    def _reached(self, step: int, contact: State) -> dict[Level, list[tuple[str, str]]]:
+    def _taken(self, name: str, view: View) -> Values:
+        """Return the values of an observable, and count its seconds."""
+        started = time.perf_counter()
+        values = function(OBSERVABLES[name].of_state)(view)
+        if name in self._seconds:
+            self._seconds[name] += time.perf_counter() - started
+        return values
+
+    def _of_void(self) -> float:
+        """Return the seconds spent on the void."""
+        return sum(taken for name, taken in self._seconds.items() if OBSERVABLES[name].key.startswith("transport."))
+
+    def _store(self, step: int, values: Values) -> None:
+        """Store values along the steps, NaN where nothing is taken, or as they are where their row has no step."""
+        for name, value in values.items():
+            if " step" in VARIABLES[name].dims:
+                absent = np.full((self._case.sweep.steps, *np.shape(value)), np.nan)
+                self._values.setdefault(name, absent)[step - 1] = value
+            else:
+                self._values[name] = value
+
+    def _reached(self, step: int, view: View, before: Mapping[str, float] | None) -> dict[Level, list[tuple[str, str]]]:
         """Return the levels that this state is the first to reach, each with its observables and labels."""
         hits: dict[Level, list[tuple[str, str]]] = {}
-        for name, by_label in self._levels.items():
-            for label, level in by_label.items():
-                if label not in self._kept[name] and (
-                    level in hits or reached(level, step, contact, self._case, self._before)
-                ):
+        for name, by_label in self._at.items():
+            left = {label: level for label, level in by_label.items() if label not in self._kept[name]}
+            for label, level in left.items():
+                if level in hits or reached(level, step, view.state, self._case, before):
                     hits.setdefault(level, []).append((name, label))
         return hits
 
-    def _at(self, level: Level, step: int, whole: Contact) -> Contact:
-        """Return the state at a level between this step and the one before."""
+    def _solved(self, level: Level, step: int, whole: Contact) -> Contact:
+        """Return the state at a level between this step and the step before."""
         if level.value is None or level.kind == "step" or is_end(level, step, self._case):
             return whole
         half_space = self._half_space
         before = half_space.convolutions + half_space.convolutions_fp32
-        state = at_level(level, self._case, self._surface, half_space, self._states, self.residual, whole)
+        state = at_level(level, self._case, self._surface, half_space, self.states, self.residual, whole)
         self._convolutions += half_space.convolutions + half_space.convolutions_fp32 - before
         return state
 
     def values(self) -> Values:
         """Return the values by stored name."""
         sweep = self._case.sweep
-        values: Values = {**self._per_step, **self._along.values, "step": np.arange(1, self._case.sweep.steps + 1)}
+        values: Values = {**self._values, "step": np.arange(1, sweep.steps + 1)}
         if isinstance(sweep, Legs):
             values["leg"] = np.repeat(np.arange(1, len(sweep.legs) + 1), [leg.steps for leg in sweep.legs])
-        if seconds := {**self._along.seconds, **self._seconds}:
-            values |= {"observable": list(seconds), "observable_time": list(seconds.values())}
-        for name, by_label in self._levels.items():
-            kept, dim = self._kept[name], AT_STATES[name].dim
-            values |= AT_STATES[name].labels(self._case, self._surface)
+        if self._seconds:
+            values |= {"observable": list(self._seconds), "observable_time": list(self._seconds.values())}
+        for labels in dict.fromkeys(OBSERVABLES[name].labels for name in (*self._along, *self._at)):
+            values |= function(labels)(self._case, self._surface) if labels else {}
+        for name, by_label in self._at.items():
+            kept, dim = self._kept[name], OBSERVABLES[name].dim
             values[dim] = list(by_label)
             values[f"{dim}_step"] = [kept[label][0] if label in kept else -1 for label in by_label]
             values |= {f"{dim}_{number}": np.full(len(by_label), np.nan) for number in OF_STATE}
             values |= _stacked(list(by_label), {label: arrays for label, (_, arrays) in kept.items()})
-        if self._levels:
+        if self._at:
             values["level_convolutions"] = self._convolutions
         return values
 
     def state(self) -> Values:
         """Return the content without the last two states, as plain data and arrays, for `restore`."""
-        held = {"per_step": self._per_step, "kept": self._kept, "seconds": self._seconds}
-        return {**held, "level_convolutions": self._convolutions, **self._along.state()}
+        left = {name: None if levels is None else list(levels) for name, levels in self._along.items()}
+        numbers = {"steps": self.steps, "level_convolutions": self._convolutions}
+        return {**numbers, "values": self._values, "left": left, "kept": self._kept, "seconds": self._seconds}
 
     def restore(self, state: Values, states: list[Mapping[str, Any]]) -> None:
         """Take the content of another reduction, from its `state` and `states`."""
-        self._per_step = state["per_step"]
+        self.steps, self._convolutions = state["steps"], state["level_convolutions"]
+        self._values, self._seconds, self.states = state["values"], state["seconds"], list(states)
+        for name, labels in state["left"].items():
+            for label in set(self._along[name] or ()) - set(labels or ()):
+                del (self._along[name] or {})[label]
         self._kept = {
             name: {label: (step, values) for label, (step, values) in by_label.items()}
             for name, by_label in state["kept"].items()
         }
-        self._seconds, self._convolutions = state["seconds"], state["level_convolutions"]
-        self._states = list(states)
-        self._along.restore(state)
 
 
 def _stacked(labels: list[str], kept: Mapping[str, Values]) -> Values:
-    """Return the arrays of all states along a new first axis, NaN where one was not reached; empty if none was."""
+    """Return the arrays of all states along a new first axis, NaN where a state was not reached."""
     stacked: Values = {}
     for name, example in next(iter(kept.values()), {}).items():
         absent = np.full(np.shape(example), np.nan)

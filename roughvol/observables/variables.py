@@ -5,9 +5,10 @@ A row of `VARIABLES` is all that the store needs: by it fields are compressed, h
 
 from __future__ import annotations
 
+import importlib
 import itertools
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,30 @@ class Variable:
     height_power: int = 0
     source: str = ""
     observable: str = ""
+
+
+@dataclass(frozen=True)
+class Observable:
+    """What a study may record, and the function that gives it, with the fields that `variables.toml` explains."""
+
+    of_state: str = ""
+    key: str = ""
+    states: str = "every-step"
+    seconds: float = 0.0
+    flow: bool = False
+    dim: str = ""
+    labels: str = ""
+    before: str = ""
+    passes: str = ""
+    fields: int = 0
+    fields_if: str = ""
+
+
+def function(name: str) -> Callable[..., dict[str, Any]]:
+    """Return a function of this room, as ``void.percolation``."""
+    module, _, attribute = name.partition(".")
+    found: Callable[..., dict[str, Any]] = getattr(importlib.import_module(f"{__package__}.{module}"), attribute)
+    return found
 
 
 def _variables(groups: Iterable[Mapping[str, Any]]) -> dict[str, Variable]:
@@ -57,6 +82,7 @@ def _filled(value: Any, words: Mapping[str, Any]) -> Any:
 
 _TABLE = tomllib.loads(Path(__file__).with_name("variables.toml").read_text(encoding="utf-8"))
 
+OBSERVABLES = {name: Observable(**row) for name, row in _TABLE["observable"].items()}
 VARIABLES = _variables(_TABLE["group"])
 OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 """Numbers that every state has, between two steps as well."""

@@ -1,31 +1,26 @@
-"""The transport that a study asks for: quantities of the void between the surfaces, at the steps it names.
-
-Quantities are stored along the steps of a sweep, NaN where they are not asked for. Fluxes are fields.
-"""
+"""Observables of the void between the surfaces: what it connects, where it is narrowest, and what flows through it."""
 
 from __future__ import annotations
 
-import functools
-import time
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from roughvol.gap import clusters, quick_estimates, transport
 from roughvol.gap.gas import conduction_of_gas
-from roughvol.study import Gas, Level, Select, Transport
-from roughvol.typing import Array, Index, Mask
+from roughvol.gap.perimeter import contact_perimeter
+from roughvol.observables.regions import window
+from roughvol.observables.view import AXES, Values, View
+from roughvol.study import Case
+from roughvol.surfaces.surface import Surface
+from roughvol.typing import Array, Index
 
-Values = dict[str, Any]
-AXES = (("x", 0), ("y", 1))
-GAS_FLOW = "gas_flow"
 EXPONENTS = {"transmissivity": 3.0, "diffusivity": 1.0}
 
 
 class Void(Protocol):
-    """What this module needs of a state of contact."""
+    """A state of contact, as far as its void."""
 
     @property
     def periodic(self) -> bool:
@@ -36,59 +31,9 @@ class Void(Protocol):
         """Return g/σ, exactly 0 in contact."""
         ...
 
-    def contact(self) -> Mask:
-        """Return where p > 0."""
-        ...
-
-
-def levels(asked: Transport) -> dict[str, dict[str, Level] | None]:
-    """Return the levels by label of each quantity asked for; None for every step.
-
-    Parameters
-    ----------
-    asked : Transport
-        The section ``record.transport``.
-
-    Returns
-    -------
-    dict
-        Levels by label, or None, by name of the quantity.
-    """
-    states_of = {name: getattr(asked, name) for name in QUANTITIES}
-    return {name: by_label(states) for name, states in states_of.items() if states is not None}
-
-
-def by_label(states: Literal["every-step"] | Select) -> dict[str, Level] | None:
-    """Return levels by their labels; None for every step.
-
-    Parameters
-    ----------
-    states : 'every-step' or Select
-        States of a quantity.
-
-    Returns
-    -------
-    dict or None
-        Levels by label.
-    """
-    return {level.label: level for level in states.levels} if isinstance(states, Select) else None
-
 
 def stops_percolating(kind: str, state: Void) -> bool:
-    """Return whether no open way is left along the axes that the end of a sweep names: percolation-x, -y or -both.
-
-    Parameters
-    ----------
-    kind : str
-        percolation-x, percolation-y or percolation-both.
-    state : Void
-        A state of contact.
-
-    Returns
-    -------
-    bool
-        Whether the sweep ends.
-    """
+    """Return whether no open way is left along the axes that the end of a sweep names: percolation-x, -y or -both."""
     void = state.gap() > 0.0
     return not any(
         clusters.percolates(void, axis, periodic=state.periodic) for name, axis in AXES if kind.endswith((name, "both"))
@@ -96,20 +41,10 @@ def stops_percolating(kind: str, state: Void) -> bool:
 
 
 def leak_rates(state: Void) -> dict[str, float]:
-    """Return the starred leak rates along x and y, T* V*³ times width over length of the region.
+    """Return the starred leak rates Q 12 μ/(ΔP σ³) along x and y, T* V*³ times width over length of the region.
 
     Along the loading of one surface every gap falls, and so does the conductance of each element. The flow between two
     reservoirs then falls as well (Rayleigh's monotonicity law).
-
-    Parameters
-    ----------
-    state : Void
-        A state of contact, in its region.
-
-    Returns
-    -------
-    dict
-        Q 12 μ/(ΔP σ³) by axis [1].
     """
     gap = state.gap()
     rows, columns = gap.shape
@@ -121,195 +56,118 @@ def leak_rates(state: Void) -> dict[str, float]:
     }
 
 
-def of_state(state: Void, quantities: list[str], gas: Gas | None = None) -> tuple[Values, dict[str, float]]:
-    """Return the numbers of the quantities, and the seconds that each took.
-
-    Parameters
-    ----------
-    state : Void
-        A state of contact, in its region.
-    quantities : list of str
-        Keys of `QUANTITIES`.
-    gas : Gas, optional
-        The gas of ``gas_flow``, its mean free path over σ.
-
-    Returns
-    -------
-    dict
-        Numbers by stored name; ``critical_position_*`` are a row and a column of the region, NaN if there is no way.
-    dict
-        Seconds by quantity; those of the first include the gap field.
-    """
-    if not quantities:
-        return {}, {}
-    started = time.perf_counter()
-    gap = state.gap()
-    values: Values = {}
-    seconds: dict[str, float] = {}
-    for name in quantities:
-        if name == GAS_FLOW:
-            values |= gas_flow(gap, gas, periodic=state.periodic)
-        else:
-            values |= QUANTITIES[name].of_gap(gap, state.contact, state.periodic)
-        seconds[name] = time.perf_counter() - started - sum(seconds.values())
-    values["transport_time"] = sum(seconds.values())
-    return values, seconds
-
-
 def size_classes(elements: int) -> Index:
-    """Return the smallest sizes 1, 2, 4 … of the classes into which clusters and pockets are counted.
-
-    Parameters
-    ----------
-    elements : int
-        Number of elements of the region.
-
-    Returns
-    -------
-    ndarray of int
-        Smallest size of each class [elements].
-    """
+    """Return the smallest sizes 1, 2, 4 … of the classes into which clusters and pockets are counted."""
     return 2 ** np.arange(int(elements).bit_length(), dtype=np.int64)
 
 
-def gas_flow(gap: Array, gas: Gas | None, *, periodic: bool) -> Values:
-    """Return the flow of a gas along x and y, over that of viscous flow between plates, and Knudsen numbers.
-
-    Parameters
-    ----------
-    gap : ndarray
-        Gap over σ.
-    gas : Gas
-        Law, mean free path over σ, pressure of the outlet over that of the inlet.
-    periodic : bool
-        Whether the gap is one period of a plane.
-
-    Returns
-    -------
-    dict
-        Numbers by stored name.
-    """
-    assert gas is not None
-    values: Values = {}
-    for axis, n in AXES:
-        flow = conduction_of_gas(gap, n, gas.law, gas.mean_free_path, gas.outlet, periodic=periodic)
-        values |= {f"gas_transmissivity_{axis}": flow.coefficient, f"knudsen_number_{axis}": flow.knudsen}
-    return values
+def sizes(case: Case, surface: Surface) -> Values:
+    """Return the size classes of clusters and pockets."""
+    rows, columns = window(case, surface.shape)
+    return {"size": size_classes((rows.stop - rows.start) * (columns.stop - columns.start))}
 
 
-def over_sigma(gas: Gas | None, sigma: float) -> Gas | None:
-    """Return a gas with its mean free path over σ.
-
-    Parameters
-    ----------
-    gas : Gas or None
-        Mean free path in a unit of length.
-    sigma : float
-        σ in the same unit.
-
-    Returns
-    -------
-    Gas or None
-        The gas.
-    """
-    return None if gas is None else replace(gas, mean_free_path=gas.mean_free_path / sigma)
+def axes(case: Case, surface: Surface) -> Values:
+    """Return the labels of the coordinates of a position."""
+    return {"axis": [name for name, _ in AXES]}
 
 
-def flux(state: Void, gas: Gas | None = None) -> Values:
-    """Return how much flows through each element, and in all, for a flow along x and along y, over that of plates.
-
-    Parameters
-    ----------
-    state : Void
-        A state of contact, in its region.
-    gas : Gas, optional
-        A gas, its mean free path over σ.
-
-    Returns
-    -------
-    dict
-        Fields and coefficients by stored name.
-    """
-    gap = state.gap()
-    flows = {axis: transport.conduction(gap, n, periodic=state.periodic) for axis, n in AXES}
-    values: Values = {f"flux_{axis}": np.hypot(*flow.flux) for axis, flow in flows.items()}
-    if gas is not None:
-        of_gas = gas_flow(gap, gas, periodic=state.periodic)
-        values |= {f"flux_at_{name}": of_gas[name] for name in of_gas if name.startswith("gas_transmissivity")}
-    return values | {f"flux_at_transmissivity_{axis}": flow.coefficient for axis, flow in flows.items()}
+def aspect(case: Case, surface: Surface) -> Values:
+    """Return the extent of the region along y over that along x."""
+    rows, columns = window(case, surface.shape)
+    return {"region_aspect": (columns.stop - columns.start) / (rows.stop - rows.start)}
 
 
-def _connectivity(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
-    result = clusters.connectivity(gap, contact(), periodic=periodic)
-    edges = np.append(size_classes(gap.size), np.iinfo(np.int64).max)
+def perimeter(view: View) -> Values:
+    """Return the edges between contact and void."""
+    return {"contact_perimeter": contact_perimeter(view.contact, view.periodic)}
+
+
+def percolation(view: View) -> Values:
+    """Return percolation, connected and trapped volume, and clusters and pockets by size."""
+    found = clusters.connectivity(view.gap, view.contact, periodic=view.periodic)
+    edges = np.append(size_classes(view.gap.size), np.iinfo(np.int64).max)
     return {
-        "percolates_x": result.percolates_x,
-        "percolates_y": result.percolates_y,
-        "connected_volume_fraction": result.connected,
-        "percolating_volume_fraction": result.percolating,
-        "trapped_volume_fraction": result.trapped,
-        "contact_clusters": result.contact_clusters.size,
-        "trapped_pockets": result.trapped_pockets.size,
-        "contact_clusters_by_size": np.histogram(result.contact_clusters, edges)[0],
-        "trapped_pockets_by_size": np.histogram(result.trapped_pockets, edges)[0],
+        "percolates_x": found.percolates_x,
+        "percolates_y": found.percolates_y,
+        "connected_volume_fraction": found.connected,
+        "percolating_volume_fraction": found.percolating,
+        "trapped_volume_fraction": found.trapped,
+        "contact_clusters": found.contact_clusters.size,
+        "trapped_pockets": found.trapped_pockets.size,
+        "contact_clusters_by_size": np.histogram(found.contact_clusters, edges)[0],
+        "trapped_pockets_by_size": np.histogram(found.trapped_pockets, edges)[0],
     }
 
 
-def _constriction(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
+def constriction(view: View) -> Values:
+    """Return the critical gap along x and y, and its position over L, NaN if there is no way."""
+    origin = np.array([side.start for side in window(view.case, view.surface.shape)])
     values: Values = {}
     for axis, n in AXES:
-        narrowest = transport.constriction(gap, n, periodic=periodic)
+        narrowest = transport.constriction(view.gap, n, periodic=view.periodic)
         values[f"critical_gap_{axis}"] = narrowest.gap
-        values[f"critical_position_{axis}"] = np.array(narrowest.element or (np.nan, np.nan))
+        element = np.array(narrowest.element or (np.nan, np.nan))
+        values[f"critical_position_{axis}"] = (element + origin) / view.surface.intervals[0]
     return values
 
 
-def _conduction(name: str, gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
-    flows = {axis: transport.conduction(gap, n, EXPONENTS[name], periodic=periodic) for axis, n in AXES}
+def transmissivity(view: View) -> Values:
+    """Return the flow with g³ over that of plates."""
+    return _conduction("transmissivity", view)
+
+
+def diffusivity(view: View) -> Values:
+    """Return the flow with g over that of plates."""
+    return _conduction("diffusivity", view)
+
+
+def _conduction(name: str, view: View) -> Values:
+    flows = {axis: transport.conduction(view.gap, n, EXPONENTS[name], periodic=view.periodic) for axis, n in AXES}
     values: Values = {f"{name}_{axis}": flow.coefficient for axis, flow in flows.items()}
     return values | {f"{name}_conservation_error": max(flow.conservation_error for flow in flows.values())}
 
 
-def _cell(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
-    return {f"cell_transmissivity_{axis}": transport.cell_conduction(gap, n) for axis, n in AXES}
+def cell_transmissivity(view: View) -> Values:
+    """Return the flow with g³ through the endless plane."""
+    return {f"cell_transmissivity_{axis}": transport.cell_conduction(view.gap, n) for axis, n in AXES}
 
 
-def _estimates(gap: Array, contact: Callable[[], Mask], periodic: bool) -> Values:
+def gas_flow(view: View) -> Values:
+    """Return the flow of the gas over that of viscous flow between plates, and Knudsen numbers."""
+    assert view.case.gas is not None
+    sigma = view.case.height or view.surface.unit
+    gas = replace(view.case.gas, mean_free_path=view.case.gas.mean_free_path / sigma)
+    values: Values = {}
+    for axis, n in AXES:
+        flow = conduction_of_gas(view.gap, n, gas.law, gas.mean_free_path, gas.outlet, periodic=view.periodic)
+        values |= {f"gas_transmissivity_{axis}": flow.coefficient, f"knudsen_number_{axis}": flow.knudsen}
+    return values
+
+
+def estimates(view: View) -> Values:
+    """Return both coefficients by effective medium and by single junction."""
     values: Values = {}
     for name, exponent in EXPONENTS.items():
-        values[f"estimate_medium_{name}"] = quick_estimates.effective_medium(gap, exponent)
+        values[f"estimate_medium_{name}"] = quick_estimates.effective_medium(view.gap, exponent)
         values[f"estimate_corrected_{name}"] = quick_estimates.effective_medium(
-            gap, exponent, closes_at=quick_estimates.CLOSES_AT
+            view.gap, exponent, closes_at=quick_estimates.CLOSES_AT
         )
         for axis, n in AXES:
             values[f"estimate_junction_{name}_{axis}"] = quick_estimates.single_junction(
-                gap, n, exponent, periodic=periodic
+                view.gap, n, exponent, periodic=view.periodic
             )
     return values
 
 
-class Quantity(NamedTuple):
-    """A quantity of the void, by the key that asks for it.
-
-    Attributes
-    ----------
-    of_gap : gap field, a function for the contact mask, and whether they are one period ↦ numbers by stored name;
-        `gas_flow` needs the gas as well, and is called by name.
-    seconds : per state and node, both axes together, timed at m = 7 … 9.
-    flow : whether it factorises, so that its cost grows faster than the nodes.
-    """
-
-    of_gap: Callable[[Array, Callable[[], Mask], bool], Values]
-    seconds: float
-    flow: bool = False
-
-
-QUANTITIES = {
-    "percolation": Quantity(_connectivity, 6e-8),
-    "constriction": Quantity(_constriction, 5e-7),
-    "transmissivity": Quantity(functools.partial(_conduction, "transmissivity"), 7e-6, flow=True),
-    "diffusivity": Quantity(functools.partial(_conduction, "diffusivity"), 7e-6, flow=True),
-    "cell_transmissivity": Quantity(_cell, 7e-6, flow=True),
-    GAS_FLOW: Quantity(lambda gap, contact, periodic: {}, 1e-4, flow=True),
-    "estimates": Quantity(_estimates, 2e-6),
-}
+def flux(view: View) -> Values:
+    """Return the flux on the nodes of the whole surface, NaN outside the region, and the transmissivities."""
+    flows = {axis: transport.conduction(view.gap, n, periodic=view.periodic) for axis, n in AXES}
+    values: Values = {}
+    for axis, flow in flows.items():
+        values[f"flux_{axis}"] = np.full(view.surface.shape, np.nan)
+        values[f"flux_{axis}"][window(view.case, view.surface.shape)] = np.hypot(*flow.flux)
+    if view.case.gas is not None:
+        of_gas = gas_flow(view)
+        values |= {f"flux_at_{name}": of_gas[name] for name in of_gas if name.startswith("gas_transmissivity")}
+    return values | {f"flux_at_transmissivity_{axis}": flow.coefficient for axis, flow in flows.items()}

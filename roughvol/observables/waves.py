@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
-from typing import Any
 
-from roughvol.observables.regions import State, is_period, window
+from roughvol.observables.regions import is_period, window
+from roughvol.observables.view import Values, View
 from roughvol.study import Case
 from roughvol.surfaces import psd
 from roughvol.surfaces.surface import Surface
@@ -21,21 +21,8 @@ STORED_AS = {"nayak": "nayak_parameter"}
 """Names of stored variables where they differ from those of `surfaces.psd.Spectral`."""
 
 
-def before_load(case: Case, surface: Surface) -> dict[str, Any]:
-    """Return the spectrum of the undeformed surface in the region of the study.
-
-    Parameters
-    ----------
-    case : Case
-        Names the region.
-    surface : Surface
-        The whole undeformed surface, periodic or a patch.
-
-    Returns
-    -------
-    dict
-        Power spectral density, root mean squares by scale, Nayak's parameter, and the wave numbers of a region.
-    """
+def before_load(case: Case, surface: Surface) -> Values:
+    """Return the spectrum of the undeformed surface in the region of the study."""
     part = _part(case, surface, surface.heights[window(case, surface.shape)])
     values = _values(part)
     if case.record.region is not None:  # else L gives them
@@ -43,24 +30,9 @@ def before_load(case: Case, surface: Surface) -> dict[str, Any]:
     return values
 
 
-def under_load(case: Case, surface: Surface, state: State) -> dict[str, Any]:
-    """Return the spectrum of the deformed surface at a state, by stored name with the suffix ``_loaded``.
-
-    Parameters
-    ----------
-    case : Case
-        Names the region.
-    surface : Surface
-        The whole surface; its Sq is the unit of the gap.
-    state : Contact or Within
-        The state in the region of the study.
-
-    Returns
-    -------
-    dict
-        Values by stored name.
-    """
-    values = _values(_part(case, surface, -state.gap() * surface.unit))
+def under_load(view: View) -> Values:
+    """Return the spectrum of the deformed surface at a state, by stored name with the suffix ``_loaded``."""
+    values = _values(_part(view.case, view.surface, -view.gap * view.surface.unit))
     del values["wave"]
     return {f"{name}_loaded": value for name, value in values.items()}
 
@@ -69,6 +41,6 @@ def _part(case: Case, surface: Surface, heights: Array) -> Surface:
     return Surface(heights, surface.spacing, periodic=is_period(case))
 
 
-def _values(surface: Surface) -> dict[str, Any]:
+def _values(surface: Surface) -> Values:
     found = psd.spectral(surface)
     return {STORED_AS.get(field.name, field.name): getattr(found, field.name) for field in fields(found)}

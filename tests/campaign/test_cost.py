@@ -11,7 +11,7 @@ import roughvol
 from roughvol.campaign.cost import CASE_OVERHEAD, START, convolutions_per_step, estimate
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.observables import recorded
+from roughvol.observables import requests
 from roughvol.study import ACCURACY, Level, loads
 from roughvol.study.sections.record import Record
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -43,13 +43,13 @@ def test_cases_of_one_cost_are_estimated_once(monkeypatch: pytest.MonkeyPatch) -
     """Thousands of D with a long record of levels made `roughvol check` wait for minutes."""
     text = "surface: {D: [2.2, 2.5, 2.8], m: [3, 4], seeds: SEEDS}\nsweep: {steps: 7}\nrecord: {fields_at: last}"
     asked: list[object] = []
-    find = recorded.asked_at_states
+    find = requests.asked
 
-    def counted(record: Record) -> dict[str, dict[str, Level]]:
+    def counted(record: Record) -> dict[str, dict[str, Level] | None]:
         asked.append(record)
         return find(record)
 
-    monkeypatch.setattr(recorded, "asked_at_states", counted)
+    monkeypatch.setattr(requests, "asked", counted)
     one, many = (estimate(loads(text.replace("SEEDS", seeds)), jobs=2) for seeds in ("1", "100"))
     assert len(asked) < 50
     assert (many.cases, many.steps) == (100 * one.cases, 100 * one.steps)

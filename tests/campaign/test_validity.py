@@ -17,7 +17,7 @@ from roughvol.campaign.validity import Finding, Setting
 from roughvol.cli import main
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve, sweep
-from roughvol.observables import reduction
+from roughvol.observables import pressures, reduction
 from roughvol.store import checkpoint, dataset, dimensional
 from roughvol.store.dataset import Dataset
 from roughvol.study import Level, loads
@@ -65,9 +65,9 @@ def _states(**values: list[float]) -> Dataset:
 
 def test_shares_above_the_hardness_are_those_of_a_direct_count() -> None:
     pressure = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 0.0], [0.0, 0.0, 10.0]])
-    assert reduction.above(pressure, 2.5) == (3 / 5, 17 / 20)
-    assert reduction.above(pressure, 10.0) == (0.0, 0.0)  # above, not at
-    assert reduction.above(np.zeros((3, 3)), 0.5) == (0.0, 0.0)
+    assert pressures.above(pressure, 2.5) == (3 / 5, 17 / 20)
+    assert pressures.above(pressure, 10.0) == (0.0, 0.0)  # above, not at
+    assert pressures.above(np.zeros((3, 3)), 0.5) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("region", ["", "record: {region: interior}\n"])
@@ -80,7 +80,7 @@ def test_shares_are_stored_for_every_step_from_the_pressure_field(region: str) -
     scale = 70 / (1 - 0.33**2) * 0.5 / 50
     for name, expected in zip(
         HARD,
-        np.transpose([reduction.above(scale * _seen(state.pressure(), region), 1.0) for state in states]),
+        np.transpose([pressures.above(scale * _seen(state.pressure(), region), 1.0) for state in states]),
         strict=True,
     ):
         assert_allclose(values[name].values.ravel(), expected, rtol=1e-12)
@@ -342,11 +342,11 @@ def test_a_drop_that_cannot_be_compared_is_said() -> None:
 def test_a_rigid_square_carries_its_load_at_the_rim_and_a_dome_in_its_middle() -> None:
     half_space = HalfSpace((33, 33))
     flat = solve(Surface(np.zeros((33, 33)), 1.0), half_space, 1.0)
-    assert 0.4 < reduction.central_pressure_ratio(flat) < 0.6
+    assert 0.4 < pressures.central_pressure_ratio(flat) < 0.6
     x = np.arange(33) - 16.0
     dome = solve(Surface(-(x[:, None] ** 2 + x**2), 1.0), half_space, 0.01)
-    assert reduction.central_pressure_ratio(dome) == pytest.approx(33**2 / 17**2)
-    assert math.isnan(reduction.central_pressure_ratio(solve(Surface(np.zeros((33, 33)), 1.0), half_space, 0.0)))
+    assert pressures.central_pressure_ratio(dome) == pytest.approx(33**2 / 17**2)
+    assert math.isnan(pressures.central_pressure_ratio(solve(Surface(np.zeros((33, 33)), 1.0), half_space, 0.0)))
 
 
 def test_the_rim_is_told_of_in_studies_of_a_joint_alone() -> None:

@@ -15,6 +15,7 @@ from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.errors import SurfaceError
 from roughvol.gap import box_counting, clusters, free_volume, transport
 from roughvol.observables import deformed
+from roughvol.observables.view import View
 from roughvol.study import loads
 from roughvol.surfaces import levelling, outliers, psd, texture
 from roughvol.surfaces.power_law import Spectrum
@@ -94,8 +95,11 @@ def test_a_contact_and_the_texture_under_load(heights: Heights, shift: tuple[int
     found = []
     for z in (heights, np.roll(heights, shift, (0, 1))):
         surface = Surface(z, SPACING, periodic=True)
-        (contact,) = sweep(surface, PeriodicHalfSpace(surface.shape), [1.0], rtol=1e-9)
-        found.append(deformed.under_load(case, surface, contact) | {"pressure": contact.mean_pressure})
+        half_space = PeriodicHalfSpace(surface.shape)
+        (contact,) = sweep(surface, half_space, [1.0], rtol=1e-9)
+        found.append(
+            deformed.under_load(View(case, surface, contact, half_space)) | {"pressure": contact.mean_pressure}
+        )
     for name, value in found[0].items():
         np.testing.assert_allclose(found[1][name], value, rtol=1e-5, atol=1e-6, err_msg=name)
 

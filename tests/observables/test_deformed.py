@@ -17,6 +17,7 @@ from roughvol.contact.loading import Contact, solve
 from roughvol.errors import StudyError
 from roughvol.observables import deformed
 from roughvol.observables.variables import VARIABLES
+from roughvol.observables.view import View
 from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case, loads
@@ -61,9 +62,10 @@ def test_the_deformed_surface_is_the_rough_one_less_the_displacement(
     pressed: tuple[Surface, HalfSpace, Contact],
 ) -> None:
     surface, half_space, contact = pressed
+    view = View(_case(), surface, contact, half_space)
     scaled = contact.pressure() / (np.pi * (surface.shape[0] - 1))
     shape = surface.heights - surface.Sq * half_space.displacement(scaled)
-    stored = deformed.under_load(_case(), surface, contact)
+    stored = deformed.under_load(view)
     for name, number in deformed.numbers(shape, surface.spacing).items():
         assert_allclose(stored[f"{name}_loaded"], number, rtol=1e-6, err_msg=name)
     z = shape / surface.Sq
@@ -81,8 +83,9 @@ def test_load_flattens_the_surface(result: Dataset) -> None:
 def test_a_light_touch_leaves_the_texture_as_it_is() -> None:
     case = _case("true")
     surface = surface_of(case)
-    contact = solve(surface, HalfSpace(surface.shape), 1e-3)
-    before, under = deformed.before_load(case, surface), deformed.under_load(case, surface, contact)
+    half_space = HalfSpace(surface.shape)
+    view = View(case, surface, solve(surface, half_space, 1e-3), half_space)
+    before, under = deformed.before_load(case, surface), deformed.under_load(view)
     for name in NUMBERS:
         assert_allclose(under[f"{name}_loaded"], before[name], rtol=1e-2, atol=1e-3, err_msg=name)
     assert_allclose(under["material_ratio_loaded"], before["material_ratio"], atol=0.01)

@@ -45,7 +45,7 @@ def values(case: Case, contacts: list[Contact]) -> dict[str, Any]:
 
 def test_every_step_is_kept(values: dict[str, Any], contacts: list[Contact]) -> None:
     for name in reduction.PER_STEP:
-        assert values[name] == [getattr(contact, name) for contact in contacts]
+        assert_array_equal(values[name], [getattr(contact, name) for contact in contacts])
 
 
 def test_a_level_is_the_first_state_that_reaches_it(values: dict[str, Any], contacts: list[Contact]) -> None:

@@ -10,7 +10,6 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.errors import ContactError
 from roughvol.gap import transport
-from roughvol.observables import regions, void
 from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case, loads
@@ -75,7 +74,7 @@ def test_a_region_of_fewer_than_two_elements_is_refused() -> None:
 
 
 def test_the_seconds_of_everything_recorded_are_told(result: Dataset) -> None:
-    assert result.observable.values.tolist() == ["transmissivity", *regions.QUANTITIES]
+    assert result.observable.values.tolist() == ["transmissivity", "region_widths", "region_transmissivity"]
     taken = result.observable_time
     assert (taken > 0).all()
     assert float(taken.sum()) < float(result.wall_time)
@@ -106,10 +105,3 @@ def test_the_aspect_is_that_of_the_region() -> None:
     text = "record: {region: {x: [0, 0.5]}, transport: {transmissivity: last}}"
     assert float(run_case(_case(text)).region_aspect.item()) == 17 / 9
     assert "region_aspect" not in run_case(_case("record: {transport: {percolation: last}}"))
-
-
-def test_states_of_no_selection_take_no_time() -> None:
-    surface = surface_of(_case(""))
-    state = next(sweep(surface, HalfSpace(surface.shape), [1.0]))
-    assert void.of_state(state, []) == ({}, {})
-    assert regions.of_state(state, [], {1.0: (slice(None), slice(None))}) == ({}, {})

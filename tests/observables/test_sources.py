@@ -13,10 +13,11 @@ from numpy.testing import assert_array_equal
 from roughvol.campaign.one_case import run_case, surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, sweep
-from roughvol.observables import recorded, reduction, regions, variables, void
-from roughvol.observables.variables import VARIABLES
+from roughvol.observables import reduction, variables
+from roughvol.observables.variables import OBSERVABLES, VARIABLES, function
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads
+from roughvol.study.reference import keys
 from roughvol.surfaces.surface import Surface
 
 TEXT = """
@@ -106,7 +107,7 @@ def test_numbers_of_the_surface_are_its_attributes(name: str, stored: Dataset, s
         assert_array_equal(stored[name], getattr(surface, VARIABLES[name].source.rpartition(".")[2]))
 
 
-@pytest.mark.parametrize("name", [*reduction.PER_STEP, *reduction.PLASTIC])
+@pytest.mark.parametrize("name", [*reduction.PER_STEP, "plastic_volume", "plastic_area_fraction"])
 def test_numbers_of_a_step_are_attributes_of_its_contact(name: str, stored: Dataset, contacts: list[Contact]) -> None:
     assert VARIABLES[name].source == f"contact.state.Contact.{name}"
     assert_array_equal(stored[name], [getattr(contact, name) for contact in contacts])
@@ -130,8 +131,16 @@ def test_transport_is_that_of_its_function(name: str, stored: Dataset, contacts:
     assert stored[name][-1] == getattr(value, "coefficient", value)
 
 
-def test_the_table_and_the_list_of_observables_agree() -> None:
-    observables = {*recorded.AT_STATES, *void.QUANTITIES, *regions.QUANTITIES}
-    assert {row.observable for row in VARIABLES.values()} - {""} == observables
-    assert set(variables.STATES) == {row.dim for row in recorded.AT_STATES.values()}
-    assert set(variables.ALONG) == {*void.QUANTITIES, *regions.QUANTITIES}
+def test_every_observable_names_what_exists() -> None:
+    for row in OBSERVABLES.values():
+        for name in filter(None, (row.of_state, row.labels, row.before)):
+            assert callable(function(name))
+        for key in filter(None, (row.key, row.passes, row.fields_if)):
+            assert f"record.{key}" in {known.path for known in keys()}
+
+
+def test_variables_and_observables_agree() -> None:
+    asked = {name: row for name, row in OBSERVABLES.items() if row.seconds}
+    assert {row.observable for row in VARIABLES.values()} - {""} == set(asked)
+    assert set(variables.STATES) == {row.dim for row in asked.values()} - {""}
+    assert set(variables.ALONG) == {name for name, row in asked.items() if not row.dim}

@@ -16,10 +16,11 @@ from roughvol.contact.loading import Contact, solve, sweep
 from roughvol.contact.search import first_indentation, indentation_for
 from roughvol.errors import ContactError, StudyError
 from roughvol.gap import clusters, transport
-from roughvol.observables import levels, reduction, regions, void
+from roughvol.observables import levels, reduction, regions, requests
 from roughvol.observables.variables import VARIABLES
+from roughvol.observables.view import AXES
 from roughvol.store.dataset import Dataset
-from roughvol.study import Case, Level, Transport, loads
+from roughvol.study import Case, Level, Record, loads
 
 SURFACE = "surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}\n"
 ALL = """
@@ -67,7 +68,7 @@ def test_every_step_holds_what_its_gap_says(result: Dataset, states: list[Contac
         assert float(stored.connected_volume_fraction + stored.trapped_volume_fraction) == pytest.approx(1, abs=1e-14)
         assert stored.contact_clusters == found.contact_clusters.size
         assert stored.trapped_pockets_by_size.sum() == stored.trapped_pockets
-        for name, axis in void.AXES:
+        for name, axis in AXES:
             narrowest = transport.constriction(state.gap(), axis)
             assert_allclose(stored[f"critical_gap_{name}"], narrowest.gap, rtol=1e-9)
             if narrowest.element:
@@ -139,7 +140,7 @@ def test_a_sweep_to_percolation_ends_where_the_void_closes(axes: str) -> None:
 
     def open_along(indentation: float) -> set[str]:
         clear = solve(surface, half_space, indentation).gap() > 0.0
-        return {name for name, axis in void.AXES if clusters.percolates(clear, axis)}
+        return {name for name, axis in AXES if clusters.percolates(clear, axis)}
 
     closing = set(axes) if axes != "both" else {"x", "y"}
     assert not open_along(end) & closing
@@ -295,8 +296,8 @@ def test_what_is_recorded_changes_the_id() -> None:
 
 
 def test_levels_are_by_quantity() -> None:
-    asked = Transport.model_validate({"percolation": "every-step", "constriction": {"step": [1, 2]}})
-    assert void.levels(asked) == {
+    asked = Record.model_validate({"transport": {"percolation": "every-step", "constriction": {"step": [1, 2]}}})
+    assert requests.timed(asked) == {
         "percolation": None,
         "constriction": {"step=1": Level("step", 1), "step=2": Level("step", 2)},
     }
