@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core import InitErrorDetails
 
 from roughvol.study.sections.record import INTERIOR
 from roughvol.study.sections.strict import refuse_at
+from roughvol.study.validation import details_of
 from roughvol.study.values.units import Quantity, convert
 from roughvol.study.yaml_text import KeyPath, number_text, show
 
@@ -183,12 +184,7 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> list[tuple[Place
         except ValidationError as error:
             for item in error.errors(include_url=False):
                 where = indexed(item["loc"], places)
-                kind = PydanticCustomError("refused", "{reason}", {"reason": item["msg"]})
-                known = item["type"] not in ("refused", "assertion_error", "value_error")
-                details = InitErrorDetails(
-                    type=item["type"] if known else kind, loc=where, input=item["input"], ctx=item.get("ctx", {})
-                )
-                wrong.setdefault((where, item["msg"]), details)
+                wrong.setdefault((where, item["msg"]), details_of(item, where))
     if wrong:
         raise ValidationError.from_exception_data("Study", list(wrong.values()))
     return made

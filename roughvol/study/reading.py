@@ -1,12 +1,11 @@
 """From a study file to a `Study`, or to all its problems.
 
-Text becomes plain data with line numbers (`yaml_text`), then records (pydantic). `rules` checks rules across
-sections on the plain data, beside other problems. All problems are sorted by line.
+Text becomes plain data with line numbers (`yaml_text`), then records (pydantic). `validation` adds the
+broken rules across sections. All problems are sorted by line.
 """
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -15,11 +14,10 @@ from typing import Any, get_args
 from pydantic import BaseModel, RootModel, ValidationError
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.axes import combinations, indexed
 from roughvol.study.plain_data import plain
-from roughvol.study.rules import conflicts
 from roughvol.study.sections.strict import names, nearest
 from roughvol.study.study import Places, Study
+from roughvol.study.validation import RULE, plain_path
 from roughvol.study.values.state_kinds import LISTS
 from roughvol.study.yaml_text import (
     MAX_BYTES,
@@ -180,8 +178,7 @@ def _study(
         name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
         study = Study.model_validate({"name": name, **data}, context={"folder": path.parent, "stored": stored})
     except ValidationError as error:
-        rules = ((indexed(key, at), text) for at, one in combinations(data) for key, text in conflicts(one))
-        for key, message in itertools.chain(_translate(error, data), rules):
+        for key, message in _translate(error, data):
             problems.setdefault(key, message)
         if not problems:  # a rule broken by rounding alone, as of 9007199254740993
             problems[()] = error.errors()[0]["msg"]
@@ -285,11 +282,11 @@ def _translate(error: ValidationError, data: Any) -> Iterator[tuple[KeyPath, str
     messages: list[tuple[KeyPath, str, str]] = []
     misspelt: set[KeyPath] = set()
     for item in error.errors(include_url=False):
-        kind, given, here = item["type"], item["input"], data
-        path: KeyPath = ()
-        for part in item["loc"]:  # without branches of unions and indices of single values
-            if part in here if isinstance(here, dict) else isinstance(here, list) and isinstance(part, int):
-                path, here = (*path, part), here[part]
+        kind, given = item["type"], item["input"]
+        path = plain_path(item["loc"], data)
+        if kind == RULE:
+            messages.append((plain_path(item["loc"], data, missing=True), item["msg"], item["msg"]))
+            continue
         message = in_words(item)
         if kind == "missing":
             path = (*path, item["loc"][-1])

@@ -10,13 +10,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, PrivateAttr, SerializationInfo, Tag, model_serializer, model_validator
+from pydantic import (
+    Discriminator,
+    Field,
+    PrivateAttr,
+    SerializationInfo,
+    Tag,
+    ValidationInfo,
+    model_serializer,
+    model_validator,
+)
 
 from roughvol.errors import Problem, StudyError
 from roughvol.study import axes
 from roughvol.study.axes import Axis, Variant
 from roughvol.study.case import Case
-from roughvol.study.rules import conflicts
+from roughvol.study.rules import RULES
 from roughvol.study.sections import ensemble as ensembles
 from roughvol.study.sections import spectral
 from roughvol.study.sections.agreement import resolve
@@ -30,9 +39,9 @@ from roughvol.study.sections.spectral import MadeSurface, SpectralSurface
 from roughvol.study.sections.strict import Strict, refuse_at
 from roughvol.study.sections.surface import GeneratedSurface
 from roughvol.study.sections.sweep import Legs, Sweep, tag_sweep
-from roughvol.study.sections.targets import need_length
-from roughvol.study.values.words import Word, refuse
-from roughvol.study.yaml_text import Places, key_text, write
+from roughvol.study.validation import validated
+from roughvol.study.values.words import Word
+from roughvol.study.yaml_text import Places, write
 
 
 class Study(Strict):
@@ -90,23 +99,13 @@ class Study(Strict):
     def _steps_of_an_ensemble(cls, data: Any) -> Any:
         return ensembles.with_default_steps(data)
 
-    @model_validator(mode="after")
-    def _possible(self) -> Study:
-        data = self.model_dump(mode="json")
-        if self.ensemble is not None and "seeds" in self.surface.model_fields_set:
-            data["surface"]["seeds"] = []
-        problems = [f"{key_text(path)}: {message}" for path, message in conflicts(data)]
-        if problems:
-            refuse("{problems}", problems="\n".join(problems))
-        return self
-
     @model_validator(mode="wrap")
     @classmethod
-    def _of_lists(cls, data: Any, handler: Any) -> Any:
-        """Take lists as axes; the study itself is that of their first items. This follows `_possible` on each."""
+    def _of_lists(cls, data: Any, handler: Any, info: ValidationInfo) -> Any:
+        """Check the rules across sections; take lists as axes. The study is that of their first items."""
         if not isinstance(data, dict) or not axes.lists(data):
-            return handler(data)
-        made = axes.read(data, handler)
+            return validated(data, handler, RULES, info.context)
+        made = axes.read(data, lambda one: validated(one, handler, RULES, info.context))
         first: Study = made[0][1]
         if first.ensemble is not None:
             for name, items in axes.lists(data).items():
@@ -191,7 +190,7 @@ class Study(Strict):
             with self.placing():
                 measured = resolve(one)
                 if measured.unit is None:
-                    need_length(sweep, record, str(one.file))
+                    _need_length(sweep, record, str(one.file))
                 if made and (made[0].length_unit, made[0].L) != (measured.unit, measured.L):
                     own, first = (
                         f"{L:.9g} {unit or ''}".strip()
@@ -271,6 +270,14 @@ class Study(Strict):
         ``loads(text, stored=True)`` reads it without the height files.
         """
         return write(self.model_dump(mode="json", context={"stored": True}))
+
+
+def _need_length(sweep: Sweep | Legs, record: Record, file: str) -> None:
+    """Refuse states with a unit of length, or a load, on a surface whose file gives no unit."""
+    for (section, *_), level in (*sweep.states(), *record.levels()):
+        if level.lacking("Pa", None):
+            reason = f"needs the unit of length, and {Path(file).name} gives none: add surface: {{L: 100 um}}"
+            raise StudyError([Problem(f"{level.label} {reason}", str(section))])
 
 
 def json_schema() -> dict[str, Any]:

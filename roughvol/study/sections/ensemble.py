@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_serializer, model_validator
 from pydantic_core import core_schema
 
-from roughvol.study.sections.strict import Choice
+from roughvol.study.sections.strict import Choice, refuse_at
 from roughvol.study.values.numbers import AreaFraction, Positive, Seed
 from roughvol.study.values.state_kinds import LISTS, STARRED, Level
 from roughvol.study.values.words import Many, Word, refuse
@@ -189,7 +189,10 @@ class Accuracies(Choice):
         """Accept the names of the stored variables as well."""
         if not isinstance(value, dict):
             return value
-        short = {kind.stored: name for name, kind in STARRED.items() if name not in value}
+        short = {kind.stored: name for name, kind in STARRED.items()}
+        for name, accuracy in value.items():
+            if short.get(name, name) != name and short[name] in value:
+                refuse_at((name,), accuracy, "is '{name}' by another name: give one of them", name=short[name])
         return {short.get(name, name): accuracy for name, accuracy in value.items()}
 
     @model_validator(mode="after")

@@ -9,7 +9,6 @@ flow of substance: cm³ a minute at 0 °C and 101325 Pa.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -17,9 +16,9 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 
 from roughvol.study.sections.strict import Strict
 from roughvol.study.values.numbers import Positive
-from roughvol.study.values.units import In, convert, counts_substance, in_unit, length_unit, unit_of
+from roughvol.study.values.units import In, convert, counts_substance, in_unit, unit_of
 from roughvol.study.values.words import refuse
-from roughvol.study.yaml_text import KeyPath, number_text
+from roughvol.study.yaml_text import number_text
 from roughvol.surfaces.length_units import METRES
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact since 2019
@@ -208,38 +207,3 @@ def throughput(value: float, given: str, wanted: str, kelvin: float) -> float:
     """
     warm = kelvin / ZERO_CELSIUS
     return convert(value, given, wanted) * warm ** (counts_substance(given) - counts_substance(wanted))
-
-
-def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
-    """Yield conflicts between the section ``fluid`` and others, see `rules.conflicts`.
-
-    Parameters
-    ----------
-    data : dict
-        A study as plain data, which may have other faults.
-
-    Yields
-    ------
-    tuple
-        Path of the key, and the message without it.
-    """
-    surface, transport = _mapping(data, "surface"), _mapping(data, "record", "transport")
-    asked = transport.get("gas_flow") is not None
-    if asked and data.get("fluid") is None:
-        yield (
-            ("record", "transport", "gas_flow"),
-            "needs the section fluid, as fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}",
-        )
-    if data.get("fluid") is None:
-        return
-    if not asked:
-        yield ("fluid",), "needs record.transport.gas_flow, which records the flow of the gas"
-    if {"D", "m", "H", "n"} & surface.keys() and length_unit(surface.get("L")) is None and surface.get("unit") is None:
-        yield ("fluid",), "needs the unit of length, as surface: {L: 100 um}"
-
-
-def _mapping(data: Any, *keys: str) -> dict[str, Any]:
-    """Return the mapping at a path of keys, an empty one where there is none."""
-    for key in keys:
-        data = data.get(key) if isinstance(data, dict) else None
-    return data if isinstance(data, dict) else {}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import itertools
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -32,6 +33,8 @@ from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, 
 BARE_FORMATS = (".npy", ".npz")  # formats without size and unit
 HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".grd", ".tif", ".tiff")
 MOST_FILES = 10_000  # of a pattern, as seeds
+NO_FILE = "no such file ({path})"
+ABSENT = "absent"  # key of a context in which files need not exist
 EXTRA = "roughvol[measured]"  # adds the formats of instruments
 
 _FILE = (
@@ -84,9 +87,14 @@ def _located(value: str, info: ValidationInfo) -> str:
         exists = path.is_file()
     except (OSError, ValueError):  # a name too long, a folder without access
         exists = False
-    if not exists:
-        refuse("no such file ({path})", path=printable(str(path)))
-    return Located(str(path), getattr(value, "written", value))
+    if not exists and not context.get(ABSENT):
+        refuse(NO_FILE, path=printable(str(path)))
+    return Located(str(path), value)
+
+
+def is_absent(error: Mapping[str, Any]) -> bool:
+    """Return whether an error of pydantic is a file that does not exist."""
+    return "path" in error.get("ctx", {}) and error["msg"] == NO_FILE.format(**error["ctx"])
 
 
 def _as_tuple(value: Any) -> Any:

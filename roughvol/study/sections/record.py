@@ -21,10 +21,10 @@ from roughvol.study.sections.dimensional import Dimensional, FluidPressure
 from roughvol.study.sections.select import IN_WORDS, Select, Selector
 from roughvol.study.sections.strict import Choice, Strict
 from roughvol.study.values.numbers import AreaFraction, Fraction, Whole
-from roughvol.study.values.state_kinds import Level
+from roughvol.study.values.state_kinds import STATE_KINDS, Level
 from roughvol.study.values.units import in_unit, unit_of
 from roughvol.study.values.words import Many, Switch, Word, refuse
-from roughvol.study.yaml_text import number_text
+from roughvol.study.yaml_text import KeyPath, number_text
 
 
 class BoxCounting(Strict):
@@ -254,7 +254,14 @@ class Record(Strict):
         """Whether anything but `dimensional` has a unit."""
         if self.fluid_pressure is not None and self.fluid_pressure.has_units:
             return True
-        return any(unit_of(level.value) is not None for select in self.selects.values() for level in select.levels)
+        return any(unit_of(level.value) is not None for _, level in self.levels())
+
+    def levels(self) -> Iterator[tuple[KeyPath, Level]]:
+        """Yield the levels of quantities, each with its place in the study."""
+        for path, select in self.selects.items():
+            for kind, values in select.named.items():
+                for k, value in enumerate(values if kind in STATE_KINDS else ()):
+                    yield ("record", *path, kind, k), Level(kind, value)
 
     def starred(self, of: Callable[[Level], Level]) -> Record:
         """Return the record with all levels as starred numbers."""

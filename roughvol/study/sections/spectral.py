@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationError, field_validator, model_serializer
+from pydantic import AfterValidator, Field, field_validator, model_serializer
 
 from roughvol.study.sections import surface as midpoint
 from roughvol.study.sections.ensemble import AUTO_FROM, AUTO_TO
 from roughvol.study.sections.strict import Strict
 from roughvol.study.sections.surface import MAX_SEEDS, UNIT, GeneratedSurface
 from roughvol.study.values.numbers import Dimension, Positive, Seed, Whole
-from roughvol.study.values.units import Length, LengthUnit, has_unit, length_unit, unit_of
+from roughvol.study.values.units import Length, LengthUnit, unit_of
 from roughvol.study.values.words import Auto, Many, refuse
-from roughvol.study.yaml_text import KeyPath, number_text
 from roughvol.surfaces.length_units import factor
 from roughvol.surfaces.power_law import Spectrum
 
@@ -198,45 +196,3 @@ def tag_surface(value: Any) -> str:
     if isinstance(value, dict) and not {"file", "files", "m", "midpoint_law"} & value.keys() and {*OWN} & value.keys():
         return "<spectrum>"
     return midpoint.tag_surface(value)
-
-
-def conflicts(data: dict[str, Any]) -> Iterator[tuple[KeyPath, str]]:
-    """Yield what does not go together in the section ``surface``, on plain data: key path and message."""
-    given = data.get("surface")
-    if not isinstance(given, dict) or tag_surface(given) != "<spectrum>":
-        return
-    given = {name: value for name, value in given.items() if value is not None and value != []}
-    if "H" not in given and "D" not in given:
-        yield ("surface", "H"), "missing: give the Hurst exponent H, or D = 3 - H"
-    for name, other in (("D", "H"), ("shortest", "cut"), ("slope", "Sq")):
-        if name in given and other in given:
-            yield ("surface", name), f"excluded by '{other}': give one of them"
-    own = length_unit(given.get("L")) or given.get("unit")
-    if has_unit(given.get("shortest")) and own is None:
-        message = f"has a unit ({given['shortest']}) and L has none: give L with its unit, as L: 100 um"
-        yield ("surface", "shortest"), message
-        return
-    try:
-        surface = SpectralSurface.model_validate({name: value for name, value in given.items() if name != "seeds"})
-    except ValidationError:
-        return
-    if not surface.n and not {"cut", "shortest"} & given.keys():
-        yield ("surface", "n"), "'auto' needs cut or shortest: without them λ_s is 2 δ, and each n is another surface"
-        return
-    cut, most = surface.shortest_ratio, max(surface.n, default=2**AUTO_TO) / 2.0
-    key = ("surface", "shortest" if "shortest" in given else "cut" if "cut" in given else "n")
-    if cut <= surface.rolloff:
-        yield key, f"L/λ_s is {number_text(cut)}; allowed: more than rolloff, {number_text(surface.rolloff)}"
-    elif cut > most * (1.0 + 1e-9):
-        largest = f"half the largest n{'' if surface.n else ' of auto'}, {number_text(most)}"
-        yield key, f"L/λ_s is {number_text(cut)}; allowed: at most {largest}"
-    elif surface.anisotropy >= cut:
-        yield ("surface", "anisotropy"), f"must be less than L/λ_s, {number_text(cut)}: no wave along x is left"
-    dense = data.get("solver") == "paper" or _named(data, "solver", "method") == "paper"
-    if dense and max(surface.m, default=AUTO_TO) > 6:
-        yield ("surface", "n"), "solver method 'paper' is dense and takes n <= 64"
-
-
-def _named(data: dict[str, Any], section: str, key: str) -> Any:
-    inside = data.get(section)
-    return inside.get(key) if isinstance(inside, dict) else None

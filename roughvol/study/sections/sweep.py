@@ -6,6 +6,8 @@ V*, ``pressure`` p* = mean(p) L/(E* σ); ``mean_gap`` and ``load`` always have o
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -20,12 +22,12 @@ from pydantic import (
 )
 
 from roughvol.study.sections.strict import Choice, Strict, refuse_at
-from roughvol.study.sections.targets import listed_of, misplaced, spelled
 from roughvol.study.values.numbers import AreaFraction, Positive, Whole
 from roughvol.study.values.scale import OF_ALL
-from roughvol.study.values.state_kinds import LISTS, Level
-from roughvol.study.values.units import In, Quantity, unit_of
+from roughvol.study.values.state_kinds import LISTS, STATE_KINDS, Level
+from roughvol.study.values.units import In, Quantity, convert, unit_of
 from roughvol.study.values.words import Many, Word, refuse
+from roughvol.study.yaml_text import KeyPath
 
 
 class Target(Choice):
@@ -65,6 +67,12 @@ class Target(Choice):
         default=None, description="end where the leak rate along y has fallen to this"
     )
 
+    @model_validator(mode="after")
+    def _one_state(self) -> Target:
+        if len(self.named) != 1:
+            refuse("must name exactly one of {known}", known=", ".join(type(self).model_fields))
+        return self
+
 
 def _tag_to(value: Any) -> str:
     return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
@@ -78,6 +86,40 @@ def _number_of_steps(value: Any) -> Any:
     if value == "auto":
         refuse("is a number, as 20; without the key an ensemble takes 20 steps, and other studies 60")
     return value
+
+
+def _spelled(data: Any) -> Any:
+    """Return the data of a sweep with the number of steps and the last state that follow from its list."""
+    given = [name for name in LISTS if data.get(name)] if isinstance(data, dict) else []
+    if not given:
+        return data
+    name, *others = given
+    beside = [*others, *(key for key in ("steps", "to", "equal", "first") if key in data)]
+    if beside:
+        others = [f"'{key}'" for key in beside]
+        refuse("'{name}' makes a step of each value: omit {others}", name=name, others=", ".join(others))
+    values = data[name] if isinstance(data[name], list | tuple) else [data[name]]
+    return {**data, "steps": len(values), "to": {LISTS[name].name: values[-1]}}
+
+
+def _misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str] | None:
+    """Return the place of the first listed level out of order, and the rule it breaks; None if all are in order.
+
+    The place is None where only some levels have a unit. ``either``: the levels may also unload.
+    """
+    values, units = [level.value for level in levels], [unit_of(level.value) for level in levels]
+    if any((unit is None) != (units[0] is None) for unit in units):
+        return None, "either all values have a unit, or none"
+    if (wanted := units[0]) is not None:
+        values = [convert(float(value), unit or wanted, wanted) for value, unit in zip(values, units, strict=True)]
+    falls = values[:2] != sorted(values[:2]) if either else STATE_KINDS[levels[0].kind].falls
+    for index, (one, other) in enumerate(itertools.pairwise(values), start=1):
+        if not (one > other if falls else one < other):
+            if either:
+                return index, "must rise or fall from value to value: give each way as a leg of its own"
+            way = "fall" if falls else "rise"
+            return index, f"must {way} from value to value, as on loading; a list of legs also unloads"
+    return None
 
 
 class Sweep(Strict):
@@ -131,11 +173,11 @@ class Sweep(Strict):
     @model_validator(mode="before")
     @classmethod
     def _steps_of_a_list(cls, data: Any) -> Any:
-        return spelled(data)
+        return _spelled(data)
 
     @model_validator(mode="after")
     def _in_order(self) -> Sweep:
-        if self.listed is not None and (wrong := misplaced(self.listed, either=isinstance(self, Leg))):
+        if self.listed is not None and (wrong := _misplaced(self.listed, either=isinstance(self, Leg))):
             index, reason = wrong
             name = next(name for name in LISTS if getattr(self, name))
             if index is None:
@@ -166,21 +208,27 @@ class Sweep(Strict):
     @property
     def listed(self) -> tuple[Level, ...] | None:
         """The states of the steps where they are listed; None for steps equal in indentation."""
-        kind, values = listed_of(self)
-        return tuple(Level(kind, value) for value in values) or None
+        given = next(((kind.name, getattr(self, name)) for name, kind in LISTS.items() if getattr(self, name)), None)
+        return None if given is None else tuple(Level(given[0], value) for value in given[1])
 
     @property
     def has_units(self) -> bool:
         """Whether any state has a unit."""
-        states = [level.value for leg in self.legs for level in (leg.target, *(leg.listed or ()))]
-        return any(unit_of(value) is not None for value in (*states, self.first))
+        return any(unit_of(level.value) is not None for _, level in self.states())
 
     @property
     def follows_leak(self) -> bool:
         """Whether any state is one of a leak rate."""
-        return any(
-            level.kind.startswith("leak_rate") for leg in self.legs for level in (leg.target, *(leg.listed or ()))
-        )
+        return any(level.kind.startswith("leak_rate") for _, level in self.states())
+
+    def states(self, place: KeyPath = ("sweep",)) -> Iterator[tuple[KeyPath, Level]]:
+        """Yield the states with a value, each with its place in the study."""
+        for k, level in enumerate(self.listed or ()):
+            yield (*place, STATE_KINDS[level.kind].plural, k), level
+        if self.listed is None and self.target.value is not None:
+            yield (*place, "to", self.target.kind), self.target
+        if self.first is not None:
+            yield (*place, "first"), Level("pressure", self.first)
 
     @property
     def target(self) -> Level:
@@ -256,6 +304,11 @@ class Legs(RootModel[tuple[Leg, ...]]):
     def follows_leak(self) -> bool:
         """Whether any state is one of a leak rate."""
         return any(leg.follows_leak for leg in self.root)
+
+    def states(self) -> Iterator[tuple[KeyPath, Level]]:
+        """Yield the states with a value of all legs, each with its place in the study."""
+        for number, leg in enumerate(self.root):
+            yield from leg.states(("sweep", number))
 
     @property
     def key(self) -> Any:

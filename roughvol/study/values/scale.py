@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from roughvol.study.values.state_kinds import STATE_KINDS
+from roughvol.study.values.state_kinds import STATE_KINDS, Level
 from roughvol.study.values.units import convert, unit_of
 
 OF_ALL = "a load is the nominal pressure times N^2 δ^2, on a free patch of N = 33 nodes a side 6 % more than L^2"
@@ -67,7 +67,7 @@ class Scale:
             return quantity, float(value)
         if not self.Sq > 0.0:
             raise ValueError(f"{kind} {value}: the surface is flat, Sq is 0, and has no starred numbers")
-        if message := lacking(kind, value, self.modulus_unit, self.length_unit):
+        if message := Level(kind, value).lacking(self.modulus_unit, self.length_unit):
             raise ValueError(message)
         if quantity == "pressure":
             assert self.modulus_unit is not None
@@ -91,14 +91,3 @@ class Scale:
         assert self.length_unit is not None
         metre = convert(1.0, self.length_unit, "m")
         return convert(load, unit, "N") / (self.area * metre**2)
-
-
-def lacking(kind: str, value: float, modulus_unit: str | None, length_unit: str | None) -> str:
-    """Return which unit of the study a value with a unit needs and the study lacks, empty if none."""
-    if unit_of(value) is None:
-        return ""
-    if STATE_KINDS[kind].fixes == "pressure" and modulus_unit is None:
-        return f"has a unit ({value}) and the modulus has none: give it, as material: {{E_star: 10 MPa}}"
-    if kind != "pressure" and length_unit is None:
-        return f"has a unit ({value}) and L has none: give it, as surface: {{L: 100 um}}"
-    return ""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from roughvol.errors import DatasetError
-from roughvol.study.values.units import EXAMPLES, Quantity, read
+from roughvol.study.values.units import EXAMPLES, Quantity, read, unit_of
 from roughvol.study.yaml_text import number_text
 
 
@@ -123,6 +123,16 @@ class Level:
         """Whether the indentation of the state is searched for on a free patch."""
         kind = STATE_KINDS.get(self.kind)
         return self.kind.startswith("percolation") or (kind is not None and kind.search)
+
+    def lacking(self, modulus_unit: str | None, length_unit: str | None) -> str:
+        """Return which unit of the study the value with its unit needs and the study lacks, empty if none."""
+        if unit_of(self.value) is None:
+            return ""
+        if STATE_KINDS[self.kind].fixes == "pressure" and modulus_unit is None:
+            return f"has a unit ({self.value}) and the modulus has none: give it, as material: {{E_star: 10 MPa}}"
+        if self.kind != "pressure" and length_unit is None:
+            return f"has a unit ({self.value}) and L has none: give it, as surface: {{L: 100 um}}"
+        return ""
 
 
 def parse(text: str) -> Level:
