@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from roughvol.contact.crossing import state_crossing
 from roughvol.contact.loading import Compliance, Trials, sweep
 from roughvol.contact.options import Options
-from roughvol.contact.search import first_indentation, indentation_for, state_reaching
+from roughvol.contact.search import first_indentation, indentation_for, state_crossing, state_reaching
 from roughvol.errors import ContactError
-from roughvol.observables.levels import check_touch, end_of, measure_of, options_of, searched
+from roughvol.observables.levels import check_touch, end_of, options_of, searched, target_of
 from roughvol.observables.reduction import Reduction
 from roughvol.observables.regions import within
 from roughvol.study import STATE_KINDS, Case, Legs, Level, Scale, Sweep
@@ -187,26 +186,26 @@ def _reaching(case: Case, target: Level, surface: Surface, half_space: Complianc
     if not (searched(target, surface) or target.kind.startswith("percolation")):
         end = _plane(target, surface)
         return end if states else _positive(end, target)
-    options, (measure, value) = options_of(case, surface), measure_of(target, case, surface)
-    largest, elements = options.hardness, target.kind.startswith(("percolation", "contact_area"))
-    if target.kind == "pressure" and largest is not None and value > largest:
-        raise ContactError(f"p* = {value:.6g} is not reached: pressures end at the hardness, p* = {largest:.6g}")
+    options, goal = options_of(case, surface), target_of(target, case, surface)
+    largest = options.hardness
+    if target.kind == "pressure" and largest is not None and goal.value > largest:
+        raise ContactError(f"p* = {goal.value:.6g} is not reached: pressures end at the hardness, p* = {largest:.6g}")
     if not states:
         if target.kind == "indentation":
-            _positive(value, target)
+            _positive(goal.value, target)
         trials = Trials(surface, half_space, options)
-        return state_crossing(trials, measure, value, trials.untouched, elements=elements).approach
+        return state_crossing(trials, goal, trials.untouched).approach
     last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
     trials = Trials(surface, half_space, options, after=last)
     start = trials.known(last, reduced.residual)
-    falls, fell = value < measure(start), last["indentation"] < before
+    falls, fell = goal.value < goal.measure(start), last["indentation"] < before
     if target.kind in ("contact_area", "pressure") and not (case.plastic or falls or fell):
         trials.least = start
-        return state_reaching(trials, measure, value, [start], elements=elements, below=True).approach
+        return state_reaching(trials, goal, [start], below=True).approach
     if falls != fell or not half_space.kernel.m_matrix:
         trials = Trials(surface, half_space, options, after=last, turned=True)
         start = trials.known(last, reduced.residual)
-    return state_crossing(trials, measure, value, start, elements=elements).approach
+    return state_crossing(trials, goal, start).approach
 
 
 def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:
@@ -239,16 +238,15 @@ def _first(case: Case, target: Level, surface: Surface, half_space: Compliance) 
     in_region = case.record.region is not None and target.kind in ("contact_area", "pressure", "free_volume")
     if in_region or target.kind.startswith("leak_rate"):
         trials = Trials(surface, half_space, options_of(case, surface))
-        measure, least = measure_of(target, case, surface)
+        goal = target_of(target, case, surface)
         if target.kind == "free_volume":
             check_touch(target, case, surface, trials.untouched)
-        elif measure(trials.untouched) >= least:
+        elif goal.reached(trials.untouched):
             message = (
                 f"the {target.kind.replace('_', ' ')} is below that of the end of the sweep at first touch already"
             )
             raise ContactError(message)
-        elements = target.kind == "contact_area"
-        return state_crossing(trials, measure, least, trials.untouched, elements=elements).approach
+        return state_crossing(trials, goal, trials.untouched).approach
     solver = case.solver
     options = Options(min(solver.tolerance, solver.pressure_error or 1.0), solver.method)
     predicate = end_of(case, target)

@@ -5,9 +5,8 @@ The room of the solver. It knows surfaces and arrays, no study and no results.
 ====================  ==============================================================
 `loading`             one state, or a sweep over many
 `options`             accuracy, method, hardness and constants of a solve
-`search`              indentation at which a quantity reaches a value
-`crossing`            indentation at which a quantity crosses a value, on any leg of a path
-`pressed`             state under a given load
+`bracket`             target of a search, and the solved states around it
+`search`              state at which a quantity reaches a value
 `response`            linear response of a solved state
 `active_set`          loop: free elements, residual, direction, exact step
 `law`                 pressures allowed: rigid wall, wall with a hardness

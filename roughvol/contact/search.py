@@ -1,4 +1,7 @@
-"""The indentation at which a condition is reached, between bounds that cost no solve.
+"""States at which a quantity reaches a value: one bracket of solved states, and three ways to the next trial.
+
+`state_reaching` loads elastic contact between bounds that cost no solve (below). `state_crossing` takes regula falsi on
+any leg of a path, also while a surface yields. `state_under` takes the secant of the load, to ten digits.
 
 Let x_i = c q_i where element i is in contact and x_i = -w_i elsewhere, c = 1/(K⁻¹)_ii. Where K⁻¹ is an M-matrix (the
 Love kernel), gaps are convex in the indentation Δ, and pressures after the touch are concave. With this c the slope of
@@ -27,15 +30,20 @@ from typing import Any
 
 import numpy as np
 
+from roughvol.contact.bracket import Bracket, Target
 from roughvol.contact.loading import Compliance, Contact, Trials
 from roughvol.contact.options import DEFAULT, Options
 from roughvol.contact.tuning import SEARCH_TUNING, SearchTuning
-from roughvol.errors import ContactError
+from roughvol.errors import ContactError, ConvergenceError
 from roughvol.surfaces.surface import Surface
 
 TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure", "free_volume": "free_volume"}
+CROSSING = 1e-6  # relative accuracy of the indentation of a crossing
+LOAD = 1e-10  # relative accuracy of a load
+SOLVES = 200  # most solves of a crossing; half of them for a load
+CROSSING_GROWTH = 1.1  # first trial over the start of the leg; the distance doubles until the value is bracketed
+LOAD_GROWTH = 1.5  # of the indentation, while no state carries enough
 
-Guess = Callable[[list[Contact]], float]
 Line = Callable[[float, float], Contact]
 
 
@@ -85,98 +93,19 @@ def indentation_for(
         raise ContactError(f"target is {target!r}; allowed: {', '.join(TARGETS)}")
     area = target == "contact_area"
     if not 0 < value < np.inf or (area and value > 1):
-        message = (
-            f"{target} is {value}; allowed: {'0 < A* <= 1' if area else 'p* > 0' if target == 'pressure' else 'V* > 0'}"
-        )
-        raise ContactError(message)
-
+        allowed = {"contact_area": "0 < A* <= 1", "pressure": "p* > 0", "free_volume": "V* > 0"}[target]
+        raise ContactError(f"{target} is {value}; allowed: {allowed}")
     trials = Trials(surface, half_space, options, **changed)
     if target == "free_volume":
         most = (surface.z_max - surface.mean_height) / surface.unit
         if value >= min(most, float(trials.untouched.gap().mean())):  # the two differ by rounding
             raise ContactError(f"{target} is {value}; allowed: 0 < V* < {most:.6g}, that of the first touch")
-        closed = most - value
-        return _search(
-            trials, *_reaching(closed_of(surface), closed), closed, tuning.accuracy, tuning, elements=False
-        ).approach
-
-    def measure(contact: Contact) -> float:
-        return float(getattr(contact, TARGETS[target]))
-
-    start = _mean_plane(surface) * min(1.0, value * (5.0 if area else 1.0)) ** 0.5
-    return _search(trials, *_reaching(measure, value), start, tuning.accuracy, tuning, elements=area).approach
-
-
-def closed_of(surface: Surface) -> Callable[[Contact], float]:
-    """Return the free volume closed since the first touch, over σ, as a function of a contact.
-
-    It is taken from the gaps. Those of an estimate on a straight line between two states are too large, as gaps are
-    convex, so it is a bound as A* and p* are.
-
-    Parameters
-    ----------
-    surface : Surface
-        The surface pressed.
-
-    Returns
-    -------
-    callable
-        Contact ↦ (z_max - mean(z))/σ - V*, which never falls under more contact.
-    """
-    depth = (surface.z_max - surface.mean_height) / surface.unit
-    return lambda contact: depth - float(contact.gap().mean())
-
-
-def state_reaching(
-    trials: Trials,
-    measure: Callable[[Contact], float],
-    value: float,
-    between: list[Contact],
-    *,
-    elements: bool,
-    below: bool = False,
-    tuning: SearchTuning = SEARCH_TUNING,
-) -> Contact:
-    """Return the smallest state at which a quantity reaches a value.
-
-    Parameters
-    ----------
-    trials : Trials
-        Solves of the surface. Their tolerance is that of the state returned.
-    measure : callable
-        Contact ↦ float that never falls under more contact, such as A* or p* of a part of the surface.
-    value : float
-        Value of the quantity, > 0.
-    between : list of Contact
-        The solved contacts before and after the value, from `Trials.known`. The one after alone, if nothing has
-        touched before; with ``below``, the one before alone.
-    elements : bool
-        Whether the quantity jumps with single elements, as A* does. A value reached at first touch is then found at
-        the least indentation above the tolerance.
-    below : bool
-        Whether all contacts given lie before the value.
-    tuning : SearchTuning
-        Constants.
-
-    Returns
-    -------
-    Contact
-        The state, its indentation right to a relative 10⁻⁶ and to the residual.
-
-    Raises
-    ------
-    ContactError
-        If full contact does not reach the value.
-    ConvergenceError
-        If a solve does not converge.
-    """
-    if elements and len(between) == 1 and not below:
-        touch = trials.at(min(trials.options.rtol, 0.5 * between[0].approach), trials.untouched)
-        if measure(touch) >= value:
-            return touch
-        between = [touch, *between]
-    reached, guess = _reaching(measure, value)
-    return _search(trials, reached, guess, 0.0, tuning.accuracy, tuning, elements=False, between=between)
+        start = most - value
+        goal = Target(closed_of(surface), start)
+    else:
+        start = _mean_plane(surface) * min(1.0, value * (5.0 if area else 1.0)) ** 0.5
+        goal = Target(lambda contact: float(getattr(contact, TARGETS[target])), value, elements=area)
+    return _search(trials, goal, start, tuning.accuracy, tuning, brink=area).approach
 
 
 def first_indentation(
@@ -213,86 +142,90 @@ def first_indentation(
     -------
     float
         Δ/σ. The condition holds there.
-
-    Raises
-    ------
-    ContactError
-        If the method is unknown, or the condition does not hold at full contact.
-    ConvergenceError
-        If a solve does not converge.
     """
     trials = Trials(surface, half_space, options, **changed)
-    return _search(trials, reached, lambda _: math.inf, _mean_plane(surface), accuracy, tuning).approach
+    target = Target(lambda contact: float(reached(contact)), 1.0, elements=True, power=False)
+    return _search(trials, target, _mean_plane(surface), accuracy, tuning, brink=True).approach
 
 
-def _reaching(measure: Callable[[Contact], float], value: float) -> tuple[Callable[[Contact], bool], Guess]:
-    """Return the condition that a quantity reaches a value, and a guess of its indentation."""
+def closed_of(surface: Surface) -> Callable[[Contact], float]:
+    """Return Contact ↦ the free volume closed since the first touch, over σ, which never falls under more contact.
 
-    def guess(states: list[Contact]) -> float:
-        """Return Δ on the power law through the last two states; from one state, A* and p* go about with Δ²."""
-        power, last = 2.0, states[-1]
-        if not measure(last) > 0.0:
-            return math.inf
-        if len(states) > 1 and states[-2].approach > 0.0 and 0.0 < measure(states[-2]) != measure(last):
-            power = math.log(measure(last) / measure(states[-2])) / math.log(last.approach / states[-2].approach)
-        return last.approach * float((value / measure(last)) ** (1.0 / max(power, 0.5)))
-
-    return lambda contact: measure(contact) >= value, guess
+    It is taken from the gaps. Those of an estimate on a straight line between two states are too large, as gaps are
+    convex, so it is a bound as A* and p* are.
+    """
+    depth = (surface.z_max - surface.mean_height) / surface.unit
+    return lambda contact: depth - float(contact.gap().mean())
 
 
-def _mean_plane(surface: Surface) -> float:
-    """Return Δ/σ at d = 0, or 1 on a flat surface."""
-    return surface.peak if surface.Sq > 0.0 else 1.0
+def state_reaching(
+    trials: Trials,
+    target: Target,
+    between: list[Contact],
+    *,
+    below: bool = False,
+    tuning: SearchTuning = SEARCH_TUNING,
+) -> Contact:
+    """Return the smallest state of elastic contact that reaches a value, its indentation right to a relative 10⁻⁶.
+
+    `between` has the solved contacts before and after the value. It has the contact after alone, if nothing has
+    touched before; with `below`, the contact before alone. A value that jumps with elements, and is reached at first
+    touch, is found at the least indentation above the tolerance.
+    """
+    if target.elements and len(between) == 1 and not below:
+        touch = trials.at(min(trials.options.rtol, 0.5 * between[0].approach), trials.untouched)
+        if target.reached(touch):
+            return touch
+        between = [touch, *between]
+    return _search(trials, target, 0.0, tuning.accuracy, tuning, brink=False, between=between)
 
 
 def _search(
     trials: Trials,
-    reached: Callable[[Contact], bool],
-    guess: Guess,
+    target: Target,
     start: float,
     accuracy: float,
     tuning: SearchTuning,
-    elements: bool = True,
+    *,
+    brink: bool,
     between: Sequence[Contact] = (),
 ) -> Contact:
-    """Return the state at the smallest indentation at which a condition holds.
+    """Return the state at the smallest indentation that reaches the target, from bounds on straight lines.
 
-    The guess maps states on either side, or the last two below, to an indentation. It is infinite where there is none.
-    If single elements matter, elements on the brink of contact do not count. States on either side (`between`) replace
-    the start. States without contact may be among them.
+    With `brink`, elements on the brink of contact do not count. States on either side (`between`) replace the start.
+    States without contact may be among them.
     """
-    brink = tuning.sure * trials.options.rtol if elements else 0.0
+    margin = tuning.sure * trials.options.rtol if brink else 0.0
 
     def holds(line: Line, indentation: float, noise: float = 0.0) -> bool:
-        return reached(line(indentation, brink + noise))
+        return target.reached(line(indentation, margin + noise))
 
-    below, above = [trials.untouched], list[Contact]()  # two of each, the nearest first
+    bracket = Bracket([trials.untouched])
+    below, above = bracket.short, bracket.beyond
     indentation, tolerance, growth = start, tuning.first, tuning.least_growth
     solved = list(between)
     for trial in range(tuning.solves):
         if not solved:
-            pair = _nearest(indentation, [*below[::-1], *above], tuning.clear)
+            pair = _least_error(indentation, [*below[::-1], *above], tuning.clear)
             solved = [trials.at(indentation, *pair, rtol=tolerance)]
         for contact in solved:
-            below, above = ([s for s in side if s.approach != contact.approach] for side in (below, above))
-            if holds(trials.line(contact, contact), contact.approach):
-                above = sorted([contact, *above], key=_indentation)[:2]
-            elif contact.contact_area_fraction < 1.0 or math.isfinite(guess([contact])) or reached(contact):
-                # The last: reached with elements on the brink, as a flat surface is in contact everywhere at once.
-                below = sorted([contact, *below], key=_indentation, reverse=True)[:2]
-            else:
+            reached = holds(trials.line(contact, contact), contact.approach)
+            full = not reached and contact.contact_area_fraction >= 1.0 and math.isinf(target.guess([contact]))
+            # A flat surface is in contact everywhere at once: reached with elements on the brink.
+            if full and not target.reached(contact):
                 raise ContactError(f"not reached at full contact (Δ/σ = {contact.approach:g}) either")
+            bracket.add(contact, reached)
         solved = []
         low = below[0].approach
         if not above:
             growth = min(growth**2, tuning.most_growth) if trial >= tuning.patience else growth
-            indentation = min(max(guess(below[::-1]), growth * low), tuning.most_growth * low)
+            indentation = min(max(target.guess(below[::-1]), growth * low), tuning.most_growth * low)
             tolerance = min(tuning.following, 0.01 * (indentation - low))
             continue
         high = above[0].approach
         finest = trials.tolerance(high)
         goal = accuracy * high + 2.0 * min(finest, below[0].residual + above[0].residual)
-        first, last = _bounds(trials, holds, below, above, 0.1 * goal, tuning.line_accuracy)
+        first, last = _bounds(trials, holds, bracket, 0.1 * goal, tuning.line_accuracy)
         width = last - first
         tolerance = tuning.useful * width
         doubtful = [
@@ -307,7 +240,7 @@ def _search(
         elif width <= goal:
             indentation, tolerance = last, 0.0
         else:
-            proposed = guess([below[0], above[0]])
+            proposed = target.guess([below[0], above[0]])
             proposed = proposed if math.isfinite(proposed) else 0.5 * (first + last)
             indentation = min(max(proposed, first + tuning.inside * width), last - tuning.inside * width)
     raise ContactError(f"no indentation found in {tuning.solves} solves; the last was {indentation:.9g}")
@@ -316,15 +249,11 @@ def _search(
 def _bounds(
     trials: Trials,
     holds: Callable[[Line, float, float], bool],
-    below: list[Contact],
-    above: list[Contact],
+    bracket: Bracket,
     fine: float,
     share: float,
 ) -> tuple[float, float]:
-    """Return a lower and an upper bound of the root between two states, from straight lines.
-
-    They are right to `fine`, or to a share of their distance to the states.
-    """
+    """Return bounds of the root from straight lines, right to `fine` or to a share of their distance to the states."""
 
     def root(one: Contact, other: Contact, start: float, end: float, sign: float) -> tuple[float, float]:
         line, distance = trials.line(one, other), other.approach - one.approach
@@ -335,9 +264,9 @@ def _bounds(
             start, end = (start, middle) if holds(line, middle, 2.0 * sign * noise) else (middle, end)
         return start, end
 
-    low, high = below[0].approach, above[0].approach
-    last = root(below[0], above[0], low, high, 1.0)[1]
-    sides = [sorted(side, key=_indentation) for side in (below, above) if len(side) == 2]
+    low, high = bracket.short[0].approach, bracket.beyond[0].approach
+    last = root(bracket.short[0], bracket.beyond[0], low, high, 1.0)[1]
+    sides = [sorted(side, key=_indentation) for side in (bracket.short, bracket.beyond) if len(side) == 2]
     return max([low, *(root(one, other, low, last, -1.0)[0] for one, other in sides)]), last
 
 
@@ -345,7 +274,7 @@ def _indentation(contact: Contact) -> float:
     return contact.approach
 
 
-def _nearest(indentation: float, states: list[Contact], clear: float) -> tuple[Contact, Contact | None]:
+def _least_error(indentation: float, states: list[Contact], clear: float) -> tuple[Contact, Contact | None]:
     """Return the later and the earlier of the two states with the least error of their straight line."""
     if len(states) == 1:
         return states[0], None
@@ -357,3 +286,123 @@ def _nearest(indentation: float, states: list[Contact], clear: float) -> tuple[C
 
     one, other = min(itertools.combinations(states, 2), key=error)
     return other, one
+
+
+def state_crossing(
+    trials: Trials, target: Target, start: Contact, end: Contact | None = None, *, accuracy: float = CROSSING
+) -> Contact:
+    """Return the first state at which a quantity reaches a value, on the way from a solved state: up or down.
+
+    `end` is a state at the value or beyond it. By default it is the first touch where the value is below that of the
+    start, and is found by steps that double where it is above. Of a quantity that jumps with elements, those on the
+    brink of contact do not count on loading: any other solve of this accuracy finds the value reached too.
+    """
+    begin, value = target.measure(start), target.value
+    if begin == value:
+        raise ContactError(f"the leg begins at Δ/σ = {start.approach:g}, where the value {value:g} is reached already")
+    sign = 1.0 if value > begin else -1.0
+
+    def excess(contact: Contact) -> float:
+        if target.elements and sign > 0.0:
+            contact = trials.line(contact, contact)(contact.approach, SEARCH_TUNING.sure * trials.options.rtol)
+        return sign * (target.measure(contact) - value)
+
+    touch = trials.untouched
+    far = touch if end is None and sign < 0.0 else end
+    before = sign > 0.0 and start.approach < touch.approach
+    if (far is touch and excess(far) < 0.0) or (before and excess(touch) >= 0.0):
+        return _apart(trials, target)
+    near = touch if before else start  # nothing to solve before the first touch
+    reach, solves = (CROSSING_GROWTH - 1.0) * (near.approach or near.separation), 0
+    while far is None or excess(far) < 0.0:
+        if far is not None:
+            full = (
+                not target.elements and far.contact_area_fraction >= 1.0 and target.measure(far) <= target.measure(near)
+            )
+            if full or solves == SOLVES:
+                raise ContactError(f"the value {value:g} is not reached up to Δ/σ = {far.approach:g}")
+            near = far
+        far = trials.at(near.approach + reach, near)
+        reach, solves = 2.0 * reach, solves + 1
+    if far is touch and excess(far) == 0.0:
+        return far  # contact is lost there and not before
+    return _between(trials, excess, near, far, accuracy)
+
+
+def _apart(trials: Trials, target: Target) -> Contact:
+    """Return the state without contact that has a value of a quantity that moves with the surface, as a volume does."""
+    touch, value = trials.untouched, target.value
+    state = trials.apart(touch.approach - (target.measure(touch) - value))
+    if abs(target.measure(state) - value) > CROSSING * max(1.0, abs(value)):
+        raise ContactError(f"the value {value:g} is not reached in contact, which begins at Δ/σ = {touch.approach:g}")
+    return state
+
+
+def _between(
+    trials: Trials, excess: Callable[[Contact], float], near: Contact, far: Contact, accuracy: float
+) -> Contact:
+    """Return a state of excess ≥ 0 as near to the other side as asked for: regula falsi (Illinois) and bisection."""
+    low, high = excess(near), excess(far)
+    bracket = Bracket([near], falls=far.approach < near.approach)
+    bracket.beyond.append(far)
+    for trial in range(SOLVES):
+        near, far, width = bracket.short[0], bracket.beyond[0], bracket.width
+        if abs(width) <= accuracy * far.approach + 2.0 * (near.residual + far.residual):
+            return far
+        plateau = high == 0.0  # as of percolation and of whole elements: it begins before this state
+        share = 0.5 if plateau or trial % 3 == 2 else min(max(low / (low - high), 0.01), 0.99)
+        middle = trials.at(near.approach + share * width, *sorted((near, far), key=_indentation, reverse=True))
+        value = excess(middle)
+        bracket.add(middle, value >= 0.0)
+        low, high = (0.5 * low, value) if value >= 0.0 else (value, 0.5 * high)
+    raise ContactError(f"no indentation found in {SOLVES} solves; the last was {far.approach:.9g}")
+
+
+def state_under(trials: Trials, pressure: float, guess: float, *, accuracy: float = LOAD) -> Contact:
+    """Return the state of elastic contact with a mean pressure p* > 0, from a guess of its indentation (Δ'/σ)."""
+    bracket, near, start = Bracket([trials.untouched]), list[Contact](), trials.problem.touch
+    indentation = guess if guess > start else start + 1e-3
+    for _ in range(SOLVES // 2):
+        state = trials.at(indentation, *_around(indentation, [trials.untouched, *near]))
+        near = sorted([state, *near], key=lambda known: abs(known.mean_pressure - pressure))[:3]
+        if abs(state.mean_pressure - pressure) <= accuracy * pressure:
+            return state
+        bracket.add(state, state.mean_pressure >= pressure)
+        if bracket.beyond and bracket.width <= 4e-15 * bracket.beyond[0].approach:
+            return bracket.beyond[0]
+        indentation = _secant(pressure, near, bracket)
+    message = f"no state with p* = {pressure:.9g} found"
+    raise ConvergenceError(message, indentation=indentation, iterations=SOLVES // 2, residual=math.nan)
+
+
+def _secant(pressure: float, near: list[Contact], bracket: Bracket) -> float:
+    """Return the indentation on the line through the nearest two states, or between the bracket."""
+    below, above = bracket.short[0], bracket.beyond[0] if bracket.beyond else None
+    if len(near) > 1 and near[0].mean_pressure != near[1].mean_pressure:
+        one, other = near[:2]
+        rate = (other.approach - one.approach) / (other.mean_pressure - one.mean_pressure)
+        wanted = one.approach + rate * (pressure - one.mean_pressure)
+        most = above.approach if above is not None else LOAD_GROWTH * near[0].approach + 1.0
+        if below.approach < wanted < most:
+            return wanted
+    if above is None:
+        return LOAD_GROWTH * below.approach + 1e-3
+    if below.mean_pressure == 0.0:  # p* goes about with Δ²
+        share = math.sqrt(pressure / above.mean_pressure)
+        return below.approach + min(max(share, 0.01), 0.99) * (above.approach - below.approach)
+    return 0.5 * (below.approach + above.approach)
+
+
+def _around(indentation: float, known: list[Contact]) -> tuple[Contact, Contact | None]:
+    """Return the two states from which a solve starts: around the indentation, or below it."""
+    known = sorted(known, key=_indentation)
+    below = [state for state in known if state.approach < indentation]
+    above = [state for state in known if state.approach >= indentation]
+    if above:
+        return above[0], below[-1] if below else None
+    return below[-1], below[-2] if len(below) > 1 else None
+
+
+def _mean_plane(surface: Surface) -> float:
+    """Return Δ/σ at d = 0, or 1 on a flat surface."""
+    return surface.peak if surface.Sq > 0.0 else 1.0

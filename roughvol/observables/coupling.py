@@ -37,8 +37,8 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from roughvol.contact.loading import Compliance, Contact, Trials
-from roughvol.contact.pressed import state_under
 from roughvol.contact.response import Response
+from roughvol.contact.search import state_under
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap.fluid_pressure import LEAST, FluidField
 from roughvol.gap.transport import conduction

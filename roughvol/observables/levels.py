@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from roughvol.contact import search
-from roughvol.contact.crossing import state_crossing
+from roughvol.contact.bracket import Target
 from roughvol.contact.loading import Compliance, Contact, Trials, sweep
 from roughvol.contact.options import Options
-from roughvol.contact.search import TARGETS
+from roughvol.contact.search import TARGETS, state_crossing, state_reaching
 from roughvol.errors import ContactError
 from roughvol.observables import void
 from roughvol.observables.plastic import largest_pressure
@@ -257,30 +256,15 @@ def searched(level: Level, surface: Surface) -> bool:
     )
 
 
-def measure_of(level: Level, case: Case, surface: Surface) -> tuple[Callable[[Contact], float], float]:
-    """Return the quantity of a level, and its value there.
+def target_of(level: Level, case: Case, surface: Surface) -> Target:
+    """Return the quantity of a level that is searched for, with its value, in the region of the study.
 
-    Parameters
-    ----------
-    level : Level
-        contact_area, pressure, free_volume or a leak rate in the region of the study; the end of percolation;
-        indentation or separation of a periodic surface.
-    case : Case
-        Names the region.
-    surface : Surface
-        The surface pressed.
-
-    Returns
-    -------
-    measure : callable
-        Contact ↦ float that never falls under more contact: A*, p*, the volume closed since the first touch, 1 where
-        no void percolates, or -log(Q/Q_0 + 10⁻³) of the leak rate Q asked to be Q_0, finite for closed ways.
-    value : float
-        Its value at the level.
+    It is A*, p*, the volume closed since the first touch, 1 where no void percolates, or -log(Q/Q_0 + 10⁻³) of the leak
+    rate Q asked to be Q_0, finite for closed ways.
     """
     kind, value = level.kind, level.value or 0.0
     if kind.startswith("percolation"):
-        return lambda contact: float(void.stops_percolating(kind, within(contact, case))), 1.0
+        return Target(lambda contact: float(void.stops_percolating(kind, within(contact, case))), 1.0, elements=True)
     if kind.startswith("leak_rate"):
         axes = kind.removeprefix("leak_rate").strip("_") or "xy"
 
@@ -288,14 +272,15 @@ def measure_of(level: Level, case: Case, surface: Surface) -> tuple[Callable[[Co
             rates = void.leak_rates(within(contact, case))
             return -math.log(max(rates[axis] for axis in axes) / value + CLOSED)
 
-        return closing, -math.log(1.0 + CLOSED)
+        return Target(closing, -math.log(1.0 + CLOSED))
     depth = (surface.z_max - surface.mean_height) / surface.unit
     if kind == "free_volume":
-        return lambda contact: depth - float(within(contact, case).gap().mean()), depth - value
+        return Target(lambda contact: depth - float(within(contact, case).gap().mean()), depth - value)
     if kind in ("indentation", "separation"):
         closed = value if kind == "indentation" else depth - value
-        return lambda contact: depth - float(contact.gap().mean()) + contact.plastic_volume, closed
-    return lambda contact: float(getattr(within(contact, case), TARGETS[kind])), value
+        return Target(lambda contact: depth - float(contact.gap().mean()) + contact.plastic_volume, closed)
+    stored, elements = TARGETS[kind], kind == "contact_area"
+    return Target(lambda contact: float(getattr(within(contact, case), stored)), value, elements=elements)
 
 
 def at_level(
@@ -312,34 +297,8 @@ def at_level(
     At an indentation or a separation of a free patch one state is solved. Other levels, those of areas, pressures and
     volumes in the region of the study, are searched for between the two steps.
 
-    Parameters
-    ----------
-    level : Level
-        Of the kind indentation, separation, contact_area, pressure or free_volume.
-    case : Case
-        Its solver and region.
-    surface : Surface
-        The surface pressed.
-    half_space : Compliance
-        Of the shape of the surface.
-    earlier : list of mappings
-        The one or two states before the level, as `Contact.state` returns them; none before the first step.
-    residual : float
-        η/σ of the last of them.
-    after : Contact
-        The first step at the level or beyond it.
-
-    Returns
-    -------
-    Contact
-        The state on the whole surface.
-
-    Raises
-    ------
-    ContactError
-        If the level lies before the first touch.
-    ConvergenceError
-        If the state is not solved to the tolerance.
+    `earlier` has the one or two states before the level, as `Contact.state` returns them, `residual` is η/σ of the last
+    of them, and `after` is the first step at the level or beyond it.
     """
     value = level.value or 0.0
     options = options_of(case, surface)
@@ -347,24 +306,17 @@ def at_level(
         check_touch(level, case, surface, Trials(surface, half_space, options).untouched)
     falls = bool(earlier) and after.approach < earlier[-1]["indentation"]
     if searched(level, surface):
-        measure, value = measure_of(level, case, surface)
-        value *= 1.0 - ROUNDING
-    if searched(level, surface) and (case.plastic or falls):
-        trials = Trials(surface, half_space, options, after=after.state())
-        start = trials.known(earlier[-1], residual) if earlier else trials.untouched
-        return state_crossing(trials, measure, value, start, trials.known(after.state(), after.residual))
-    if searched(level, surface):
+        target = target_of(level, case, surface)
+        target = replace(target, value=target.value * (1.0 - ROUNDING))
+        if case.plastic or falls:
+            trials = Trials(surface, half_space, options, after=after.state())
+            start = trials.known(earlier[-1], residual) if earlier else trials.untouched
+            end = trials.known(after.state(), after.residual)
+            return state_crossing(trials, replace(target, elements=False), start, end)
         trials = Trials(surface, half_space, options)
         between = [trials.known(state, residual) for state in earlier[-1:]]
         trials.least = between[0] if between else None
-        between.append(trials.known(after.state(), after.residual))
-        return search.state_reaching(
-            trials,
-            measure,
-            value,
-            between,
-            elements=level.kind == "contact_area",
-        )
+        return state_reaching(trials, target, [*between, trials.known(after.state(), after.residual)])
     indentation = value if level.kind == "indentation" else after.indentation + after.separation - value
     if abs(indentation - after.indentation) <= ROUNDING * after.indentation:
         return after

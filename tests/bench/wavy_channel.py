@@ -16,7 +16,7 @@ import numpy as np
 from roughvol.campaign.one_case import one_thread
 from roughvol.contact.loading import Trials
 from roughvol.contact.periodic import PeriodicHalfSpace
-from roughvol.contact.pressed import state_under
+from roughvol.contact.search import state_under
 from roughvol.errors import ConvergenceError
 from roughvol.gap.clusters import percolates
 from roughvol.observables.coupling import Coupling, Lifted

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import DenseHalfSpace
 
-from roughvol.contact.crossing import state_crossing
+from roughvol.contact.bracket import Target
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials, solve, sweep
-from roughvol.contact.search import first_indentation
+from roughvol.contact.search import first_indentation, state_crossing
 from roughvol.contact.tuning import Tuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -188,10 +188,14 @@ def test_the_work_of_a_closed_loop_is_not_negative(surface, half_space):
     assert loop > 0.1 * np.trapezoid(force[:41], fine)
 
 
+def pressure(value):
+    return Target(lambda contact: contact.mean_pressure, value)
+
+
 def test_unloading_to_no_pressure_leaves_a_surface_that_touches_nothing(surface, half_space):
     *_, top = sweep(surface, half_space, UP, rtol=RTOL, hardness=5.0)
     trials = Trials(surface, half_space, rtol=RTOL, hardness=5.0, after=top.state(), turned=True)
-    state = state_crossing(trials, lambda contact: contact.mean_pressure, 0.0, trials.known(top.state(), top.residual))
+    state = state_crossing(trials, pressure(0.0), trials.known(top.state(), top.residual))
     assert state.mean_pressure == state.contact_area_fraction == 0.0
     left = (surface.heights - surface.heights.max()) / surface.Sq - top.plastic_displacement()
     assert left.max() + state.indentation == pytest.approx(0.0, abs=1e-12)
@@ -207,9 +211,9 @@ def test_a_pressure_is_found_on_the_way_down_and_up_again(surface, half_space, h
     *_, top = sweep(surface, half_space, UP, rtol=1e-8, hardness=hardness)
     trials = Trials(surface, half_space, rtol=1e-8, hardness=hardness, after=top.state(), turned=True)
     start = trials.known(top.state(), top.residual)
-    state = state_crossing(trials, lambda contact: contact.mean_pressure, value * top.mean_pressure, start)
+    state = state_crossing(trials, pressure(value * top.mean_pressure), start)
     assert state.mean_pressure == pytest.approx(value * top.mean_pressure, rel=1e-4)
-    again = state_crossing(trials, lambda contact: contact.mean_pressure, 0.9 * top.mean_pressure, state)
+    again = state_crossing(trials, pressure(0.9 * top.mean_pressure), state)
     assert again.mean_pressure == pytest.approx(0.9 * top.mean_pressure, rel=1e-4)
     assert again.indentation > state.indentation
 
@@ -224,7 +228,7 @@ def test_the_first_state_of_a_condition_that_stays_true_is_found(surface, half_s
     begin = trials.untouched
     if start == "unloaded":
         begin = list(sweep(surface, half_space, [0.5, 0.3], hardness=1e6))[-1]
-    state = state_crossing(trials, closed, 1.0, begin, elements=True)
+    state = state_crossing(trials, Target(closed, 1.0, elements=True), begin)
     assert state.indentation == pytest.approx(first, rel=1e-4)
     again = solve(surface, half_space, state.indentation)
     assert closed(again) == 1.0
@@ -233,7 +237,7 @@ def test_the_first_state_of_a_condition_that_stays_true_is_found(surface, half_s
 def test_a_pressure_above_the_hardness_is_refused(surface, half_space):
     trials = Trials(surface, half_space, hardness=2.0)
     with pytest.raises(ContactError, match="not reached"):
-        state_crossing(trials, lambda contact: contact.mean_pressure, 2.1, trials.untouched)
+        state_crossing(trials, pressure(2.1), trials.untouched)
 
 
 @pytest.mark.parametrize("kept", range(1, len(UP) + len(DOWN)))

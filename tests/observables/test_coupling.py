@@ -14,7 +14,7 @@ from roughvol.campaign.one_case import one_thread
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, Trials
 from roughvol.contact.periodic import PeriodicHalfSpace
-from roughvol.contact.pressed import state_under
+from roughvol.contact.search import state_under
 from roughvol.errors import ContactError, ConvergenceError, StudyError
 from roughvol.gap.clusters import percolates
 from roughvol.gap.fluid_pressure import fluid_pressure
