@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-ROOMS = ("", "surfaces", "study", "contact", "gap", "observables", "store", "campaign", "report")
+ROOMS = ("", "surfaces", "study", "contact", "gap", "observables", "ensemble", "store", "campaign", "report")
 SECTIONS = ("PR01", "RT01", "YD01")  # parameters, what is returned, what is yielded
 NOT_YET: tuple[str, ...] = ()
 

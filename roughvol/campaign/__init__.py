@@ -7,17 +7,10 @@ Room of the campaign.
 `running`       run a study: all its missing cases
 `collected`     finished cases as one dataset
 `rounds`        rounds of an ensemble in its folder
+`trials`        surfaces of an ensemble that are not stored
 `sorting`       stored cases sorted out before a run
 `shared_cases`  cases that other runs under one root have finished
 `checks`        a study checked before anything is computed
-`ensemble`      rounds of samples until a mean is as accurate as requested
-`quantities`    quantities of one surface at a state
-`samples`       values and modelled cost of each sample
-`estimates`     means, intervals and errors from all samples
-`steps`         the number of steps of an ensemble that chooses it
-`sampling`      the number of samples on each level in the next round
-`answered`      the means as stored variables and in sentences
-`expected`      expected samples and cost of an ensemble
 `one_case`      one case: surface, sweep, reduction
 `path`          indentations of the legs of a sweep
 `batch`         cases handed to workers and stored as they end

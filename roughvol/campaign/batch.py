@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from roughvol._version import __version__
-from roughvol.campaign import cost, limits, resources, workers
+from roughvol.campaign import limits, resources, workers
 from roughvol.campaign.forecast import Forecast
 from roughvol.campaign.one_case import HalfSpaces, Stopped, file_of_case
+from roughvol.ensemble import cost
 from roughvol.errors import CampaignError, RoughvolError
 from roughvol.store import lock, run_folder, stamped_file
 from roughvol.store.run_folder import case_file, checkpoint_file, failed_file

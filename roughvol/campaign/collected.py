@@ -5,20 +5,23 @@ from __future__ import annotations
 import contextlib
 import os
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from roughvol.campaign import doubts, validity
 from roughvol.campaign.one_case import FFT
 from roughvol.errors import DatasetError
-from roughvol.store import answer, dataset, dimensional, provenance, run_folder, variants
+from roughvol.observables.variables import DTYPES, VARIABLES
+from roughvol.store import dataset, dimensional, provenance, run_folder, sample_plan, variants
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.store.run_folder import case_file, folder_of
 from roughvol.study import Case, Study, load
 
 if TYPE_CHECKING:
-    pass
+    from roughvol.ensemble.design import Design
 
 
 def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset:
@@ -46,7 +49,7 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
     """
     study = study if isinstance(study, Study) else load(study)
     folder = folder_of(study, out)
-    cases = answer.cases_of(study, folder)
+    cases = sample_plan.cases_of(study, folder)
     parts, _, versions = _finished(folder, cases)
     if not parts:
         raise DatasetError(f"no case of {study.name} is finished in {folder}")
@@ -55,15 +58,12 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
     return _with_means(study, folder, cases, parts, versions)
 
 
-class _Unfinished(Exception):
-    """Samples that an ensemble needs and its folder lacks."""
-
-
 def _with_means(
     study: Study, folder: Path, cases: Mapping[str, Case], parts: dict[str, Arrays], versions: Mapping[str, int]
 ) -> Dataset:
     """Return the finished samples of an ensemble, with the means if none is missing."""
-    from roughvol.campaign import answered, ensemble  # scipy.stats: half a second, for ensembles alone
+    from roughvol.campaign import trials  # scipy.stats: half a second, for ensembles alone
+    from roughvol.ensemble.design import Design
 
     with contextlib.suppress(DatasetError):  # a budget of time ends elsewhere in each run: its answer is the stored one
         stored = dataset.read(folder / "study.nc")
@@ -71,18 +71,25 @@ def _with_means(
         if same and stored.attrs.get("case_ids") == provenance.ids_text(parts) and parts.keys() == cases.keys():
             return stored
 
-    def finished(wanted: Sequence[Case]) -> Mapping[str, Arrays]:
-        absent = sum(case.id not in parts for case in wanted)
-        if absent:
-            raise _Unfinished(f"{absent} of {len(wanted)} samples of a round are missing")
-        return parts
-
     results = combined(parts, {id: case for id, case in cases.items() if id in parts}, study, versions)
-    try:
-        means = ensemble.estimate_means(study, finished)
-    except _Unfinished as error:
-        return results.assign_attrs(answer=f"no answer yet: {error}; a run of the study goes on")
-    return answer.with_answer(results, answered.variables(means), "\n".join(answered.sentences(means)))
+    design = Design(study, trials.step_errors(study))
+    while request := design.next():
+        if absent := sum(case.id not in parts for case in request.cases):
+            missing = f"{absent} of {len(request.cases)} samples of a round are missing"
+            return results.assign_attrs(answer=f"no answer yet: {missing}; a run of the study goes on")
+        design.add(parts, trials.surfaces_alone(request.surfaces))
+    return with_answer(results, design)
+
+
+def with_answer(results: Dataset, design: Design) -> Dataset:
+    """Return a dataset with the variables of an answer, and its sentences as the attribute ``answer``."""
+    from roughvol.ensemble import answer
+
+    for name, (dims, array) in answer.variables(design).items():
+        row = VARIABLES[name]
+        results[name] = (dims, np.asarray(array, dtype=DTYPES[row.kind]))
+        results[name].attrs = {"units": row.units, "long_name": row.long_name, "symbol": row.symbol}
+    return results.assign_attrs(answer="\n".join(answer.sentences(design)))
 
 
 def all_parts(

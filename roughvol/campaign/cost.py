@@ -1,8 +1,6 @@
 """Estimated cost of a study: cases, memory, disk, time.
 
-Time is that of the convolutions. One is timed on this machine for each grid. Their number per step follows a rule
-fitted to sweeps to the mean plane (m = 4 … 9, D = 2.1 … 2.9, three accuracies) by `python -m tests.bench.cost_rule`.
-Averaged over D, its error was a factor of 1.3 on each grid in the hour of the fit, 1.7 in others, 1.8 for a search.
+Time is that of `ensemble.cost`, with a convolution timed on this machine for each grid.
 """
 
 from __future__ import annotations
@@ -21,22 +19,11 @@ from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.resources import cores
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.periodic import PeriodicHalfSpace
-from roughvol.observables.requests import passes, searched_levels, timed
-from roughvol.observables.variables import OBSERVABLES
-from roughvol.study import ACCURACY, EXPECTED, Case, Level, Solver, Study
+from roughvol.ensemble.cost import expected_seconds, observable_seconds
+from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
 
 TIMED_UP_TO = 1025  # nodes a side; times of larger grids are scaled as N² log N
-# seconds a step on any grid, and in addition with iteration
-STEP, ITERATIVE = 1.7e-4, 3.5e-4
-PER_CONVOLUTION = 1.2  # time of a step over that of its convolutions
-# convolutions a step beside the verification: at m = 6 and 1e-6, for each further level, power of the digits
-UNITS, UNITS_PER_LEVEL, DIGITS_POWER = 1.40, 0.34, 1.95
-CASE_OVERHEAD = 0.005  # seconds a case: its file (docs/store-decision.md)
-NODE = 6.0e-9  # seconds of a convolution over N² log N, for N nodes per side
 START = 1.5  # seconds: processes start and import
-SEARCH = 23  # cost of the search for an indentation, in steps
-LEVEL = 3  # cost of the search for an area or a pressure between two steps, in steps
-FLOW_POWER, FLOW_NODES = 0.15, 257**2  # growth with the nodes of the seconds a node of a flow (a factorisation)
 LONG = 30 * 86400.0  # seconds of a run that draws a warning
 ROUGH = 1e-7  # seconds a state and node at least, to skip the timing of short runs
 
@@ -163,77 +150,6 @@ def _seconds(case: Case, shape: tuple[int, int]) -> float:
 
 def _convolution(case: Case, shape: tuple[int, int]) -> float:
     return seconds_per_convolution(shape, case.periodic)
-
-
-def expected_seconds(case: Case, shape: tuple[int, int], convolution: float | None = None) -> float:
-    """Return the expected seconds of a case.
-
-    Parameters
-    ----------
-    case : Case
-        Any case.
-    shape : tuple of int
-        Nodes of its surface along x and y.
-    convolution : float, optional
-        Seconds of a convolution on its grid. Default: `NODE` n log n with n nodes, which needs no timing.
-
-    Returns
-    -------
-    float
-        Seconds of one core.
-    """
-    if case.sweep.steps == 0:
-        return CASE_OVERHEAD
-    if convolution is None:
-        nodes = math.prod(shape)
-        convolution = NODE * nodes * math.log(nodes) / 2.0
-    steps = case.sweep.steps + SEARCH * searches(case) + LEVEL * searched_levels(case)
-    step = seconds_per_step(shape, case.solver.tolerance, convolution)
-    return CASE_OVERHEAD + sum(observable_seconds(case, shape).values()) + steps * step
-
-
-def searches(case: Case) -> int:
-    """Return the number of states of the path that are searched for."""
-    levels = [level for leg in case.sweep.legs for level in leg.listed or (leg.target,)]
-    levels += [Level("pressure") for leg in case.sweep.legs if leg.equal != "indentation" for _ in range(leg.steps)]
-    return sum(case.periodic or level.searched for level in levels)
-
-
-def observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
-    """Return the seconds of each observable of a case, all its states together."""
-    seconds = {}
-    for name, levels in timed(case.record).items():
-        row = OBSERVABLES[name]
-        nodes = [math.prod(shape) * share for share in passes(row, case.record)]
-        power = FLOW_POWER if row.flow else 0.0
-        count = case.sweep.steps if levels is None else len(levels)
-        seconds[name] = count * row.seconds * sum(n * (n / FLOW_NODES) ** power for n in nodes)
-    return seconds
-
-
-def convolutions_per_step(shape: tuple[int, int], rtol: float) -> float:
-    """Return the expected convolutions of one step of a sweep for a residual η/σ.
-
-    One verifies. Up to m = 5 it is the only one.
-    """
-    level = _level(shape)
-    if level <= 5.0:
-        return 1.0
-    digits = max(-math.log10(rtol), 0.0) / 6.0
-    # iteration begins between m = 5 and 6
-    return 1.0 + (UNITS * min(level - 5.0, 1.0) + UNITS_PER_LEVEL * max(level - 6.0, 0.0)) * digits**DIGITS_POWER
-
-
-def seconds_per_step(shape: tuple[int, int], rtol: float, convolution: float) -> float:
-    """Return the seconds of one step of a sweep from those of one convolution on its grid."""
-    needed = convolutions_per_step(shape, rtol)
-    iterative = ITERATIVE if _level(shape) > 5.0 else 0.0
-    return STEP + iterative + PER_CONVOLUTION * needed * convolution
-
-
-def _level(shape: tuple[int, int]) -> float:
-    """Return m of the square grid with as many elements."""
-    return math.log2(math.sqrt((shape[0] - 1) * (shape[1] - 1)))
 
 
 def _shape(case: Case) -> tuple[int, int]:

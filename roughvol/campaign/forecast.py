@@ -12,7 +12,7 @@ class Forecast:
     Parameters
     ----------
     works : mapping
-        Expected seconds of each case by id, of `cost.expected_seconds`. Their ratios alone count.
+        Expected seconds of each case by id, of `ensemble.cost.expected_seconds`. Their ratios alone count.
     steps : mapping
         Number of steps of each case by id.
     later : float

@@ -1,24 +1,23 @@
-"""The rounds of an ensemble in a folder: samples computed, means estimated, until these are as accurate as asked."""
+"""The rounds of an ensemble in a folder: samples computed as the design asks for them, until the means are accurate."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import time
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from roughvol.campaign import collected, cost
+from roughvol.campaign import collected, trials
 from roughvol.campaign.batch import Batch, OnEvent, Progress
+from roughvol.ensemble import answer, cost
+from roughvol.ensemble.design import Design
 from roughvol.errors import DatasetError
-from roughvol.store import answer, dataset, provenance
+from roughvol.store import dataset, provenance, sample_plan
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.study import Case, Study
-
-if TYPE_CHECKING:
-    from roughvol.campaign import ensemble
 
 
 class Rounds:
@@ -41,23 +40,20 @@ class Rounds:
         self._parts: dict[str, Arrays] = {}
         self._versions: Counter[str] = Counter()
         self._interval, self._kept = "", 0
-        self._planned, self._goal = dict[float, dict[int, int]](), dict[float, dict[int, int]]()
         for notice in notices:
             self._report(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
 
     def results(self) -> Dataset:
         """Return the dataset of all samples and the answer, written when it has changed."""
-        from roughvol.campaign import answered, ensemble, steps  # scipy.stats: half a second, for ensembles alone
-
-        measured = steps.measured(self._study, self._stopping)
-        means = ensemble.estimate_means(
-            self._study,
-            self._compute,
-            measured,
-            on_plan=self._plan,
-            on_round=self._rounded,
-        )
-        path, text = self._folder / "study.nc", "\n".join(answered.sentences(means))
+        design, began = Design(self._study, trials.step_errors(self._study, self._stopping)), time.monotonic()
+        while request := design.next(time.monotonic() - began):
+            later = self._later(design)
+            sample_plan.store(self._folder, design.counts)
+            surfaces = trials.surfaces_alone(request.surfaces)
+            design.add(self._computed(request.cases, later) if request.cases else {}, surfaces)
+            self._interval = answer.progress(design.estimates)
+            self._report_samples()
+        path, text = self._folder / "study.nc", "\n".join(answer.sentences(design))
         with contextlib.suppress(DatasetError):
             stored = dataset.read(path)
             same = stored.attrs.get("study") == self._study.stored() and stored.attrs.get("answer") == text
@@ -65,32 +61,27 @@ class Rounds:
                 os.utime(path)
                 return stored
         results = collected.combined(self._parts, self._cases, self._study, self._versions)
-        dataset.write(answer.with_answer(results, answered.variables(means), text), path)
+        dataset.write(collected.with_answer(results, design), path)
         return dataset.read(path)
 
-    def _plan(self, counts: Mapping[float, dict[int, int]]) -> None:
-        """Store the samples of the next round."""
-        self._planned = dict(counts)
-        answer.store_plan(self._folder, counts)
-
-    def _later(self) -> float:
-        """Return the expected seconds of the samples after those planned."""
+    def _later(self, design: Design) -> float:
+        """Return the expected seconds of the samples after the next round."""
         seconds = 0.0
-        for D, goal in self._goal.items():
+        for D, goal in design.goal.items():
             for m, number in goal.items():
-                if (more := number - self._planned.get(D, {}).get(m, 0)) > 0:
-                    nodes = 2**m + 1
-                    seconds += more * cost.expected_seconds(self._study.sample(D, m, 0), (nodes, nodes))
+                nodes = 2**m + 1
+                each = cost.expected_seconds(self._study.sample(D, m, 0), (nodes, nodes))
+                seconds += max(number - design.counts[D].get(m, 0), 0) * each
         return seconds
 
-    def _compute(self, cases: Sequence[Case]) -> Mapping[str, Arrays]:
-        """Compute the cases that have no file, and read all."""
+    def _computed(self, cases: Sequence[Case], later: float) -> Mapping[str, Arrays]:
+        """Return the arrays of cases, those without a file computed."""
         by_id = {case.id: case for case in cases}
         missing = [case for id, case in by_id.items() if id not in self._sound]
         kept = len(self._cases) + len(by_id) - len(missing)
         self._kept += len(by_id) - len(missing)
         if missing:
-            batch = Batch(self._folder, self._study.stored(), missing, kept, None, self._report, later=self._later())
+            batch = Batch(self._folder, self._study.stored(), missing, kept, None, self._report, later=later)
             batch.through(self._jobs, self._scheduler, self._stopping)
         else:
             self._report(Progress(cases=kept, kept=kept, work=1.0))
@@ -99,12 +90,8 @@ class Rounds:
         self._parts |= parts
         return parts
 
-    def _rounded(self, estimates: ensemble.Estimates) -> None:
-        """Report the interval that is farthest from its accuracy."""
-        from roughvol.campaign import answered, sampling
-
-        self._interval = answered.progress(estimates)
-        self._goal = {D: sampling.goal(row, self._planned[D]) for D, row in estimates.items()}
+    def _report_samples(self) -> None:
+        """Report the number of samples after a round."""
         count = len(self._cases)
         done, event = count - self._kept, f"{count} samples"
         self._report(Progress(cases=count, kept=self._kept, done=done, work=1.0, event=event))

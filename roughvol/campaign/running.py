@@ -13,13 +13,12 @@ from pathlib import Path
 from roughvol.campaign import cluster, collected, notebook, shared_cases
 from roughvol.campaign.batch import Batch, OnEvent, Progress
 from roughvol.campaign.checks import check_fits, check_surfaces, doubtful, slow
-from roughvol.campaign.rounds import Rounds
 from roughvol.campaign.sorting import sorted_out
 from roughvol.errors import CampaignError, FolderError
 from roughvol.store import (
-    answer,
     lock,
     same_study,
+    sample_plan,
     stamped_file,
 )
 from roughvol.store.dataset import Dataset
@@ -50,7 +49,7 @@ def run(
     on_event = on_event or notebook.progress()
     surface = check_surfaces(study, made)
     folder, text = folder_of(study, out), study.stored()
-    cases = answer.cases_of(study, folder)
+    cases = sample_plan.cases_of(study, folder)
     if jobs is not None and jobs < 1:
         raise CampaignError(f"jobs is {jobs}; allowed: 1 or more")
     if only is not None and study.ensemble is not None:
@@ -70,6 +69,8 @@ def run(
             stamped_file.store(folder / file.name, file.read_bytes())
         notices, absent = sorted_out(folder, cases, fresh=wanted if fresh else (), another=another is not None)
         if study.ensemble is not None:
+            from roughvol.campaign.rounds import Rounds  # scipy.stats: half a second, for ensembles alone
+
             sound = cases.keys() - {case.id for case in absent}
             rounds = Rounds(study, folder, sound, notices, on_event, jobs, scheduler, stopping)
             return rounds.results()

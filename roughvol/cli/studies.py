@@ -21,7 +21,7 @@ from roughvol.cli.output import say, warn
 if TYPE_CHECKING:
     from roughvol.campaign.batch import Progress
     from roughvol.campaign.cost import Estimate
-    from roughvol.campaign.expected import Expected
+    from roughvol.ensemble.prediction import Expected
     from roughvol.store.dataset import Dataset
     from roughvol.study import Case, Study
     from roughvol.surfaces.surface import Surface
@@ -47,14 +47,18 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: 
 
     A study beyond the memory or disk of this machine is an error. One of more than 30 days draws a warning.
     """
-    from roughvol.campaign import checks, cost, expected, understood, validity
+    from roughvol.campaign import checks, cost, understood, validity
 
     loaded, folder = study_of(study, changes)
     surface = understood.shown(loaded, checks.check_surfaces(loaded))
     cases = loaded.cases()
     picture = _look(loaded, surface, cases[0], out) if look or out is not None else None
     estimated = cost.estimate(loaded, jobs)
-    rows = expected.expected(loaded) if loaded.ensemble is not None else []
+    rows = []
+    if loaded.ensemble is not None:
+        from roughvol.campaign import trials  # scipy.stats: half a second
+
+        rows = trials.expected(loaded)
     notes = understood.notes(cases[0], surface) if surface is not None and cases[0].file is not None else ()
     doubts = (*notes, *checks.doubtful(loaded, surface)) if not rows else checks.doubtful(loaded, surface)
     warnings = list(validity.sentences(checks.foreseen(loaded, surface), doubts))

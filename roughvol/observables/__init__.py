@@ -23,10 +23,6 @@ an observable.
 `central`          area, pressure, volume and flow of central squares
 `regions`          a part of the surface
 `at_state`         quantities of a sweep at a given state, between its steps
-`multilevel`       multilevel estimators of the mean over an ensemble
-`best_linear`      the best linear estimator for a given covariance
-`allocation`       the optimal number of samples on each level
-`refinement`       the bias of a mean by the resolution
 =================  ===================================================================
 """
 

@@ -17,7 +17,7 @@ Room of the store. It computes nothing.
 `same_study`           whether a folder holds the results of a study
 `run_status`           finished, missing, failed and damaged cases
 `runs`                 all runs of a folder: size, state, age
-`answer`               the answer of an ensemble, and its planned samples
+`sample_plan`          planned samples of an ensemble
 `checkpoint`           the finished steps of a long sweep
 `stamped_file`         files that are whole or absent, with a checksum
 =====================  =============================================================

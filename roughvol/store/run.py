@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError
-from roughvol.store import answer, run_folder, same_study
+from roughvol.store import run_folder, same_study, sample_plan
 from roughvol.study import HeightFile, Study, load, loads
 
 if TYPE_CHECKING:
@@ -306,7 +306,7 @@ def _of_another_study(file: Path, results: Dataset, stored: str, given: Study) -
                 return lines
         except StudyError as error:
             return [f"its study cannot be read by this version: {error}"]
-    cases = answer.cases_of(given, file.parent)
+    cases = sample_plan.cases_of(given, file.parent)
     now = {(body.file.name, body.sha256) for case in cases.values() for body in case.bodies}
     lines = [
         f"surface.file: the content of {name} has changed (sha256 {old[:8]} → {new[:8]})"

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from roughvol.store import answer, lock, run_folder, same_study
+from roughvol.store import lock, run_folder, same_study, sample_plan
 from roughvol.store.lock import Holder
 from roughvol.store.run_folder import case_file, folder_of
 from roughvol.study import Study, load
@@ -78,7 +78,7 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     """
     study = study if isinstance(study, Study) else load(study)
     folder = folder_of(study, out)
-    cases = answer.cases_of(study, folder)
+    cases = sample_plan.cases_of(study, folder)
     same_study.check_same_study(folder, study, cases)
     holder = lock.holder(folder)
     running, left = _progress(folder) if holder else ((), None)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from roughvol.errors import DatasetError, StudyError
-from roughvol.store import answer, lock, run_folder
+from roughvol.store import lock, run_folder, sample_plan
 from roughvol.study import HeightFile, loads
 
 
@@ -81,5 +81,5 @@ def _state(folder: Path) -> str:
     except StudyError:
         return f"{len(stored)} finished{failures}, its study cannot be read"
     surface = study.surface
-    total = len(surface.each) if isinstance(surface, HeightFile) else len(answer.cases_of(study, folder))
+    total = len(surface.each) if isinstance(surface, HeightFile) else len(sample_plan.cases_of(study, folder))
     return f"{len(stored)} of {total} finished{failures}"

@@ -1,4 +1,4 @@
-"""The constants of `roughvol/campaign/cost.py`, fitted to sweeps and searches on this machine.
+"""The constants of `roughvol/ensemble/cost.py`, fitted to sweeps and searches on this machine.
 
 `python -m tests.bench.cost_rule [m …]`. The time of a step is STEP + n PER_CONVOLUTION t, and ITERATIVE more
 where the iteration is used (m > 5); t is the time of one convolution, n how many a step takes:
@@ -20,10 +20,10 @@ import numpy as np
 from scipy.optimize import nnls
 from threadpoolctl import threadpool_limits
 
-from roughvol.campaign import cost
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.contact.search import indentation_for
+from roughvol.ensemble import cost
 from roughvol.study import ACCURACY
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 

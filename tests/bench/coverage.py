@@ -17,13 +17,15 @@ from unittest import mock
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from roughvol.campaign import ensemble, samples, sampling
 from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.path import last_indentation
-from roughvol.campaign.steps import Steps
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
+from roughvol.ensemble import plan
+from roughvol.ensemble.step_error import StepErrors
+from roughvol.ensemble.targets import series_of, targets_of
 from roughvol.study import Case, Study, loads
+from tests.ensemble.kit import driven
 
 SERIES = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 COUNTS = ("convolutions", "convolutions_fp32", "residual")
@@ -63,23 +65,23 @@ def study(m: int, D: float, accuracy: str, *, quantity: str = "free_volume", see
 def reference(m: int, D: float, *, quantity: str, seeds: int = REFERENCE, steps: int = 15) -> float:
     """Return the plain mean of many seeds."""
     one = study(m, D, "1 %", quantity=quantity, steps=steps)
-    targets = samples.targets_of(one.ensemble)
+    (target,) = targets_of(one.ensemble)
     cases = (one.sample(D, m, REFERENCE_SEED + seed) for seed in range(seeds))
-    return float(np.mean([samples.sample_of(targets, case, compute([case])[case.id]).values[0] for case in cases]))
+    return float(np.mean([target.value(series_of(swept(case)), case) for case in cases]))
 
 
 def measure(m: int, D: float, accuracy: str, studies: int, *, quantity: str, few: bool, seeds: int) -> dict[str, float]:
     """Return the share of intervals that contain the mean, and more of these studies."""
     mean = reference(m, D, quantity=quantity, seeds=seeds)
     inside, finest, errors, held = 0, [], [], 0
-    with mock.patch.object(sampling, "COSTLY", {m: 4, m - 1: 10} if few else sampling.COSTLY):
+    with mock.patch.object(plan, "COSTLY", {m: 4, m - 1: 10} if few else plan.COSTLY):
         for number in range(studies):
             one = study(m, D, accuracy, quantity=quantity, seed=number * APART)
-            found = ensemble.estimate_means(one, compute, Steps(one.sweep.steps, (0.0,), 0))
+            found = driven(one, compute, StepErrors((0.0,), 0))
             estimate = found.estimates[D][0]
             inside += abs(estimate.mean.value - mean) <= estimate.mean.half_width
             held += estimate.reached
-            finest.append(found.samples.counts(D)[-1])
+            finest.append(found.table.counts(D)[-1])
             errors.append(estimate.mean.value / mean - 1.0)
     return {
         "m": m,

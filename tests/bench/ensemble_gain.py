@@ -17,12 +17,12 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from roughvol.campaign import ensemble
 from roughvol.campaign.one_case import HalfSpaces, file_of_case
-from roughvol.observables.allocation import plain_cost
+from roughvol.ensemble.allocation import plain_cost
 from roughvol.store import dataset, stamped_file
 from roughvol.store.dataset import Arrays
 from roughvol.study import Case, loads
+from tests.ensemble.kit import driven
 
 STUDY = """
 surface: {{D: {D}, m: {m}}}
@@ -53,7 +53,7 @@ def measure(folder: Path, m: int, D: float, quantity: str, accuracy: str, pressu
         return found
 
     began = time.process_time()
-    answer = ensemble.estimate_means(study, compute)
+    answer = driven(study, compute)
     spent = time.process_time() - began
     targets = []
     for one in answer.estimates[D]:
@@ -75,7 +75,7 @@ def measure(folder: Path, m: int, D: float, quantity: str, accuracy: str, pressu
         "samples": dict(sorted(samples.items())),
         "ms a sample": {level: round(1e3 * seconds[level] / samples[level], 1) for level in sorted(samples)},
         "modelled ms": [round(1e3 * cost, 1) for cost in answer.estimates[D][0].costs],
-        "surfaces alone": len(answer.samples.surfaces[D]),
+        "surfaces alone": len(answer.table.surfaces[D]),
         "rounds": len(answer.rounds[D]),
         "seconds": round(spent, 1),
         "targets": targets,

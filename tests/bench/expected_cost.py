@@ -6,7 +6,7 @@ import sys
 import tempfile
 import time
 
-from roughvol.campaign import expected, running
+from roughvol.campaign import running, trials
 from roughvol.study import loads
 
 STUDIES = {
@@ -23,7 +23,7 @@ def main() -> None:
     """Print the expected and the computed samples and costs of each study, or of those named."""
     for name in sys.argv[1:] or STUDIES:
         study, started = loads(STUDIES[name]), time.process_time()
-        rows = expected.expected(study)
+        rows = trials.expected(study)
         print(f"{name}: expected in {time.process_time() - started:.1f} s", flush=True)
         with tempfile.TemporaryDirectory() as folder:
             results = running.run(study, out=folder, jobs=1)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from roughvol.campaign import quantities, samples
 from roughvol.campaign.one_case import HalfSpaces, arrays_of_case
+from roughvol.ensemble import targets
 from roughvol.study import loads
 
 STUDY = """
@@ -23,13 +23,13 @@ def main() -> None:
         for m in (5, 6):
             study = loads(STUDY.format(D=D, m=m))
             cases = [study.sample(D, m, seed) for seed in range(SEEDS)]
-            series = [quantities.series_of(arrays_of_case(case, half_spaces)) for case in cases]
-            for target in samples.targets_of(study.ensemble):
+            series = [targets.series_of(arrays_of_case(case, half_spaces)) for case in cases]
+            for target in targets.targets_of(study.ensemble):
                 of = [(one, target.stored, target.state, case) for one, case in zip(series, cases, strict=True)]
-                mean = np.mean([quantities.value_at(*each) for each in of]) / 100.0
+                mean = np.mean([targets.value_at(*each) for each in of]) / 100.0
                 texts = []
                 for every in EVERY:
-                    errors = np.array([quantities.error_at(*each, every) for each in of]) / mean
+                    errors = np.array([targets.error_at(*each, every) for each in of]) / mean
                     texts.append(f"{60 // every}: {errors.mean():+.3f} ± {errors.std(ddof=1) / SEEDS**0.5:.3f} %")
                 print(f"D = {D}, m = {m}, {target.state.label}: {', '.join(texts)}", flush=True)
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import roughvol
-from roughvol.campaign.cost import CASE_OVERHEAD, START, convolutions_per_step, estimate
+from roughvol.campaign.cost import START, estimate
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
+from roughvol.ensemble.cost import CASE, convolutions_per_step
 from roughvol.observables import requests
 from roughvol.study import ACCURACY, Level, loads
 from roughvol.study.sections.record import Record
@@ -100,7 +101,7 @@ def test_accuracies_are_as_far_apart_as_their_sweeps() -> None:
 def test_a_search_costs_less_than_a_sweep_of_sixty_steps(target: str) -> None:
     text = "surface: {{D: 2.4, m: 7, seeds: 1}}\nsweep: {{steps: {}, to: {}}}"
     plain, searched, twice = (
-        estimate(loads(text.format(*how)), jobs=1).seconds - START - CASE_OVERHEAD
+        estimate(loads(text.format(*how)), jobs=1).seconds - START - CASE
         for how in ((60, "mean-plane"), (60, target), (120, "mean-plane"))
     )
     assert plain < searched < twice

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from roughvol.campaign import cost
 from roughvol.campaign.forecast import Forecast
+from roughvol.ensemble import cost
 from roughvol.study import loads
 
 

@@ -8,40 +8,30 @@ from typing import Any
 
 import numpy as np
 
-from roughvol.campaign.ensemble import Answer, Estimates
-from roughvol.campaign.estimates import MeanEstimate
-from roughvol.campaign.quantities import PERCOLATION
-from roughvol.campaign.samples import SMALLEST, SampleTable
-from roughvol.campaign.steps import Steps
+from roughvol.ensemble.design import Design, Estimates
+from roughvol.ensemble.estimate import MeanEstimate
+from roughvol.ensemble.samples import SampleTable
+from roughvol.ensemble.step_error import StepErrors
+from roughvol.ensemble.targets import PERCOLATION
 from roughvol.observables.variables import DTYPES, MISSING, VARIABLES
-from roughvol.store.answer import BOUNDS
+
+BOUNDS = ("lower", "upper")
 
 Values = dict[str, tuple[tuple[str, ...], Any]]
 
 
-def variables(answer: Answer) -> Values:
-    """Return an answer as stored variables.
-
-    Parameters
-    ----------
-    answer : Answer
-        From `ensemble.estimate_means`.
-
-    Returns
-    -------
-    dict
-        Dimensions and values by the name in `observables.variables.VARIABLES`.
-    """
-    table = answer.samples
+def variables(design: Design) -> Values:
+    """Return an answer as stored variables: dimensions and values by name."""
+    table = design.table
     dimensions = sorted(table.dimensions)
     states = list(dict.fromkeys(target.state.label for target in table.targets))
-    rounds = max(len(history) for history in answer.rounds.values())
+    rounds = max(len(history) for history in design.rounds.values())
     sizes = {"D": len(dimensions), "m": len(table.levels), "ensemble_at": len(states), "bound": 2, "round": rounds}
-    values = _coordinates(states, rounds) | _costs(answer, dimensions, rounds)
+    values = _coordinates(states, rounds) | _costs(design, dimensions, rounds)
     for row, D in enumerate(dimensions):
-        for number, estimate in enumerate(answer.estimates[D]):
+        for number, estimate in enumerate(design.estimates[D]):
             column = states.index(estimate.target.state.label)
-            half_widths = _padded([history[number] for _, history in answer.rounds[D]], rounds)
+            half_widths = _padded([history[number] for _, history in design.rounds[D]], rounds)
             for suffix, value in (_values_of(estimate) | {"round_half_width": half_widths}).items():
                 name = f"{estimate.target.stored}_{suffix}"
                 dims = tuple(VARIABLES[name].dims.split())
@@ -61,10 +51,10 @@ def _coordinates(states: Sequence[str], rounds: int) -> Values:
     }
 
 
-def _costs(answer: Answer, dimensions: Sequence[float], rounds: int) -> Values:
+def _costs(design: Design, dimensions: Sequence[float], rounds: int) -> Values:
     """Return the number of samples on each level, and the modelled costs."""
-    table, estimates = answer.samples, answer.estimates
-    by_round = [_padded([cost for cost, _ in answer.rounds[D]], rounds) for D in dimensions]
+    table, estimates = design.table, design.estimates
+    by_round = [_padded([cost for cost, _ in design.rounds[D]], rounds) for D in dimensions]
     return {
         "ensemble_samples": (("D", "m"), [table.counts(D) for D in dimensions]),
         "ensemble_surfaces": (("D",), [len(table.surfaces[D]) for D in dimensions]),
@@ -105,45 +95,29 @@ def _padded(values: Sequence[float], length: int) -> list[float]:
     return [*values, *[math.nan] * (length - len(values))]
 
 
-def sentences(answer: Answer) -> list[str]:
-    """Return an answer in sentences.
-
-    Parameters
-    ----------
-    answer : Answer
-        From `ensemble.estimate_means`.
-
-    Returns
-    -------
-    list of str
-        A line for each mean with all its errors, then samples and costs for each D.
-    """
-    finest = answer.samples.finest
-    lines = [sentence(estimate, D, finest) for D, estimates in answer.estimates.items() for estimate in estimates]
-    for D, estimates in answer.estimates.items():
-        lines.append(_cost_sentence(D, answer.samples, estimates))
+def sentences(design: Design) -> list[str]:
+    """Return an answer in sentences: each mean with all its errors, then samples and costs for each D."""
+    finest = design.table.finest
+    lines = [_sentence(estimate, D, finest) for D, estimates in design.estimates.items() for estimate in estimates]
+    for D, estimates in design.estimates.items():
+        lines.append(_cost_sentence(D, design.table, estimates))
         lines += [_interpolation_remark(estimate) for estimate in estimates]
-    lines += [_steps_sentence(answer.steps), answer.stopped]
+    lines += [_steps_sentence(design.table.study.sweep.steps, design.steps), design.stopped]
     return list(dict.fromkeys(filter(None, lines)))
 
 
-def sentence(estimate: MeanEstimate, D: float, m: int) -> str:
-    """Return a mean and its errors in one line.
+def progress(estimates: Estimates) -> str:
+    """Return the mean with the largest half-width over its accuracy, for a line of progress."""
+    D, worst = max(
+        ((D, estimate) for D, row in estimates.items() for estimate in row),
+        key=lambda pair: pair[1].mean.half_width / pair[1].target.half_width(pair[1].mean.value),
+    )
+    half_width, accuracy = _relative(worst, worst.mean.half_width), worst.target.accuracy
+    return f"{worst.target.symbol} at D = {D:g} ± {half_width} of ± {accuracy}"
 
-    Parameters
-    ----------
-    estimate : MeanEstimate
-        The mean.
-    D : float
-        Fractal dimension.
-    m : int
-        Finest level.
 
-    Returns
-    -------
-    str
-        Value, interval, and the errors by resolution, interpolation and solver.
-    """
+def _sentence(estimate: MeanEstimate, D: float, m: int) -> str:
+    """Return a mean in one line: value, interval, and the errors by resolution, interpolation and solver."""
     target, mean, weak_error = estimate.target, estimate.mean, estimate.weak_error
     state = f" at {target.state.label.replace('=', ' = ')}"
     if target.state.value is None:
@@ -169,7 +143,8 @@ def _cost_sentence(D: float, table: SampleTable, estimates: Sequence[MeanEstimat
     samples = ", ".join(f"{number} samples at m = {m}" for m, number in zip(levels, table.counts(D), strict=True))
     samples += f", {len(table.surfaces[D])} surfaces without a solve"
     plain = _plain_cost(estimates)
-    text = f"D = {D:g}: {samples}; {duration(cost)} of one core by the cost model, plain Monte Carlo {duration(plain)}"
+    costs = f"{_duration(cost)} of one core by the cost model, plain Monte Carlo {_duration(plain)}"
+    text = f"D = {D:g}: {samples}; {costs}"
     used = {level for estimate in estimates for level in estimate.plan.levels}
     unused = [str(m) for level, m in enumerate(levels) if level not in used]
     if plain <= cost:
@@ -177,12 +152,12 @@ def _cost_sentence(D: float, table: SampleTable, estimates: Sequence[MeanEstimat
     return f"{text}; no use of m = {', '.join(unused)}" if unused else text
 
 
-def _steps_sentence(steps: Steps) -> str:
+def _steps_sentence(number: int, steps: StepErrors) -> str:
     """Return the number of steps, and the origin of the errors between them, in one line."""
-    text = f"{steps.number} steps a sweep"
-    if not steps.surfaces:
-        return f"{text}; nothing is interpolated between them"
-    return f"{text}; the errors between them are those of {steps.surfaces} trial surfaces with more steps"
+    origin = "nothing is interpolated between them"
+    if steps.surfaces:
+        origin = f"the errors between them are those of {steps.surfaces} trial surfaces with more steps"
+    return f"{number} steps a sweep; {origin}"
 
 
 def _interpolation_remark(estimate: MeanEstimate) -> str:
@@ -204,41 +179,7 @@ def _relative(estimate: MeanEstimate, error: float) -> str:
     return f"{100.0 * error / mean:.2g} %" if mean else "inf %"
 
 
-def progress(estimates: Estimates) -> str:
-    """Return the mean with the largest half-width over its accuracy, for a line of progress.
-
-    Parameters
-    ----------
-    estimates : dict
-        Estimates of a round, by D.
-
-    Returns
-    -------
-    str
-        Symbol, D, half-width and accuracy.
-    """
-    D, worst = max(
-        ((D, estimate) for D, row in estimates.items() for estimate in row),
-        key=lambda pair: pair[1].mean.half_width / max(pair[1].requested, SMALLEST),
-    )
-    return (
-        f"{worst.target.symbol} at D = {D:g} ± {_relative(worst, worst.mean.half_width)} of ± {worst.target.accuracy}"
-    )
-
-
-def duration(seconds: float) -> str:
-    """Return a time in a readable unit.
-
-    Parameters
-    ----------
-    seconds : float
-        Time in seconds.
-
-    Returns
-    -------
-    str
-        Three digits, in s, min, h or days.
-    """
+def _duration(seconds: float) -> str:
     for limit, unit, size in ((100.0, "s", 1.0), (6000.0, "min", 60.0), (3e5, "h", 3600.0)):
         if seconds < limit:
             return f"{seconds / size:.3g} {unit}"

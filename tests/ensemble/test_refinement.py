@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.observables.refinement import weak_error
+from roughvol.ensemble.refinement import weak_error
 
 LEVELS = np.arange(4, 10)
 

@@ -29,39 +29,17 @@ FIT_NOISE = 0.1  # error added in the fit to log2 of each step, for departures f
 
 @dataclass(frozen=True)
 class WeakError:
-    """The bias by the resolution.
+    """The bias by the resolution."""
 
-    Attributes
-    ----------
-    bias : float
-        Estimate of |μ_∞ - μ_M|; NaN without a limit.
-    rate : float
-        α of the relative steps; NaN for fewer than two significant steps.
-    converges : bool
-        Whether the mean has a limit.
-    """
-
-    bias: float
-    rate: float
-    converges: bool
+    bias: float  # |μ_∞ - μ_M|; NaN without a limit
+    rate: float  # α of the relative steps; NaN for fewer than two significant steps
+    converges: bool  # whether the mean has a limit
 
 
 def weak_error(means: Sequence[float], steps: Sequence[float], noise: Sequence[float]) -> WeakError:
-    """Return the bias by the resolution (Giles, Oper. Res. 56 (2008) 607).
+    """Return the bias by the resolution from the means, their steps on common seeds, and the noise of each step.
 
-    Parameters
-    ----------
-    means : sequence of float, length levels
-        μ, coarsest first.
-    steps : sequence of float, length levels - 1
-        e, from seeds in common.
-    noise : sequence of float, length levels - 1
-        Standard error of each step.
-
-    Returns
-    -------
-    WeakError
-        Without a significant step the mean counts as converged, and the bias is that of the noise.
+    Without a significant step the mean counts as converged, and the bias is that of the noise.
     """
     size = np.abs(np.asarray(steps, dtype=np.float64))[-WINDOW:]
     spread = np.asarray(noise, dtype=np.float64)[-WINDOW:]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.observables.allocation import AIM, NORMAL, allocated
-from roughvol.observables.best_linear import best_linear
-from roughvol.observables.multilevel import Link, chain
+from roughvol.ensemble.allocation import AIM, NORMAL, allocated
+from roughvol.ensemble.multilevel import Link, chain
+from tests.ensemble.kit import best_linear
 
 COVARIANCE = np.array([[1.0, 0.9, 0.7], [0.9, 1.2, 1.0], [0.7, 1.0, 1.1]])
 REASON = "pip install 'roughvol[crosscheck]'"

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.campaign import quantities
 from roughvol.campaign.one_case import run_case
-from roughvol.campaign.quantities import PERCOLATION, error_at, series_of, value_at
 from roughvol.campaign.running import run
-from roughvol.campaign.samples import targets_of
+from roughvol.ensemble.targets import PERCOLATION, Series, error_at, series_of, targets_of, value_at
 from roughvol.errors import StudyError
 from roughvol.store import dataset
 from roughvol.study import Case, Level, loads
@@ -24,7 +22,7 @@ def _case(to: str, steps: int = 12, record: str = EVERY) -> Case:
     return loads(f"surface: {{D: 2.3, m: 4, seeds: 1}}\nsweep: {{steps: {steps}, to: {to}}}\n{record}").cases()[0]
 
 
-def _series(case: Case) -> quantities.Series:
+def _series(case: Case) -> Series:
     return series_of(dataset.arrays_of(run_case(case)))
 
 

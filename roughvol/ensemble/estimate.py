@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roughvol.campaign import steps
-from roughvol.campaign.samples import SMALLEST, SampleTable, Target
-from roughvol.observables import allocation, best_linear, multilevel, refinement
-from roughvol.observables.allocation import Alone, Plan
-from roughvol.observables.multilevel import Link, Mean
-from roughvol.observables.refinement import WeakError
+from roughvol.ensemble import allocation, multilevel, refinement
+from roughvol.ensemble.allocation import Alone, Plan
+from roughvol.ensemble.multilevel import Link, Mean
+from roughvol.ensemble.refinement import WeakError
+from roughvol.ensemble.samples import SampleTable
+from roughvol.ensemble.step_error import SHARE
+from roughvol.ensemble.targets import Target
 from roughvol.typing import Array
 
 STOPPING = 3.0  # samples lost by stopping at a narrow interval (see `multilevel`)
@@ -23,45 +24,19 @@ RELIABLE = 60  # samples of a level that determine its variance to 20 %
 
 @dataclass(frozen=True)
 class MeanEstimate:
-    """The estimate of one mean at one D.
-
-    Attributes
-    ----------
-    target : Target
-        Quantity, state and accuracy.
-    mean : Mean
-        Value, variance and degrees of freedom, on the finest level.
-    plan : Plan
-        Optimal chain of levels and its samples.
-    costs : tuple of float, length levels
-        Mean modelled seconds of a sample.
-    links : mapping
-        Regressions between levels, from `multilevel.links_of`.
-    level_means : tuple of float, length levels
-        Mean of each level.
-    correlations : tuple of float, length levels - 1
-        Pearson's ρ of each level with the next coarser one.
-    interpolation_error : float
-        Error between steps, from the trial surfaces.
-    solver_error : float
-        Certified bound; 0 without one.
-    weak_error : WeakError
-        Bias by the resolution.
-    alone : Alone
-        Surfaces without a solve.
-    """
+    """The estimate of one mean at one D."""
 
     target: Target
-    mean: Mean
-    plan: Plan
-    costs: tuple[float, ...]
-    links: Mapping[tuple[int, int], Link]
+    mean: Mean  # on the finest level
+    plan: Plan  # optimal chain of levels and its samples
+    costs: tuple[float, ...]  # mean modelled seconds of a sample, by level
+    links: Mapping[tuple[int, int], Link]  # regressions between levels
     level_means: tuple[float, ...]
-    correlations: tuple[float, ...]
-    interpolation_error: float
-    solver_error: float
-    weak_error: WeakError
-    alone: Alone
+    correlations: tuple[float, ...]  # Pearson's ρ of each level with the next coarser one
+    interpolation_error: float  # between steps
+    solver_error: float  # certified bound; 0 without one
+    weak_error: WeakError  # by the resolution
+    alone: Alone  # surfaces without a solve
 
     @property
     def requested(self) -> float:
@@ -76,7 +51,7 @@ class MeanEstimate:
     @property
     def steps_suffice(self) -> bool:
         """Whether the error between steps is at most a tenth of the accuracy."""
-        return self.interpolation_error <= steps.SHARE * self.requested
+        return self.interpolation_error <= SHARE * self.requested
 
     @property
     def level_variances(self) -> tuple[float, ...]:
@@ -95,36 +70,21 @@ class MeanEstimate:
     @property
     def plain_cost(self) -> float:
         """Modelled seconds of plain Monte Carlo on the finest level, for the same accuracy."""
-        return allocation.plain_cost(self.level_variances[-1], self.costs[-1], max(self.requested, SMALLEST))
+        return allocation.plain_cost(self.level_variances[-1], self.costs[-1], self.target.half_width(self.mean.value))
 
 
-def estimates_of(table: SampleTable, D: float) -> list[MeanEstimate]:
-    """Return the estimates of all means at one D.
-
-    Parameters
-    ----------
-    table : SampleTable
-        With samples on every level.
-    D : float
-        Fractal dimension.
-
-    Returns
-    -------
-    list of MeanEstimate
-        In the order of ``table.targets``.
-    """
-    costs = tuple(float(np.mean([sample.cost for sample in samples])) for samples in table.of(D))
-    return [_estimate(table, D, number, costs) for number in range(len(table.targets))]
+def estimates_of(table: SampleTable, D: float, step_errors: Sequence[float]) -> list[MeanEstimate]:
+    """Return the estimates of all means at one D, from samples on every level and the errors between steps."""
+    costs = tuple(table.costs(D))
+    return [_estimate(table, D, number, costs, error) for number, error in enumerate(step_errors)]
 
 
-def _estimate(table: SampleTable, D: float, number: int, costs: tuple[float, ...]) -> MeanEstimate:
-    target, samples = table.targets[number], table.of(D)
-    values = [np.array([sample.values[number] for sample in level]) for level in samples]
-    alone = table.alone(D)
+def _estimate(table: SampleTable, D: float, number: int, costs: tuple[float, ...], step_error: float) -> MeanEstimate:
+    target, values, alone = table.targets[number], table.values(D, number), table.alone(D)
     links = multilevel.links_of(values, alone.values)
     chains = [multilevel.nearest_chain(links, level) for level in range(len(values))]
     level_means = tuple(multilevel.chain(values, levels, links, alone=alone.values).value for levels in chains)
-    mean, plan = _mean_and_plan(values, links, costs, target.accuracy.of(level_means[-1]) or SMALLEST, alone)
+    mean, plan = _mean_and_plan(values, links, costs, target.half_width(level_means[-1]), alone)
     return MeanEstimate(
         target,
         mean,
@@ -132,9 +92,9 @@ def _estimate(table: SampleTable, D: float, number: int, costs: tuple[float, ...
         costs,
         links,
         level_means,
-        tuple(best_linear.correlation(fine, coarse) for coarse, fine in itertools.pairwise(values)),
-        table.step_errors[number] * target.accuracy.of(mean.value),
-        float(np.max([sample.solver_errors[number] for level in samples for sample in level])),
+        tuple(multilevel.correlation(fine, coarse) for coarse, fine in itertools.pairwise(values)),
+        step_error * target.accuracy.of(mean.value),
+        float(np.max([sample.solver_errors[number] for level in table.of(D) for sample in level])),
         _weak_error(values, level_means),
         alone,
     )

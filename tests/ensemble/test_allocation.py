@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.observables import allocation
-from roughvol.observables.allocation import AIM, NORMAL, allocated, plain_cost, plan, predicted
-from roughvol.observables.multilevel import Link
+from roughvol.ensemble import allocation
+from roughvol.ensemble.allocation import AIM, NORMAL, allocated, plain_cost, plan, predicted
+from roughvol.ensemble.multilevel import Link
 
 COSTS = (1.0, 4.0, 16.0)
 

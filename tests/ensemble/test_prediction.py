@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from click.testing import CliRunner
 
-from roughvol.campaign import ensemble, expected, steps
-from roughvol.campaign.one_case import arrays_of_case
+from roughvol.campaign import trials
 from roughvol.cli import main
 from roughvol.study import loads
+from tests.ensemble.kit import driven
 
 SURFACE = "surface: {D: 2.3, m: 6}\nsweep: {steps: 12}\n"
 ASKED = {
@@ -22,10 +22,9 @@ ASKED = {
 @pytest.mark.parametrize("name", ASKED)
 def test_the_expected_cost_is_that_of_the_run_to_a_factor_of_two(name: str) -> None:
     study = loads(SURFACE + ASKED[name])
-    (row,) = expected.expected(study)
-    measured = steps.measured(study)
-    found = ensemble.estimate_means(study, lambda cases: {one.id: arrays_of_case(one) for one in cases}, measured)
-    cost, plain = found.samples.cost(2.3), found.estimates[2.3][0].plain_cost
+    (row,) = trials.expected(study)
+    found = driven(study)
+    cost, plain = found.table.cost(2.3), found.estimates[2.3][0].plain_cost
     assert 0.5 <= row.seconds / cost <= 2.0
     assert 0.4 <= row.plain / plain <= 2.5  # a variance of few samples
     assert row.steps == 12
@@ -33,7 +32,7 @@ def test_the_expected_cost_is_that_of_the_run_to_a_factor_of_two(name: str) -> N
 
 def test_finer_levels_need_fewer_samples() -> None:
     text = "surface: {D: [2.2, 2.8], m: 10}\nensemble: {accuracy: {free_volume: 1 %}, at: {pressure: 0.3}}"
-    smooth, rough = expected.expected(loads(text))
+    smooth, rough = trials.expected(loads(text))
     counts = list(smooth.samples.values())
     assert list(smooth.samples) == [4, 5, 6, 7, 8, 9, 10]
     assert counts[1:] == sorted(counts[1:], reverse=True)

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roughvol.observables import multilevel
-from roughvol.observables.multilevel import Link
+from roughvol.ensemble import multilevel
+from roughvol.ensemble.multilevel import Link
 from roughvol.typing import Array
 
 NORMAL = 1.96  # Student's quantile for many degrees of freedom
@@ -27,24 +27,12 @@ MOST = 10**7  # largest planned number of samples
 
 @dataclass(frozen=True)
 class Plan:
-    """A chain of levels and its samples.
+    """A chain of levels and its samples."""
 
-    Attributes
-    ----------
-    levels : tuple of int
-        Indices of the levels, coarsest first.
-    samples : tuple of int, length levels
-        Number of samples of each level of the chain.
-    cost : float
-        Cost of all samples, those of other levels included.
-    alone : int
-        Number of surfaces without a solve.
-    """
-
-    levels: tuple[int, ...]
+    levels: tuple[int, ...]  # indices, coarsest first
     samples: tuple[int, ...]
-    cost: float
-    alone: int = 0
+    cost: float  # of all samples, those of other levels included
+    alone: int = 0  # surfaces without a solve
 
 
 @dataclass(frozen=True)
@@ -62,28 +50,10 @@ def plan(
     half_width: float,
     alone: Alone | None = None,
 ) -> Plan:
-    """Return the cheapest chain that ends at the finest level, with its samples.
+    """Return the cheapest chain that ends at the finest level, with no fewer samples than exist.
 
     All chains are compared, plain Monte Carlo on the finest level among them. Of chains with nearly the same cost, the
     longest is taken.
-
-    Parameters
-    ----------
-    links : mapping
-        From `multilevel.links_of`.
-    costs : sequence of float
-        C of every level.
-    existing : sequence of int
-        Samples of every level; the plan has no fewer.
-    half_width : float
-        Requested half-width of the 95 % interval, > 0.
-    alone : Alone, optional
-        Surfaces without a solve.
-
-    Returns
-    -------
-    Plan
-        Levels, samples and cost of the chain.
     """
     candidates = []
     for chain in _chains(links, len(costs) - 1):
@@ -114,25 +84,9 @@ def _chains(links: Mapping[tuple[int, int], Link], finest: int) -> Iterator[list
 def allocated(
     links: Sequence[Link], costs: Sequence[float], existing: Sequence[int], half_width: float
 ) -> tuple[int, ...]:
-    """Return the optimal samples of each level of a chain (Giles 2008, with existing samples as lower bounds).
+    """Return the optimal samples of each level of a chain, decreasing from coarse to fine.
 
-    Levels whose optimum is below their existing samples keep these, and the others are allocated anew.
-
-    Parameters
-    ----------
-    links : sequence of Link
-        Links of the chain, coarsest first.
-    costs : sequence of float
-        C of each level of the chain.
-    existing : sequence of int
-        Samples of each level of the chain.
-    half_width : float
-        Requested half-width of the 95 % interval, > 0.
-
-    Returns
-    -------
-    tuple of int
-        Samples of each level of the chain, decreasing from coarse to fine.
+    Levels whose optimum is below their existing samples keep these, and the others are allocated anew (Giles 2008).
     """
     return _optimum(_shares(links), costs, existing, half_width)
 
@@ -162,58 +116,19 @@ def _optimum(
 
 
 def predicted(links: Sequence[Link], samples: Sequence[int]) -> float:
-    """Return the variance of the estimator for given samples of each level.
-
-    Parameters
-    ----------
-    links : sequence of Link
-        Links of the chain, coarsest first.
-    samples : sequence of int
-        n of each level of the chain.
-
-    Returns
-    -------
-    float
-        Σ β_l² s_l²/n_l.
-    """
+    """Return the variance of the estimator for given samples of each level, Σ β_l² s_l²/n_l."""
     terms = zip(weights(links), links, samples, strict=True)
     return sum(weight * link.variance / number for weight, link, number in terms)
 
 
 def weights(links: Sequence[Link]) -> list[float]:
-    """Return the weights of the levels of a chain in the variance of the estimator, β_l².
-
-    Parameters
-    ----------
-    links : sequence of Link
-        Links of the chain, coarsest first.
-
-    Returns
-    -------
-    list of float
-        Squared products of the slopes of the finer links; 1 for the finest level.
-    """
+    """Return the weights of the levels of a chain in the variance of the estimator, β_l²."""
     slopes = [link.slope for link in links]
     return [math.prod(slopes[k + 1 :]) ** 2 for k in range(len(links))]
 
 
 def plain_cost(variance: float, cost: float, half_width: float) -> float:
-    """Return the cost of plain Monte Carlo on one level.
-
-    Parameters
-    ----------
-    variance : float
-        Variance over surfaces.
-    cost : float
-        Cost of one sample.
-    half_width : float
-        Requested half-width of the 95 % interval, > 0.
-
-    Returns
-    -------
-    float
-        Cost of at least one sample.
-    """
+    """Return the cost of plain Monte Carlo on one level, of at least one sample."""
     return max(variance * (NORMAL / half_width) ** 2, 1.0) * cost
 
 

@@ -3,12 +3,9 @@
 Symbols: Y_l is a quantity of one surface on level l, coarsest first; n_l is the number of samples of level l. A seed on
 two levels is one surface.
 
-Three estimators of the mean μ of the finest level:
-
-- `telescoping`: Σ mean(Y_l - Y_{l-1}), with independent samples for each difference (Giles, Oper. Res. 56 (2008) 607);
-- `best_linear`, a module: the best linear unbiased estimator for any groups of levels, given their covariance (Schaden
-  & Ullmann, SIAM/ASA J. Uncertainty Quantification 8 (2020) 601);
-- `chain`: the same for nested seeds, with the covariance estimated from the samples. Campaigns use it.
+The estimator is the best linear combination of nested samples, with the covariance estimated from the samples
+(Schaden & Ullmann, SIAM/ASA J. Uncertainty Quantification 8 (2020) 601). Independent samples of each difference would
+be multilevel Monte Carlo (Giles, Oper. Res. 56 (2008) 607).
 
 **The chain.** Level l has the seeds 0 … n_l - 1, and a finer level has fewer. The parent of a level is the next coarser
 level of the chain. The mean of each level follows by regression on the seeds in common with its parent:
@@ -64,44 +61,23 @@ RESIDUAL_RATIO = 0.5  # largest residual variance of a link over that of the nex
 FREE_PARENT = 60  # fewest samples of a level with a choice of its parent
 CONTROLLED = 24  # fewest samples of a level that is regressed on surfaces alone
 FEWEST = 2  # fewest samples of a level with a variance
+FEWEST_PAIRS = 3  # fewest seeds in common for a correlation
 
 
 @dataclass(frozen=True)
 class Link:
-    """The regression of a level on its parent; the plain mean for the coarsest level of a chain.
-
-    Attributes
-    ----------
-    level, parent : int
-        Indices into the levels; the parent of the coarsest is -1.
-    samples : int
-        Number of seeds of the level.
-    slope : float
-        b; 0 for the coarsest level.
-    variance : float
-        Variance of the residual Y - b Y_parent; of Y for the coarsest level.
-    freedom : float
-        Degrees of freedom of the variance.
-    gains : tuple of float
-        c; empty without a regression on surfaces alone.
-    alone : float
-        Variance of the residual about the parent alone.
-    leverage : tuple of tuples of float
-        Covariance of the estimated slope and gains over the residual variance; empty for a given slope.
-    shift : tuple of float
-        Means of the parent and of the surfaces alone, minus those over the seeds of the level.
-    """
+    """The regression of a level on its parent; the plain mean for the coarsest level of a chain."""
 
     level: int
-    parent: int
+    parent: int  # -1 for the coarsest level
     samples: int
-    slope: float
-    variance: float
+    slope: float  # b; 0 for the coarsest level
+    variance: float  # of the residual Y - b Y_parent; of Y for the coarsest level
     freedom: float
-    gains: tuple[float, ...] = ()
-    alone: float = math.inf
-    leverage: tuple[tuple[float, ...], ...] = ()
-    shift: tuple[float, ...] = ()
+    gains: tuple[float, ...] = ()  # c; empty without a regression on surfaces alone
+    alone: float = math.inf  # variance of the residual about the parent alone
+    leverage: tuple[tuple[float, ...], ...] = ()  # covariance of slope and gains over the variance; empty if given
+    shift: tuple[float, ...] = ()  # means of parent and surfaces alone, minus those over the seeds of the level
 
     @property
     def mean_variance(self) -> float:
@@ -129,73 +105,14 @@ class Mean:
 
 @functools.lru_cache(maxsize=4096)
 def quantile(freedom: float) -> float:
-    """Return Student's quantile of 97.5 %.
-
-    Parameters
-    ----------
-    freedom : float
-        Degrees of freedom, > 0, fractional ones included.
-
-    Returns
-    -------
-    float
-        Half-width of the 95 % interval in standard errors.
-    """
+    """Return Student's quantile of 97.5 %, also for fractional degrees of freedom."""
     return float(student.ppf(0.5 * (1.0 + COVERAGE), freedom))
 
 
-def plain(values: Array) -> Mean:
-    """Return the plain Monte Carlo estimate from independent samples of one level.
-
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Samples.
-
-    Returns
-    -------
-    Mean
-        Mean with its t interval.
-    """
-    link = _base(0, values)
-    return Mean(float(values.mean()), link.mean_variance, link.freedom, (link,))
-
-
-def telescoping(differences: Sequence[Array]) -> Mean:
-    """Return the multilevel Monte Carlo estimate from independent samples of each difference (Giles 2008).
-
-    Parameters
-    ----------
-    differences : sequence of arrays
-        Independent samples of Y_0, Y_1 - Y_0, Y_2 - Y_1, …; shapes (n_l,).
-
-    Returns
-    -------
-    Mean
-        Sum of the means; variances add up.
-    """
-    links = tuple(_base(level, difference) for level, difference in enumerate(differences))
-    terms = [(link.mean_variance, link.freedom) for link in links]
-    return Mean(float(sum(difference.mean() for difference in differences)), *_summed(terms), links)
-
-
 def links_of(values: Sequence[Array], alone: Array | None = None) -> dict[tuple[int, int], Link]:
-    """Return the links of all pairs (level, parent) that a chain may use.
+    """Return the links of all pairs (level, parent) that a chain may use; parent -1 where a chain begins.
 
-    Parameters
-    ----------
-    values : sequence of arrays
-        Samples of every level, coarsest first, shapes (n_l,); values[l][s] is of seed s.
-    alone : array, shape (N, k), optional
-        Numbers of surfaces alone, for all seeds of the levels and more.
-
-    Returns
-    -------
-    dict
-        Links by (level, parent); parent -1 for a chain that begins at the level.
-
-    Notes
-    -----
+    ``values[l][s]`` is of level l, coarsest first, and seed s; ``alone`` are numbers of surfaces alone, shape (N, k).
     A parent has all seeds of its level. A level of fewer than `FREE_PARENT` samples is linked to the next coarser only.
     """
     links: dict[tuple[int, int], Link] = {}
@@ -212,20 +129,7 @@ def links_of(values: Sequence[Array], alone: Array | None = None) -> dict[tuple[
 
 
 def nearest_chain(links: Mapping[tuple[int, int], Link], level: int) -> tuple[int, ...]:
-    """Return the chain to a level in which every parent is the nearest possible.
-
-    Parameters
-    ----------
-    links : mapping
-        From `links_of`.
-    level : int
-        Index of the last level.
-
-    Returns
-    -------
-    tuple of int
-        Indices of the levels, coarsest first.
-    """
+    """Return the chain to a level in which every parent is the nearest possible, coarsest first."""
     levels = [level]
     while parents := [parent for child, parent in links if child == levels[0] and parent >= 0]:
         levels.insert(0, max(parents))
@@ -236,20 +140,6 @@ def level_variance(links: Mapping[tuple[int, int], Link], levels: Sequence[int],
     """Return the variance over surfaces on the finest level of a chain, from the samples of all levels.
 
     It is r_l + g_l·Cov(X)·g_l, with r_l = s_l² + b_l² r_parent.
-
-    Parameters
-    ----------
-    links : mapping
-        From `links_of`.
-    levels : sequence of int
-        Indices of the levels of the chain, coarsest first.
-    alone : array, shape (N, k), optional
-        As for `links_of`.
-
-    Returns
-    -------
-    float
-        Variance of Y on the last level.
     """
     total, parent, used = 0.0, -1, []
     for level in levels:
@@ -260,20 +150,7 @@ def level_variance(links: Mapping[tuple[int, int], Link], levels: Sequence[int],
 
 
 def variance_alone(links: Sequence[Link], alone: Array | None) -> float:
-    """Return the part of the variance of the last level that surfaces alone explain, g·Cov(X)·g.
-
-    Parameters
-    ----------
-    links : sequence of Link
-        Links of a chain, coarsest first.
-    alone : array, shape (N, k), or None
-        As for `links_of`.
-
-    Returns
-    -------
-    float
-        Variance over surfaces.
-    """
+    """Return the part of the variance of the last level that surfaces alone explain, g·Cov(X)·g."""
     if alone is None or len(alone) < FEWEST:
         return 0.0
     total = np.zeros(alone.shape[1])
@@ -289,26 +166,7 @@ def chain(
     stopping: float = 0.0,
     alone: Array | None = None,
 ) -> Mean:
-    """Return the mean of the finest level of a chain, from nested seeds.
-
-    Parameters
-    ----------
-    values : sequence of arrays
-        As for `links_of`.
-    levels : sequence of int
-        Indices of the levels of the chain, coarsest first.
-    links : dict, optional
-        `links_of` the same values.
-    stopping : float
-        Samples lost by stopping at a narrow interval; 0 for given numbers of samples.
-    alone : array, shape (N, k), optional
-        As for `links_of`.
-
-    Returns
-    -------
-    Mean
-        Value, variance and degrees of freedom.
-    """
+    """Return the mean of the finest level of a chain from nested seeds; ``stopping`` as in the module's docstring."""
     links = links_of(values, alone) if links is None else links
     terms: list[tuple[float, float]] = []
     used: list[Link] = []
@@ -386,3 +244,12 @@ def _summed(terms: Sequence[tuple[float, float]]) -> tuple[float, float]:
         return total, 1.0
     denominator = sum(variance**2 / freedom for variance, freedom in terms)
     return total, total**2 / denominator if denominator else math.inf
+
+
+def correlation(fine: Array, coarse: Array) -> float:
+    """Return Pearson's ρ of a quantity on two levels over common seeds; NaN for too few, or without scatter."""
+    n = min(fine.size, coarse.size)
+    x, y = coarse[:n], fine[:n]
+    if n < FEWEST_PAIRS or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
+        return math.nan
+    return float(np.corrcoef(x, y)[0, 1])

@@ -1,4 +1,4 @@
-"""Quantities of one surface at a state, from the stored numbers of its sweep.
+"""Quantities of one surface at the states of an ensemble, from the stored numbers of its sweep.
 
 A quantity at a state that the sweep defines, or that a step reaches (`observables.levels`), is that of the step.
 Between two steps it is interpolated by `observables.at_state`. The step before the first is first touch. There
@@ -9,40 +9,67 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
 from roughvol.observables.levels import defined_step, step_at
-from roughvol.observables.variables import OF_STATE
-from roughvol.store.dataset import Arrays
-from roughvol.study import CLOSING, Case, Level
+from roughvol.observables.variables import OF_STATE, VARIABLES
+from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level
 from roughvol.study.values.state_kinds import stored_name
 from roughvol.study.yaml_text import number_text
 from roughvol.typing import Array
 
-PERCOLATION = Level("percolation")
-"""State of the quantities that belong to none: the closing of the void."""
-
+PERCOLATION = Level("percolation")  # state of the closing pressures, which belong to no state of the study
 ALONG_AXES = ("percolates_x", "percolates_y", "transmissivity_x", "transmissivity_y")
 
-Series = Mapping[str, Array]
+SMALLEST = 1e-300  # half-width in place of 0, for a relative accuracy of a mean of 0
+
+Arrays = Mapping[str, tuple[tuple[str, ...], NDArray[Any]]]  # stored variables of a case: dimensions and values
+Series = Mapping[str, Array]  # quantities along the steps
+
+
+@dataclass(frozen=True)
+class Target:
+    """A mean to estimate: the quantity as named in the study, the state, the accuracy."""
+
+    quantity: str
+    state: Level
+    accuracy: Accuracy
+
+    @property
+    def stored(self) -> str:
+        """Name of the stored variable."""
+        return stored_name(self.quantity)
+
+    @property
+    def symbol(self) -> str:
+        """Symbol of the quantity, as V*."""
+        return VARIABLES[f"{self.stored}_mean"].symbol.strip("<>")
+
+    def half_width(self, mean: float) -> float:
+        """Return the half-width asked for, > 0."""
+        return self.accuracy.of(mean) or SMALLEST
+
+    def value(self, series: Series, case: Case) -> float:
+        """Return the quantity of a surface at the state."""
+        return value_at(series, self.stored, self.state, case)
+
+
+def targets_of(ensemble: Ensemble) -> list[Target]:
+    """Return the means to estimate, state by state; those without a state at the end."""
+    accuracies: dict[str, Accuracy] = ensemble.accuracy.named
+    closing = {name: accuracies.pop(name) for name in CLOSING if name in accuracies}
+    at_states = [Target(name, state, accuracy) for state in ensemble.at.levels for name, accuracy in accuracies.items()]
+    return [*at_states, *(Target(name, PERCOLATION, accuracy) for name, accuracy in closing.items())]
 
 
 def series_of(arrays: Arrays) -> Series:
-    """Return the quantities along the steps, with first touch before the first step.
-
-    Parameters
-    ----------
-    arrays : mapping
-        Stored variables of a case: dimensions and values by name.
-
-    Returns
-    -------
-    dict
-        Arrays of shape (steps + 1,) by name, NaN where nothing is known.
-    """
+    """Return the quantities along the steps, shapes (steps + 1,), with first touch first; NaN where unknown."""
 
     def along(name: str, first: float) -> Array:
         return np.concatenate([[first], np.asarray(arrays[name][1], dtype=np.float64).reshape(-1)])
@@ -64,22 +91,6 @@ def series_of(arrays: Arrays) -> Series:
 def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
     """Return a quantity at a state.
 
-    Parameters
-    ----------
-    series : mapping
-        From `series_of`.
-    stored : str
-        Name of the quantity, as a stored variable.
-    state : Level
-        The state; `PERCOLATION` for the pressures in `study.CLOSING`.
-    case : Case
-        Its sweep and its label for errors.
-
-    Returns
-    -------
-    float
-        Value.
-
     Raises
     ------
     StudyError
@@ -96,15 +107,33 @@ def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
         value = float(at_state(along, quantity, state.value)[0])
     else:
         value = float(quantity[step])
-    _require_value(value, stored, state, case)
+    if not math.isfinite(value):
+        message = (
+            f"has no value at {state.label} on {case.label}: no way is left along x or y there, or the first step "
+            "of the sweep lies beyond it; ask at other states, or take more sweep.steps"
+        )
+        raise StudyError([Problem(message, f"ensemble.accuracy.{stored}")])
     return value
 
 
-def _step(along: Array, state: Level, case: Case) -> int | None:
-    """Return the index in a series of the step that is a state, None for a state between steps.
+def error_at(series: Series, stored: str, state: Level, case: Case, every: int) -> float:
+    """Return the signed error of a quantity at a state with every k-th step alone, k ≥ 2; 0 at the last step."""
+    if stored in CLOSING:
+        if case.sweep.legs[0].target.kind == CLOSING[stored]:
+            return 0.0
+        pressure, closed = series["mean_pressure"], _closed(series, stored)
+        kept = kept_steps(pressure.size, every)
+        return _middle(pressure[kept], closed[kept]) - _middle(pressure, closed)
+    if state.value is None:
+        return 0.0
+    along = series[stored_name(state.kind)]
+    step = _step(along, state, case)
+    value = state.value if step is None else float(along[step])
+    return error_of_fewer_steps(along, series[stored], value, every)
 
-    It is the last step, the step defined by the sweep, or one that reaches the state.
-    """
+
+def _step(along: Array, state: Level, case: Case) -> int | None:
+    """Return the index in a series of the step that is a state, None for a state between steps."""
     if state.value is None:
         return len(along) - 1
     step = defined_step(state, case.sweep)
@@ -123,51 +152,8 @@ def _require_reached(along: Array, kind: str, value: float, case: Case) -> None:
         raise StudyError([Problem(message, f"ensemble.at.{kind}")])
 
 
-def error_at(series: Series, stored: str, state: Level, case: Case, every: int) -> float:
-    """Return the error of a quantity at a state with every k-th step alone.
-
-    Parameters
-    ----------
-    series, stored, state, case
-        As for `value_at`.
-    every : int
-        k ≥ 2.
-
-    Returns
-    -------
-    float
-        Signed error; 0 at the last step.
-    """
-    if stored in CLOSING:
-        if case.sweep.legs[0].target.kind == CLOSING[stored]:
-            return 0.0
-        pressure, closed = series["mean_pressure"], _closed(series, stored)
-        kept = kept_steps(pressure.size, every)
-        return _middle(pressure[kept], closed[kept]) - _middle(pressure, closed)
-    if state.value is None:
-        return 0.0
-    along = series[stored_name(state.kind)]
-    step = _step(along, state, case)
-    value = state.value if step is None else float(along[step])
-    return error_of_fewer_steps(along, series[stored], value, every)
-
-
-def _require_value(value: float, stored: str, state: Level, case: Case) -> None:
-    """Refuse a quantity that is not defined at a state: no way is left, or the first step lies beyond it."""
-    if not math.isfinite(value):
-        message = (
-            f"has no value at {state.label} on {case.label}: no way is left along x or y there, or the first step "
-            "of the sweep lies beyond it; ask at other states, or take more sweep.steps"
-        )
-        raise StudyError([Problem(message, f"ensemble.accuracy.{stored}")])
-
-
 def _closing_pressure(series: Series, stored: str, case: Case) -> float:
-    """Return p* at which the void closes.
-
-    At the end of a sweep to percolation p* is exact. Otherwise it is the middle of p* at the last open step and at the
-    first closed one.
-    """
+    """Return p* at which the void closes: that of the end of a sweep to percolation, else a middle of two steps."""
     pressure, end = series["mean_pressure"], CLOSING[stored]
     if case.sweep.legs[0].target.kind == end:
         return float(pressure[-1])

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from roughvol.campaign.estimates import RELIABLE, MeanEstimate
-from roughvol.campaign.samples import Counts
-from roughvol.observables import allocation
+from roughvol.ensemble import allocation
+from roughvol.ensemble.estimate import RELIABLE, MeanEstimate
+from roughvol.ensemble.samples import Counts
 
 PILOT = 24  # pilot samples of a level coarser than those of `COSTLY`
 COSTLY = {8: 10, 9: 4}  # pilot samples of the levels m = 8 and m = 9
@@ -22,42 +22,13 @@ MORE = 1.25  # growth of one level where the plan adds none
 
 
 def pilot(levels: Sequence[int]) -> dict[int, int]:
-    """Return the samples of the pilot.
-
-    Parameters
-    ----------
-    levels : sequence of int
-        m of all levels.
-
-    Returns
-    -------
-    dict
-        Number of samples by m.
-    """
+    """Return the samples of the pilot by m."""
     return {m: COSTLY.get(m, PILOT if m < min(COSTLY) else FEWEST) for m in levels}
 
 
 def next_counts(estimates: Sequence[MeanEstimate], levels: Sequence[int], existing: Sequence[int]) -> dict[int, int]:
-    """Return the samples of each level after the next round.
-
-    Parameters
-    ----------
-    estimates : sequence of MeanEstimate
-        All means at one D.
-    levels : sequence of int
-        m of all levels, coarsest first.
-    existing : sequence of int
-        Samples of each level.
-
-    Returns
-    -------
-    dict
-        Number of samples by m; those that exist if all estimates are as accurate as requested.
-    """
-    counts = list(existing)
-    for estimate in estimates:
-        if not estimate.reached:
-            counts = [max(pair) for pair in zip(counts, _required(estimate, existing), strict=True)]
+    """Return the samples of each m after the next round; those that exist if all estimates are reached."""
+    counts = _goal(estimates, existing)
     counts = [_approached(number, before) for number, before in zip(counts, existing, strict=True)]
     used = sorted({level for estimate in estimates for level in estimate.plan.levels}, reverse=True)
     for finer, coarser in itertools.pairwise(used):  # nested: a used coarser level has all seeds of a finer one
@@ -66,25 +37,17 @@ def next_counts(estimates: Sequence[MeanEstimate], levels: Sequence[int], existi
 
 
 def goal(estimates: Sequence[MeanEstimate], planned: Mapping[int, int]) -> dict[int, int]:
-    """Return the samples of each level that the estimates require in the end, for the time left.
+    """Return the samples of each m that the estimates require in the end, for the time left."""
+    return dict(zip(planned, _goal(estimates, list(planned.values())), strict=True))
 
-    Parameters
-    ----------
-    estimates : sequence of MeanEstimate
-        All means at one D.
-    planned : mapping
-        Number of samples by m, those that exist.
 
-    Returns
-    -------
-    dict
-        Number of samples by m. Few samples make it uncertain.
-    """
-    counts = list(planned.values())
+def _goal(estimates: Sequence[MeanEstimate], existing: Sequence[int]) -> list[int]:
+    """Return the samples of each level that the estimates not yet reached require in the end."""
+    counts = list(existing)
     for estimate in estimates:
         if not estimate.reached:
-            counts = [max(pair) for pair in zip(counts, _required(estimate, list(planned.values())), strict=True)]
-    return dict(zip(planned, counts, strict=True))
+            counts = [max(pair) for pair in zip(counts, _required(estimate, existing), strict=True)]
+    return counts
 
 
 def _required(estimate: MeanEstimate, existing: Sequence[int]) -> list[int]:
@@ -122,24 +85,7 @@ def _approached(planned: int, existing: int) -> int:
 def within_budget(
     left: float, spent: float, counts: Counts, planned: Counts, costs: Mapping[float, Sequence[float]]
 ) -> tuple[Counts, bool]:
-    """Return the plan of a round that fits into the rest of a budget.
-
-    Parameters
-    ----------
-    left, spent : float
-        Measured seconds: rest of the budget, and elapsed.
-    counts, planned : dict
-        Number of samples by D and m: before the round, and after it without a budget.
-    costs : mapping
-        Modelled seconds of a sample on each level, by D.
-
-    Returns
-    -------
-    counts : dict
-        Number of samples by D and m after the round.
-    reduced : bool
-        Whether these are fewer than planned.
-    """
+    """Return the plan of a round that fits into the measured seconds left of a budget, and whether it is reduced."""
     done = _modelled(counts, costs)
     rate = spent / done if done > 0.0 else 1.0  # measured seconds over modelled ones
     needed = rate * (_modelled(planned, costs) - done)

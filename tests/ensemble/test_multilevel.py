@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.observables import multilevel
-from roughvol.observables.best_linear import best_linear, correlation
-from roughvol.observables.multilevel import chain, links_of, plain, telescoping
+from roughvol.ensemble import multilevel
+from roughvol.ensemble.multilevel import Mean, chain, correlation, links_of
+from tests.ensemble.kit import best_linear
 
 RHO = 0.95
 COVARIANCE = np.array([[1.0, RHO * 2.0], [RHO * 2.0, 4.0]])  # of a coarse and a fine level
 MARKOV = np.array([0.9, 0.97, 0.99])  # correlations of adjacent levels, each level a noisy copy of the one before
+
+
+def plain(values: np.ndarray) -> Mean:
+    """Return the plain mean, a chain of one level."""
+    return chain([values], [0])
 
 
 def _nested(counts: list[int], seed: int, slope: float = 1.0, mean: float = 3.0) -> list[np.ndarray]:
@@ -30,15 +35,6 @@ def test_the_plain_mean_has_students_interval() -> None:
     found = plain(np.array([1.0, 2.0, 3.0, 6.0]))
     assert_allclose([found.value, found.variance, found.freedom], [3.0, 14.0 / 3.0 / 4.0, 3.0])
     assert_allclose(found.half_width, 3.182446305 * math.sqrt(14.0 / 12.0))
-
-
-def test_differences_telescope_and_their_variances_add_up() -> None:
-    random = np.random.default_rng(1)
-    groups = [random.normal(5.0, 1.0, 400), random.normal(0.3, 0.2, 30), random.normal(0.1, 0.05, 8)]
-    found = telescoping(groups)
-    assert_allclose(found.value, sum(group.mean() for group in groups))
-    assert_allclose(found.variance, sum(group.var(ddof=1) / group.size for group in groups))
-    assert 8 - 1 <= found.freedom <= 400 + 30 + 8
 
 
 def test_the_best_linear_estimate_of_two_levels_is_the_control_variate() -> None:

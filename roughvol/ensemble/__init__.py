@@ -1,0 +1,24 @@
+"""Means over surfaces to a wanted accuracy: samples, estimates, and the number of samples on each level.
+
+Room of the ensembles: pure, starts nothing and opens no files. `design.Design` names the cases that it needs, and a
+campaign computes them.
+
+==============  ====================================================================
+`design`        rounds of samples until each mean is as accurate as requested
+`targets`       quantities of one surface at a state
+`samples`       values and modelled cost of each sample
+`multilevel`    the mean from nested samples on several levels
+`refinement`    the bias of a mean by the resolution
+`step_error`    the error between the steps of the sweeps
+`estimate`      means, intervals and errors from all samples
+`allocation`    the optimal number of samples on each level
+`plan`          the number of samples on each level in the next round
+`answer`        the means as stored variables and in sentences
+`prediction`    expected samples and cost before a run
+`cost`          modelled seconds of a case
+==============  ====================================================================
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,2 @@
+from .design import Design as Design
+from .step_error import StepErrors as StepErrors

@@ -1,0 +1,190 @@
+"""The design of an ensemble: rounds of samples on nested levels until each mean is as accurate as requested.
+
+    design = Design(study, step_errors)
+    while request := design.next():
+        design.add(arrays of request.cases, numbers of request.surfaces)
+
+The design estimates the means from all samples after a round, and plans the samples of the next one. The plan follows
+from stored numbers in the order of the seeds. It is therefore the same on every machine. Only a budget uses a clock.
+
+Rounds: Giles, Oper. Res. 56 (2008) 607, here with nested seeds. Estimator: Schaden & Ullmann, SIAM/ASA J. Uncertainty
+Quantification 8 (2020) 601.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from roughvol.ensemble.estimate import MeanEstimate, estimates_of
+from roughvol.ensemble.plan import GROWTH, MOST_SURFACES, goal, next_counts, pilot, within_budget
+from roughvol.ensemble.samples import Counts, SampleTable
+from roughvol.ensemble.step_error import StepErrors
+from roughvol.ensemble.targets import Arrays
+from roughvol.errors import CampaignError, Problem, StudyError
+from roughvol.study import Case, MadeSurface, Study
+from roughvol.study.sections.ensemble import AUTO_TO
+from roughvol.study.sections.spectral import SpectralSurface, first_finest, holds_all_waves
+
+ROUNDS = 40  # largest number of rounds
+MOST_SAMPLES = 1_000_000  # largest number of samples for one mean without a budget
+FEW_SURFACES = 10_000  # surfaces without a solve that a round may make in any case: six seconds
+BIAS_SHARE = 0.5  # largest bias with `m: auto` or `n: auto`, as a share of the accuracy
+
+Estimates = dict[float, list[MeanEstimate]]  # by D
+
+
+@dataclass(frozen=True)
+class Request:
+    """The samples of a round: cases to compute, and cases of which the surface alone is made."""
+
+    cases: list[Case]
+    surfaces: list[Case]
+
+
+class Design:
+    """The samples of an ensemble, those of the next round, and the means so far.
+
+    Attributes
+    ----------
+    table : SampleTable
+        All samples.
+    counts : dict
+        Planned number of samples by D and m.
+    estimates : dict
+        Estimates of all means by D, of the last round.
+    rounds : dict
+        By D, for each round: the modelled seconds so far, and the half-width of each mean.
+    stopped : str
+        The reason for an end before the accuracy was reached; else empty.
+    """
+
+    def __init__(self, study: Study, steps: StepErrors) -> None:
+        assert isinstance(study.surface, MadeSurface)
+        self.steps, self._surface, self._automatic = steps, study.surface, not study.surface.m
+        self.table = SampleTable(study, first_finest(study.surface))
+        self.counts: Counts = {D: pilot(self.table.levels) for D in self.table.dimensions}
+        self.estimates: Estimates = {}
+        self.rounds: dict[float, list[tuple[float, tuple[float, ...]]]] = {D: [] for D in self.table.dimensions}
+        self.stopped = ""
+        self._request = Request([], [])
+
+    def next(self, spent: float = 0.0) -> Request | None:
+        """Return the samples of the next round after so many seconds; None once the means are accurate enough.
+
+        Raises
+        ------
+        StudyError
+            If a mean has no limit that ``m: auto`` or ``n: auto`` could approach.
+        CampaignError
+            If the accuracy is out of reach.
+        """
+        if self.estimates:
+            counts = self._planned(spent)
+            if counts is None:
+                return None
+            if len(next(iter(self.rounds.values()))) == ROUNDS:
+                raise CampaignError(f"the accuracy was not reached in {ROUNDS} rounds")
+            self.counts = counts
+        surfaces = [case for D in self.counts for case in self.table.missing_surfaces(D, self._alone(D))]
+        self._request = Request(self.table.missing(self.counts), surfaces)
+        return self._request
+
+    def add(self, arrays: Mapping[str, Arrays], numbers: Iterable[tuple[float, ...]]) -> None:
+        """Add the stored arrays of the requested cases by id, and `samples.numbers_of` the requested surfaces.
+
+        Raises
+        ------
+        StudyError
+            If a sweep ends before a state.
+        """
+        for case, row in zip(self._request.surfaces, numbers, strict=True):
+            self.table.add_surface(case, row)
+        with self.table.study.placing():
+            for case in self._request.cases:
+                self.table.add(case, arrays[case.id])
+        self.estimates = {D: estimates_of(self.table, D, self.steps.errors) for D in self.table.dimensions}
+        for D, estimates in self.estimates.items():
+            half_widths = tuple(estimate.mean.half_width for estimate in estimates)
+            self.rounds[D].append((self.table.cost(D), half_widths))
+
+    @property
+    def goal(self) -> Counts:
+        """Number of samples by D and m that the last estimates require in the end. Few samples make it uncertain."""
+        return {D: goal(row, self.counts[D]) for D, row in self.estimates.items()}
+
+    def _alone(self, D: float) -> int:
+        """Return the number of surfaces without a solve of a round: one a seed, and those that the estimates plan."""
+        number = max(len(self.table.surfaces.get(D, ())), *self.counts[D].values())
+        if self.stopped or D not in self.estimates:
+            return number
+        planned = max(estimate.plan.alone for estimate in self.estimates[D])
+        return max(number, min(planned, max(GROWTH * number, FEW_SURFACES), MOST_SURFACES))
+
+    def _planned(self, spent: float) -> Counts | None:
+        """Return the number of samples after the next round, None where no round follows."""
+        estimates, table = self.estimates, self.table
+        divergent = [pair for pair in self._all() if not pair[1].weak_error.converges] if self._automatic else []
+        if divergent:
+            if holds_all_waves(self._surface, table.finest):
+                raise _no_limit(divergent, "n" if isinstance(self._surface, SpectralSurface) else "m")
+            return self._refined()
+        if all(estimate.reached for _, estimate in self._all()):
+            biased = any(one.weak_error.bias > BIAS_SHARE * one.requested for _, one in self._all())
+            return self._refined() if self._automatic and table.finest < AUTO_TO and biased else None
+        if self.stopped:
+            return None
+        budget = table.ensemble.budget
+        if budget is None:
+            self._require_feasible()
+        planned = {D: next_counts(row, table.levels, table.counts(D)) for D, row in estimates.items()}
+        if budget is None:
+            return planned
+        costs = {D: row[0].costs for D, row in estimates.items()}
+        planned, reduced = within_budget(budget - spent, spent, self.counts, planned, costs)
+        if reduced:
+            self.stopped = f"stopped by the budget of {budget} after the accuracy was not yet reached"
+        return None if reduced and planned == self.counts else planned
+
+    def _all(self) -> Iterator[tuple[float, MeanEstimate]]:
+        """Yield every estimate with its D."""
+        yield from ((D, estimate) for D, row in self.estimates.items() for estimate in row)
+
+    def _refined(self) -> Counts:
+        """Add a finer level, and return the samples with its pilot."""
+        self.table.finest += 1
+        return {D: pilot(self.table.levels) | self.counts[D] for D in self.table.dimensions}
+
+    def _require_feasible(self) -> None:
+        """Refuse an accuracy that needs more samples than `MOST_SAMPLES`."""
+        D, worst = max(
+            ((D, estimate) for D, estimate in self._all() if not estimate.reached),
+            key=lambda pair: sum(pair[1].plan.samples),
+        )
+        if sum(worst.plan.samples) > MOST_SAMPLES:
+            message = (
+                f"{_label(D, worst)}: ± {worst.target.accuracy} needs more than {MOST_SAMPLES} samples; "
+                f"its mean is about {worst.mean.value:.3g}: ask for less, or set a budget"
+            )
+            raise CampaignError(message)
+
+
+def _no_limit(divergent: Sequence[tuple[float, MeanEstimate]], key: str) -> StudyError:
+    """Return the refusal of ``m: auto`` or ``n: auto`` for means that have no limit."""
+    lines = "; ".join(
+        f"{_label(D, estimate)}: its last levels change it by {_changes(estimate.level_means)}"
+        for D, estimate in divergent[:3]
+    )
+    message = f"'auto' needs means that converge with {key}, and these do not ({lines}): give a number"
+    return StudyError([Problem(message, f"surface.{key}")])
+
+
+def _label(D: float, estimate: MeanEstimate) -> str:
+    return f"{estimate.target.quantity} at {estimate.target.state.label}, D = {D:g}"
+
+
+def _changes(level_means: Sequence[float]) -> str:
+    """Return the relative changes of a mean over the last three levels, in per cent."""
+    changes = [100.0 * (fine / coarse - 1.0) for coarse, fine in itertools.pairwise(level_means[-4:])]
+    return ", ".join(f"{change:+.1f} %" for change in changes)
