@@ -13,13 +13,12 @@ from roughvol.analysis.legs import first_leg
 from roughvol.errors import ContactError
 from roughvol.observables.conductance import contact_conductance, harmonic_conductivity
 from roughvol.observables.stiffness import interfacial_stiffness
+from roughvol.observables.variables import QUANTITIES
 from roughvol.study import Study, convert
 from roughvol.study.values.units import in_unit
 
 P, V = "mean_pressure", "free_volume"
-STIFFNESS = "interfacial stiffness -dp/d(mean gap) times L/E*; with h and k_s the conductance h L/k_s"
 ROUNDING = 1e-12
-CONDUCTANCE = "contact conductance per nominal area"
 CONDUCTIVITY = "W/m/K"
 
 
@@ -58,6 +57,11 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     return counted(ds)
 
 
+def _attributes(name: str) -> dict[str, str]:
+    row = QUANTITIES[name]
+    return {"units": row.units, "symbol": row.symbol, "long_name": row.long_name}
+
+
 def _with_stiffness(ds: Dataset, study: Study | None) -> Dataset:
     """Return a dataset with the interfacial stiffness on the first leg, and the conductance that follows."""
     first = first_leg(ds)
@@ -66,13 +70,13 @@ def _with_stiffness(ds: Dataset, study: Study | None) -> Dataset:
         stiffness = pressure.copy(data=interfacial_stiffness(pressure.values, gap.values)).reindex(step=ds["step"])
     except (ContactError, KeyError):  # pressures that do not rise throughout, as those of a region may
         return ds
-    ds = ds.assign(interfacial_stiffness=stiffness.assign_attrs(units="1", symbol="K L/E*", long_name=STIFFNESS))
+    ds = ds.assign(interfacial_stiffness=stiffness.assign_attrs(_attributes("interfacial_stiffness")))
     unit, bodies = ds.attrs.get("length_unit"), study.material.conductivity if study is not None else None
     if unit and bodies:
         first_body, second = (in_unit(value, CONDUCTIVITY) or math.nan for value in bodies)
         length = convert(float(ds["L"]), unit, "m")
         value = contact_conductance(stiffness.values, harmonic_conductivity(first_body, second), length)
-        conductance = stiffness.copy(data=value).assign_attrs(units="W/m^2/K", symbol="h", long_name=CONDUCTANCE)
+        conductance = stiffness.copy(data=value).assign_attrs(_attributes("contact_conductance"))
         ds = ds.assign(contact_conductance=conductance)
     return ds
 

@@ -30,6 +30,10 @@ class Variable:
     height_power: int = 0
     source: str = ""
     observable: str = ""
+    stored: bool = True
+    column: int = 0
+    tables: str = "short steps states"
+    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -57,23 +61,33 @@ def function(name: str) -> Callable[..., dict[str, Any]]:
 
 
 def _variables(groups: Iterable[Mapping[str, Any]]) -> dict[str, Variable]:
-    """Return the variables of all groups, without those that are not stored."""
+    """Return the variables of all groups."""
     table: dict[str, Variable] = {}
-    unstored: set[str] = set()
     for group in groups:
         common = {key: value for key, value in group.items() if key in Variable.__dataclass_fields__}
         repeated = itertools.product(group.get("along", ("",)), group.get("of", ("",)), group["rows"].items())
         for along, base, (template, row) in repeated:
-            words = asdict(table[base]) if base else {"units": "1"}
+            words = _inherited(table[base]) if base else {"units": "1"}
             fields = words | common | row
             words |= {"base": base, "along": along, "inner": words.get("dims", "").removeprefix("...")}
             words["function"] = words.get("source", "").rpartition(".")[2]
             for axis, across in ACROSS.items() if "{axis}" in template else [("", "")]:
                 words |= {"axis": axis, "across": across}
                 words["name"] = name = template.format_map(words)
-                table[name] = Variable(**{key: _filled(value, words) for key, value in fields.items()})
-                unstored |= set() if group.get("stored", True) else {name}
-    return {name: row for name, row in table.items() if name not in unstored}
+                filled = {key: _filled(value, words) for key, value in fields.items() if key != "label"}
+                table[name] = Variable(**filled, label=row.get("label", ""))
+    return table
+
+
+def columns(table: str) -> tuple[str, ...]:
+    """Return the columns of a table, where they are stored or follow from what is: short, steps or states."""
+    shown = [name for name, row in QUANTITIES.items() if row.column and table in row.tables.split()]
+    return tuple(sorted(shown, key=lambda name: QUANTITIES[name].column))
+
+
+def _inherited(row: Variable) -> dict[str, Any]:
+    """Return the fields that a row made of another takes from it."""
+    return {key: value for key, value in asdict(row).items() if key not in ("stored", "column", "tables", "label")}
 
 
 def _filled(value: Any, words: Mapping[str, Any]) -> Any:
@@ -83,7 +97,8 @@ def _filled(value: Any, words: Mapping[str, Any]) -> Any:
 _TABLE = tomllib.loads(Path(__file__).with_name("variables.toml").read_text(encoding="utf-8"))
 
 OBSERVABLES = {name: Observable(**row) for name, row in _TABLE["observable"].items()}
-VARIABLES = _variables(_TABLE["group"])
+QUANTITIES = _variables(_TABLE["group"])
+VARIABLES = {name: row for name, row in QUANTITIES.items() if row.stored}
 OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 """Numbers that every state has, between two steps as well."""
 STATES = tuple(name for name, row in VARIABLES.items() if row.source == "study.sections.select.Select.levels")

@@ -21,7 +21,7 @@ from roughvol.analysis.hysteresis import hysteresis
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number
-from roughvol.observables.variables import VARIABLES
+from roughvol.observables.variables import VARIABLES, columns
 from roughvol.study import HeightFile, SpectralSurface
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array
@@ -38,34 +38,6 @@ IN_PLACE = (("nominal_pressure", P), ("leak_rate_x", "transmissivity"))
 CLOSING = "Where it closes"
 STARRED = ("separation", "mean_plane_separation", "indentation", P)
 ROUNDING = 1e-12  # a starred number below is 0 to rounding: the mean plane, an unloaded surface
-WAYS = tuple(
-    f"{name}_{axis}" for name in ("open", "open_dry", "critical_opening", "critical_opening_dry") for axis in "xy"
-)
-LEAKS = tuple(
-    f"{name}_{axis}"
-    for name in ("leak_rate", "flow", "leak_rate_dry", "gas_leak_rate", "gas_leak_rate_dry")
-    for axis in "xy"
-)
-COLUMNS = (  # of a table of states, where they are stored or follow from what is
-    "nominal_pressure",
-    P,
-    A,
-    V,
-    "mean_gap",
-    "separation",
-    "mean_plane_separation",
-    "load_above_hardness_fraction",
-    "plastic_volume",
-    "plastic_area_fraction",
-    *WAYS,
-    "transmissivity_x",
-    "transmissivity_y",
-    "transmissivity_dry_x",
-    "transmissivity_dry_y",
-    *LEAKS,
-    "knudsen_number_x",
-    "knudsen_number_y",
-)
 
 
 @dataclass(frozen=True)
@@ -281,7 +253,7 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
 
 def _states(name: str, group: Dataset, *, several: bool) -> Table | None:
     """Return the states of one group: one surface as it is, several by the convention of `average`."""
-    names = [column for column in COLUMNS if column in group and bool(group[column].notnull().any())]
+    names = [column for column in columns("states") if column in group and bool(group[column].notnull().any())]
     for dimensional, starred in IN_PLACE:
         if dimensional in names:  # the starred number stays in study.nc
             names = [name for name in names if not name.startswith(starred)]

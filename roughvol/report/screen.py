@@ -21,45 +21,13 @@ from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.observables.conductance import stiffness_exponent
 from roughvol.observables.stiffness import without_every_second
-from roughvol.observables.variables import STATES
-from roughvol.report.run_facts import LEAKS, WAYS, cell, closing, conventions, head
+from roughvol.observables.variables import STATES, columns
+from roughvol.report.run_facts import cell, closing, conventions, head
 from roughvol.store.variants import parts_of
 from roughvol.study import Level, Quantity, parse
 
 STIFFNESS = "interfacial_stiffness"
 P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"
-SHORT = (  # columns after a run and in a comparison, where they are stored or follow from what is
-    "nominal_pressure",
-    P,
-    A,
-    V,
-    "mean_gap",
-    "plastic_volume",
-    *WAYS,
-    *LEAKS,
-)
-FULL = (  # columns of all steps
-    "nominal_pressure",
-    P,
-    A,
-    V,
-    "mean_gap",
-    "separation",
-    "mean_plane_separation",
-    "indentation",
-    "load_above_hardness_fraction",
-    "plastic_volume",
-    *WAYS,
-    "transmissivity_x",
-    "transmissivity_y",
-    "transmissivity_dry_x",
-    "transmissivity_dry_y",
-    *LEAKS,
-    "knudsen_number_x",
-    "knudsen_number_y",
-    STIFFNESS,
-    "contact_conductance",
-)
 MANY = 14  # states of a sweep to listed loads that are all shown after a run
 EQUAL = 5  # loads of a comparison
 CASE = ("D", "m", "seed", "case")
@@ -74,10 +42,10 @@ def _named(run: Run, units: dict[str, str] | None = None) -> list[tuple[str, Dat
     return list(groups(ready if units is None else in_units(ready, units)))
 
 
-def _columns(names: Sequence[str], data: Sequence[Dataset], *, short: bool = False) -> list[str]:
+def _columns(table: str, data: Sequence[Dataset]) -> list[str]:
     """Return the columns that any of the datasets has; in a short table a pressure with a unit replaces p*."""
-    held = [name for name in names if any(name in ds and bool(ds[name].notnull().any()) for ds in data)]
-    if short and all("nominal_pressure" in ds for ds in data) and P in held:
+    held = [name for name in columns(table) if any(name in ds and bool(ds[name].notnull().any()) for ds in data)]
+    if table == "short" and all("nominal_pressure" in ds for ds in data) and P in held:
         held.remove(P)
     return held
 
@@ -97,7 +65,7 @@ def _most(states: Sequence[State]) -> int:
 
 def _fluids(rows: Sequence[tuple[str, Dataset]], columns: Sequence[str]) -> list[str]:
     """Return whose leak a table has, with pressure drop and viscosity, by name where they differ."""
-    if not any(name in columns for name in LEAKS if name.startswith("leak_rate")):
+    if not any(name.startswith("leak_rate") for name in columns):
         return []
     found: dict[str, dict[str, None]] = {}
     for name, data in rows:
@@ -146,7 +114,7 @@ def summary(run: Run) -> list[Table]:
     """
     named = _named(run)
     rows = [(name, state) for name, group in named for state in _chief(run, group)]
-    columns = _columns(SHORT, [state.data for _, state in rows], short=True)
+    columns = _columns("short", [state.data for _, state in rows])
     tables = [_table("", rows, columns)]
     return [*tables, *closing([(name, first_leg(group)) for name, group in named])]
 
@@ -196,14 +164,14 @@ def shown(run: Run, states: Sequence[Level] = ()) -> list[Table]:
     named = _named(run)
     if states:
         found = [row for state in states for row in _reaching(run, named, state)]
-        shown_columns = _columns(FULL, [state.data for _, state in found])
+        shown_columns = _columns("steps", [state.data for _, state in found])
         notes = ["K is a difference between steps: the table of all steps has its error."] * (
             STIFFNESS in shown_columns
         )
         return [_table("", found, shown_columns, RULE, *notes)]
     tables = []
     for name, group in named:
-        columns, count = _columns(FULL, [group]), group.sizes["seed"]
+        columns, count = _columns("steps", [group]), group.sizes["seed"]
         rows: list[tuple[str, ...]] = []
         for k in np.flatnonzero(group[P].notnull().any("seed").values).tolist():
             data = group.isel(step=k)
@@ -412,7 +380,7 @@ def compared(runs: Sequence[Run], states: Sequence[Level] = ()) -> Compared:
             for name, found in _reaching(run, some, state):
                 rows.append((f"{run.name}, {name}" if len(some) > 1 else run.name, found))
     datasets = [found.data for _, found in rows]
-    columns = _columns(SHORT, datasets, short=True)
+    columns = _columns("short", datasets)
     for name in columns:
         units = {str(ds[name].attrs.get("units", "1")) for ds in datasets if name in ds}
         if len(units) > 1:

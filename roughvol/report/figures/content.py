@@ -61,16 +61,6 @@ VARIABLES_OF = {  # the first one that all runs have is drawn
 BELOW = ("p", "a", "v", "d", "i", "gap")
 DRAWN = ("v_of_p", "a_of_p", "v_of_a", "v_of_d", "gap_of_p", "leak_of_p")
 """The figures of several runs, without a name."""
-WORDS = {
-    "nominal_pressure": "nominal pressure $p$",
-    "indentation": r"indentation $\Delta/\sigma$",
-    "mean_gap": r"mean gap $\bar g$",
-    "leak_rate": "leak rate $Q$",
-    "transmissivity": r"transmissivity $T^{\ast}$",
-    "transmissivity_dry": r"transmissivity without fluid pressure $T^{\ast}$",
-    "interfacial_stiffness": r"interfacial stiffness $K L/E^{\ast}$",
-    "contact_conductance": r"contact conductance $h$",
-}
 COLUMNS = ("panel", "curve", "D", "m", "seed", "case", "axis", "x", "y", "x_label", "y_label")
 """Columns of the points of a figure."""
 DECADES = 9  # of a flow that an axis spans; less flows off it
@@ -186,7 +176,7 @@ def _flow(runs: Sequence[Named], x: str, name: str) -> Drawing:
         top = float(values.max(initial=1e-300))
         floor = 0.4 * max(float(values.min(initial=top)), top * 10.0**-DECADES)
         ax.set(yscale="log", ylim=(floor, 2.5 * top), xlabel=_label(x, runs))
-        ax.set_ylabel(_label(stored[0], runs, WORDS[name]))
+        ax.set_ylabel(_label(stored[0], runs, LABELS[name]))
         closed, median = set[str](), False
         for family in some:
             for axis in AXES:
@@ -301,7 +291,7 @@ def _unit(name: str, ds: Dataset) -> str:
 
 def _label(name: str, runs: Sequence[Named], words: str = "") -> str:
     unit = _unit(name, runs[0].dataset)
-    words = words or LABELS.get(name) or WORDS[name]
+    words = words or LABELS[name]
     return words if unit == "1" else f"{words} [{unit_text(unit)}]"
 
 

@@ -24,6 +24,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from xarray import Dataset
 
 from roughvol.errors import FolderError
+from roughvol.observables.variables import QUANTITIES
 from roughvol.store import stamped_file
 
 _LETTERS = {r"^{\ast}": "*", r"\sigma": "σ", r"\Delta": "Δ", r"\delta": "δ", r"\mu": "µ", r"\leq": "≤", r"\sim": "~"}
@@ -50,12 +51,7 @@ RAISED = {"2": "²", "3": "³"}  # the font has no others, nor a raised minus
 WIDE = 62  # characters of a legend, lines included, that fit over a column
 MANY = 30  # computed states of a curve, beyond which only some have a marker
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
-LABELS = {
-    A: r"real contact area fraction $A^{\ast}$",
-    P: r"dimensionless pressure $p^{\ast}$",
-    V: r"dimensionless free volume $V^{\ast}$",
-    D_SIGMA: r"mean plane separation $d/\sigma$",
-}
+LABELS = {name.removesuffix("_x"): row.label for name, row in QUANTITIES.items() if row.label and name[-2:] != "_y"}
 
 
 class Drawing(Figure):
