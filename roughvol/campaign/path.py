@@ -25,22 +25,7 @@ RANGE = 1e3  # p* of the last step over that of the first, of steps in equal rat
 def starred(case: Case, surface: Surface) -> Case:
     """Return a case whose states are starred numbers of its surface.
 
-    Parameters
-    ----------
-    case : Case
-        Its sweep, whose states may have units.
-    surface : Surface
-        The whole surface; its Sq is that of the study, if the study gives one.
-
-    Returns
-    -------
-    Case
-        The same case without a unit in its sweep and its record.
-
-    Raises
-    ------
-    ContactError
-        If the surface is flat.
+    The surface is the whole one; its Sq is that of the study, if the study gives one.
     """
     if not (case.sweep.has_units or case.record.has_units):
         return case
@@ -85,31 +70,9 @@ def indentations(
 ) -> Iterator[float]:
     """Yield the indentations of the steps that are left, leg by leg.
 
-    Parameters
-    ----------
-    case : Case
-        Its legs, solver, hardness and region.
-    surface : Surface
-        The whole surface.
-    half_space : Compliance
-        Of the shape of the surface.
-    reduced : Reduction
-        States so far; a leg goes on from the last one.
-    ends : list
-        Δ/σ at the ends of the legs begun so far, for steps equal in pressure with p* at the begin and the end. The end
-        of each further leg is appended.
-
-    Yields
-    ------
-    float
-        Δ/σ [1]. On a periodic surface the approach Δ'/σ.
-
-    Raises
-    ------
-    ContactError
-        If a leg ends before first touch, has no length, or does not reach its end.
-    ConvergenceError
-        If a state of a search is not solved to the tolerance.
+    `ends` has Δ/σ at the ends of the legs begun so far, with p* at the begin and the end for steps equal in pressure;
+    the end of each further leg is appended. A leg goes on from the last state that `reduced` has. On a periodic surface
+    the numbers are the approach Δ'/σ.
     """
     first = 0  # step at which the leg begins
     for number, leg in enumerate(case.sweep.legs):
@@ -209,27 +172,7 @@ def _reaching(case: Case, target: Level, surface: Surface, half_space: Complianc
 
 
 def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:
-    """Return Δ/σ at the end of the first leg: on a plane, at a value given, or where the search for one ends.
-
-    Parameters
-    ----------
-    case : Case
-        Its target, solver and region; the contact is elastic.
-    surface : Surface
-        The whole surface.
-    half_space : Compliance
-        Of the shape of the surface.
-
-    Returns
-    -------
-    float
-        Δ/σ [1].
-
-    Raises
-    ------
-    ContactError
-        If the sweep would end before first touch.
-    """
+    """Return Δ/σ at the end of the first leg: on a plane, at a value given, or where the search for one ends."""
     return _first(case, _level(case.sweep.legs[0].target, surface), surface, half_space)
 
 
@@ -262,13 +205,7 @@ def _first(case: Case, target: Level, surface: Surface, half_space: Compliance) 
 
 
 def _level(target: Level, surface: Surface, *, plastic: bool = False) -> Level:
-    """Return the level that a target is on a periodic surface, where no plane can pass the mean one unless it yields.
-
-    Raises
-    ------
-    ContactError
-        If no state has this separation.
-    """
+    """Return the level of a target on a periodic surface, where no plane can pass the mean one unless it yields."""
     if not surface.periodic or target.kind not in ("indentation", "separation", "mean-plane", "summit-plane"):
         return target
     indentation, deepest = _plane(target, surface), _plane(Level("mean-plane"), surface)

@@ -65,30 +65,8 @@ def solve_indentation(
 ) -> tuple[State, int, float]:
     """Solve one indentation, started from two states, or from the rigid overlap alone.
 
-    Parameters
-    ----------
-    problem : Problem
-        Scaled problem.
-    indentation : float
-        Δ/σ.
-    latest, previous : State
-        States of the secant; ``previous`` has the smaller indentation, or is None.
-    rtol : float
-        Bound of the residual η/σ.
-
-    Returns
-    -------
-    state : State
-        The verified state.
-    iterations : int
-        Iterations; a factorisation counts as one.
-    residual : float
-        η/σ ≤ `rtol`, equation (2) of docs/solver.md.
-
-    Raises
-    ------
-    ConvergenceError
-        If the residual is not reached.
+    `previous` has the smaller indentation, or is None. The state returned is verified: its residual η/σ (2) is at most
+    `rtol`. A factorisation counts as one iteration.
     """
     if previous is None:
         latest, previous = _approach(problem, indentation, latest, rtol)
@@ -120,28 +98,8 @@ def conjugate_gradients(
     q and w have 64 bits. Residuals, directions and their convolutions may have 32: the error of a step is a share of
     the step, and steps shrink. The verification measures the errors that add up in w.
 
-    Parameters
-    ----------
-    problem, indentation
-        As in `solve_indentation`; the indentation is for errors alone.
-    start : Start
-        Candidates, and q and w there, which the iteration changes.
-    rtol
-        As in `solve_indentation`.
-    mode : Mode
-        Precision of the round.
-
-    Returns
-    -------
-    q : array (n,)
-        Allowed pressures on the candidates.
-    iterations : int
-        Iterations taken.
-
-    Raises
-    ------
-    ConvergenceError
-        After `Tuning.iterations` iterations with M⁻¹, as many with the near field alone, and as many without.
+    The iteration changes q and w of the start. It takes as many iterations as `Tuning` allows with M⁻¹, as many with
+    the near field alone, and as many without.
     """
     tuning, half_space, elements = problem.tuning, problem.half_space, start.candidates
     single = problem.single(rtol) and mode is not Mode.EXACT
@@ -213,11 +171,6 @@ def _factorised(problem: Problem, indentation: float, start: Start) -> Array:
 
     Tensile elements leave the contact set, penetrating ones come back, until neither is left. Elements above the limit
     are set to it, and freed where a gap opens.
-
-    Raises
-    ------
-    ConvergenceError
-        If the contact set does not settle.
     """
     elements, limit = start.candidates, problem.law.limit
     matrix = influence_matrix(problem.half_space.influence, elements)

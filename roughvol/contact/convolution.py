@@ -115,17 +115,7 @@ class Convolution:
     def positions(self, row: NDArray[Any], column: NDArray[Any]) -> tuple[list[int], NDArray[Any]]:
         """Return the edges of the elements in each part of the rows, and their positions in its buffer.
 
-        Parameters
-        ----------
-        row, column : array (n,) of int
-            Elements, by increasing row.
-
-        Returns
-        -------
-        edges : list of int
-            Number of the first element of each part, and n.
-        positions : array (n,) of int
-            Flat indices in the buffer of the part.
+        Elements come by increasing row. The edges are the number of the first element of each part, and n.
         """
         starts = np.array([part.start for part in self._row_parts] + [self.shape[0]])
         edges = np.searchsorted(row, starts)
@@ -225,17 +215,7 @@ def _plans(source: Any, waves: Any, target: Any) -> tuple[Callable[[], None], Ca
 def parts(count: int, size: int, cache: int, together: int = 1) -> list[slice]:
     """Divide transforms into parts of about the cache each.
 
-    Parameters
-    ----------
-    count, size : int
-        Number of transforms, and bytes of one.
-    cache, together : int
-        Bytes of a part, and the divisor of its number of transforms; the last part takes the remainder.
-
-    Returns
-    -------
-    list of slice
-        Parts of 0 … count.
+    The number of transforms in a part is a multiple of `together`, except in the last part.
     """
     return _pieces(count, max(together, count // max(1, count * size // cache) // together * together))
 

@@ -53,27 +53,8 @@ def by_blocks(
 ) -> Map:
     """Return r ↦ M⁻¹ r on the elements, equation (15) of docs/solver.md.
 
-    Parameters
-    ----------
-    near : callable
-        r ↦ B r, symmetric and positive definite.
-    influence : array (rows, columns)
-        K(i, j) of the non-negative offsets.
-    shape : (int, int)
-        Rows and columns of the grid.
-    elements : array (n,)
-        Flat indices, increasing.
-    t : array (n,)
-        Pressure under uniform further indentation, ≥ 0.
-    tuning : Tuning
-        Constants.
-    periodic : bool
-        Whether opposite sides of the grid are joined.
-
-    Returns
-    -------
-    callable
-        r ↦ M⁻¹ r of 32 bits, both of shape (n,).
+    `near` is r ↦ B r, symmetric and positive definite. t ≥ 0 is the pressure under uniform further indentation. Results
+    have 32 bits.
 
     References
     ----------
@@ -154,19 +135,7 @@ class Cut:
 def cut(nodes: int, side: int, periodic: bool) -> Cut:
     """Cut an axis into blocks of a side. A free patch may have a shorter last block, a period has equal ones.
 
-    Parameters
-    ----------
-    nodes : int
-        Nodes along the axis.
-    side : int
-        Most nodes of a block.
-    periodic : bool
-        Whether the ends are joined. Lengths of blocks then differ by one node at most.
-
-    Returns
-    -------
-    Cut
-        The blocks.
+    The ends of a period are joined, and the lengths of its blocks differ by one node at most.
     """
     blocks = -(-nodes // side)
     node, apart = np.arange(nodes), np.arange(blocks)
@@ -185,23 +154,12 @@ def cut(nodes: int, side: int, periodic: bool) -> Cut:
 class Tier:
     """Elements in blocks, and the operator Pᵀ K P between the blocks.
 
-    Parameters
-    ----------
-    influence, shape, elements, t, tuning
-        As in `by_blocks`.
-    below : Tier, optional
-        The tier with blocks that are the elements of this one.
-    periodic : bool
-        Whether opposite sides of the grid are joined.
+    The elements may be the blocks of a tier `below`.
 
     Attributes
     ----------
-    periodic : bool
-        The same.
     rows, columns : Cut
         Blocks along each axis.
-    shape : (int, int)
-        Rows and columns of the grid of blocks.
     influence : array
         Kernel between distant blocks.
     numbers : array (blocks,)
@@ -344,18 +302,6 @@ def near_field_of_blocks(blocks: Tier, least_pivot: float) -> Map:
 
     Coefficients differ from block to block, so the small systems of `near_field` cannot be tabulated. One Cholesky
     factorisation solves all of them, with vectors over the blocks in place of numbers.
-
-    Parameters
-    ----------
-    blocks : Level
-        Blocks and the coefficients between them.
-    least_pivot : float
-        Least pivot, as a share of the diagonal coefficient.
-
-    Returns
-    -------
-    callable
-        r ↦ Gᵀ G r, both of shape (blocks,).
     """
     before = _AROUND[: _CENTRE + 1]
     count, size = blocks.numbers.size, len(before)

@@ -12,15 +12,7 @@ from roughvol.typing import Array, Index
 
 
 class Superposition:
-    """Displacement of many elements by few loaded ones, in lattice units; not thread-safe.
-
-    Parameters
-    ----------
-    influence : array (rows, columns)
-        K(i, j) of the non-negative offsets of the whole grid.
-    tuning : Tuning
-        Constants.
-    """
+    """Displacement of many elements by few loaded ones, in lattice units; not thread-safe."""
 
     def __init__(self, influence: Array, tuning: Tuning = TUNING) -> None:
         self._influence, self._columns = influence, influence.shape[1]
@@ -31,21 +23,7 @@ class Superposition:
     def displacement(self, elements: Index, loaded: Index, pressure: Array, *, single: bool) -> NDArray[Any] | None:
         """Return u on the elements, or None where a convolution takes less time.
 
-        Parameters
-        ----------
-        elements : array (n,)
-            Flat indices, increasing.
-        loaded : array (k,)
-            Positions of the loaded ones among them, increasing.
-        pressure : array (k,)
-            Pressures on the loaded elements.
-        single : bool
-            Whether 32 bits are enough.
-
-        Returns
-        -------
-        array (n,) or None
-            Displacement in the unit of `pressure`.
+        `loaded` are the positions of the loaded elements among all, increasing. 32 bits are enough if `single`.
         """
         if loaded.size * elements.size > self._terms:
             return None

@@ -36,26 +36,9 @@ def near_field(
     factorised sparse approximate inverse is symmetric, and positive definite whenever K is: G is invertible, on a free
     patch as a triangular matrix with a positive diagonal, around a period by `dominant` rows.
 
-    Parameters
-    ----------
-    influence : array (rows, columns)
-        K(i, j) of the non-negative offsets.
-    columns : int
-        Columns of the grid.
-    elements : array (n,)
-        Flat indices, increasing.
-    reach : float
-        Distance of the farthest neighbours in spacings, at most √8. √5 takes 10 preceding neighbours.
-    cache : int
-        Bytes of a part, as in `Tuning`.
-    periodic : bool
-        Whether opposite sides of the grid are joined. The first rows are then preceded by the last ones: G is a filter
-        that runs around the period, and triangular but for these rows.
-
-    Returns
-    -------
-    callable
-        r ↦ Gᵀ G r of 32 bits, both of shape (n,).
+    Neighbours in a row are at most `reach` spacings apart, at most √8; √5 takes 10 preceding neighbours. Around a
+    period the first rows are preceded by the last ones: G is a filter that runs around it, triangular but for these
+    rows.
 
     References
     ----------
@@ -127,13 +110,6 @@ def dominant(others: Single, diagonal: Single) -> None:
 
     G is then invertible, and GᵀG positive definite, whichever neighbours a row has. For x_k, the largest entry of x,
     row k has |(G x)_k| ≥ g |x_k| - Σ|others| |x_k| ≥ 0.001 g |x_k| > 0. Most rows are dominant already and are kept.
-
-    Parameters
-    ----------
-    others : array (k, n)
-        Coefficients of the neighbours in each of n rows.
-    diagonal : array (n,)
-        Coefficient of the element or block itself, > 0.
     """
     share = np.abs(others).sum(axis=0) / diagonal
     others *= np.minimum(1.0, 0.999 / np.maximum(share, 0.999))
@@ -142,24 +118,11 @@ def dominant(others: Single, diagonal: Single) -> None:
 def border(influence: Array, columns: int, elements: Index, left_out: Mask, entered: Index) -> tuple[Index, Single]:
     """Return the rows g by which elements that were left out take part in the inverse.
 
-    With one more element x, the inverse of K is the one without it plus g gᵀ, g = y/√y_x, K y = e_x. Here K is taken
-    on x and the elements around it that are not left out, within two spacings along each axis.
+    With one more element x, the inverse of K is the one without it plus g gᵀ, g = y/√y_x, K y = e_x. Here K is taken on
+    x and the elements around it that are not left out, within two spacings along each axis.
 
-    Parameters
-    ----------
-    influence, columns, elements
-        As in `near_field`.
-    left_out : array (n,) of bool
-        Elements left out of the inverse.
-    entered : array (k,)
-        Positions among the elements of the x.
-
-    Returns
-    -------
-    members : array (k, 25)
-        Positions of the elements around each x, itself included.
-    rows : array (k, 25)
-        g, zero where there is no element.
+    The results have shape (k, 25): positions of the elements around each of the k that entered, itself included, and g,
+    zero where there is no element.
     """
     wanted = elements[entered, None] + _SQUARE @ (columns, 1)
     members = np.minimum(np.searchsorted(elements, wanted), elements.size - 1)

@@ -21,26 +21,7 @@ def solve_paper(
     Every indentation starts from the rigid overlap. An element that leaves does not come back. None has to, for the
     Love kernel.
 
-    Parameters
-    ----------
-    problem, indentation, latest, _previous, rtol
-        As in `active_set.solve_indentation`, on at most 65 × 65 elements. The states give the length of the step alone.
-
-    Returns
-    -------
-    state : State
-        The verified state.
-    sweeps : int
-        Gauss-Seidel sweeps.
-    residual : float
-        η/σ ≤ `rtol`.
-
-    Raises
-    ------
-    ContactError
-        If the grid is larger than 65 × 65.
-    ConvergenceError
-        If the residual is not reached.
+    Grids have at most 65 × 65 elements. The states give the length of the step alone.
     """
     if max(problem.shape) > LARGEST:
         message = f"method 'paper' takes grids up to {LARGEST} × {LARGEST} (m = 6); this one is {problem.shape}"

@@ -36,31 +36,8 @@ def approximate_inverse(
     M⁻¹ is positive definite on the elements that take part. `far_field` has the proof for the elements kept. An element
     x that comes into contact adds (gᵀr)² to rᵀM⁻¹r, which is y_x r_x² if r is zero on the elements kept.
 
-    Parameters
-    ----------
-    influence : array (rows, columns)
-        K(i, j) of the non-negative offsets.
-    shape : (int, int)
-        Rows and columns of the grid.
-    elements : array (n,)
-        Flat indices, increasing.
-    pressure, gap : array (n,)
-        q and w at the start, scaled.
-    free : array (n,) of bool
-        Elements that may change their pressure.
-    rates : pair of array (n,), or None
-        Pressure and displacement per unit of further indentation. Without them the far field is not corrected.
-    tuning : Tuning
-        Constants.
-    periodic : bool
-        Whether opposite sides of the grid are joined.
-
-    Returns
-    -------
-    inverse : callable
-        r ↦ M⁻¹ r, both of shape (n,).
-    free : array (n,) of bool
-        Elements expected in contact.
+    `pressure` and `gap` are q and w at the start. `rates` are pressure and displacement per unit of further
+    indentation; without them the far field is not corrected.
     """
     reach = tuning.near_reach_periodic if periodic else tuning.near_reach
     if rates is None:
@@ -110,16 +87,6 @@ def weaker_inverses(
     """Yield maps in place of an M⁻¹ that gives no descent: the near field alone, then r itself.
 
     They take more iterations to the same answer. The last one is repeated without end: r descends.
-
-    Parameters
-    ----------
-    influence, shape, elements, tuning, periodic
-        As in `approximate_inverse`.
-
-    Yields
-    ------
-    callable
-        r ↦ an approximation of K⁻¹ r, both of shape (n,).
     """
     reach = tuning.near_reach_periodic if periodic else tuning.near_reach
     yield near_field(influence, shape[1], elements, reach, periodic=periodic)

@@ -33,15 +33,6 @@ LIGHT_ROUGH = 0.5  # the same for rough states of a search
 class Problem:
     """One surface on one half space, scaled: heights h = (z - z_max)/σ, pressures q = p δ/(π E* σ).
 
-    Parameters
-    ----------
-    surface : Surface
-        Heights and spacing [length].
-    half_space : Compliance
-        Half space of the same shape.
-    options : Options
-        Accuracy, method, precision, hardness and constants.
-
     Attributes
     ----------
     heights : array (nodes,)
@@ -50,11 +41,6 @@ class Problem:
         Pressures and gaps allowed.
     leg : Leg
         Plastic displacement at the start of the leg, and its error.
-
-    Raises
-    ------
-    ContactError
-        If the shapes differ, or one of the two alone is periodic.
     """
 
     def __init__(self, surface: Surface, half_space: Compliance, options: Options = DEFAULT) -> None:

@@ -26,19 +26,7 @@ ACCURACY = 1e-8  # largest residual on an element over the largest displacement 
 
 
 class Response:
-    """Pressures on a fixed set of elements that displace them as asked.
-
-    Parameters
-    ----------
-    half_space : Compliance
-        The half space.
-    elements : array (n,)
-        Flat indices of the elements in contact, increasing, n ≥ 1.
-    accuracy : float
-        Largest residual on an element over the largest displacement asked for.
-    tuning : Tuning
-        Constants.
-    """
+    """Pressures on a fixed set of elements that displace them as asked."""
 
     def __init__(
         self, half_space: Compliance, elements: Index, *, accuracy: float = ACCURACY, tuning: Tuning = TUNING
@@ -46,23 +34,7 @@ class Response:
         self._half_space, self._elements, self._accuracy, self._tuning = half_space, elements, accuracy, tuning
 
     def pressure(self, displacement: Array) -> Array:
-        """Return q with K_II q = u.
-
-        Parameters
-        ----------
-        displacement : array (n,)
-            u on the elements.
-
-        Returns
-        -------
-        array (n,)
-            Pressures, of either sign.
-
-        Raises
-        ------
-        ConvergenceError
-            If the accuracy is not reached.
-        """
+        """Return q with K_II q = u."""
         if self._elements.size <= self._tuning.dense_up_to:
             dense: Array = linalg.cho_solve(self._factor, displacement, check_finite=False)
             return dense

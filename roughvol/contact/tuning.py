@@ -11,87 +11,42 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Tuning:
-    """Constants of the solver and of its convolution.
+    """Constants of the solver and of its convolution."""
 
-    Attributes
-    ----------
-    dense_up_to : int
-        Most candidates for a Cholesky factorisation in place of the iteration.
-    near_reach : float
-        Distance of the farthest neighbours in a row of the near field G, in spacings; at most √8.
-    near_reach_periodic : float
-        The same on a period of a plane, where half of the elements may be in contact.
-    block_side : int
-        Elements along the side of a block of the far field.
-    factorised_up_to : int
-        Most blocks for a factorisation of the operator between them. More are put into blocks again.
-    least_pivot : float
-        Least pivot of the near field of blocks, as a share of the diagonal coefficient.
-    lifted_share : float
-        Least share of elements expected to be lifted clear, for an inverse without them.
-    lifted_again_from : int
-        Least nodes of a grid for repeated searches for elements lifted clear.
-    lifted_rounds : int
-        Most searches for elements lifted clear on these grids.
-    cut_every : int
-        Iterations between two cuts of negative pressures.
-    sum_terms : float
-        Most terms per node of the grid, for a sum in place of the convolution of cut pressures.
-    yield_margin : float
-        Gap predicted on a surface that yields, up to which an element is a candidate, over the advance.
-    safety : float
-        Residual that ends the iteration, as a share of the tolerance. The verification finds a little more.
-    last_step : float
-        Residual at which one more step is trusted unmeasured, over the residual that ends the iteration.
-    iterations : int
-        Most iterations of a round with M⁻¹. A weaker inverse gets as many.
-    rounds : int
-        Most rounds of iteration and verification of a solve.
-    single_from : float
-        Least tolerance η/σ for directions and convolutions of 32 bits.
-    cold_up_to : int
-        Most elements in the rigid overlap for a start there. Larger overlaps are approached by rough states.
-    cold_step : float
-        Ratio of the indentations of successive rough states.
-    cold_rtol : float
-        Tolerance η/σ of the rough states.
-    windows_from : int
-        Least points of a transform of the whole grid, for transforms of the rectangle of the candidates alone.
-    cache : int
-        Bytes transformed at a time, to stay in the cache of a processor.
-    columns_together : int
-        Least columns copied at a time, to use whole lines of the cache. A quarter of them is transformed at a time.
-    band : int
-        Rows copied at a time. Each lies on another page of memory on large grids.
-    gauss_seidel : int
-        Most Gauss-Seidel sweeps for one contact set of the paper's Algorithm 1.
-    """
-
-    dense_up_to: int = 240
+    dense_up_to: int = 240  # most candidates for a Cholesky factorisation in place of the iteration
+    # Distance of the farthest neighbours in a row of the near field G, in spacings; at most √8.
     near_reach: float = 5.0**0.5
+    # The same on a period of a plane, where half of the elements may be in contact.
     near_reach_periodic: float = 2.0**0.5
-    block_side: int = 8
+    block_side: int = 8  # elements along the side of a block of the far field
+    # Most blocks for a factorisation of the operator between them. More are put into blocks again.
     factorised_up_to: int = 256
-    least_pivot: float = 0.05
-    lifted_share: float = 0.001
-    lifted_again_from: int = 2**20
-    lifted_rounds: int = 3
-    cut_every: int = 2
-    sum_terms: float = 5.0
+    least_pivot: float = 0.05  # least pivot of the near field of blocks, as a share of the diagonal coefficient
+    lifted_share: float = 0.001  # least share of elements expected to be lifted clear, for an inverse without them
+    lifted_again_from: int = 2**20  # least nodes of a grid for repeated searches for elements lifted clear
+    lifted_rounds: int = 3  # most searches for elements lifted clear on these grids
+    cut_every: int = 2  # iterations between two cuts of negative pressures
+    sum_terms: float = 5.0  # most terms per node of the grid, for a sum in place of the convolution of cut pressures
+    # Gap predicted on a surface that yields, up to which an element is a candidate, over the advance.
     yield_margin: float = 0.2
+    # Residual that ends the iteration, as a share of the tolerance. The verification finds a little more.
     safety: float = 0.9
+    # Residual at which one more step is trusted unmeasured, over the residual that ends the iteration.
     last_step: float = 4.0
-    iterations: int = 2000
-    rounds: int = 60
-    single_from: float = 2e-9
+    iterations: int = 2000  # most iterations of a round with M⁻¹. A weaker inverse gets as many
+    rounds: int = 60  # most rounds of iteration and verification of a solve
+    single_from: float = 2e-9  # least tolerance η/σ for directions and convolutions of 32 bits
+    # Most elements in the rigid overlap for a start there. Larger overlaps are approached by rough states.
     cold_up_to: int = 20_000
-    cold_step: float = 1.15
-    cold_rtol: float = 1e-3
+    cold_step: float = 1.15  # ratio of the indentations of successive rough states
+    cold_rtol: float = 1e-3  # tolerance η/σ of the rough states
+    # Least points of a transform of the whole grid, for transforms of the rectangle of the candidates alone.
     windows_from: int = 2**20
-    cache: int = 2**18
+    cache: int = 2**18  # bytes transformed at a time, to stay in the cache of a processor
+    # Least columns copied at a time, to use whole lines of the cache. A quarter of them is transformed at a time.
     columns_together: int = 16
-    band: int = 1024
-    gauss_seidel: int = 100_000
+    band: int = 1024  # rows copied at a time. Each lies on another page of memory on large grids
+    gauss_seidel: int = 100_000  # most Gauss-Seidel sweeps for one contact set of the paper's Algorithm 1
 
 
 TUNING = Tuning()
@@ -99,46 +54,23 @@ TUNING = Tuning()
 
 @dataclass(frozen=True)
 class SearchTuning:
-    """Constants of the searches. They change the number of solves, and the answer within its accuracy.
+    """Constants of the searches. They change the number of solves, and the answer within its accuracy."""
 
-    Attributes
-    ----------
-    first : float
-        Residual η/σ of the first solve, which only has to be near.
-    following : float
-        Residual η/σ of the solves before the bracket.
-    useful : float
-        Residual over the width of the bracket. Looser solves save no convolutions, as more of them are needed.
-    inside : float
-        Least distance of a trial from the ends of the bracket, over its width.
-    least_growth, most_growth : float
-        Ratio of successive indentations before the bracket.
-    patience : int
-        Solves with the least growth. It is squared at each further one, as an area may wait for one deep pit.
-    line_accuracy : float
-        Accuracy of a root on a line, over its distance to the nearest state.
-    clear : float
-        Residual over distance of two states whose line is half as good a start as that of exact states.
-    sure : float
-        Residuals by which two solves of one state may differ in x.
-    accuracy : float
-        Relative accuracy of the indentation for an area or a pressure.
-    solves : int
-        Most solves of a search.
-    """
-
-    first: float = 1e-1
-    following: float = 3e-2
+    first: float = 1e-1  # residual η/σ of the first solve, which only has to be near
+    following: float = 3e-2  # residual η/σ of the solves before the bracket
+    # Residual over the width of the bracket. Looser solves save no convolutions, as more of them are needed.
     useful: float = 3e-4
-    inside: float = 0.05
-    least_growth: float = 1.02
+    inside: float = 0.05  # least distance of a trial from the ends of the bracket, over its width
+    least_growth: float = 1.02  # ratio of successive indentations before the bracket
     most_growth: float = 2.0
+    # Solves with the least growth. It is squared at each further one, as an area may wait for one deep pit.
     patience: int = 3
-    line_accuracy: float = 2.0**-4
+    line_accuracy: float = 2.0**-4  # accuracy of a root on a line, over its distance to the nearest state
+    # Residual over distance of two states whose line is half as good a start as that of exact states.
     clear: float = 0.1
-    sure: float = 4.0
-    accuracy: float = 1e-6
-    solves: int = 200
+    sure: float = 4.0  # residuals by which two solves of one state may differ in x
+    accuracy: float = 1e-6  # relative accuracy of the indentation for an area or a pressure
+    solves: int = 200  # most solves of a search
 
 
 SEARCH_TUNING = SearchTuning()

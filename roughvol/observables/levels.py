@@ -30,20 +30,7 @@ REACHED = 1e-5  # relative; a stored step that misses a state by less is that st
 
 
 def end_of(case: Case, target: Level | None = None) -> Callable[[Contact], bool] | None:
-    """Return the condition of the last state of the first leg where this is the end of percolation; None elsewhere.
-
-    Parameters
-    ----------
-    case : Case
-        Its target and region.
-    target : Level, optional
-        The state. Default: the end of the first leg.
-
-    Returns
-    -------
-    callable or None
-        Contact ↦ whether the sweep ends there.
-    """
+    """Return the condition of the last state of the first leg where this is the end of percolation; None elsewhere."""
     target = target or case.sweep.legs[0].target
     if not target.kind.startswith("percolation"):
         return None
@@ -53,31 +40,8 @@ def end_of(case: Case, target: Level | None = None) -> Callable[[Contact], bool]
 def reached(level: Level, step: int, contact: State, case: Case, before: Mapping[str, float] | None = None) -> bool:
     """Return whether a state is at or beyond a level.
 
-    The last step reaches the end of the sweep by definition. A finite residual may leave it one element or a few
-    digits short.
-
-    Parameters
-    ----------
-    level : Level
-        The level.
-    step : int
-        Number of the step, from 1.
-    contact : Contact or Within
-        The state, in the region of the study.
-    case : Case
-        Its target and number of steps.
-    before : mapping, optional
-        Numbers of the state before, for levels of further legs.
-
-    Returns
-    -------
-    bool
-        Whether the level is reached.
-
-    Raises
-    ------
-    ValueError
-        If the level is of an unknown kind.
+    The last step reaches the end of the sweep by definition. A finite residual may leave it one element or a few digits
+    short.
     """
     if level.leg is not None:
         return before is not None and crossed(level, step, contact, case, before)
@@ -162,20 +126,7 @@ def defined_step(level: Level, sweep: Sweep | Legs) -> int | None:
 
 
 def on_legs(by_label: Mapping[str, Level], case: Case) -> dict[str, Level]:
-    """Return levels by label, on every leg of the path where the study asks for that.
-
-    Parameters
-    ----------
-    by_label : mapping
-        Levels by label.
-    case : Case
-        Its legs, and whether levels are taken on all of them.
-
-    Returns
-    -------
-    dict
-        The levels, followed by those of further legs.
-    """
+    """Return levels by label, on every leg of the path where the study asks for that."""
     levels = dict(by_label)
     if not case.record.all_legs:
         return levels
@@ -188,26 +139,7 @@ def on_legs(by_label: Mapping[str, Level], case: Case) -> dict[str, Level]:
 
 
 def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping[str, float]) -> bool:
-    """Return whether a level of a further leg lies between the state before and this one, or at this one.
-
-    Parameters
-    ----------
-    level : Level
-        A level with its leg.
-    step : int
-        Number of the step, from 1.
-    contact : Contact or Within
-        The state, in the region of the study.
-    case : Case
-        Its legs.
-    before : mapping
-        Numbers of the state before by the names of stored variables.
-
-    Returns
-    -------
-    bool
-        Whether the level is reached here.
-    """
+    """Return whether a level of a further leg lies between the state before and this one, or at this one."""
     ends = list(itertools.accumulate(leg.steps for leg in case.sweep.legs))
     leg = level.leg or 1
     if not ends[leg - 2] < step <= ends[leg - 1]:
@@ -220,22 +152,7 @@ def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping
 
 
 def is_end(level: Level, step: int, case: Case) -> bool:
-    """Return whether a level is the end of a leg, at its last step; "last" is the end of the last leg.
-
-    Parameters
-    ----------
-    level : Level
-        The level.
-    step : int
-        Number of the step, from 1.
-    case : Case
-        Its target and number of steps.
-
-    Returns
-    -------
-    bool
-        Whether it is the end.
-    """
+    """Return whether a level is the end of a leg, at its last step; "last" is the end of the last leg."""
     ends = dict(zip(itertools.accumulate(leg.steps for leg in case.sweep.legs), case.sweep.legs, strict=True))
     last = level == LAST and step == case.sweep.steps
     return last or (step in ends and replace(level, leg=None) == ends[step].target)
@@ -324,24 +241,7 @@ def at_level(
 
 
 def check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) -> None:
-    """Refuse a free volume or a separation that is not below that of the first touch.
-
-    Parameters
-    ----------
-    level : Level
-        Of the kind free_volume or separation.
-    case : Case
-        Names the region.
-    surface : Surface
-        The surface pressed.
-    untouched : Contact
-        Its state at first touch.
-
-    Raises
-    ------
-    ContactError
-        If the level lies before the first touch.
-    """
+    """Refuse a free volume or a separation that is not below that of the first touch."""
     separation = (surface.z_max - surface.mean_height) / surface.unit
     most = separation if level.kind == "separation" else float(within(untouched, case).gap().mean())
     if (level.value or 0.0) >= most:
