@@ -18,8 +18,8 @@ AT_NODE = 1e-9  # of an axis: a place as near to a node is at the node
 def block_means(heights: Array, side: int) -> Array:
     """Return the means of the known heights in blocks of nodes, k times as far apart as the nodes.
 
-    The mean of a plane over a block is the plane in the middle of the block. Rows and columns at the end that fill no
-    block are left out.
+    The mean of a plane over a block is the plane in the middle of the block. A mean is NaN where more than half of its
+    block is not known. Rows and columns at the end that fill no block are left out.
     """
     rows, columns = (nodes // side for nodes in heights.shape)
     blocks = heights[: rows * side, : columns * side].reshape(rows, side, columns, side)
@@ -31,6 +31,7 @@ def block_means(heights: Array, side: int) -> Array:
 def squared(heights: Array, ratio: float) -> Array:
     """Return the heights on square pixels of the finer of the two spacings, by cubic splines along the coarser axis.
 
+    The ratio is the side of the pixels along y over that along x. A node between two others is NaN if one of them is.
     Interpolation onto the finer spacing leaves every wave that the map holds. A cubic spline keeps waves of four pixels
     and more to 3 % of their amplitude, wherever the new nodes fall between the old. Linear interpolation takes off up
     to 1 - cos(π/4) = 29 %, and nothing where old and new nodes meet, so roughness would vary over the map. Planes are

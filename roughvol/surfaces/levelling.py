@@ -28,7 +28,8 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     """Return the heights less the least-squares surface of the known ones.
 
     z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'² over the nodes with known z. The degree n is 0
-    for ``mean``, 1 for ``tilt`` (a plane) and 2 for ``quadratic``. ``none`` takes nothing off.
+    for ``mean``, 1 for ``tilt`` (a plane) and 2 for ``quadratic``. ``none`` takes nothing off. ``among`` restricts the
+    fit to some of the known nodes.
     """
     if kind not in LEVELS:
         raise SurfaceError(f"level must be one of {', '.join(map(repr, LEVELS))}, got {kind!r}")
@@ -54,7 +55,7 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
 
 
 def fill(heights: Array, rule: str, *, periodic: bool = False) -> Array:
-    """Return the heights with those filled in that are not known.
+    """Return the heights with those filled in that are not known, at most half of them.
 
     ``nearest`` takes the height of the nearest known node (of several equally near ones always the same). With
     ``interpolate`` every filled height is the mean of its 4 neighbours, 3 or 2 at the rim (the discrete Laplace
@@ -78,7 +79,7 @@ def fill(heights: Array, rule: str, *, periodic: bool = False) -> Array:
 
 
 def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
-    """Return the heights without their waves shorter than the cut-off: the areal Gaussian filter of ISO 16610-61.
+    """Return the heights without their waves shorter than the cut-off λc, from 2 δ to the shorter side: ISO 16610-61.
 
         s(x) = exp(-π (x/(α λc))²) / (α λc),   α = √(ln 2/π),   transmission exp(-π (α λc/λ)²)
 

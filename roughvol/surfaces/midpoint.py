@@ -13,11 +13,7 @@ from roughvol.surfaces.surface import Surface, positive, real
 from roughvol.typing import Array, Index
 
 LARGEST_M = 14  # 2 GiB of heights; the contact problem ends well before
-
-
 LAWS = ("std", "variance")
-
-
 INITIAL_SPREAD = 1.0 / 0.3  # the paper's free parameter 1/√0.09, Section 2
 
 

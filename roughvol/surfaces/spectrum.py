@@ -205,23 +205,18 @@ def _with_moduli(waves: Waves, moduli: Array) -> Waves:
 
 def _check(spectrum: Spectrum, hurst: float, n: int, seed: int) -> None:
     """Refuse what lies outside its interval."""
-    finite = math.isfinite(spectrum.cut) and math.isfinite(spectrum.anisotropy)
+    rolloff, cut, stretch = spectrum.rolloff, spectrum.cut, spectrum.anisotropy
+    finite, even = math.isfinite(cut) and math.isfinite(stretch), isinstance(n, int) and n % 2 == 0
     rules = (
         (0.0 < hurst < 1.0, f"H must be in (0, 1), got {hurst!r}"),
-        (
-            isinstance(n, int) and n % 2 == 0 and 8 <= n <= LARGEST_N,
-            f"n must be an even number in [8, {LARGEST_N}], got {n!r}",
-        ),
+        (even and 8 <= n <= LARGEST_N, f"n must be an even number in [8, {LARGEST_N}], got {n!r}"),
         (isinstance(seed, int) and seed >= 0, f"seed must be an integer >= 0, got {seed!r}"),
-        (spectrum.rolloff >= 1.0, f"rolloff = L/λ_r must be >= 1, got {spectrum.rolloff!r}"),
+        (rolloff >= 1.0, f"rolloff = L/λ_r must be >= 1, got {rolloff!r}"),
         (
-            finite and spectrum.rolloff < spectrum.cut <= LARGEST_N / 2,
-            f"cut = L/λ_s must be > rolloff = {spectrum.rolloff:g} and <= {LARGEST_N // 2}, got {spectrum.cut!r}",
+            finite and rolloff < cut <= LARGEST_N / 2,
+            f"cut = L/λ_s must be > rolloff = {rolloff:g} and <= {LARGEST_N // 2}, got {cut!r}",
         ),
-        (
-            finite and 1.0 <= spectrum.anisotropy < spectrum.cut,
-            f"anisotropy must be >= 1 and < cut = {spectrum.cut:g}, got {spectrum.anisotropy!r}",
-        ),
+        (finite and 1.0 <= stretch < cut, f"anisotropy must be >= 1 and < cut = {cut:g}, got {stretch!r}"),
         (spectrum.phases in ("gaussian", "random"), f"phases must be 'gaussian' or 'random', got {spectrum.phases!r}"),
     )
     for holds, message in rules:

@@ -125,13 +125,8 @@ class Surface:
 
     @cached_property
     def _moments(self) -> tuple[float, float]:
-        # A power of two, so that scaling is exact and Sq(2^k z) = 2^k Sq(z) to the last bit.
-        exponent = math.frexp(self.z_max - self.z_min)[1]
-        depth = np.ldexp(self.z_max - self.heights, -exponent)
-        mean_depth = float(depth.mean())
-        depth -= mean_depth
-        mean_height = self.z_max - math.ldexp(mean_depth, exponent)
-        return mean_height, math.ldexp(math.sqrt(float(np.mean(np.square(depth)))), exponent)
+        unit, exponent, mean_height = about_mean_plane(self.heights)
+        return mean_height, math.ldexp(root_mean_square(unit), exponent)
 
 
 def intervals(nodes: int, periodic: bool) -> int:
@@ -142,6 +137,22 @@ def intervals(nodes: int, periodic: bool) -> int:
 def with_neighbours(heights: Array, periodic: bool) -> Array:
     """Return heights with one line of the next period on each side; those of a patch unchanged."""
     return np.pad(heights, 1, mode="wrap") if periodic else heights
+
+
+def about_mean_plane(heights: Array) -> tuple[Array, int, float]:
+    """Return heights about their mean plane divided by 2^e, of range at most 1, then e, and the mean height."""
+    top = float(heights.max())
+    # A power of two, so that scaling is exact and Sq(2^k z) = 2^k Sq(z) to the last bit.
+    exponent = math.frexp(top - float(heights.min()))[1]
+    unit = np.ldexp(heights - top, -exponent)
+    mean = float(unit.mean())
+    unit -= mean
+    return unit, exponent, top + math.ldexp(mean, exponent)
+
+
+def root_mean_square(values: Array) -> float:
+    """Return √mean(values²)."""
+    return math.sqrt(float(np.mean(np.square(values))))
 
 
 def _checked_heights(heights: ArrayLike) -> Array:

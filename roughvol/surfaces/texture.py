@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces.surface import intervals
+from roughvol.surfaces.surface import about_mean_plane, intervals, root_mean_square
 from roughvol.typing import Array, Index, Mask
 
 FEWEST_CELLS_FOR_SPECTRUM = 32  # below, the range of `hurst_spectrum` spans less than one octave
@@ -26,20 +26,20 @@ SPECTRUM_BINS = 8
 
 def standardised(heights: Array) -> Array:
     """Return the heights about their mean plane in units of their root mean square, ζ/Sq [1]."""
-    unit, _ = _about_mean_plane(heights)
-    spread = _root_mean_square(unit)
+    unit = about_mean_plane(heights)[0]
+    spread = root_mean_square(unit)
     return unit / spread if spread > 0.0 else np.full(unit.shape, math.nan)
 
 
 def Sq(heights: Array) -> float:
     """Return the root mean square height, Sq = √mean(ζ²) [length] (ISO 25178-2)."""
-    unit, exponent = _about_mean_plane(heights)
-    return math.ldexp(_root_mean_square(unit), exponent)
+    unit, exponent, _ = about_mean_plane(heights)
+    return math.ldexp(root_mean_square(unit), exponent)
 
 
 def Sa(heights: Array) -> float:
     """Return the arithmetical mean height, Sa = mean(abs(ζ)) [length] (ISO 25178-2)."""
-    unit, exponent = _about_mean_plane(heights)
+    unit, exponent, _ = about_mean_plane(heights)
     return math.ldexp(float(np.abs(unit).mean()), exponent)
 
 
@@ -55,13 +55,13 @@ def Sku(heights: Array) -> float:
 
 def Sp(heights: Array) -> float:
     """Return the maximum peak height, Sp = max(ζ) [length] (ISO 25178-2)."""
-    unit, exponent = _about_mean_plane(heights)
+    unit, exponent, _ = about_mean_plane(heights)
     return math.ldexp(float(unit.max()), exponent)
 
 
 def Sv(heights: Array) -> float:
     """Return the maximum pit height, Sv = -min(ζ) [length], not negative (ISO 25178-2)."""
-    unit, exponent = _about_mean_plane(heights)
+    unit, exponent, _ = about_mean_plane(heights)
     return math.ldexp(-float(unit.min()), exponent)
 
 
@@ -78,7 +78,7 @@ def Sdq(heights: Array, spacing: float) -> float:
     """
     if min(heights.shape) < 3:
         return math.nan
-    unit, exponent = _about_mean_plane(heights)
+    unit, exponent, _ = about_mean_plane(heights)
     along_x = unit[2:, 1:-1] - unit[:-2, 1:-1]
     along_y = unit[1:-1, 2:] - unit[1:-1, :-2]
     differences = math.sqrt(float(np.mean(along_x * along_x + along_y * along_y)))
@@ -150,7 +150,8 @@ def Sbi(heights: Array) -> float:
 def structure_function(heights: Array, lags: Index, *, periodic: bool = False) -> Array:
     """Return the structure function, S(l) = mean((z(x + l) - z(x))²) [length²], the mean of both axes.
 
-    A self-affine surface has S ~ l^(2H). Far beyond its correlation length S is 2 Sq².
+    A self-affine surface has S ~ l^(2H). Far beyond its correlation length S is 2 Sq². Lags l are in nodes, from 1 to
+    the shorter axis less one. Squares of the heights must be in the range of doubles.
     """
     longest = min(heights.shape) - 1
     if not np.all((lags >= 1) & (lags <= longest)):
@@ -175,11 +176,12 @@ def hurst_structure(heights: Array, spacing: float = 1.0, *, periodic: bool = Fa
     Least squares over the lags l = 1, 2, 4, … δ up to an eighth of the shorter side (at least 1 and 2).
     S converges slowly to its power law near H = 0 and H = 1. Midpoint surfaces at m = 8 give 0.67 for H = 0.8, and 0.24
     for H = 0.2 (tests/surfaces/test_texture.py holds the bounds). `hurst_spectrum` is closer and noisier.
+    NaN for fewer than 3 nodes on an axis, or if S vanishes at a lag.
     """
     if min(heights.shape) < 3:
         return math.nan
     lags = dyadic_lags(max(2, intervals(min(heights.shape), periodic) // 8))
-    structure = structure_function(_about_mean_plane(heights)[0], lags, periodic=periodic)
+    structure = structure_function(about_mean_plane(heights)[0], lags, periodic=periodic)
     if structure.min() <= 0.0:
         return math.nan
     return 0.5 * _slope(np.log(lags * spacing), np.log(structure))
@@ -198,12 +200,12 @@ def hurst_spectrum(heights: Array, spacing: float = 1.0, *, periodic: bool = Fal
     4 q₀ ≤ q < q_N / 2. Here q₀ = 2π / shorter side and q_N = π / δ. Below, the window counts; above, aliasing does.
     Midpoint surfaces of H = 0.2 … 0.8 give H - 0.05 on average at m = 8. The deviation between seeds is 0.04
     (tests/surfaces/test_texture.py holds the bounds). One period has its waves exactly, and is not multiplied by a
-    window.
+    window. NaN for fewer than 33 nodes on an axis (32 of a period), or flat heights.
     """
     cells = intervals(min(heights.shape), periodic)
     if cells < FEWEST_CELLS_FOR_SPECTRUM:
         return math.nan
-    unit, _ = _about_mean_plane(heights)
+    unit = about_mean_plane(heights)[0]
     rows, columns = unit.shape
     if not periodic:
         window = np.outer(1.0 - np.linspace(-1.0, 1.0, rows) ** 2, 1.0 - np.linspace(-1.0, 1.0, columns) ** 2)
@@ -223,19 +225,6 @@ def hurst_spectrum(heights: Array, spacing: float = 1.0, *, periodic: bool = Fal
         return math.nan
     mean_log_wave = np.bincount(ring, np.log(wave))[filled] / count[filled]
     return -0.5 * _slope(mean_log_wave, np.log(mean_power)) - 1.0
-
-
-def _about_mean_plane(heights: Array) -> tuple[Array, int]:
-    """Return heights about their mean plane divided by 2^e, with range at most 1, and e."""
-    top = float(heights.max())
-    exponent = math.frexp(top - float(heights.min()))[1]  # a power of two, so that scaling back is exact
-    unit = np.ldexp(heights - top, -exponent)
-    unit -= unit.mean()
-    return unit, exponent
-
-
-def _root_mean_square(unit: Array) -> float:
-    return math.sqrt(float(np.mean(np.square(unit))))
 
 
 def _some_summits(heights: Array) -> Mask:

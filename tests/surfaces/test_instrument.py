@@ -136,16 +136,6 @@ def test_a_crop_in_lengths_counts_oblong_pixels(tmp_path: Path) -> None:
     assert pytest.approx(2e-6, rel=1e-12) == case.L
 
 
-def test_the_unit_of_the_study_converts_that_of_the_file(tmp_path: Path) -> None:
-    put(tmp_path / "scan.sdf", ISO)
-    texts = ["", ", unit: um", ", unit: nm", ", L: 0.0025 mm", ", L: 2.5, unit: um", ", L: 2.5"]
-    cases = [case_of(tmp_path, f"file: scan.sdf{text}") for text in texts]
-    assert cases[0].id == cases[1].id
-    assert cases[4].id == cases[5].id
-    assert [case.length_unit for case in cases] == ["um", "um", "nm", "mm", "um", "um"]
-    assert [case.L for case in cases] == pytest.approx([2.5, 2.5, 2500.0, 0.0025, 2.5, 2.5], rel=1e-12)
-
-
 def test_two_bodies_must_fit(tmp_path: Path) -> None:
     put(tmp_path / "scan.sdf", ISO)
     library(tmp_path / "same.x3p")
@@ -232,27 +222,22 @@ def test_two_channels_of_one_name_are_told_apart_by_number(tmp_path: Path) -> No
     assert np.allclose(reading.read(path, "1") * 1e6, 2.0 * HEIGHTS)
 
 
+HEIGHT_NAMES = ("Height", "ZSensor", "Scan forward (Z-Axis)", "Amplitude of the height", "Default")
+OTHER_NAMES = ("HeightError", "AmplitudeTrace", "Lock-In Amplitude", "lockInPhase", "Modulus 12", "Deflection")
+
+
 @pytest.mark.parametrize(
-    ("name", "kind", "unit", "reason"),
+    ("kind", "unit", "names", "reason"),
     [
-        ("Height", "height", "nm", ""),
-        ("ZSensor", "height", "nm", ""),
-        ("Scan forward (Z-Axis)", "height", "m", ""),
-        ("Amplitude of the height", "height", "m", ""),
-        ("Default", "height", None, ""),
-        ("Phase", "height", ("nm", None), "its unit is no length"),
-        ("Sensor", "voltage", "m", "holds voltage, not heights"),
-        ("HeightError", "height", "nm", "by its name"),
-        ("AmplitudeTrace", "height", "m", "by its name"),
-        ("Lock-In Amplitude", "height", "m", "by its name"),
-        ("lockInPhase", "height", "m", "by its name"),
-        ("Modulus 12", "height", "m", "by its name"),
+        ("height", "nm", HEIGHT_NAMES, ""),
+        ("height", None, OTHER_NAMES, "holds no heights, by its name"),
+        ("height", ("nm", None), HEIGHT_NAMES, "holds no heights: its unit is no length"),
+        ("voltage", "nm", HEIGHT_NAMES, "holds voltage, not heights"),
     ],
 )
-def test_kind_unit_and_name_tell_heights_from_other_channels(name: str, kind: str, unit: Any, reason: str) -> None:
-    found = instrument._no_heights(SimpleNamespace(name=name, data_kind=SimpleNamespace(value=kind), unit=unit))
-    assert reason in found
-    assert bool(found) == bool(reason)
+def test_kind_unit_and_name_tell_heights_from_other_channels(kind: str, unit: Any, names: Any, reason: str) -> None:
+    channels = [SimpleNamespace(name=name, data_kind=SimpleNamespace(value=kind), unit=unit) for name in names]
+    assert {instrument._no_heights(channel) for channel in channels} == {reason}
 
 
 # Formats whose library is at odds with other readers

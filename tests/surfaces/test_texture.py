@@ -10,7 +10,6 @@ import pytest
 from roughvol.errors import SurfaceError
 from roughvol.surfaces import texture
 from roughvol.surfaces.midpoint import random_midpoint_displacement
-from roughvol.surfaces.surface import Surface
 
 X, Y = np.meshgrid(np.arange(65), np.arange(65), indexing="ij")
 HEIGHTS = {"Sq": 1, "Sa": 1, "Sp": 1, "Sv": 1, "Sz": 1, "Ssk": 0, "Sku": 0, "Svi": 0, "Sbi": 0}
@@ -53,10 +52,6 @@ def test_upside_down_swaps_peaks_and_pits():
     assert (texture.Sp(-z), texture.Sv(-z)) == pytest.approx((texture.Sv(z), texture.Sp(z)), rel=1e-14)
     assert texture.Ssk(-z) == pytest.approx(-texture.Ssk(z), rel=1e-12)
     assert texture.Sku(-z) == pytest.approx(texture.Sku(z), rel=1e-14)
-
-
-def test_Sq_equals_that_of_the_surface():
-    assert texture.Sq(rough()) == Surface(rough(), 1.0).Sq
 
 
 def test_flat_field():

@@ -12,7 +12,6 @@ are 160 m or 160 um. So the length of the axis is that of the study.
 from __future__ import annotations
 
 import contextlib
-import math
 import re
 import warnings
 from collections.abc import Iterable, Iterator
@@ -32,7 +31,6 @@ from roughvol.surfaces.files.description import (
     names_no_heights,
     position,
     reading,
-    refuse_huge,
 )
 from roughvol.typing import Array
 
@@ -139,11 +137,11 @@ def _described(path: Path, reader: Any, wanted: str | None) -> Description:
     if channel.dim != 2 or len(shape) != 2 or channel.is_uniform is False or min(shape) < 3:
         message = f"{path}: {channel.name} has nodes {shape}; allowed: a map of equidistant nodes, at least 3 x 3"
         raise SurfaceError(message)
-    refuse_huge(path, shape)
     unit = None if channel.unit is None else length_unit(path, channel.unit, channel.name)
-    sides = _sides(path, shape, channel.physical_sizes)
+    sizes = channel.physical_sizes
+    sides = None if sizes is None else (_side(sizes[0], shape[0]), _side(sizes[1], shape[1]))
     maps = [data for data in reader.channels if not _no_heights(data) and data.dim == 2]
-    other = wanted is None and channel.index != reader.default_channel.index
+    other = f"channel {channel.index}" if wanted is None and channel.index != reader.default_channel.index else None
     notes: tuple[str, ...] = ()
     if wanted is None and len(maps) > 1:
         listing = ", ".join(_texts(maps))
@@ -153,28 +151,14 @@ def _described(path: Path, reader: Any, wanted: str | None) -> Description:
         x, y = (1e-3 * side / (nodes - 1) for side, nodes in zip(sides, shape, strict=True))
         would = f"in nm, L would be {1e-3 * x * (shape[0] - 1):.6g} um"
         unsized = f"its pixels are {x:.6g} by {y:.6g} of an unknown unit; {would}"
-    return Description(
-        (int(shape[0]), int(shape[1])),
-        sides,
-        None if unsized else unit,
-        unit,
-        channel.name,
-        f"SurfaceTopography {reader.format()}",
-        f"channel {channel.index}" if other else None,
-        source="its header" if sides else "",
-        counted=bool(unsized),
-        unsized=unsized,
-        notes=notes,
-    )
+    nodes, lateral, source = (int(shape[0]), int(shape[1])), None if unsized else unit, "its header" if sides else ""
+    name, counted = f"SurfaceTopography {reader.format()}", bool(unsized)
+    return Description(nodes, sides, lateral, unit, channel.name, name, other, source, counted, unsized, notes=notes)
 
 
-def _sides(path: Path, shape: tuple[int, ...], sizes: tuple[float, float] | None) -> tuple[float, float] | None:
-    if sizes is None:
-        return None
-    pixel = [float(size) / nodes for size, nodes in zip(sizes, shape, strict=True)]
-    if not all(math.isfinite(side) and side > 0.0 for side in pixel):
-        raise SurfaceError(f"{path}: pixels of {pixel[0]:.6g} by {pixel[1]:.6g}; allowed: finite and positive")
-    return pixel[0] * (shape[0] - 1), pixel[1] * (shape[1] - 1)
+def _side(size: float, nodes: int) -> float:
+    """Return the length between the outer nodes from that of all pixels."""
+    return float(size) / nodes * (nodes - 1)
 
 
 def _refuse_lost_lines(path: Path) -> None:

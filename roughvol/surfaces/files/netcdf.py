@@ -18,14 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces.files.description import (
-    Description,
-    HeightMap,
-    array_name,
-    length_unit,
-    reading,
-    refuse_huge,
-)
+from roughvol.surfaces.files.description import Description, HeightMap, array_name, length_unit, reading, refuse_huge
 
 _AXES = (
     re.compile(r"(?:.*_)?(?:x|lon|longitude|easting)", re.IGNORECASE),

@@ -198,7 +198,6 @@ def _npz(path: Path, variable: str | None) -> HeightMap:
 def _array(path: Path, name: str, opened: Callable[[], IO[bytes]]) -> HeightMap:
     with opened() as stream:
         shape = _header_shape(stream)
-    refuse_huge(path, shape)
 
     def heights() -> NDArray[Any]:
         with opened() as stream:

@@ -18,7 +18,7 @@ import numpy as np
 
 from roughvol.errors import DatasetError, SurfaceError
 from roughvol.surfaces.files import plain_text
-from roughvol.surfaces.files.description import Description, HeightMap, refuse_huge
+from roughvol.surfaces.files.description import Description, HeightMap
 from roughvol.typing import Array
 
 TEXT, SIX, SEVEN = "DSAA", "DSBB", "DSRB"
@@ -49,8 +49,7 @@ def _text(path: Path) -> HeightMap:
     numbers = plain_text.words(plain_text.Text(path, [], filled, []))
     if len(numbers) < 8:
         raise DatasetError(f"{path}: ends within its header")
-    nx, ny, *limits = numbers[:8].tolist()
-    described = _described(path, (nx, ny), (limits[0], limits[1]), (limits[2], limits[3]), "text")
+    described = _described(path, "text", *numbers[:6].tolist())
     columns, rows = described.shape
     if len(numbers) - 8 != rows * columns:
         raise SurfaceError(f"{path}: holds {len(numbers) - 8} heights; its header gives {columns} x {rows}")
@@ -62,8 +61,7 @@ def _six(path: Path) -> HeightMap:
         head = stream.read(_HEAD_6.size)
     if len(head) < _HEAD_6.size:
         raise DatasetError(f"{path}: ends within its header")
-    _, nx, ny, *limits = _HEAD_6.unpack(head)
-    described = _described(path, (nx, ny), (limits[0], limits[1]), (limits[2], limits[3]), "Surfer 6")
+    described = _described(path, "Surfer 6", *_HEAD_6.unpack(head)[1:7])
     _check_bytes(path, path.stat().st_size - len(head), 4, described.shape)
     return HeightMap(described, lambda: _binary(path, "<f4", len(head), described.shape))
 
@@ -79,8 +77,8 @@ def _seven(path: Path) -> HeightMap:
         ny, nx, left, front, dx, dy, *_, blank = _GRID_7.unpack(stream.read(_GRID_7.size))
     if version not in (1, 2):
         raise SurfaceError(f"{path}: is of version {version}; allowed: 1 and 2")
-    limits = (left, left + dx * (nx - 1)), (front, front + dy * (ny - 1))
-    described = _described(path, (nx, ny), *limits, "Surfer 7")
+    limits = left, left + dx * (nx - 1), front, front + dy * (ny - 1)
+    described = _described(path, "Surfer 7", nx, ny, *limits)
     start, size = sections[b"DATA"]
     _check_bytes(path, size, 8, described.shape)
 
@@ -112,22 +110,17 @@ def _printable(name: bytes) -> str:
 
 
 def _described(
-    path: Path, nodes: tuple[float, float], x: tuple[float, float], y: tuple[float, float], kind: str
+    path: Path, kind: str, nx: float, ny: float, left: float, right: float, front: float, back: float
 ) -> Description:
-    if not all(math.isfinite(number) and number == int(number) and number > 0 for number in nodes):
-        message = f"{path}: its header gives {nodes[0]:g} x {nodes[1]:g} nodes; allowed: whole numbers above 0"
-        raise SurfaceError(message)
-    shape = int(nodes[0]), int(nodes[1])
-    refuse_huge(path, shape)
-    for name, (low, high) in (("x", x), ("y", y)):
+    if not all(math.isfinite(number) and number == int(number) and number > 0 for number in (nx, ny)):
+        raise SurfaceError(f"{path}: its header gives {nx:g} x {ny:g} nodes; allowed: whole numbers above 0")
+    shape, limits = (int(nx), int(ny)), ((left, right), (front, back))
+    for name, (low, high) in zip("xy", limits, strict=True):
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
             raise SurfaceError(f"{path}: its header gives {name} from {low:g} to {high:g}; allowed: rising and finite")
-    counted = all(low in (0.0, 1.0) and high - low == n - 1 for n, (low, high) in zip(shape, (x, y), strict=True))
-    sides = x[1] - x[0], y[1] - y[0]
-    reader = f"Surfer grid, {kind}"
-    return Description(
-        shape, sides, reader=reader, read_as="surfer", source="the limits in its header", counted=counted
-    )
+    counted = all(low in (0.0, 1.0) and high - low == n - 1 for n, (low, high) in zip(shape, limits, strict=True))
+    sides, source = (right - left, back - front), "the limits in its header"
+    return Description(shape, sides, reader=f"Surfer grid, {kind}", read_as="surfer", source=source, counted=counted)
 
 
 def _check_bytes(path: Path, size: int, each: int, shape: tuple[int, int]) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces import length_units
@@ -48,6 +49,11 @@ class Header:
     esri: dict[str, float] = field(default_factory=dict)  # values of an ESRI ASCII grid
     source: str = ""  # position of the size in the file, for messages
     unclear: tuple[int, str] | None = None  # number and text of the first line that is not understood
+
+    @property
+    def described(self) -> dict[str, Any]:
+        """What a `Description` takes from the header."""
+        return {name: getattr(self, name) for name in ("unit", "heights_unit", "channel", "source")}
 
 
 def not_understood(path: Path, line: tuple[int, str], remedy: str = "") -> NotRead:

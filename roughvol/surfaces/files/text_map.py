@@ -11,7 +11,6 @@ commas, semicolons, ESRI headers or NODATA values.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,26 +50,23 @@ def opened(path: Path, columns: str | None = None, *, ignore_header: bool = Fals
     return _matrix(path, numbers, header)
 
 
-def _map(heights: Array, header: Header, description: Description) -> HeightMap:
-    described = replace(
-        description,
-        shape=(heights.shape[0], heights.shape[1]),
-        unit=header.unit,
-        heights_unit=header.heights_unit,
-        channel=header.channel,
-        source=header.source,
+def _map(
+    header: Header, heights: Array, sides: tuple[float, float] | None, reader: str, read_as: str, counted: bool = False
+) -> HeightMap:
+    shape = heights.shape[0], heights.shape[1]
+    return HeightMap(
+        Description(shape, sides, reader=reader, read_as=read_as, counted=counted, **header.described), lambda: heights
     )
-    return HeightMap(described, lambda: heights)
 
 
 def _matrix(path: Path, numbers: Array, header: Header) -> HeightMap:
     if not header.size:
-        return _map(numbers, header, Description(numbers.shape, reader="text, rows", read_as="rows"))
+        return _map(header, numbers, None, "text, rows", "rows")
     columns, lines = numbers.T.shape
     sides = None
     if len(header.size) == 2:
         sides = header.size["width"] / columns * (columns - 1), header.size["height"] / lines * (lines - 1)
-    return _map(numbers.T, header, Description((columns, lines), sides, reader="text with a header", read_as="header"))
+    return _map(header, numbers.T, sides, "text with a header", "header")
 
 
 def _points(path: Path, numbers: Array, header: Header) -> HeightMap:
@@ -79,10 +75,8 @@ def _points(path: Path, numbers: Array, header: Header) -> HeightMap:
     except SurfaceError as error:
         message = f"{path}: looks like x y z points, but they are no regular grid: {error}; {INSIST}"
         raise SurfaceError(message) from error
-    counted = counted and header.unit is None
-    source = header.source or "its coordinates"
-    described = Description(heights.shape, sides, reader="text, points x y z", read_as="points", counted=counted)
-    return _map(heights, replace(header, source=source), described)
+    header.source = header.source or "its coordinates"
+    return _map(header, heights, sides, "text, points x y z", "points", counted=counted and header.unit is None)
 
 
 def _refuse_coordinates(path: Path, numbers: Array) -> None:
@@ -131,4 +125,4 @@ def _esri(text: plain_text.Text, header: Header) -> HeightMap:
     dx, dy = given.get("dx", cell), given.get("dy", cell)
     sides = None if dx is None or dy is None else (dx * (columns - 1), dy * (rows - 1))
     grid = heights.reshape(rows, columns)[::-1].T  # lines run from north to south
-    return _map(grid, header, Description((columns, rows), sides, reader="ESRI ASCII grid", read_as="esri"))
+    return _map(header, grid, sides, "ESRI ASCII grid", "esri")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import DatasetError, SurfaceError
-from roughvol.surfaces.files.description import EXTRA, Description, HeightMap, length_unit, reading, refuse_huge
+from roughvol.surfaces.files.description import EXTRA, Description, HeightMap, length_unit, reading
 
 _PICTURES = (1, 72, 96, 100, 120, 144, 150, 200, 240, 300, 350, 360, 400, 600, 720, 1200, 2400)  # dots per inch
 _INCH, _CENTIMETRE = 2, 3
@@ -35,7 +35,6 @@ def opened(path: Path, variable: str | None = None, *, ignore_header: bool = Fal
             raise DatasetError(f"{path}: has no page {variable!r}; allowed: 0 to {pages - 1}")
         number = int(variable or 0)
         page = stored.pages[number]
-        refuse_huge(path, page.shape)
         if len(page.shape) != 2 or page.dtype is None or page.dtype.kind not in "fiu" or page.dtype.itemsize < 2:
             message = (
                 f"{path}: page {number} has shape {page.shape} and values of type {page.dtype}; allowed: one "
@@ -47,18 +46,9 @@ def opened(path: Path, variable: str | None = None, *, ignore_header: bool = Fal
     rows, columns = page.shape
     sides = None if pixel is None else (pixel[0] * (columns - 1), pixel[1] * (rows - 1))
     notes = (f"{path.name} has {pages} pages; page {number} is read",) if pages > 1 and variable is None else ()
-    described = Description(
-        (columns, rows),
-        sides,
-        unit,
-        None,
-        f"page {number}",
-        "tifffile",
-        "tiff",
-        source,
-        counts=page.dtype.kind in "iu",
-        notes=notes,
-    )
+    shape, counts = (columns, rows), page.dtype.kind in "iu"
+    channel = f"page {number}"
+    described = Description(shape, sides, unit, None, channel, "tifffile", "tiff", source, counts=counts, notes=notes)
     return HeightMap(described, lambda: _read(path, number, nodata))
 
 
