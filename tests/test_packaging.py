@@ -32,7 +32,7 @@ def test_the_wheel_holds_the_package_its_types_and_its_command(wheel: Path) -> N
     modules = {path.relative_to(ROOT).as_posix() for path in (ROOT / "roughvol").rglob("*.py")}
     examples = {path.relative_to(ROOT).as_posix() for path in (ROOT / "roughvol" / "examples").iterdir()}
     assert examples
-    assert modules | examples | {"roughvol/py.typed"} <= names
+    assert modules | examples | {"roughvol/py.typed", "roughvol/report/report.css"} <= names
     assert not [name for name in names if not name.startswith(("roughvol/", "roughvol-"))]
 
 

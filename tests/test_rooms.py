@@ -57,7 +57,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
     "netCDF4": ("store", "surfaces"),
     "SurfaceTopography": ("surfaces",),
     "tifffile": ("surfaces",),
-    "matplotlib": ("report.figures", "report.drawings", "reproduction.figures"),
+    "matplotlib": ("report.figures", "report.document", "reproduction.figures"),
     "mpl_toolkits": ("report.figures",),
     "threadpoolctl": ("campaign",),
     "distributed": ("campaign.cluster",),

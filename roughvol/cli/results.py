@@ -207,21 +207,25 @@ def report(
     claims; others are refused by name and reason. Every other run, such as one of a measured map, gets its own
     section: surface, loading, states, closing pressures, warnings, figures.
     """
-    from roughvol.reproduction import write as reporting
+    from roughvol.report import page
+    from roughvol.reproduction.expectation import departures
+    from roughvol.reproduction.judgement import judge
+    from roughvol.reproduction.sections import report_of
     from roughvol.store import StoredRun
 
     opened = [StoredRun.open(name, changes) for name in run] or _all_runs()
-    answered = reporting.assemble(opened)
-    page = reporting.write(answered, out or (opened[0].folder if len(opened) == 1 else Path("runs/report")))
+    judgement = judge(opened)
+    found = report_of(judgement)
+    written = page.write(found, out or (opened[0].folder if len(opened) == 1 else Path("runs/report")))
     if as_json:
-        say(reporting.to_json(answered))
+        say(page.to_json(found))
     else:
-        say(reporting.summary(answered))
-        say(page)
-    departures = reporting.departures(answered, expected.read_text(encoding="utf-8")) if expected else []
-    if departures:
-        head = f"{cli_text.count(len(departures), 'answer')} left the bands of {expected}"
-        raise CampaignError("\n".join([head, *(f"  {departure}" for departure in departures)]))
+        say(page.summary(found))
+        say(written)
+    left = departures(judgement, expected.read_text(encoding="utf-8")) if expected else []
+    if left:
+        head = f"{cli_text.count(len(left), 'answer')} left the bands of {expected}"
+        raise CampaignError("\n".join([head, *(f"  {departure}" for departure in left)]))
 
 
 def _all_runs() -> list[StoredRun]:

@@ -4,13 +4,17 @@ Room of the report. It reads datasets and computes no contact.
 
 =============  ======================================================================
 `figures`      every figure, a function of a dataset
+`page`         the report of runs as HTML, Markdown and JSON
+`document`     a page as data: sections of facts, tables and figures
+`html`         a document as HTML
+`markdown`     a document as Markdown
+`terminal`     sections as lines for a terminal
+`report`       style sheet of the pages (report.css)
 `drawings`     figures that a page shows, with caption and run
 `run_facts`    one run in words and tables: surface, loading, states, closing
 `card_page`    the leak card as HTML, PDF and lines for a terminal
 `card_text`    its words
 `screen`       tables of numbers for a screen
-`html`         elements, tables and figures in HTML, with escaped text
-`style`        style sheet of the page
 `convergence`  results of a trade-off in words
 =============  ======================================================================
 """

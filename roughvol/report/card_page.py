@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from xarray import Dataset
 
 from roughvol.analysis.leak_card import Card
 from roughvol.analysis.tables import Table
-from roughvol.report import card_text
+from roughvol.report import card_text, html
 from roughvol.report.card_text import Identity
-from roughvol.report.drawings import Drawing
+from roughvol.report.document import Document, Drawing, Pairs, Section
 from roughvol.report.figures import leak_card
 from roughvol.report.figures.style import unit_text
-from roughvol.report.html import Html, box, figure_html, items, join, pairs, table, tag
-from roughvol.report.style import CSS
 from roughvol.store import stamped_file
 
-CARD_CSS = """
-p.answer { font-size: 1.15rem; margin: .3rem 0; }
-figure.plot { flex: 1 1 17.5rem; max-width: 22rem; } .figures { gap: .8rem; }
-"""
 NARROW = "\u00a0"  # keeps a factor on one line
 MOST = 6  # surfaces and limits that the page of print has; the page of HTML has all
 NONE_EXCEEDED = "No limit of the model is exceeded among those compared."
@@ -91,49 +85,36 @@ def html_of(page: Page) -> str:
     """
     card = page.card
     facts, kept, exceeded = card_text.rests_on(page.fine)
-    answers = [tag("p", tag("b", f"Along {way.axis}: "), card_text.answer(way), kind="answer") for way in card.ways]
-    ways = []
-    for way in card.ways:
-        closes = [tag("p", line[:1].upper() + line[1:] + ".") for line in card_text.closes(card, way)]
-        rows = [(name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(way)]
-        ways += [tag("h2", f"Along {way.axis}"), *closes, table(card_text.HEAD, rows)]
-    drawn = [
-        figure_html(panel.name, Drawing(panel.name, panel.caption, "", leak_card.drawing_of(card, panel)))
-        for panel in leak_card.panels(card)
+    drawn = tuple(
+        Drawing(panel.name, panel.caption, "", leak_card.drawing_of(card, panel)) for panel in leak_card.panels(card)
+    )
+    parts = [
+        Section(kind="answer", notes=(f"At {card_text.load_of(card)}.",), facts=_answers(card)),
+        Section(kind="card", notes=(card_text.patch(card),), drawings=drawn),
     ]
-    several = card_text.surfaces(card) if len(card.surfaces) > 1 else None
-    body = join(
-        tag("header", tag("h1", f"Leak card: {card.title}")),
-        tag("p", f"At {card_text.load_of(card)}."),
-        *answers,
-        tag("p", card_text.patch(card)),
-        tag("div", *drawn, kind="figures"),
-        *ways,
-        join(tag("h2", "Surfaces"), box(table(several.head, several.rows))) if several is not None else Html(),
-        tag("h2", "What the card rests on"),
-        pairs([*card_text.load_facts(card), *facts]),
-        tag("h2", "Limits of the model, over the states of the sweep"),
-        tag("div", items(exceeded), kind="warnings") if exceeded else tag("p", NONE_EXCEEDED),
-        join(tag("p", "Kept:"), items(kept)) if kept else Html(),
-        tag("h2", "Identity"),
-        pairs(card_text.identity(page.fine, page.identity)),
-    )
-    return _document(f"Leak card: {card.title}", body)
+    for way in card.ways:
+        closes = tuple(line[:1].upper() + line[1:] + "." for line in card_text.closes(card, way))
+        rows = tuple((name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(way))
+        parts.append(Section(f"Along {way.axis}", notes=closes, tables=(Table("", card_text.HEAD, rows),)))
+    if len(card.surfaces) > 1:
+        parts.append(Section("Surfaces", tables=(card_text.surfaces(card),)))
+    parts.append(Section("What the card rests on", facts=(*card_text.load_facts(card), *facts)))
+    limits = Section(kind="warnings", items=tuple(exceeded)) if exceeded else Section(notes=(NONE_EXCEEDED,))
+    held = (Section(kind="kept", under="Kept:", items=tuple(kept)),) if kept else ()
+    parts.append(Section("Limits of the model, over the states of the sweep", sections=(limits, *held)))
+    parts.append(Section("Identity", facts=tuple(card_text.identity(page.fine, page.identity))))
+    return html.render(Document(f"Leak card: {card.title}", sections=tuple(parts)))
 
 
-def _document(title: str, body: Html) -> str:
-    return (
-        "<!DOCTYPE html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
-        f"<meta name='viewport' content='width=device-width, initial-scale=1'>\n{tag('title', title)}\n"
-        f"<style>{CSS}{CARD_CSS}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
-    )
+def _answers(card: Card) -> Pairs:
+    return tuple((f"Along {way.axis}", card_text.answer(way)) for way in card.ways)
 
 
 def _print(page: Page) -> list[tuple[str, list[str]]]:
     """Return headings and lines of the page of print."""
     card = page.card
     facts, kept, exceeded = card_text.rests_on(page.fine)
-    lead = [f"At {card_text.load_of(card)}.", *(f"Along {way.axis}: {card_text.answer(way)}." for way in card.ways)]
+    lead = [f"At {card_text.load_of(card)}.", *(f"{name}: {words}." for name, words in _answers(card))]
     parts = [(f"Leak card: {card.title}", [*lead, card_text.patch(card)])]
     for way in card.ways:
         rows = [f"{name}: {factor}; {words}" for name, factor, words in card_text.budget(way)]
@@ -247,8 +228,7 @@ def write_table(pages: Sequence[Page], stem: str, title: str, folder: Path) -> P
         If the folder cannot be written.
     """
     found, path = table_of(pages), folder / f"{stem}.html"
-    header = tag("header", tag("h1", f"Leak cards: {title}"))
-    rows = [[cell.replace("×÷ ", f"×÷{NARROW}") for cell in row] for row in found.rows]
-    body = join(header, box(table(found.head, rows)), tag("p", found.note))
-    stamped_file.write(path, _document(f"Leak cards: {title}", body).encode())
+    rows = tuple(tuple(cell.replace("×÷ ", f"×÷{NARROW}") for cell in row) for row in found.rows)
+    page = Document(f"Leak cards: {title}", sections=(Section(tables=(replace(found, rows=rows),)),))
+    stamped_file.write(path, html.render(page).encode())
     return path

@@ -3,22 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
-
-import matplotlib.figure
 
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
+from roughvol.report.document import Drawing
 from roughvol.report.figures.figure import Figure
-
-
-class Drawing(NamedTuple):
-    """A figure with its name, its caption and the run it is drawn from, empty where it compares several."""
-
-    name: str
-    caption: str
-    source: str
-    figure: matplotlib.figure.Figure
 
 
 def drawings_of(run: Run, figures: Mapping[str, Figure]) -> Iterator[Drawing]:

@@ -1,14 +1,18 @@
-"""Pieces of HTML: elements whose text is escaped, tables, lists, pairs of facts, figures."""
+"""A document as one HTML page: no network, no script; light, dark and on paper. All text is escaped.
+
+A figure opens in full size as the target of a link to itself.
+"""
 
 from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator
 from html import escape
-from typing import Any
+from importlib import resources
 
-from roughvol.report.drawings import Drawing
+from roughvol.analysis.tables import Table
+from roughvol.report.document import Cell, Document, Drawing, Section
 
 DPI = 170  # of the figures in the page: sharp at twice their size there
 
@@ -19,75 +23,112 @@ class Html(str):
     __slots__ = ()
 
 
+def render(document: Document) -> str:
+    """Return a page, everything in it."""
+    linked = [part for part in document.sections if part.anchor]
+    links = [tag("a", part.short or part.title, href=f"#{part.anchor}") for part in linked]
+    chips = [tag("li", tag("b", chip), f" {chip.small}", kind=chip.kind) for chip in document.chips]
+    header = tag(
+        "header",
+        tag("h1", document.title),
+        tag("p", document.lead, kind="lead") if document.lead else "",
+        tag("ul", *chips, kind="chips") if chips else "",
+        tag("nav", Html(" · ".join(links))) if links else "",
+    )
+    body = "\n".join([header, *(section(part) for part in document.sections)])
+    css = (resources.files("roughvol.report") / "report.css").read_text(encoding="utf-8")
+    return (
+        "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
+        "<meta name='color-scheme' content='light dark'>\n"
+        f"{tag('title', document.title)}\n<style>{css}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n"
+        "</body>\n</html>\n"
+    )
+
+
+def section(part: Section, level: int = 2) -> Html:
+    """Return a section with a heading of a level, or folded under its title."""
+    inner = list(_inner(part, level + bool(part.title)))
+    if part.folded:
+        opened = {"open": "open"} if part.folded == "open" else {}
+        return tag("details", tag("summary", part.title), *inner, kind=part.kind, id=part.anchor, **opened)
+    badge = [" ", tag("span", part.badge, kind=f"badge {part.badge.kind}")] if part.badge else []
+    heading = tag(f"h{level}", part.title, *badge) if part.title else ""
+    return tag("section", heading, *inner, kind=part.kind, id=part.anchor)
+
+
+def _inner(part: Section, level: int) -> Iterator[str]:
+    """Yield the content of a section."""
+    if part.under:
+        yield tag("p", part.under, kind="place")
+    if part.quote:
+        yield tag("blockquote", part.quote)
+    yield from (tag("p", line) for line in part.notes)
+    if part.facts:
+        yield tag("dl", *(piece for name, value in part.facts for piece in (tag("dt", name), tag("dd", value))))
+    if part.items:
+        yield tag("ul", *(tag("li", line) for line in part.items))
+    for table in part.tables:
+        cards = "verdicts" in part.kind.split()  # on a phone its rows turn into cards; other tables scroll in a box
+        yield _table(table, "verdicts") if cards else tag("div", _table(table), kind="box")
+        if table.note:
+            yield tag("p", table.note, kind="note")
+    yield from (section(inner, min(level, 3)) for inner in part.sections)
+    if part.drawings:
+        yield tag("div", *map(_figure, part.drawings), kind="figures")
+    if part.code:
+        yield tag("pre", part.code)
+    if part.back:
+        yield tag("p", tag("a", f"↑ {part.back}", href=f"#{part.back}"), kind="up")
+
+
+def _table(table: Table, kind: str = "") -> Html:
+    head = tag("thead", tag("tr", *(tag("th", name) for name in table.head)))
+    rows = [tag("tr", *(_cell(cell, name) for cell, name in zip(row, table.head, strict=True))) for row in table.rows]
+    return tag("table", head, tag("tbody", *rows), kind=kind)
+
+
+def _cell(cell: str, name: str) -> Html:
+    """Return a cell; a cell without a kind holds the name of its column, for narrow windows."""
+    if not isinstance(cell, Cell):
+        return tag("td", *_lines(cell), kind="v", data_head=name)
+    badge = "badge" in cell.kind
+    text = tag("span", cell, kind=cell.kind) if badge else tag("a", cell, href=f"#{cell.link}") if cell.link else cell
+    small = [" ", tag("small", cell.small)] if cell.small else []
+    more = [section(cell.more)] if cell.more else []
+    named = "" if cell.kind or cell.link else name
+    return tag("td", *_lines(text), *small, *more, kind="" if badge else cell.kind, data_head=named)
+
+
+def _lines(text: str) -> list[str]:
+    """Return the lines of a text, where it has several."""
+    return [text] if isinstance(text, Html) or "\n" not in text else [tag("div", line) for line in text.splitlines()]
+
+
+def _figure(drawing: Drawing) -> Html:
+    """Return a figure as PNG inside the page, with its caption; as the target of a link it fills the window."""
+    buffer = io.BytesIO()
+    drawing.figure.savefig(buffer, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
+    image = base64.b64encode(buffer.getvalue()).decode("ascii")
+    source = join(" ", tag("small", f"Run: {drawing.source}.")) if drawing.source else ""
+    picture = Html(f"<img src='data:image/png;base64,{image}' alt='{escape(drawing.caption)}'>")
+    return tag(
+        "figure",
+        tag("a", "close", kind="close", href=f"#at-{drawing.name}"),
+        tag("a", picture, kind="open", href=f"#{drawing.name}", title="full size"),
+        tag("figcaption", drawing.caption, source, id=f"at-{drawing.name}"),
+        id=drawing.name,
+        kind="plot wide" if drawing.figure.get_figwidth() > 5.0 else "plot",
+    )
+
+
 def join(*parts: str) -> Html:
     """Return parts one after the other, text among them escaped."""
     return Html("".join(part if isinstance(part, Html) else escape(part) for part in parts))
 
 
 def tag(element: str, *inner: str, kind: str = "", **attributes: str) -> Html:
-    """Return an element.
-
-    Parameters
-    ----------
-    element : str
-        Its name, as ``td``.
-    *inner : str
-        Its content; all that is not `Html` is escaped.
-    kind : str
-        Its class.
-    **attributes : str
-        Its attributes, those that are empty left out; ``_`` is written ``-``.
-    """
+    """Return an element; ``kind`` is its class, empty attributes are left out, and ``_`` in their names is ``-``."""
     given = {**attributes, "class": kind}
     words = "".join(f" {key.replace('_', '-')}='{escape(value)}'" for key, value in given.items() if value)
     return Html(f"<{element}{words}>{join(*inner)}</{element}>")
-
-
-def fold(summary: str, *inner: str, kind: str = "", unfolded: bool = False) -> Html:
-    """Return content that a click unfolds."""
-    opened = {"open": "open"} if unfolded else {}
-    return tag("details", tag("summary", summary), *inner, kind=kind, **opened)
-
-
-def table(head: Sequence[str], rows: Iterable[Any], kind: str = "") -> Html:
-    """Return a table: each row is a sequence of cells, or `Html`; a cell of text holds its column's name."""
-    lines = []
-    for row in rows:
-        cells = () if isinstance(row, Html) else zip(head, row, strict=True)
-        filled = [cell if isinstance(cell, Html) else tag("td", cell, kind="v", data_head=name) for name, cell in cells]
-        lines.append(row if isinstance(row, Html) else tag("tr", *filled))
-    top = tag("thead", tag("tr", *(tag("th", name) for name in head)))
-    return tag("table", top, tag("tbody", *lines), kind=kind)
-
-
-def box(inner: str) -> Html:
-    """Return a table in a box of its own that scrolls where the window is narrower."""
-    return tag("div", inner, kind="box")
-
-
-def items(words: Iterable[str]) -> Html:
-    """Return a list."""
-    return tag("ul", *(tag("li", line) for line in words))
-
-
-def pairs(facts: Iterable[tuple[str, str]]) -> Html:
-    """Return pairs of a quantity and its value."""
-    return tag("dl", *(part for name, value in facts for part in (tag("dt", name), tag("dd", value))))
-
-
-def figure_html(id: str, drawing: Drawing) -> Html:
-    """Return a figure as PNG inside the page, with its caption; as the target of a link it fills the window."""
-    buffer = io.BytesIO()
-    drawing.figure.savefig(buffer, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
-    image = base64.b64encode(buffer.getvalue()).decode("ascii")
-    kind = "plot wide" if drawing.figure.get_figwidth() > 5.0 else "plot"
-    source = join(" ", tag("small", f"Run: {drawing.source}.")) if drawing.source else ""
-    picture = Html(f"<img src='data:image/png;base64,{image}' alt='{escape(drawing.caption)}'>")
-    return tag(
-        "figure",
-        tag("a", "close", kind="close", href=f"#at-{id}"),
-        tag("a", picture, kind="open", href=f"#{id}", title="full size"),
-        tag("figcaption", drawing.caption, source, id=f"at-{id}"),
-        id=id,
-        kind=kind,
-    )

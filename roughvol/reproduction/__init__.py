@@ -10,14 +10,11 @@ knows all others, and only the command line knows it.
 `closed_forms`  indenters and loaded rectangles, as references
 `literature`    numbers of the literature, judged as claims are
 `paper_rules`   the paper's surface and state, and its slope A*/p*
-`model`         contents of a report, and the words that all its forms share
+`judgement`     every claim answered from the runs of a report
 `drawings`      figures that a report shows, and the run of each
-`page`          the report as one HTML page
-`text`          the report as JSON, as Markdown and as lines for a terminal
-`write`         its files, and the comparison with an expectation
+`sections`      sections of the claims and of the literature on a page
+`expectation`   verdicts and numbers that a report is expected to have
 ==============  ======================================================================
 """
 
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__all__: list[str] = []

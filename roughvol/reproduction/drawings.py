@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from roughvol.analysis.stored_run import Run
-from roughvol.report.drawings import Drawing
+from roughvol.report.document import Drawing
 from roughvol.reproduction.claims import CLAIMS, Evidence, Lacking
 from roughvol.reproduction.figures.conditions import PaperFigure
 from roughvol.reproduction.figures.registry import COMPARISONS, FIGURES

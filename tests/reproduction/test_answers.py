@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import pages
 import pytest
 
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign.running import run
 from roughvol.reproduction.claims.ensemble_means import HEAD, answers
-from roughvol.reproduction.model import assemble
-from roughvol.reproduction.page import to_html
+from roughvol.reproduction.judgement import judge
 from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads
@@ -62,6 +62,6 @@ def test_a_run_of_seeds_has_no_such_section(results: Dataset) -> None:
 
 
 def test_the_page_of_an_ensemble_has_the_section(folder: Path) -> None:
-    page = to_html(assemble([folder / "study.nc"]))
+    page = pages.to_html(judge([folder / "study.nc"]))
     assert "Ten seeds and the ensemble (" in page
     assert "verdicts change when ten seeds become the ensemble" in page

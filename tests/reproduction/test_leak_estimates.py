@@ -5,14 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pages
 import pytest
 import xarray as xr
 
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign import running
-from roughvol.reproduction import write
 from roughvol.reproduction.claims import Evidence
 from roughvol.reproduction.claims.leak_estimates import ratios
+from roughvol.reproduction.judgement import judge
 
 STATES = ("seed", "step")
 
@@ -59,13 +60,13 @@ def test_the_report_says_how_wrong_they_are(tmp_path: Path) -> None:
         " record: {transport: {transmissivity: every-step, estimates: every-step}}}"
     )
     ds = running.run(tmp_path / "leak.yaml", out=tmp_path / "leak", jobs=1)
-    page = write.assemble([tmp_path / "leak" / "study.nc"])
+    page = judge([tmp_path / "leak" / "study.nc"])
     assert page.estimates
     first = page.estimates[0]
     inside = (ds.contact_area_fraction > first.area[0]) & (ds.contact_area_fraction <= first.area[1])
     both = [ds.estimate_medium_transmissivity / ds[f"transmissivity_{axis}"] for axis in "xy"]
     every = np.concatenate([ratio.where(inside).values.ravel() for ratio in both])
     assert first.median == pytest.approx(np.nanmedian(every))
-    for text in (write.to_markdown(page), write.to_html(page)):
+    for text in (pages.to_markdown(page), pages.to_html(page)):
         assert "How wrong the quick estimates of leakage are" in text
         assert f"{first.median:.2f}" in text

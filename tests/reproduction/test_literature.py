@@ -8,18 +8,20 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pages
 import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign import running
 from roughvol.errors import ContactError
-from roughvol.reproduction import page, write
+from roughvol.report import page
 from roughvol.reproduction.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Claim, Evidence, assess
 from roughvol.reproduction.claims import statistics as stats
 from roughvol.reproduction.claims.verdict import Check, Number
 from roughvol.reproduction.closed_forms import westergaard
 from roughvol.reproduction.formulas import area_of_pressure, persson_area, westergaard_mean_gap
+from roughvol.reproduction.judgement import Judgement, judge
 from roughvol.reproduction.literature import LITERATURE
 from roughvol.reproduction.literature import given_surfaces as given
 from roughvol.reproduction.literature import random_surfaces as rough
@@ -245,11 +247,11 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture(scope="module")
-def report(runs: dict[str, Path]) -> write.Report:
-    return write.assemble(list(runs.values()), any_size=True)
+def report(runs: dict[str, Path]) -> Judgement:
+    return judge(list(runs.values()), any_size=True)
 
 
-def test_small_runs_answer_the_rows_where_size_does_not_count(report: write.Report) -> None:
+def test_small_runs_answer_the_rows_where_size_does_not_count(report: Judgement) -> None:
     rows = {row.id: row for row in report.literature}
     assert rows[16].verdict == HOLDS  # the published case is met in full
     for id in (4, 5, 8, 9, 10, 11):
@@ -287,19 +289,19 @@ def test_another_surface_under_the_name_fails(runs: dict[str, Path]) -> None:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_the_page_has_every_row(report: write.Report) -> None:
-    html, markdown = write.to_html(report), write.to_markdown(report)
+def test_the_page_has_every_row(report: Judgement) -> None:
+    html, markdown = pages.to_html(report), pages.to_markdown(report)
     for row in report.literature:
         assert row.title in markdown
         assert f"<td class='n'>{row.id}</td>" in html
         assert (f"id='literature-{row.id}'" in html) == (row.verdict != ABSENT)
     assert "challenge.dat" in html
-    assert "17 numbers of the literature" in write.summary(report)
+    assert "17 numbers of the literature" in pages.summary(report)
 
 
 @pytest.mark.usefixtures("no_figures")
 def test_a_page_of_the_literature_alone_asks_about_it(runs: dict[str, Path]) -> None:
-    html = write.to_html(write.assemble([runs["mirco"]]))
+    html = pages.to_html(judge([runs["mirco"]]))
     assert "Do the published numbers hold?" in html
     assert "Verdicts</h2>" not in html
     assert "<section id='run-1'" not in html
@@ -307,7 +309,7 @@ def test_a_page_of_the_literature_alone_asks_about_it(runs: dict[str, Path]) -> 
 
 @pytest.mark.usefixtures("no_figures")
 def test_runs_of_ones_own_keep_their_section(runs: dict[str, Path]) -> None:
-    alone = write.assemble([runs["rough"]])
+    alone = judge([runs["rough"]])
     assert [run.name for run in alone.own] == ["rough"]
     assert alone.literature == ()
-    assert "Numbers of the literature" not in write.to_html(alone)
+    assert "Numbers of the literature" not in pages.to_html(alone)

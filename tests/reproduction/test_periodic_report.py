@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pages
 import pytest
 
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign import running
-from roughvol.reproduction import write
 from roughvol.reproduction.claims.needs import Needs
 from roughvol.reproduction.figures.conditions import is_paper_surface
 from roughvol.reproduction.figures.registry import FIGURES
+from roughvol.reproduction.judgement import judge
 from roughvol.store import dataset
 from roughvol.study import loads
 
@@ -35,6 +36,6 @@ def test_a_report_has_every_figure_but_that_of_the_recursion(surface: str, tmp_p
     ds = dataset.read(tmp_path / "study.nc")
     assert "midpoint displacement of a free patch" in (FIGURES["fig01"].missing(ds) or "")
     assert not is_paper_surface(ds)
-    page = write.to_html(write.assemble([tmp_path / "study.nc"]))
+    page = pages.to_html(judge([tmp_path / "study.nc"]))
     assert "id='run-1'" in page
     assert Needs().unfit(Run.of("other", ds))[0] in ("periodic surfaces", "surfaces with a spectrum")

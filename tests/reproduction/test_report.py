@@ -11,18 +11,21 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
+import pages
 import pytest
 from click.testing import CliRunner
 
 from roughvol.campaign import running
 from roughvol.cli import main
 from roughvol.errors import DatasetError
+from roughvol.report import page as report_page
 from roughvol.report import run_facts
 from roughvol.report.figures.registry import TRADEOFF
-from roughvol.reproduction import page as report_page
-from roughvol.reproduction import write
+from roughvol.reproduction import expectation, sections
 from roughvol.reproduction.claims import ABSENT, FAILS, HOLDS, Evidence, Lacking
 from roughvol.reproduction.figures.registry import ALL, COMPARISONS
+from roughvol.reproduction.judgement import Judgement, judge
+from roughvol.reproduction.sections import report_of
 from roughvol.store import dataset
 from roughvol.store.run import names_of
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -60,19 +63,19 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def answered(small_study: Path) -> write.Report:
-    return write.assemble([small_study], any_size=True)
+def answered(small_study: Path) -> Judgement:
+    return judge([small_study], any_size=True)
 
 
 @pytest.fixture(scope="module")
-def html(answered: write.Report) -> str:
-    return write.to_html(answered)
+def html(answered: Judgement) -> str:
+    return pages.to_html(answered)
 
 
 @pytest.fixture
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures out of the page: they take seconds and are tested once."""
-    monkeypatch.setattr(report_page, "drawings", lambda _: iter(()))
+    monkeypatch.setattr(sections, "drawings", lambda _: iter(()))
     monkeypatch.setattr(report_page, "drawings_of", lambda *_: iter(()))
 
 
@@ -104,11 +107,14 @@ def test_page_is_light_and_dark_and_prints(html: str) -> None:
         assert rule in html
 
 
-def test_every_claim_is_on_the_page_with_its_verdict(answered: write.Report, page: Page, html: str) -> None:
-    for claim in answered.claims:
+def test_every_claim_is_on_the_page_with_its_verdict(answered: Judgement, page: Page, html: str) -> None:
+    for claim in answered.computed:
         assert f"claim-{claim.id}" in page.ids
     for claim in answered.absent:
-        assert escape(claim.lacking or claim.untested) in html.split("class='absent-claims'")[1].split("</table>")[0]
+        assert (
+            escape(claim.lacking or claim.untested)
+            in html.split("class='verdicts absent-claims'")[1].split("</table>")[0]
+        )
     for claim in answered.computed:
         section = html.split(f"id='claim-{claim.id}'")[1].split("</section>")[0]
         assert f">{claim.verdict}<" in section
@@ -125,18 +131,19 @@ def test_figures_are_png_and_each_is_there_once(page: Page, html: str) -> None:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_what_comes_from_outside_is_escaped(answered: write.Report) -> None:
+def test_what_comes_from_outside_is_escaped(answered: Judgement) -> None:
     evil = "<img src=x onerror='alert(1)'>&"
     run = dataclasses.replace(answered.runs[0], name=evil)
     claim = dataclasses.replace(answered.claims[1], source=(evil,), why=evil, sentence=evil, figures=())
-    text = write.to_html(dataclasses.replace(answered, runs=(run,), claims=(claim,)))
+    text = pages.to_html(dataclasses.replace(answered, runs=(run,), claims=(claim,)))
     assert "<img src=x" not in text
     assert "&lt;img src=x onerror=&#x27;alert(1)&#x27;&gt;&amp;" in text
 
 
-def test_json_says_what_the_claims_say(answered: write.Report) -> None:
-    data = json.loads(write.to_json(answered))
-    assert data["counts"] == answered.counts()
+def test_json_says_what_the_claims_say(answered: Judgement) -> None:
+    data = json.loads(pages.to_json(answered))
+    assert sum(data["counts"].values()) == 24
+    assert data["counts"][HOLDS] == sum(claim.verdict == HOLDS for claim in answered.claims)
     assert [claim["verdict"] for claim in data["claims"]] == [claim.verdict for claim in answered.claims]
     numbers = {number["key"]: number["value"] for number in data["claims"][2]["numbers"]}
     assert numbers == {key: number.value for key, number in answered.claims[2].all_numbers.items()}
@@ -145,16 +152,18 @@ def test_json_says_what_the_claims_say(answered: write.Report) -> None:
     assert facts["residual"] <= 1e-6
 
 
-def test_markdown_has_every_verdict_in_tables_of_equal_width(answered: write.Report) -> None:
-    text = write.to_markdown(answered)
-    for claim in answered.claims:
+def test_markdown_has_every_verdict_in_tables_of_equal_width(answered: Judgement) -> None:
+    text = pages.to_markdown(answered)
+    for claim in answered.computed:
         assert f"### {claim.id}. {claim.title}: {claim.verdict}" in text
+    for claim in answered.absent:
+        assert f"| {claim.id} | {claim.title} ({claim.place}) |" in text
     for table in re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE):
         assert len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) == 1
 
 
-def test_summary_counts_all_claims(answered: write.Report) -> None:
-    lines = write.summary(answered).splitlines()
+def test_summary_counts_all_claims(answered: Judgement) -> None:
+    lines = pages.summary(answered).splitlines()
     assert len(lines) == 25
     assert lines[-1].startswith("24 claims: ")
     assert sum(map(int, re.findall(r"(\d+) (?:holds|does|not)", lines[-1]))) == 24
@@ -166,7 +175,7 @@ def test_figures_say_what_they_lack(name: str) -> None:
         COMPARISONS[name](Evidence(()))
 
 
-def test_a_figure_of_theory_shows_computed_numbers(answered: write.Report) -> None:
+def test_a_figure_of_theory_shows_computed_numbers(answered: Judgement) -> None:
     run = answered.runs[0]
     axes = COMPARISONS["volume_by_m"](answered.evidence).axes[0]
     drawn = {line.get_label(): line.get_ydata() for line in axes.lines}
@@ -177,37 +186,37 @@ def test_a_figure_of_theory_shows_computed_numbers(answered: write.Report) -> No
 # checks
 
 
-def test_a_report_meets_its_own_expectation(answered: write.Report) -> None:
-    expected = write.expectation(answered, relative=1e-6)
-    assert write.departures(answered, expected) == []
+def test_a_report_meets_its_own_expectation(answered: Judgement) -> None:
+    expected = expectation.expectation(answered, relative=1e-6)
+    assert expectation.departures(answered, expected) == []
     assert len(json.loads(expected)["numbers"]) > 100
 
 
-def test_what_leaves_its_band_is_named(answered: write.Report) -> None:
-    expected = json.loads(write.expectation(answered, relative=1e-6))
+def test_what_leaves_its_band_is_named(answered: Judgement) -> None:
+    expected = json.loads(expectation.expectation(answered, relative=1e-6))
     verdict = answered.claims[2].verdict
     expected["verdicts"]["3"] = FAILS if verdict == HOLDS else HOLDS
     expected["numbers"]["4.exponent"] = [5.0, 6.0]
     expected["numbers"]["4.nonsense"] = [0.0, 1.0]
     expected["verdicts"]["99"] = HOLDS
-    found = write.departures(answered, json.dumps(expected))
+    found = expectation.departures(answered, json.dumps(expected))
     assert len(found) == 4
     assert any(f"claim 3: {verdict}" in line for line in found)
     assert any("4.exponent" in line and "expected 5 to 6" in line for line in found)
 
 
 @pytest.mark.parametrize("text", UNUSABLE)
-def test_an_expectation_that_checks_nothing_is_refused(answered: write.Report, text: str) -> None:
+def test_an_expectation_that_checks_nothing_is_refused(answered: Judgement, text: str) -> None:
     with pytest.raises(DatasetError):
-        write.departures(answered, text)
+        expectation.departures(answered, text)
 
 
-def test_small_study_answers_as_stored(answered: write.Report) -> None:
+def test_small_study_answers_as_stored(answered: Judgement) -> None:
     """A change of the code that changes an answer is seen here.
 
-    Where the change is meant, the file is made anew: `report.expectation(report.assemble([study_nc]), relative=1e-3)`.
+    Where the change is meant, the file is made anew: `report.expectation(report.judge([study_nc]), relative=1e-3)`.
     """
-    assert write.departures(answered, EXPECTED.read_text(encoding="utf-8")) == []
+    assert expectation.departures(answered, EXPECTED.read_text(encoding="utf-8")) == []
 
 
 # the command
@@ -243,10 +252,10 @@ def test_no_run_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert done.exit_code == 2
     assert "no finished run" in done.stderr
     with pytest.raises(DatasetError):
-        write.assemble([])
+        judge([])
 
 
-def test_counts_of_surfaces_are_those_computed(answered: write.Report) -> None:
+def test_counts_of_surfaces_are_those_computed(answered: Judgement) -> None:
     run = answered.runs[0]
     D, m = run.D[0], run.m[0]
     left_out = (run.dataset["D"] == D) & (run.dataset["m"] == m) & (run.dataset["seed"] == run.seed_numbers()[-1])
@@ -258,10 +267,10 @@ def test_counts_of_surfaces_are_those_computed(answered: write.Report) -> None:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_a_report_that_cannot_be_written_is_an_error(answered: write.Report, tmp_path: Path) -> None:
+def test_a_report_that_cannot_be_written_is_an_error(answered: Judgement, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(DatasetError, match="cannot write"):
-        write.write(answered, tmp_path / "file")
+        report_page.write(report_of(answered), tmp_path / "file")
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -277,11 +286,11 @@ def test_runs_that_answer_little_are_reported_all_the_same(tmp_path: Path) -> No
         (tmp_path / f"{name}.yaml").write_text(text)
         running.run(tmp_path / f"{name}.yaml", out=tmp_path / name, jobs=1)
     heights.unlink()
-    little = write.assemble([tmp_path / name / "study.nc" for name in studies])
+    little = judge([tmp_path / name / "study.nc" for name in studies])
     assert {claim.verdict for claim in little.claims} == {ABSENT}
     assert [run.name for run in little.own] == list(studies)
-    assert "hills" in write.to_html(little)
-    assert Page(write.to_html(little)).wrong == []
+    assert "hills" in pages.to_html(little)
+    assert Page(pages.to_html(little)).wrong == []
 
 
 # a run of one's own
@@ -322,7 +331,7 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def scan_page(own: dict[str, Path]) -> str:
-    return write.to_html(write.assemble([own["warned"]]))
+    return pages.to_html(judge([own["warned"]]))
 
 
 def _text(html: str) -> str:
@@ -351,7 +360,7 @@ def test_a_scan_is_not_asked_about_the_paper(scan_page: str) -> None:
 
 def test_the_table_of_states_has_the_stored_numbers(own: dict[str, Path]) -> None:
     stored = dataset.read(own["scan"])
-    facts = run_facts.facts(write.assemble([own["scan"]]).runs[0])
+    facts = run_facts.facts(judge([own["scan"]]).runs[0])
     states = next(table for table in facts.tables if table.title == "States")
     columns = dict(zip(states.head, zip(*states.rows, strict=True), strict=True))
     assert columns["p [kPa]"][-1] == run_facts.number(float(stored.nominal_pressure[0, -1]))
@@ -364,7 +373,7 @@ def test_the_table_of_states_has_the_stored_numbers(own: dict[str, Path]) -> Non
 
 def test_closing_lies_between_neighbouring_loads(own: dict[str, Path]) -> None:
     stored = dataset.read(own["scan"])
-    facts = run_facts.facts(write.assemble([own["scan"]]).runs[0])
+    facts = run_facts.facts(judge([own["scan"]]).runs[0])
     closing = next(table for table in facts.tables if table.title == run_facts.CLOSING)
     for row, axis in zip(closing.rows, "xy", strict=True):
         is_open = stored[f"percolates_{axis}"][0].values > 0
@@ -375,12 +384,12 @@ def test_closing_lies_between_neighbouring_loads(own: dict[str, Path]) -> None:
 
 def test_warnings_are_shown_one_a_line(scan_page: str, own: dict[str, Path]) -> None:
     assert "<li>the slope &lt;0.9&gt; is large</li><li>the pressure exceeds the hardness</li>" in scan_page
-    assert "Warnings" not in write.to_html(write.assemble([own["scan"]]))
+    assert "Warnings" not in pages.to_html(judge([own["scan"]]))
 
 
 @pytest.mark.usefixtures("no_figures")
 def test_a_study_of_ones_own_gets_its_facts_and_no_claims(own: dict[str, Path]) -> None:
-    text = _text(write.to_html(write.assemble([own["sealing"]])))
+    text = _text(pages.to_html(judge([own["sealing"]])))
     assert "4 generated surfaces, D = 2.2, 2.4, m = 4" in text
     assert "Where it closes" in text
     assert "not computed" not in text
@@ -388,8 +397,8 @@ def test_a_study_of_ones_own_gets_its_facts_and_no_claims(own: dict[str, Path]) 
 
 @pytest.mark.usefixtures("no_figures")
 def test_runs_of_the_paper_and_scans_have_a_section_each(small_study: Path, own: dict[str, Path]) -> None:
-    both = write.assemble([small_study, own["scan"]], any_size=True)
-    html = write.to_html(both)
+    both = judge([small_study, own["scan"]], any_size=True)
+    html = pages.to_html(both)
     assert [run.name for run in both.own] == ["scan"]
     assert "Does the paper hold?" in html
     assert "<section id='run-1' class='run'>" in html
@@ -398,24 +407,24 @@ def test_runs_of_the_paper_and_scans_have_a_section_each(small_study: Path, own:
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_each_row_names_its_run_and_those_refused(answered: write.Report, small_study: Path, tmp_path: Path) -> None:
+def test_each_row_names_its_run_and_those_refused(answered: Judgement, small_study: Path, tmp_path: Path) -> None:
     dataset.write(dataset.read(small_study), tmp_path / "toy" / "study.nc")
-    refused = write.assemble([tmp_path / "toy" / "study.nc"])
+    refused = judge([tmp_path / "toy" / "study.nc"])
     assert not refused.computed
     assert dict(refused.claims[2].refused)["toy"].startswith("D = 2.1, 2.3, 2.9, needs")
-    row = write.to_html(answered).split("href='#claim-3'")[1].split("</tr>")[0]
+    row = pages.to_html(answered).split("href='#claim-3'")[1].split("</tr>")[0]
     assert "data-head='Run'>small" in row
     claim = dataclasses.replace(answered.claims[2], refused=(("toy", "m = 4, needs m >= 8; 1 surface"),))
     some = dataclasses.replace(answered, claims=(claim,))
-    assert "<li>toy: m = 4, needs m &gt;= 8; 1 surface</li>" in write.to_html(some).split("</table>")[0]
-    assert "| toy: m = 4, needs m >= 8 |" in write.to_markdown(some)
-    assert json.loads(write.to_json(some))["claims"][0]["refused"] == dict(claim.refused)
+    assert "<li>toy: m = 4, needs m &gt;= 8; 1 surface</li>" in pages.to_html(some).split("</table>")[0]
+    assert "1 run refused: toy: m = 4, needs m >= 8; 1 surface |" in pages.to_markdown(some)
+    assert json.loads(pages.to_json(some))["claims"][0]["refused"] == dict(claim.refused)
 
 
 def test_facts_are_in_json_markdown_and_on_the_terminal(own: dict[str, Path]) -> None:
-    scan = write.assemble([own["warned"]])
-    assert json.loads(write.to_json(scan))["surfaces"][0]["surface"]["Nodes"].startswith("17 x 13")
-    markdown, lines = write.to_markdown(scan), write.summary(scan)
+    scan = judge([own["warned"]])
+    assert json.loads(pages.to_json(scan))["surfaces"][0]["surface"]["Nodes"].startswith("17 x 13")
+    markdown, lines = pages.to_markdown(scan), pages.summary(scan)
     for table in re.findall(r"(?:^\|.*\n)+", markdown, flags=re.MULTILINE):
         assert len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) == 1
     for words in ("17 x 13", "the pressure exceeds the hardness", "Where it closes"):

@@ -1,50 +1,20 @@
-"""The report of runs: the paper's claims where a run can answer them, every other run as a study of its own.
-
-``assemble`` answers everything once from the runs given; ``write`` puts ``report.html`` (one file: figures inside, no
-network, no script), ``report.md`` and ``claims.json`` into a folder; ``departures`` compares with stated bands. The
-HTML is made of plain strings, every text that comes from a dataset or a study escaped.
-"""
+"""Verdicts and numbers that a report is expected to have, as JSON with bands."""
 
 from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 from roughvol.errors import DatasetError
-from roughvol.reproduction.model import Report, assemble
-from roughvol.reproduction.page import to_html
-from roughvol.reproduction.text import summary, to_json, to_markdown
-from roughvol.store import stamped_file
-
-__all__ = ["Report", "assemble", "departures", "expectation", "summary", "to_html", "to_json", "to_markdown", "write"]
+from roughvol.reproduction.judgement import Judgement
 
 
-def write(report: Report, folder: Path) -> Path:
-    """Write ``report.html``, ``report.md`` and ``claims.json`` and return the path of the first.
-
-    Raises
-    ------
-    FolderError
-        If the folder cannot be written.
-    """
-    pages = {"claims.json": to_json(report), "report.md": to_markdown(report), "report.html": to_html(report)}
-    for name, text in pages.items():
-        stamped_file.write(folder / name, text.encode())
-    return folder / "report.html"
-
-
-def departures(report: Report, expected: str) -> list[str]:
+def departures(judgement: Judgement, expected: str) -> list[str]:
     """Return in words what left the bands of an expectation.
 
-    Parameters
-    ----------
-    report : Report
-        Report to compare.
-    expected : str
-        JSON ``{"verdicts": {"4": "holds"}, "numbers": {"4.exponent": [0.35, 0.45]}}``; a number is named by its claim
-        and its key in claims.json, and its value (not its interval) must lie in the band.
+    ``expected`` is JSON ``{"verdicts": {"4": "holds"}, "numbers": {"4.exponent": [0.35, 0.45]}}``; a number is named by
+    its claim and its key in claims.json, and its value (not its interval) must lie in the band.
 
     Raises
     ------
@@ -65,7 +35,7 @@ def departures(report: Report, expected: str) -> list[str]:
             f"{', '.join(sorted(unknown)) or 'neither'}"
         )
         raise DatasetError(message)
-    claims = {claim.id: claim for claim in report.claims}
+    claims = {claim.id: claim for claim in judgement.claims}
     differences = []
     for id, verdict in verdicts.items():
         given = claims[id].verdict if id in claims else "no such claim"
@@ -82,14 +52,14 @@ def departures(report: Report, expected: str) -> list[str]:
     return differences
 
 
-def expectation(report: Report, *, relative: float, absolute: float = 1e-9, about: str = "") -> str:
+def expectation(judgement: Judgement, *, relative: float, absolute: float = 1e-9, about: str = "") -> str:
     """Return the expectation a report meets: bands of ± (``relative`` |value| + ``absolute``) about its numbers."""
     numbers = {}
-    for claim in report.claims:
+    for claim in judgement.claims:
         for key, number in claim.all_numbers.items():
             if math.isfinite(number.value):
                 slack = relative * abs(number.value) + absolute
                 numbers[f"{claim.id}.{key}"] = [number.value - slack, number.value + slack]
     data: dict[str, Any] = {"about": about} if about else {}
-    data |= {"verdicts": {str(claim.id): claim.verdict for claim in report.claims}, "numbers": numbers}
+    data |= {"verdicts": {str(claim.id): claim.verdict for claim in judgement.claims}, "numbers": numbers}
     return json.dumps(data, indent=1, ensure_ascii=False) + "\n"

@@ -1,2 +1,0 @@
-from .model import Report as Report
-from .model import assemble as assemble
