@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.io
-from kit import HEIGHTS, HOLED, HOLES, PIXEL, SDF, case_of, library, nms, put, refused, rows, same, wsxm
+from height_files import HEIGHTS, HOLED, HOLES, PIXEL, SDF, case_of, library, nms, put, refused, rows, same, wsxm
 
 from roughvol.campaign import one_case
 from roughvol.errors import RoughvolError, StudyError

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from kit import HEIGHTS, HOLES, library, netcdf, refused, same
+from height_files import HEIGHTS, HOLES, library, netcdf, refused, same
 from netCDF4 import Dataset
 
 from roughvol.surfaces.files import reading

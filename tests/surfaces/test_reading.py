@@ -14,9 +14,7 @@ import pytest
 import scipy.io
 import tifffile
 import xarray as xr
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
-from kit import (
+from height_files import (
     ESRI,
     GWYDDION,
     HEIGHTS,
@@ -41,6 +39,8 @@ from kit import (
     surfer_text,
     wsxm,
 )
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from roughvol.campaign import one_case
 from roughvol.errors import RoughvolError

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kit import HEIGHTS, HOLED, case_of, put, refused, same, surfer_6, surfer_7, surfer_text
+from height_files import HEIGHTS, HOLED, case_of, put, refused, same, surfer_6, surfer_7, surfer_text
 
 from roughvol.campaign import one_case
 from roughvol.surfaces.files import reading

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kit import GWYDDION, HEIGHTS, HOLED, POINTS, Content, case_of, put, refused, rows, same
+from height_files import GWYDDION, HEIGHTS, HOLED, POINTS, Content, case_of, put, refused, rows, same
 
 from roughvol.surfaces import length_units
 from roughvol.surfaces.files import reading

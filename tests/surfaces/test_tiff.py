@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tifffile
-from kit import HEIGHTS, HOLES, Content, put, refused, same
+from height_files import HEIGHTS, HOLES, Content, put, refused, same
 
 from roughvol.surfaces.files import reading
 
