@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from roughvol.errors import CampaignError, RoughvolError, StudyError
+from roughvol.study.values.durations import duration
 
 if TYPE_CHECKING:
     from roughvol.campaign.batch import Progress
@@ -151,14 +152,3 @@ def size(number: float) -> str:
     """Return bytes in B to TB."""
     power = min(int(math.log10(max(number, 1.0)) / 3), 4)
     return f"{number / 1000**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB')[power]}"
-
-
-def duration(seconds: float) -> str:
-    """Return seconds in s, min, h, days or years."""
-    if seconds < 100:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    if minutes < 60:
-        return f"{minutes} min {rest} s"
-    days = minutes / 1440
-    return f"{minutes / 60:.1f} h" if days < 3 else f"{days:.0f} days" if days < 365 else f"{days / 365.25:.3g} years"

@@ -14,7 +14,7 @@ from pathlib import Path
 from roughvol._version import __version__
 from roughvol.campaign import limits, resources, workers
 from roughvol.campaign.forecast import Forecast
-from roughvol.campaign.one_case import HalfSpaces, Stopped, file_of_case
+from roughvol.campaign.one_case import Context, HalfSpaces, Stopped, file_of_case
 from roughvol.ensemble import cost
 from roughvol.errors import CampaignError, RoughvolError
 from roughvol.store import lock, run_folder, stamped_file
@@ -100,16 +100,10 @@ def run_task(task: Task, tell: workers.Tell, *, answers: int | None = None) -> b
     # On another machine the path may be another folder: the lock is the same only in the folder of this run.
     shared = mark is None or lock.mark(checkpoint.parent.parent) == mark != ""
     try:
-        return file_of_case(
-            case,
-            study=text,
-            half_spaces=_held,
-            on_step=lambda step: tell((case.id, step)),
-            threads=threads,
-            surface=surface,
-            checkpoint=checkpoint if shared else None,
-            stopping=workers.stop_asked,
+        context = Context(
+            _held, threads, checkpoint if shared else None, lambda step: tell((case.id, step)), workers.stop_asked
         )
+        return file_of_case(case, context, study=text, surface=surface)
     except Stopped:
         return None
 

@@ -179,7 +179,7 @@ def read_surface(study: Study, tell: workers.Tell) -> Surface:
     return surface_of(first)
 
 
-def check_fits(
+def check_missing_cases_fit(
     folder: Path,
     cases: Mapping[str, Case],
     shape: tuple[int, int] | None,
@@ -188,7 +188,7 @@ def check_fits(
     wanted: Collection[str],
     here: bool,
 ) -> None:
-    """Refuse a run whose missing cases exceed memory or disk, see `resources.check_fits`."""
+    """Refuse a run whose missing cases exceed memory or disk, see `resources.check_resources`."""
     stored = run_folder.stored_ids(folder)
     left = [case for id, case in cases.items() if id in wanted and (id in fresh or id not in stored)]
     if not left:
@@ -196,7 +196,7 @@ def check_fits(
     nodes = [resources.nodes_of(case, shape) for case in left]
     disk = sum(resources.disk_of(case, n) for case, n in zip(left, nodes, strict=True))
     disk += sum(resources.disk_of(case, resources.nodes_of(case, shape)) for case in cases.values())  # study.nc
-    resources.check_fits(left, nodes, disk, folder, here=here)
+    resources.check_resources(left, nodes, disk, folder, here=here)
 
 
 def slow(cases: Sequence[Case], shape: tuple[int, int] | None, jobs: int | None) -> list[str]:

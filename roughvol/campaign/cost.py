@@ -60,12 +60,12 @@ def estimate(study: Study, jobs: int | None = None) -> Estimate:
     return _estimate(study.cases(), jobs)
 
 
-def check_fits(study: Study, folder: Path) -> None:
-    """Refuse a study beyond the memory or disk of this machine, see `resources.check_fits`."""
+def check_study_fits(study: Study, folder: Path) -> None:
+    """Refuse a study beyond the memory or disk of this machine, see `resources.check_resources`."""
     cases, counts = _alike(study.cases())
     nodes = [math.prod(_shape(case)) for case in cases]
     disk = 2 * sum(count * resources.disk_of(case, n) for case, count, n in zip(cases, counts, nodes, strict=True))
-    resources.check_fits(cases, nodes, disk, folder)
+    resources.check_resources(cases, nodes, disk, folder)
 
 
 def warning(seconds: float, jobs: int) -> str:

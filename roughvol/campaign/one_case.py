@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, MutableMapping
 from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -40,37 +41,44 @@ class Stopped(Exception):
     """A case that was asked to end, and has kept its finished steps."""
 
 
-def run_case(
-    case: Case,
-    *,
-    study: str = "",
-    half_spaces: HalfSpaces | None = None,
-    on_step: Callable[[int], None] | None = None,
-    threads: int = 1,
-    surface: Surface | None = None,
-    checkpoint: Path | None = None,
-    stopping: Callable[[], bool] = lambda: False,
-) -> Dataset:
+@dataclass(frozen=True)
+class Context:
+    """How a case is computed; it changes no value.
+
+    Attributes
+    ----------
+    half_spaces : mutable mapping
+        Holds the half space of the last shape and kernel, for the next case to use.
+    threads : int
+        Threads inside a convolution.
+    checkpoint : path, optional
+        Where a large case keeps its finished steps meanwhile, and finds those of a run that was killed.
+    on_step : callable, optional
+        Called with the number of each step solved.
+    stopping : callable
+        Asked after each step of a case with a checkpoint; once it is true the case ends there.
+    """
+
+    half_spaces: HalfSpaces = field(default_factory=dict)
+    threads: int = 1
+    checkpoint: Path | None = None
+    on_step: Callable[[int], None] | None = None
+    stopping: Callable[[], bool] = lambda: False
+
+
+def run_case(case: Case, context: Context | None = None, *, study: str = "", surface: Surface | None = None) -> Dataset:
     """Return all that is asked about one surface: made (Section 2), pressed step by step (Section 3), reduced.
 
     Parameters
     ----------
     case : Case
         Surface, sweep, solver, and what to record.
+    context : Context, optional
+        Half spaces, threads, checkpoint.
     study : str
         Resolved study as text, for the provenance.
-    half_spaces : mutable mapping, optional
-        Holds the half space of the last shape and kernel, for the next case to use.
-    on_step : callable, optional
-        Called with the number of each step solved.
-    threads : int
-        Threads inside a convolution; they change no value.
     surface : Surface, optional
         Its surface, if it has been read already.
-    checkpoint : path, optional
-        Where a large case keeps its finished steps meanwhile, and finds those of a run that was killed.
-    stopping : callable, optional
-        Asked after each step of a case with a checkpoint; once it is true the case ends there.
 
     Returns
     -------
@@ -84,87 +92,35 @@ def run_case(
     SurfaceError, ContactError, ConvergenceError
         If there is no surface, no problem or no solution; nothing is returned of a sweep that broke off.
     """
-    asked = _asked(case, half_spaces, on_step, threads, surface, checkpoint, stopping)
-    return dataset.build(case, asked, _provenance(case, study, threads))
+    context = context or Context()
+    return dataset.build(case, _recorded(case, context, surface), _provenance(case, study, context.threads))
 
 
-def file_of_case(
-    case: Case,
-    *,
-    study: str = "",
-    half_spaces: HalfSpaces | None = None,
-    on_step: Callable[[int], None] | None = None,
-    threads: int = 1,
-    surface: Surface | None = None,
-    checkpoint: Path | None = None,
-    stopping: Callable[[], bool] = lambda: False,
-) -> bytes:
-    """Return the content of the file of one case; quicker than `run_case` and `dataset.to_bytes` if it is small.
-
-    Parameters
-    ----------
-    case, study, half_spaces, on_step, threads, surface, checkpoint, stopping
-        As for `run_case`.
-
-    Returns
-    -------
-    bytes
-        A stamped netCDF file.
-
-    Raises
-    ------
-    Stopped, SurfaceError, ContactError, ConvergenceError
-        As for `run_case`.
-    """
-    asked = _asked(case, half_spaces, on_step, threads, surface, checkpoint, stopping)
-    return dataset.case_bytes(case, asked, _provenance(case, study, threads))
+def file_of_case(case: Case, context: Context, *, study: str = "", surface: Surface | None = None) -> bytes:
+    """Return the content of the file of a case, as `run_case`; quicker than `dataset.to_bytes` if it is small."""
+    return dataset.case_bytes(case, _recorded(case, context, surface), _provenance(case, study, context.threads))
 
 
-def arrays_of_case(case: Case, half_spaces: HalfSpaces | None = None) -> Arrays:
-    """Return what is stored of one case, without a file.
-
-    Parameters
-    ----------
-    case, half_spaces
-        As for `run_case`.
-
-    Returns
-    -------
-    dict
-        Dimensions and values by the name of the variable.
-
-    Raises
-    ------
-    SurfaceError, ContactError, ConvergenceError
-        As for `run_case`.
-    """
-    return small_file.arrays_of_case(case, _asked(case, half_spaces, None, 1, None, None, lambda: False))
+def arrays_of_case(case: Case, context: Context | None = None) -> Arrays:
+    """Return what is stored of a case, as `run_case`, without a file: dimensions and values by name."""
+    return small_file.arrays_of_case(case, _recorded(case, context or Context()))
 
 
 def _provenance(case: Case, study: str, threads: int) -> dict[str, str]:
     return provenance.provenance(study, fft=FFT | {"threads": str(threads)}, case=case)
 
 
-def _asked(
-    case: Case,
-    half_spaces: HalfSpaces | None,
-    on_step: Callable[[int], None] | None,
-    threads: int,
-    surface: Surface | None,
-    checkpoint: Path | None,
-    stopping: Callable[[], bool],
-) -> Values:
+def _recorded(case: Case, context: Context, surface: Surface | None = None) -> Values:
     """Return all that is asked about one surface by stored name."""
-    started = time.perf_counter()
+    started, file = time.perf_counter(), context.checkpoint
     with one_thread():  # a sum split over threads would round differently from machine to machine
         surface = surface or surface_of(case)
         values = undeformed(case, surface)
         if case.sweep.steps > 0:
-            held = {} if half_spaces is None else half_spaces
-            half_space = half_space_of(surface, case.solver.kernel, threads, held)
-            large = checkpoint is not None and math.prod(surface.shape) >= checkpoints.NODES
-            kept = Checkpoint(checkpoint, case, checkpoints.numerics()) if checkpoint is not None and large else None
-            values |= _swept(path.starred(case, surface), surface, half_space, kept, on_step, stopping)
+            half_space = half_space_of(surface, case.solver.kernel, context.threads, context.half_spaces)
+            large = math.prod(surface.shape) >= checkpoints.NODES
+            kept = Checkpoint(file, case, checkpoints.numerics()) if file is not None and large else None
+            values |= _swept(path.starred(case, surface), surface, half_space, kept, context)
     values["wall_time"] = time.perf_counter() - started
     return values
 
@@ -215,8 +171,7 @@ def _swept(
     surface: Surface,
     half_space: Compliance,
     checkpoint: Checkpoint | None,
-    on_step: Callable[[int], None] | None,
-    stopping: Callable[[], bool],
+    context: Context,
 ) -> Values:
     """Return the values recorded of the sweep; steps in the checkpoint are not solved again."""
     reduced = Reduction(case, surface, half_space)
@@ -228,10 +183,10 @@ def _swept(
     contacts = sweep(surface, half_space, left, options_of(case, surface), resume=reduced.states)
     for contact in contacts:
         reduced.follow(contact)
-        if on_step is not None:
-            on_step(reduced.steps)
+        if context.on_step is not None:
+            context.on_step(reduced.steps)
         if checkpoint is not None:
-            stopped = stopping()
+            stopped = context.stopping()
             if stopped or checkpoint.due():
                 checkpoint.save({"ends": ends, "states": reduced.states, "reduction": reduced.state()})
             if stopped:

@@ -84,7 +84,9 @@ def fields_of(case: Case) -> int:
     return requests.fields_of(case.record)
 
 
-def check_fits(cases: Sequence[Case], nodes: Sequence[int], disk: float, folder: Path, *, here: bool = True) -> None:
+def check_resources(
+    cases: Sequence[Case], nodes: Sequence[int], disk: float, folder: Path, *, here: bool = True
+) -> None:
     """Refuse cases that exceed the memory or the disk of this machine, even in one process.
 
     Parameters

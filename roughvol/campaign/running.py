@@ -12,7 +12,7 @@ from pathlib import Path
 
 from roughvol.campaign import cluster, collected, notebook, shared_cases
 from roughvol.campaign.batch import Batch, OnEvent, Progress
-from roughvol.campaign.checks import check_fits, check_surfaces, doubtful, slow
+from roughvol.campaign.checks import check_missing_cases_fit, check_surfaces, doubtful, slow
 from roughvol.campaign.sorting import sorted_out
 from roughvol.errors import CampaignError, FolderError
 from roughvol.store import (
@@ -59,7 +59,7 @@ def run(
         raise CampaignError(message)
     wanted = cases.keys() if only is None else cases.keys() & set(only)
     shape = surface.shape if surface is not None else None
-    check_fits(folder, cases, shape, fresh=wanted if fresh else (), wanted=wanted, here=scheduler is None)
+    check_missing_cases_fit(folder, cases, shape, fresh=wanted if fresh else (), wanted=wanted, here=scheduler is None)
     with lock.opened(folder):
         another = same_study.another_study(folder, study, cases)
         if another and not fresh:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from roughvol.campaign.one_case import HalfSpaces, arrays_of_case, one_thread, surface_of
+from roughvol.campaign.one_case import Context, arrays_of_case, one_thread, surface_of
 from roughvol.ensemble import samples, step_error
 from roughvol.ensemble.prediction import Expected, Prediction
 from roughvol.ensemble.step_error import StepErrors
@@ -20,12 +20,11 @@ def surfaces_alone(cases: Sequence[Case]) -> list[tuple[float, ...]]:
 
 def in_memory(cases: Sequence[Case], stopping: Callable[[], bool] = lambda: False) -> dict[str, Arrays]:
     """Return the arrays of cases by id, without files."""
-    half_spaces: HalfSpaces = {}
-    found = {}
+    context, found = Context(), {}
     for case in cases:
         if stopping():
             raise KeyboardInterrupt
-        found[case.id] = arrays_of_case(case, half_spaces)
+        found[case.id] = arrays_of_case(case, context)
     return found
 
 

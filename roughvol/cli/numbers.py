@@ -14,6 +14,7 @@ from roughvol import cli_text
 from roughvol.cli.group import examples, main
 from roughvol.cli.options import CSV, JSON, RUN, SET, at, completed_runs, deprecated
 from roughvol.cli.output import say
+from roughvol.study.values.durations import duration
 
 if TYPE_CHECKING:
     from roughvol.analysis.stored_run import Run
@@ -108,7 +109,7 @@ def ls(folder: Path, out: Path | None, as_json: bool) -> None:
     if not found:
         say(f"no run in {folder}; start one with: roughvol run STUDY")
         return
-    lines = [(one.name, one.state, cli_text.size(one.size), f"{cli_text.duration(one.age)} ago") for one in found]
+    lines = [(one.name, one.state, cli_text.size(one.size), f"{duration(one.age)} ago") for one in found]
     say(cli_text.table(("run", "state", "size", "changed"), lines))
 
 

@@ -17,6 +17,7 @@ from roughvol.cli.group import examples, main, study_of
 from roughvol.cli.numbers import say_json, say_table
 from roughvol.cli.options import JOBS, JSON, SET, STUDY, completed_figures, deprecated, out
 from roughvol.cli.output import say, warn
+from roughvol.study.values.durations import duration
 
 if TYPE_CHECKING:
     from roughvol.campaign.batch import Progress
@@ -92,10 +93,10 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: 
         for choice in () if rows else cost.choices(loaded, jobs):
             area, pressure, volume = choice.errors
             say(
-                f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {cli_text.duration(choice.seconds)}; "
+                f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {duration(choice.seconds)}; "
                 f"errors about {f'{area:.0e}' if area else '0'} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
             )
-    cost.check_fits(loaded, folder)
+    cost.check_study_fits(loaded, folder)
 
 
 def _look(study: Study, surface: Surface | None, case: Case, out: Path | None) -> Path:
@@ -212,7 +213,7 @@ def status(study: Path, out: Path | None, as_json: bool, changes: tuple[str, ...
     total = len(state.done) + left + sum(map(len, several))
     say(f"{state.folder}: {len(state.done)} of {total} cases finished" + (", collected" * state.collected))
     if state.holder is not None:
-        time_left = f", about {cli_text.duration(state.left)} left" if state.left is not None else ""
+        time_left = f", about {duration(state.left)} left" if state.left is not None else ""
         say(f"running: {state.holder}{time_left}")
     if mixed := run_folder.versions_text(state.versions):
         say(f"  {mixed}")
@@ -283,8 +284,8 @@ def _say_expected(study: Study, rows: Sequence[Expected], estimated: Estimate) -
     for row in rows:
         samples = ", ".join(f"{n} at m = {m}" for m, n in row.samples.items())
         samples += f", {row.surfaces} surfaces without a solve, {row.steps} steps"
-        say(f"# D = {row.D:g}: about {samples}: {cli_text.duration(row.seconds)} of one core")
-        plain = cli_text.duration(row.plain)
+        say(f"# D = {row.D:g}: about {samples}: {duration(row.seconds)} of one core")
+        plain = duration(row.plain)
         say(f"#          plain Monte Carlo: {plain} (both to a factor of 2, by surfaces up to m = 6)")
     say(f"# memory  about {cli_text.size(estimated.memory)} a process")
 

@@ -14,6 +14,7 @@ from roughvol.ensemble.samples import SampleTable
 from roughvol.ensemble.step_error import StepErrors
 from roughvol.ensemble.targets import PERCOLATION
 from roughvol.observables.variables import DTYPES, MISSING, VARIABLES
+from roughvol.study.values.durations import duration
 
 BOUNDS = ("lower", "upper")
 
@@ -143,7 +144,7 @@ def _cost_sentence(D: float, table: SampleTable, estimates: Sequence[MeanEstimat
     samples = ", ".join(f"{number} samples at m = {m}" for m, number in zip(levels, table.counts(D), strict=True))
     samples += f", {len(table.surfaces[D])} surfaces without a solve"
     plain = _plain_cost(estimates)
-    costs = f"{_duration(cost)} of one core by the cost model, plain Monte Carlo {_duration(plain)}"
+    costs = f"{duration(cost)} of one core by the cost model, plain Monte Carlo {duration(plain)}"
     text = f"D = {D:g}: {samples}; {costs}"
     used = {level for estimate in estimates for level in estimate.plan.levels}
     unused = [str(m) for level, m in enumerate(levels) if level not in used]
@@ -177,10 +178,3 @@ def _relative(estimate: MeanEstimate, error: float) -> str:
         return f"{error:.2g}"
     mean = abs(estimate.mean.value)
     return f"{100.0 * error / mean:.2g} %" if mean else "inf %"
-
-
-def _duration(seconds: float) -> str:
-    for limit, unit, size in ((100.0, "s", 1.0), (6000.0, "min", 60.0), (3e5, "h", 3600.0)):
-        if seconds < limit:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds / 86400.0:.3g} days"

@@ -15,7 +15,7 @@ import numpy as np
 
 from roughvol import __version__
 from roughvol.campaign import tradeoff
-from roughvol.campaign.one_case import run_case
+from roughvol.campaign.one_case import Context, run_case
 from roughvol.plotting import needed
 from roughvol.report import convergence
 from roughvol.report.figures.registry import TRADEOFF
@@ -64,7 +64,7 @@ def cost(text: str, names: tuple[str, ...]) -> tuple[float, int, float]:
         for case in (case for case in cases if case.id in wanted):
             held: dict = {}
             path = Path(folder) / f"{case.id}.nc"
-            dataset.write(run_case(case, study=study.to_yaml(), half_spaces=held), path)
+            dataset.write(run_case(case, study=study.to_yaml(), context=Context(held)), path)
             convolutions += sum(space.convolutions + space.convolutions_fp32 for space in held.values())
             written += path.stat().st_size
     return convolutions, written, time.process_time() - started

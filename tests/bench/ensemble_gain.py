@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from roughvol.campaign.one_case import HalfSpaces, file_of_case
+from roughvol.campaign.one_case import Context, HalfSpaces, file_of_case
 from roughvol.ensemble.allocation import plain_cost
 from roughvol.store import dataset, stamped_file
 from roughvol.store.dataset import Arrays
@@ -45,7 +45,7 @@ def measure(folder: Path, m: int, D: float, quantity: str, accuracy: str, pressu
             own: HalfSpaces = held.setdefault(case.m, {})
             path = folder / f"{case.id}.nc"
             began = time.process_time()
-            stamped_file.store(path, file_of_case(case, study=text, half_spaces=own))
+            stamped_file.store(path, file_of_case(case, Context(own), study=text))
             found[case.id], _ = dataset.read_arrays(path)
             seconds[case.m] += time.process_time() - began
             samples[case.m] += 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from roughvol.campaign.one_case import HalfSpaces, arrays_of_case
+from roughvol.campaign.one_case import Context, arrays_of_case
 from roughvol.ensemble import targets
 from roughvol.study import loads
 
@@ -18,12 +18,12 @@ SEEDS, EVERY = 32, (12, 6, 4, 3, 2)
 
 def main() -> None:
     """Print the mean error and its standard error, in per cent of V*, by the number of steps."""
-    half_spaces: HalfSpaces = {}
+    context = Context()
     for D in (2.2, 2.8):
         for m in (5, 6):
             study = loads(STUDY.format(D=D, m=m))
             cases = [study.sample(D, m, seed) for seed in range(SEEDS)]
-            series = [targets.series_of(arrays_of_case(case, half_spaces)) for case in cases]
+            series = [targets.series_of(arrays_of_case(case, context)) for case in cases]
             for target in targets.targets_of(study.ensemble):
                 of = [(one, target.stored, target.state, case) for one, case in zip(series, cases, strict=True)]
                 mean = np.mean([targets.value_at(*each) for each in of]) / 100.0

@@ -96,7 +96,7 @@ def test_other_errors_are_not_taken_for_it(study: str, monkeypatch: pytest.Monke
 def test_without_a_limit_nothing_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "address_space", lambda: None)
     assert limits.too_narrow() == ""
-    resources.check_fits(loads(TEXT).cases(), [81], 1e6, tmp_path / "nowhere" / "yet")
+    resources.check_resources(loads(TEXT).cases(), [81], 1e6, tmp_path / "nowhere" / "yet")
 
 
 def test_a_folder_with_a_name_too_long_is_refused_in_one_line(study: str, tmp_path: Path) -> None:

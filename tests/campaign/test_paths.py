@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 
 import roughvol
-from roughvol.campaign.one_case import Stopped, run_case, surface_of
+from roughvol.campaign.one_case import Context, Stopped, run_case, surface_of
 from roughvol.cli import main
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
@@ -109,9 +109,9 @@ def test_a_path_goes_on_from_its_checkpoint_with_the_same_bits(tmp_path: Path, m
         steps: list[int] = []
         file = tmp_path / f"{stop}.npz"
         with pytest.raises(Stopped):
-            run_case(case, checkpoint=file, on_step=steps.append, stopping=lambda: len(steps) >= stop)  # noqa: B023
+            run_case(case, Context(checkpoint=file, on_step=steps.append, stopping=lambda: len(steps) >= stop))  # noqa: B023
         rest: list[int] = []
-        again = run_case(case, checkpoint=file, on_step=rest.append)
+        again = run_case(case, Context(checkpoint=file, on_step=rest.append))
         assert rest[0] == stop + 1
         assert dataset.answers(again).identical(dataset.answers(whole))
         assert_array_equal(again.free_volume, whole.free_volume)

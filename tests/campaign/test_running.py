@@ -21,7 +21,7 @@ import roughvol
 from roughvol.campaign import one_case, resources, running, workers
 from roughvol.campaign.batch import Progress
 from roughvol.campaign.collected import collect
-from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.campaign.one_case import Context, run_case, surface_of
 from roughvol.campaign.running import run
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
@@ -93,7 +93,7 @@ def test_a_case_is_its_surface_and_its_sweep(study: Study) -> None:
 def test_a_half_space_passed_on_changes_nothing(study: Study) -> None:
     held: one_case.HalfSpaces = {}
     for case in study.cases():
-        xr.testing.assert_identical(_values(run_case(case, half_spaces=held)), _values(run_case(case)))
+        xr.testing.assert_identical(_values(run_case(case, Context(half_spaces=held))), _values(run_case(case)))
         assert len(held) == 1
 
 

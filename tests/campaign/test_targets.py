@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
 import roughvol
-from roughvol.campaign.one_case import Stopped, run_case
+from roughvol.campaign.one_case import Context, Stopped, run_case
 from roughvol.cli import main
 from roughvol.errors import ContactError, StudyError
 from roughvol.store import checkpoint, dataset
@@ -94,8 +94,8 @@ def test_a_list_goes_on_from_its_checkpoint_with_the_same_bits(tmp_path, monkeyp
     whole = run_case(case)
     file, steps = tmp_path / "kept", iter([False, True])
     with pytest.raises(Stopped):
-        run_case(case, checkpoint=file, stopping=lambda: next(steps, True))
-    resumed = run_case(case, checkpoint=file)
+        run_case(case, Context(checkpoint=file, stopping=lambda: next(steps, True)))
+    resumed = run_case(case, Context(checkpoint=file))
     for name in ("indentation", "mean_pressure", "free_volume"):
         assert (whole[name].values == resumed[name].values).all()
 
@@ -234,8 +234,8 @@ def test_equal_steps_in_pressure_go_on_from_their_checkpoint_with_the_same_bits(
     for stop in (1, 4):
         file, left = tmp_path / f"kept{stop}", iter([*[False] * (stop - 1), True])
         with pytest.raises(Stopped):
-            run_case(case, checkpoint=file, stopping=lambda left=left: next(left, True))
-        resumed = run_case(case, checkpoint=file)
+            run_case(case, Context(checkpoint=file, stopping=lambda left=left: next(left, True)))
+        resumed = run_case(case, Context(checkpoint=file))
         for name in ("indentation", "mean_pressure", "free_volume"):
             assert (whole[name].values == resumed[name].values).all()
 

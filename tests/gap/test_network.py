@@ -100,9 +100,9 @@ def test_without_pyamg_a_large_flow_is_refused_with_the_extra_to_install(
         conduction(gap_of(0.1), 0)
     case = loads(TEXT.replace("m: 11", "m: 4")).cases()[0]
     with pytest.raises(ContactError, match=r"roughvol\[large\]"):  # before anything is computed
-        resources.check_fits([case], [17**2], 0.0, tmp_path)
+        resources.check_resources([case], [17**2], 0.0, tmp_path)
     small = loads(TEXT.replace("m: 11", "m: 4").replace("record: {", "record: {region: interior, ")).cases()[0]
-    resources.check_fits([small], [17**2], 0.0, tmp_path)
+    resources.check_resources([small], [17**2], 0.0, tmp_path)
 
 
 def test_predicted_memory_knows_multigrid() -> None:

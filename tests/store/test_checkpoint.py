@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 
 from roughvol.campaign import batch, one_case
-from roughvol.campaign.one_case import Stopped, run_case
+from roughvol.campaign.one_case import Context, Stopped, run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.store import checkpoint, dataset, lock, run_folder, stamped_file
@@ -58,8 +58,8 @@ def _stop_at(step: int) -> Any:
 def test_a_case_killed_after_any_step_goes_on_bit_for_bit(case: Case, tmp_path: Path, step: int) -> None:
     undisturbed, path, solved = run_case(case), tmp_path / ".checkpoint", []
     with pytest.raises(KeyboardInterrupt):
-        run_case(case, on_step=_stop_at(step), checkpoint=path)
-    result = run_case(case, on_step=solved.append, checkpoint=path)
+        run_case(case, Context(on_step=_stop_at(step), checkpoint=path))
+    result = run_case(case, Context(on_step=solved.append, checkpoint=path))
     assert solved == list(range(step, 10))  # the step at which it was killed was not yet kept
     xr.testing.assert_identical(_values(result), _values(undisturbed))
 
@@ -68,9 +68,9 @@ def test_a_case_that_is_asked_to_stop_keeps_its_steps(case: Case, tmp_path: Path
     solved: list[int] = []
     for _ in range(8):
         with pytest.raises(Stopped):
-            run_case(case, on_step=solved.append, checkpoint=tmp_path / "c", stopping=lambda: True)
+            run_case(case, Context(on_step=solved.append, checkpoint=tmp_path / "c", stopping=lambda: True))
     assert solved == list(range(1, 9))
-    result = run_case(case, checkpoint=tmp_path / "c")
+    result = run_case(case, Context(checkpoint=tmp_path / "c"))
     xr.testing.assert_identical(_values(result), _values(run_case(case)))
 
 
@@ -116,7 +116,8 @@ def test_nothing_is_unpickled(case: Case, tmp_path: Path) -> None:
 
 
 def test_a_checkpoint_that_cannot_be_written_stops_nothing(case: Case, tmp_path: Path) -> None:
-    xr.testing.assert_identical(_values(run_case(case, checkpoint=tmp_path / "no" / "c")), _values(run_case(case)))
+    kept = run_case(case, Context(checkpoint=tmp_path / "no" / "c"))
+    xr.testing.assert_identical(_values(kept), _values(run_case(case)))
 
 
 @pytest.mark.parametrize("shared", [True, False])
@@ -152,13 +153,14 @@ def test_a_large_case_killed_in_its_sweep_goes_on_from_there(tmp_path: Path, mon
     text = "surface: {D: 2.3, m: 10, seeds: 1}\nsweep: {steps: 8, to: {indentation: 1.0}}\nsolver: {accuracy: draft}\n"
     code = (
         "import os, sys\nfrom pathlib import Path\nfrom roughvol.store import checkpoint\n"
-        "from roughvol.campaign.one_case import run_case\nfrom roughvol.study import loads\ncheckpoint.EVERY = 0.0\n"
+        "from roughvol.campaign.one_case import Context, run_case\nfrom roughvol.study import loads\n"
+        "checkpoint.EVERY = 0.0\n"
         "kill = lambda step: os.kill(os.getpid(), 9) if step == 5 else None\n"
-        "run_case(loads(sys.argv[1]).cases()[0], checkpoint=Path(sys.argv[2]), on_step=kill)\n"
+        "run_case(loads(sys.argv[1]).cases()[0], Context(checkpoint=Path(sys.argv[2]), on_step=kill))\n"
     )
     case, path, solved = loads(text).cases()[0], tmp_path / "c", []
     done = subprocess.run([sys.executable, "-c", code, text, str(path)], timeout=300, env=os.environ)
     assert done.returncode == -9
-    result = run_case(case, checkpoint=path, on_step=solved.append)
+    result = run_case(case, Context(checkpoint=path, on_step=solved.append))
     assert solved == [5, 6, 7, 8]
     xr.testing.assert_identical(_values(result), _values(run_case(case)))

@@ -1,1 +1,1 @@
-"""Values of a study: numbers with units, levels of a state, and words in place of values."""
+"""Values of a study: numbers with units, levels of a state, words in place of values, times as text."""
