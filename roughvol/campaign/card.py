@@ -17,8 +17,7 @@ from roughvol.campaign.batch import Progress
 from roughvol.campaign.one_case import surface_of
 from roughvol.errors import Problem, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
-from roughvol.study import HeightFile, Level, Quantity, Study, loads
-from roughvol.study.yaml_text import write
+from roughvol.study import HeightFile, Level, Quantity, Study
 
 FINE = "finest grid"
 COARSER = {2: "twice the spacing", 4: "four times the spacing"}
@@ -74,9 +73,7 @@ def surfaces_of(study: Study) -> dict[str, Study]:
         return {"": study}
     found = {}
     for one in surface.each:
-        data = study.model_dump(mode="json") | {"surface": one.model_dump(mode="json")}
-        with study.placing():
-            found[Path(one.file).name] = loads(write(data))
+        found[Path(one.file).name] = study.changed(**{"surface.file": str(one.file), "surface.files": None})
     return found
 
 
@@ -207,7 +204,7 @@ def _changed(
     fine : bool
         Whether the run is the finest: it has the flow at every step, the gas, and the lifted gap.
     """
-    data = study.model_dump(mode="json")
+    data = {"fluid": None, **study.model_dump(mode="json")}
     value = str(level.value) if isinstance(level.value, Quantity) else level.value
     wanted: Any = "last" if value is None else {level.kind: value}
     kept = {name: data["record"][name] for name in ("region", "dimensional") if data["record"].get(name) is not None}
@@ -219,7 +216,7 @@ def _changed(
     if study.gas_flow and fine:
         transport["gas_flow"] = "every-step"
     else:  # the budget is that of the liquid
-        data.pop("fluid", None)
+        data["fluid"] = None
         kept.get("dimensional", {}).pop("gas_leak_rate", None)
     if not kept.get("dimensional"):
         kept.pop("dimensional", None)
@@ -227,15 +224,14 @@ def _changed(
     if fluid is not None:
         scaled = {name: _times(fluid[name], pressures) for name in ("inlet", "outlet")}
         kept["fluid_pressure"] = {**fluid, **scaled, "at": wanted, "fields": fine}
-    data["record"] = {**kept, "transport": transport, "fields_at": wanted}
-    data["surface"] |= keys
+    record = {**kept, "transport": transport, "fields_at": wanted}
     for leg in data["sweep"] if isinstance(data["sweep"], list) else [data["sweep"]]:
         if isinstance(leg.get("to"), dict) and "pressure" in leg["to"]:
             leg["to"]["pressure"] = _times(leg["to"]["pressure"], pressures)
         if "pressures" in leg:
             leg["pressures"] = [_times(pressure, pressures) for pressure in leg["pressures"]]
-    with study.placing():
-        return loads(write(data))
+    of_surface = {f"surface.{name}": value for name, value in keys.items()}
+    return study.changed(record=record, sweep=data["sweep"], fluid=data["fluid"], **of_surface)
 
 
 def _times(pressure: Any, factor: float) -> Any:

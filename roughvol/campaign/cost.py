@@ -136,8 +136,8 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
         return []
     options = []
     for name, rtol in ACCURACY.items():
-        solver = study.solver.model_copy(update={"accuracy": name, "rtol": None, "max_error": None})
-        cost = estimate(study.model_copy(update={"solver": solver}), jobs)
+        solver = {"solver.accuracy": name, "solver.rtol": None, "solver.max_error": None}
+        cost = estimate(study.changed(**solver), jobs)
         options.append(Choice(name, rtol, cost.seconds, EXPECTED[name]))
     return options
 

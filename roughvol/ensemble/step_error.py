@@ -36,7 +36,7 @@ def trial(study: Study) -> list[Case]:
     assert isinstance(study.surface, MadeSurface)
     if study.sweep.legs[0].listed is not None or all(_exact(target, study) for target in targets_of(study.ensemble)):
         return []
-    finer, m = study.with_steps(study.sweep.steps * _every(study)), min((LEVEL, *study.surface.m))
+    finer, m = study.changed(**{"sweep.steps": study.sweep.steps * _every(study)}), min((LEVEL, *study.surface.m))
     first, number = study.ensemble.first_seed, math.ceil(SURFACES / len(study.surface.dimensions))
     return [finer.sample(D, m, first + seed) for D in study.surface.dimensions for seed in range(number)]
 

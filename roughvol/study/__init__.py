@@ -12,6 +12,7 @@ key, given value and allowed values.
 `sections`    the sections of a study file, one module each
 `values`      numbers with units, levels of a state, words in place of values
 `rules`       rules across the sections
+`messages`    errors of pydantic in plain words
 `validation`  faults of sections and broken rules, all together
 `axes`        lists in keys that take one value
 `reference`   the keys in words

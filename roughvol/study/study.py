@@ -16,6 +16,7 @@ from pydantic import (
     PrivateAttr,
     SerializationInfo,
     Tag,
+    ValidationError,
     ValidationInfo,
     model_serializer,
     model_validator,
@@ -25,6 +26,8 @@ from roughvol.errors import Problem, StudyError
 from roughvol.study import axes
 from roughvol.study.axes import Axis, Variant
 from roughvol.study.case import Case
+from roughvol.study.messages import translated
+from roughvol.study.plain_data import plain
 from roughvol.study.rules import RULES
 from roughvol.study.sections import ensemble as ensembles
 from roughvol.study.sections import spectral
@@ -41,7 +44,7 @@ from roughvol.study.sections.surface import GeneratedSurface
 from roughvol.study.sections.sweep import Legs, Sweep, tag_sweep
 from roughvol.study.validation import validated
 from roughvol.study.values.words import Word
-from roughvol.study.yaml_text import Places, write
+from roughvol.study.yaml_text import KeyPath, Places, key_path, key_text, put, write
 
 
 class Study(Strict):
@@ -248,12 +251,40 @@ class Study(Strict):
         """Return the case of one surface of an ensemble."""
         return replace(self._first, D=D, m=m, seed=seed)
 
-    def with_steps(self, steps: int) -> Study:
-        """Return this study with another number of steps."""
-        if steps == self.sweep.steps:
-            return self
-        study = self.model_copy(update={"sweep": self.sweep.model_copy(update={"steps": steps})})
-        study.__dict__.pop("_first", None)  # of the former number
+    def changed(self, **keys: Any) -> Study:
+        """Return this study with other values of keys.
+
+        Parameters
+        ----------
+        **keys : object
+            Values by key, as ``**{"surface.m": 7}``; None for the default of a key.
+
+        Returns
+        -------
+        Study
+            The changed study, checked as a file.
+
+        Raises
+        ------
+        StudyError
+            With all problems of the changed study.
+        """
+        data, problems = _given(self.model_dump(mode="json")), dict[KeyPath, str]()
+        for key, value in keys.items():
+            path = key_path(key)
+            try:
+                put(data, path, plain(value, problems, path))
+            except ValueError as error:
+                raise StudyError([Problem(str(error), key)]) from error
+        same_files = not any(set(key_path(key)) & {"file", "files", "against"} or key == "surface" for key in keys)
+        try:
+            study = type(self).model_validate(_given(data), context={"folder": Path(), "stored": same_files})
+        except ValidationError as error:
+            problems = dict(translated(error, data, type(self))) | problems
+        if problems:
+            with self.placing():
+                raise StudyError([Problem(text, key_text(path)) for path, text in problems.items()])
+        study._places = self._places
         return study
 
     @functools.cached_property
@@ -278,6 +309,13 @@ def _need_length(sweep: Sweep | Legs, record: Record, file: str) -> None:
         if level.lacking("Pa", None):
             reason = f"needs the unit of length, and {Path(file).name} gives none: add surface: {{L: 100 um}}"
             raise StudyError([Problem(f"{level.label} {reason}", str(section))])
+
+
+def _given(data: Any) -> Any:
+    """Return plain data without keys that have no value."""
+    if not isinstance(data, dict):
+        return data
+    return {key: _given(value) for key, value in data.items() if value is not None}
 
 
 def json_schema() -> dict[str, Any]:

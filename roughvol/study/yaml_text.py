@@ -136,6 +136,34 @@ def key_text(path: KeyPath) -> str:
     return "".join(parts).removeprefix(".")
 
 
+def key_path(text: str) -> KeyPath:
+    """Return the key path of a text, as of ``surface.D[1]``; empty if it is none."""
+    parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text.strip())
+    path = tuple(int(index) if index else word.strip() for index, word in parts)
+    return path if key_text(path) == text.strip() else ()
+
+
+def put(data: Any, path: KeyPath, value: Any) -> None:
+    """Set a key of plain data; mappings on its path are made.
+
+    Raises
+    ------
+    ValueError
+        If the path leads through a value that is no mapping, or beyond a list.
+    """
+    for place, key in enumerate(path):
+        inside = isinstance(data, list) and isinstance(key, int) and key < len(data)
+        if not inside and not (isinstance(data, dict) and isinstance(key, str)):
+            where = key_text(path[:place]) or "a study"
+            beyond = isinstance(data, list) and isinstance(key, int)
+            kind = f"has {len(data)} items" if beyond else f"is no {'list' if isinstance(key, int) else 'mapping'}"
+            raise ValueError(f"{where} {kind} in the study")
+        if place == len(path) - 1:
+            data[key] = value
+        else:
+            data = data.setdefault(key, {}) if isinstance(data, dict) else data[key]
+
+
 _SCALARS = (
     ("null", r"(?:~|null|Null|NULL|)\Z", ("~", "n", "N", "")),
     ("bool", r"(?:true|True|TRUE|false|False|FALSE)\Z", "tTfF"),

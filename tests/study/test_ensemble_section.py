@@ -52,7 +52,7 @@ def test_an_ensemble_without_steps_takes_twenty() -> None:
         study = loads(SURFACE + sweep + ASKED)
         assert study.sweep.steps == 20
         assert loads(study.to_yaml()) == pickle.loads(pickle.dumps(study)) == study
-    assert study.with_steps(33).sample(2.5, 6, 1).sweep.steps == 33
+    assert study.changed(**{"sweep.steps": 33}).sample(2.5, 6, 1).sweep.steps == 33
     assert loads(SURFACE + "sweep: {steps: 30}\n" + ASKED).sweep.steps == 30
     assert loads(SURFACE + "sweep: {pressures: [0.1, 0.3]}\n" + ASKED).sweep.steps == 2
     assert loads(SURFACE).sweep.steps == 60

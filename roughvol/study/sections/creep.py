@@ -28,7 +28,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.reading import in_words
+from roughvol.study.messages import in_words
 from roughvol.study.sections.material import ContactModulus, YoungPoisson
 from roughvol.study.sections.strict import Strict
 from roughvol.study.values.numbers import Positive
