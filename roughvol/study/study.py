@@ -163,16 +163,25 @@ class Study(Strict):
         if self._axes:
             each = (case for variant in self.variants for case in variant.study.cases())
             return tuple({case.id: case for case in each}.values())
-        surface = self.surface
-        E_star, sweep, solver, record = self.material.contact_modulus, self.sweep, self.solving, self.record
-        hard = self.material.indentation_hardness
+        surface, sweep, record = self.surface, self.sweep, self.record
+        hard, E_star = self.material.indentation_hardness, self.material.contact_modulus
         hardness = None if hard is None else hard / E_star
         has_units = sweep.has_units or (sweep.steps > 0 and record.has_units)
-        modulus_unit = self.material.unit if has_units else None
         wanted = record.dimensional
         drive = wanted.leak_rate.rate if sweep.follows_leak and wanted is not None and wanted.leak_rate else None
+        case = functools.partial(
+            Case,
+            E_star=E_star,
+            sweep=sweep,
+            solver=self.solving,
+            record=record,
+            modulus_unit=self.material.unit if has_units else None,
+            hardness=hardness,
+            plastic=hardness is not None and self.material.plastic,
+            drive=drive,
+        )
         if isinstance(surface, MadeSurface):
-            L, unit = float(surface.L), surface.length_unit
+            unit = surface.length_unit
             height = surface.height if hardness is not None or has_units or self.gas_flow else None
             product = itertools.product(surface.dimensions, surface.m, surface.seeds)
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
@@ -180,47 +189,41 @@ class Study(Strict):
                 product = itertools.product(
                     surface.dimensions, ensembles.levels_below(finest), [self.ensemble.first_seed]
                 )
-            case = Case(L, E_star, sweep, solver, record, length_unit=unit, hardness=hardness, height=height)
-            case = replace(case, plastic=hardness is not None and self.material.plastic, periodic=surface.periodic)
-            case = replace(case, modulus_unit=modulus_unit, drive=drive, gas=self._gas(unit))
-            if isinstance(surface, SpectralSurface):
-                case = replace(case, spectrum=surface.spectrum)
-            else:
-                case = replace(case, midpoint_law=surface.midpoint_law)
-            return tuple(replace(case, D=D, m=m, seed=seed) for D, m, seed in product)
-        made: list[Case] = []
+            made = case(
+                L=float(surface.L),
+                length_unit=unit,
+                height=height,
+                periodic=surface.periodic,
+                gas=self._gas(unit),
+                midpoint_law=surface.midpoint_law if isinstance(surface, GeneratedSurface) else None,
+                spectrum=surface.spectrum if isinstance(surface, SpectralSurface) else None,
+            )
+            return tuple(replace(made, D=D, m=m, seed=seed) for D, m, seed in product)
+        found: list[Case] = []
         for one in surface.each:
             with self.placing():
                 measured = resolve(one)
                 if measured.unit is None:
                     _need_length(sweep, record, str(one.file))
-                if made and (made[0].length_unit, made[0].L) != (measured.unit, measured.L):
+                if found and (found[0].length_unit, found[0].L) != (measured.unit, measured.L):
                     own, first = (
                         f"{L:.9g} {unit or ''}".strip()
-                        for L, unit in ((measured.L, measured.unit), (made[0].L, made[0].length_unit))
+                        for L, unit in ((measured.L, measured.unit), (found[0].L, found[0].length_unit))
                     )
-                    message = f"the files differ in L: {made[0].label} has {first}, {Path(one.file).name} has {own}"
+                    message = f"the files differ in L: {found[0].label} has {first}, {Path(one.file).name} has {own}"
                     raise StudyError([Problem(message, "surface.files")])
-            made.append(
-                Case(
-                    measured.L,
-                    E_star,
-                    sweep,
-                    solver,
-                    record,
+            found.append(
+                case(
+                    L=measured.L,
                     bodies=measured.bodies,
                     treatment=measured.treatment,
                     length_unit=measured.unit,
-                    modulus_unit=modulus_unit,
-                    hardness=hardness,
-                    plastic=hardness is not None and self.material.plastic,
                     notes=measured.notes,
                     periodic=one.periodic,
-                    drive=drive,
                     gas=self._gas(measured.unit),
                 )
             )
-        return tuple(made)
+        return tuple(found)
 
     @property
     def gas_flow(self) -> bool:

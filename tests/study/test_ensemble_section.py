@@ -6,17 +6,11 @@ import pickle
 
 import pytest
 
-from roughvol.errors import StudyError
 from roughvol.study import loads
+from tests.study.kit import refused
 
 SURFACE = "surface: {D: 2.5, m: 7}\n"
 ASKED = "ensemble: {accuracy: {free_volume: 1 %}, at: {pressure: [0.1, 0.3]}}\n"
-
-
-def _refused(text: str) -> str:
-    with pytest.raises(StudyError) as caught:
-        loads(text, file="one.yaml")
-    return str(caught.value)
 
 
 def test_a_study_with_an_ensemble_reads_its_own_text() -> None:
@@ -60,15 +54,15 @@ def test_an_ensemble_without_steps_takes_twenty() -> None:
 
 @pytest.mark.parametrize("rest", ["", ASKED])
 def test_steps_are_a_number(rest: str) -> None:
-    text = _refused(SURFACE + "sweep: {steps: auto}\n" + rest)
+    text = refused(SURFACE + "sweep: {steps: auto}\n" + rest)
     assert text.count("\n") == 0
-    assert "one.yaml:2: sweep.steps: is a number, as 20" in text
+    assert "a.yaml:2: sweep.steps: is a number, as 20" in text
 
 
-def test_states_between_listed_ones_are_refused() -> None:
-    text = _refused(SURFACE + "sweep: {pressures: [0.1, 0.2]}\n" + ASKED)
+def test_states_between_listed_ones_arerefused() -> None:
+    text = refused(SURFACE + "sweep: {pressures: [0.1, 0.2]}\n" + ASKED)
     assert "ensemble.at.pressure[1]: 0.3 is not among sweep.pressures" in text
-    assert "0.3 is not among sweep.separations" in _refused(SURFACE + "sweep: {separations: [0.3]}\n" + ASKED)
+    assert "0.3 is not among sweep.separations" in refused(SURFACE + "sweep: {separations: [0.3]}\n" + ASKED)
 
 
 @pytest.mark.parametrize(("accuracy", "rtol"), [("1 %", 1e-4), ("0.9 %", 1e-5), ("20 %", 1e-3), ("0.05", 1e-4)])
@@ -91,13 +85,13 @@ def test_stored_names_of_quantities_are_understood() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (SURFACE.replace("7", "7, seeds: 3") + ASKED, "one.yaml:1: surface.seeds: cannot be given beside 'ensemble'"),
-        (SURFACE.replace("7", "[6, 7]") + ASKED, "one.yaml:1: surface.m: must be one number"),
-        (SURFACE.replace("7", "auto"), "one.yaml:1: surface.m: 'auto' needs the section 'ensemble'"),
+        (SURFACE.replace("7", "7, seeds: 3") + ASKED, "a.yaml:1: surface.seeds: cannot be given beside 'ensemble'"),
+        (SURFACE.replace("7", "[6, 7]") + ASKED, "a.yaml:1: surface.m: must be one number"),
+        (SURFACE.replace("7", "auto"), "a.yaml:1: surface.m: 'auto' needs the section 'ensemble'"),
         (SURFACE + ASKED.replace("free_volume", "free_volum"), "did you mean 'free_volume'?"),
         (
             SURFACE + ASKED.replace("1 %", "1 percent"),
-            "one.yaml:2: ensemble.accuracy.free_volume: must be a number > 0",
+            "a.yaml:2: ensemble.accuracy.free_volume: must be a number > 0",
         ),
         (SURFACE + ASKED.replace("1 %", "60 %"), "must be 0.001 % to 50 %, given '60 %'"),
         (SURFACE + ASKED.replace("1 %", "0"), "must be > 0, given 0"),
@@ -112,4 +106,4 @@ def test_stored_names_of_quantities_are_understood() -> None:
     ],
 )
 def test_what_does_not_go_together_is_refused_with_its_place(text: str, words: str) -> None:
-    assert words in _refused(text)
+    assert words in refused(text)

@@ -22,6 +22,7 @@ from roughvol.store import same_study
 from roughvol.study import Case, SpectralSurface, json_schema, loads
 from roughvol.surfaces import texture
 from roughvol.surfaces.power_law import Spectrum
+from tests.study.kit import problems_of
 
 STUDY = "surface: {H: 0.8, rolloff: 4, n: 32, seeds: 2}\n"
 
@@ -31,10 +32,9 @@ def cases(text: str) -> tuple[Case, ...]:
 
 
 def problems(text: str) -> dict[str, str]:
-    with pytest.raises(StudyError) as caught:
-        loads(text, "a.yaml")
-    assert all(problem.line is not None for problem in caught.value.problems)
-    return {problem.key: problem.message for problem in caught.value.problems}
+    found = problems_of(text)
+    assert all(problem.line is not None for problem in found)
+    return {problem.key: problem.message for problem in found}
 
 
 def test_the_keys_of_the_issue_are_read() -> None:

@@ -30,6 +30,7 @@ from roughvol.study import (
 )
 from roughvol.study.values.state_kinds import LISTS
 from roughvol.surfaces.body import UNTREATED
+from tests.study.kit import problems_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SURFACE = "surface: {D: 2.3, m: 4}\n"
@@ -50,12 +51,6 @@ record:
   box_counting: {at: {separation: [2, 0.5]}, thresholds: [0, 1]}
   volume_density: {bins: 20, at: last, include_contact: true}
 """
-
-
-def problems_of(text: str) -> tuple[Problem, ...]:
-    with pytest.raises(StudyError) as caught:
-        loads(text, "a.yaml")
-    return caught.value.problems
 
 
 # What is read

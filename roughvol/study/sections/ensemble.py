@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_serializer, model_validator
 from pydantic_core import core_schema
@@ -44,28 +44,46 @@ AUTO_TO = 12  # largest finest level of `m: auto`
 STEPS = 20  # steps of an ensemble that gives none
 
 
-class Accuracy(float):
-    """A half-width of an interval: absolute, or relative to the mean as 1 %."""
+class Written(float):
+    """A number with its text in the study."""
 
-    relative: bool
+    text: str
 
-    def __new__(cls, value: float, relative: bool) -> Accuracy:
-        """Return the number, 0.01 for 1 %."""
+    def __new__(cls, value: float, text: str) -> Self:
+        """Return the number with its text."""
         new = super().__new__(cls, value)
-        new.relative = relative
+        new.text = text
         return new
 
     def __getnewargs__(self) -> tuple[Any, ...]:
         """Survive pickling."""
-        return float(self), self.relative
+        return float(self), self.text
 
     def __str__(self) -> str:
         """Return the text of a study."""
-        return f"{number_text(round(100.0 * self, 12))} %" if self.relative else number_text(float(self))
+        return self.text
+
+
+class Budget(Written):
+    """A time in seconds."""
+
+
+class Accuracy(Written):
+    """A half-width of an interval: absolute, or relative to the mean as 1 %, with the value 0.01."""
+
+    @property
+    def relative(self) -> bool:
+        """Whether it is a share of the mean."""
+        return self.text.endswith("%")
 
     def of(self, mean: float) -> float:
         """Return the absolute half-width for a mean."""
         return float(self) * abs(mean) if self.relative else float(self)
+
+
+def plain_form(value: Written) -> Any:
+    """Return a number as in a study: an absolute accuracy as a number, others as text."""
+    return float(value) if isinstance(value, Accuracy) and not value.relative else value.text
 
 
 @dataclass(frozen=True)
@@ -77,16 +95,12 @@ class _Text:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(
-            self._read, serialization=core_schema.plain_serializer_function_ser_schema(self._written)
+            self._read, serialization=core_schema.plain_serializer_function_ser_schema(plain_form)
         )
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         text = {"type": "string", "pattern": rf"^[0-9.]+(e-?[0-9]+)? *({'|'.join(self.units)})$"}
         return {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, text]} if self.bare else text
-
-    @staticmethod
-    def _written(value: Any) -> Any:
-        return str(value) if not isinstance(value, Accuracy) or value.relative else float(value)
 
     def _parts(self, value: Any) -> tuple[float, str | None]:
         if self.bare and isinstance(value, int | float) and not isinstance(value, bool):
@@ -117,27 +131,7 @@ class _AccuracyText(_Text):
                 refuse("must be {low} % to {high} %", low=number_text(100 * TIGHTEST), high=number_text(100 * WIDEST))
         if not (math.isfinite(number) and number > 0.0):
             refuse("must be > 0")
-        return Accuracy(number, unit is not None)
-
-
-class Budget(float):
-    """A time in seconds, with its text in the study."""
-
-    text: str
-
-    def __new__(cls, value: float, text: str) -> Budget:
-        """Return the seconds."""
-        new = super().__new__(cls, value)
-        new.text = text
-        return new
-
-    def __getnewargs__(self) -> tuple[Any, ...]:
-        """Survive pickling."""
-        return float(self), self.text
-
-    def __str__(self) -> str:
-        """Return the text of a study."""
-        return self.text
+        return Accuracy(number, number_text(number) if unit is None else f"{number_text(round(100.0 * number, 12))} %")
 
 
 class _BudgetText(_Text):
@@ -203,7 +197,7 @@ class Accuracies(Choice):
 
     @model_serializer
     def _plain(self) -> Any:
-        return {name: str(value) if value.relative else float(value) for name, value in self.named.items()}
+        return {name: plain_form(value) for name, value in self.named.items()}
 
 
 class States(Choice):
