@@ -33,25 +33,7 @@ class LocalDimension(NamedTuple):
 
 
 def box_counts(mask: Mask, *, periodic: bool = False) -> BoxCounts:
-    """Return N(r), the boxes of side r that hold at least one True node (the paper's Section 3.2, Fig. 11a).
-
-    Parameters
-    ----------
-    mask : ndarray of bool, shape (rows, columns)
-        The domain; cropped as at the top of this module.
-    periodic : bool
-        Whether it is one period. Numbers are means then, and not whole.
-
-    Returns
-    -------
-    BoxCounts
-        k + 1 sides and numbers. N(r) ≥ N(2r) ≥ N(r)/4.
-
-    Raises
-    ------
-    SurfaceError
-        If the mask is not a 2-D, non-empty array of bool.
-    """
+    """Return N(r), the boxes of side r that hold at least one True node (the paper's Section 3.2, Fig. 11a)."""
     if mask.dtype != np.bool_ or mask.ndim != 2 or mask.size == 0:
         raise SurfaceError(f"mask must be a 2-D array of bool, got {mask.dtype} of shape {mask.shape}")
     levels = min(mask.shape).bit_length() - 1
@@ -81,18 +63,7 @@ def _means_around(mask: Mask, sides: Index) -> Array:
 
 
 def local_dimension(counts: BoxCounts) -> LocalDimension:
-    """Return 𝒟(r) = -d log N / d log r between neighbouring sides, at r = √(r_i r_{i+1}) (Section 3.2, Fig. 11b).
-
-    Parameters
-    ----------
-    counts : BoxCounts
-        Box sides and numbers.
-
-    Returns
-    -------
-    LocalDimension
-        k values in [0, 2]; NaN for an empty domain.
-    """
+    """Return 𝒟(r) = -d log N / d log r between neighbouring sides, at r = √(r_i r_{i+1}) (Section 3.2, Fig. 11b)."""
     r_mid = np.sqrt(counts.r[1:] * counts.r[:-1].astype(np.float64))
     if not np.all(counts.counts > 0):
         return LocalDimension(r_mid, np.full(r_mid.shape, np.nan))

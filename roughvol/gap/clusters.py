@@ -42,48 +42,13 @@ class Connectivity(NamedTuple):
 
 
 def percolates(void: Mask, axis: int, *, periodic: bool = False) -> bool:
-    """Return whether 4-connected void leads from the first to the last line of elements along an axis.
-
-    Parameters
-    ----------
-    void : ndarray of bool
-        True where open.
-    axis : int
-        0 for x, 1 for y.
-    periodic : bool
-        Whether the field is one period: elements at opposite sides across the axis are neighbours.
-
-    Returns
-    -------
-    bool
-        Whether a path exists.
-    """
+    """Return whether 4-connected void leads from the first to the last line of elements along an axis."""
     labels, _ = labelled(void, SIDES, joined(axis, periodic))
     return bool(spanning(labels, axis).size)
 
 
 def connectivity(gap: Array, contact: Mask, *, periodic: bool = False) -> Connectivity:
-    """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void.
-
-    Parameters
-    ----------
-    gap : ndarray
-        Gap g ≥ 0 [any length]; open is g > 0.
-    contact : ndarray of bool, shape of ``gap``
-        True where p > 0; its clusters are counted.
-    periodic : bool
-        Whether the field is one period. Clusters and pockets are then those of the endless plane.
-
-    Returns
-    -------
-    Connectivity
-        Shares and sizes.
-
-    Raises
-    ------
-    ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0, not 0 in contact, or the mask does not fit.
-    """
+    """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void."""
     check_gap(gap)
     if contact.shape != gap.shape or contact.dtype != np.bool_ or np.any(gap[contact]):
         message = f"contact must be a bool mask of shape {gap.shape} with gap 0, got {contact.dtype} {contact.shape}"
@@ -120,16 +85,6 @@ def endless(void: Mask) -> bool:
 
     A path from side to side may miss its own continuation in the next period. Clusters between the seams are numbered
     by the period they lie in; a cluster that meets itself in another period leads on without end.
-
-    Parameters
-    ----------
-    void : ndarray of bool
-        True where open, one period.
-
-    Returns
-    -------
-    bool
-        Whether such a path exists.
     """
     labels, _ = labelled(void, SIDES, (False, True))
     over = (labels[-1] > 0) & (labels[0] > 0)

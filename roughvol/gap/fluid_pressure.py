@@ -109,18 +109,7 @@ class FluidField:
         raise ConvergenceError(message, indentation=np.nan, iterations=CORRECTIONS, residual=last)
 
     def change(self, gap_change: Array) -> Array:
-        """Return the change of the pressure with a small change of the gap, to first order.
-
-        Parameters
-        ----------
-        gap_change : array (rows, columns)
-            Change of g [any length].
-
-        Returns
-        -------
-        array (rows, columns)
-            Change of P.
-        """
+        """Return the change of the pressure with a small change of the gap, to first order."""
         relative = self._share * float(gap_change[self._at]) / self._reference
         rate = self._rate * self._along(gap_change).ravel() - 3.0 * relative * self._cube
         rate[self._wide] = 0.0
@@ -145,21 +134,5 @@ class FluidField:
 
 
 def fluid_pressure(gap: Array, axis: int, *, periodic: bool = False) -> Array:
-    """Return the pressure of the fluid on every element, over that of the inlet.
-
-    Parameters
-    ----------
-    gap, axis, periodic
-        As in `FluidField`.
-
-    Returns
-    -------
-    array (rows, columns)
-        P, from 1 at the inlet to 0 at the outlet.
-
-    Raises
-    ------
-    ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0.
-    """
+    """Return the pressure of the fluid on every element, over that of the inlet."""
     return FluidField(gap, axis, periodic=periodic).pressure

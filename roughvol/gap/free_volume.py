@@ -33,27 +33,7 @@ class VolumeDensity(NamedTuple):
 
 
 def element_volumes(gap: Array, spacing: float, contact: Mask) -> Array:
-    """Return the free volume of each element, v = g δ² (the paper's Section 2), exactly 0 on the contact.
-
-    Parameters
-    ----------
-    gap : ndarray
-        Gap g = u - ū [length], not negative off the contact.
-    spacing : float
-        Spacing δ [length].
-    contact : ndarray of bool, shape of ``gap``
-        True where p > 0.
-
-    Returns
-    -------
-    ndarray, shape of ``gap``
-        Volumes v [length³].
-
-    Raises
-    ------
-    ContactError
-        If the mask does not fit, or a gap off the contact is negative.
-    """
+    """Return the free volume of each element, v = g δ² (the paper's Section 2), exactly 0 on the contact."""
     _check_mask(gap, contact)
     if not np.all(gap[~contact] >= 0.0):
         raise ContactError(f"gap must be >= 0 off the contact, the lowest is {gap[~contact].min():.6g}")
@@ -64,24 +44,7 @@ def free_volume(gap: Array, Sq: float) -> float:
     """Return the dimensionless free volume, V* = mean(g) / σ: the volume per element area, over σ.
 
     The paper's V / (L² σ) with V = Σ v over the (2^m + 1)² elements is this times (1 + 2^-m)²: its elements cover
-    more than L².
-
-    Parameters
-    ----------
-    gap : ndarray
-        Gap g [length], 0 on the contact.
-    Sq : float
-        Root mean square height σ [length], or 1 for a gap already divided by σ.
-
-    Returns
-    -------
-    float
-        V* [1].
-
-    Raises
-    ------
-    ContactError
-        If σ is not positive.
+    more than L². Sq is 1 for a gap already divided by σ.
     """
     if not Sq > 0.0:
         raise ContactError(f"Sq must be positive for a free volume in units of it, got {Sq!r}")
@@ -94,30 +57,8 @@ def volume_density(
     """Return the probability density f(v) of the element volumes, ∫ f dv = 1 (the paper's Section 4, Fig. 12).
 
     Equal bins over [0, v_max], the last one closed. Elements in contact (v = 0) are left out by default. Their
-    share is A*, a single value and no density.
-
-    Parameters
-    ----------
-    volumes : ndarray
-        Element volumes v ≥ 0 [length³].
-    contact : ndarray of bool, shape of ``volumes``
-        True where p > 0.
-    bins : int
-        Number K ≥ 1 of bins.
-    include_contact : bool
-        Whether the elements in contact are counted too.
-    upper : float, optional
-        Upper edge of the last bin [length³], at least the largest volume: one value for surfaces to be compared.
-
-    Returns
-    -------
-    VolumeDensity
-        All NaN if there is no volume to distribute (full contact).
-
-    Raises
-    ------
-    ContactError
-        If the mask does not fit, there are no bins, or a volume lies outside [0, upper].
+    share is A*, a single value and no density. The upper edge of the last bin is one value for surfaces to be compared.
+    Full contact has no volume to distribute: all NaN.
     """
     _check_mask(volumes, contact)
     if bins < 1:
@@ -137,25 +78,6 @@ def domain(volumes: Array, threshold: float, contact: Mask) -> Mask:
     """Return the free volume domain, D(v ≤ v_th) together with the contact (the paper's Section 3.2, Fig. 10).
 
     At v_th = 0 it is the contact itself: an open element whose gap happens to be 0, as at first touch, is not black.
-
-    Parameters
-    ----------
-    volumes : ndarray
-        Element volumes v [length³].
-    threshold : float
-        Threshold v_th ≥ 0 [length³].
-    contact : ndarray of bool, shape of ``volumes``
-        True where p > 0.
-
-    Returns
-    -------
-    ndarray of bool, shape of ``volumes``
-        True on the (black) domain; all True from v_th = max(v) > 0 on.
-
-    Raises
-    ------
-    ContactError
-        If the mask does not fit or the threshold is negative or NaN.
     """
     _check_mask(volumes, contact)
     if not threshold >= 0.0:

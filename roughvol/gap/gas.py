@@ -66,18 +66,7 @@ class GasFlow(NamedTuple):
 
 
 def kinetic_flow_rate(inverse_knudsen: Array) -> Array:
-    """Return Q(D), the flow rate between plane plates by kinetic theory.
-
-    Parameters
-    ----------
-    inverse_knudsen : ndarray
-        D = √π g/(2 λ) > 0.
-
-    Returns
-    -------
-    ndarray
-        Q [1].
-    """
+    """Return Q(D), the flow rate between plane plates by kinetic theory, for D = √π g/(2 λ) > 0."""
     D = np.asarray(inverse_knudsen, dtype=float)
     a, b, c, d = PIECES[0][1]
     rate = a * FREE + b + c / FREE + d / FREE**2 - np.log(D / FREE) / math.sqrt(math.pi)
@@ -88,18 +77,7 @@ def kinetic_flow_rate(inverse_knudsen: Array) -> Array:
 
 
 def kinetic_integral(inverse_knudsen: Array) -> Array:
-    """Return ∫ Q dD from 0 to D.
-
-    Parameters
-    ----------
-    inverse_knudsen : ndarray
-        D ≥ 0.
-
-    Returns
-    -------
-    ndarray
-        Integral [1].
-    """
+    """Return ∫ Q dD from 0 to D ≥ 0."""
     D = np.asarray(inverse_knudsen, dtype=float)
 
     def part(x: Array | float, piece: tuple[float, ...]) -> Array:
@@ -117,23 +95,9 @@ def kinetic_integral(inverse_knudsen: Array) -> Array:
 
 
 def local_flow(law: str, gap: Array | float, pressure: Array | float, path: float) -> Array:
-    """Return f(g, p), the throughput per width and gradient of pressure times 12 μ.
+    """Return f(g, p), the throughput per width and gradient of pressure times 12 μ [length³].
 
-    Parameters
-    ----------
-    law : {"kinetic", "slip", "viscous"}
-        Law of the module's docstring.
-    gap : ndarray
-        Gap > 0 [length].
-    pressure : ndarray
-        Pressure over that of the inlet, > 0.
-    path : float
-        Mean free path at the inlet [length].
-
-    Returns
-    -------
-    ndarray
-        f [length³].
+    The path is the mean free path at the inlet, and pressures are over that of the inlet.
     """
     if law == "kinetic":
         D = np.asarray(0.5 * math.sqrt(math.pi) / path * gap * pressure)
@@ -142,22 +106,7 @@ def local_flow(law: str, gap: Array | float, pressure: Array | float, path: floa
 
 
 def plate_flow(law: str, gap: Array | float, inlet: Array | float, outlet: Array | float, path: float) -> Array:
-    """Return ∫ f(g, p) dp from the outlet to the inlet: the throughput of plates per width over length, times 12 μ.
-
-    Parameters
-    ----------
-    law, gap
-        As in `local_flow`.
-    inlet, outlet : ndarray
-        Pressures over that of the inlet of the joint.
-    path : float
-        As in `local_flow`.
-
-    Returns
-    -------
-    ndarray
-        Integral [length³].
-    """
+    """Return ∫ f(g, p) dp from the outlet to the inlet: the throughput of plates per width over length, times 12 μ."""
     if law == "kinetic":
         per = np.asarray(0.5 * math.sqrt(math.pi) / path * gap)
         difference = kinetic_integral(per * inlet) - kinetic_integral(per * outlet)
@@ -171,34 +120,9 @@ def conduction_of_gas(
 ) -> GasFlow:
     """Return the throughput of a gas along an axis over that of viscous flow between plates at the mean gap.
 
-    Equations, sources and validity as at the top of this module; elements, faces and reservoirs as in `transport`.
-
-    Parameters
-    ----------
-    gap : ndarray, shape (rows, columns)
-        Gap g ≥ 0 [length]; open is g > 0.
-    axis : int
-        Direction of the flow, 0 for x, 1 for y.
-    law : {"kinetic", "slip", "viscous"}
-        Conductance of an element.
-    path : float
-        Mean free path at the pressure of the inlet [length], ≥ 0.
-    outlet : float
-        Pressure of the outlet over that of the inlet, 0 ≤ outlet < 1.
-    periodic : bool
-        Whether the field is one period: elements at opposite sides across the axis are neighbours.
-
-    Returns
-    -------
-    GasFlow
-        Coefficient, Knudsen number, error of conservation and iterations.
-
-    Raises
-    ------
-    ContactError
-        If an argument is outside its range.
-    ConvergenceError
-        If the flow still changes after `TURNS` iterations.
+    Equations, sources and validity as at the top of this module; elements, faces and reservoirs as in `transport`. The
+    path is the mean free path at the inlet, and the outlet a pressure over that of the inlet, 0 ≤ outlet < 1. A flow
+    that still changes after `TURNS` iterations is a `ConvergenceError`.
     """
     check_gap(gap)
     if law not in LAWS or not 0.0 <= outlet < 1.0 or not 0.0 <= path < math.inf or (law == "kinetic" and path == 0.0):

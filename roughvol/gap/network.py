@@ -31,28 +31,10 @@ _SPLU: dict[str, Any] = {
 
 
 def inverse(tail: Index, head: Index, weight: Array, nodes: int, free: int) -> Callable[[Array], Array]:
-    """Return the function that solves for the pressures on the free nodes, those of the others 0.
+    """Return the function from the inflow of every node to the pressures of the free nodes.
 
-    Parameters
-    ----------
-    tail, head : ndarray of int, shape (joints,)
-        The nodes of each joint.
-    weight : ndarray, shape (joints,)
-        Its conductance > 0.
-    nodes : int
-        Number of nodes.
-    free : int
-        The first so many are free, the others held at 0.
-
-    Returns
-    -------
-    callable
-        Inflow of every node, shape (nodes,) ↦ pressures of the free ones, shape (free,).
-
-    Raises
-    ------
-    ContactError
-        If there are more than `DIRECT` unknowns and pyamg is not installed.
+    The first ``free`` nodes are free, the others held at 0. A joint leads from its tail to its head with a conductance
+    > 0. More than `DIRECT` unknowns without pyamg are a `ContactError`.
     """
     diagonal: Any = np.bincount(tail, weight, nodes) + np.bincount(head, weight, nodes)
     if free > DIRECT:
@@ -71,13 +53,7 @@ def needs_multigrid(unknowns: float) -> bool:
 
 
 def check_multigrid(unknowns: int) -> None:
-    """Refuse a flow beyond the direct solver where pyamg is not installed.
-
-    Raises
-    ------
-    ContactError
-        With the number of unknowns and the extra to install.
-    """
+    """Refuse a flow beyond the direct solver where pyamg is not installed."""
     if needs_multigrid(unknowns):
         _pyamg(unknowns)
 
@@ -197,18 +173,7 @@ def flow_through(down: Array, across: Array, flowing: Mask) -> Flow:
 
 
 def harmonic(a: Array, b: Array) -> Array:
-    """Return 2ab/(a + b), 0 where one of them is.
-
-    Parameters
-    ----------
-    a, b : ndarray
-        Conductances ≥ 0 of one shape.
-
-    Returns
-    -------
-    ndarray
-        Their harmonic mean.
-    """
+    """Return 2ab/(a + b), 0 where one of them is."""
     both = (a > 0.0) & (b > 0.0)
     mean: Array = np.divide(2.0 * a * b, a + b, out=np.zeros(a.shape), where=both)
     return mean

@@ -22,24 +22,8 @@ def contact_perimeter(contact: Mask, periodic: bool = False) -> float:
     """Return the length of the edges between contact and void times L over the nominal area, S_d L/A_n.
 
     S_d is δ times the number of pairs of neighbours along x or y, one in contact and one not. The sides of a patch are
-    no edges. With n nodes along the first axis, L = n δ is that of all elements.
-
-    Parameters
-    ----------
-    contact : ndarray of bool
-        True where p > 0.
-    periodic : bool
-        Whether the field is one period: elements at opposite sides are neighbours.
-
-    Returns
-    -------
-    float
-        S_d L/A_n [1]; S_d/L on a square.
-
-    Raises
-    ------
-    ContactError
-        If the mask is no 2-D field of bool.
+    no edges; elements at opposite sides of a period are neighbours. With n nodes along the first axis, L = n δ is that
+    of all elements.
     """
     if contact.ndim != 2 or contact.dtype != np.bool_ or contact.size == 0:
         raise ContactError(f"contact must be a 2-D mask of bool, got {contact.dtype} of shape {contact.shape}")
@@ -54,21 +38,7 @@ def corrected_area(area_fraction: ArrayLike, perimeter: ArrayLike, nodes: ArrayL
 
     V. A. Yastrebov, G. Anciaux & J.-F. Molinari, The role of the roughness spectral breadth in elastic contact of rough
     surfaces, J. Mech. Phys. Solids 107 (2017) 469-493; derived in the same authors' Tribology International 114 (2017)
-    161-171.
-
-    Parameters
-    ----------
-    area_fraction : array_like
-        A*, fraction of elements in contact [1].
-    perimeter : array_like
-        S_d L/A_n as `contact_perimeter` returns it [1], broadcast with the area.
-    nodes : array_like
-        n = L/δ, elements along the first axis, broadcast with the area.
-
-    Returns
-    -------
-    ndarray
-        Corrected A* [1], not below 0.
+    161-171. The perimeter is that of `contact_perimeter`, and n = L/δ the elements along the first axis.
     """
     area, edges, n = (np.asarray(values, dtype=np.float64) for values in (area_fraction, perimeter, nodes))
     return np.maximum(area - EXCESS * edges / n, 0.0)

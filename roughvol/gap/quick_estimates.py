@@ -24,25 +24,6 @@ def effective_medium(gap: Array, exponent: float = 3.0, *, closes_at: float = 0.
     Annalen der Physik 416 (1935) 636-664; for the gap of a contact: Lorenz & Persson (2010), arXiv:0911.3019. Any other
     c is Kirkpatrick's effective medium with s in place of z/2 - 1, Reviews of Modern Physics 45 (1973) 574.
     Wang & Müser (2020), arXiv:2010.13470, find that roughness closes at `CLOSES_AT`.
-
-    Parameters
-    ----------
-    gap : ndarray
-        Gap g ≥ 0 [any length].
-    exponent : float
-        n of the local conductance, > 0.
-    closes_at : float
-        Share c of closed elements at which nothing flows any more, 0 < c < 1.
-
-    Returns
-    -------
-    float
-        Coefficient [1].
-
-    Raises
-    ------
-    ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0, the exponent not positive, or the share outside its range.
     """
     check_gap(gap)
     check_exponent(exponent)
@@ -75,27 +56,6 @@ def single_junction(gap: Array, axis: int, exponent: float = 3.0, *, periodic: b
     All pressure drops over one square junction of the gap h_c of `constriction`. The coefficient is (h_c/mean g)^n
     times the length of the field over its width. Persson & Yang, Journal of Physics: Condensed Matter 20 (2008)
     315011.
-
-    Parameters
-    ----------
-    gap : ndarray
-        Gap g ≥ 0 [any length].
-    axis : int
-        Direction of the flow, 0 for x, 1 for y.
-    exponent : float
-        n of the local conductance, > 0.
-    periodic : bool
-        Whether the field is one period: elements at opposite sides across the axis are neighbours.
-
-    Returns
-    -------
-    float
-        Coefficient [1].
-
-    Raises
-    ------
-    ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
     """
     check_exponent(exponent)
     critical = constriction(gap, axis, periodic=periodic).gap

@@ -14,6 +14,9 @@ other sides or into closed elements. Finite volumes: two open neighbours are joi
 reservoir and its neighbour by 2k. Coefficients are over those of two smooth plates at the mean gap, contact included,
 between the same reservoirs. Neither the unit of g nor the spacing enters.
 
+Functions take the gap [any length], shape (rows, columns), and the axis of the flow, 0 for x, 1 for y. A gap that is
+no 2-D field of finite numbers ≥ 0, and an exponent n that is not positive, are a `ContactError`.
+
 Of a periodic surface, one period lies between the reservoirs, and the two other sides are joined. `cell_conduction` has
 no reservoirs: the pressure falls by the same mean gradient in every period, and flows are those of the endless plane.
 
@@ -78,25 +81,6 @@ def constriction(gap: Array, axis: int, *, periodic: bool = False) -> Constricti
 
     Elements are taken in the order of falling gap, equal ones row by row. Bisection on this order finds the one that
     completes the first path, exactly.
-
-    Parameters
-    ----------
-    gap : ndarray
-        Gap g ≥ 0 [any length]; open is g > 0.
-    axis : int
-        0 for x, 1 for y.
-    periodic : bool
-        Whether the field is one period: elements at opposite sides across the axis are neighbours.
-
-    Returns
-    -------
-    Constriction
-        Gap and element.
-
-    Raises
-    ------
-    ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0.
     """
     return _critical(gap, axis, functools.partial(percolates, axis=axis, periodic=periodic))
 
@@ -127,27 +111,6 @@ def conduction(gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool =
 
     Solved by a sparse factorisation on the clusters that percolate; boundary values and normalisation as at the top of
     this module. The two coefficients of Vallet et al. (2009): transmissivity with n = 3, diffusivity with n = 1.
-
-    Parameters
-    ----------
-    gap : ndarray, shape (rows, columns)
-        Gap g ≥ 0 [any length]; open is g > 0.
-    axis : int
-        Direction of the flow, 0 for x, 1 for y.
-    exponent : float
-        n of the local conductance, > 0.
-    periodic : bool
-        Whether the field is one period: elements at opposite sides across the axis are neighbours.
-
-    Returns
-    -------
-    Conduction
-        Coefficient, error of conservation, and flux.
-
-    Raises
-    ------
-    ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
     """
     check_exponent(exponent)
     critical = constriction(gap, axis, periodic=periodic).gap
@@ -181,25 +144,6 @@ def cell_conduction(gap: Array, axis: int, exponent: float = 3.0) -> float:
     The representative cell: div(g^n grad P) = 0, with P falling by the same mean gradient along the axis in every
     period, and no mean gradient across. The coefficient is the dissipation per element, Σ k (δP)²/N at one unit of mean
     gradient, over (mean g)^n. It is 0 where no void leads on from period to period without end.
-
-    Parameters
-    ----------
-    gap : ndarray, shape (rows, columns)
-        One period of the gap g ≥ 0 [any length].
-    axis : int
-        Direction of the mean flow, 0 for x, 1 for y.
-    exponent : float
-        n of the local conductance, > 0.
-
-    Returns
-    -------
-    float
-        Coefficient [1].
-
-    Raises
-    ------
-    ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0, or the exponent not positive.
     """
     check_exponent(exponent)
     along = gap if axis == 0 else gap.T

@@ -209,28 +209,9 @@ class Coupling:
         return self.outlet + (self.inlet - self.outlet) * shape
 
     def under(self, fluid: Array, load: float, near: Contact) -> Lifted:
-        """Return the contact under a given fluid pressure.
+        """Return the contact under a fluid pressure [p*], at a load that is the mean of the total pressure.
 
-        Parameters
-        ----------
-        fluid : array (rows, columns)
-            P in the unit of p*.
-        load : float
-            Mean of the total pressure, p*.
-        near : Contact
-            A state from which the indentation is guessed.
-
-        Returns
-        -------
-        Lifted
-            The state.
-
-        Raises
-        ------
-        ContactError
-            If the fluid alone carries more than the load.
-        ConvergenceError
-            If the contact is not found.
+        The indentation is guessed from a contact near it. `Opening` if the fluid alone carries more than the load.
         """
         excess = load - float(fluid.mean())
         if not excess > 0.0:
@@ -249,46 +230,15 @@ class Coupling:
         return Lifted(gap, fluid, fluid + state.pressure() * ratio, 1, state.residual * ratio)
 
     def one_way(self, load: float, dry: Contact) -> Lifted:
-        """Return the contact under the fluid pressure of the dry gap.
-
-        Parameters
-        ----------
-        load : float
-            Mean of the total pressure, p*.
-        dry : Contact
-            The contact without fluid at this load.
-
-        Returns
-        -------
-        Lifted
-            The state, at first order in the fluid pressure.
-        """
+        """Return the contact under the fluid pressure of the dry gap, to first order in the fluid pressure."""
         return self.under(self.fluid_in(dry.gap()), load, dry)
 
     def solve(self, load: float, near: Contact, fluid: Array | None = None) -> Lifted:
         """Return the coupled state of a joint that is pressed first and pressurised then.
 
-        Parameters
-        ----------
-        load : float
-            Mean of the total pressure, p*.
-        near : Contact
-            The contact without fluid at this load.
-        fluid : array (rows, columns), optional
-            Fluid pressure of another state, from which the state at the inlet follows in a single step: that of a
-            joint pressed under pressure. Default: none, the inlet rises from zero.
-
-        Returns
-        -------
-        Lifted
-            The state, its fluid pressure that of the flow through its own gap.
-
-        Raises
-        ------
-        ContactError
-            If the joint opens.
-        ConvergenceError
-            If no state is found, and opening is not shown.
+        The contact near it is that without fluid at this load. From the fluid pressure of another state, that of a
+        joint pressed under pressure, the state at the inlet follows in a single step; without, the inlet rises from
+        zero. A joint that opens is a `ContactError`; no state, and no proof of opening, a `ConvergenceError`.
         """
         if fluid is not None:
             try:
