@@ -7,7 +7,7 @@ fields of gap and pressure, Sq and the separation are those of the whole surface
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -52,22 +52,6 @@ def of_surface(case: Case, surface: Surface) -> Values:
         if row.before and value_of(case.record, row.key.partition(".")[0]) is not None:
             values |= function(row.before)(case, surface)
     return values
-
-
-def of_sweep(
-    case: Case,
-    surface: Surface,
-    half_space: Compliance,
-    contacts: Iterable[Contact],
-    on_step: Callable[[int], None] | None = None,
-) -> Values:
-    """Return the numbers of every step, and the observables of the states that a study selects, by stored name."""
-    reduction = Reduction(case, surface, half_space)
-    for contact in contacts:
-        reduction.follow(contact)
-        if on_step is not None:
-            on_step(reduction.steps)
-    return reduction.values()
 
 
 class Reduction:

@@ -22,6 +22,7 @@ from roughvol.store import checkpoint, dataset, dimensional
 from roughvol.store.dataset import Dataset
 from roughvol.study import Level, loads
 from roughvol.surfaces.surface import Surface
+from tests.observables.kit import reduced
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = "surface: {D: 2.3, m: 4, seeds: 2, L: 50 um, Sq: 0.5 um}\nsweep: {steps: 4, to: {contact_area: 0.1}}\n"
@@ -159,7 +160,7 @@ def test_shares_survive_a_checkpoint() -> None:
     surface = surface_of(case)
     half_space = HalfSpace(surface.shape)
     states = list(sweep(surface, half_space, 2.0 * np.arange(1, 5) / 4))
-    whole = reduction.of_sweep(case, surface, half_space, states)
+    whole = reduced(case, states)
     for kept in (2, 4):  # also after the last step
         first, second = (reduction.Reduction(case, surface, half_space) for _ in range(2))
         for state in states[:kept]:

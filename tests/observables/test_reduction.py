@@ -10,14 +10,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from roughvol.campaign.one_case import surface_of
-from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.loading import Contact, sweep
+from roughvol.contact.loading import Contact
 from roughvol.observables import levels, reduction
 from roughvol.study import Case, Level, loads
+from tests.observables.kit import case_of, reduced, states_of
 
 STEPS = 8
 STUDY = """
-surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}
 sweep: {steps: 8, to: {indentation: 4.0}}
 record:
   heights: true
@@ -29,18 +28,17 @@ record:
 
 @pytest.fixture(scope="module")
 def case() -> Case:
-    return loads(STUDY).cases()[0]
+    return case_of(STUDY)
 
 
 @pytest.fixture(scope="module")
 def contacts(case: Case) -> list[Contact]:
-    surface = surface_of(case)
-    return list(sweep(surface, HalfSpace(surface.shape), np.arange(1, STEPS + 1) / 2))
+    return states_of(case, np.arange(1, STEPS + 1) / 2)
 
 
 @pytest.fixture(scope="module")
 def values(case: Case, contacts: list[Contact]) -> dict[str, Any]:
-    return reduction.of_sweep(case, surface_of(case), HalfSpace((17, 17)), contacts)
+    return reduced(case, contacts)
 
 
 def test_every_step_is_kept(values: dict[str, Any], contacts: list[Contact]) -> None:
@@ -124,8 +122,18 @@ def test_the_end_of_a_sweep_reaches_what_it_was_asked_to_end_at() -> None:
 
 
 def test_nothing_that_was_not_asked_for_is_kept(contacts: list[Contact]) -> None:
-    case = loads("surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}\nsweep: {steps: 8}").cases()[0]
-    surface = surface_of(case)
-    kept = set(reduction.of_sweep(case, surface, HalfSpace(surface.shape), contacts))
+    case = case_of("sweep: {steps: 8}")
+    kept = set(reduced(case, contacts))
     assert kept == {*reduction.PER_STEP, "step", "central_pressure_ratio"}
-    assert set(reduction.of_surface(case, surface)) == {"Sq", "Sdq", "z_max", "hurst_measured", "nodes_x", "nodes_y"}
+    assert set(reduction.of_surface(case, surface_of(case))) == {
+        "Sq",
+        "Sdq",
+        "z_max",
+        "hurst_measured",
+        "nodes_x",
+        "nodes_y",
+    }
+    case = case_of("sweep: {steps: 8}\nrecord: {transport: {constriction: last}}")
+    assert set(reduced(case, contacts)) - kept == {"axis", "transport_time", "observable", "observable_time"} | {
+        f"critical_{what}_{axis}" for what in ("gap", "position") for axis in "xy"
+    }

@@ -1,107 +1,106 @@
-"""Central regions of several widths: what is inside them, from one solution; and the cost of what is recorded."""
+"""The region that a study observes: its numbers, its levels, and regions of too few elements."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
-from roughvol.campaign.one_case import run_case, surface_of
-from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.loading import sweep
-from roughvol.errors import ContactError
-from roughvol.gap import transport
-from roughvol.store import dataset
-from roughvol.store.dataset import Dataset
-from roughvol.study import Case, loads
+from roughvol.campaign import running
+from roughvol.campaign.one_case import run_case
+from roughvol.errors import ContactError, StudyError
+from roughvol.gap import clusters
+from roughvol.observables import regions
+from roughvol.study import loads
+from tests.observables.kit import case_of, states_of
 
-SURFACE = "surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}\nsweep: {steps: 4, to: {indentation: 3}}\n"
-WIDTHS = "record: {region_widths: {shares: [1, 0.5, 0.75], transmissivity: {step: [2, 4]}}"
+INTERIOR = "record: {region: interior, fields_at: last, box_counting: {at: last}, transport: {percolation: last}}"
 
 
-def _case(text: str) -> Case:
-    return loads(SURFACE + text).cases()[0]
+def test_observables_are_those_of_the_region() -> None:
+    case = case_of("sweep: {steps: 3, to: {indentation: 3}}\n" + INTERIOR)
+    found = run_case(case).squeeze(("D", "m", "seed"))
+    state = states_of(case, found.indentation.values)[-1]
+    inside = (slice(4, 13), slice(4, 13))
+    last = found.isel(step=-1)
+    assert float(last.contact_area_fraction) == state.contact()[inside].mean()
+    assert_allclose(last.mean_pressure, state.pressure()[inside].mean(), rtol=1e-9)
+    assert_allclose(last.free_volume, state.gap()[inside].mean(), rtol=1e-9)
+    assert found.gap.shape == (1, 17, 17)
+    assert_allclose(found.gap[0], state.gap(), rtol=1e-9, atol=1e-12)
+    assert int(found.box_count.sel(threshold=1.0, r=1)[0]) == 64
+    connected = clusters.connectivity(state.gap()[inside], state.contact()[inside]).connected
+    assert_allclose(last.connected_volume_fraction, connected, rtol=1e-12)
+    assert "0.25 to 0.75" in found.attrs["region"]
 
 
-@pytest.fixture(scope="module")
-def result() -> Dataset:
-    return run_case(_case(WIDTHS + ", transport: {transmissivity: every-step}}")).squeeze(("D", "m", "seed"))
-
-
-def test_the_widest_region_is_the_whole(result: Dataset) -> None:
-    whole = result.sel(region_width=1.0)
+def test_the_whole_as_a_region_is_the_whole() -> None:
+    text = "sweep: {steps: 3, to: {indentation: 3}}\n"
+    whole, all_of_it = (run_case(case_of(text + extra)) for extra in ("", "record: {region: {x: [0, 1]}}"))
     for name in ("contact_area_fraction", "mean_pressure", "free_volume"):
-        assert_allclose(whole[f"{name}_within"], result[name], rtol=1e-12)
-    for axis in "xy":
-        inside = whole[f"transmissivity_within_{axis}"]
-        assert_array_equal(inside.notnull(), [False, True, False, True])
-        assert_array_equal(inside[1::2], result[f"transmissivity_{axis}"][1::2])
+        assert_allclose(whole[name], all_of_it[name], rtol=1e-9)
 
 
-def test_a_region_holds_what_its_elements_do(result: Dataset) -> None:
-    surface = surface_of(_case(WIDTHS + "}"))
-    *_, state = sweep(surface, HalfSpace(surface.shape), result.indentation.values)
-    for width, inside in ((0.5, slice(4, 13)), (0.75, slice(2, 15))):
-        found = result.sel(region_width=width).isel(step=-1)
-        assert float(found.contact_area_fraction_within) == state.contact()[inside, inside].mean()
-        assert_allclose(found.mean_pressure_within, state.pressure()[inside, inside].mean(), rtol=1e-6)
-        assert_allclose(found.free_volume_within, state.gap()[inside, inside].mean(), rtol=1e-6)
-        flow = transport.conduction(state.gap()[inside, inside], 1).coefficient
-        assert_allclose(found.transmissivity_within_y, flow, rtol=1e-5)
+def test_a_sweep_to_a_contact_area_means_that_of_the_region() -> None:
+    case = case_of("sweep: {steps: 2, to: {contact_area: 0.2}}\nrecord: {region: {x: [0.5, 1], y: [0, 0.5]}}")
+    found = run_case(case).contact_area_fraction.values.ravel()
+    assert 0.2 <= found[-1] < 0.2 + 3 / 81
+    assert found[0] < 0.2
 
 
-@pytest.mark.parametrize("width", [0.25, 0.5, 0.9])
-def test_a_central_region_is_that_of_its_corners(width: float) -> None:
-    corner = f"[{0.5 - width / 2}, {0.5 + width / 2}]"
-    named = run_case(_case(f"record: {{region: {{x: {corner}, y: {corner}}}}}"))
-    inside = run_case(_case(f"record: {{region_widths: {{shares: {width}, at: last}}}}")).isel(region_width=0)
-    for name in ("contact_area_fraction", "mean_pressure", "free_volume"):
-        assert_allclose(inside[f"{name}_within"].isel(step=-1), named[name].isel(step=-1), rtol=1e-12)
-        assert inside[f"{name}_within"].isel(step=slice(-1)).isnull().all()
+@pytest.mark.parametrize("sides", ["", "periodic: true"])
+@pytest.mark.parametrize(
+    ("kind", "value", "name"), [("pressure", 0.5, "mean_pressure"), ("free_volume", 0.6, "free_volume")]
+)
+def test_a_sweep_in_a_region_ends_at_its_value(kind: str, value: float, name: str, sides: str) -> None:
+    text = f"surface: {{D: 2.3, m: 5, seeds: [1], {sides}}}\nsweep: {{steps: 3, to: {{{kind}: {value}}}}}\n"
+    found = run_case(loads(text + "record: {region: interior}").cases()[0])[name].values.ravel()
+    assert found[-1] == pytest.approx(value, rel=5e-6)
+    assert abs(found[0] / value - 1.0) > 0.1
 
 
-def test_regions_do_not_change_what_is_solved(result: Dataset) -> None:
-    plain = run_case(_case("")).squeeze(("D", "m", "seed"))
-    for name in ("indentation", "contact_area_fraction", "mean_pressure", "free_volume", "residual"):
-        assert_array_equal(plain[name], result[name])
+def test_a_free_volume_of_a_region_before_the_first_touch_is_refused() -> None:
+    text = "surface: {D: 2.3, m: 4, seeds: [1]}\nsweep: {to: {free_volume: 9.0}}\nrecord: {region: interior}"
+    with pytest.raises(ContactError, match="before the first touch; allowed: below"):
+        run_case(loads(text).cases()[0])
 
 
-def test_a_region_of_fewer_than_two_elements_is_refused() -> None:
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_region_of_a_rectangle_is_measured_on_its_own_sides(axis: str) -> None:
+    case = case_of(f"record: {{region: {{{axis}: [0.5, 1]}}}}")
+    rows, columns = regions.window(case, (9, 5))
+    expected = {"x": (slice(4, 9), slice(0, 5)), "y": (slice(0, 9), slice(2, 5))}
+    assert (rows, columns) == expected[axis]
+
+
+def test_fluxes_outside_the_region_are_missing() -> None:
+    found = run_case(case_of("sweep: {steps: 1}\nrecord: {region: interior, transport: {flux_at: last}}"))
+    known = found.flux_y.squeeze().notnull().values
+    assert known[4:13, 4:13].all()
+    assert known.sum() == 81
+
+
+def test_a_region_without_elements_is_refused() -> None:
     with pytest.raises(ContactError, match="fewer than 2 × 2"):
-        run_case(_case("record: {region_widths: {shares: [0.05]}}"))
+        regions.window(case_of("record: {region: {x: [0.51, 0.55]}}"), (17, 17))
 
 
-# What was recorded, and what it took
-
-
-def test_the_seconds_of_everything_recorded_are_told(result: Dataset) -> None:
-    assert result.observable.values.tolist() == ["transmissivity", "region_widths", "region_transmissivity"]
-    taken = result.observable_time
-    assert (taken > 0).all()
-    assert float(taken.sum()) < float(result.wall_time)
-    assert float(taken.sel(observable="transmissivity")) == pytest.approx(float(result.transport_time.sum()), rel=1e-9)
-
-
-def test_nothing_is_told_where_nothing_was_asked_for() -> None:
-    assert "observable" not in run_case(_case("")).variables
-
-
-def test_each_observable_has_its_name() -> None:
-    text = (
-        "record: {fields_at: last, box_counting: {}, volume_density: {}, transport: {flux_at: last, percolation: last}}"
-    )
-    assert set(run_case(_case(text)).observable.values) == {
-        *("fields_at", "box_counting", "volume_density", "flux_at", "percolation"),
-    }
-
-
-def test_two_equal_runs_differ_in_nothing_but_times() -> None:
-    case = _case(WIDTHS + ", volume_density: {}}")
-    first, second = run_case(case), run_case(case)
-    assert dataset.answers(first).identical(dataset.answers(second))
-    assert not {"wall_time", "observable_time"} & set(dataset.answers(first).variables)
-
-
-def test_the_aspect_is_that_of_the_region() -> None:
-    text = "record: {region: {x: [0, 0.5]}, transport: {transmissivity: last}}"
-    assert float(run_case(_case(text)).region_aspect.item()) == 17 / 9
-    assert "region_aspect" not in run_case(_case("record: {transport: {percolation: last}}"))
+@pytest.mark.parametrize(
+    ("surface", "recorded", "key"),
+    [
+        ("{D: 2.2, m: [2, 5]}", "{region: {x: [0.51, 0.6]}}", "record.region"),  # of the coarse ones alone
+        ("{D: 2.2, m: 4}", "{region_widths: {shares: [1, 0.05]}}", "record.region_widths.shares"),
+        ("{file: z.npy, L: 4}", "{region: {y: [0.4, 0.6]}}", "record.region"),
+    ],
+)
+def test_a_study_of_a_region_without_elements_is_refused_before_it_runs(
+    surface: str, recorded: str, key: str, tmp_path: Path
+) -> None:
+    np.save(tmp_path / "z.npy", np.random.default_rng(0).random((9, 4)))
+    study = loads(f"surface: {surface}\nrecord: {recorded}", tmp_path / "s.yaml")
+    with pytest.raises(StudyError, match="fewer than 2 × 2") as refused:
+        running.run(study, out=tmp_path / "run", jobs=1)
+    assert {problem.key for problem in refused.value.problems} == {key}
+    assert not (tmp_path / "run").exists()

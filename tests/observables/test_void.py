@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from roughvol.campaign import running
 from roughvol.campaign.one_case import run_case, surface_of
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.loading import Contact, solve, sweep
+from roughvol.contact.loading import Contact, solve
 from roughvol.contact.search import first_indentation, indentation_for
 from roughvol.errors import ContactError, StudyError
 from roughvol.gap import clusters, transport
-from roughvol.observables import levels, reduction, regions, requests
+from roughvol.observables import levels, requests
 from roughvol.observables.variables import VARIABLES
 from roughvol.observables.view import AXES
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case, Level, Record, loads
+from tests.observables.kit import SURFACE, case_of, states_of
 
-SURFACE = "surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}\n"
 ALL = """
 sweep: {steps: 8, to: percolation}
 record:
@@ -36,18 +34,9 @@ record:
 """
 
 
-def _case(text: str) -> Case:
-    return loads(SURFACE + text).cases()[0]
-
-
-def _states(case: Case, result: Dataset) -> list[Contact]:
-    surface = surface_of(case)
-    return list(sweep(surface, HalfSpace(surface.shape), result.indentation.values.ravel()))
-
-
 @pytest.fixture(scope="module")
 def case() -> Case:
-    return _case(ALL)
+    return case_of(ALL)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +46,7 @@ def result(case: Case) -> Dataset:
 
 @pytest.fixture(scope="module")
 def states(case: Case, result: Dataset) -> list[Contact]:
-    return _states(case, result)
+    return states_of(case, result.indentation.values.ravel())
 
 
 def test_every_step_holds_what_its_gap_says(result: Dataset, states: list[Contact]) -> None:
@@ -100,23 +89,6 @@ def test_a_quantity_is_computed_at_its_states_and_nowhere_else(result: Dataset, 
     )
 
 
-def test_nothing_is_computed_that_was_not_asked_for() -> None:
-    values = reduction.of_sweep(
-        case := _case("sweep: {steps: 2}"), surface_of(case), HalfSpace((17, 17)), _touching(case)
-    )
-    assert set(values) == {*reduction.PER_STEP, "step", "central_pressure_ratio"}
-    case = _case("sweep: {steps: 2}\nrecord: {transport: {constriction: last}}")
-    added = set(reduction.of_sweep(case, surface_of(case), HalfSpace((17, 17)), _touching(case))) - set(values)
-    assert added == {"axis", "transport_time", "observable", "observable_time"} | {
-        f"critical_{what}_{axis}" for what in ("gap", "position") for axis in "xy"
-    }
-
-
-def _touching(case: Case) -> list[Contact]:
-    surface = surface_of(case)
-    return list(sweep(surface, HalfSpace(surface.shape), [0.5, 1.0]))
-
-
 def test_every_stored_name_is_described(result: Dataset) -> None:
     assert set(map(str, result.variables)) <= set(VARIABLES)
 
@@ -125,7 +97,7 @@ def test_every_stored_name_is_described(result: Dataset) -> None:
 
 
 def test_the_search_agrees_with_that_for_a_contact_area() -> None:
-    surface = surface_of(_case(""))
+    surface = surface_of(case_of(""))
     half_space = HalfSpace(surface.shape)
     found = first_indentation(surface, half_space, lambda state: state.contact_area_fraction >= 0.2, accuracy=1e-6)
     assert found == pytest.approx(indentation_for(surface, half_space, "contact_area", 0.2), rel=1e-5)
@@ -133,7 +105,7 @@ def test_the_search_agrees_with_that_for_a_contact_area() -> None:
 
 @pytest.mark.parametrize("axes", ["x", "y", "both"])
 def test_a_sweep_to_percolation_ends_where_the_void_closes(axes: str) -> None:
-    case = _case(f"sweep: {{steps: 4, to: {{percolation: {axes}}}}}")
+    case = case_of(f"sweep: {{steps: 4, to: {{percolation: {axes}}}}}")
     surface = surface_of(case)
     half_space = HalfSpace(surface.shape)
     end = first_indentation(surface, half_space, levels.end_of(case) or (lambda _: False))
@@ -154,16 +126,16 @@ def test_percolation_along_both_ends_with_the_later_of_the_two() -> None:
 
 
 def _end(axes: str) -> float:
-    return float(run_case(_case(f"sweep: {{steps: 1, to: {{percolation: {axes}}}}}")).indentation.max())
+    return float(run_case(case_of(f"sweep: {{steps: 1, to: {{percolation: {axes}}}}}")).indentation.max())
 
 
 def test_the_word_percolation_means_both(case: Case) -> None:
     assert case.sweep.target == Level("percolation-both")
-    assert case.id == _case(ALL.replace("to: percolation", "to: {percolation: both}")).id
+    assert case.id == case_of(ALL.replace("to: percolation", "to: {percolation: both}")).id
 
 
 def test_a_search_for_what_never_happens_ends_at_full_contact() -> None:
-    surface = surface_of(_case(""))
+    surface = surface_of(case_of(""))
     with pytest.raises(ContactError, match="full contact"):
         first_indentation(surface, HalfSpace(surface.shape), lambda _: False)
 
@@ -173,98 +145,6 @@ def test_gaps_close_on_the_way(result: Dataset) -> None:
         gaps = result[f"critical_gap_{axis}"].values
         assert all(later <= earlier for earlier, later in pairwise(gaps))
         assert gaps[-1] == 0.0
-
-
-# Regions
-
-INTERIOR = "record: {region: interior, fields_at: last, box_counting: {at: last}, transport: {percolation: last}}"
-
-
-def test_observables_are_those_of_the_region() -> None:
-    case = _case("sweep: {steps: 3, to: {indentation: 3}}\n" + INTERIOR)
-    found = run_case(case).squeeze(("D", "m", "seed"))
-    state = _states(case, found)[-1]
-    inside = (slice(4, 13), slice(4, 13))
-    last = found.isel(step=-1)
-    assert float(last.contact_area_fraction) == state.contact()[inside].mean()
-    assert_allclose(last.mean_pressure, state.pressure()[inside].mean(), rtol=1e-9)
-    assert_allclose(last.free_volume, state.gap()[inside].mean(), rtol=1e-9)
-    assert found.gap.shape == (1, 17, 17)
-    assert_allclose(found.gap[0], state.gap(), rtol=1e-9, atol=1e-12)
-    assert int(found.box_count.sel(threshold=1.0, r=1)[0]) == 64
-    connected = clusters.connectivity(state.gap()[inside], state.contact()[inside]).connected
-    assert_allclose(last.connected_volume_fraction, connected, rtol=1e-12)
-    assert "0.25 to 0.75" in found.attrs["region"]
-
-
-def test_the_whole_as_a_region_is_the_whole() -> None:
-    text = "sweep: {steps: 3, to: {indentation: 3}}\n"
-    whole, all_of_it = (run_case(_case(text + extra)) for extra in ("", "record: {region: {x: [0, 1]}}"))
-    for name in ("contact_area_fraction", "mean_pressure", "free_volume"):
-        assert_allclose(whole[name], all_of_it[name], rtol=1e-9)
-
-
-def test_a_sweep_to_a_contact_area_means_that_of_the_region() -> None:
-    case = _case("sweep: {steps: 2, to: {contact_area: 0.2}}\nrecord: {region: {x: [0.5, 1], y: [0, 0.5]}}")
-    found = run_case(case).contact_area_fraction.values.ravel()
-    assert 0.2 <= found[-1] < 0.2 + 3 / 81
-    assert found[0] < 0.2
-
-
-@pytest.mark.parametrize("sides", ["", "periodic: true"])
-@pytest.mark.parametrize(
-    ("kind", "value", "name"), [("pressure", 0.5, "mean_pressure"), ("free_volume", 0.6, "free_volume")]
-)
-def test_a_sweep_in_a_region_ends_at_its_value(kind: str, value: float, name: str, sides: str) -> None:
-    text = f"surface: {{D: 2.3, m: 5, seeds: [1], {sides}}}\nsweep: {{steps: 3, to: {{{kind}: {value}}}}}\n"
-    found = run_case(loads(text + "record: {region: interior}").cases()[0])[name].values.ravel()
-    assert found[-1] == pytest.approx(value, rel=5e-6)
-    assert abs(found[0] / value - 1.0) > 0.1
-
-
-def test_a_free_volume_of_a_region_before_the_first_touch_is_refused() -> None:
-    text = "surface: {D: 2.3, m: 4, seeds: [1]}\nsweep: {to: {free_volume: 9.0}}\nrecord: {region: interior}"
-    with pytest.raises(ContactError, match="before the first touch; allowed: below"):
-        run_case(loads(text).cases()[0])
-
-
-@pytest.mark.parametrize("axis", ["x", "y"])
-def test_a_region_of_a_rectangle_is_measured_on_its_own_sides(axis: str) -> None:
-    case = _case(f"record: {{region: {{{axis}: [0.5, 1]}}}}")
-    rows, columns = regions.window(case, (9, 5))
-    expected = {"x": (slice(4, 9), slice(0, 5)), "y": (slice(0, 9), slice(2, 5))}
-    assert (rows, columns) == expected[axis]
-
-
-def test_fluxes_outside_the_region_are_missing() -> None:
-    found = run_case(_case("sweep: {steps: 1}\nrecord: {region: interior, transport: {flux_at: last}}"))
-    known = found.flux_y.squeeze().notnull().values
-    assert known[4:13, 4:13].all()
-    assert known.sum() == 81
-
-
-def test_a_region_without_elements_is_refused() -> None:
-    with pytest.raises(ContactError, match="fewer than 2 × 2"):
-        regions.window(_case("record: {region: {x: [0.51, 0.55]}}"), (17, 17))
-
-
-@pytest.mark.parametrize(
-    ("surface", "recorded", "key"),
-    [
-        ("{D: 2.2, m: [2, 5]}", "{region: {x: [0.51, 0.6]}}", "record.region"),  # of the coarse ones alone
-        ("{D: 2.2, m: 4}", "{region_widths: {shares: [1, 0.05]}}", "record.region_widths.shares"),
-        ("{file: z.npy, L: 4}", "{region: {y: [0.4, 0.6]}}", "record.region"),
-    ],
-)
-def test_a_study_of_a_region_without_elements_is_refused_before_it_runs(
-    surface: str, recorded: str, key: str, tmp_path: Path
-) -> None:
-    np.save(tmp_path / "z.npy", np.random.default_rng(0).random((9, 4)))
-    study = loads(f"surface: {surface}\nrecord: {recorded}", tmp_path / "s.yaml")
-    with pytest.raises(StudyError, match="fewer than 2 × 2") as refused:
-        running.run(study, out=tmp_path / "run", jobs=1)
-    assert {problem.key for problem in refused.value.problems} == {key}
-    assert not (tmp_path / "run").exists()
 
 
 # The study file
@@ -291,7 +171,7 @@ def test_what_cannot_be_meant_is_refused(text: str, words: str) -> None:
 
 
 def test_what_is_recorded_changes_the_id() -> None:
-    ids = {_case(text).id for text in ("", "record: {region: interior}", "record: {transport: {percolation: last}}")}
+    ids = {case_of(text).id for text in ("", "record: {region: interior}", "record: {transport: {percolation: last}}")}
     assert len(ids) == 3
 
 

@@ -1,0 +1,105 @@
+"""Central regions of several widths: what is inside them, from one solution; and the cost of what is recorded."""
+
+from __future__ import annotations
+
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from roughvol.campaign.one_case import run_case
+from roughvol.errors import ContactError
+from roughvol.gap import transport
+from roughvol.store import dataset
+from roughvol.store.dataset import Dataset
+from roughvol.study import Case
+from tests.observables.kit import case_of, states_of
+
+SWEEP = "sweep: {steps: 4, to: {indentation: 3}}\n"
+WIDTHS = "record: {region_widths: {shares: [1, 0.5, 0.75], transmissivity: {step: [2, 4]}}"
+
+
+def _case(text: str) -> Case:
+    return case_of(SWEEP + text)
+
+
+@pytest.fixture(scope="module")
+def result() -> Dataset:
+    return run_case(_case(WIDTHS + ", transport: {transmissivity: every-step}}")).squeeze(("D", "m", "seed"))
+
+
+def test_the_widest_region_is_the_whole(result: Dataset) -> None:
+    whole = result.sel(region_width=1.0)
+    for name in ("contact_area_fraction", "mean_pressure", "free_volume"):
+        assert_allclose(whole[f"{name}_within"], result[name], rtol=1e-12)
+    for axis in "xy":
+        inside = whole[f"transmissivity_within_{axis}"]
+        assert_array_equal(inside.notnull(), [False, True, False, True])
+        assert_array_equal(inside[1::2], result[f"transmissivity_{axis}"][1::2])
+
+
+def test_a_region_holds_what_its_elements_do(result: Dataset) -> None:
+    *_, state = states_of(_case(WIDTHS + "}"), result.indentation.values)
+    for width, inside in ((0.5, slice(4, 13)), (0.75, slice(2, 15))):
+        found = result.sel(region_width=width).isel(step=-1)
+        assert float(found.contact_area_fraction_within) == state.contact()[inside, inside].mean()
+        assert_allclose(found.mean_pressure_within, state.pressure()[inside, inside].mean(), rtol=1e-6)
+        assert_allclose(found.free_volume_within, state.gap()[inside, inside].mean(), rtol=1e-6)
+        flow = transport.conduction(state.gap()[inside, inside], 1).coefficient
+        assert_allclose(found.transmissivity_within_y, flow, rtol=1e-5)
+
+
+@pytest.mark.parametrize("width", [0.25, 0.5, 0.9])
+def test_a_central_region_is_that_of_its_corners(width: float) -> None:
+    corner = f"[{0.5 - width / 2}, {0.5 + width / 2}]"
+    named = run_case(_case(f"record: {{region: {{x: {corner}, y: {corner}}}}}"))
+    inside = run_case(_case(f"record: {{region_widths: {{shares: {width}, at: last}}}}")).isel(region_width=0)
+    for name in ("contact_area_fraction", "mean_pressure", "free_volume"):
+        assert_allclose(inside[f"{name}_within"].isel(step=-1), named[name].isel(step=-1), rtol=1e-12)
+        assert inside[f"{name}_within"].isel(step=slice(-1)).isnull().all()
+
+
+def test_regions_do_not_change_what_is_solved(result: Dataset) -> None:
+    plain = run_case(_case("")).squeeze(("D", "m", "seed"))
+    for name in ("indentation", "contact_area_fraction", "mean_pressure", "free_volume", "residual"):
+        assert_array_equal(plain[name], result[name])
+
+
+def test_a_region_of_fewer_than_two_elements_is_refused() -> None:
+    with pytest.raises(ContactError, match="fewer than 2 × 2"):
+        run_case(_case("record: {region_widths: {shares: [0.05]}}"))
+
+
+# What was recorded, and what it took
+
+
+def test_the_seconds_of_everything_recorded_are_told(result: Dataset) -> None:
+    assert result.observable.values.tolist() == ["transmissivity", "region_widths", "region_transmissivity"]
+    taken = result.observable_time
+    assert (taken > 0).all()
+    assert float(taken.sum()) < float(result.wall_time)
+    assert float(taken.sel(observable="transmissivity")) == pytest.approx(float(result.transport_time.sum()), rel=1e-9)
+
+
+def test_nothing_is_told_where_nothing_was_asked_for() -> None:
+    assert "observable" not in run_case(_case("")).variables
+
+
+def test_each_observable_has_its_name() -> None:
+    text = (
+        "record: {fields_at: last, box_counting: {}, volume_density: {}, transport: {flux_at: last, percolation: last}}"
+    )
+    assert set(run_case(_case(text)).observable.values) == {
+        *("fields_at", "box_counting", "volume_density", "flux_at", "percolation"),
+    }
+
+
+def test_two_equal_runs_differ_in_nothing_but_times() -> None:
+    case = _case(WIDTHS + ", volume_density: {}}")
+    first, second = run_case(case), run_case(case)
+    assert dataset.answers(first).identical(dataset.answers(second))
+    assert not {"wall_time", "observable_time"} & set(dataset.answers(first).variables)
+
+
+def test_the_aspect_is_that_of_the_region() -> None:
+    text = "record: {region: {x: [0, 0.5]}, transport: {transmissivity: last}}"
+    assert float(run_case(_case(text)).region_aspect.item()) == 17 / 9
+    assert "region_aspect" not in run_case(_case("record: {transport: {percolation: last}}"))
