@@ -65,6 +65,11 @@ REFUSED: dict[str, tuple[Content, str]] = {
     "lateral.txt": ("# lateral unit um\n" + TURNED, UNKNOWN),
     "pixel.txt": ("# pixel size = 0.5\n" + TURNED, UNKNOWN),
     "factor.txt": ("# height conversion factor (-> m) = 1e-9\n" + TURNED, UNKNOWN),
+    "both sizes.txt": (
+        "# Width: 3 µm\n# Height: 2 µm\npixel size = 0.5 m\nUnit Data = m\n" + TURNED,
+        "line 3 is not understood",
+    ),
+    "both factors.txt": (GWYDDION + "height conversion factor (-> m) = 1e-9\n" + TURNED, "line 5 is not understood"),
     "counts.txt": ("h=5 w=7\n" + TURNED, f"{UNKNOWN}'h=5 w=7'"),
     "title.csv": ("a,b,c,d,e\n" + TURNED.replace(" ", ","), f"{UNKNOWN}'a,b,c,d,e'"),
     "latin.txt": (b"# \xb5m\n1 2 3\n", f"{UNKNOWN}'# µm'"),
@@ -104,7 +109,7 @@ def test_a_header_may_be_passed_over(tmp_path: Path, head: str) -> None:
 
 
 def test_a_header_that_gives_all_needs_no_other_line(tmp_path: Path) -> None:
-    path = put(tmp_path / "z.txt", "# Objective 50x, stylus 2 um\n" + GWYDDION + TURNED)
+    path = put(tmp_path / "z.txt", "# Objective 50x, stylus 2 um\n# h=7 w=9, h = 0.5\n" + GWYDDION + TURNED)
     found = reading.describe(path)
     assert (found.sides, found.unit, found.heights_unit) == ((2.5, 2.0), "um", "nm")
     assert "# Width: 3 µm" in found.source

@@ -31,10 +31,11 @@ _COLUMN = re.compile(r"(x|y|z|h|heights?|elevation|topography)\s*(?:[\[(/_]\s*([
 _ESRI = {"ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "dx", "dy", "nodata_value"}
 _SIZE = re.compile(rf"(width|height)\s*[:=]\s*{_FLOAT}\s*(.*)", re.IGNORECASE)
 _WORD = re.compile(r"(channel|(?:value|height|z)s?[- ]units?)\s*[:=]\s*(.*)", re.IGNORECASE)
-# Sizes and factors that only SurfaceTopography reads, with or without a unit
-_ELSEWHERE = re.compile(
-    r"\b(?:pixel\s+size|conversion\s+factor|lateral[- ]units?)\b|(?:^|[\s,;])[hw]\s*=\s*\d", re.IGNORECASE
+# Sizes and factors that only SurfaceTopography reads, also in comments without a unit
+_PIXELS = re.compile(
+    r"\b(?:pixel\s+size|lateral[- ]units?)\s*[:=]|(?:^|[\s,;])[hw]\s*=\s*\d+(?!\S*[.\d])", re.IGNORECASE
 )
+_FACTOR = re.compile(r"\bheight\s+conversion\s+factor\b", re.IGNORECASE)
 
 
 @dataclass
@@ -48,6 +49,7 @@ class Header:
     points: bool = False  # columns are named x, y and z
     esri: dict[str, float] = field(default_factory=dict)  # values of an ESRI ASCII grid
     source: str = ""  # position of the size in the file, for messages
+    factor: bool = False  # the heights have a factor, which is not read here
     unclear: tuple[int, str] | None = None  # number and text of the first line that is not understood
 
     @property
@@ -69,9 +71,10 @@ def parse(path: Path, lines: list[tuple[int, str]], *, ignore: bool = False) -> 
         bare = line.lstrip("#%;/* \t").strip()
         if not bare:
             continue
-        if _ELSEWHERE.search(bare):
-            if not ignore:
-                raise not_understood(path, (number, line), REMEDY)
+        factor = _FACTOR.search(bare) is not None
+        if factor or _PIXELS.search(bare):
+            header.unclear = header.unclear or (number, line)
+            header.factor |= factor
             continue
         try:
             taken = _esri(header, bare, place) or _keyed(header, path, bare, place)

@@ -38,9 +38,11 @@ def opened(path: Path, columns: str | None = None, *, ignore_header: bool = Fals
         raise SurfaceError(message)
     if header.esri:
         return _esri(text, header)
-    complete = header.size and header.unit is not None and header.heights_unit is not None
+    complete = header.size and header.unit and header.heights_unit and not header.factor
     if header.unclear is not None and not complete and not ignore_header:
-        raise not_understood(path, header.unclear, REMEDY)
+        error = not_understood(path, header.unclear, REMEDY)
+        # SurfaceTopography multiplies a width by the size of a pixel where a header gives both
+        raise SurfaceError(str(error)) if header.size else error
     numbers = plain_text.table(text)
     if columns == "heights" or header.size:
         return _matrix(path, numbers, header)
