@@ -45,25 +45,7 @@ class Page:
 
 
 def write(page: Page, folder: Path) -> Path:
-    """Write a card as HTML and PDF, and return the path of the first.
-
-    Parameters
-    ----------
-    page : Page
-        The card.
-    folder : path
-        Folder of the files.
-
-    Returns
-    -------
-    path
-        The page of HTML.
-
-    Raises
-    ------
-    FolderError
-        If the folder cannot be written.
-    """
+    """Write a card as HTML and PDF, and return the path of the first."""
     path = folder / f"{page.stem}.html"
     stamped_file.write(path, html_of(page).encode())
     leak_card.page_of(page.card, _print(page)).savefig(folder / f"{page.stem}.pdf")
@@ -71,18 +53,7 @@ def write(page: Page, folder: Path) -> Path:
 
 
 def html_of(page: Page) -> str:
-    """Return a card as a page of HTML.
-
-    Parameters
-    ----------
-    page : Page
-        The card.
-
-    Returns
-    -------
-    str
-        One file without links to others.
-    """
+    """Return a card as a page of HTML."""
     card = page.card
     facts, kept, exceeded = card_text.rests_on(page.fine)
     drawn = tuple(
@@ -147,18 +118,7 @@ def _most(lines: list[str]) -> list[str]:
 
 
 def lines_of(page: Page) -> list[str]:
-    """Return a card as lines for a terminal.
-
-    Parameters
-    ----------
-    page : Page
-        The card.
-
-    Returns
-    -------
-    list of str
-        Surfaces, load, fluid, leaks with their error, closings, the error budget, and limits of the model exceeded.
-    """
+    """Return a card as lines for a terminal."""
     card = page.card
     length = f" {card.length_unit}" if card.length_unit else ""
     lines = [
@@ -176,18 +136,7 @@ def lines_of(page: Page) -> list[str]:
 
 
 def table_of(pages: Sequence[Page]) -> Table:
-    """Return several cards beside each other.
-
-    Parameters
-    ----------
-    pages : sequence of Page
-        The cards.
-
-    Returns
-    -------
-    Table
-        A row a card: load, leaks with their error, closings.
-    """
+    """Return several cards beside each other."""
     ways = pages[0].card.ways
     unit = f" [{unit_text(ways[0].unit)}]" if ways[0].unit else " T* V*³"
     head = ["card", "surfaces", "load"]
@@ -204,29 +153,7 @@ def table_of(pages: Sequence[Page]) -> Table:
 
 
 def write_table(pages: Sequence[Page], stem: str, title: str, folder: Path) -> Path:
-    """Write several cards beside each other as a page of HTML.
-
-    Parameters
-    ----------
-    pages : sequence of Page
-        The cards.
-    stem : str
-        Name of the file without its suffix.
-    title : str
-        Name of the study.
-    folder : path
-        Folder of the file.
-
-    Returns
-    -------
-    path
-        The page.
-
-    Raises
-    ------
-    FolderError
-        If the folder cannot be written.
-    """
+    """Write several cards beside each other as a page of HTML."""
     found, path = table_of(pages), folder / f"{stem}.html"
     rows = tuple(tuple(cell.replace("×÷ ", f"×÷{NARROW}") for cell in row) for row in found.rows)
     page = Document(f"Leak cards: {title}", sections=(Section(tables=(replace(found, rows=rows),)),))

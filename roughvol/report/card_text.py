@@ -57,20 +57,7 @@ class Identity:
 
 
 def amount(value: float, unit: str) -> str:
-    """Return a leak in words, with an amount in a time that a person reads.
-
-    Parameters
-    ----------
-    value : float
-        Leak.
-    unit : str
-        Its unit, empty for T* V*³.
-
-    Returns
-    -------
-    str
-        As ``2.79e-4 mm³/s (0.279 mm³ in 1000 s)``.
-    """
+    """Return a leak in words with an amount in a time, as ``2.79e-4 mm³/s (0.279 mm³ in 1000 s)``."""
     text = f"{short(value)} {unit_text(unit)}" if unit else f"T* V*³ = {short(value)}"
     whole = unit.removesuffix("/s")
     if whole == unit or not 0.0 < value < LEAST:
@@ -80,18 +67,7 @@ def amount(value: float, unit: str) -> str:
 
 
 def short(value: float) -> str:
-    """Return a number in three digits, as 0.0279 or 2.79e-4.
-
-    Parameters
-    ----------
-    value : float
-        Any number.
-
-    Returns
-    -------
-    str
-        With a power of ten below 0.001 and from 1000 on; a dash without a number.
-    """
+    """Return a number in three digits, as 0.0279 or 2.79e-4."""
     if not math.isfinite(value):
         return "–"
     if value == 0.0 or 1e-3 <= abs(value) < 999.5:
@@ -101,18 +77,7 @@ def short(value: float) -> str:
 
 
 def answer(way: Way) -> str:
-    """Return the leak along an axis with its error in words.
-
-    Parameters
-    ----------
-    way : Way
-        The leak.
-
-    Returns
-    -------
-    str
-        Leak, interval or the parts that are not known, and the surfaces.
-    """
+    """Return the leak along an axis with its error in words."""
     found = way.leak
     if not math.isfinite(found.value):
         return "not known: the sweep does not reach this load"
@@ -135,20 +100,7 @@ def answer(way: Way) -> str:
 
 
 def closes(card: Card, way: Way) -> list[str]:
-    """Return where a way closes in words, on each grid, and what these loads leave out.
-
-    Parameters
-    ----------
-    card : Card
-        The card.
-    way : Way
-        Its leak along an axis.
-
-    Returns
-    -------
-    list of str
-        A line for the finest grid, and one for coarser grids.
-    """
+    """Return where a way closes in words, on each grid, and what these loads leave out."""
     dry = "without fluid pressure " if card.lifted else ""
     leg = "on leg 1 " if has_legs(card) else ""
     bracket = f" ({STEPS})" if way.closing.closed else ""
@@ -159,34 +111,12 @@ def closes(card: Card, way: Way) -> list[str]:
 
 
 def factor(value: float) -> str:
-    """Return a factor of the error in words.
-
-    Parameters
-    ----------
-    value : float
-        Factor; infinite or NaN where it is not known.
-
-    Returns
-    -------
-    str
-        As ``×÷ 1.5`` or ``unknown``.
-    """
+    """Return a factor of the error in words."""
     return f"×÷ {number(value)}" if math.isfinite(value) else "unknown"
 
 
 def budget(way: Way) -> list[tuple[str, str, str]]:
-    """Return the error budget of a way.
-
-    Parameters
-    ----------
-    way : Way
-        The leak along an axis.
-
-    Returns
-    -------
-    list of tuple
-        Source, factor, and how it was found.
-    """
+    """Return the error budget of a way."""
     rows = [(part.name, factor(part.factor), _printed(part.words, way.unit)) for part in way.parts]
     together = "logarithms added in squares" if math.isfinite(way.factor) else "a part of it is not known"
     return [*rows, ("together", factor(way.factor), together)]
@@ -197,18 +127,7 @@ def _printed(words: str, unit: str) -> str:
 
 
 def surfaces(card: Card) -> Table:
-    """Return the surfaces of a card: name, Sq, load, leaks and closings.
-
-    Parameters
-    ----------
-    card : Card
-        The card.
-
-    Returns
-    -------
-    Table
-        A row a surface.
-    """
+    """Return the surfaces of a card: name, Sq, load, leaks and closings."""
     length = f" [{unit_text(card.length_unit)}]" if card.length_unit else ""
     flow = f" [{unit_text(card.ways[0].unit)}]" if card.ways[0].unit else " T* V*³"
     head = ["surface", f"Sq{length}", "Sdq", "p*", *([f"p [{card.pressure_unit}]"] if card.pressure_unit else [])]
@@ -223,18 +142,7 @@ def surfaces(card: Card) -> Table:
 
 
 def load_of(card: Card) -> str:
-    """Return the load of a card in words, as ``0.5 MPa (p* = 3)``; of surfaces with different loads their range.
-
-    Parameters
-    ----------
-    card : Card
-        The card.
-
-    Returns
-    -------
-    str
-        Nominal pressure and p*.
-    """
+    """Return the load of a card in words, as ``0.5 MPa (p* = 3)``; of surfaces with different loads their range."""
     load = f"p* = {_range(card.loads('mean_pressure'))}"
     if card.pressure_unit:
         load = f"{_range(card.loads('nominal_pressure'))} {card.pressure_unit} ({load})"
@@ -263,18 +171,7 @@ def _range(loads: list[float]) -> str:
 
 
 def load_facts(card: Card) -> Iterator[tuple[str, str]]:
-    """Yield the load of a card and the state there, in pairs of words.
-
-    Parameters
-    ----------
-    card : Card
-        The card.
-
-    Yields
-    ------
-    tuple of str
-        Quantity and value.
-    """
+    """Yield the load of a card and the state there, in pairs of words."""
     yield "Load", f"{load_of(card)}, at {_words(card.load)}"
     mean = "mean " if len(card.surfaces) > 1 else ""
     yield "Contact area A*", f"{mean}{number(card.mean('contact_area'))}"
@@ -300,18 +197,7 @@ def _value(leak: Average) -> str:
 
 
 def patch(card: Card) -> str:
-    """Return of which patch the leaks are, in a sentence.
-
-    Parameters
-    ----------
-    card : Card
-        The card.
-
-    Returns
-    -------
-    str
-        The size of the patch, and that of a seal the leak is another.
-    """
+    """Return of which patch the leaks are, in a sentence."""
     sizes = {_size(one.table, card.length_unit) for one in card.surfaces}
     each = "each surface" if len(card.surfaces) > 1 else "the surface"
     region = str(card.surfaces[0].table.attrs.get("region", ""))
@@ -334,18 +220,7 @@ def _size(table: Dataset, unit: str) -> str:
 
 
 def rests_on(fine: Sequence[Dataset]) -> tuple[list[tuple[str, str]], list[str], list[str]]:
-    """Return size, treatment, material and fluid of the runs, and the limits of the model kept and exceeded.
-
-    Parameters
-    ----------
-    fine : sequence of Dataset
-        The runs on the finest grid, one a file.
-
-    Returns
-    -------
-    tuple
-        Facts in pairs of words, of several files those that they share; limits kept by all; limits exceeded.
-    """
+    """Return size, treatment, material and fluid of the runs, and the limits of the model kept and exceeded."""
     found: dict[str, dict[str, None]] = {}
     kept, exceeded = dict(KEPT), list[str]()
     for ds in fine:
@@ -389,20 +264,7 @@ def _kept(run: Run) -> set[str]:
 
 
 def identity(fine: Sequence[Dataset], origin: Identity) -> list[tuple[str, str]]:
-    """Return study, files, version, date and command of a card.
-
-    Parameters
-    ----------
-    fine : sequence of Dataset
-        The runs on the finest grid.
-    origin : Identity
-        The study and the command.
-
-    Returns
-    -------
-    list of tuple
-        Pairs of words.
-    """
+    """Return study, files, version, date and command of a card."""
     files = [body for ds in fine for body in json.loads(str(ds.attrs.get("height_files", "[]")))]
     computed = {f"{str(ds.attrs.get('date', ''))[:10]}, roughvol {ds.attrs.get('roughvol_version', '')}" for ds in fine}
     return [

@@ -71,13 +71,7 @@ class Report:
 
 
 def write(report: Report, folder: Path) -> Path:
-    """Write ``report.html``, ``report.md`` and ``claims.json`` and return the path of the first.
-
-    Raises
-    ------
-    FolderError
-        If the folder cannot be written.
-    """
+    """Write ``report.html``, ``report.md`` and ``claims.json`` and return the path of the first."""
     page = document(report)
     pages = {"claims.json": to_json(report), "report.md": markdown.render(page), "report.html": html.render(page)}
     for name, text in pages.items():

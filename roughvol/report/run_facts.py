@@ -278,22 +278,7 @@ def _states(name: str, group: Dataset, *, several: bool) -> Table | None:
 
 
 def conventions(names: Sequence[str], surfaces: int, *, dry: bool = False) -> str:
-    """Return what the numbers of a table are: means, medians, counts, and which leak counts.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Stored names of the columns.
-    surfaces : int
-        Largest number of surfaces in a row.
-    dry : bool
-        Whether fluid pressure lifts the gap, so that the dry gap has columns of its own.
-
-    Returns
-    -------
-    str
-        Sentences; empty for one surface without fluid pressure.
-    """
+    """Return what the numbers of a table are: means, medians, counts, and which leak counts."""
     notes = [f"Mean over {surfaces} surfaces; open ways are counted."] if surfaces > 1 else []
     if surfaces > 1 and any(map(average.is_flow, names)):
         notes.append(f"Flows: {average.IN_WORDS}.")

@@ -100,18 +100,7 @@ def _table(title: str, rows: Sequence[tuple[str, State]], columns: Sequence[str]
 
 
 def summary(run: Run) -> list[Table]:
-    """Return the table after a run: ends of legs and recorded levels, and where the ways through the gap close.
-
-    Parameters
-    ----------
-    run : Run
-        A stored run with states.
-
-    Returns
-    -------
-    list of Table
-        The states; then the closing loads, where the study follows the ways through the gap.
-    """
+    """Return the table after a run: ends of legs and recorded levels, and where the ways through the gap close."""
     named = _named(run)
     rows = [(name, state) for name, group in named for state in _chief(run, group)]
     columns = _columns("short", [state.data for _, state in rows])
@@ -142,25 +131,7 @@ def _chief(run: Run, group: Dataset) -> Iterator[State]:
 
 
 def shown(run: Run, states: Sequence[Level] = ()) -> list[Table]:
-    """Return the tables of ``roughvol show``: all steps of each group of surfaces, or the states asked for.
-
-    Parameters
-    ----------
-    run : Run
-        A stored run.
-    states : sequence of Level
-        States asked for. Default: every step.
-
-    Returns
-    -------
-    list of Table
-        One table of states asked for, or one for each D and m or file.
-
-    Raises
-    ------
-    DatasetError
-        If no surface of any group reaches a state.
-    """
+    """Return the tables of ``roughvol show``: all steps of each group of surfaces, or the states asked for."""
     named = _named(run)
     if states:
         found = [row for state in states for row in _reaching(run, named, state)]
@@ -221,20 +192,7 @@ def _reaching(run: Run, named: Sequence[tuple[str, Dataset]], state: Level) -> l
 
 
 def records(run: Run, states: Sequence[Level] = ()) -> tuple[list[str], list[list[Any]], dict[str, str]]:
-    """Return the numbers of every surface as plain rows, for CSV and JSON; the lists of a study make columns.
-
-    Parameters
-    ----------
-    run : Run
-        A stored run.
-    states : sequence of Level
-        States asked for. Default: every step.
-
-    Returns
-    -------
-    (list of str, list of list, dict)
-        Names of the columns, rows of values (None: missing), and units by name.
-    """
+    """Return the numbers of every surface as plain rows, for CSV and JSON; the lists of a study make columns."""
     parts = parts_of(run.dataset)
     if not parts[0].words:
         return _records(run, states)
@@ -353,25 +311,7 @@ class Compared:
 
 
 def compared(runs: Sequence[Run], states: Sequence[Level] = ()) -> Compared:
-    """Return numbers of several runs side by side at equal loads.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-        Two or more stored runs.
-    states : sequence of Level
-        States to compare at. Default: `EQUAL` nominal pressures that all runs reach, or p* where one has no unit.
-
-    Returns
-    -------
-    Compared
-        A row for each state, run and group of surfaces, in the units of the first run.
-
-    Raises
-    ------
-    DatasetError
-        If no load is common to all runs, a state asked for is not reached in one of them, or units do not convert.
-    """
+    """Return numbers of several runs side by side at equal loads."""
     common: dict[str, str] = {}
     named = [(run, _named(run, common)) for run in runs]
     rows = []

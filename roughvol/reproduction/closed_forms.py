@@ -2,6 +2,7 @@
 
 Conventions: E* = E / (1 - ν²) is the contact modulus, Δ ≥ 0 the indentation, r ≥ 0 the distance from the axis. The
 pressure p ≥ 0 is compressive, and u > 0 is a displacement into the half space. "Johnson" is Contact Mechanics (1985).
+Radii, sides, spacings and displacements are in one unit of length, E* and pressures in one of pressure.
 Lengths, moduli and slopes must be finite and positive. Every function raises ContactError otherwise, naming the
 argument.
 """
@@ -31,59 +32,20 @@ class Indenter(NamedTuple):
 
 
 def hertz(indentation: float, radius: float, E_star: float = 1.0) -> Indenter:
-    """Return the contact of a rigid paraboloid r²/(2R): F = 4/3 E* √R Δ^{3/2}, a = √(R Δ) (Johnson, Sec. 4.2).
-
-    Parameters
-    ----------
-    indentation, radius : float
-        Δ and R [length].
-    E_star : float
-        E* [pressure].
-
-    Returns
-    -------
-    Indenter
-        Force [force], contact radius [length] and mean pressure [pressure].
-    """
+    """Return the contact of a rigid paraboloid r²/(2R): F = 4/3 E* √R Δ^{3/2}, a = √(R Δ) (Johnson, Sec. 4.2)."""
     check_positive(indentation=indentation, radius=radius, E_star=E_star)
     return _indenter(4.0 / 3.0 * E_star * math.sqrt(radius) * indentation**1.5, math.sqrt(radius * indentation))
 
 
 def hertz_pressure(r: ArrayLike, indentation: float, radius: float, E_star: float = 1.0) -> Array:
-    """Return p(r) = (2 E* / π R) √(a² - r²) inside the contact of `hertz`, 0 outside (Johnson, Sec. 3.4).
-
-    Parameters
-    ----------
-    r : array_like
-        Distance from the axis [length].
-    indentation, radius, E_star : float
-        As in `hertz`.
-
-    Returns
-    -------
-    array
-        p [pressure], shape of `r`.
-    """
+    """Return p(r) = (2 E* / π R) √(a² - r²) inside the contact of `hertz`, 0 outside (Johnson, Sec. 3.4)."""
     a = hertz(indentation, radius, E_star).contact_radius
     r = np.asarray(r, dtype=np.float64)
     return 2.0 * E_star / (math.pi * radius) * np.sqrt(np.maximum(a * a - r * r, 0.0))
 
 
 def hertz_displacement(r: ArrayLike, indentation: float, radius: float) -> Array:
-    """Return u(r) = [(2a² - r²) asin(a/r) + a √(r² - a²)] / (π R) outside, Δ - r²/(2R) inside (Johnson, Sec. 3.4).
-
-    Parameters
-    ----------
-    r : array_like
-        Distance from the axis [length].
-    indentation, radius : float
-        As in `hertz`.
-
-    Returns
-    -------
-    array
-        u [length], shape of `r`.
-    """
+    """Return u(r) = [(2a² - r²) asin(a/r) + a √(r² - a²)] / (π R) outside, Δ - r²/(2R) inside (Johnson, Sec. 3.4)."""
     a = hertz(indentation, radius).contact_radius
     r, outside = _split(r, a)
     beyond = ((2.0 * a * a - outside**2) * np.arcsin(a / outside) + a * np.sqrt(outside**2 - a * a)) / math.pi / radius
@@ -91,39 +53,13 @@ def hertz_displacement(r: ArrayLike, indentation: float, radius: float) -> Array
 
 
 def circular_punch(indentation: float, radius: float, E_star: float = 1.0) -> Indenter:
-    """Return the contact of a rigid flat circular punch, F = 2 a E* Δ (Johnson, Sec. 3.4).
-
-    Parameters
-    ----------
-    indentation, radius : float
-        Δ and a [length].
-    E_star : float
-        E* [pressure].
-
-    Returns
-    -------
-    Indenter
-        Force [force], contact radius [length] and mean pressure [pressure].
-    """
+    """Return the contact of a rigid flat circular punch, F = 2 a E* Δ (Johnson, Sec. 3.4)."""
     check_positive(indentation=indentation, radius=radius, E_star=E_star)
     return _indenter(2.0 * radius * E_star * indentation, radius)
 
 
 def circular_punch_pressure(r: ArrayLike, indentation: float, radius: float, E_star: float = 1.0) -> Array:
-    """Return p(r) = E* Δ / (π √(a² - r²)) inside `circular_punch`, infinite at its edge, 0 outside (Johnson).
-
-    Parameters
-    ----------
-    r : array_like
-        Distance from the axis [length].
-    indentation, radius, E_star : float
-        As in `circular_punch`.
-
-    Returns
-    -------
-    array
-        p [pressure], shape of `r`.
-    """
+    """Return p(r) = E* Δ / (π √(a² - r²)) inside `circular_punch`, infinite at its edge, 0 outside (Johnson)."""
     check_positive(indentation=indentation, radius=radius, E_star=E_star)
     r = np.asarray(r, dtype=np.float64)
     root = np.sqrt(np.maximum(radius * radius - r * r, 0.0))
@@ -132,79 +68,25 @@ def circular_punch_pressure(r: ArrayLike, indentation: float, radius: float, E_s
 
 
 def circular_punch_displacement(r: ArrayLike, indentation: float, radius: float) -> Array:
-    """Return u(r) = (2 Δ / π) asin(a/r) outside `circular_punch`, Δ inside (Johnson, Sec. 3.4).
-
-    Parameters
-    ----------
-    r : array_like
-        Distance from the axis [length].
-    indentation, radius : float
-        As in `circular_punch`.
-
-    Returns
-    -------
-    array
-        u [length], shape of `r`.
-    """
+    """Return u(r) = (2 Δ / π) asin(a/r) outside `circular_punch`, Δ inside (Johnson, Sec. 3.4)."""
     check_positive(indentation=indentation, radius=radius)
     return 2.0 * indentation / math.pi * np.arcsin(radius / _split(r, radius)[1])
 
 
 def square_punch(indentation: float, side: float, E_star: float = 1.0) -> float:
-    """Return the force of a rigid flat square punch, F = E* Δ L / 0.86783, right to 1e-5.
-
-    Parameters
-    ----------
-    indentation, side : float
-        Δ and L [length].
-    E_star : float
-        E* [pressure].
-
-    Returns
-    -------
-    float
-        F [force].
-    """
+    """Return the force of a rigid flat square punch, F = E* Δ L / 0.86783, right to 1e-5."""
     check_positive(indentation=indentation, side=side, E_star=E_star)
     return E_star * indentation * side / SQUARE_PUNCH_COMPLIANCE
 
 
 def cone(indentation: float, slope: float, E_star: float = 1.0) -> Indenter:
-    """Return the contact of a rigid cone r s: F = 2 E* Δ² / (π s), a = 2 Δ / (π s) (Sneddon 1965).
-
-    Parameters
-    ----------
-    indentation : float
-        Δ [length].
-    slope : float
-        s, the tangent of the angle between cone and surface.
-    E_star : float
-        E* [pressure].
-
-    Returns
-    -------
-    Indenter
-        Force [force], contact radius [length] and mean pressure [pressure].
-    """
+    """Return the contact of a rigid cone r s: F = 2 E* Δ² / (π s), a = 2 Δ / (π s) (Sneddon 1965)."""
     check_positive(indentation=indentation, slope=slope, E_star=E_star)
     return _indenter(2.0 * E_star * indentation**2 / (math.pi * slope), 2.0 * indentation / (math.pi * slope))
 
 
 def cone_pressure(r: ArrayLike, indentation: float, slope: float, E_star: float = 1.0) -> Array:
-    """Return p(r) = ½ E* s acosh(a/r) inside `cone`, infinite on the axis, 0 outside (Sneddon 1965).
-
-    Parameters
-    ----------
-    r : array_like
-        Distance from the axis [length].
-    indentation, slope, E_star : float
-        As in `cone`.
-
-    Returns
-    -------
-    array
-        p [pressure], shape of `r`.
-    """
+    """Return p(r) = ½ E* s acosh(a/r) inside `cone`, infinite on the axis, 0 outside (Sneddon 1965)."""
     a = cone(indentation, slope, E_star).contact_radius
     r = np.asarray(r, dtype=np.float64)
     ratio = np.divide(a, r, out=np.full(r.shape, np.inf), where=r > 0.0)
@@ -212,20 +94,7 @@ def cone_pressure(r: ArrayLike, indentation: float, slope: float, E_star: float 
 
 
 def cone_displacement(r: ArrayLike, indentation: float, slope: float) -> Array:
-    """Return u(r) = s [a asin(a/r) + √(r² - a²) - r] outside `cone`, Δ - s r inside (Sneddon 1965).
-
-    Parameters
-    ----------
-    r : array_like
-        Distance from the axis [length].
-    indentation, slope : float
-        As in `cone`.
-
-    Returns
-    -------
-    array
-        u [length], shape of `r`.
-    """
+    """Return u(r) = s [a asin(a/r) + √(r² - a²) - r] outside `cone`, Δ - s r inside (Sneddon 1965)."""
     a = cone(indentation, slope).contact_radius
     r, outside = _split(r, a)
     beyond = slope * (a * np.arcsin(a / outside) + np.sqrt(outside**2 - a * a) - outside)
@@ -240,20 +109,6 @@ def rectangle_displacement(
     u = p / (π E*) Σ± f(x ± a/2, y ± b/2),  f(ξ, η) = ξ asinh(η/|ξ|) + η asinh(ξ/|η|)
 
     The four corners cancel far away: the relative accuracy is ε (r/a)².
-
-    Parameters
-    ----------
-    x, y : array_like
-        Points relative to the centre [length], broadcast together.
-    sides : (float, float)
-        Sides a along x and b along y [length], positive.
-    pressure, E_star : float
-        p and E* [pressure].
-
-    Returns
-    -------
-    array
-        u [length].
     """
     check_positive(a=sides[0], b=sides[1], E_star=E_star)
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
@@ -269,18 +124,6 @@ def rectangle_mean_displacement(sides: tuple[float, float], pressure: float = 1.
     ū = p / (π E* a b) { 2 [a² b asinh(b/a) + a b² asinh(a/b)] + ⅔ [a³ + b³ - (a² + b²)^{3/2}] }
 
     This integral of `rectangle_displacement` is 0.9464 p L / E* for a square: V* - d/σ ≈ 0.95 p* of a whole surface.
-
-    Parameters
-    ----------
-    sides : (float, float)
-        Sides a and b [length], positive.
-    pressure, E_star : float
-        p and E* [pressure].
-
-    Returns
-    -------
-    float
-        ū [length].
     """
     a, b = sides
     check_positive(a=a, b=b, E_star=E_star)
@@ -290,20 +133,7 @@ def rectangle_mean_displacement(sides: tuple[float, float], pressure: float = 1.
 
 
 def single_element_pressure(indentation: float, spacing: float, E_star: float = 1.0) -> float:
-    """Return the pressure of one element in contact, p = Δ / H₀, H₀ = 4 ln(1+√2) δ / (π E*).
-
-    Parameters
-    ----------
-    indentation, spacing : float
-        Δ and δ [length].
-    E_star : float
-        E* [pressure].
-
-    Returns
-    -------
-    float
-        p [pressure].
-    """
+    """Return the pressure of one element in contact, p = Δ / H₀, H₀ = 4 ln(1+√2) δ / (π E*)."""
     check_positive(indentation=indentation, spacing=spacing, E_star=E_star)
     return indentation * math.pi * E_star / (4.0 * math.asinh(1.0) * spacing)
 
@@ -331,22 +161,6 @@ def westergaard(x: ArrayLike, ratio: float, amplitude: float, wavelength: float,
 
         p = (2π E* h/λ) cos(π x/λ) √(s_a² - s²)                                       in contact, s < s_a
         g = 2h [s √(s² - s_a²) - s_a² ln((s + √(s² - s_a²))/s_a)]                      elsewhere
-
-    Parameters
-    ----------
-    x : array_like
-        Distance from the crest [length].
-    ratio : float
-        a/λ, half width of the contact over the wavelength, 0 < a/λ ≤ 1/2.
-    amplitude, wavelength : float
-        h and λ [length].
-    E_star : float
-        E* [pressure].
-
-    Returns
-    -------
-    Wave
-        Mean pressure, pressures and gaps.
     """
     check_positive(ratio=ratio, amplitude=amplitude, wavelength=wavelength, E_star=E_star)
     if ratio > 0.5:
@@ -380,18 +194,7 @@ def _corner(x: Array, y: Array) -> Array:
 
 
 def check_positive(**values: float) -> None:
-    """Refuse values that are not finite and positive.
-
-    Parameters
-    ----------
-    **values : float
-        Values by the names of the arguments.
-
-    Raises
-    ------
-    ContactError
-        If one is not.
-    """
+    """Refuse values that are not finite and positive."""
     for name, value in values.items():
         if not (math.isfinite(value) and value > 0.0):
             raise ContactError(f"{name} must be finite and positive, got {value!r}")

@@ -15,11 +15,6 @@ def departures(judgement: Judgement, expected: str) -> list[str]:
 
     ``expected`` is JSON ``{"verdicts": {"4": "holds"}, "numbers": {"4.exponent": [0.35, 0.45]}}``; a number is named by
     its claim and its key in claims.json, and its value (not its interval) must lie in the band.
-
-    Raises
-    ------
-    DatasetError
-        If it is no such JSON.
     """
     try:
         data = json.loads(expected)

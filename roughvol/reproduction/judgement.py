@@ -60,13 +60,7 @@ class Judgement:
 
 
 def judge(stored: Sequence[StoredRun | str | Path], *, any_size: bool = False) -> Judgement:
-    """Return what stored runs, or what `StoredRun.open` takes, say of the claims.
-
-    Raises
-    ------
-    DatasetError
-        If one cannot be read, or there is none.
-    """
+    """Return what stored runs, or what `StoredRun.open` takes, say of the claims."""
     opened = [run if isinstance(run, StoredRun) else StoredRun.open(run) for run in stored]
     opened = list({run.file.resolve(): run for run in opened}.values())
     if not opened:

@@ -83,22 +83,7 @@ class Named:
 
 
 def parts(name: str, ds: Dataset, *, alone: bool) -> list[Named]:
-    """Return the runs to overlay of a dataset: one for each combination of the lists of its study.
-
-    Parameters
-    ----------
-    name : str
-        Name of the run.
-    ds : Dataset
-        As `dataset.read` returns it.
-    alone : bool
-        Whether no other run is drawn, so that its name may be left out.
-
-    Returns
-    -------
-    list of Named
-        One for a study without lists.
-    """
+    """Return the runs to overlay of a dataset: one for each combination of the lists of its study."""
     return [
         Named(", ".join(filter(None, ("" if alone and part.words else name, part.words))), part.dataset)
         for part in parts_of(ds)
@@ -117,25 +102,7 @@ def missing(name: str, runs: Sequence[Named]) -> str | None:
 
 
 def draw(name: str, runs: Sequence[Named]) -> Drawing:
-    """Return a figure by content, its curves named by run where there are several.
-
-    Parameters
-    ----------
-    name : str
-        Of `NAMES`.
-    runs : sequence of Named
-        One or more runs.
-
-    Returns
-    -------
-    Drawing
-        The figure; single surfaces as lines, several by mean and band.
-
-    Raises
-    ------
-    DatasetError
-        If a run lacks a quantity, or two runs have it in units that do not convert.
-    """
+    """Return a figure by content, its curves named by run where there are several."""
     if reason := missing(name, runs):
         raise DatasetError(reason)
     y_key, x_key = name.split("_of_")
@@ -316,24 +283,7 @@ def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]
 
 
 def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
-    """Yield the points of the curves of a figure, of any of this package.
-
-    Parameters
-    ----------
-    fig : Drawing
-        The figure.
-
-    Yields
-    ------
-    mapping
-        panel, curve, D, m, seed, case, axis, x, y, x_label, y_label, without TeX. What a curve does not have is None:
-        a mean of surfaces has no seed. The mark of a closed way has no y.
-
-    Raises
-    ------
-    DatasetError
-        If the figure has no curves, as a map.
-    """
+    """Yield the points of the curves of a figure, of any of this package."""
     empty = True
     for panel, ax in enumerate(fig.axes, start=1):
         unnamed = 0

@@ -13,21 +13,7 @@ from roughvol.report.figures.style import COLUMN, DASHES, STYLE, Drawing, canvas
 
 
 def drawing_of(over_time: History, run: Dataset) -> Drawing:
-    """Return the leak along both axes over time.
-
-    Parameters
-    ----------
-    over_time : History
-        A seal over time.
-    run : Dataset
-        The run it is read off, for the note below.
-
-    Returns
-    -------
-    Drawing
-        Leaks on logarithmic axes, of several surfaces the median and the 16 to 84 % range. A line ends where the median
-        is 0; a dotted line is the first time without an open way on any surface.
-    """
+    """Return the leak along both axes over time."""
     leaks = over_time.leak.values()
     several = next(iter(leaks)).surfaces
     shown = np.concatenate([np.concatenate([leak.value, leak.least]) for leak in leaks])

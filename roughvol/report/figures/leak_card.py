@@ -52,18 +52,7 @@ class Panel(NamedTuple):
 
 
 def panels(card: Card) -> list[Panel]:
-    """Return the drawings of a card that have something to show.
-
-    Parameters
-    ----------
-    card : Card
-        The card.
-
-    Returns
-    -------
-    list of Panel
-        Leak against load; map of the flux; error budget, or closing loads where nothing leaks.
-    """
+    """Return the drawings of a card that have something to show."""
     several = len(card.surfaces) > 1
     kind = "Median leak over surfaces" if several else "Leak"
     dry = " of the gap without fluid pressure, and the leak under it" if card.lifted else ""
@@ -83,20 +72,7 @@ def panels(card: Card) -> list[Panel]:
 
 
 def drawing_of(card: Card, panel: Panel) -> Drawing:
-    """Return one drawing of a card, in the type of the page.
-
-    Parameters
-    ----------
-    card : Card
-        The card.
-    panel : Panel
-        The drawing, of `panels`.
-
-    Returns
-    -------
-    Drawing
-        The figure.
-    """
+    """Return one drawing of a card, in the type of the page."""
     with mpl.rc_context(STYLE | SANS):
         fig = Drawing(figsize=PANEL, layout="constrained", dpi=150)
         fig.style = SANS
@@ -105,20 +81,7 @@ def drawing_of(card: Card, panel: Panel) -> Drawing:
 
 
 def page_of(card: Card, text: Sequence[tuple[str, Sequence[str]]]) -> Drawing:
-    """Return the card as one page of A4.
-
-    Parameters
-    ----------
-    card : Card
-        The card.
-    text : sequence of (str, sequence of str)
-        Headings with their lines: the title and the answers first, then what goes below the drawings.
-
-    Returns
-    -------
-    Drawing
-        One page.
-    """
+    """Return the card as one page of A4."""
     with mpl.rc_context(STYLE | SANS | SMALL):
         fig = Drawing(figsize=A4, dpi=150)
         fig.style = SANS

@@ -15,19 +15,7 @@ from roughvol.typing import Mask
 
 
 def reliefs(surfaces: Sequence[DataArray], titles: Sequence[str], height: str, contact: Mask | None = None) -> Drawing:
-    """Return a figure of lit surfaces on one vertical scale.
-
-    Parameters
-    ----------
-    surfaces : sequence of DataArray
-        Heights along ``x`` and ``y``, in any one unit.
-    titles : sequence of str
-        One above each.
-    height : str
-        Label of the vertical axis.
-    contact : ndarray of bool, optional
-        Contact elements of the last surface, drawn in one flat colour.
-    """
+    """Return a figure of lit surfaces on one vertical scale."""
     columns = 3 if len(surfaces) == 3 else min(2, len(surfaces))
     rows, width = -(-len(surfaces) // columns), PAGE / max(columns, 2)
     fig = canvas(width * columns, width * rows * (0.85 if columns > 2 else 0.68) + 0.2)

@@ -37,21 +37,7 @@ def name_of(family: Family, direction: str) -> str:
 def direction_legend(
     fig: Drawing, some: Sequence[Family], words: Iterable[str], closed: Iterable[str] = (), what: str = ""
 ) -> None:
-    """Put one legend above all axes: families by colour, directions of a single one by line, and what marks closing.
-
-    Parameters
-    ----------
-    fig : Drawing
-        Gets the legend.
-    some : sequence of Family
-        What is drawn.
-    words : iterable of str
-        What they have in common, and what curves and bands are.
-    closed : iterable of str
-        Directions that are seen to close.
-    what : str
-        What a mark means.
-    """
+    """Put one legend above all axes: families by colour, directions of a single one by line, and what marks closing."""
     alone = len(some) == 1
     named = [(f"along ${axis}$", some[0], look_of(some[0], axis, alone=True)) for axis in DIRECTIONS]
     if not alone:
@@ -142,28 +128,7 @@ def draw_by_width(ax: Axes, width: Array, rows: Array, look: dict[str, Any], dir
 
 
 def draw_ratio(ax: Axes, family: Family, members: list[Way], direction: str, *, alone: bool, beyond: float) -> bool:
-    """Draw an estimate over the flow along one direction, as long as more than half of the surfaces are open.
-
-    Parameters
-    ----------
-    ax : Axes
-        Has its limits.
-    family : Family
-        Of one D or file.
-    members : list of Way
-        The ratio, and where the flow closes.
-    direction : {"x", "y"}
-        Of the flow.
-    alone : bool
-        Whether there is no other family.
-    beyond : float
-        Ratio of a closed way: infinite for an estimate that is not 0 there, NaN (left out) for one that is.
-
-    Returns
-    -------
-    bool
-        Whether the direction is seen to close.
-    """
+    """Draw an estimate over the flow along one direction, as long as more than half of the surfaces are open."""
     look, name = look_of(family, direction, alone=alone), name_of(family, direction)
     floor, top = ax.get_ylim()
     if len(members) < 2 or (at := seal_ways.grid(members)).size < 2:

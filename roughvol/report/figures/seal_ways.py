@@ -51,15 +51,7 @@ def flow(ds: Dataset, name: str, direction: str) -> DataArray:
 
 
 def way(load: Array, value: Array) -> Way:
-    """Return the way of states in the order of loading; those without a value are not computed.
-
-    Parameters
-    ----------
-    load : ndarray
-        What is plotted along, rising or falling with the load.
-    value : ndarray, shape of ``load``
-        A flow, 0 where it is closed, NaN where it is not known.
-    """
+    """Return the way of states in the order of loading; those without a value are not computed."""
     mask = np.isfinite(load) & np.isfinite(value)
     load, value = load[mask], value[mask]
     open_ = np.flatnonzero(value > 0.0)
@@ -115,25 +107,7 @@ def ratios(family: Family, x: str, over: DataArray, direction: str) -> list[Way]
 
 
 def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: float = 0.0) -> Array:
-    """Return every way on points along x, shape (ways, points), NaN where it is not known.
-
-    Parameters
-    ----------
-    members : sequence of Way
-        Flows, or ratios to them.
-    at : ndarray, shape (points,)
-        Points along x.
-    hold : bool
-        Whether the last open value is kept until the first state computed closed, as of a ratio. A flow goes to 0
-        there along a straight line. Between open states the logarithm is interpolated.
-    beyond : float
-        Value from the first state computed closed on.
-
-    Returns
-    -------
-    ndarray, shape (ways, points)
-        Values; NaN where unknown.
-    """
+    """Return every way on points along x, shape (ways, points), NaN where it is not known."""
     rows = np.full((len(members), at.size), np.nan)
     sign = -1.0 if falls(members) else 1.0
     points = sign * at

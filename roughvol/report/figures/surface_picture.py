@@ -25,15 +25,6 @@ def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
 
     To see: a spike, a hole, a tilt or a step that the numbers do not show. The dashed curve in the histogram is the
     normal distribution of the same Sq.
-
-    Parameters
-    ----------
-    surface : Surface
-        As it is pressed.
-    unit : str, optional
-        Unit of its lengths, a key of `lengths.METRES`; arbitrary if not given.
-    title : str
-        A line above the picture.
     """
     heights = surface.heights - surface.mean_height
     width, depth = (surface.spacing * (nodes - 1) for nodes in surface.shape)
@@ -68,13 +59,7 @@ def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
 
 
 def write(surface: Surface | None, unit: str | None, title: str, path: Path) -> Path:
-    """Write the picture of a surface and return its path.
-
-    Raises
-    ------
-    DatasetError
-        If the surface is too large to be made for a picture (None), or the file cannot be written.
-    """
+    """Write the picture of a surface and return its path."""
     if surface is None:
         raise DatasetError(f"{title}: too large a surface to be drawn before it is computed")
     try:

@@ -55,13 +55,7 @@ class _Mean:
 
 
 def answers(runs: Sequence[Run]) -> Iterator[Answers]:
-    """Yield the statements that each ensemble among the runs decides.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-        Stored runs.
-    """
+    """Yield the statements that each ensemble among the runs decides."""
     for run in runs:
         if "ensemble_samples" not in run.dataset:
             continue

@@ -55,13 +55,7 @@ class Evidence:
         return needs.relaxed() if self.any_size else needs
 
     def best(self, needs: Needs) -> Run:
-        """Return the best of `fit`.
-
-        Raises
-        ------
-        Lacking
-            If there is none.
-        """
+        """Return the best of `fit`, or raise `Lacking`."""
         runs = self.fit(needs)
         require(runs, f"no run with {needs}")
         return runs[0]
@@ -75,13 +69,7 @@ class Given:
     fit: Mapping[str, Sequence[Run]]
 
     def run(self, use: str = "") -> Run:
-        """Return the best run for a use.
-
-        Raises
-        ------
-        Lacking
-            If there is none.
-        """
+        """Return the best run for a use, or raise `Lacking`."""
         require(self.fit[use], f"no run with {self.needs[use]}")
         return self.fit[use][0]
 
@@ -177,13 +165,7 @@ def at(x: Array, y: Array, points: Array) -> Array:
 
 
 def common(curves: Sequence[Array]) -> Array:
-    """Return `GRID` even points over the range that every surface of every curve reaches.
-
-    Raises
-    ------
-    Lacking
-        If there is no such range.
-    """
+    """Return `GRID` even points over the range that every surface of every curve reaches, or raise `Lacking`."""
     low = max(float(np.nanmax(np.nanmin(x, axis=1))) for x in curves)
     high = min(float(np.nanmin(np.nanmax(x, axis=1))) for x in curves)
     require(low < high, "a range of the axis that all surfaces reach")

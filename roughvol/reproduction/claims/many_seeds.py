@@ -63,11 +63,6 @@ def many_seeds(evidence: Evidence) -> ManySeeds:
     """Return the scatter of few surfaces, drawn from the run with the most.
 
     Sets of ten are drawn without repetition from all, 5000 times, with a fixed seed.
-
-    Raises
-    ------
-    Lacking
-        If no run has the configuration and at least three times ten surfaces.
     """
     evidence.best(ENOUGH)
     runs = [run for run in evidence.fit(ENOUGH) if run.seeds >= 3 * FEW]

@@ -40,14 +40,7 @@ def ratio(key: str, name: str, values: ArrayLike) -> Number:
 def bootstrap(key: str, name: str, statistic: Callable[[Index], float], n: int) -> Number:
     """Return a statistic of all n surfaces with its percentile interval over resamples of the surfaces.
 
-    Parameters
-    ----------
-    key, name : str
-        Key of the number in claims.json, and its name in words.
-    statistic : callable
-        Takes the numbers of the surfaces drawn (with repetition), shape (n,).
-    n : int
-        Number of surfaces; with one there is no interval.
+    ``statistic`` takes the numbers of the surfaces drawn (with repetition), shape (n,); one surface has no interval.
     """
     value = statistic(np.arange(n))
     if n < 2:

@@ -269,17 +269,7 @@ EQUAL = 1e-9
 
 
 def judged_framework(published: Framework, indentation: Array, pressure: Array, area: float) -> list[Check]:
-    """Return the checks of a published case.
-
-    Parameters
-    ----------
-    published : Framework
-        The case.
-    indentation, pressure : ndarray, shape (steps,)
-        Δ and p of the iteration, in its units.
-    area : float
-        A* of the last step.
-    """
+    """Return the checks of a published case."""
     follows = published.Delta + np.append(0.0, pressure[:-1]) * WHOLE * published.alpha / MODULUS
     off = exact(
         "rule", "largest relative distance from Delta + F α/(L E*)", float(np.abs(indentation / follows - 1).max())

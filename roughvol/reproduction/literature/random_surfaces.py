@@ -204,13 +204,7 @@ def closings(run: Run, area: Array) -> Array:
 
 
 def closing_area(area: Array, is_open: Array) -> Array:
-    """Return the area half way between the last open state and the next, NaN where there is no next.
-
-    Parameters
-    ----------
-    area, is_open : ndarray, shape (surfaces, steps)
-        A*, and 1 where void leads from side to side.
-    """
+    """Return the area half way between the last open state and the next, NaN where there is no next."""
     found = np.full(len(area), np.nan)
     for surface, (values, ways) in enumerate(zip(area, is_open, strict=True)):
         last = np.flatnonzero(ways > 0.0)
