@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -46,14 +46,14 @@ class Page:
 
 def write(page: Page, folder: Path) -> Path:
     """Write a card as HTML and PDF, and return the path of the first."""
-    path = folder / f"{page.stem}.html"
-    stamped_file.write(path, html_of(page).encode())
-    leak_card.page_of(page.card, _print(page)).savefig(folder / f"{page.stem}.pdf")
+    path, shown = folder / f"{page.stem}.html", document(page)
+    stamped_file.write(path, html.render(shown).encode())
+    leak_card.page_of(page.card, list(_print(shown))).savefig(folder / f"{page.stem}.pdf")
     return path
 
 
-def html_of(page: Page) -> str:
-    """Return a card as a page of HTML."""
+def document(page: Page) -> Document:
+    """Return a card as a page: answers, drawings, each way, and what the card rests on."""
     card = page.card
     facts, kept, exceeded = card_text.rests_on(page.fine)
     drawn = tuple(
@@ -74,41 +74,35 @@ def html_of(page: Page) -> str:
     held = (Section(kind="kept", under="Kept:", items=tuple(kept)),) if kept else ()
     parts.append(Section("Limits of the model, over the states of the sweep", sections=(limits, *held)))
     parts.append(Section("Identity", facts=tuple(card_text.identity(page.fine, page.identity))))
-    return html.render(Document(f"Leak card: {card.title}", sections=tuple(parts)))
+    return Document(f"Leak card: {card.title}", sections=tuple(parts))
 
 
 def _answers(card: Card) -> Pairs:
     return tuple((f"Along {way.axis}", card_text.answer(way)) for way in card.ways)
 
 
-def _print(page: Page) -> list[tuple[str, list[str]]]:
-    """Return headings and lines of the page of print."""
-    card = page.card
-    facts, kept, exceeded = card_text.rests_on(page.fine)
-    lead = [f"At {card_text.load_of(card)}.", *(f"{name}: {words}." for name, words in _answers(card))]
-    parts = [(f"Leak card: {card.title}", [*lead, card_text.patch(card)])]
-    for way in card.ways:
-        rows = [f"{name}: {factor}; {words}" for name, factor, words in card_text.budget(way)]
-        parts.append((f"Along {way.axis}", [*card_text.closes(card, way), *rows]))
-    if len(card.surfaces) > 1:
-        several = card_text.surfaces(card)
-        named = [zip(several.head[1:], row[1:], strict=True) for row in several.rows]
-        rows = [
-            f"{row[0]}: {', '.join(f'{name} {cell}' for name, cell in cells)}"
-            for row, cells in zip(several.rows, named, strict=True)
-        ]
-        parts.append(("Surfaces", _most(rows)))
-    every = [*card_text.load_facts(card), *facts]
-    parts.append(("What the card rests on", ["  ·  ".join(f"{name}: {value}" for name, value in every)]))
-    limits = _most([f"•  {line}" for line in exceeded]) or [NONE_EXCEEDED]
-    parts.append(
-        (
-            "Limits of the model, over the states of the sweep",
-            [*limits, *([f"Kept: {'; '.join(kept)}."] if kept else [])],
-        )
-    )
-    parts.append(("Identity", [f"{name}: {value}" for name, value in card_text.identity(page.fine, page.identity)]))
-    return parts
+def _print(shown: Document) -> Iterator[tuple[str, list[str]]]:
+    """Yield headings and lines of the page of print: the answers first, then each titled section."""
+    lead = [line for part in shown.sections if not part.title for line in _lines(part)]
+    yield shown.title, lead
+    yield from ((part.title, list(_lines(part))) for part in shown.sections if part.title)
+
+
+def _lines(part: Section) -> Iterator[str]:
+    """Yield the lines of a section in print; facts go on one line, answers on one each."""
+    yield from part.notes
+    facts = [f"{name}: {value}" for name, value in part.facts]
+    yield from facts if part.kind == "answer" else filter(None, ["  ·  ".join(facts)])
+    for table in part.tables:
+        if table.head == card_text.HEAD:
+            yield from (f"{name}: {factor}; {words}" for name, factor, words in table.rows)
+        else:
+            cells = ([f"{name} {cell}" for name, cell in zip(table.head, row, strict=True)] for row in table.rows)
+            yield from _most([", ".join(row) for row in cells])
+    kept = f"{part.under} {'; '.join(part.items)}."
+    yield from [kept] if part.under else _most([f"•  {line}" for line in part.items])
+    for inner in part.sections:
+        yield from _lines(inner)
 
 
 def _most(lines: list[str]) -> list[str]:
