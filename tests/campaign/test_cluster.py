@@ -174,9 +174,9 @@ def test_a_process_labels_its_file_by_its_own_format_of_answers(tmp_path: Path) 
         "import pathlib, pickle\n"
         "from roughvol.study import case\n"
         "case.ANSWER_FORMAT = 99\n"
-        "from roughvol.campaign.one_case import file_of_case\n"
+        "from roughvol.campaign.one_case import Context, file_of_case\n"
         "case = pickle.loads(pathlib.Path('case').read_bytes())\n"
-        "pathlib.Path('case.nc').write_bytes(file_of_case(case))\n"
+        "pathlib.Path('case.nc').write_bytes(file_of_case(case, Context()))\n"
     )
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
     assert stamped_file.labels(tmp_path / "case.nc")["format_of_answers"] == "99"

@@ -66,10 +66,10 @@ def test_values_are_those_of_processes_bit_for_bit(tmp_path: Path) -> None:
 def test_a_failing_case_here_is_named_and_costs_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = batch.file_of_case
 
-    def failing(case: Any, **options: Any) -> bytes:
+    def failing(case: Any, *context: Any, **given: Any) -> bytes:
         if case.seed == 1:
             raise MemoryError("does not fit")
-        return real(case, **options)
+        return real(case, *context, **given)
 
     monkeypatch.setattr(batch, "file_of_case", failing)
     with pytest.raises(CampaignError, match=r"1 of 3 cases failed; the others are kept\n.*not enough memory"):
