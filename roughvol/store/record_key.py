@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import functools
-
-from roughvol.observables.variables import VARIABLES
+from roughvol.observables.variables import OBSERVABLES, VARIABLES
+from roughvol.study import Record
 
 IN_UNITS = {  # variables of the section ``dimensional``
     "nominal_pressure": "pressure",
@@ -19,31 +18,15 @@ IN_UNITS = {  # variables of the section ``dimensional``
 
 
 def record_key(variable: str) -> str:
-    """Return the key that stores a variable, as ``record.transport.percolation`` for ``percolates_x``.
+    """Return the key that stores a variable, as ``record.transport.percolation`` for ``percolates_x``; empty for none.
 
-    Parameters
-    ----------
-    variable : str
-        Name in the table of variables, or of a derived one.
-
-    Returns
-    -------
-    str
-        Empty for variables of every study with a sweep.
+    The variable is in the table or follows from a variable of the table.
     """
     base = variable.removesuffix("_x").removesuffix("_y").replace("_dry", "")
     if base in IN_UNITS:
         return f"record.dimensional.{IN_UNITS[base]}"
     row = VARIABLES.get(variable)
     name = row.observable if row is not None and row.observable else base
-    if name == "region_transmissivity":
-        return "record.region_widths.transmissivity"
-    found = (f"record.{section}{name}" for section in ("", "transport."))
-    return next((key for key in found if key in _keys()), "")
-
-
-@functools.cache
-def _keys() -> set[str]:
-    from roughvol.study.reference import keys
-
-    return {key.path for key in keys()}
+    if name in OBSERVABLES and OBSERVABLES[name].key:
+        return f"record.{OBSERVABLES[name].key.removesuffix('.at')}"
+    return f"record.{name}" if name in Record.model_fields else ""
