@@ -21,7 +21,8 @@ from roughvol.contact.loading import Compliance, sweep
 from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.observables import reduction
 from roughvol.observables.levels import options_of
-from roughvol.observables.reduction import Reduction, Values
+from roughvol.observables.reduction import Reduction
+from roughvol.observables.view import Values
 from roughvol.store import checkpoint as checkpoints
 from roughvol.store import dataset, provenance, small_file
 from roughvol.store.checkpoint import Checkpoint
