@@ -106,11 +106,8 @@ def conjugate_gradients(
     tolerance, law = tuning.safety * rtol, problem.law
     q, w = start.q, start.w
     # First free set: (6) without the elements that M⁻¹ expects lifted clear. The verification finds a wrong guess.
-    free = law.free(q, w)
-    inverse, free = approximate_inverse(
-        half_space.influence, half_space.shape, elements, q, w, free, start.rates, tuning, periodic=half_space.periodic
-    )
-    weaker = weaker_inverses(half_space.influence, half_space.shape, elements, tuning, periodic=half_space.periodic)
+    inverse, free = approximate_inverse(half_space, elements, q, w, law.free(q, w), start.rates, tuning)
+    weaker = weaker_inverses(half_space, elements, tuning)
     direction: NDArray[Any] = np.zeros(q.size, dtype=np.float32 if single else np.float64)
     r_before, rz, step, residual = direction.copy(), 1.0, 0.0, np.inf  # without effect: the first direction is z
     for iteration in range(3 * tuning.iterations):

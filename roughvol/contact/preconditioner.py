@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from roughvol.contact.far_field import by_blocks
 from roughvol.contact.near_field import border, near_field
+from roughvol.contact.state import Compliance
 from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.typing import Array, Index, Map, Mask
 
@@ -17,16 +18,13 @@ Rates = tuple[Array, Array]
 
 
 def approximate_inverse(
-    influence: Array,
-    shape: tuple[int, int],
+    half_space: Compliance,
     elements: Index,
     pressure: Array,
     gap: Array,
     free: Mask,
     rates: Rates | None,
     tuning: Tuning = TUNING,
-    *,
-    periodic: bool = False,
 ) -> tuple[Map, Mask]:
     """Return r ↦ M⁻¹ r ≈ K⁻¹ r, equations (13) to (15) of docs/solver.md, and the elements expected in contact.
 
@@ -39,18 +37,18 @@ def approximate_inverse(
     `pressure` and `gap` are q and w at the start. `rates` are pressure and displacement per unit of further
     indentation; without them the far field is not corrected.
     """
-    reach = tuning.near_reach_periodic if periodic else tuning.near_reach
+    influence, shape = half_space.influence, half_space.shape
     if rates is None:
-        return near_field(influence, shape[1], elements, reach, periodic=periodic), free
+        return _near(half_space, elements, tuning), free
     rate, displacement = rates
 
     def both_fields(near: Map, kept: Index) -> Map:
         # t of equation (14); the near field mends it on new elements, K t = 1
         t = np.maximum(rate[kept] + near(1.0 - displacement[kept]), 0.0)
-        return by_blocks(near, influence, shape, elements[kept], t, tuning, periodic=periodic)
+        return by_blocks(near, influence, shape, elements[kept], t, tuning, periodic=half_space.periodic)
 
     kept = np.flatnonzero(free) if free.any() else np.arange(free.size)
-    near = near_field(influence, shape[1], elements[kept], reach, periodic=periodic)
+    near = _near(half_space, elements[kept], tuning)
     inverse = near
     searches = tuning.lifted_rounds if shape[0] * shape[1] >= tuning.lifted_again_from else 1
     for _ in range(searches):
@@ -59,7 +57,7 @@ def approximate_inverse(
             break
         kept = kept[~lifted]
         del near, inverse  # before the memory of the next ones
-        near = near_field(influence, shape[1], elements[kept], reach, periodic=periodic)
+        near = _near(half_space, elements[kept], tuning)
         inverse = both_fields(near, kept)
     if inverse is near:
         inverse = both_fields(near, kept)
@@ -81,14 +79,16 @@ def approximate_inverse(
     return apply, ~left_out
 
 
-def weaker_inverses(
-    influence: Array, shape: tuple[int, int], elements: Index, tuning: Tuning = TUNING, *, periodic: bool = False
-) -> Iterator[Map]:
+def _near(half_space: Compliance, elements: Index, tuning: Tuning) -> Map:
+    reach = tuning.near_reach_periodic if half_space.periodic else tuning.near_reach
+    return near_field(half_space.influence, half_space.shape[1], elements, reach, periodic=half_space.periodic)
+
+
+def weaker_inverses(half_space: Compliance, elements: Index, tuning: Tuning = TUNING) -> Iterator[Map]:
     """Yield maps in place of an M⁻¹ that gives no descent: the near field alone, then r itself.
 
     They take more iterations to the same answer. The last one is repeated without end: r descends.
     """
-    reach = tuning.near_reach_periodic if periodic else tuning.near_reach
-    yield near_field(influence, shape[1], elements, reach, periodic=periodic)
+    yield _near(half_space, elements, tuning)
     while True:
         yield lambda r: r

@@ -54,19 +54,9 @@ class Response:
     @cached_property
     def _inverse(self) -> Map:
         """M⁻¹ of the solver for a set that stays; its far field is weighted by the near field of t."""
-        half_space, zero = self._half_space, np.zeros(self._elements.size)
-        every = np.ones(self._elements.size, dtype=bool)
-        return approximate_inverse(
-            half_space.influence,
-            half_space.shape,
-            self._elements,
-            every.astype(np.float64),
-            zero,
-            every,
-            (zero, zero),
-            self._tuning,
-            periodic=half_space.periodic,
-        )[0]
+        zero, every = np.zeros(self._elements.size), np.ones(self._elements.size, dtype=bool)
+        q = every.astype(np.float64)
+        return approximate_inverse(self._half_space, self._elements, q, zero, every, (zero, zero), self._tuning)[0]
 
     def _conjugate_gradients(self, right: Array) -> Array:
         """Solve by conjugate gradients; directions are made conjugate by the formula that bears an inexact inverse."""

@@ -1,17 +1,35 @@
-"""Slow and obvious counterparts of the half space and of the contact solver, for grids of some hundred elements."""
+"""What the tests of the solver share: surfaces and half spaces, and slow counterparts for some hundred elements."""
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from scipy import linalg, signal
 from scipy.optimize import nnls
 
+from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import kernel_of
 from roughvol.reproduction import closed_forms
+from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 KERNELS = ("love", "punch")  # with coefficients, so that a free patch has them
+
+
+@lru_cache
+def half_space(shape, kernel="love"):
+    return HalfSpace(shape, kernel)
+
+
+@lru_cache
+def fractal(m, D=2.3, seed=0):
+    return random_midpoint_displacement(D, m, seed=seed)
+
+
+def mean_plane(surface):
+    """Indentation at which the rigid plane has come down to the mean plane, d = 0."""
+    return (surface.z_max - surface.mean_height) / surface.Sq
 
 
 def coefficients(shape, kernel="love"):

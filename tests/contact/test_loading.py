@@ -22,7 +22,10 @@ from oracles import (
     coefficients,
     dense_matrix,
     exact_pressure,
+    fractal,
+    half_space,
     lattice_pressure,
+    mean_plane,
     scaled_overlap,
     solved_case,
     summed_displacement,
@@ -61,21 +64,6 @@ HEIGHTS = {
 GENERIC = [name for name in HEIGHTS if name.startswith("D=") or name in ("white noise", "3 × 60", "3 × 3")]
 INDENTATIONS = (0.05, 0.6, 0.61, 2.0, 7.0, 60.0, 400.0)
 TIGHT = 1e-10
-
-
-@lru_cache
-def half_space(shape, kernel="love"):
-    return HalfSpace(shape, kernel)
-
-
-@lru_cache
-def fractal(m, D=2.3, seed=0):
-    return random_midpoint_displacement(D, m, seed=seed)
-
-
-def mean_plane(surface):
-    """Indentation at which the rigid plane has come down to the mean plane, d = 0."""
-    return (surface.z_max - surface.mean_height) / surface.Sq
 
 
 @lru_cache

@@ -263,9 +263,8 @@ def lifted(**constants):
     pressure, gap = np.where(inside, 1.0, 0.0), np.where(inside, -0.01, -1e-6)
     rates = np.zeros(around.size), np.ones(around.size)
     rates[0][inside] = t
-    inverse, free = approximate_inverse(
-        influence, shape, around, pressure, gap, (pressure > 0) | (gap < 0), rates, Tuning(**constants)
-    )
+    free = (pressure > 0) | (gap < 0)
+    inverse, free = approximate_inverse(HalfSpace(shape), around, pressure, gap, free, rates, Tuning(**constants))
     assert free[inside].all()
     assert free[~inside].mean() < 0.1
     matrix = dense_matrix(coefficients(shape))[np.ix_(around, around)]

@@ -3,37 +3,22 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from oracles import fractal, half_space, mean_plane
 
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials, solve, sweep
 from roughvol.contact.search import first_indentation, indentation_for
 from roughvol.contact.tuning import SearchTuning
 from roughvol.errors import ContactError
-from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 
 peaks = np.full((17, 17), -1.0)
 peaks[[3, 3, 13, 13], [3, 13, 3, 13]] = 0.0
 MEASURE = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure"}
-
-
-@lru_cache
-def half_space(shape, kernel="love"):
-    return HalfSpace(shape, kernel)
-
-
-@lru_cache
-def fractal(m, D=2.3, seed=0):
-    return random_midpoint_displacement(D, m, seed=seed)
-
-
-def mean_plane(surface):
-    return (surface.z_max - surface.mean_height) / surface.Sq
 
 
 # ---- answers

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from oracles import half_space
 
-from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve, sweep
 from roughvol.reproduction import closed_forms
 from roughvol.surfaces.surface import Surface
@@ -62,11 +62,6 @@ BODIES = {
     ),
 }
 QUANTITIES = ("force", "radius", "pressure", "displacement", "free volume")
-
-
-@lru_cache
-def half_space(shape):
-    return HalfSpace(shape)
 
 
 def pressed(heights, indentation, rtol=1e-8):
