@@ -101,11 +101,13 @@ def indentation_for(
         if value >= min(most, float(trials.untouched.gap().mean())):  # the two differ by rounding
             raise ContactError(f"{target} is {value}; allowed: 0 < V* < {most:.6g}, that of the first touch")
         start = most - value
-        goal = Target(closed_of(surface), start)
+        # The volume closed so far, from the gaps. On a line between two states gaps are too large, as they are convex,
+        # so it is a bound as A* and p* are.
+        goal = Target(lambda contact: most - float(contact.gap().mean()), start)
     else:
         start = _mean_plane(surface) * min(1.0, value * (5.0 if area else 1.0)) ** 0.5
         goal = Target(lambda contact: float(getattr(contact, TARGETS[target])), value, elements=area)
-    return _search(trials, goal, start, tuning.accuracy, tuning, brink=area).approach
+    return _search(trials, goal, start, tuning, brink=area).approach
 
 
 def first_indentation(
@@ -145,27 +147,10 @@ def first_indentation(
     """
     trials = Trials(surface, half_space, options, **changed)
     target = Target(lambda contact: float(reached(contact)), 1.0, elements=True, power=False)
-    return _search(trials, target, _mean_plane(surface), accuracy, tuning, brink=True).approach
+    return _search(trials, target, _mean_plane(surface), tuning, brink=True, accuracy=accuracy).approach
 
 
-def closed_of(surface: Surface) -> Callable[[Contact], float]:
-    """Return Contact ↦ the free volume closed since the first touch, over σ, which never falls under more contact.
-
-    It is taken from the gaps. Those of an estimate on a straight line between two states are too large, as gaps are
-    convex, so it is a bound as A* and p* are.
-    """
-    depth = (surface.z_max - surface.mean_height) / surface.unit
-    return lambda contact: depth - float(contact.gap().mean())
-
-
-def state_reaching(
-    trials: Trials,
-    target: Target,
-    between: list[Contact],
-    *,
-    below: bool = False,
-    tuning: SearchTuning = SEARCH_TUNING,
-) -> Contact:
+def state_reaching(trials: Trials, target: Target, between: list[Contact], *, below: bool = False) -> Contact:
     """Return the smallest state of elastic contact that reaches a value, its indentation right to a relative 10⁻⁶.
 
     `between` has the solved contacts before and after the value. It has the contact after alone, if nothing has
@@ -177,24 +162,25 @@ def state_reaching(
         if target.reached(touch):
             return touch
         between = [touch, *between]
-    return _search(trials, target, 0.0, tuning.accuracy, tuning, brink=False, between=between)
+    return _search(trials, target, 0.0, brink=False, between=between)
 
 
 def _search(
     trials: Trials,
     target: Target,
     start: float,
-    accuracy: float,
-    tuning: SearchTuning,
+    tuning: SearchTuning = SEARCH_TUNING,
     *,
     brink: bool,
     between: Sequence[Contact] = (),
+    accuracy: float | None = None,
 ) -> Contact:
     """Return the state at the smallest indentation that reaches the target, from bounds on straight lines.
 
     With `brink`, elements on the brink of contact do not count. States on either side (`between`) replace the start.
     States without contact may be among them.
     """
+    accuracy = tuning.accuracy if accuracy is None else accuracy
     margin = tuning.sure * trials.options.rtol if brink else 0.0
 
     def holds(line: Line, indentation: float, noise: float = 0.0) -> bool:
@@ -288,9 +274,7 @@ def _least_error(indentation: float, states: list[Contact], clear: float) -> tup
     return other, one
 
 
-def state_crossing(
-    trials: Trials, target: Target, start: Contact, end: Contact | None = None, *, accuracy: float = CROSSING
-) -> Contact:
+def state_crossing(trials: Trials, target: Target, start: Contact, end: Contact | None = None) -> Contact:
     """Return the first state at which a quantity reaches a value, on the way from a solved state: up or down.
 
     `end` is a state at the value or beyond it. By default it is the first touch where the value is below that of the
@@ -316,17 +300,15 @@ def state_crossing(
     reach, solves = (CROSSING_GROWTH - 1.0) * (near.approach or near.separation), 0
     while far is None or excess(far) < 0.0:
         if far is not None:
-            full = (
-                not target.elements and far.contact_area_fraction >= 1.0 and target.measure(far) <= target.measure(near)
-            )
-            if full or solves == SOLVES:
+            full = not target.elements and far.contact_area_fraction >= 1.0
+            if solves == SOLVES or (full and target.measure(far) <= target.measure(near)):
                 raise ContactError(f"the value {value:g} is not reached up to Δ/σ = {far.approach:g}")
             near = far
         far = trials.at(near.approach + reach, near)
         reach, solves = 2.0 * reach, solves + 1
     if far is touch and excess(far) == 0.0:
         return far  # contact is lost there and not before
-    return _between(trials, excess, near, far, accuracy)
+    return _between(trials, excess, near, far)
 
 
 def _apart(trials: Trials, target: Target) -> Contact:
@@ -338,16 +320,14 @@ def _apart(trials: Trials, target: Target) -> Contact:
     return state
 
 
-def _between(
-    trials: Trials, excess: Callable[[Contact], float], near: Contact, far: Contact, accuracy: float
-) -> Contact:
+def _between(trials: Trials, excess: Callable[[Contact], float], near: Contact, far: Contact) -> Contact:
     """Return a state of excess ≥ 0 as near to the other side as asked for: regula falsi (Illinois) and bisection."""
     low, high = excess(near), excess(far)
     bracket = Bracket([near], falls=far.approach < near.approach)
     bracket.beyond.append(far)
     for trial in range(SOLVES):
         near, far, width = bracket.short[0], bracket.beyond[0], bracket.width
-        if abs(width) <= accuracy * far.approach + 2.0 * (near.residual + far.residual):
+        if abs(width) <= CROSSING * far.approach + 2.0 * (near.residual + far.residual):
             return far
         plateau = high == 0.0  # as of percolation and of whole elements: it begins before this state
         share = 0.5 if plateau or trial % 3 == 2 else min(max(low / (low - high), 0.01), 0.99)
@@ -358,14 +338,14 @@ def _between(
     raise ContactError(f"no indentation found in {SOLVES} solves; the last was {far.approach:.9g}")
 
 
-def state_under(trials: Trials, pressure: float, guess: float, *, accuracy: float = LOAD) -> Contact:
+def state_under(trials: Trials, pressure: float, guess: float) -> Contact:
     """Return the state of elastic contact with a mean pressure p* > 0, from a guess of its indentation (Δ'/σ)."""
     bracket, near, start = Bracket([trials.untouched]), list[Contact](), trials.problem.touch
     indentation = guess if guess > start else start + 1e-3
     for _ in range(SOLVES // 2):
         state = trials.at(indentation, *_around(indentation, [trials.untouched, *near]))
         near = sorted([state, *near], key=lambda known: abs(known.mean_pressure - pressure))[:3]
-        if abs(state.mean_pressure - pressure) <= accuracy * pressure:
+        if abs(state.mean_pressure - pressure) <= LOAD * pressure:
             return state
         bracket.add(state, state.mean_pressure >= pressure)
         if bracket.beyond and bracket.width <= 4e-15 * bracket.beyond[0].approach:
