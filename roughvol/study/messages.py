@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any, get_args
+from typing import Any
 
-from pydantic import BaseModel, RootModel, ValidationError
+from pydantic import BaseModel, ValidationError
 
-from roughvol.study.sections.strict import names, nearest
+from roughvol.study.sections.strict import models_in, names, nearest
 from roughvol.study.validation import RULE, plain_path
 from roughvol.study.values.state_kinds import LISTS
 from roughvol.study.yaml_text import KeyPath, key_text, number_text, show
@@ -103,19 +103,10 @@ def _unknown(path: KeyPath, data: Any, of: Models) -> tuple[str, str | None]:
 
 def _models(*models: type[BaseModel], path: KeyPath = ()) -> Iterator[tuple[KeyPath, tuple[type[BaseModel], ...]]]:
     """Yield the key path of every mapping with its possible models."""
-
-    def inside(annotation: Any) -> Iterator[type[BaseModel]]:
-        if isinstance(annotation, type) and issubclass(annotation, RootModel):
-            yield from inside(annotation.model_fields["root"].annotation)
-        elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            yield annotation
-        for argument in get_args(annotation):
-            yield from inside(argument)
-
     yield path, models
     for model in models:
         for name, field in model.model_fields.items():
-            nested = tuple(inside(field.annotation))
+            nested = tuple(models_in(field.annotation))
             if nested:
                 yield from _models(*nested, path=(*path, name))
 

@@ -218,15 +218,19 @@ def _spectrum(study: Sections) -> Problems:
         yield ("surface", "anisotropy"), f"must be less than L/λ_s, {number_text(cut)}: no wave along x is left"
 
 
-@_rule("surface.L", "surface.unit", "material")
+@_rule("surface.L", "surface.unit")
 def _units(study: Sections) -> Problems:
-    surface, modulus, Sq = study.surface, study.material.unit, getattr(study.surface, "Sq", None)
+    surface, Sq = study.surface, getattr(study.surface, "Sq", None)
     own = unit_of(surface.L)
     if own is not None and surface.unit not in (None, own):
         yield ("surface", "unit"), f"L has a unit already ({surface.L}): omit 'unit'"
     if unit_of(Sq) and surface.length_unit is None:
         yield ("surface", "Sq"), f"has a unit ({Sq}) and L has none: give L with its unit, as L: 100 um"
-    if modulus is not None:
+
+
+@_rule("material")
+def _moduli(study: Sections) -> Problems:
+    if study.material.unit is not None:
         return
     if unit_of(study.material.hardness):
         yield ("material", "hardness"), "has a unit and the modulus has none: give both with units, or none"

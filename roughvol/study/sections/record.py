@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Annotated, Any, Literal, get_args, get_type_hints
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -19,7 +19,7 @@ from pydantic import (
 
 from roughvol.study.sections.dimensional import Dimensional, FluidPressure
 from roughvol.study.sections.select import IN_WORDS, Select, Selector
-from roughvol.study.sections.strict import Choice, Strict
+from roughvol.study.sections.strict import Choice, Strict, models_in
 from roughvol.study.values.numbers import AreaFraction, Fraction, Whole
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
 from roughvol.study.values.units import in_unit, unit_of
@@ -274,23 +274,15 @@ class Record(Strict):
         return record
 
 
-def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the records that an annotation holds, in unions and behind ``Annotated``."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for argument in get_args(annotation):
-        yield from _models(argument)
-
-
 def _selectors() -> Iterator[tuple[str, ...]]:
     """Yield the path of every key of `Record` that selects states."""
-    for name, annotation in get_type_hints(Record, include_extras=True).items():
-        for model in _models(annotation):
+    for name, field in Record.model_fields.items():
+        for model in models_in(field.annotation):
             if issubclass(model, Select):
                 yield (name,)
                 continue
-            for inner, hint in get_type_hints(model, include_extras=True).items():
-                if any(issubclass(part, Select) for part in _models(hint)):
+            for inner, within in model.model_fields.items():
+                if any(issubclass(part, Select) for part in models_in(within.annotation)):
                     yield name, inner
 
 

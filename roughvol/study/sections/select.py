@@ -15,7 +15,7 @@ from roughvol.study.sections.strict import Choice
 from roughvol.study.values.numbers import AreaFraction, Positive, StepNumber
 from roughvol.study.values.scale import OF_ALL
 from roughvol.study.values.state_kinds import Level, Starred
-from roughvol.study.values.units import In, Quantity, unit_of
+from roughvol.study.values.units import Gap, Length, Load, Position, Pressure, Quantity, unit_of
 from roughvol.study.values.words import Many, Word
 
 
@@ -30,20 +30,16 @@ class Select(Choice):
 
     step: Many[StepNumber] = Field(default_factory=tuple, description="step numbers, from 1 to sweep.steps")
     contact_area: Many[AreaFraction] = Field(default_factory=tuple, description="levels of A*, 0 < A* <= 1")
-    pressure: Many[Annotated[Positive, In("pressure")]] = Field(
-        default_factory=tuple, description="levels of p* > 0, or of p as 0.5 MPa"
-    )
-    separation: Many[Annotated[float, In("length")]] = Field(
+    pressure: Many[Pressure] = Field(default_factory=tuple, description="levels of p* > 0, or of p as 0.5 MPa")
+    separation: Many[Position] = Field(
         default_factory=tuple, description="levels of d/σ, reached from above, or of d as 0.5 um"
     )
-    indentation: Many[Annotated[Positive, In("length")]] = Field(
-        default_factory=tuple, description="levels of Δ/σ > 0, or of Δ as 2 um"
-    )
+    indentation: Many[Length] = Field(default_factory=tuple, description="levels of Δ/σ > 0, or of Δ as 2 um")
     free_volume: Many[Positive] = Field(default_factory=tuple, description="levels of V* > 0, reached from above")
-    mean_gap: Many[Annotated[Positive, In("length", needed=True)]] = Field(
+    mean_gap: Many[Gap] = Field(
         default_factory=tuple, description="levels of the mean gap, as 1 um, reached from above"
     )
-    load: Many[Annotated[Positive, In("force", needed=True)]] = Field(
+    load: Many[Load] = Field(
         default_factory=tuple, description=f"levels of the load on the whole surface, as 20 N; {OF_ALL}"
     )
 

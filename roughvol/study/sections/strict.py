@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import difflib
-from typing import Any, NoReturn
+from collections.abc import Iterator
+from typing import Any, NoReturn, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_serializer
+from pydantic import BaseModel, ConfigDict, RootModel, ValidationError, model_serializer
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from roughvol.study.values.units import Quantity
@@ -22,6 +23,16 @@ def refuse_at(path: KeyPath, given: Any, message: str, **context: str) -> NoRetu
 def names(*models: type[BaseModel]) -> list[str]:
     """Return the keys of these models."""
     return list(dict.fromkeys(name for model in models for name in model.model_fields))
+
+
+def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the records that an annotation holds, in unions and behind ``Annotated``."""
+    if isinstance(annotation, type) and issubclass(annotation, RootModel):
+        yield from models_in(annotation.model_fields["root"].annotation)
+    elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from models_in(argument)
 
 
 def nearest(word: str, known: list[str]) -> str | None:

@@ -25,7 +25,7 @@ from roughvol.study.sections.strict import Choice, Strict, refuse_at
 from roughvol.study.values.numbers import AreaFraction, Positive, Whole
 from roughvol.study.values.scale import OF_ALL
 from roughvol.study.values.state_kinds import LISTS, STATE_KINDS, Level
-from roughvol.study.values.units import In, Quantity, convert, unit_of
+from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, Quantity, convert, unit_of
 from roughvol.study.values.words import Many, Word, refuse
 from roughvol.study.yaml_text import KeyPath
 
@@ -38,34 +38,22 @@ class Target(Choice):
     percolation: Literal["x", "y", "both"] | None = Field(
         default=None, description="end without an open way from side to side: along 'x', 'y' or 'both'"
     )
-    indentation: Annotated[Positive, In("length")] | None = Field(
-        default=None, description="end at this Δ/σ > 0, or Δ as 2 um"
-    )
+    indentation: Length | None = Field(default=None, description="end at this Δ/σ > 0, or Δ as 2 um")
     contact_area: AreaFraction | None = Field(default=None, description="end at this A*, 0 < A* <= 1")
-    pressure: Annotated[Positive, In("pressure")] | None = Field(
-        default=None, description="end at this p* > 0, or p as 0.5 MPa"
-    )
-    separation: Annotated[float, In("length")] | None = Field(
+    pressure: Pressure | None = Field(default=None, description="end at this p* > 0, or p as 0.5 MPa")
+    separation: Position | None = Field(
         default=None, description="end at this d/σ, negative beyond the mean plane, or d as 0.5 um"
     )
     free_volume: Positive | None = Field(default=None, description="end at this V* > 0, which falls on loading")
-    mean_gap: Annotated[Positive, In("length", needed=True)] | None = Field(
-        default=None, description="end at this mean gap > 0, as 1 um"
-    )
-    load: Annotated[Positive, In("force", needed=True)] | None = Field(
-        default=None, description=f"end at this load > 0 on the whole surface, as 20 N; {OF_ALL}"
-    )
-    leak_rate: Annotated[Positive, In("flow", needed=True)] | None = Field(
+    mean_gap: Gap | None = Field(default=None, description="end at this mean gap > 0, as 1 um")
+    load: Load | None = Field(default=None, description=f"end at this load > 0 on the whole surface, as 20 N; {OF_ALL}")
+    leak_rate: Flow | None = Field(
         default=None,
         description="end where the leak rates along both axes have fallen to this, as 1e-3 mm^3/s; the fluid is that "
         "of record.dimensional.leak_rate",
     )
-    leak_rate_x: Annotated[Positive, In("flow", needed=True)] | None = Field(
-        default=None, description="end where the leak rate along x has fallen to this"
-    )
-    leak_rate_y: Annotated[Positive, In("flow", needed=True)] | None = Field(
-        default=None, description="end where the leak rate along y has fallen to this"
-    )
+    leak_rate_x: Flow | None = Field(default=None, description="end where the leak rate along x has fallen to this")
+    leak_rate_y: Flow | None = Field(default=None, description="end where the leak rate along y has fallen to this")
 
     @model_validator(mode="after")
     def _one_state(self) -> Target:
@@ -143,30 +131,30 @@ class Sweep(Strict):
         default="indentation",
         description="quantity of equal steps: 'indentation', 'pressure', or 'log pressure' (equal ratios from 'first')",
     )
-    first: Annotated[Positive, In("pressure")] | None = Field(
+    first: Pressure | None = Field(
         default=None,
         description="p* or pressure of the first step on the first leg, with equal: log pressure; default: that of the "
         "last step over 1000",
     )
-    pressures: Many[Annotated[Positive, In("pressure")]] = Field(
+    pressures: Many[Pressure] = Field(
         default=(), description="instead of steps and to: p* > 0 or pressures as 0.1 MPa, a step at each"
     )
-    loads: Many[Annotated[Positive, In("force", needed=True)]] = Field(
+    loads: Many[Load] = Field(
         default=(),
         description=f"instead of steps and to: loads on the whole surface, as 20 N, a step at each; {OF_ALL}",
     )
     contact_areas: Many[AreaFraction] = Field(default=(), description="instead of steps and to: A*, a step at each")
-    indentations: Many[Annotated[Positive, In("length")]] = Field(
+    indentations: Many[Length] = Field(
         default=(), description="instead of steps and to: Δ/σ or lengths, a step at each"
     )
-    separations: Many[Annotated[float, In("length")]] = Field(
+    separations: Many[Position] = Field(
         default=(), description="instead of steps and to: falling d/σ or lengths, a step at each"
     )
     free_volumes: Many[Positive] = Field(default=(), description="instead of steps and to: falling V*, a step at each")
-    mean_gaps: Many[Annotated[Positive, In("length", needed=True)]] = Field(
+    mean_gaps: Many[Gap] = Field(
         default=(), description="instead of steps and to: falling mean gaps, as 1 um, a step at each"
     )
-    leak_rates: Many[Annotated[Positive, In("flow", needed=True)]] = Field(
+    leak_rates: Many[Flow] = Field(
         default=(), description="instead of steps and to: falling leak rates, as 1e-3 mm^3/s, a step at each"
     )
 

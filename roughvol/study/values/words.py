@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn, TypeVar
 
@@ -16,74 +17,78 @@ def refuse(message: str, **context: str) -> NoReturn:
     raise PydanticCustomError("refused", message, context)
 
 
-class _OneOrMany:
-    """Accept a value or a list of values, also in the JSON schema."""
+class _Form:
+    """Take another form of a value, also in the JSON schema."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(self._listed, handler(source))
+        return core_schema.no_info_wrap_validator_function(self._read, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        many = handler(schema["schema"])
-        return {"anyOf": [many["items"], {**many, "minItems": 1}]}
+        return {"anyOf": self._forms(handler(schema["schema"]))}
 
-    @staticmethod
-    def _listed(value: Any) -> tuple[Any, ...]:
+    def _read(self, value: Any, inner: Callable[[Any], Any]) -> Any:
+        """Return the value of any form."""
+        raise NotImplementedError
+
+    def _forms(self, inner: Any) -> list[Any]:
+        """Return the JSON schema of each form."""
+        raise NotImplementedError
+
+
+class _OneOrMany(_Form):
+    """Take a value or a list of values."""
+
+    def _forms(self, inner: Any) -> list[Any]:
+        return [inner["items"], {**inner, "minItems": 1}]
+
+    def _read(self, value: Any, inner: Callable[[Any], Any]) -> Any:
         if not isinstance(value, list | tuple):
-            return (value,)
+            return inner((value,))
         if not value:
             refuse("must have at least one item")
-        return tuple(value)
+        return inner(tuple(value))
 
 
 @dataclass(frozen=True)
-class Word:
-    """Accept one word as short for a mapping, also in the JSON schema."""
+class Word(_Form):
+    """Take a word as short for a mapping."""
 
     word: str
     meaning: tuple[tuple[str, Any], ...] = ()
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(self._spelled_out, handler(source))
+    def _forms(self, inner: Any) -> list[Any]:
+        return [{"const": self.word}, inner]
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": [{"const": self.word}, handler(schema["schema"])]}
-
-    def _spelled_out(self, value: Any) -> Any:
+    def _read(self, value: Any, inner: Callable[[Any], Any]) -> Any:
         if value == self.word:
-            return dict(self.meaning)
+            return inner(dict(self.meaning))
         if not isinstance(value, dict | BaseModel) or (value == {} and not self.meaning):
             refuse("must be the word '{word}' or a mapping (key: value) that is not empty", word=self.word)
-        return value
+        return inner(value)
 
 
-class Auto:
-    """Accept the word 'auto', which is read as no number at all, and say so in the JSON schema."""
+class Auto(_Form):
+    """Take the word 'auto', which is read as no number at all."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_wrap_validator_function(
-            lambda value, inner: () if value in ("auto", ()) else inner(value), handler(source)
-        )
+    def _forms(self, inner: Any) -> list[Any]:
+        return [{"const": "auto"}, inner]
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": [{"const": "auto"}, handler(schema["schema"])]}
+    def _read(self, value: Any, inner: Callable[[Any], Any]) -> Any:
+        return () if value in ("auto", ()) else inner(value)
 
 
-class Switch:
-    """Accept true for the defaults of a mapping and false for nothing, and show both in the JSON schema."""
+class Switch(_Form):
+    """Take true for the defaults of a mapping, and false for nothing."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(self._spelled_out, handler(source))
+    def _forms(self, inner: Any) -> list[Any]:
+        return [{"type": "boolean"}, inner]
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": [{"type": "boolean"}, handler(schema["schema"])]}
-
-    @staticmethod
-    def _spelled_out(value: Any) -> Any:
+    def _read(self, value: Any, inner: Callable[[Any], Any]) -> Any:
         if isinstance(value, bool):
-            return {} if value else None
+            return inner({} if value else None)
         if not isinstance(value, dict | BaseModel | None):
             refuse("must be true, false or a mapping (key: value)")
-        return value
+        return inner(value)
 
 
 Many = Annotated[tuple[T, ...], _OneOrMany()]
