@@ -191,13 +191,7 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> list[tuple[Place
 
 
 def axes_of(made: Sequence[tuple[Places, Any]], given: Mapping[str, Sequence[Any]]) -> tuple[Axis, ...]:
-    """Return the axes of the combinations of a study, whose lists are given as plain data.
-
-    Raises
-    ------
-    ValidationError
-        If only some items have a unit, or two have one label.
-    """
+    """Return the axes of the combinations of a study, whose lists are given as plain data."""
     found = []
     for name in made[0][0]:
         items = [_item(name, next(study for places, study in made if places[name] == k)) for k in _places(made, name)]

@@ -21,22 +21,7 @@ NO_UNIT = ("", "1", "length")  # attributes `units` of numbers without a unit
 
 
 def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
-    """Return an object of Python as plain data.
-
-    Parameters
-    ----------
-    value : object
-        Text, a number, a path, an array, a list or a mapping of these.
-    problems : dict
-        Receives the key path and the message of each object that is no plain data.
-    path : tuple
-        Key path of the object.
-
-    Returns
-    -------
-    object
-        None, bool, int, float, str, list or dict.
-    """
+    """Return an object of Python as plain data; ``problems`` receives a message for each that is none."""
     if value is None or isinstance(value, bool):
         return value
     if isinstance(value, str | Quantity):
@@ -71,18 +56,7 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
 
 
 def measured(value: Any) -> tuple[Any, str]:
-    """Return the number or array of a quantity of pint or an array of xarray, and its unit.
-
-    Parameters
-    ----------
-    value : object
-        Any object.
-
-    Returns
-    -------
-    (object, str)
-        The number, and its unit, as ``MPa``; other objects unchanged, and an empty text.
-    """
+    """Return the number of an object and its unit, as ``MPa``; other objects unchanged, and an empty text."""
     unit = ""
     if hasattr(value, "coords") and hasattr(value, "attrs") and hasattr(value, "data"):  # a DataArray
         unit, value = str(value.attrs.get("units", "")).strip(), value.data

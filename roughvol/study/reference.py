@@ -38,13 +38,7 @@ class Key:
 
 @functools.cache
 def keys() -> tuple[Key, ...]:
-    """Return all keys of a study in the order of the schema, sections before their keys.
-
-    Returns
-    -------
-    tuple of Key
-        The keys; one that two forms of a mapping share appears once for each that describes it differently.
-    """
+    """Return all keys of a study in the order of the schema, sections before their keys."""
     schema = json_schema()
     return tuple(dict.fromkeys(_keys(schema, schema["$defs"], "", "", ())))
 

@@ -76,13 +76,7 @@ class Rule:
 
 
 def validated(data: Any, read: Callable[[Any], S], rules: Sequence[Rule], context: dict[str, Any] | None) -> S:
-    """Return the study of plain data without lists.
-
-    Raises
-    ------
-    ValidationError
-        With the faults of all sections, and all broken rules.
-    """
+    """Return the study of plain data without lists; its ValidationError has all faults and broken rules."""
     wrong: list[InitErrorDetails] = []
     repair = _Repair(data, context)
     study: Any = None

@@ -144,13 +144,7 @@ def key_path(text: str) -> KeyPath:
 
 
 def put(data: Any, path: KeyPath, value: Any) -> None:
-    """Set a key of plain data; mappings on its path are made.
-
-    Raises
-    ------
-    ValueError
-        If the path leads through a value that is no mapping, or beyond a list.
-    """
+    """Set a key of plain data; mappings on its path are made. ValueError: the path leads through another value."""
     for place, key in enumerate(path):
         inside = isinstance(data, list) and isinstance(key, int) and key < len(data)
         if not inside and not (isinstance(data, dict) and isinstance(key, str)):

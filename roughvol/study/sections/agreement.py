@@ -58,23 +58,7 @@ _KEYS = ("surface", "surface.against")
 
 
 def resolve(surface: HeightFile) -> Measured:
-    """Return the section completed by its files.
-
-    Parameters
-    ----------
-    surface : HeightFile
-        Section ``surface`` of a study.
-
-    Returns
-    -------
-    Measured
-        The resolved section.
-
-    Raises
-    ------
-    StudyError
-        If a file cannot be read, a length or a unit is missing, or the files and the study disagree.
-    """
+    """Return the section completed by its files; refuse files that disagree with it or lack a length or a unit."""
     descriptions, bodies = [], []
     for key, section in zip(_KEYS, surface.bodies, strict=False):
         sha256 = _digest(Path(section.file), f"{key}.file")

@@ -152,17 +152,9 @@ MadeSurface = GeneratedSurface | SpectralSurface
 
 
 def first_finest(surface: MadeSurface) -> int:
-    """Return m of the finest level with which an ensemble begins.
+    """Return m or log2 n of the finest level with which an ensemble begins.
 
-    Parameters
-    ----------
-    surface : GeneratedSurface or SpectralSurface
-        Section of the study.
-
-    Returns
-    -------
-    int
-        The m or log2 n of the study. Of 'auto' the smallest, with a spectrum that whose elements show the power law.
+    Of 'auto': the smallest, with a spectrum the smallest whose elements show the power law.
     """
     if surface.m:
         return surface.m[0]
@@ -172,19 +164,9 @@ def first_finest(surface: MadeSurface) -> int:
 
 
 def holds_all_waves(surface: MadeSurface, m: int) -> bool:
-    """Return whether a level and the three below hold all waves of a surface, so that a limit would show.
+    """Return whether a level and the three below hold all waves, so that a limit would show.
 
-    Parameters
-    ----------
-    surface : GeneratedSurface or SpectralSurface
-        Section of the study.
-    m : int
-        Level.
-
-    Returns
-    -------
-    bool
-        True of midpoint surfaces, which have no shortest wave.
+    True of midpoint surfaces, which have no shortest wave.
     """
     return not isinstance(surface, SpectralSurface) or 2**m >= CUT_NODES * surface.shortest_ratio or m >= AUTO_TO
 

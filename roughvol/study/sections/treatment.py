@@ -157,36 +157,7 @@ def steps(treatment: Treatment, unit: str | None) -> list[str]:
 def settled(
     surface: Keys, files: Sequence[File], shape: Callable[[int], tuple[int, int]], L: float, unit: str | None
 ) -> tuple[Treatment, float, list[float | None]]:
-    """Return the treatment in nodes, the remaining length, and the pixel ratio of each file.
-
-    Parameters
-    ----------
-    surface : Keys
-        The section of the study.
-    files : sequence of File
-        One file or two.
-    shape : callable
-        Returns the nodes of a file from its index. It may read the file. It is called only if the treatment changes
-        the lattice, or the file has the lengths of its axes.
-    L : float
-        Length of the first axis of the first file in the unit of the study.
-    unit : str or None
-        Unit of all lengths.
-
-    Returns
-    -------
-    treatment : Treatment
-        Treatment of each file, positions as node numbers.
-    L : float
-        Length of the first axis of the pressed lattice.
-    ratios : list of float or None
-        Pixel side along y over that along x; None without resampling.
-
-    Raises
-    ------
-    StudyError
-        If pixels are oblong, a crop or block means leave too few nodes, or two files differ in their nodes.
-    """
+    """Return the treatment in nodes, the remaining length, and the pixel ratio of each file."""
     low_pass = None if surface.low_pass is None else in_unit_of_study(surface.low_pass, unit, "surface.low_pass")
     outliers = None if surface.outliers is None else (surface.outliers.sigma, surface.outliers.window)
     plain = Treatment(surface.level, surface.missing, low_pass, outliers=outliers)
@@ -220,11 +191,6 @@ def nodes_kept(crop: Crop | None, downsample: int, lattice: Lattice, unit: str |
     """Return the first and the last node kept along each axis, None for all nodes.
 
     Nodes in the rectangle and on its border are kept, except the last ones that fill no block.
-
-    Raises
-    ------
-    StudyError
-        If the rectangle exceeds the map, has lengths in a study without a unit, or keeps too few nodes.
     """
     kept = []
     for axis, nodes, pixel in zip(("x", "y"), lattice.shape, lattice.pixel, strict=True):
@@ -260,13 +226,7 @@ def resampled_nodes(nodes: int, ratio: float) -> int:
 
 
 def check_pixels(lattice: Lattice, resample: Resampling, file: str, unit: str | None) -> None:
-    """Refuse pixels that are neither square nor resampled, and pixels too oblong to resample.
-
-    Raises
-    ------
-    StudyError
-        With the sides of the pixels and the allowed ones.
-    """
+    """Refuse pixels that are neither square nor resampled, and pixels too oblong to resample."""
     sides = f"{file} has pixels of {lattice.pixel[0]:.6g} by {lattice.pixel[1]:.6g} {unit or ''}".rstrip()
     if not 1.0 / MOST_OBLONG <= lattice.ratio <= MOST_OBLONG:
         wrong(f"{sides}; allowed: one side up to {MOST_OBLONG:g} times the other", _RESAMPLE)
@@ -278,13 +238,7 @@ _RESAMPLE = "surface.resample"
 
 
 def in_unit_of_study(length: Length, unit: str | None, key: str) -> float:
-    """Return a length of the treatment in the unit of the study; a plain number is in that unit.
-
-    Raises
-    ------
-    StudyError
-        If it has a unit and the study has none.
-    """
+    """Return a length of the treatment in the unit of the study; a plain number is in that unit."""
     own = unit_of(length)
     if own is None:
         return float(length)
