@@ -41,7 +41,7 @@ CONFIDENCE = 0.95
 OF_MEDIAN = math.sqrt(0.5 * math.pi)
 FLOW, SWEEP = "leak_rate", "the sweep"
 EACH = "root mean square of the surfaces' own factors"
-# docs/leak-card.md
+# docs/how-to/leak-card.md
 MEASURED = "measured, it held in 92 % of 360 maps, in 86 % of 80 with a roll-off at light load"
 
 

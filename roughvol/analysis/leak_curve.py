@@ -7,7 +7,7 @@ wide, so the error is rather too large. No factor is tuned. The leak falls with 
 leaks of the two steps.
 
 The error contains the true leak in 97 % of readings on random sweeps (``python -m tests.bench.read_off``,
-docs/read-offs.md).
+docs/how-to/read-offs.md).
 
 A way closes between its last open step and the next step. There the leak lies between 0 and that of the open step. Its
 value is on the straight line to 0, as in `at`.

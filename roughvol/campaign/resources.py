@@ -16,7 +16,7 @@ from roughvol.observables import requests
 from roughvol.observables.variables import OBSERVABLES
 from roughvol.study import Case
 
-# Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/cluster.md).
+# Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/how-to/cluster.md).
 PROCESS_BYTES = 2e8  # of a process after its imports
 SURFACE_BYTES, NODE_BYTES = 50, 280  # per node: of a surface alone; of half space and solver
 SKEWED_BYTES = 25  # per node, in addition: while heights get their skewness

@@ -1,7 +1,7 @@
 """Limits of the model: a linear elastic half space of small slopes, without yield or fluid pressure.
 
 Conventions: pressures are over E*, p/E* = p* Sq/L. s = Sdq/2 is the root mean square contact pressure over E* of a
-surface pressed flat (Persson 2001). Limits are choices of this module; docs/validity.md has their sources and remedies.
+surface pressed flat (Persson 2001). Limits are choices of this module; validity.md has their sources and remedies.
 
 Slopes and p/E* depend on the ratio of heights to L. A file, ``Sq``, or L with a unit gives it. Otherwise heights have
 the unit of L by convention alone, and slope and p/E* are not judged. A hardness is always judged. The rim of a free
@@ -40,12 +40,12 @@ UNLOADED = 1e-12  # p*: an unloaded surface to rounding
 CLOSES_AT = 0.42  # A* at the closing of the last way (Persson & Yang 2008; Wang & Müser 2020)
 
 SMALL_SLOPES = "Al-Qudsi, De Lorenzis & Scaraggi 2022; Sdr ≈ Sdq²/2 (ISO 25178-2)"
-NORMAL_HEIGHTS = "extreme values of normal heights, docs/validity.md"
+NORMAL_HEIGHTS = "extreme values of normal heights, docs/explanation/validity.md"
 SMALL_STRAINS = "Johnson 1985, section 4.1"
 HARDNESS = "Tabor 1951, H ≈ 3 Y"
 PERSISTENCE = "Williamson & Hunt 1972; Pullen & Williamson 1972: A* = (p/H)/(1 + p/H)"
 COUPLING = "Shvarts & Yastrebov 2018"
-FREE_PATCH = "configs/seal_region.yaml, docs/validity.md"
+FREE_PATCH = "configs/seal_region.yaml, docs/explanation/validity.md"
 
 
 @dataclass(frozen=True)

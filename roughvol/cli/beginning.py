@@ -241,7 +241,7 @@ def _say_variable(name: str, row: Variable) -> None:
     say(f"{name}   {row.symbol}   variable of study.nc")
     from roughvol.store.record_key import record_key
 
-    needs = record_key(name) or "every study, or as docs/observables.md describes"
+    needs = record_key(name) or "every study, or as docs/reference/observables.md describes"
     along = row.dims.replace("...", "D m seed (or case)") or "none, one number"
     facts = (
         ("meaning", row.long_name),
@@ -267,7 +267,7 @@ def _say_gas(name: str) -> None:
         ),
         ("molar mass", f"{1e3 * row.molar_mass:.5g} g/mol"),
         ("free path", f"{1e9 * gas.mean_free_path(1e5):.3g} nm at 1 bar and {gas.temperature}"),
-        ("from", "White, Viscous Fluid Flow (2006); docs/gas-leak.md"),
+        ("from", "White, Viscous Fluid Flow (2006); docs/how-to/gas-leak.md"),
     )
     click.echo(name)
     for title, text in facts:

@@ -1,6 +1,6 @@
 """One indentation: predict from the secant through two states, iterate on the candidates, verify on the whole grid.
 
-This is the page of the solver. Equation numbers are those of docs/solver.md. With pressures q, overlap b = h + Δ, gap
+This is the page of the solver. Equation numbers are those of solver.md. With pressures q, overlap b = h + Δ, gap
 w = K q - b and all lengths over σ, the contact is the solution of q ≥ 0, w ≥ 0, q w = 0 on every element.
 The law of the problem (`law`) says which pressures are allowed and which elements are free; a hardness is in it.
 """

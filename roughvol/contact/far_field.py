@@ -1,6 +1,6 @@
 """The far field of K⁻¹: corrections of the near field by blocks of elements and blocks of blocks.
 
-Equation (15) of docs/solver.md, with its symbols. B is the near field on the elements:
+Equation (15) of docs/explanation/solver.md, with its symbols. B is the near field on the elements:
 
     M⁻¹ = P C Pᵀ + (1 - P Xᵀ) B (1 - X Pᵀ),        X = E + N C.
 
@@ -51,7 +51,7 @@ def by_blocks(
     *,
     periodic: bool = False,
 ) -> Map:
-    """Return r ↦ M⁻¹ r on the elements, equation (15) of docs/solver.md.
+    """Return r ↦ M⁻¹ r on the elements, equation (15) of docs/explanation/solver.md.
 
     `near` is r ↦ B r, symmetric and positive definite. t ≥ 0 is the pressure under uniform further indentation. Results
     have 32 bits.

@@ -32,7 +32,7 @@ class Kernel:
         (f₁, f₂) ↦ displacement under a unit wave of f periods per spacing, on a periodic half space; any value at 0.
         Default: the coefficients summed over images. They then differ from Love's as 1/r⁵ at most.
     m_matrix : bool
-        Whether K⁻¹ is an M-matrix, see docs/solver.md: overlaps at the hardness are never undone on a leg of a path.
+        Whether K⁻¹ is an M-matrix, see solver.md: overlaps at the hardness are never undone on a leg of a path.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Contact laws: the pressures q and gaps w that an element may have, and what a step of the solver may change.
 
 Rigid wall: q ≥ 0, w ≥ 0, q w = 0. A wall with a hardness Q has q ≤ Q as well, and w ≤ 0 where q = Q: equation (16) of
-docs/solver.md. Another law is a class with these members; `active_set` and `problem` ask nothing else.
+docs/explanation/solver.md. Another law is a class with these members; `active_set` and `problem` ask nothing else.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ One convolution in double precision gives it after the iteration has ended. A pr
 *exact* solution for heights changed by at most η. Hence F(Δ - η) ≤ F ≤ F(Δ + η) for the load, and |δV*| ≤ η/σ for the
 free volume. Solves end on this number and on nothing else.
 
-docs/solver.md has the method and its equations.
+docs/explanation/solver.md has the method and its equations.
 """
 
 from __future__ import annotations

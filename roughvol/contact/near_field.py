@@ -30,7 +30,7 @@ def near_field(
     cache: int = TUNING.cache,
     periodic: bool = False,
 ) -> Map:
-    """Return r ↦ Gᵀ G r ≈ K⁻¹ r on the elements, G sparse and triangular: equation (13) of docs/solver.md.
+    """Return r ↦ Gᵀ G r ≈ K⁻¹ r on the elements, G sparse and triangular: equation (13) of docs/explanation/solver.md.
 
     Row i of G solves K_PP y = e_i, where P is element i and its preceding neighbours in the set; G_i = y/√y_i. This
     factorised sparse approximate inverse is symmetric, and positive definite whenever K is: G is invertible, on a free

@@ -18,7 +18,7 @@ class Options:
     Attributes
     ----------
     rtol : float
-        Bound of the residual η/σ, 0 < rtol ≤ 1; equation (2) of docs/solver.md.
+        Bound of the residual η/σ, 0 < rtol ≤ 1; equation (2) of docs/explanation/solver.md.
     method : {"fast", "paper"}
         "paper" is the paper's Algorithm 1 on dense matrices, for at most 65 × 65 elements.
     precision : {"mixed", "double"}

@@ -16,7 +16,7 @@ gaps. It only relabels the indentation,
     Δ' = Δ + mean(u) = Δ + p*        over σ,
 
 where Δ is that of the mean planes, and Δ' is the approach at which the solver solves. With λ(0) the inverse of the Love
-operator is an M-matrix (test_periodic), and docs/solver.md applies as it stands.
+operator is an M-matrix (test_periodic), and docs/explanation/solver.md applies as it stands.
 """
 
 from __future__ import annotations

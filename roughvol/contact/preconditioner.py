@@ -26,7 +26,7 @@ def approximate_inverse(
     rates: Rates | None,
     tuning: Tuning = TUNING,
 ) -> tuple[Map, Mask]:
-    """Return r ↦ M⁻¹ r ≈ K⁻¹ r, equations (13) to (15) of docs/solver.md, and the elements expected in contact.
+    """Return r ↦ M⁻¹ r ≈ K⁻¹ r, equations (13) to (15) of solver.md, and the elements expected in contact.
 
     Neighbours lift an element without pressure clear if the step M⁻¹(-w) gives it none. The inverse is made without
     these elements. One that comes into contact takes part by the near field around it (`near_field.border`).

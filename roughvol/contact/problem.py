@@ -3,7 +3,7 @@
 The overlap that the law leaves on elements at its limit is a plastic displacement of the surface, ≥ 0, that stays. All
 states of a leg have the heights of its start.
 
-Symbols and equations are those of docs/solver.md.
+Symbols and equations are those of docs/explanation/solver.md.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ On the elements I in contact, K_II q = u gives the pressures q that displace the
 and the pressures are t = K_II⁻¹ 1; Σt is the stiffness. All numbers are in lattice units (`halfspace`).
 
 Few elements are solved by a Cholesky factorisation, more by conjugate gradients with the approximate inverse of the
-solver (docs/solver.md) on the set I. Where K⁻¹ is an M-matrix, t ≥ 0, so a residual of t of at most η on every element
+solver (solver.md) on the set I. Where K⁻¹ is an M-matrix, t ≥ 0, so a residual of t of at most η on every element
 bounds the relative error of Σt by η: 1ᵀ K_II⁻¹ (1 - K_II t) = t_exactᵀ (1 - K_II t).
 """
 

@@ -75,7 +75,7 @@ class Contact:
         Convolutions of the solve, verification included, by precision. Unit: one on the full grid. A convolution over
         a part of the grid counts by its share.
     residual : float
-        η/σ, equation (2) of docs/solver.md; a bound of the error of the free volume. NaN in a state not solved. On a
+        η/σ, equation (2) of solver.md; a bound of the error of the free volume. NaN in a state not solved. On a
         surface that has yielded before, the residuals of the states that left it are added.
     mean_pressure_bound : float
         Bound of the relative error of p*: the residual times a bound of the stiffness. Infinite without any pressure

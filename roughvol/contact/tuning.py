@@ -1,7 +1,7 @@
 """The constants of the contact solver: one frozen record, passed in as an argument.
 
 None of them changes the answer beyond the residual. They decide when something is worth its time.
-`docs/solver-notebook.md` has the measurements behind each, with their commands.
+`docs/explanation/notes/solver-notebook.md` has the measurements behind each, with their commands.
 """
 
 from __future__ import annotations

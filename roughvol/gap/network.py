@@ -2,7 +2,7 @@
 
 Σ w (P_i - P_j) over the neighbours j of node i = b_i: a symmetric M-matrix. Up to `DIRECT` unknowns it is factorised
 (SuperLU). Its memory grows faster than the unknowns. Beyond, conjugate gradients are preconditioned by smoothed
-aggregation (pyamg, an optional dependency), in memory proportional to the unknowns. docs/gas-leak.md has the measured
+aggregation (pyamg, an optional dependency), in memory proportional to the unknowns. gas-leak.md has the measured
 memory.
 """
 

@@ -3,7 +3,7 @@
     python -m tests.bench.inverse --m 9 10 --D 2.1 2.5
 
 Sweeps to d = 0, and solves the last step once more on the contact set it ended with, by plain conjugate gradients from
-the secant of the two states before: with the near field alone, and with blocks (docs/solver.md). Counts only: the first
+the secant of the two states before: with the near field alone, and with blocks (solver.md). Counts only: the first
 and the last eigenvalue, and the iterations to 10⁻⁶ σ.
 """
 

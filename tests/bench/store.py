@@ -1,4 +1,4 @@
-"""What a case costs on disk in other layouts, and what a folder of many cases takes (docs/store-decision.md).
+"""What a case costs on disk in other layouts, and what a folder of many cases takes (store-decision.md).
 
     python -m tests.bench.store                    # the table of layouts, 500 cases
     python -m tests.bench.store --folder 10000     # `status`, `collect`, and `run` that finds all finished

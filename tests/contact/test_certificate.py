@@ -14,7 +14,7 @@ from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 SPACES = [(HalfSpace, "love"), (HalfSpace, "punch")]
 SPACES += [(PeriodicHalfSpace, kernel) for kernel in ("love", "punch", "fourier")]
-BEYOND = {"love": 1e-12, "fourier": 1e-12, "punch": 0.07}  # of the interval of the load; measured, see docs/solver.md
+BEYOND = {"love": 1e-12, "fourier": 1e-12, "punch": 0.07}  # of the interval of the load; measured, see solver.md
 
 
 def random_contacts(generator):

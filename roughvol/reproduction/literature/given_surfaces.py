@@ -164,7 +164,7 @@ TWO_CODES = Files(
     names=("periodic_64.npz",),
     kernel="fourier",
     rtol=1e-11,
-    origin="not in the repository; see docs/literature.md",
+    origin="not in the repository; see docs/explanation/literature.md",
 )
 SOLVED = (  # p/E*, A*, mean gap, largest p/E*
     (5.0e-4, 0.0048828125, 0.025150200091013437, 0.2970949842035229),
@@ -331,7 +331,7 @@ CHALLENGE = Files(
     names=("challenge.dat",),
     kernel="fourier",
     rtol=1e-5,
-    origin="of the Contact-Mechanics Challenge; see docs/literature.md",
+    origin="of the Contact-Mechanics Challenge; see docs/explanation/literature.md",
 )
 LOAD = 0.01  # p/(E* h'), the reference load of the Challenge
 

@@ -1,4 +1,4 @@
-"""Heights from files, as a float64 array, positive up. docs/measured.md lists the formats and their readers.
+"""Heights from files, as a float64 array, positive up. docs/how-to/measured.md lists the formats and their readers.
 
 Conventions: the first axis of the array is x, and its length is L in a study. Labels in the file give the axes. Without
 labels, the order of the file stays. Missing heights are refused, or NaN on demand. No file is ever unpickled.
