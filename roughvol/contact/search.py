@@ -95,7 +95,7 @@ def indentation_for(
     if not 0 < value < np.inf or (area and value > 1):
         allowed = {"contact_area": "0 < A* <= 1", "pressure": "p* > 0", "free_volume": "V* > 0"}[target]
         raise ContactError(f"{target} is {value}; allowed: {allowed}")
-    trials = Trials(surface, half_space, options, **changed)
+    trials = _elastic(Trials(surface, half_space, options, **changed))
     if target == "free_volume":
         most = (surface.z_max - surface.mean_height) / surface.unit
         if value >= min(most, float(trials.untouched.gap().mean())):  # the two differ by rounding
@@ -145,9 +145,17 @@ def first_indentation(
     float
         Δ/σ. The condition holds there.
     """
-    trials = Trials(surface, half_space, options, **changed)
+    trials = _elastic(Trials(surface, half_space, options, **changed))
     target = Target(lambda contact: float(reached(contact)), 1.0, elements=True, power=False)
     return _search(trials, target, _mean_plane(surface), tuning, brink=True, accuracy=accuracy).approach
+
+
+def _elastic(trials: Trials) -> Trials:
+    """Return trials of elastic contact; refuse a hardness, for which the straight lines are no bounds."""
+    if trials.options.hardness is not None:
+        message = f"hardness is {trials.options.hardness}; allowed: none. This search takes elastic contact"
+        raise ContactError(message)
+    return trials
 
 
 def state_reaching(trials: Trials, target: Target, between: list[Contact], *, below: bool = False) -> Contact:

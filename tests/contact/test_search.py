@@ -268,6 +268,13 @@ def test_trials_between_states_are_the_solutions():
 # ---- errors
 
 
+def test_a_surface_that_yields_is_refused_by_searches_of_elastic_contact():
+    with pytest.raises(ContactError, match=r"hardness is 2\.0; allowed: none"):
+        indentation_for(fractal(3), half_space((9, 9)), "pressure", 1.0, hardness=2.0)
+    with pytest.raises(ContactError, match=r"hardness is 2\.0; allowed: none"):
+        first_indentation(fractal(3), half_space((9, 9)), lambda contact: True, hardness=2.0)
+
+
 def test_unknown_target_and_method_are_refused_with_the_known_ones():
     with pytest.raises(ContactError, match=r"'gap'.*contact_area, pressure"):
         indentation_for(fractal(3), half_space((9, 9)), "gap", 1.0)
