@@ -5,7 +5,7 @@ on the straight line of its logarithm. A way that closes between two steps is op
 lies on the straight line to 0 there. Counts are those of the step beyond. A state
 that a study records is the state solved for it; before the first step it has the numbers recorded for it alone.
 
-A step that misses a level by less than `levels.REACHED` is the level. A sweep that ended at a target has reached this
+A step that misses a level by less than `level.REACHED` is the level. A sweep that ended at a target has reached this
 target, and a listed load is the step solved for it.
 A surface whose sweep ended before a higher load is closed there if its last state is closed: its flow is 0, and its
 other numbers are missing. A level that no surface reaches is an error.
@@ -25,9 +25,9 @@ from roughvol.analysis import leak
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
-from roughvol.observables.levels import REACHED
 from roughvol.observables.variables import OF_STATE, STATES, VARIABLES
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, convert
+from roughvol.study.level import REACHED, slack
 from roughvol.typing import Array
 
 P, V = "mean_pressure", "free_volume"
@@ -69,11 +69,6 @@ def scales(run: Run, surfaces: Dataset) -> list[Scale]:
 def _is_stored(level: Level) -> bool:
     """Return whether the quantity of a level is stored, or fixes a stored one."""
     return level.kind in STATE_KINDS and bool(STATE_KINDS[level.kind].stored)
-
-
-def slack(kind: str, value: float) -> float:
-    """Return by how much a state may miss a starred level that it has reached."""
-    return REACHED * max(abs(value), 1.0 if kind == "separation" else 1e-12)
 
 
 def place_of(values: Array, value: float, slack: float, *, between: bool = True) -> float | None:

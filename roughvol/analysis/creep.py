@@ -30,9 +30,9 @@ from roughvol.analysis.leak_curve import Curve, curves, surfaces
 from roughvol.analysis.read_off import check, refuse
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.observables.at_state import at_state
-from roughvol.observables.levels import REACHED
 from roughvol.store import stamped_file
 from roughvol.study import Creep, loads
+from roughvol.study.level import REACHED
 from roughvol.typing import Array
 
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from xarray import Dataset
 
-from roughvol.analysis.at import between, place_of, slack
+from roughvol.analysis.at import between, place_of
 from roughvol.analysis.average import average
 from roughvol.analysis.leak import counted
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number
+from roughvol.study.level import slack
 from roughvol.typing import Array
 
 P = "mean_pressure"

@@ -27,8 +27,8 @@ from xarray import Dataset
 from roughvol.analysis.derived import groups
 from roughvol.analysis.legs import first_leg
 from roughvol.observables.at_state import at_state
-from roughvol.observables.levels import REACHED
 from roughvol.observables.variables import LISTED
+from roughvol.study.level import REACHED
 from roughvol.typing import Array
 
 

@@ -28,9 +28,9 @@ from roughvol.analysis.derived import derived
 from roughvol.analysis.leak_curve import Bracket, curves, surfaces
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import Problem, StudyError
-from roughvol.observables.levels import REACHED
 from roughvol.observables.variables import LISTED
 from roughvol.study import Level, Quantity, Study, convert, loads
+from roughvol.study.level import REACHED
 from roughvol.typing import Array
 
 UNKNOWNS = ("pressure", "modulus", "Sq")

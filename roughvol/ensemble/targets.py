@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
-from roughvol.observables.levels import defined_step, step_at
 from roughvol.observables.variables import OF_STATE, VARIABLES
 from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level
+from roughvol.study.level import defined_step, step_at
 from roughvol.study.values.state_kinds import stored_name
 from roughvol.study.yaml_text import number_text
 from roughvol.typing import Array

@@ -8,9 +8,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from roughvol.contact.bracket import Target
 from roughvol.contact.loading import Compliance, Contact, Trials, sweep
 from roughvol.contact.options import Options
@@ -19,14 +16,13 @@ from roughvol.errors import ContactError
 from roughvol.observables import void
 from roughvol.observables.plastic import largest_pressure
 from roughvol.observables.regions import State, within
-from roughvol.study import STARRED, Case, Legs, Level, Sweep
+from roughvol.study import STARRED, Case, Level
+from roughvol.study.level import slack
 from roughvol.surfaces.surface import Surface
 
 LAST = Level("last")
 CLOSED = 1e-3  # share of the leak rate of a level below which ways count as closed in a search
 ROUNDING = 1e-9  # relative; a state that misses a level by less reaches it
-REACHED = 1e-5  # relative; a stored step that misses a state by less is that state. Searches end within 1e-6 of the
-# indentation, and a load grows with a power of it: 4.2e-6 at most over 24 surfaces of m = 7
 
 
 def end_of(case: Case, target: Level | None = None) -> Callable[[Contact], bool] | None:
@@ -49,80 +45,21 @@ def reached(level: Level, step: int, contact: State, case: Case, before: Mapping
         return True
     if level.value is None:
         return False
-    slack = ROUNDING * _size(level.kind, level.value)
+    near = slack(level.kind, level.value, ROUNDING)
     match level.kind:
         case "step":
             return step == level.value
         case "separation":
-            return contact.separation <= level.value + slack
+            return contact.separation <= level.value + near
         case "free_volume":
-            return contact.free_volume <= level.value + slack
+            return contact.free_volume <= level.value + near
         case "indentation":
-            return contact.indentation >= level.value - slack
+            return contact.indentation >= level.value - near
         case "contact_area":
-            return contact.contact_area_fraction >= level.value - slack
+            return contact.contact_area_fraction >= level.value - near
         case "pressure":
-            return contact.mean_pressure >= level.value - slack
+            return contact.mean_pressure >= level.value - near
     raise ValueError(f"no such level: {level.label}")
-
-
-def _size(kind: str, value: float) -> float:
-    """Return the size of which a tolerance of a state is a share: σ at least for d/σ, which passes 0."""
-    return max(1.0, abs(value)) if kind == "separation" else abs(value)
-
-
-def step_at(level: Level, values: ArrayLike) -> int | None:
-    """Return the first stored step that reaches a state to `REACHED`.
-
-    Parameters
-    ----------
-    level : Level
-        A starred state: kind and value.
-    values : array, shape (steps,)
-        The quantity of its kind at each step; NaN where nothing is known.
-
-    Returns
-    -------
-    int or None
-        Index of the step; None if no step lies there.
-
-    Examples
-    --------
-    >>> step_at(Level("pressure", 0.2), [0.1, 0.2000002, 0.3])
-    1
-    """
-    if level.value is None:
-        return None
-    near = np.abs(np.asarray(values, dtype=np.float64) - level.value) <= REACHED * _size(level.kind, level.value)
-    return int(np.argmax(near)) if near.any() else None
-
-
-def defined_step(level: Level, sweep: Sweep | Legs) -> int | None:
-    """Return the step that a sweep defines as a state: a listed state, or the end of the first leg.
-
-    The solve of such a step may miss the state by more than `REACHED` where the residual asked for is large.
-
-    Parameters
-    ----------
-    level : Level
-        A state, with the unit of the sweep if it has one.
-    sweep : Sweep or Legs
-        The section of the study.
-
-    Returns
-    -------
-    int or None
-        Index of the step, from 0; None for other states.
-
-    Examples
-    --------
-    >>> defined_step(Level("pressure", 0.2), Sweep(pressures=[0.1, 0.2]))
-    1
-    """
-    first = sweep.legs[0]
-    if first.listed is not None:
-        return first.listed.index(level) if level in first.listed else None
-    return first.steps - 1 if level == first.target else None
 
 
 def on_legs(by_label: Mapping[str, Level], case: Case) -> dict[str, Level]:

@@ -27,7 +27,6 @@ import netCDF4
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
-from scipy.io import netcdf_file
 from xarray import Dataset
 from xarray.backends import NetCDF4DataStore
 
@@ -218,6 +217,8 @@ def _read(path: Path) -> tuple[Arrays, dict[str, str], stamped_file.Labels]:
     _check_format(labels, path)
     try:
         if content.startswith(b"CDF"):
+            from scipy.io import netcdf_file  # slow to import, and not needed for study.nc
+
             file = netcdf_file(io.BytesIO(content), mmap=False)
             texts = {name: value.decode() for name, value in file._attributes.items() if isinstance(value, bytes)}
             arrays = _decoded(file.variables)

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.io import netcdf_file
 
 from roughvol.errors import DatasetError
 from roughvol.observables.variables import DTYPES, VARIABLES
@@ -103,6 +102,8 @@ def content(arrays: Arrays, coordinates: Collection[str], attributes: Mapping[st
     """
     unit, stream = attributes.get("length_unit", "length"), io.BytesIO()
     extra = {name: set(arrays[name][0]) for name in coordinates if name in arrays}
+    from scipy.io import netcdf_file  # slow to import, and not needed to read
+
     file = netcdf_file(stream, "w", version=2)
     for name, text in attributes.items():
         setattr(file, name, text.encode())

@@ -1,7 +1,7 @@
 """What is asked: one YAML file in, a frozen `Study` and its `Case` list out.
 
-Room of the study. It loads without numpy. One `StudyError` has all problems of a file in its order, each with line,
-key, given value and allowed values.
+Room of the study. It loads without numpy, except `level`. One `StudyError` has all problems of a file in its order,
+each with line, key, given value and allowed values.
 
 ============  =======================================================================
 `reading`     from a file to a `Study`, or to all its problems
@@ -9,6 +9,7 @@ key, given value and allowed values.
 `plain_data`  objects of Python as plain data
 `study`       the study as a whole, and its cases
 `case`        one case: all that determines its stored answer
+`level`       a level beside stored states: tolerance, and the step that has it
 `sections`    the sections of a study file, one module each
 `values`      numbers with units, levels of a state, words in place of values
 `rules`       rules across the sections

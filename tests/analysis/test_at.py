@@ -294,7 +294,7 @@ def test_a_state_of_recorded_flux_has_the_leak_solved_for_it(pressure: str) -> N
     found = at(run, _groups(run)[0], parse(f"pressure={pressure}")).data
     listed = FLUX.replace("0.02 MPa, 0.05 MPa, 0.1 MPa", pressure).replace("name: flux", f"name: exact-{len(pressure)}")
     Path("exact.yaml").write_text(listed.replace(", flux_at: {pressure: [0.01 MPa, 0.035 MPa]}", ""), encoding="utf-8")
-    exact = roughvol.run("exact.yaml", jobs=1).isel(D=0, m=0, step=0)  # loads are searched to `levels.REACHED`
+    exact = roughvol.run("exact.yaml", jobs=1).isel(D=0, m=0, step=0)  # loads are searched to `level.REACHED`
     for axis in "xy":
         assert_allclose(found[f"leak_rate_{axis}"], exact[f"leak_rate_{axis}"], rtol=1e-4)
     assert_allclose(found.nominal_pressure, exact.nominal_pressure, rtol=1e-5)
