@@ -612,9 +612,7 @@ def _leak_at(x: np.ndarray, load: np.ndarray, leak: np.ndarray) -> np.ndarray:
 
 def report(made: Made) -> int:
     """The tables of claims.json and report.md, `roughvol report RUN`."""
-    with mock.patch(
-        "roughvol.reproduction.write.to_html", return_value=""
-    ):  # report.html holds the same and the figures
+    with mock.patch("roughvol.report.html.render", return_value=""):  # report.html holds the same and the figures
         call(made, "report", made.kind.asked)
     data = json.loads((made.file.parent / "claims.json").read_text(encoding="utf-8"))
     text = (made.file.parent / "report.md").read_text(encoding="utf-8")
