@@ -46,7 +46,7 @@ class View:
 
     @cached_property
     def gap(self) -> Array:
-        """g/σ in the region, exactly 0 in contact."""
+        """Gap g/σ in the region, exactly 0 in contact."""
         return self.state.gap()
 
     @cached_property
