@@ -191,6 +191,15 @@ def test_compare_puts_runs_side_by_side_at_equal_loads() -> None:
     assert {row["run"] for row in rows} == {"wet, D = 2.2, m = 4", "wet, D = 2.4, m = 4", "dry"}
 
 
+@pytest.mark.parametrize(
+    ("runs", "words"), [(("wet", "dry"), "Mean over the surfaces of a row;"), (("wet", "wet"), "Mean over 2 surfaces;")]
+)
+def test_compare_counts_surfaces_in_its_note_only_where_all_rows_have_as_many(
+    runs: tuple[str, str], words: str
+) -> None:
+    assert words in _call("compare", *runs).stdout
+
+
 def test_ls_lists_the_latest_run_first_with_state_size_and_age() -> None:
     rows = _columns(_call("ls").stdout)
     assert rows[0] == ["run", "state", "size", "changed"]

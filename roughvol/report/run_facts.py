@@ -277,10 +277,12 @@ def _states(name: str, group: Dataset, *, several: bool) -> Table | None:
     return Table(f"States, {name}" if several else "States", heads, tuple(rows), " ".join(filter(None, notes)))
 
 
-def conventions(names: Sequence[str], surfaces: int, *, dry: bool = False) -> str:
-    """Return what the numbers of a table are: means, medians, counts, and which leak counts."""
-    notes = [f"Mean over {surfaces} surfaces; open ways are counted."] if surfaces > 1 else []
-    if surfaces > 1 and any(map(average.is_flow, names)):
+def conventions(names: Sequence[str], *surfaces: int, dry: bool = False) -> str:
+    """Return what the numbers of a table are: means, medians, counts of surfaces by row, and which leak counts."""
+    several, equal = max(surfaces, default=1) > 1, len(set(surfaces)) == 1
+    over = f"{surfaces[0]} surfaces" if equal else "the surfaces of a row"
+    notes = [f"Mean over {over}; open ways are counted."] if several else []
+    if several and any(map(average.is_flow, names)):
         notes.append(f"Flows: {average.IN_WORDS}.")
     return " ".join([*notes, *([leak.DRY_NOTE] if dry else [])])
 

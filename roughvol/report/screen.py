@@ -76,7 +76,8 @@ def _fluids(rows: Sequence[tuple[str, Dataset]], columns: Sequence[str]) -> list
 
 def _note(rows: Sequence[tuple[str, State]], columns: Sequence[str], *more: str) -> str:
     states = [state for _, state in rows]
-    notes = [conventions(columns, _most(states), dry=any(leak.is_lifted(state.data) for state in states))]
+    counts, dry = [state.surfaces for state in states], any(leak.is_lifted(state.data) for state in states)
+    notes = [conventions(columns, *counts, dry=dry)]
     notes += _fluids([(name, state.data) for name, state in rows], columns)
     if any(state.reached < state.surfaces for state in states):
         notes.append("Not all surfaces reach each state: the column 'surfaces' counts those that do.")
