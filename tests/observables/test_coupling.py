@@ -203,6 +203,7 @@ def test_a_dry_channel_closes_at_the_pressure_of_westergaard(channel: Channel) -
         assert percolates(gap > 0.0, 0, periodic=True) is open_
 
 
+@pytest.mark.slow
 def test_the_closing_load_is_affine_in_the_inlet_pressure(channel: Channel) -> None:
     inlets = np.array([0.1, 0.2, 0.4])
     closing = np.array([channel.closing(inlet) for inlet in inlets])
