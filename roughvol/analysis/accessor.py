@@ -14,7 +14,7 @@ from xarray import Dataset
 
 from roughvol.analysis import at as states
 from roughvol.analysis import average, units
-from roughvol.analysis.derived import derived, groups
+from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
 from roughvol.store.dataset import with_case
@@ -68,9 +68,10 @@ class Accessor:
         Raises
         ------
         DatasetError
-            If no surface reaches the level, or the arguments name no level or several.
+            If nothing was pressed, no surface reaches the level, or the arguments name no level or several.
         """
         wanted = parse(_text(state, level, leg))
+        check_pressed(self._ds, f"the {NAME}")
 
         def of_part(part: Dataset) -> Dataset:
             run = Run.of(NAME, part)

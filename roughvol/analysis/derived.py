@@ -10,7 +10,7 @@ from xarray import Dataset
 
 from roughvol.analysis.leak import counted
 from roughvol.analysis.legs import first_leg
-from roughvol.errors import ContactError
+from roughvol.errors import ContactError, DatasetError
 from roughvol.observables.conductance import contact_conductance, harmonic_conductivity
 from roughvol.observables.stiffness import interfacial_stiffness
 from roughvol.observables.variables import QUANTITIES
@@ -38,10 +38,10 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
         The same with further variables.
     """
     ds = _with_stiffness(ds, study)
-    if "mean_gap" not in ds and "Sq" in ds:
+    if "mean_gap" not in ds and {"Sq", V} <= set(ds):
         gap = ds[V] * ds["Sq"]
         ds = ds.assign(mean_gap=gap.assign_attrs(units=ds.attrs.get("length_unit", "length"), symbol="g_mean"))
-    if "nominal_pressure" not in ds and "Sq" in ds and study is not None and study.material.unit:
+    if "nominal_pressure" not in ds and {"Sq", P} <= set(ds) and study is not None and study.material.unit:
         pressure = ds[P] * ds["Sq"] * (study.material.contact_modulus / float(ds["L"]))
         ds = ds.assign(nominal_pressure=pressure.assign_attrs(units=study.material.unit, symbol="p"))
     if "nominal_pressure" in ds:  # an unloaded surface has p* of rounding
@@ -79,6 +79,17 @@ def _with_stiffness(ds: Dataset, study: Study | None) -> Dataset:
         conductance = stiffness.copy(data=value).assign_attrs(_attributes("contact_conductance"))
         ds = ds.assign(contact_conductance=conductance)
     return ds
+
+
+def is_pressed(ds: Dataset) -> bool:
+    """Return whether a dataset has states; a study with ``steps: 0`` has surfaces alone."""
+    return "step" in ds.sizes and P in ds
+
+
+def check_pressed(ds: Dataset, name: str) -> None:
+    """Raise `DatasetError` for a dataset without states."""
+    if not is_pressed(ds):
+        raise DatasetError(f"{name} has no state: nothing was pressed")
 
 
 def groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:

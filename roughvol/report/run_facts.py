@@ -16,7 +16,7 @@ from xarray import DataArray, Dataset
 
 from roughvol.analysis import average, leak
 from roughvol.analysis.closing import load_of, spans
-from roughvol.analysis.derived import derived, groups
+from roughvol.analysis.derived import derived, groups, is_pressed
 from roughvol.analysis.hysteresis import hysteresis
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
@@ -63,7 +63,7 @@ def facts(run: Run) -> Facts:
     ds = run.dataset
     warnings = tuple(line.strip() for line in str(ds.attrs.get("warnings", "")).splitlines() if line.strip())
     tables = [*_surfaces(run)]
-    if "step" in ds.sizes and P in ds:
+    if is_pressed(ds):
         ds = derived(ds, run.study)
         some = list(groups(ds))
         tables += closing([(name, first_leg(group)) for name, group in some])

@@ -13,7 +13,7 @@ from xarray import Dataset
 from roughvol.analysis import leak
 from roughvol.analysis.at import RULE, State, at, legs_of
 from roughvol.analysis.average import average, is_flow
-from roughvol.analysis.derived import derived, groups
+from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table
@@ -36,8 +36,7 @@ CASE = ("D", "m", "seed", "case")
 def _named(run: Run, units: dict[str, str] | None = None) -> list[tuple[str, Dataset]]:
     """Return the groups of surfaces of a run by name, in common units where these are given."""
     ds = run.dataset
-    if "step" not in ds.sizes or P not in ds:
-        raise DatasetError(f"{run.name} has no state: nothing was pressed")
+    check_pressed(ds, run.name)
     ready = derived(ds, run.study)
     return list(groups(ready if units is None else in_units(ready, units)))
 

@@ -463,6 +463,28 @@ def check_dataset(made: Made, found: Any) -> int:
         return sum(variable.size for variable in stored.data_vars.values())
 
 
+def at_python(made: Made) -> int:
+    """The numbers of every surface at loads, `roughvol.open(RUN).roughvol.at(LOAD)`."""
+    count = 0
+    for label in made.kind.at:
+        with python(made):
+            found = roughvol.open(made.kind.asked).roughvol.at(label)
+        for group in made.groups:
+            for surface in group.surfaces:
+                labels = group.labels | ({} if "case" in group.labels else {"seed": surface.seed})
+                own = found.sel({name: value for name, value in labels.items() if name in found.dims})
+                numbers = oracle.recorded(surface, label)
+                if numbers is None:
+                    assert not bool(own["reached"]), labels
+                    assert math.isnan(float(own["mean_pressure"])), labels
+                    continue
+                for name in numbers.keys() & set(map(str, own.data_vars)) - {"leg", STIFFNESS}:
+                    wanted = numbers[name] if math.isfinite(numbers[name]) else math.nan
+                    close(float(own[name]), wanted, f"{labels}, {name}", within=TIGHT, flow=oracle.is_flow(name))
+                    count += math.isfinite(wanted)
+    return count
+
+
 def status(made: Made) -> int:
     """The number of finished cases, `roughvol status STUDY`."""
     text = call(made, "status", made.kind.file)
@@ -976,6 +998,7 @@ QUESTIONS: dict[str, Callable[[Made], int]] = {
     "report": report,
     "roughvol.plot": plot_python,
     "roughvol.open": open_python,
+    "ds.roughvol.at": at_python,
     "roughvol.run": run_python,
     "roughvol.press": press,
     "card": card,

@@ -71,6 +71,7 @@ CELLS = {
     "report": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
     "roughvol.plot": Cells(PRESSED, OTHER_RESULTS | {"unpressed": "which the study did not record"}),
     "roughvol.open": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
+    "ds.roughvol.at": Cells(PRESSED, SHOWN),
     "roughvol.run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
     "roughvol.press": Cells(PRESSED_AGAIN, ONE_MAP),
     "card": Cells(
@@ -91,6 +92,9 @@ CELLS = {
     "status": Cells(f"{PRESSED} unpressed", OTHER_RUN),
 }
 NOT_ASKED = {
+    "ds.roughvol.derived": "numbers that `ds.roughvol.at` and the tables have at loads",
+    "ds.roughvol.in_units": "the same numbers in other units",
+    "ds.roughvol.mean": "the means that the tables have",
     "explain": "describes keys and variables; it reads no run",
     "init": "writes an example study; it reads no run",
     "ls": "lists the runs of a folder; it prints no number of a surface",

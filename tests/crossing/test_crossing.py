@@ -11,6 +11,7 @@ import yaml
 from click.testing import CliRunner
 
 import roughvol
+from roughvol.analysis.accessor import Accessor
 from roughvol.cli import main
 from roughvol.study import Study
 from roughvol.study.sections.record import Record
@@ -81,6 +82,7 @@ def test_every_command_and_public_function_is_a_question_or_has_a_reason() -> No
     public = {name for name in roughvol.__all__ if not name.startswith("_")}
     modules = {name for name in public if isinstance(getattr(roughvol, name), ModuleType)}
     answering = {*main.commands, *(f"roughvol.{name}" for name in public - modules)}
+    answering |= {f"ds.roughvol.{name}" for name in vars(Accessor) if not name.startswith("_")}
     assert answering == {*names, *NOT_ASKED}, "give a new command or function a question, or a reason in NOT_ASKED"
     assert not names & NOT_ASKED.keys()
 
