@@ -10,9 +10,7 @@ Room of the surfaces. It knows no study, no solver and no results.
 `measured`         surfaces from files: read, treated, two bodies added
 `body`             one measured body and its treatment, as records
 `files`            readers of height maps, one for each kind of content
-`levelling`        planes taken off, holes filled, short waves filtered
-`outliers`         single heights far from their neighbours
-`lattice`          block means, and oblong pixels made square
+`treatment`        outliers, block means, square pixels, planes taken off, holes filled, short waves filtered
 `texture`          ISO 25178-2 numbers, summits, Hurst exponents
 `psd`              power spectral density, Nayak's parameter
 `length_units`     units of length and their factors

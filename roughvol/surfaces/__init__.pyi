@@ -1,5 +1,5 @@
-from . import levelling as levelling
 from . import texture as texture
+from . import treatment as treatment
 from .body import Body as Body
 from .body import Treatment as Treatment
 from .midpoint import midpoint_levels as midpoint_levels

@@ -14,10 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces import lattice, length_units, levelling, outliers
+from roughvol.surfaces import length_units
 from roughvol.surfaces.body import Body, Treatment
 from roughvol.surfaces.files import reading
 from roughvol.surfaces.surface import Surface, intervals
+from roughvol.surfaces.treatment import block_means, fill, level, low_pass, outliers, squared
 from roughvol.typing import Array, Mask
 
 _FLATTEST = 1e-7  # of the side: a nanometre on a centimetre
@@ -55,12 +56,11 @@ def _pressed(
 def notes(surface: Surface, unit: str | None) -> tuple[str, ...]:
     """Return a note where the heights are absurd for the length of the surface."""
     span, side = float(np.ptp(surface.heights)), surface.spacing * min(surface.intervals)
-    text = f"the heights span {span:.3g} {unit or ''}".rstrip()
-    if span > side:
-        return (f"{text}, more than the shorter side, {side:.3g} {unit or ''}".rstrip() + ": is heights_unit right?",)
-    if 0.0 < span < _FLATTEST * side:
-        return (f"{text}, {span / side:.1g} of the shorter side: is heights_unit right?",)
-    return ()
+    if span == 0.0 or _FLATTEST * side <= span <= side:
+        return ()
+    name = f" {unit}" if unit else ""
+    than = f"more than the shorter side, {side:.3g}{name}" if span > side else f"{span / side:.1g} of the shorter side"
+    return (f"the heights span {span:.3g}{name}, {than}: is heights_unit right?",)
 
 
 def _measured(body: Body, treatment: Treatment, unit: str | None) -> Array:
@@ -92,20 +92,20 @@ def _treated(heights: Array, body: Body, treatment: Treatment, L: float, periodi
             heights = heights[left : right + 1, front : back + 1]
         if treatment.outliers is not None:
             degree = "mean" if periodic else treatment.level if treatment.level == "quadratic" else "tilt"
-            mask = outliers.outliers(heights, *treatment.outliers, degree=degree, periodic=periodic)
+            mask = outliers(heights, *treatment.outliers, degree=degree, periodic=periodic)
             heights, removed = np.where(mask, np.nan, heights), int(mask.sum())
         if treatment.downsample != 1:
-            heights = lattice.block_means(heights, treatment.downsample)
+            heights = block_means(heights, treatment.downsample)
         if treatment.resample != "none" and body.pixel_ratio is not None:
-            heights = lattice.squared(heights, body.pixel_ratio)
+            heights = squared(heights, body.pixel_ratio)
         heights = heights[mirror]
         missing = np.isnan(heights)
         if treatment.level != "none":
-            heights = levelling.level(heights, treatment.level)
+            heights = level(heights, treatment.level)
         if treatment.filling is not None:
-            heights = levelling.fill(heights, treatment.filling, periodic=periodic)
+            heights = fill(heights, treatment.filling, periodic=periodic)
         if treatment.low_pass is not None:
-            heights = levelling.low_pass(heights, L / (len(heights) - 1), treatment.low_pass)
+            heights = low_pass(heights, L / (len(heights) - 1), treatment.low_pass)
     except SurfaceError as error:
         raise SurfaceError(f"{body.file}: {error}") from error
     return heights[mirror], missing[mirror], removed

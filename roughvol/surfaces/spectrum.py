@@ -22,7 +22,7 @@ from scipy import optimize
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.power_law import Spectrum
 from roughvol.surfaces.surface import Surface, positive, real
-from roughvol.typing import Array
+from roughvol.typing import Array, Index
 
 Waves = NDArray[np.complex128]  # shape (2R + 1, R + 1): rows i = 0 … R, -R … -1, columns j = 0 … R
 
@@ -98,9 +98,7 @@ def gaussian_waves(spectrum: Spectrum, hurst: float, seed: int) -> Waves:
     law = np.maximum(ratio, spectrum.rolloff) ** (-1.0 - hurst)
     law[(ratio >= spectrum.cut) | (ratio == 0.0)] = 0.0
     if spectrum.phases == "random":
-        moduli = np.abs(waves)
-        moduli[0, 0] = 1.0
-        return waves * (law / moduli)
+        return _with_moduli(waves, law)
     return waves * (law / math.sqrt(2.0))
 
 
@@ -167,8 +165,12 @@ def _total(values: Array) -> float:
 
 def _indices(radius: int) -> tuple[Array, Array]:
     """Return i and j of the waves, to broadcast."""
-    i = np.concatenate([np.arange(radius + 1), np.arange(-radius, 0)]).astype(np.float64)
-    return i[:, None], np.arange(radius + 1, dtype=np.float64)[None, :]
+    return _rows(radius).astype(np.float64)[:, None], np.arange(radius + 1, dtype=np.float64)[None, :]
+
+
+def _rows(radius: int) -> Index:
+    """Return i of the rows of waves, 0 … R, -R … -1."""
+    return np.concatenate([np.arange(radius + 1), np.arange(-radius, 0)])
 
 
 def _smallest_grid(cut: float) -> int:
@@ -180,7 +182,7 @@ def _on_grid(waves: Waves, n: int) -> Array:
     """Return the heights on a grid of n × n nodes, from its waves of |k| < n/2."""
     radius = waves.shape[1] - 1
     held = min(radius, n // 2 - 1)
-    rows = np.concatenate([np.arange(held + 1), np.arange(-held, 0)])
+    rows = _rows(held)
     grid = np.zeros((n, n // 2 + 1), dtype=np.complex128)
     part = waves[rows, : held + 1]
     if radius > held:
@@ -192,8 +194,7 @@ def _on_grid(waves: Waves, n: int) -> Array:
 def _off_grid(heights: Array, like: Waves) -> Waves:
     """Return the waves of heights, those that another field has."""
     radius = like.shape[1] - 1
-    rows = np.concatenate([np.arange(radius + 1), np.arange(-radius, 0)])
-    return np.fft.rfft2(heights, norm="forward")[rows, : radius + 1]
+    return np.fft.rfft2(heights, norm="forward")[_rows(radius), : radius + 1]
 
 
 def _with_moduli(waves: Waves, moduli: Array) -> Waves:

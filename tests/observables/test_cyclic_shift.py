@@ -17,7 +17,7 @@ from roughvol.gap import box_counting, clusters, free_volume, transport
 from roughvol.observables import deformed
 from roughvol.observables.view import View
 from roughvol.study import loads
-from roughvol.surfaces import levelling, outliers, psd, texture
+from roughvol.surfaces import psd, texture, treatment
 from roughvol.surfaces.power_law import Spectrum
 from roughvol.surfaces.spectrum import power_law_surface
 from roughvol.surfaces.surface import Surface
@@ -105,22 +105,22 @@ def test_a_contact_and_the_texture_under_load(heights: Heights, shift: tuple[int
 
 
 @pytest.mark.parametrize("shift", SHIFTS)
-@pytest.mark.parametrize("rule", levelling.FILLS)
+@pytest.mark.parametrize("rule", treatment.FILLS)
 def test_filling_and_outliers_reach_into_the_next_period(heights: Heights, rule: str, shift: tuple[int, int]) -> None:
     """Holes lie on the edges and the corner, and so do spikes."""
     z = heights.copy()
     z[0, 5:9] = z[-3:, 20:22] = z[10:14, 0] = z[30, -4:] = z[-2:, -2:] = z[0, 0] = np.nan
     moved = np.roll(z, shift, (0, 1))
-    filled = levelling.fill(z, rule, periodic=True)
+    filled = treatment.fill(z, rule, periodic=True)
     np.testing.assert_allclose(
-        levelling.fill(moved, rule, periodic=True), np.roll(filled, shift, (0, 1)), rtol=1e-9, atol=1e-12
+        treatment.fill(moved, rule, periodic=True), np.roll(filled, shift, (0, 1)), rtol=1e-9, atol=1e-12
     )
     assert np.isfinite(filled).all()
     z[0, 15] += 40.0
     z[25, -1] -= 40.0
     z[4, 4] += 40.0
-    mask = outliers.outliers(z, 6.0, degree="mean", periodic=True)
-    moved = outliers.outliers(np.roll(z, shift, (0, 1)), 6.0, degree="mean", periodic=True)
+    mask = treatment.outliers(z, 6.0, degree="mean", periodic=True)
+    moved = treatment.outliers(np.roll(z, shift, (0, 1)), 6.0, degree="mean", periodic=True)
     np.testing.assert_array_equal(moved, np.roll(mask, shift, (0, 1)))
     assert {(0, 15), (25, 31), (4, 4)} == set(zip(*map(list, np.nonzero(mask)), strict=True))
 
@@ -130,14 +130,14 @@ def test_a_hole_on_the_edge_is_filled_from_both_sides() -> None:
     wave = np.cos(2 * np.pi * x)[:, None] + np.zeros(12)
     holed = wave.copy()
     holed[0] = np.nan  # the crest
-    filled = levelling.fill(holed, "interpolate", periodic=True)
+    filled = treatment.fill(holed, "interpolate", periodic=True)
     np.testing.assert_allclose(filled[0], wave[1], rtol=1e-12)  # the mean of rows 1 and 15, which are equal
-    one_sided = levelling.fill(holed, "interpolate")
+    one_sided = treatment.fill(holed, "interpolate")
     np.testing.assert_allclose(one_sided[0], wave[1], rtol=1e-12)
     holed[-1] = np.nan
-    between = levelling.fill(holed, "interpolate", periodic=True)
+    between = treatment.fill(holed, "interpolate", periodic=True)
     np.testing.assert_allclose(between[0], (2 * wave[1] + wave[-2]) / 3, rtol=1e-12)
-    assert levelling.fill(holed, "nearest", periodic=True)[-1, 0] == wave[-2, 0]
+    assert treatment.fill(holed, "nearest", periodic=True)[-1, 0] == wave[-2, 0]
 
 
 @pytest.mark.parametrize("hurst", [0.2, 0.5, 0.8])

@@ -16,16 +16,16 @@ from roughvol.errors import StudyError, SurfaceError
 from roughvol.store import dataset
 from roughvol.study import Case, loads
 from roughvol.study.sections.treatment import Crop, Lattice, after, nodes_kept, resampled_nodes
-from roughvol.surfaces import lattice, levelling, outliers
+from roughvol.surfaces import treatment
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 
 X, Y = np.meshgrid(np.arange(41.0), np.arange(37.0), indexing="ij")
-MAP = levelling.low_pass(np.random.default_rng(0).normal(size=(41, 37)), 1.0, 5.0)
+MAP = treatment.low_pass(np.random.default_rng(0).normal(size=(41, 37)), 1.0, 5.0)
 SPIKES = np.zeros(MAP.shape, dtype=bool)
 SPIKES[[3, 20, 40], [7, 30, 0]] = True
 SPIKED = MAP + 40.0 * MAP.std() * SPIKES
-OTHER = levelling.low_pass(np.random.default_rng(1).normal(size=(41, 37)), 1.0, 5.0)
+OTHER = treatment.low_pass(np.random.default_rng(1).normal(size=(41, 37)), 1.0, 5.0)
 
 
 @pytest.fixture
@@ -146,7 +146,7 @@ def test_a_length_without_a_unit_of_the_study_is_refused(folder: Path) -> None:
 def test_block_means_and_what_fills_no_block(folder: Path) -> None:
     case = _case(folder, "file: map.npy, downsample: 4")
     surface = one_case.surface_of(case)
-    assert np.array_equal(surface.heights, lattice.block_means(MAP, 4))
+    assert np.array_equal(surface.heights, treatment.block_means(MAP, 4))
     assert (surface.shape, surface.spacing, case.L) == ((10, 9), 4.0, 36.0)
     assert case.surface_text == "cropped to nodes 0 to 39 along x and 0 to 35 along y; means of 4 x 4 nodes taken"
 
@@ -169,7 +169,7 @@ def test_the_lattice_is_the_one_that_comes_out(rows: int, columns: int, side: in
     assert list(left.shape) == expected
     assert left.pixel[0] == left.pixel[1] == pytest.approx(side * 0.3 * min(1.0, ratio), rel=1e-12)
     if rows * columns < 4000:
-        assert lattice.squared(np.zeros((rows // side, columns // side)), whole.ratio).shape == left.shape
+        assert treatment.squared(np.zeros((rows // side, columns // side)), whole.ratio).shape == left.shape
 
 
 # Outliers
@@ -177,7 +177,7 @@ def test_the_lattice_is_the_one_that_comes_out(rows: int, columns: int, side: in
 
 def test_outliers_are_filled_even_where_missing_heights_are_refused(folder: Path) -> None:
     surface = _surface(folder, "file: spiked.npy, outliers: {sigma: 6}")
-    expected = levelling.fill(np.where(SPIKES, np.nan, MAP), "interpolate")
+    expected = treatment.fill(np.where(SPIKES, np.nan, MAP), "interpolate")
     assert np.array_equal(surface.heights, expected)
     assert (surface.outliers, surface.filled) == (3, 3)
     assert surface.peak_before == pytest.approx(Surface(SPIKED, 1.0).peak, rel=1e-14)
@@ -194,7 +194,7 @@ def test_a_file_with_holes_is_refused_all_the_same(folder: Path) -> None:
 def test_outliers_do_not_bend_the_plane_that_is_levelled(folder: Path) -> None:
     np.save(folder / "spiked.npy", SPIKED + 0.3 * X - 0.1 * Y)
     levelled = _surface(folder, "file: spiked.npy, outliers: {}, level: tilt, missing: nearest").heights
-    expected = levelling.level(np.where(SPIKES, np.nan, MAP), "tilt")
+    expected = treatment.level(np.where(SPIKES, np.nan, MAP), "tilt")
     assert np.abs(levelled - expected)[~SPIKES].max() < 1e-12
     biased = _surface(folder, "file: spiked.npy, level: tilt").heights
     assert np.abs(biased - expected)[~SPIKES].max() > 1e-2
@@ -202,7 +202,7 @@ def test_outliers_do_not_bend_the_plane_that_is_levelled(folder: Path) -> None:
 
 def test_outliers_are_looked_for_before_block_means_would_hide_them(folder: Path) -> None:
     surface = _surface(folder, "file: spiked.npy, outliers: {}, downsample: 2")
-    expected = lattice.block_means(np.where(SPIKES, np.nan, MAP)[:40, :36], 2)
+    expected = treatment.block_means(np.where(SPIKES, np.nan, MAP)[:40, :36], 2)
     assert np.abs(surface.heights - expected).max() < 1e-15
     assert (surface.outliers, surface.filled) == (2, 0)  # the third lies in the row that fills no block
     assert surface.peak_before > surface.peak + 5.0
@@ -212,9 +212,9 @@ def test_the_order_of_all_treatments(folder: Path) -> None:
     keys = "crop: {x: [0, 0.9]}, outliers: {sigma: 5, window: 7}, downsample: 2, level: tilt, missing: nearest"
     surface = _surface(folder, f"file: spiked.npy, {keys}, low_pass: 8 um")
     heights = SPIKED[:36, :36]
-    heights = np.where(outliers.outliers(heights, 5.0, 7), np.nan, heights)
-    heights = levelling.fill(levelling.level(lattice.block_means(heights, 2), "tilt"), "nearest")
-    assert np.array_equal(surface.heights, levelling.low_pass(heights, 2.0, 8.0))
+    heights = np.where(treatment.outliers(heights, 5.0, 7), np.nan, heights)
+    heights = treatment.fill(treatment.level(treatment.block_means(heights, 2), "tilt"), "nearest")
+    assert np.array_equal(surface.heights, treatment.low_pass(heights, 2.0, 8.0))
     text = _case(folder, f"file: spiked.npy, {keys}, low_pass: 8 um").surface_text
     steps = ["cropped to", "removed", "means of 2 x 2", "least-squares tilt", "missing heights", "waves shorter"]
     assert [text.index(step) for step in steps] == sorted(text.index(step) for step in steps)
@@ -257,7 +257,7 @@ def test_outliers_of_both_bodies_are_taken_out_and_counted(folder: Path) -> None
 
 # Pressed
 
-SMOOTH = levelling.low_pass(random_midpoint_displacement(2.2, 6, seed=4).heights, 1.0, 6.0)
+SMOOTH = treatment.low_pass(random_midpoint_displacement(2.2, 6, seed=4).heights, 1.0, 6.0)
 
 
 def _pressure(folder: Path, heights: np.ndarray, keys: str = "") -> float:

@@ -15,7 +15,7 @@ from height_files import HEIGHTS, HOLED, HOLES, PIXEL, SDF, case_of, library, nm
 
 from roughvol.campaign import one_case
 from roughvol.errors import RoughvolError, StudyError
-from roughvol.surfaces import lattice
+from roughvol.surfaces import treatment
 from roughvol.surfaces.files import instrument, reading
 
 pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")
@@ -104,7 +104,7 @@ def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_pa
     surface = one_case.surface_of(case)
     assert surface.spacing == pytest.approx(PIXEL * min(1.0, off), rel=1e-12)
     assert surface.side == pytest.approx(case.L, rel=1e-15)
-    assert np.abs(surface.heights - lattice.squared(HEIGHTS, off)).max() < 1e-8
+    assert np.abs(surface.heights - treatment.squared(HEIGHTS, off)).max() < 1e-8
     assert case.surface_text.startswith("heights interpolated onto square pixels of the finer spacing")
     _refused(tmp_path, f"{file}, resample: square, L: 3 um", r"surface\.L: is 3 um, but .* gives 2\.5e-06 m")
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from roughvol.surfaces.lattice import block_means, squared
+from roughvol.surfaces.treatment import block_means, squared
 
 SIZES = st.integers(4, 23)
 

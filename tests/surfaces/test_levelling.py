@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces.levelling import ALPHA, FILLS, LEVELS, fill, level, low_pass
+from roughvol.surfaces.treatment import ALPHA, FILLS, LEVELS, fill, level, low_pass
 
 Heights = NDArray[np.float64]
 

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces import levelling
+from roughvol.surfaces import treatment
 from roughvol.surfaces.midpoint import random_midpoint_displacement
-from roughvol.surfaces.outliers import ROUNDS, outliers
+from roughvol.surfaces.treatment import ROUNDS, outliers
 
 Heights = NDArray[np.float64]
 
 RNG = np.random.default_rng(3)
 WHITE = RNG.normal(size=(300, 280))
-CORRELATED = levelling.low_pass(RNG.normal(size=(200, 200)), 1.0, 12.0)
+CORRELATED = treatment.low_pass(RNG.normal(size=(200, 200)), 1.0, 12.0)
 X, Y = np.meshgrid(np.arange(200.0), np.arange(200.0), indexing="ij")
 DEVIATION = float(CORRELATED.std())
 
@@ -29,7 +29,7 @@ def _slow(heights: Heights, sigma: float, window: int) -> NDArray[np.bool_]:
     known = ~np.isnan(heights)
     near = known
     for _ in range(ROUNDS):  # two sets may follow each other for ever
-        rest = levelling.level(heights, "tilt", near)
+        rest = treatment.level(heights, "tilt", near)
         middle = np.median(rest[known])
         limit = sigma * 1.482602218505602 * np.median(np.abs(rest[known] - middle))
         near = known & (np.abs(rest - middle) <= limit)
@@ -62,7 +62,7 @@ def test_a_high_smooth_peak_and_a_deep_groove_stay() -> None:
     peak = 12.0 * DEVIATION * np.exp(-((X - 90.0) ** 2 + (Y - 60.0) ** 2) / (2.0 * 4.0**2))
     groove = -15.0 * DEVIATION * np.exp(-((X + 0.2 * Y - 150.0) ** 2) / (2.0 * 4.0**2))
     heights = CORRELATED + peak + groove
-    levelled = levelling.level(heights, "tilt")
+    levelled = treatment.level(heights, "tilt")
     assert np.abs(levelled).max() > 10.0 * DEVIATION
     assert not outliers(heights, 6.0).any()
 

@@ -20,8 +20,8 @@ OME = (
 REFUSED: dict[str, tuple[str, Content]] = {
     "colour": ("allowed: one grey value", lambda path: tifffile.imwrite(path, np.zeros((9, 9, 3), "u1"))),
     "8 bits": ("allowed: one grey value", lambda path: tifffile.imwrite(path, np.zeros((9, 9), "u1"))),
-    "noise": ("cannot be read as TIFF", np.random.default_rng(3).bytes(999)),
-    "empty": ("cannot be read as TIFF", b""),
+    "noise": ("cannot be read as .tif", np.random.default_rng(3).bytes(999)),
+    "empty": ("cannot be read as .tif", b""),
     "absent": ("No such file", lambda path: None),
 }
 

@@ -55,21 +55,41 @@ class HeightMap:
     heights: Callable[[], Any]
 
 
+@dataclass(frozen=True)
+class Request:
+    """A height file as a study requests it; a reader is a function of it that returns a `HeightMap`.
+
+    The heights are read while the files are open.
+    """
+
+    path: Path
+    variable: str | None  # array, channel or page, by its name or its number from 0
+    columns: str | None  # "heights": all columns of a text are heights
+    ignore_header: bool  # pass over sizes and units
+    files: contextlib.ExitStack  # open files
+
+    def refuse_variable(self) -> None:
+        """Refuse the name of an array in a file of one array."""
+        if self.variable is not None:
+            message = f"{self.path}: holds one array, without a name; leave out the variable {self.variable!r}"
+            raise DatasetError(message)
+
+
 class NotRead(DatasetError):
     """A file that one reader does not understand. Another reader may; otherwise this message is final."""
 
 
 @contextlib.contextmanager
-def reading(path: Path, kind: str, errors: tuple[type[Exception], ...] = (Exception,)) -> Iterator[None]:
-    """Turn any error of a library on a damaged file into one message."""
+def reading(path: Path) -> Iterator[None]:
+    """Turn any error on a damaged file into one message: libraries raise errors of all types."""
     try:
         yield
     except (DatasetError, SurfaceError):
         raise
-    except errors as error:
+    except Exception as error:
         reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
-        message = f"{path}: cannot be read{f' as {kind}' if kind else ''}: {' '.join(reason.split())[:200]}"
-        raise DatasetError(message) from error
+        kind = f" as {path.suffix.lower()}" if path.suffix else ""
+        raise DatasetError(f"{path}: cannot be read{kind}: {' '.join(reason.split())[:200]}") from error
 
 
 def length_unit(path: Path, unit: object, place: str) -> str | None:
@@ -89,10 +109,16 @@ def names_no_heights(name: str) -> bool:
     return bool(_ERROR.search(name) or (_NO_HEIGHTS.search(name) and not _HEIGHTS.search(name)))
 
 
-def refuse_huge(path: Path, shape: tuple[int, ...]) -> None:
-    """Refuse an array before it is read. A small compressed file may hold any number of zeros."""
+def map_shape(path: Path, shape: tuple[int, ...]) -> tuple[int, int]:
+    """Return the shape of a map; refuse other arrays before they are read, and more nodes than `MAX_NODES`.
+
+    A small compressed file may hold any number of zeros.
+    """
+    if len(shape) != 2 or min(shape) < FEWEST:
+        raise SurfaceError(f"{path}: heights have shape {shape}; allowed: two dimensions of at least 3 nodes each")
     if math.prod(map(int, shape)) > MAX_NODES:
         raise DatasetError(f"{path}: the array has shape {shape}; allowed: at most {MAX_NODES} nodes")
+    return int(shape[0]), int(shape[1])
 
 
 def position(path: Path, names: list[str], wanted: str, listing: str, kind: str) -> int:

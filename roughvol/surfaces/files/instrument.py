@@ -12,9 +12,7 @@ are 160 m or 160 um. So the length of the axis is that of the study.
 from __future__ import annotations
 
 import contextlib
-import re
 import warnings
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +21,11 @@ import numpy as np
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.files.description import (
     EXTRA,
+    FEWEST,
     Description,
     HeightMap,
     NotRead,
+    Request,
     array_name,
     length_unit,
     names_no_heights,
@@ -37,27 +37,13 @@ from roughvol.typing import Array
 UNMARKED = ("nms", "hgt")
 ARRAYS = ("h5", "mat")  # formats of arrays without meaning
 UNSIZED = "nms"
+HEIGHT = "height"  # kind of a channel
 TEXT = ("asc", "xyz")  # readers of text in the library
 
 
-def opened(path: Path, channel: str | None = None) -> HeightMap:
-    """Return the map in the file of an instrument; its heights are read on demand."""
-    with _opened(path) as reader:
-        described = _described(path, reader, channel)
-    return HeightMap(described, lambda: _read(path, channel))
-
-
-def _read(path: Path, channel: str | None) -> Array:
-    with _opened(path) as reader:
-        data = _channel(path, reader, channel)
-        # The library builds no map without a size. Any size does where the file gives none.
-        size = None if data.physical_sizes is not None else tuple(map(float, data.nb_grid_pts))
-        heights = data.topography(physical_sizes=size).heights()
-    return np.ma.filled(np.ma.asarray(heights, dtype=np.float64), np.nan)
-
-
-@contextlib.contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def opened(request: Request) -> HeightMap:
+    """Return the map in the file of an instrument."""
+    path = request.path
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the library warns that it runs without MPI
@@ -65,22 +51,31 @@ def _opened(path: Path) -> Iterator[Any]:
             from SurfaceTopography.Exceptions import CannotDetectFileFormat
     except ImportError as error:
         raise NotRead(f"{path}: is read through SurfaceTopography, which is not installed: {EXTRA}") from error
-    # The library has forty readers of binary formats. On damaged files they raise errors of any type.
-    with warnings.catch_warnings(), reading(path, ""):
+    ending = path.suffix.lower().removeprefix(".")
+    with warnings.catch_warnings(), reading(path):
         warnings.simplefilter("ignore")
         try:
-            path.open("rb").close()
-            with _recognised(open_topography, path) as reader:
-                if reader.format() in UNMARKED and path.suffix.lower() != f".{reader.format()}":
-                    raise CannotDetectFileFormat
-                yield reader
+            reader = request.files.enter_context(_recognised(open_topography, path, ending))
+            if reader.format() in UNMARKED and ending != reader.format():
+                raise CannotDetectFileFormat
         except CannotDetectFileFormat as error:
             raise NotRead(f"{path}: is damaged, or in none of the formats that SurfaceTopography reads") from error
+        channel = _channel(path, reader, request.variable)
+        description = _described(path, reader, channel, request.variable)
+
+    def heights() -> Array:
+        # The library builds no map without a size. Any size does where the file gives none.
+        size = None if channel.physical_sizes is not None else tuple(map(float, channel.nb_grid_pts))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            values = channel.topography(physical_sizes=size).heights()
+        return np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
+
+    return HeightMap(description, heights)
 
 
-def _recognised(open_topography: Any, path: Path) -> Any:
+def _recognised(open_topography: Any, path: Path, ending: str) -> Any:
     """Return the reader of a file. Files of an unmarked format may look like another one."""
-    ending = path.suffix.lower().removeprefix(".")
     if ending in UNMARKED:
         with contextlib.suppress(Exception):
             return open_topography(str(path), format=ending)
@@ -93,87 +88,64 @@ def _channel(path: Path, reader: Any, wanted: str | None) -> Any:
     if reader.format() in ARRAYS:
         shapes = {data.name: tuple(data.nb_grid_pts or ()) for data in channels}
         wanted = array_name(path, wanted, shapes)
-    maps = {data.index: data for data in channels if not _no_heights(data)}
-    if wanted is not None:
-        kinds = (
-            "no heights" if _is_height(data) and data.index not in maps else data.data_kind.value for data in channels
-        )
-        listing = ", ".join(f"{text} ({kind})" for text, kind in zip(_texts(channels), kinds, strict=True))
-        chosen = channels[position(path, [data.name for data in channels], wanted, listing, "channel")]
-    elif not channels:
-        raise SurfaceError(f"{path}: holds no channels")
+    maps = [data for data in channels if not _no_heights(data)]
+    if wanted is None:
+        default = reader.default_channel
+        chosen = next((data for data in maps if data.index == default.index), maps[0] if maps else default)
     else:
-        chosen = reader.default_channel
-        if chosen.index not in maps:
-            chosen = next(iter(maps.values()), chosen)
+        kinds = (
+            data.data_kind.value if data in maps or data.data_kind.value != HEIGHT else "no heights"
+            for data in channels
+        )
+        listing = ", ".join(f"{_label(data)} ({kind})" for data, kind in zip(channels, kinds, strict=True))
+        chosen = channels[position(path, [data.name for data in channels], wanted, listing, "channel")]
     if reason := _no_heights(chosen):
-        message = f"{path}: {chosen.name} {reason}; channels of heights: {', '.join(_texts(maps.values())) or 'none'}"
-        raise SurfaceError(message)
+        listing = ", ".join(map(_label, maps)) or "none"
+        raise SurfaceError(f"{path}: {chosen.name} {reason}; channels of heights: {listing}")
     return chosen
 
 
-def _texts(channels: Iterable[Any]) -> list[str]:
-    return [f"{data.index}: {data.name}" for data in channels]
-
-
-def _is_height(data: Any) -> bool:
-    return bool(data.data_kind.value == "height")
+def _label(data: Any) -> str:
+    return f"{data.index}: {data.name}"
 
 
 def _no_heights(data: Any) -> str:
     """Return why a channel is none of heights, empty if it may be one."""
-    if not _is_height(data):
+    if data.data_kind.value != HEIGHT:
         return f"holds {data.data_kind.value}, not heights"
     if isinstance(data.unit, tuple):  # lateral and vertical unit: the library finds no heights in the second
         return "holds no heights: its unit is no length"
     return "holds no heights, by its name" if names_no_heights(data.name.rpartition("/")[2]) else ""
 
 
-def _described(path: Path, reader: Any, wanted: str | None) -> Description:
-    channel = _channel(path, reader, wanted)
-    if reader.format() in TEXT:
-        _refuse_lost_lines(path)
+def _described(path: Path, reader: Any, channel: Any, wanted: str | None) -> Description:
     shape = tuple(channel.nb_grid_pts or ())
-    if channel.dim != 2 or len(shape) != 2 or channel.is_uniform is False or min(shape) < 3:
+    if channel.dim != 2 or len(shape) != 2 or channel.is_uniform is False or min(shape) < FEWEST:
         message = f"{path}: {channel.name} has nodes {shape}; allowed: a map of equidistant nodes, at least 3 x 3"
         raise SurfaceError(message)
     unit = None if channel.unit is None else length_unit(path, channel.unit, channel.name)
-    sizes = channel.physical_sizes
-    sides = None if sizes is None else (_side(sizes[0], shape[0]), _side(sizes[1], shape[1]))
-    maps = [data for data in reader.channels if not _no_heights(data) and data.dim == 2]
-    other = f"channel {channel.index}" if wanted is None and channel.index != reader.default_channel.index else None
+    sides, unsized, sizes = None, "", channel.physical_sizes
+    if sizes is not None:
+        (x, y), (nx, ny) = (float(size) / n for size, n in zip(sizes, shape, strict=True)), shape
+        sides = x * (nx - 1), y * (ny - 1)  # between the outer nodes
+        if reader.format() == UNSIZED:
+            would = f"in nm, L would be {1e-6 * sides[0]:.6g} um"
+            unsized = f"its pixels are {1e-3 * x:.6g} by {1e-3 * y:.6g} of an unknown unit; {would}"
     notes: tuple[str, ...] = ()
+    maps = [data for data in reader.channels if not _no_heights(data) and data.dim == 2]
     if wanted is None and len(maps) > 1:
-        listing = ", ".join(_texts(maps))
+        listing = ", ".join(map(_label, maps))
         notes = (f"{path.name} holds {len(maps)} maps ({listing}); {channel.index} is read, variable names another",)
-    unsized = ""
-    if reader.format() == UNSIZED and sides is not None:
-        x, y = (1e-3 * side / (nodes - 1) for side, nodes in zip(sides, shape, strict=True))
-        would = f"in nm, L would be {1e-3 * x * (shape[0] - 1):.6g} um"
-        unsized = f"its pixels are {x:.6g} by {y:.6g} of an unknown unit; {would}"
-    nodes, lateral, source = (int(shape[0]), int(shape[1])), None if unsized else unit, "its header" if sides else ""
-    name, counted = f"SurfaceTopography {reader.format()}", bool(unsized)
-    return Description(nodes, sides, lateral, unit, channel.name, name, other, source, counted, unsized, notes=notes)
-
-
-def _side(size: float, nodes: int) -> float:
-    """Return the length between the outer nodes from that of all pixels."""
-    return float(size) / nodes * (nodes - 1)
-
-
-def _refuse_lost_lines(path: Path) -> None:
-    """Refuse text with other lines between lines of numbers. The library skips them, or joins two maps."""
-    numbers, skipped = 0, 0
-    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
-        words = line.split()
-        if not words:
-            continue
-        if all(re.fullmatch(r"[-+.\deE]+|bad|nan|[-+]?inf(?:inite)?", word, re.IGNORECASE) for word in words):
-            if skipped:
-                message = (
-                    f"{path}: line {skipped} holds no numbers, between lines of numbers; delete it, or mark it as NaN"
-                )
-                raise SurfaceError(message)
-            numbers += 1
-        elif numbers:
-            skipped = skipped or number
+    return Description(
+        (int(shape[0]), int(shape[1])),
+        sides,
+        None if unsized else unit,
+        unit,
+        channel.name,
+        f"SurfaceTopography {reader.format()}",
+        f"channel {channel.index}" if wanted is None and channel.index != reader.default_channel.index else None,
+        "its header" if sides else "",
+        bool(unsized),
+        unsized,
+        notes=notes,
+    )

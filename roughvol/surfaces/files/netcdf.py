@@ -11,6 +11,7 @@ dimensions, and the attribute ``units``.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces.files.description import Description, HeightMap, array_name, length_unit, reading, refuse_huge
+from roughvol.surfaces.files.description import Description, HeightMap, Request, array_name, length_unit, map_shape
 
 _AXES = (
     re.compile(r"(?:.*_)?(?:x|lon|longitude|easting)", re.IGNORECASE),
@@ -41,54 +42,52 @@ def is_hdf5(path: Path) -> bool:
         return stream.read(8) == b"\x89HDF\r\n\x1a\n"
 
 
-def opened(path: Path, variable: str | None = None, *, ignore_header: bool = False) -> HeightMap:
-    """Return the map in a netCDF file; its heights are read on demand."""
+def opened(request: Request) -> HeightMap:
+    """Return the map in a netCDF file."""
     from netCDF4 import Dataset
 
-    with reading(path, path.suffix.lower()), Dataset(path) as stored:
-        name = _field(path, stored, variable)
-        field = stored[name]
-        if not _holds_numbers(field):
-            raise SurfaceError(f"{path}: {name} holds text, or values of a type of its own, not numbers")
-        down = _is_down(path, field, name)
-        refuse_huge(path, field.shape)
-        if len(field.shape) != 2:
-            raise SurfaceError(f"{path}: {name} has shape {field.shape}; allowed: two dimensions")
-        turned = [_axis(stored, dim) for dim in field.dimensions] in ([1, 0], [1, None], [None, 0])
-        dims = field.dimensions[::-1] if turned else field.dimensions
-        shape = field.shape[::-1] if turned else field.shape
-        axes = [None if ignore_header else _coordinate(path, stored, dim) for dim in dims]
-        unit = None if ignore_header else _unit(path, field, name)
-        masked = name == "heights" and "mask" in stored.variables and stored["mask"].shape == field.shape
+    path, ignored = request.path, request.ignore_header
+    stored = request.files.enter_context(Dataset(path))
+    name = _field(path, stored, request.variable)
+    field = stored[name]
+    if not _holds_numbers(field):
+        raise SurfaceError(f"{path}: {name} holds text, or values of a type of its own, not numbers")
+    down = _is_down(path, field, name)
+    shape = map_shape(path, field.shape)
+    turned = [_axis(stored, dim) for dim in field.dimensions] in ([1, 0], [1, None], [None, 0])
+    dims, nodes = (field.dimensions[::-1], (shape[1], shape[0])) if turned else (field.dimensions, shape)
+    x, y = (None if ignored else _coordinate(path, stored, dim) for dim in dims)
+    masked = name == "heights" and "mask" in stored.variables and stored["mask"].shape == shape
     sides, lateral, source, counted = None, None, "", False
-    if axes[0] is not None and axes[1] is not None:
-        if axes[0][1] != axes[1][1]:
-            message = f"{path}: {dims[0]} is in {axes[0][1]}, {dims[1]} in {axes[1][1]}; allowed: one unit for both"
-            raise SurfaceError(message)
-        sides, lateral = (axes[0][0], axes[1][0]), axes[0][1]
-        source, counted = f"coordinates {dims[0]} and {dims[1]}", lateral is None and axes[0][3] and axes[1][3]
-    flips = tuple(slice(None, None, -1) if axis is not None and axis[2] else slice(None) for axis in axes)
-    labelled = turned or flips != (slice(None), slice(None)) or masked or sides is not None
-    read_as = ", ".join(["labels"] * labelled + ["down"] * down) or None
-    notes = (f"{path.name} has {name}:positive = 'down': its heights are turned over",) if down else ()
-    described = Description(
-        (shape[0], shape[1]), sides, lateral, unit, name, "netCDF", read_as, source, counted, notes=notes
-    )
-    sign = -1.0 if down else 1.0
-    return HeightMap(described, lambda: sign * _read(path, name, turned, flips, masked))
+    if x and y:
+        if x.unit != y.unit:
+            raise SurfaceError(f"{path}: {x.name} is in {x.unit}, {y.name} in {y.unit}; allowed: one unit for both")
+        sides, lateral, source = (x.span, y.span), x.unit, f"coordinates {x.name} and {y.name}"
+        counted = lateral is None and x.counted and y.counted
+    flips = tuple(slice(None, None, -1 if axis and axis.falls else 1) for axis in (x, y))
+    labelled = turned or any(axis and axis.falls for axis in (x, y)) or masked or sides is not None
 
-
-def _read(path: Path, name: str, turned: bool, flips: Any, masked: bool) -> NDArray[Any]:
-    from netCDF4 import Dataset
-
-    with reading(path, path.suffix.lower()), Dataset(path) as stored:
-        heights = np.ma.asarray(stored[name][...])
-        mask = np.ma.getmaskarray(heights)
+    def heights() -> NDArray[Any]:
+        values = np.ma.asarray(field[...])
+        mask = np.ma.getmaskarray(values)
         if masked:  # as SurfaceTopography writes it
             mask = mask | (np.ma.filled(stored["mask"][...], 1) != 0)
-    filled = mask.any() and heights.dtype.kind in "fiu"
-    array: NDArray[Any] = np.where(mask, np.nan, heights.data) if filled else np.asarray(heights.data)
-    return (array.T if turned else array)[flips]
+        filled = np.where(mask, np.nan, values.data) if mask.any() else np.asarray(values.data)
+        return (-1.0 if down else 1.0) * (filled.T if turned else filled)[flips]
+
+    described = Description(
+        nodes,
+        sides,
+        lateral,
+        None if ignored else _unit(path, field, name),
+        name,
+        "netCDF",
+        ", ".join(["labels"] * labelled + ["down"] * down) or None,
+        source,
+        counted,
+        notes=(f"{path.name} has {name}:positive = 'down': its heights are turned over",) * down,
+    )
+    return HeightMap(described, heights)
 
 
 def _holds_numbers(variable: Any) -> bool:
@@ -119,10 +118,23 @@ def _axis(stored: Any, dim: str) -> int | None:
     return next((axis for axis, pattern in enumerate(_AXES) if pattern.fullmatch(dim)), None)
 
 
-def _coordinate(path: Path, stored: Any, dim: str) -> tuple[float, str | None, bool, bool] | None:
-    """Return the span of a coordinate, its unit, whether it descends, and whether it only counts; None if absent."""
+@dataclass(frozen=True)
+class _Coordinate:
+    """The coordinate of one axis."""
+
+    name: str
+    span: float
+    unit: str | None
+    falls: bool
+    counted: bool  # 0, 1, 2 … or 1, 2, 3 …
+
+
+def _coordinate(path: Path, stored: Any, dim: str) -> _Coordinate | None:
+    """Return the coordinate of a dimension, None without one; shares of a length (units "1") are none."""
     variable = stored.variables.get(dim)
     if variable is None or variable.dimensions != (dim,) or not _holds_numbers(variable) or variable.shape[0] < 3:
+        return None
+    if getattr(variable, "units", None) == "1":
         return None
     values = np.ma.filled(np.ma.asarray(variable[...], dtype=np.float64), np.nan)
     spacing = (values[-1] - values[0]) / (len(values) - 1)
@@ -133,7 +145,8 @@ def _coordinate(path: Path, stored: Any, dim: str) -> tuple[float, str | None, b
     if length is not None and abs(float(length) / len(values) - abs(spacing)) > _SAME * abs(spacing):
         raise SurfaceError(f"{path}: {dim}:length is {float(length):g}, its coordinate has a spacing of {spacing:g}")
     counted = bool(spacing == 1.0 and values[0] in (0.0, 1.0))
-    return abs(float(spacing)) * (len(values) - 1), _unit(path, variable, dim), bool(spacing < 0.0), counted
+    span = abs(float(spacing)) * (len(values) - 1)
+    return _Coordinate(dim, span, _unit(path, variable, dim), bool(spacing < 0.0), counted)
 
 
 def _unit(path: Path, variable: Any, name: str) -> str | None:

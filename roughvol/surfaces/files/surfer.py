@@ -18,10 +18,9 @@ import numpy as np
 
 from roughvol.errors import DatasetError, SurfaceError
 from roughvol.surfaces.files import plain_text
-from roughvol.surfaces.files.description import Description, HeightMap
+from roughvol.surfaces.files.description import Description, HeightMap, Request
 from roughvol.typing import Array
 
-TEXT, SIX, SEVEN = "DSAA", "DSBB", "DSRB"
 _HEAD_6 = struct.Struct("<4s2h6d")  # name, nodes along x and y, limits of x, y and z
 _GRID_7 = struct.Struct("<2i8d")  # nodes along y and x, lowest x and y, spacings, limits of z, rotation, blank
 _TAG_7 = struct.Struct("<4si")  # name and bytes of a section
@@ -29,22 +28,23 @@ _TAG_7 = struct.Struct("<4si")  # name and bytes of a section
 
 def is_grid(path: Path) -> bool:
     """Return whether a file starts with the name of a Surfer grid."""
-    return _name(path) in (TEXT, SIX, SEVEN)
+    return _name(path) in _KINDS
 
 
-def opened(path: Path) -> HeightMap:
+def opened(request: Request) -> HeightMap:
     """Return the map in a Surfer grid; binary heights are read on demand."""
-    return {TEXT: _text, SIX: _six, SEVEN: _seven}[_name(path)](path)
+    request.refuse_variable()
+    return _KINDS[_name(request.path)](request.path)
 
 
-def _name(path: Path) -> str:
+def _name(path: Path) -> bytes:
     with path.open("rb") as stream:
-        return stream.read(4).decode("latin-1")
+        return stream.read(4)
 
 
 def _text(path: Path) -> HeightMap:
     (number, start), *others = plain_text.numbered(path)
-    lines = [(number, start.removeprefix(TEXT)), *others]
+    lines = [(number, start[4:]), *others]
     filled = [(number, line.strip(" \t\x1a")) for number, line in lines if line.strip(" \t\x1a")]
     numbers = plain_text.words(plain_text.Text(path, [], filled, []))
     if len(numbers) < 8:
@@ -62,8 +62,7 @@ def _six(path: Path) -> HeightMap:
     if len(head) < _HEAD_6.size:
         raise DatasetError(f"{path}: ends within its header")
     described = _described(path, "Surfer 6", *_HEAD_6.unpack(head)[1:7])
-    _check_bytes(path, path.stat().st_size - len(head), 4, described.shape)
-    return HeightMap(described, lambda: _binary(path, "<f4", len(head), described.shape))
+    return _binary(path, described, "<f4", len(head), path.stat().st_size - len(head))
 
 
 def _seven(path: Path) -> HeightMap:
@@ -78,15 +77,13 @@ def _seven(path: Path) -> HeightMap:
     if version not in (1, 2):
         raise SurfaceError(f"{path}: is of version {version}; allowed: 1 and 2")
     limits = left, left + dx * (nx - 1), front, front + dy * (ny - 1)
-    described = _described(path, "Surfer 7", nx, ny, *limits)
-    start, size = sections[b"DATA"]
-    _check_bytes(path, size, 8, described.shape)
+    values = _binary(path, _described(path, "Surfer 7", nx, ny, *limits), "<f8", *sections[b"DATA"])
 
     def heights() -> Array:
-        values = _binary(path, "<f8", start, described.shape)
-        return np.where(values >= blank if version == 1 else values == blank, math.nan, values)
+        z = values.heights()
+        return np.where(z >= blank if version == 1 else z == blank, math.nan, z)
 
-    return HeightMap(described, heights)
+    return HeightMap(values.description, heights)
 
 
 def _sections(path: Path) -> dict[bytes, tuple[int, int]]:
@@ -123,14 +120,13 @@ def _described(
     return Description(shape, sides, reader=f"Surfer grid, {kind}", read_as="surfer", source=source, counted=counted)
 
 
-def _check_bytes(path: Path, size: int, each: int, shape: tuple[int, int]) -> None:
-    if size != each * shape[0] * shape[1]:
-        message = (
-            f"{path}: holds {size} bytes of heights; its header gives {shape[0]} x {shape[1]} of {each} bytes each"
-        )
-        raise DatasetError(message)
+def _binary(path: Path, described: Description, kind: str, start: int, size: int) -> HeightMap:
+    """Return the map of binary heights, a number of bytes from a position on."""
+    nx, ny = described.shape
+    each = np.dtype(kind).itemsize
+    if size != each * nx * ny:
+        raise DatasetError(f"{path}: holds {size} bytes of heights; its header gives {nx} x {ny} of {each} bytes each")
+    return HeightMap(described, lambda: np.fromfile(path, kind, nx * ny, offset=start).reshape(ny, nx).T.astype("f8"))
 
 
-def _binary(path: Path, kind: str, start: int, shape: tuple[int, int]) -> Array:
-    values = np.fromfile(path, kind, shape[0] * shape[1], offset=start)
-    return values.reshape(shape[1], shape[0]).T.astype(np.float64)
+_KINDS = {b"DSAA": _text, b"DSBB": _six, b"DSRB": _seven}

@@ -2,7 +2,11 @@
 
 Conventions: without labels, each line is a row of the array, as numpy.savetxt writes it. A header with the size along
 the lines (Width, ncols) makes that axis x, and the array the transpose of the text. Points and ESRI grids have
-coordinates: both axes ascend with the index.
+coordinates: both axes ascend with the index. Nodes of a grid without a point are missing (NaN).
+
+Known header lines are the exports of Gwyddion (``# Width: 10.00 µm``), ESRI ASCII grids, units of heights alone, and
+names of columns with their units (``X [µm]; Y [µm]; Z [nm]``). Any other line with a size or a unit is kept as
+``unclear``: ignored, it might scale the map wrongly.
 
 The readers of SurfaceTopography skip every line that is not numbers: a row with ``***`` is lost. They take no decimal
 commas, semicolons, ESRI headers or NODATA values.
@@ -11,102 +15,192 @@ commas, semicolons, ESRI headers or NODATA values.
 from __future__ import annotations
 
 import math
+import re
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces.files import plain_text, points, text_header
-from roughvol.surfaces.files.description import Description, HeightMap, names_no_heights
-from roughvol.surfaces.files.text_header import REMEDY, Header, not_understood
-from roughvol.typing import Array
+from roughvol.surfaces import length_units
+from roughvol.surfaces.files import plain_text
+from roughvol.surfaces.files.description import (
+    Description,
+    HeightMap,
+    NotRead,
+    Request,
+    length_unit,
+    names_no_heights,
+)
+from roughvol.typing import Array, Index
 
 INSIST = "surface.columns: heights takes all numbers as heights"
+REMEDY = "; delete it, or pass over it with surface.header: ignore and give L and heights_unit"
+_FLOAT = r"([-+]?(?:\d+(?:[.,]\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
+_UNIT = (
+    r"(?:pm|nm|[uµμ]m|mm|cm|km|microns?|(?:pico|nano|micro|milli|centi)[- ]?met(?:er|re)s?|Å|\u212b|[Aa]ngstr[oö]ms?)"
+)
+_HAS_UNIT = re.compile(rf"(?<![^\W\d_]){_UNIT}(?![^\W\d_])|{_FLOAT}\s*(?:m|met(?:er|re)s?)\b|[\[(]m[\])]")
+_NUMBER_WITH_UNIT = re.compile(rf"{_FLOAT}\s*(?:{_UNIT}|m|met(?:er|re)s?)(?![^\W\d_])")
+_LATERAL = re.compile(
+    r"\b(?:x|y|xy|lateral|width|length|pixels?|spacing|step|size|scan|axis|cut.?off|tip)\b", re.IGNORECASE
+)
+_VERTICAL = re.compile(r"\b(?:z|heights?|values?|data|elevations?|topography|depths?)\b", re.IGNORECASE)
+_COLUMN = re.compile(r"(x|y|z|h|heights?|elevation|topography)\s*(?:[\[(/_]\s*([^\])]*?)\s*[\])]?)?", re.IGNORECASE)
+_ESRI = re.compile(
+    r"(ncols|nrows|[xy]ll(?:corner|center)|cellsize|dx|dy|nodata_value)\s+([-+.,\deE]+|[-+]?(?:nan|inf))", re.IGNORECASE
+)
+_SIZE = re.compile(rf"(width|height)\s*[:=]\s*{_FLOAT}\s*(.*)", re.IGNORECASE)
+_CHANNEL = re.compile(r"channel\s*[:=]\s*(.*)", re.IGNORECASE)
+_HEIGHTS_UNIT = re.compile(r"(?:value|height|z)s?[- ]units?\s*[:=]\s*(.*)", re.IGNORECASE)
+# Sizes and factors that only SurfaceTopography reads, also in comments without a unit
+_PIXELS = re.compile(
+    r"\b(?:pixel\s+size|lateral[- ]units?)\s*[:=]|(?:^|[\s,;])[hw]\s*=\s*\d+(?!\S*[.\d])", re.IGNORECASE
+)
+_FACTOR = re.compile(r"\bheight\s+conversion\s+factor\b", re.IGNORECASE)
 _EVEN = 1e-6  # largest relative difference of steps of a coordinate
+_SAME = 1e-6  # largest difference of equal coordinates of points, over the span
+_REGULAR = 0.02  # largest distance of a point from its node, in spacings
+_CROWDED = 4  # most nodes a point for which points on a node are counted
+_COVERED = 0.5  # least share of nodes with a point
 
 
-def opened(path: Path, columns: str | None = None, *, ignore_header: bool = False) -> HeightMap:
+def opened(request: Request) -> HeightMap:
     """Return the map in a text file."""
+    path, ignored = request.path, request.ignore_header
     text = plain_text.split(path)
-    header = text_header.parse(path, text.header, ignore=ignore_header)
-    for comment in text.comments:
-        if text_header.parse(path, [comment], ignore=True) != Header():
-            message = f"{path}: line {comment[0]} is a header among the numbers: {comment[1][:80]!r}; allowed: one map"
+    header = _parsed(path, text.header, ignored)
+    for number, comment in text.comments:
+        if _parsed(path, [(number, comment)], ignored=True) != Header():
+            message = f"{path}: line {number} is a header among the numbers: {comment[:80]!r}; allowed: one map"
             raise SurfaceError(message)
-    if names_no_heights(header.channel) and not ignore_header:
+    if names_no_heights(header.channel) and not ignored:
         message = f"{path}: the channel {header.channel!r} holds no heights, by its name; if it does: header: ignore"
         raise SurfaceError(message)
     if header.esri:
         return _esri(text, header)
     complete = header.size and header.unit and header.heights_unit and not header.factor
-    if header.unclear is not None and not complete and not ignore_header:
-        error = not_understood(path, header.unclear, REMEDY)
+    if header.unclear is not None and not complete and not ignored:
+        error = _not_understood(path, header.unclear, REMEDY)
         # SurfaceTopography multiplies a width by the size of a pixel where a header gives both
         raise SurfaceError(str(error)) if header.size else error
     numbers = plain_text.table(text)
-    if columns == "heights" or header.size:
-        return _matrix(path, numbers, header)
+    if header.size:
+        return _sized(numbers, header)
+    if request.columns == "heights":
+        return header.map(numbers, None, "text, rows", "rows")
     if header.points or numbers.shape[1] == 3:
         return _points(path, numbers[:, :3], header)
     _refuse_coordinates(path, numbers)
-    return _matrix(path, numbers, header)
+    return header.map(numbers, None, "text, rows", "rows")
 
 
-def _map(
-    header: Header, heights: Array, sides: tuple[float, float] | None, reader: str, read_as: str, counted: bool = False
-) -> HeightMap:
-    shape = heights.shape[0], heights.shape[1]
-    return HeightMap(
-        Description(shape, sides, reader=reader, read_as=read_as, counted=counted, **header.described), lambda: heights
-    )
+@dataclass
+class Header:
+    """The content of the header lines of a text file."""
+
+    size: dict[str, float] = field(default_factory=dict)  # width along the lines and height down the lines, in `unit`
+    unit: str | None = None  # of the sizes
+    heights_unit: str | None = None
+    channel: str = ""
+    points: bool = False  # columns are named x, y and z
+    esri: dict[str, float] = field(default_factory=dict)  # values of an ESRI ASCII grid
+    source: str = ""  # position of the size in the file, for messages
+    factor: bool = False  # the heights have a factor, which is not read here
+    unclear: tuple[int, str] | None = None  # number and text of the first line that is not understood
+
+    def map(
+        self, heights: Array, sides: tuple[float, float] | None, reader: str, read_as: str, counted: bool = False
+    ) -> HeightMap:
+        """Return the map of heights under this header."""
+        shape = heights.shape[0], heights.shape[1]
+        described = Description(
+            shape, sides, self.unit, self.heights_unit, self.channel, reader, read_as, self.source, counted
+        )
+        return HeightMap(described, lambda: heights)
 
 
-def _matrix(path: Path, numbers: Array, header: Header) -> HeightMap:
-    if not header.size:
-        return _map(header, numbers, None, "text, rows", "rows")
-    columns, lines = numbers.T.shape
+def _parsed(path: Path, lines: list[tuple[int, str]], ignored: bool) -> Header:
+    """Parse header lines, each with its number; those with an unknown unit may be ignored."""
+    header = Header()
+    for number, line in lines:
+        bare = line.lstrip("#%;/* \t").strip()
+        place = f"line {number} ({line if len(line) <= 60 else f'{line[:57]}...'})"
+        try:
+            if not bare or _taken(header, path, bare, place):
+                continue
+        except SurfaceError:
+            if not ignored:
+                raise
+            continue
+        factor, unit = _FACTOR.search(bare) is not None, _HAS_UNIT.search(bare)
+        header.factor |= factor
+        if header.unclear is None and (factor or unit or _PIXELS.search(bare) or bare == line):
+            header.unclear = number, line
+    return header
+
+
+def _taken(header: Header, path: Path, bare: str, place: str) -> bool:
+    """Take the content of a header line; return whether it is known."""
+    if _FACTOR.search(bare) or _PIXELS.search(bare):
+        return False
+    if match := _ESRI.fullmatch(bare):
+        key = match[1].lower()
+        header.esri[key] = _number(match[2])
+        if key in ("cellsize", "dx"):
+            header.source = place
+    elif match := _SIZE.fullmatch(bare):
+        unit = length_unit(path, match[3], place)
+        header.unit = header.unit or unit  # the unit of the first length is that of all
+        scale = 1.0 if unit is None or header.unit is None else length_units.factor(unit, header.unit)
+        header.size[match[1].lower()] = _number(match[2]) * scale
+        header.source = header.source or place
+    elif match := _CHANNEL.fullmatch(bare):
+        header.channel = match[1].strip()
+    elif match := _HEIGHTS_UNIT.fullmatch(bare):
+        header.heights_unit = length_unit(path, match[1], place) or header.heights_unit
+    elif columns := _columns(bare):
+        header.points, header.source = True, place
+        x, y, header.heights_unit = (length_unit(path, unit, place) if unit else None for unit in columns)
+        if x and y and x != y:
+            message = f"{path}: {place} is in {y}, another size in {x}; allowed: one unit for both axes"
+            raise SurfaceError(message)
+        header.unit = header.unit or x or y
+    elif named := _HAS_UNIT.search(bare):
+        if _NUMBER_WITH_UNIT.search(bare) or _LATERAL.search(bare) or not _VERTICAL.search(bare):
+            return False
+        header.heights_unit = length_unit(path, named[0].strip("[]()"), place)
+    else:
+        return False
+    return True
+
+
+def _number(text: str) -> float:
+    return float(text.replace(",", "."))
+
+
+def _columns(bare: str) -> list[str | None]:
+    """Return the units in a line that names columns x, y and z, None for a column without one; else nothing."""
+    joined = re.sub(r"\s+(?=[\[(])", "", bare.replace('"', ""))
+    parts = re.split(r"[;,\t]", joined) if re.search(r"[;,\t]", joined) else joined.split()
+    columns = [match for part in parts[:3] if (match := _COLUMN.fullmatch(part.strip()))]
+    names = [column[1].lower() for column in columns]
+    named = len(names) == 3 and names[:2] == ["x", "y"] and names[2] not in "xy"
+    return [column[2] for column in columns] if named else []
+
+
+def _not_understood(path: Path, line: tuple[int, str], remedy: str = "") -> NotRead:
+    """Return the error of a header line."""
+    return NotRead(f"{path}: line {line[0]} is not understood: {line[1][:80]!r}{remedy}")
+
+
+def _sized(numbers: Array, header: Header) -> HeightMap:
+    """Return rows under a header with the size of all their pixels."""
+    lines, columns = numbers.shape
     sides = None
     if len(header.size) == 2:
         sides = header.size["width"] / columns * (columns - 1), header.size["height"] / lines * (lines - 1)
-    return _map(header, numbers.T, sides, "text with a header", "header")
-
-
-def _points(path: Path, numbers: Array, header: Header) -> HeightMap:
-    try:
-        heights, sides, counted = points.grid(numbers)
-    except SurfaceError as error:
-        message = f"{path}: looks like x y z points, but they are no regular grid: {error}; {INSIST}"
-        raise SurfaceError(message) from error
-    header.source = header.source or "its coordinates"
-    return _map(header, heights, sides, "text, points x y z", "points", counted=counted and header.unit is None)
-
-
-def _refuse_coordinates(path: Path, numbers: Array) -> None:
-    """Refuse tables that hold coordinates among the heights."""
-    rows, columns = numbers.shape
-    for table, nodes, kind in ((numbers, columns, "columns"), (numbers.T, rows, "lines")):
-        if 3 <= nodes <= 6 and len(table) >= 9:
-            try:
-                points.grid(table[:, :3])
-            except SurfaceError:
-                continue
-            message = (
-                f"{path}: looks like x y z points: the first two of its {nodes} {kind} form a grid; "
-                f"give columns x y z alone; {INSIST}"
-            )
-            raise SurfaceError(message)
-    if min(rows, columns) < 4 or not (_even(numbers[0, 1:]) and _even(numbers[1:, 0])):
-        return
-    if not all(_even(row) for row in numbers[1:, 1:]):
-        message = f"{path}: the first line and the first column look like coordinates: delete them and give L; {INSIST}"
-        raise SurfaceError(message)
-
-
-def _even(values: Array) -> bool:
-    steps = np.diff(values)
-    return bool(
-        steps[0] != 0.0 and np.isfinite(steps).all() and np.abs(steps - steps[0]).max() <= _EVEN * abs(steps[0])
-    )
+    return header.map(numbers.T, sides, "text with a header", "header")
 
 
 def _esri(text: plain_text.Text, header: Header) -> HeightMap:
@@ -114,7 +208,7 @@ def _esri(text: plain_text.Text, header: Header) -> HeightMap:
     if not {"ncols", "nrows"} <= given.keys():
         raise SurfaceError(f"{path}: the header gives {', '.join(given)}; needed: ncols and nrows")
     if header.unclear is not None:
-        raise not_understood(path, header.unclear)
+        raise _not_understood(path, header.unclear)
     if not all(given[name].is_integer() and given[name] > 0.0 for name in ("ncols", "nrows")):
         message = f"{path}: ncols {given['ncols']:g}, nrows {given['nrows']:g}; allowed: whole numbers above 0"
         raise SurfaceError(message)
@@ -127,4 +221,75 @@ def _esri(text: plain_text.Text, header: Header) -> HeightMap:
     dx, dy = given.get("dx", cell), given.get("dy", cell)
     sides = None if dx is None or dy is None else (dx * (columns - 1), dy * (rows - 1))
     grid = heights.reshape(rows, columns)[::-1].T  # lines run from north to south
-    return _map(header, grid, sides, "ESRI ASCII grid", "esri")
+    return header.map(grid, sides, "ESRI ASCII grid", "esri")
+
+
+def _points(path: Path, numbers: Array, header: Header) -> HeightMap:
+    try:
+        heights, sides, counted = _grid(numbers)
+    except SurfaceError as error:
+        message = f"{path}: looks like x y z points, but they are no regular grid: {error}; {INSIST}"
+        raise SurfaceError(message) from error
+    header.source = header.source or "its coordinates"
+    return header.map(heights, sides, "text, points x y z", "points", counted and header.unit is None)
+
+
+def _grid(points: Array) -> tuple[Array, tuple[float, float], bool]:
+    """Return the map of points in any order, the spans of x and y, and whether both only count from 0 or 1."""
+    if not np.isfinite(points[:, :2]).all():
+        raise SurfaceError("a coordinate is missing")
+    (i, nx, span_x, whole_x), (j, ny, span_y, whole_y) = (_nodes(points[:, axis], "xy"[axis]) for axis in (0, 1))
+    node = i * ny + j
+    shared = int((np.bincount(node) > 1).sum()) if nx * ny <= _CROWDED * len(node) else 0
+    if shared:
+        raise SurfaceError(f"{shared} nodes have several of the {len(node)} points")
+    if len(node) < _COVERED * nx * ny:
+        allowed = f"allowed: at least {_COVERED:.0%} of its nodes"
+        raise SurfaceError(f"{len(node)} points lie on a grid of {nx} x {ny} nodes; {allowed}")
+    heights = np.full(nx * ny, np.nan)
+    heights[node] = points[:, 2]
+    return heights.reshape(nx, ny), (span_x, span_y), whole_x and whole_y
+
+
+def _nodes(values: Array, name: str) -> tuple[Index, int, float, bool]:
+    """Return the node of each coordinate, the number of nodes, their span, and whether they only count."""
+    order = np.unique(values)
+    span = float(order[-1] - order[0])
+    if not span > 0.0:
+        raise SurfaceError(f"{name} is {order[0]:g} everywhere")
+    steps = np.diff(order)
+    count = round(span / float(np.median(steps[steps > _SAME * span])))
+    if count < 2:
+        raise SurfaceError(f"{name} takes {count + 1} values; allowed: at least 3")
+    position = (values - order[0]) / (span / count)
+    node = np.rint(position)
+    off = float(np.abs(position - node).max())
+    if off > _REGULAR:
+        raise SurfaceError(f"{name} is not equidistant: a point lies {off:.2g} of a spacing off its node")
+    return node.astype(np.int64), count + 1, span, bool(order[0] in (0.0, 1.0) and count == span)
+
+
+def _refuse_coordinates(path: Path, numbers: Array) -> None:
+    """Refuse tables that hold coordinates among the heights."""
+    rows, columns = numbers.shape
+    for table, nodes, kind in ((numbers, columns, "columns"), (numbers.T, rows, "lines")):
+        if 3 <= nodes <= 6 and len(table) >= 9:
+            try:
+                _grid(table[:, :3])
+            except SurfaceError:
+                continue
+            message = (
+                f"{path}: looks like x y z points: the first two of its {nodes} {kind} form a grid; "
+                f"give columns x y z alone; {INSIST}"
+            )
+            raise SurfaceError(message)
+    edges = min(rows, columns) >= 4 and _even(numbers[0, 1:]) and _even(numbers[1:, 0])
+    if edges and not all(_even(row) for row in numbers[1:, 1:]):
+        message = f"{path}: the first line and the first column look like coordinates: delete them and give L; {INSIST}"
+        raise SurfaceError(message)
+
+
+def _even(values: Array) -> bool:
+    steps = np.diff(values)
+    regular = np.isfinite(steps).all() and np.abs(steps - steps[0]).max() <= _EVEN * abs(steps[0])
+    return bool(steps[0] != 0.0 and regular)

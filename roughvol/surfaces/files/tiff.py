@@ -16,50 +16,51 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import DatasetError, SurfaceError
-from roughvol.surfaces.files.description import EXTRA, Description, HeightMap, length_unit, reading
+from roughvol.surfaces.files.description import EXTRA, Description, HeightMap, Request, length_unit
 
 _PICTURES = (1, 72, 96, 100, 120, 144, 150, 200, 240, 300, 350, 360, 400, 600, 720, 1200, 2400)  # dots per inch
 _INCH, _CENTIMETRE = 2, 3
 _PIXEL_SCALE, _NODATA = 33550, 42113  # tags of GeoTIFF and GDAL
 
 
-def opened(path: Path, variable: str | None = None, *, ignore_header: bool = False) -> HeightMap:
-    """Return the map in a TIFF file; its heights are read on demand."""
+def opened(request: Request) -> HeightMap:
+    """Return the map in a TIFF file."""
+    path, variable = request.path, request.variable
     try:
         from tifffile import TiffFile
     except ImportError as error:
         raise DatasetError(f"{path}: is read through tifffile, which is not installed: {EXTRA}") from error
-    with reading(path, "TIFF"), TiffFile(path) as stored:
-        pages = len(stored.pages)
-        if variable is not None and not (variable.isdecimal() and int(variable) < pages):
-            raise DatasetError(f"{path}: has no page {variable!r}; allowed: 0 to {pages - 1}")
-        number = int(variable or 0)
-        page = stored.pages[number]
-        if len(page.shape) != 2 or page.dtype is None or page.dtype.kind not in "fiu" or page.dtype.itemsize < 2:
-            message = (
-                f"{path}: page {number} has shape {page.shape} and values of type {page.dtype}; allowed: one "
-                "grey value of at least 16 bits for each pixel"
-            )
-            raise SurfaceError(message)
-        pixel, unit, source = (None, None, "") if ignore_header else _pixel(path, stored, page)
-        nodata = _tag(page, _NODATA)
+    stored = request.files.enter_context(TiffFile(path))
+    pages = len(stored.pages)
+    if variable is not None and not (variable.isdecimal() and int(variable) < pages):
+        raise DatasetError(f"{path}: has no page {variable!r}; allowed: 0 to {pages - 1}")
+    number = int(variable or 0)
+    page = stored.pages[number]
+    if len(page.shape) != 2 or page.dtype is None or page.dtype.kind not in "fiu" or page.dtype.itemsize < 2:
+        message = (
+            f"{path}: page {number} has shape {page.shape} and values of type {page.dtype}; allowed: one "
+            "grey value of at least 16 bits for each pixel"
+        )
+        raise SurfaceError(message)
+    pixel, unit, source = (None, None, "") if request.ignore_header else _pixel(path, stored, page)
     rows, columns = page.shape
-    sides = None if pixel is None else (pixel[0] * (columns - 1), pixel[1] * (rows - 1))
-    notes = (f"{path.name} has {pages} pages; page {number} is read",) if pages > 1 and variable is None else ()
-    shape, counts = (columns, rows), page.dtype.kind in "iu"
-    channel = f"page {number}"
-    described = Description(shape, sides, unit, None, channel, "tifffile", "tiff", source, counts=counts, notes=notes)
-    return HeightMap(described, lambda: _read(path, number, nodata))
 
+    def heights() -> NDArray[Any]:
+        image = page.asarray()
+        return np.where(_missing(image, _tag(page, _NODATA)), math.nan, image).astype(np.float64).T
 
-def _read(path: Path, number: int, nodata: Any) -> NDArray[Any]:
-    from tifffile import TiffFile
-
-    with reading(path, "TIFF"), TiffFile(path) as stored:
-        image = stored.pages[number].asarray()
-    heights = np.asarray(image, dtype=np.float64)
-    heights[_missing(image, nodata)] = math.nan
-    return heights.T
+    described = Description(
+        (columns, rows),
+        None if pixel is None else (pixel[0] * (columns - 1), pixel[1] * (rows - 1)),
+        unit,
+        channel=f"page {number}",
+        reader="tifffile",
+        read_as="tiff",
+        source=source,
+        counts=page.dtype.kind in "iu",
+        notes=(f"{path.name} has {pages} pages; page {number} is read",) * (pages > 1 and variable is None),
+    )
+    return HeightMap(described, heights)
 
 
 def _missing(image: NDArray[Any], nodata: Any) -> NDArray[np.bool_]:
@@ -96,9 +97,8 @@ def _pixel(path: Path, stored: Any, page: Any) -> tuple[tuple[float, float] | No
     imagej = (stored.imagej_metadata or {}).get("unit")
     if imagej:
         unit = length_unit(path, imagej.replace("\\u00B5", "\u00b5"), "the unit of ImageJ")
-        if unit is not None:
-            return (1.0 / resolution[0], 1.0 / resolution[1]), unit, "XResolution in the unit of ImageJ"
-        return None, None, ""
+        pixel = None if unit is None else (1.0 / resolution[0], 1.0 / resolution[1])
+        return pixel, unit, "XResolution in the unit of ImageJ"
     centimetres = {_INCH: 2.54, _CENTIMETRE: 1.0}.get(int(_tag(page, 296) or 0))
     if centimetres is None or any(
         math.isclose(value * 2.54 / centimetres, dpi, rel_tol=1e-3) for value in resolution for dpi in _PICTURES
