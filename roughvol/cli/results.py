@@ -208,8 +208,7 @@ def report(
     section: surface, loading, states, closing pressures, warnings, figures.
     """
     from roughvol.report import page
-    from roughvol.reproduction.expectation import departures
-    from roughvol.reproduction.judgement import judge
+    from roughvol.reproduction.judgement import departures, judge
     from roughvol.reproduction.sections import report_of
     from roughvol.store import StoredRun
 

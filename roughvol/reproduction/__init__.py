@@ -3,18 +3,16 @@
 M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, Wear 336-337 (2015) 86-95. The room
 knows all others, and only the command line knows it.
 
-==============  ======================================================================
+==============  =========================================================================
 `claims`        every claim of the paper, a function of datasets, by topic
 `figures`       Figs. 1 to 12, and theories beside computed curves
 `formulas`      formulas of the paper and of the literature
 `closed_forms`  indenters and loaded rectangles, as references
 `literature`    numbers of the literature, judged as claims are
-`paper_rules`   the paper's surface and state, and its slope A*/p*
-`judgement`     every claim answered from the runs of a report
-`drawings`      figures that a report shows, and the run of each
+`needs`         configuration that a claim or a number needs, and reasons to refuse a run
+`judgement`     every claim answered from the runs of a report, departures from expected ones
 `sections`      sections of the claims and of the literature on a page
-`expectation`   verdicts and numbers that a report is expected to have
-==============  ======================================================================
+==============  =========================================================================
 """
 
 __all__: list[str] = []

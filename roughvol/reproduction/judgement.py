@@ -1,4 +1,4 @@
-"""Every claim answered once from the runs of a report, and the runs that serve none.
+"""Every claim answered once from the runs of a report, the runs that serve none, and departures from an expectation.
 
 A run serves the paper if a claim uses it, or if a second reading, the Monte Carlo section or one of the paper's own
 figures asks for its configuration. Every other run is a study of its own, and is reported as that.
@@ -6,9 +6,12 @@ figures asks for its configuration. Every other run is a study of its own, and i
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
@@ -17,9 +20,9 @@ from roughvol.reproduction.claims.ambiguities import SERVES, readings
 from roughvol.reproduction.claims.ensemble_means import Answers, answers
 from roughvol.reproduction.claims.leak_estimates import Ratio, ratios
 from roughvol.reproduction.claims.many_seeds import ENOUGH, ManySeeds, many_seeds
-from roughvol.reproduction.claims.needs import ALONE
 from roughvol.reproduction.claims.verdict import Reading
 from roughvol.reproduction.literature import LITERATURE
+from roughvol.reproduction.needs import ALONE
 from roughvol.store import StoredRun
 from roughvol.store.run import names_of
 
@@ -90,3 +93,50 @@ def judge(stored: Sequence[StoredRun | str | Path], *, any_size: bool = False) -
         cited,
         any_size,
     )
+
+
+def departures(judgement: Judgement, expected: str) -> list[str]:
+    """Return in words what left the bands of an expectation.
+
+    ``expected`` is JSON ``{"verdicts": {"4": "holds"}, "numbers": {"4.exponent": [0.35, 0.45]}}``; a number is named by
+    its claim and its key in claims.json, and its value (not its interval) must lie in the band.
+    """
+    try:
+        data = json.loads(expected)
+        verdicts = {int(id): str(verdict) for id, verdict in data.get("verdicts", {}).items()}
+        bands = {str(name): (float(low), float(high)) for name, (low, high) in data.get("numbers", {}).items()}
+        unknown = set(data) - {"verdicts", "numbers", "about"}
+    except (ValueError, TypeError, AttributeError) as error:
+        message = f"the expectation is not {{'verdicts': {{id: verdict}}, 'numbers': {{id.key: [low, high]}}}}: {error}"
+        raise DatasetError(message) from error
+    if unknown or not (verdicts or bands):
+        got = ", ".join(sorted(unknown)) or "neither"
+        raise DatasetError(f"the expectation must name verdicts or numbers and nothing else, got {got}")
+    claims = {claim.id: claim for claim in judgement.claims}
+    differences = []
+    for id, verdict in verdicts.items():
+        given = claims[id].verdict if id in claims else "no such claim"
+        if given != verdict:
+            differences.append(f"claim {id}: {given}, expected {verdict}")
+    for name, (low, high) in bands.items():
+        id_text, _, key = name.partition(".")
+        claim = claims.get(int(id_text)) if id_text.isdecimal() else None
+        number = claim.all_numbers.get(key) if claim else None
+        if number is None:
+            differences.append(f"{name}: not computed, expected {low:g} to {high:g}")
+        elif not low <= number.value <= high:
+            differences.append(f"{name}: {number.value:.6g}, expected {low:g} to {high:g} ({number.name})")
+    return differences
+
+
+def expectation(judgement: Judgement, *, relative: float, absolute: float = 1e-9, about: str = "") -> str:
+    """Return the expectation a report meets: bands of ± (``relative`` |value| + ``absolute``) about its numbers."""
+    numbers = {}
+    for claim in judgement.claims:
+        for key, number in claim.all_numbers.items():
+            if math.isfinite(number.value):
+                slack = relative * abs(number.value) + absolute
+                numbers[f"{claim.id}.{key}"] = [number.value - slack, number.value + slack]
+    data: dict[str, Any] = {"about": about} if about else {}
+    data |= {"verdicts": {str(claim.id): claim.verdict for claim in judgement.claims}, "numbers": numbers}
+    return json.dumps(data, indent=1, ensure_ascii=False) + "\n"

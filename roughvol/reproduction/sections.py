@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import tomllib
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from roughvol.analysis.tables import Table
@@ -23,61 +25,13 @@ from roughvol.reproduction.claims import (
 )
 from roughvol.reproduction.claims.many_seeds import FEW, ManySeeds
 from roughvol.reproduction.claims.verdict import Reading, plain
-from roughvol.reproduction.drawings import drawings
-from roughvol.reproduction.figures.registry import ALL
+from roughvol.reproduction.figures.registry import ALL, drawings
 from roughvol.reproduction.judgement import Judgement
 
-CITE = (
-    "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, Wear 336-337 (2015) 86-95, "
-    "doi:10.1016/j.wear.2015.04.021"
-)
+WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 MARKS = {True: "met", None: "undecided", False: "not met"}
 KINDS = {HOLDS: "holds", QUALIFIED: "qualified", FAILS: "fails", ABSENT: "absent"}
 SHOWN = 2  # runs refused that a row names at once; more unfold
-RULE = (
-    "A verdict follows from criteria in the code; those revised after a first look are named under Decisions. A run "
-    "that lacks the configuration a claim needs is refused for it."
-)
-RULES = (
-    ("Holds", "every criterion is met."),
-    (
-        "With a qualification",
-        "no essential criterion fails, but another does, or one is undecided (its 95 % interval contains the limit).",
-    ),
-    ("Does not hold", "an essential criterion fails."),
-)
-AMBIGUOUS = (
-    'Both readings are computed; "agrees" says which gives the paper\'s number. Where the paper shows one surface, the '
-    "interval is that in which one falls."
-)
-LITERATURE_NOTE = (
-    "One row a published number. Computed values are means over surfaces with their 95 % interval; those of a given "
-    "surface have none. Criteria are those of the code, written before the first run. Each study is a file of its name "
-    "in configs/literature."
-)
-ESTIMATES = (
-    "Transmissivity by effective medium (Bruggeman) and by a single critical junction over that of the lubrication "
-    "equation on the same gap, all surfaces and both directions of a run together."
-)
-DECISIONS = (
-    "Heights and gaps: rigid overlap ū = Δ - (z_max - z), so that the highest point touches first; the paper's Δ - ξ "
-    "with ξ above the lowest point would press the valleys.",
-    "Half space: non-periodic, frictionless, linear elastic; each node is a square element under uniform pressure.",
-    "σ is the root mean square height about the mean plane of each surface; E* = E/(1-ν²).",
-    "f(v) has 50 equal bins up to the largest volume of the surface, ∫ f dv = 1.",
-    "Box counting on the first 2^m × 2^m nodes; the dimension is the slope over r = 1 … 2^m/4, two largest boxes "
-    "left out.",
-    "A*/p* is the slope of the least-squares line through the origin over the pressures that all surfaces reach.",
-    "Intervals are 95 %: Student's t over surfaces; a bootstrap (seeded, 2000 resamples) where the number is not "
-    "a mean; "
-    "surfaces of equal seed are matched pairs.",
-    "Criteria revised after a first look at the numbers, so that nobody takes them for blind: a limit inside the 95 % "
-    "interval is undecided, not failed (all claims; it moved claim 7 from does not hold to a qualification); claim 10 "
-    "presses to d/σ = -200, since the sweep to A* = 1 ended one element short; claim 11 takes the interval for one "
-    "surface, as the paper shows one (it moved from a qualification to holds); claim 12 allows Σv the residual of the "
-    "solver, 10⁻⁶, instead of rounding (it moved from does not hold to holds); the pressures at which claims 14 and 15 "
-    "look were chosen anew, which is why the last check of claim 15 is made at all of them.",
-)
 
 
 def report_of(judgement: Judgement) -> Report:
@@ -96,7 +50,7 @@ def report_of(judgement: Judgement) -> Report:
         tuple(Cell(str(n), KINDS[v], small=v) for v, n in counts.items() if n) if judgement.computed else (),
         tuple(before),
         tuple(_after(judgement)),
-        (f"The paper: {CITE}.",),
+        (f"The paper: {WORDS['cite']}.",),
         _record(judgement) | {"counts": counts},
         tuple(_lines(judgement)),
     )
@@ -115,7 +69,9 @@ def _before(judgement: Judgement, drawn: dict[str, Drawing]) -> Iterator[Section
         yield _verdicts(judgement)
     if judgement.readings:
         parts = tuple(map(_reading, judgement.readings))
-        yield Section("Where the text is ambiguous", "readings", "Ambiguities", notes=(AMBIGUOUS,), sections=parts)
+        yield Section(
+            "Where the text is ambiguous", "readings", "Ambiguities", notes=(WORDS["ambiguous"],), sections=parts
+        )
     if judgement.seeds:
         yield _seeds(judgement.seeds, _taken(drawn, ["seeds"]))
     if judgement.computed:
@@ -130,14 +86,14 @@ def _after(judgement: Judgement) -> Iterator[Section]:
     if judgement.estimates:
         table = Table("", leak_estimates.HEAD, tuple(ratio.cells for ratio in judgement.estimates))
         title = "How wrong the quick estimates of leakage are"
-        yield Section(title, "estimates", "Quick estimates", notes=(ESTIMATES,), tables=(table,))
+        yield Section(title, "estimates", "Quick estimates", notes=(WORDS["estimates"],), tables=(table,))
     for number, answered in enumerate(judgement.answers):
         table = Table("", ensemble_means.HEAD, answered.rows)
         title, anchor = f"Ten seeds and the ensemble ({answered.run})", "" if number else "answers"
         yield Section(title, anchor, "Ensembles", notes=(answered.words,), tables=(table,))
     if judgement.computed:
         decided = (f"{reading.topic}: {reading.decided}" for reading in judgement.readings)
-        yield Section("Decisions", "decisions", items=(*decided, *DECISIONS))
+        yield Section("Decisions", "decisions", items=(*decided, *WORDS["decisions"]))
 
 
 def _taken(drawn: dict[str, Drawing], names: Sequence[str]) -> tuple[Drawing, ...]:
@@ -164,7 +120,10 @@ def _verdicts(judgement: Judgement) -> Section:
         tables=(Table("", ("", "Claim", "Lacking"), tuple(left)),),
     )
     parts = (absent,) if left else ()
-    return Section("Verdicts", "verdicts", kind="verdicts", notes=(RULE,), facts=RULES, tables=(table,), sections=parts)
+    rules = tuple(WORDS["rules"].items())
+    return Section(
+        "Verdicts", "verdicts", kind="verdicts", notes=(WORDS["rule"],), facts=rules, tables=(table,), sections=parts
+    )
 
 
 def _badge(claim: Claim) -> Cell:
@@ -258,7 +217,7 @@ def _literature(literature: Sequence[Claim]) -> Section:
         "literature",
         "Literature",
         kind="verdicts",
-        notes=(LITERATURE_NOTE,),
+        notes=(WORDS["literature"],),
         tables=(Table("", ("", "Published", "Verdict", "Computed; criterion", "Study"), tuple(rows)),),
         sections=tuple(_claim(row, "literature", "literature") for row in full),
     )

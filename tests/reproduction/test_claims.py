@@ -33,9 +33,9 @@ from roughvol.reproduction.claims.density import pooled
 from roughvol.reproduction.claims.evidence import CLAIMS as REGISTERED
 from roughvol.reproduction.claims.evidence import Lacking, area_slopes, at
 from roughvol.reproduction.claims.many_seeds import many_seeds
-from roughvol.reproduction.claims.needs import Needs
 from roughvol.reproduction.claims.shape import fitted_dimension
 from roughvol.reproduction.claims.verdict import above, below, plain
+from roughvol.reproduction.needs import Needs
 from roughvol.store import dataset
 from roughvol.study import GeneratedSurface, Study, loads
 

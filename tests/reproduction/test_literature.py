@@ -25,7 +25,8 @@ from roughvol.reproduction.judgement import Judgement, judge
 from roughvol.reproduction.literature import LITERATURE
 from roughvol.reproduction.literature import given_surfaces as given
 from roughvol.reproduction.literature import random_surfaces as rough
-from roughvol.reproduction.literature.needs import Rolled
+from roughvol.reproduction.literature.published import judged
+from roughvol.reproduction.needs import Rolled
 from roughvol.store import dataset
 from roughvol.study import loads
 from tests.bench import framework_surface
@@ -43,10 +44,6 @@ def _scattered(value: float, scatter: float = 1e-3, n: int = 10) -> np.ndarray:
     return value + scatter * RANDOM.standard_normal(n)
 
 
-def _mean(value: float, scatter: float = 1e-3) -> Number:
-    return stats.mean("k", "", _scattered(value, scatter))
-
-
 @pytest.fixture
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the figures of runs out of the page."""
@@ -56,31 +53,46 @@ def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
 # judges
 
 
+def _judged(id: int, value: float, key: str) -> str:
+    return _verdict(judged(id, stats.mean(key, "", _scattered(value, 1e-7))))
+
+
 @pytest.mark.parametrize(
-    ("judge", "true", "false"),
+    ("id", "key", "true", "false"),
     [
-        (rough.judged_factor, 2.2, 1.6),
-        (rough.judged_factor, 2.2, 2.6),
-        (rough.judged_closing, 0.42, 0.45),
-        (rough.judged_closing, 0.41, 0.37),
-        (rough.judged_proportional, 1.05, 1.2),
-        (rough.judged_proportional, 0.95, 0.8),
-        (rough.judged_area, 0.02, 0.05),
-        (given.judged_width, 1.0, 3.0),
-        (given.judged_gap, 1e-6, 1e-2),
-        (lambda number: given.judged_challenge(1.0, number.value), 2.2, 1.5),
-        (lambda number: given.judged_challenge(number.value, 2.2), 0.99, 0.8),
+        (1, "elements_love", 1.0, 3.0),
+        (2, "gap_love_1024", 1e-6, 1e-2),
+        (3, "order_love", 2.1, 1.0),
+        (3, "order_punch", 1.1, 2.0),
+        (4, "corrected_16", 2.2, 1.6),
+        (4, "corrected_16", 2.2, 2.6),
+        (6, "closing", 0.42, 0.45),
+        (6, "closing", 0.41, 0.37),
+        (7, "closing", 0.41, 0.46),
+        (8, "exponent", 1.05, 1.2),
+        (8, "exponent", 0.95, 0.8),
+        (10, "R2", 0.998, 0.95),
+        (11, "difference", 0.02, 0.05),
+        (17, "kappa", 2.2, 1.5),
+        (17, "slope", 0.99, 0.8),
     ],
 )
-def test_a_judge_tells_true_from_false(judge, true: float, false: float) -> None:
-    assert _verdict(judge(_mean(true, 1e-7))) == HOLDS
-    assert _verdict(judge(_mean(false, 1e-7))) == FAILS
+def test_a_criterion_tells_true_from_false(id: int, key: str, true: float, false: float) -> None:
+    assert _judged(id, true, key) == HOLDS
+    assert _judged(id, false, key) == FAILS
+
+
+def test_a_criterion_that_is_not_essential_qualifies() -> None:
+    good = stats.mean("R2", "", _scattered(0.998, 1e-4))
+    assert _verdict(judged(10, good, stats.mean("length", "", _scattered(0.5)))) == HOLDS
+    assert _verdict(judged(10, good, stats.mean("length", "", _scattered(0.8)))) == QUALIFIED
 
 
 def test_scatter_that_contains_a_limit_decides_nothing() -> None:
-    wide = Number("k", "", 0.415, 0.3, 0.5, 5)
-    assert _verdict(rough.judged_closing(wide)) == ABSENT
-    assert _verdict([*rough.judged_factor(_mean(2.2)), *rough.judged_closing(wide)]) == QUALIFIED
+    wide = Number("closing", "", 0.415, 0.3, 0.5, 5)
+    kappa = stats.mean("corrected_16", "", _scattered(2.2))
+    assert _verdict(judged(6, wide)) == ABSENT
+    assert _verdict([*judged(4, kappa), *judged(6, wide)]) == QUALIFIED
 
 
 def test_a_correction_must_be_three_times_nearer() -> None:
@@ -101,19 +113,6 @@ def test_exponents_of_fractals_follow_the_line() -> None:
     assert _verdict(rough.judged_fractals(off)) == QUALIFIED
 
 
-def test_an_exponential_is_straight_and_has_its_length() -> None:
-    assert _verdict(rough.judged_exponential(_scattered(0.998, 1e-4), _scattered(0.5))) == HOLDS
-    assert _verdict(rough.judged_exponential(_scattered(0.998, 1e-4), _scattered(0.8))) == QUALIFIED
-    assert _verdict(rough.judged_exponential(_scattered(0.95, 1e-4), _scattered(0.5))) == FAILS
-
-
-def test_the_order_of_a_kernel_is_its_own() -> None:
-    nodes = np.array([64.0, 128.0, 256.0])
-    assert _verdict(given.judged_order(nodes, 3.0 / nodes**2, "love")) == HOLDS
-    assert _verdict(given.judged_order(nodes, 3.0 / nodes, "love")) == FAILS
-    assert _verdict(given.judged_order(nodes, 3.0 / nodes, "punch")) == HOLDS
-
-
 def _solved(**changed: float) -> list[np.ndarray]:
     """Return states 0.1 % around each pressure that two codes have solved, with laws smooth in the pressure."""
     solved = np.array(given.SOLVED)
@@ -124,9 +123,9 @@ def _solved(**changed: float) -> list[np.ndarray]:
 
 
 def test_two_codes_are_met_to_their_digits() -> None:
-    assert _verdict(given.judged_codes(*_solved())) == HOLDS
+    assert _verdict(judged(12, *given.differences(*_solved()))) == HOLDS
     for name, factor in (("area", 1.001), ("gap", 1.0 + 1e-7), ("largest", 1.0 - 1e-7)):
-        assert _verdict(given.judged_codes(*_solved(**{name: factor}))) == FAILS
+        assert _verdict(judged(12, *given.differences(*_solved(**{name: factor})))) == FAILS
 
 
 def test_a_framework_case_needs_its_iteration_area_and_pressure() -> None:
@@ -277,7 +276,7 @@ def test_needs_see_what_a_run_is(runs: dict[str, Path]) -> None:
     assert Rolled(area=(0.1, 0.9)).unfit(run) == ("needs steps from A* = 0.1 to 0.9",)
     assert Rolled(("critical_gap_x",)).unfit(run) == ("no h_c,x/σ recorded",)
     fewer = dataclasses.replace(run, dataset=run.dataset.isel(seed=[0]))
-    assert Rolled(seeds=2).unfit(fewer) == ("1 surfaces of each kind, needs 2",)
+    assert Rolled(seeds=2).unfit(fewer) == ("1 surface of D = 2.2, m = 4 computed, needs 2",)
 
 
 def test_another_surface_under_the_name_fails(runs: dict[str, Path]) -> None:

@@ -9,10 +9,10 @@ import pytest
 
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign import running
-from roughvol.reproduction.claims.needs import Needs
 from roughvol.reproduction.figures.conditions import is_paper_surface
 from roughvol.reproduction.figures.registry import FIGURES
 from roughvol.reproduction.judgement import judge
+from roughvol.reproduction.needs import Needs
 from roughvol.store import dataset
 from roughvol.study import loads
 

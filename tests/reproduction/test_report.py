@@ -21,7 +21,7 @@ from roughvol.errors import DatasetError
 from roughvol.report import page as report_page
 from roughvol.report import run_facts
 from roughvol.report.figures.registry import TRADEOFF
-from roughvol.reproduction import expectation, sections
+from roughvol.reproduction import judgement, sections
 from roughvol.reproduction.claims import ABSENT, FAILS, HOLDS, Evidence, Lacking
 from roughvol.reproduction.figures.registry import ALL, COMPARISONS
 from roughvol.reproduction.judgement import Judgement, judge
@@ -187,19 +187,19 @@ def test_a_figure_of_theory_shows_computed_numbers(answered: Judgement) -> None:
 
 
 def test_a_report_meets_its_own_expectation(answered: Judgement) -> None:
-    expected = expectation.expectation(answered, relative=1e-6)
-    assert expectation.departures(answered, expected) == []
+    expected = judgement.expectation(answered, relative=1e-6)
+    assert judgement.departures(answered, expected) == []
     assert len(json.loads(expected)["numbers"]) > 100
 
 
 def test_what_leaves_its_band_is_named(answered: Judgement) -> None:
-    expected = json.loads(expectation.expectation(answered, relative=1e-6))
+    expected = json.loads(judgement.expectation(answered, relative=1e-6))
     verdict = answered.claims[2].verdict
     expected["verdicts"]["3"] = FAILS if verdict == HOLDS else HOLDS
     expected["numbers"]["4.exponent"] = [5.0, 6.0]
     expected["numbers"]["4.nonsense"] = [0.0, 1.0]
     expected["verdicts"]["99"] = HOLDS
-    found = expectation.departures(answered, json.dumps(expected))
+    found = judgement.departures(answered, json.dumps(expected))
     assert len(found) == 4
     assert any(f"claim 3: {verdict}" in line for line in found)
     assert any("4.exponent" in line and "expected 5 to 6" in line for line in found)
@@ -208,15 +208,15 @@ def test_what_leaves_its_band_is_named(answered: Judgement) -> None:
 @pytest.mark.parametrize("text", UNUSABLE)
 def test_an_expectation_that_checks_nothing_is_refused(answered: Judgement, text: str) -> None:
     with pytest.raises(DatasetError):
-        expectation.departures(answered, text)
+        judgement.departures(answered, text)
 
 
 def test_small_study_answers_as_stored(answered: Judgement) -> None:
     """A change of the code that changes an answer is seen here.
 
-    Where the change is meant, the file is made anew: `report.expectation(report.judge([study_nc]), relative=1e-3)`.
+    Where the change is meant, the file is made anew: `judgement.expectation(judge([study_nc]), relative=1e-3)`.
     """
-    assert expectation.departures(answered, EXPECTED.read_text(encoding="utf-8")) == []
+    assert judgement.departures(answered, EXPECTED.read_text(encoding="utf-8")) == []
 
 
 # the command

@@ -1,6 +1,7 @@
 """The paper's claims as functions of datasets: numbers with intervals, criteria fixed in the code, a verdict by rule.
 
-Each claim argues its criterion in its docstring, which the report shows. ``assess(runs)`` answers all 24.
+Titles and sentences are in `paper.toml`. A claim argues its criterion in its docstring, which the report shows.
+``assess(runs)`` answers all 24.
 
 =================  ===================================================================
 `roughness`        claims 1, 2, 24: the surfaces, and scaling in the plane
@@ -15,7 +16,6 @@ Each claim argues its criterion in its docstring, which the report shows. ``asse
 `leak_estimates`   quick estimates of leakage over the flow
 `verdict`          numbers, checks, and the verdict that follows
 `evidence`         registration of a claim, choice of its runs, curves on common axes
-`needs`            configuration that a claim needs, and reasons to refuse a run
 `statistics`       means and intervals over surfaces
 =================  ===================================================================
 """

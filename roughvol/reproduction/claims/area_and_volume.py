@@ -24,10 +24,9 @@ from roughvol.reproduction.claims.evidence import (
     common,
     require,
 )
-from roughvol.reproduction.claims.needs import BY_D, BY_M, MANY
 from roughvol.reproduction.claims.statistics import bootstrap, exact, mean, ratio, single, slope
 from roughvol.reproduction.claims.verdict import Check, Number
-from roughvol.reproduction.paper_rules import PAPER_D
+from roughvol.reproduction.needs import BY_D, BY_M, MANY, PAPER_D
 from roughvol.typing import Array, Index
 
 EXPONENT, EXPONENT_ROUNDING = 0.37, 0.005  # Section 3.1, printed with two digits
@@ -36,14 +35,7 @@ SMALL = 0.02  # relative departure of V* from d/σ that a plot still shows as on
 CLEAR = 0.05  # and that no reader would take for one line
 
 
-@claim(
-    3,
-    "A* falls with D at equal pressure",
-    "Sec. 3.1, Fig. 4a",
-    "The larger D, the smaller the real contact area at the same pressure (10 surfaces each, m = 8).",
-    needs=BY_D.of(A, P),
-    figures=("fig04a",),
-)
+@claim(3, needs=BY_D.of(A, P))
 def area_falls_with_D(given: Given) -> Outcome:
     """Compare A*/p*, the slope of the line through the origin over the pressures that all surfaces reach.
 
@@ -78,14 +70,7 @@ def _at_pressure(run: Run, D: float, m: int, pressure: float) -> Array:
     return np.array([at_state(p, a, at, straight=True)[0] for p, a, at in zip(x, y, pressures, strict=True)])
 
 
-@claim(
-    4,
-    "A*/p* ~ δ^0.37",
-    "Sec. 3.1, Fig. 4b",
-    "A*(p*) depends on the resolution; A*/p* ~ δ^0.37 at D = 2.3, in fair agreement with Persson's 0.30.",
-    needs=BY_M.of(A, P),
-    figures=("fig04b", "readings_exponent"),
-)
+@claim(4, needs=BY_M.of(A, P))
 def area_exponent(given: Given) -> Outcome:
     """Fit n, the slope of log(A*/p*) over log δ at the four finest m, for each surface; A*/p* as in Fig. 4b.
 
@@ -123,14 +108,7 @@ def exponents(run: Run, D: float, finest: int) -> tuple[Array, float, list[int]]
     return np.array([slope(-np.array(used) * math.log(2.0), row) for row in logs.T]), limit, used
 
 
-@claim(
-    5,
-    "V* = d/σ only far away",
-    "Sec. 3.1, Fig. 5",
-    "V* = d/σ holds only for d/σ ≳ 3; below, the two differ and V* depends on D (D = 2.1 and 2.9).",
-    needs=BY_D.of(V, P, D_SIGMA, D=(2.1, 2.9)),
-    figures=("fig05", "theory_separation"),
-)
+@claim(5, needs=BY_D.of(V, P, D_SIGMA, D=(2.1, 2.9)))
 def separation_is_not_volume(given: Given) -> Outcome:
     """Take d as the rigid far-field separation: with that of the deformed mean plane V* = d/σ is an identity.
 
@@ -214,14 +192,7 @@ def _bands(curves: Array, axis: str, seeds: int) -> tuple[Number, Number]:
     return wide, bootstrap("band_over_scatter", name, functools.partial(_over_scatter, curves), seeds)
 
 
-@claim(
-    6,
-    "V*(p*) depends strongly on D",
-    "Sec. 3.1, Fig. 6a; Conclusion",
-    "The relation between V* and p* is significantly affected by D: larger D, larger V* at equal pressure.",
-    needs=BY_D.of(V, P),
-    figures=("fig06a",),
-)
+@claim(6, needs=BY_D.of(V, P))
 def volume_at_pressure(given: Given) -> Outcome:
     """Measure the band between the lowest and the highest mean curve, over the mean, averaged along p*.
 
@@ -245,14 +216,7 @@ def volume_at_pressure(given: Given) -> Outcome:
     return Outcome(checks, why, [run], [wide])
 
 
-@claim(
-    7,
-    "V*(A*) almost independent of D",
-    "Sec. 3.1, Fig. 6b",
-    "The relation between V* and A* is almost independent of D: all curves lie in a relatively narrow band.",
-    needs={"": BY_D.of(V, A, P), "many": MANY.of(V, A, P, by="D", optional=True)},
-    figures=("fig06b",),
-)
+@claim(7, needs={"": BY_D.of(V, A, P), "many": MANY.of(V, A, P, by="D", optional=True)})
 def volume_at_area(given: Given) -> Outcome:
     """Measure the band of claim 6 along A*, over the areas that all surfaces reach.
 

@@ -10,10 +10,9 @@ import numpy as np
 from roughvol.analysis.stored_run import Run
 from roughvol.report.figures.cases import nearest
 from roughvol.reproduction.claims.evidence import Given, Outcome, V, claim, require
-from roughvol.reproduction.claims.needs import BY_D, BY_M, DENSITY, MANY
 from roughvol.reproduction.claims.statistics import bootstrap, exact, mean, ratio, slope, straightness
 from roughvol.reproduction.claims.verdict import Check
-from roughvol.reproduction.paper_rules import PAPER_D, PAPER_M
+from roughvol.reproduction.needs import BY_D, BY_M, DENSITY, MANY, PAPER_D, PAPER_M
 from roughvol.typing import Array, Index
 
 F, EDGES = "volume_density", "volume_density_edges"
@@ -45,15 +44,7 @@ def pooled(f: Array, edges: Array, bins: int) -> tuple[Array, Array]:
     return 0.5 * (common[1:] + common[:-1]), np.diff(share) / np.diff(common)
 
 
-@claim(
-    19,
-    "f(v) by D: falling, a fulcrum at v = 1",
-    "Sec. 4, Fig. 12a",
-    "At d = 0 and m = 7, f(v) decreases about linearly; lower D is steeper with a smaller v_max; f(1) is almost "
-    "independent of D.",
-    needs=BY_D.of(F, EDGES, finest=PAPER_M, m=(PAPER_M,), **DENSITY),
-    figures=("fig12a", "readings_fulcrum"),
-)
+@claim(19, needs=BY_D.of(F, EDGES, finest=PAPER_M, m=(PAPER_M,), **DENSITY))
 def density_by_D(given: Given) -> Outcome:
     """Pool f of all surfaces of one D on ten bins up to its v_max, in which sampling noise is small.
 
@@ -140,14 +131,7 @@ def best_fulcrum(data: dict[float, tuple[Array, Array]]) -> tuple[float, float]:
     return float(best), spreads[best]
 
 
-@claim(
-    20,
-    "V* at d = 0 shrinks as D does",
-    "Sec. 4",
-    "At the maximum indentation V* diminishes by reducing D.",
-    needs=BY_D.of(V),
-    figures=("fig06a", "seeds"),
-)
+@claim(20, needs=BY_D.of(V))
 def volume_shrinks(given: Given) -> Outcome:
     """Compare matched pairs of surfaces at the last step: the interval of V*(D') - V*(D) lies above 0."""
     run = given.run()
@@ -171,14 +155,7 @@ def moments(run: Run, D: float) -> dict[int, tuple[Array, Array, Array]]:
     }
 
 
-@claim(
-    21,
-    "f(v) by m: a shift over decades along a line of slope -1",
-    "Sec. 4, Fig. 12b",
-    "For m = 3 to 8 f and v_max shift by up to 4 orders of magnitude; the means (v, f) lie on a line of slope -1.",
-    needs=BY_M.of(F, EDGES, **DENSITY),
-    figures=("fig12b",),
-)
+@claim(21, needs=BY_M.of(F, EDGES, **DENSITY))
 def density_by_m(given: Given) -> Outcome:
     """Fit to every surface the least-squares line through (log v̄, log f̄) over all m; f̄ is the mean of f over its bins.
 
@@ -205,14 +182,10 @@ def density_by_m(given: Given) -> Outcome:
 
 @claim(
     22,
-    "A shift of 0.7 per m, since v̄ ~ (L/2^m)^D",
-    "Sec. 4",
-    "The mean volume goes as (L/2^m)^D: log v̄ shifts by 0.7 per m, close to the observed log 8 - log 2 = 0.6.",
     needs={
         "": BY_M.of(F, EDGES, **DENSITY),
         "wide": MANY.of(V, by="D", D=(2.1, 2.9), m=(5, 6, 7), seeds=10, optional=True),
     },
-    figures=("shift",),
 )
 def shift_per_m(given: Given) -> Outcome:
     """Fit the exponent q of v̄ ~ (L/2^m)^q, from the slope of log v̄ over m of every surface, all m.
@@ -257,14 +230,7 @@ def mean_volume_exponents(run: Run, D: float) -> Array:
     return -np.array([slope(run.m, row) for row in np.array(logs).T])
 
 
-@claim(
-    23,
-    "V* at d = 0 decays with m",
-    "Sec. 4",
-    "Increasing m, the net result of the integration is a decay of V* (at the maximum contact).",
-    needs=BY_M.of(V),
-    figures=("volume_by_m",),
-)
+@claim(23, needs=BY_M.of(V))
 def volume_decays(given: Given) -> Outcome:
     """Fit a line to V* at the last step over m, for every surface.
 

@@ -7,21 +7,24 @@ is taken, then the one of the finest lattice, then the one of the most surfaces;
 from __future__ import annotations
 
 import inspect
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import RoughvolError
 from roughvol.observables.at_state import at_state
-from roughvol.reproduction import paper_rules
-from roughvol.reproduction.claims.needs import Needs
 from roughvol.reproduction.claims.verdict import Check, Claim, Number
+from roughvol.reproduction.needs import Needs
 from roughvol.typing import Array
 
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
 GRID = 20  # points of a common axis on which curves are compared
+Key = TypeVar("Key")
 
 
 class Lacking(RoughvolError):
@@ -130,23 +133,23 @@ class Question:
 
 
 CLAIMS: dict[int, Question] = {}
+TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("paper.toml").read_text(encoding="utf-8"))
 
 
 def claim(
     id: int,
-    title: str,
-    place: str,
-    sentence: str,
     *,
     needs: Needs | Mapping[str, Needs],
-    figures: tuple[str, ...] = (),
     among: dict[int, Question] = CLAIMS,
+    texts: Mapping[str, Any] = TEXTS["claim"],
 ) -> Callable[[Answer], Answer]:
-    """Register the function that answers a claim, with the configuration it needs."""
+    """Register the function that answers a claim, with the configuration it needs; its texts are a table of TOML."""
 
     def register(answer: Answer) -> Answer:
         uses = {"": needs} if isinstance(needs, Needs) else dict(needs)
-        among[id] = Question(id, title, place, sentence, uses, answer, figures)
+        text = texts[str(id)]
+        figures = tuple(text.get("figures", ()))
+        among[id] = Question(id, text["title"], text["place"], text["sentence"], uses, answer, figures)
         return answer
 
     return register
@@ -173,6 +176,21 @@ def common(curves: Sequence[Array]) -> Array:
 
 
 def area_slopes(run: Run, D: Sequence[float], m: Sequence[int]) -> tuple[dict[tuple[float, int], Array], float]:
-    """Return `paper_rules.area_slopes` of a run by (D, m), and the largest pressure used."""
-    states = {(d, k): (run.values(P, D=d, m=k), run.values(A, D=d, m=k)) for d in D for k in m}
-    return paper_rules.area_slopes(states)
+    """Return A*/p* of every surface by (D, m), and the pressure up to which it is taken, as `slopes_of_area`."""
+    return slopes_of_area({(d, k): (run.values(P, D=d, m=k), run.values(A, D=d, m=k)) for d in D for k in m})
+
+
+def slopes_of_area(curves: Mapping[Key, tuple[Array, Array]]) -> tuple[dict[Key, Array], float]:
+    """Return A*/p* of every surface by key, and the pressure up to which it is taken: the rule of Fig. 4b.
+
+    Slope of the least-squares line through the origin over 0 < p* ≤ limit. The limit is the largest pressure that all
+    surfaces reach. Where some begin later it is the largest of the first pressures, so that each has a step below it.
+    ``curves`` are (p*, A*), arrays of shape (surfaces, steps), NaN where a state is missing.
+    """
+    limit = min(float(np.nanmax(p, axis=1).min()) for p, _ in curves.values())
+    limit = max(limit, *(float(np.nanmin(p, axis=1).max()) for p, _ in curves.values()))
+    slopes = {}
+    for key, (p, area) in curves.items():
+        used = np.where(p <= limit, p, 0.0)
+        slopes[key] = np.nansum(used * area, axis=1) / np.nansum(used * p, axis=1)
+    return slopes, limit

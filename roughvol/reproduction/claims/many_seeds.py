@@ -16,9 +16,8 @@ from roughvol.reproduction.claims import statistics
 from roughvol.reproduction.claims.area_and_volume import exponents
 from roughvol.reproduction.claims.density import mean_volume_exponents
 from roughvol.reproduction.claims.evidence import A, Evidence, P, V, area_slopes, require
-from roughvol.reproduction.claims.needs import MANY
 from roughvol.reproduction.claims.verdict import Number
-from roughvol.reproduction.paper_rules import PAPER_D
+from roughvol.reproduction.needs import MANY, PAPER_D
 from roughvol.typing import Array
 
 FEW = 10  # surfaces of the paper's Monte Carlo

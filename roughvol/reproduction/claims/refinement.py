@@ -10,23 +10,15 @@ import numpy as np
 from roughvol.analysis.stored_run import Run
 from roughvol.reproduction.claims.area_and_volume import SMALL
 from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, at, claim, common, require
-from roughvol.reproduction.claims.needs import BY_M, Needs
 from roughvol.reproduction.claims.statistics import exact, mean, slope
 from roughvol.reproduction.claims.verdict import Check, Number
-from roughvol.reproduction.paper_rules import PAPER_D
+from roughvol.reproduction.needs import BY_M, PAPER_D, Needs
 from roughvol.typing import Array
 
 _PRESSED = Needs((V, A, P), finest=5, seeds=10, steps=60, rtol=1e-6)  # to any end
 
 
-@claim(
-    8,
-    "V*(p*) converges with m",
-    "Sec. 3.1, Fig. 7a; Conclusion",
-    "Refinement leads the relation V*(p*) to converge to a single curve.",
-    needs=BY_M.of(V, P),
-    figures=("fig07a",),
-)
+@claim(8, needs=BY_M.of(V, P))
 def volume_converges(given: Given) -> Outcome:
     """Follow e(m), the mean change of V* at equal p* from m - 1 to m of one surface, over V*, along the common range.
 
@@ -67,14 +59,7 @@ def _number(coarse: int, fine: int, x: str, changes: Array) -> Number:
     return mean(f"change_{fine}", f"change of V* at equal {axis}, m = {coarse} to {fine}", changes)
 
 
-@claim(
-    9,
-    "V*(A*) depends strongly on m",
-    "Sec. 3.1, Fig. 7b; Conclusion",
-    "The relation V*(A*) is strongly resolution dependent; the finer the surface, the smaller V*.",
-    needs=BY_M.of(V, A, P),
-    figures=("fig07b",),
-)
+@claim(9, needs=BY_M.of(V, A, P))
 def volume_at_area_depends_on_m(given: Given) -> Outcome:
     """Take the changes of claim 8 at equal A*, with their sign, and beside those at equal p*.
 
@@ -105,14 +90,10 @@ def volume_at_area_depends_on_m(given: Given) -> Outcome:
 
 @claim(
     10,
-    "From first touch to full contact",
-    "Sec. 3.2",
-    "At first contact A* = 0 and V* is maximal; with pressure A* rises to 1 and V* falls to 0 at full contact.",
     needs={
         "pressed": _PRESSED.of(V, A, P, D=(PAPER_D,), law=""),
         "far": _PRESSED.of(V, A, P, D=(2.1, 2.3, 2.9), separation=-10.0),
     },
-    figures=("full_contact",),
 )
 def limits(given: Given) -> Outcome:
     """Check monotony on every step of every surface of every run that fits, and full contact by going there.

@@ -12,11 +12,10 @@ import numpy as np
 from roughvol.analysis.stored_run import Run
 from roughvol.report.figures.cases import nearest
 from roughvol.reproduction.claims.evidence import A, Given, Lacking, Outcome, P, V, claim, require
-from roughvol.reproduction.claims.needs import BY_D, BY_M, Needs
 from roughvol.reproduction.claims.statistics import exact, mean, ratio
 from roughvol.reproduction.claims.verdict import Check, Number
 from roughvol.reproduction.formulas import critical_radius, plasticity_index
-from roughvol.reproduction.paper_rules import PAPER_M
+from roughvol.reproduction.needs import BY_D, BY_M, PAPER_M, Needs
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
@@ -29,15 +28,10 @@ HURST_TOLERANCE = 0.10  # the estimator reads H - 0.05 on average (`texture.hurs
 
 @claim(
     1,
-    "Nested fractal surfaces",
-    "Sec. 2",
-    "Random midpoint displacement makes surfaces with a power-law spectrum of dimension D; each contains every "
-    "coarser one.",
     needs={
         "": _ALL_D.of("hurst_measured", finest=8),
         "literal": _ALL_D.of("hurst_measured", finest=7, law="variance", optional=True),
     },
-    figures=("fig01", "fig03"),
 )
 def nested_power_law(given: Given) -> Outcome:
     """Ask for exact nesting: the nodes that m shares with m - 1 must be equal bit for bit, the corners zero.
@@ -88,14 +82,7 @@ def _hurst(run: Run, law: str) -> tuple[list[Number], Number]:
     return numbers, exact(f"H_off_{law}", f"largest |H - (3 - D)| over D ({law} law)", off, run.seeds)
 
 
-@claim(
-    2,
-    "Roughness grows with D",
-    "Sec. 3.1, Figs. 2, 3",
-    "Surfaces of larger D are rougher (D = 2.1, 2.5, 2.9 at m = 7), and a larger m shows more of it.",
-    needs=Needs(("Sdq",), by="D", D=(2.1, 2.5, 2.9), m=(PAPER_M,), seeds=10),
-    figures=("fig02", "fig03"),
-)
+@claim(2, needs=Needs(("Sdq",), by="D", D=(2.1, 2.5, 2.9), m=(PAPER_M,), seeds=10))
 def roughness_grows(given: Given) -> Outcome:
     """Measure roughness by the root mean square slope Sdq at m = 7 (or the nearest m), for matched pairs of surfaces.
 
@@ -120,14 +107,7 @@ def roughness_grows(given: Given) -> Outcome:
     return Outcome(checks, why + f"D = {run.D[-1]:g}.", [run], slopes)
 
 
-@claim(
-    24,
-    "Invariance under in-plane scaling; plasticity",
-    "Sec. 2",
-    "A*, p* and V* do not change under x → λx, y → λy; then ρ → λρ, and the elastic model is valid while ρ > ρ_c = "
-    "σ(E/H)².",
-    needs=BY_M.of(A, P, V, by="", m=(5, 6)),
-)
+@claim(24, needs=BY_M.of(A, P, V, by="", m=(5, 6)))
 def in_plane_scaling(given: Given) -> Outcome:
     """Compare the same surfaces at two L step by step.
 

@@ -12,10 +12,9 @@ from roughvol.analysis.stored_run import Run
 from roughvol.gap.free_volume import domain, element_volumes, free_volume
 from roughvol.report.figures.cases import nearest, nearest_state
 from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, require
-from roughvol.reproduction.claims.needs import BOXES, BY_D, FIELD, ONE_D
 from roughvol.reproduction.claims.statistics import exact, mean, single, slope, straightness
 from roughvol.reproduction.claims.verdict import Check, Number
-from roughvol.reproduction.paper_rules import PAPER_A, PAPER_D, PAPER_M
+from roughvol.reproduction.needs import BOXES, BY_D, FIELD, ONE_D, PAPER_A, PAPER_D, PAPER_M
 from roughvol.store.dataset import at_state
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array, Index, Mask
@@ -56,15 +55,7 @@ def field(run: Run) -> Field:
     return Field(gap, contact, volumes, surface.heights, numbers, words)
 
 
-@claim(
-    11,
-    "The deformed surface at A* ≈ 0.1",
-    "Sec. 3.2, Fig. 8",
-    "The undeformed surface (D = 2.3, m = 7) and its deformed shape at a contact area fraction of about 0.1, in the "
-    "loading of Sec. 3.",
-    needs={"": FIELD, "sweep": ONE_D.of(A, m=(PAPER_M,), finest=PAPER_M, optional=True)},
-    figures=("fig08",),
-)
+@claim(11, needs={"": FIELD, "sweep": ONE_D.of(A, m=(PAPER_M,), finest=PAPER_M, optional=True)})
 def deformed_surface(given: Given) -> Outcome:
     """Ask that the state exists (essential): A* within 0.005 of 0.1, the contact on the plane and nothing beyond it.
 
@@ -98,14 +89,7 @@ def deformed_surface(given: Given) -> Outcome:
     return Outcome(checks, f"{why}.", sources, [separation, pressure])
 
 
-@claim(
-    12,
-    "The map of the free volumes",
-    "Sec. 3.2, Fig. 9",
-    "The free volume of each element: zero in contact, largest in the deep valleys; V = Σ v.",
-    needs=FIELD,
-    figures=("fig09",),
-)
+@claim(12, needs=FIELD)
 def volume_map(given: Given) -> Outcome:
     """Ask that the sum of the map is the stored V* within the residual of the solver, η/σ = 10⁻⁶.
 
@@ -135,14 +119,7 @@ def volume_map(given: Given) -> Outcome:
     return Outcome(checks, why, [run])
 
 
-@claim(
-    13,
-    "Domains v ≤ v_th",
-    "Sec. 3.2, Fig. 10",
-    "The domain v ≤ v_th is the contact for v_th = 0, grows with v_th, and is everything for v_th = max v.",
-    needs=FIELD,
-    figures=("fig10",),
-)
+@claim(13, needs=FIELD)
 def domains(given: Given) -> Outcome:
     """Check set theory on the recorded field at 0, 0.1, 0.25, 0.5 and 1 of max v: exact or not."""
     run = given.run()
@@ -203,14 +180,7 @@ def _local_dimension(counts: Array) -> Array:
     return -np.diff(np.log(counts), axis=-1) / np.log(2.0)
 
 
-@claim(
-    14,
-    "Box-counting curves are nearly straight",
-    "Sec. 3.2, Fig. 11a",
-    "log N over log r is close to a straight line for every threshold, which suggests a power law.",
-    needs=BOXES.of("box_count", states=(("box_at", "contact_area=0.1"), ("box_at", "pressure=1.2"))),
-    figures=("fig11a",),
-)
+@claim(14, needs=BOXES.of("box_count", states=(("box_at", "contact_area=0.1"), ("box_at", "pressure=1.2"))))
 def straight_box_counts(given: Given) -> Outcome:
     """Call a curve straight on paper if R² of the line through all box sides is above 0.99 (mean over surfaces).
 
@@ -237,15 +207,7 @@ def straight_box_counts(given: Given) -> Outcome:
     return Outcome(checks, f"{why}({_words(label)}, D = {D:g}, m = {m}).", [run])
 
 
-@claim(
-    15,
-    "The local dimension depends on r; contact and everything bound the rest",
-    "Sec. 3.2, Fig. 11b",
-    "The local dimension depends on r; that of the contact is below 2, that of v_th = max v is 2, and these two bound "
-    "the others.",
-    needs=BOXES.of("box_count", states=(("box_at", "contact_area=0.1"), ("box_at", "pressure=1.2"))),
-    figures=("fig11b",),
-)
+@claim(15, needs=BOXES.of("box_count", states=(("box_at", "contact_area=0.1"), ("box_at", "pressure=1.2"))))
 def bounds_of_dimension(given: Given) -> Outcome:
     """Test four statements, each essential.
 
@@ -307,12 +269,7 @@ def _outside_bounds(run: Run, D: float, m: int) -> tuple[int, int]:
 
 
 @claim(
-    16,
-    "The dimension of the contact rises with p* and falls with D",
-    "Sec. 3.2",
-    "The fractal dimension of the contact area increases with the pressure and decreases with D.",
-    needs=BOXES.of("box_count", by="D", D=BY_D.D, states=(("box_at", "pressure=0.3"), ("box_at", "pressure=2.4"))),
-    figures=("theory_dimension",),
+    16, needs=BOXES.of("box_count", by="D", D=BY_D.D, states=(("box_at", "pressure=0.3"), ("box_at", "pressure=2.4")))
 )
 def contact_dimension(given: Given) -> Outcome:
     """Fit the dimension over r = 1 … 2^m/4, at states of equal pressure, on matched surfaces.

@@ -17,7 +17,7 @@ reaches: the literal wording where another reading is the default, or the adverb
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 HOLDS = "holds"
@@ -82,6 +82,13 @@ class Check:
     def below(cls, criterion: str, number: Number, limit: float, *, essential: bool = True) -> Check:
         """Return the criterion that a number lies below a limit, undecided if its interval contains the limit."""
         return cls(criterion, below(number, limit), number, essential)
+
+    @classmethod
+    def within(cls, criterion: str, number: Number, limits: tuple[float, float], *, essential: bool = True) -> Check:
+        """Return the criterion that a number lies between two limits, undecided if its interval contains one."""
+        sides = above(number, limits[0]), below(number, limits[1])
+        met = False if False in sides else None if None in sides else True
+        return cls(criterion, met, number, essential)
 
     def tested(self) -> Check:
         """Return the check, undecided where its number has no value: nothing was tested then."""
@@ -177,27 +184,18 @@ def below(number: Number, limit: float) -> bool | None:
 
 def plain(thing: Any) -> Any:
     """Return a number, check, claim or reading as plain data for JSON; a number that is not finite becomes None."""
-    if isinstance(thing, Number):
-        data = {"key": thing.key, "name": thing.name, "value": thing.value, "low": thing.low, "high": thing.high}
-        return {name: plain(value) for name, value in {**data, "n": thing.n, "method": thing.method}.items()}
     if isinstance(thing, Claim):
-        fields = ("id", "title", "place", "sentence", "verdict", "why", "method", "lacking")
-        data = {name: getattr(thing, name) for name in fields}
-        data |= {"checks": plain(thing.checks), "numbers": plain(tuple(thing.all_numbers.values()))}
-        return data | {"source": list(thing.source), "refused": dict(thing.refused), "figures": list(thing.figures)}
+        data = {field.name: plain(getattr(thing, field.name)) for field in fields(thing)}
+        numbers = plain(tuple(thing.all_numbers.values()))
+        return data | {"verdict": thing.verdict, "numbers": numbers, "refused": dict(thing.refused)}
     if isinstance(thing, Check):
         key = thing.number.key if thing.number else None
         return {"criterion": thing.criterion, "met": thing.met, "essential": thing.essential, "number": key}
-    if isinstance(thing, Reading):
-        data = {name: getattr(thing, name) for name in ("topic", "passage", "quantity", "paper", "decided")}
-        return data | {"rows": plain(thing.rows)}
-    if isinstance(thing, Row):
-        return {"reading": thing.reading, "agrees": thing.agrees, "number": plain(thing.number)}
+    if isinstance(thing, Number | Reading | Row):
+        return {field.name: plain(getattr(thing, field.name)) for field in fields(thing)}
     if isinstance(thing, list | tuple):
         return [plain(item) for item in thing]
-    if isinstance(thing, float) and not math.isfinite(thing):
-        return None
-    return thing
+    return None if isinstance(thing, float) and not math.isfinite(thing) else thing
 
 
 def _text(value: float, digits: int) -> str:

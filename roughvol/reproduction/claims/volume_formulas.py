@@ -7,12 +7,11 @@ import numpy as np
 from roughvol.gap import box_counting
 from roughvol.gap.free_volume import domain
 from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, V, claim
-from roughvol.reproduction.claims.needs import FIELD, ONE_D
 from roughvol.reproduction.claims.shape import Field, field
 from roughvol.reproduction.claims.statistics import exact, mean, slope
 from roughvol.reproduction.claims.verdict import Check, Number
 from roughvol.reproduction.formulas import bearing_area_volume, volume_from_dimension
-from roughvol.reproduction.paper_rules import PAPER_D
+from roughvol.reproduction.needs import FIELD, ONE_D, PAPER_D
 from roughvol.typing import Array, Mask
 
 BINS = (25, 50, 100, 200, 400)  # K of Eq. 9 to 11
@@ -20,14 +19,7 @@ CLOSE = 0.10  # relative difference from the computed V* up to which a formula g
 LINEAR = 0.05  # departure from a line over the range, which no reader would overlook
 
 
-@claim(
-    17,
-    "Eq. 4: V* from the bearing area, linear in A*",
-    "Sec. 4, Eq. 4",
-    "Eq. 4 gives a V* that decays with A*, linearly if heights are Gaussian; the computed decay is not quite linear.",
-    needs=ONE_D.of(V, A, D_SIGMA),
-    figures=("theory_bearing",),
-)
+@claim(17, needs=ONE_D.of(V, A, D_SIGMA))
 def bearing_area(given: Given) -> Outcome:
     """Evaluate Eq. 4 along the loading, at the computed d/σ and A* of every step.
 
@@ -82,15 +74,7 @@ def _bend(x: Array, y: Array) -> float:
     return float(np.abs(rest).max() / np.ptp(y))
 
 
-@claim(
-    18,
-    "Eqs. 5-10: V* from the box dimension",
-    "Sec. 4, Eqs. 5-10",
-    "V* is the sum over K intervals of the number of boxes between two thresholds, n_k = (l/δ)^D(k+1) - (l/δ)^D(k), "
-    "times Δv_th.",
-    needs=FIELD,
-    figures=("theory_bins",),
-)
+@claim(18, needs=FIELD)
 def volume_of_dimension(given: Given) -> Outcome:
     """Take the dimensions of the domains at K + 1 thresholds from box counts of the recorded field; l = L.
 

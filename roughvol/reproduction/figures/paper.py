@@ -56,8 +56,9 @@ from roughvol.report.figures.style import (
     unit_of,
     volume_label,
 )
+from roughvol.reproduction.claims.evidence import slopes_of_area
 from roughvol.reproduction.figures.conditions import is_paper_surface
-from roughvol.reproduction.paper_rules import PAPER_D, PAPER_M, area_slopes
+from roughvol.reproduction.needs import PAPER_D, PAPER_M
 from roughvol.surfaces.midpoint import midpoint_levels
 
 THRESHOLDS = (0.0, 0.1, 0.25, 0.5, 1.0)  # v_th/v_max in Fig. 10, where no box counting names others
@@ -182,7 +183,7 @@ def fig04b(ds: Dataset) -> Drawing:
     some, title = families(ds, "m", P, A)
     plot(left, some, [curves(family, P, A) for family in some], (LABELS[P], LABELS[A]), title)
     states = [family.data[[P, A]].transpose("seed", "step", ...) for family in some]
-    of_surfaces, limit = area_slopes({k: (state[P].values, state[A].values) for k, state in enumerate(states)})
+    of_surfaces, limit = slopes_of_area({k: (state[P].values, state[A].values) for k, state in enumerate(states)})
     spacings, slopes = np.array([2.0**-family.value for family in some]), []
     for spacing, family, ratios in zip(spacings, some, of_surfaces.values(), strict=True):
         right.plot(np.full(len(ratios), spacing), ratios, ls="", **family.look)

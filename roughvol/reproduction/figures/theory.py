@@ -32,14 +32,13 @@ from roughvol.reproduction.claims import Evidence, density, shape, volume_formul
 from roughvol.reproduction.claims.area_and_volume import exponents
 from roughvol.reproduction.claims.evidence import D_SIGMA, A, P, V, area_slopes, at, common, require
 from roughvol.reproduction.claims.many_seeds import FEW
-from roughvol.reproduction.claims.needs import Needs
 from roughvol.reproduction.figures.conditions import is_paper_surface
-from roughvol.reproduction.paper_rules import PAPER_D, PAPER_M
+from roughvol.reproduction.needs import PAPER_D, PAPER_M, Needs
 from roughvol.store.dataset import at_state
 from roughvol.surfaces import texture
 from roughvol.typing import Array
 
-ENDS = ("mean-plane",)
+END = "mean-plane"
 
 
 def _mean(run: Run, x: str, y: str, D: float, m: int) -> tuple[Array, Array]:
@@ -65,7 +64,7 @@ def theory_separation(evidence: Evidence) -> Drawing:
 
     Dotted: the bearing area of Gaussian heights, the volume under a rigid plane. What lies above it is elastic.
     """
-    run = evidence.best(Needs((V, P, D_SIGMA), ends=ENDS))
+    run = evidence.best(Needs((V, P, D_SIGMA), end=END))
     m, ends = max(run.m), list(dict.fromkeys((run.D[0], run.D[-1])))
     fig, ax = axes()
     far = max(float(run.values(D_SIGMA, D=D, m=m).max()) for D in ends)
@@ -90,7 +89,7 @@ def theory_bearing(evidence: Evidence) -> Drawing:
 
     Eq. 4 is evaluated at the computed d/σ and A*, for Gaussian heights and for the heights of the surfaces.
     """
-    run = evidence.best(Needs((V, A, D_SIGMA), D=(PAPER_D,), ends=ENDS))
+    run = evidence.best(Needs((V, A, D_SIGMA), D=(PAPER_D,), end=END))
     m = max(run.m)
     separation, area, volume = (run.values(name, D=PAPER_D, m=m) for name in (D_SIGMA, A, V))
     heights = [run.surface(PAPER_D, m, seed).heights for seed in run.seed_numbers()]
@@ -162,7 +161,7 @@ def theory_dimension(evidence: Evidence) -> Drawing:
 
 def theory_persson(evidence: Evidence) -> Drawing:
     """Draw A* against p*: the mean over surfaces, and Persson's erf(√2 p/(E* h')) with the rms slope of each."""
-    run = evidence.best(Needs((A, P), by="D", ends=ENDS))
+    run = evidence.best(Needs((A, P), by="D", end=END))
     m = max(run.m)
     fig, ax = axes()
     for D, look in zip(run.D, looks(len(run.D)), strict=True):
@@ -182,7 +181,7 @@ def theory_start(evidence: Evidence) -> Drawing:
     Until a second element touches, the computed points lie on the line of one element: the lattice does not resolve
     the tip, whose radius (mean curvature of the highest node) is below the spacing.
     """
-    runs = evidence.fit(Needs((P, "indentation"), ends=("indentation",)))
+    runs = evidence.fit(Needs((P, "indentation"), end="indentation"))
     require(runs, "a sweep to a small indentation")
     run = runs[0]
     D, m, seed = run.D[0], max(run.m), run.seed_numbers()[0]
@@ -220,7 +219,7 @@ def readings_exponent(evidence: Evidence) -> Drawing:
     fig, ax = axes()
     used_runs: list[Run] = []
     for law, look in zip(("std", "variance"), looks(2), strict=True):
-        for run in evidence.fit(Needs((A, P), by="m", law=law, D=(PAPER_D,), ends=ENDS))[:1]:
+        for run in evidence.fit(Needs((A, P), by="m", law=law, D=(PAPER_D,), end=END))[:1]:
             slopes, limit = area_slopes(run, [PAPER_D], run.m)
             spacing = np.array([2.0**-m for m in run.m])
             values = np.array([slopes[PAPER_D, m] for m in run.m])
@@ -254,7 +253,7 @@ def readings_fulcrum(evidence: Evidence) -> Drawing:
     volumes = np.linspace(0.02, 2.5, 80)
     drawn: list[Run] = []
     for (law, end, words), look in zip(sources, looks(3), strict=True):
-        for run in evidence.fit(Needs((density.F, density.EDGES), by="D", law=law, ends=(end,)))[:1]:
+        for run in evidence.fit(Needs((density.F, density.EDGES), by="D", law=law, end=end))[:1]:
             m, seeds = int(nearest(run.m, PAPER_M)), np.arange(run.seeds)
             data = {D: density.densities(run, D, m) for D in run.D}
             few = {D: pair for D, pair in data.items() if D <= 2.51}
@@ -295,7 +294,7 @@ def volume_by_m(evidence: Evidence) -> Drawing:
 
     The decay of the literal sum is the factor (1 + 2^-m)², the elements that stick out of L².
     """
-    run = evidence.best(Needs((V,), by="m", D=(PAPER_D,), ends=ENDS))
+    run = evidence.best(Needs((V,), by="m", D=(PAPER_D,), end=END))
     values = np.array([run.last(V, D=PAPER_D, m=m) for m in run.m])
     factor = np.array([[(1.0 + 2.0**-m) ** 2] for m in run.m])
     fig, ax = axes()
@@ -313,7 +312,7 @@ def shift(evidence: Evidence) -> Drawing:
 
     The thin lines are single surfaces; the paper's numbers are 8 at m = 6 and 2 at m = 7 (crosses).
     """
-    run = evidence.best(Needs((density.F, density.EDGES), by="m", D=(PAPER_D,), ends=ENDS))
+    run = evidence.best(Needs((density.F, density.EDGES), by="m", D=(PAPER_D,), end=END))
     means = np.array([volume for volume, _, _ in density.moments(run, PAPER_D).values()])
     fig, ax = axes()
     ax.plot(run.m, means, color=GREY, lw=0.4)
@@ -335,7 +334,7 @@ def seeds(evidence: Evidence) -> Drawing:
 
     Left the exponent of A*/p*, right V* at d = 0 of the smallest and the next D, which single surfaces confuse.
     """
-    runs = [run for run in evidence.fit(Needs((A, P, V), by="m", ends=ENDS)) if run.seeds >= 3 * FEW]
+    runs = [run for run in evidence.fit(Needs((A, P, V), by="m", end=END)) if run.seeds >= 3 * FEW]
     require(runs, f"a run of {3 * FEW} surfaces and several m")
     run = max(runs, key=lambda run: run.seeds)
     random = np.random.Generator(np.random.PCG64(1))

@@ -3,12 +3,12 @@
 =================  ===================================================================
 `random_surfaces`  area, closing, stiffness and mean gap of surfaces with a spectrum
 `given_surfaces`   Westergaard's wave, two other codes, MIRCO, the Contact Challenge
-`needs`            configurations that the rows need
+`published`        the table `published.toml` of rows and criteria
 =================  ===================================================================
 """
 
 from roughvol.reproduction.literature import given_surfaces, random_surfaces
-from roughvol.reproduction.literature.needs import LITERATURE
+from roughvol.reproduction.literature.published import LITERATURE
 
 __all__ = ["LITERATURE"]
 

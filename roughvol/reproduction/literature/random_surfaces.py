@@ -16,24 +16,17 @@ from roughvol.observables.at_state import at_state
 from roughvol.observables.stiffness import interfacial_stiffness
 from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, require
 from roughvol.reproduction.claims.statistics import mean, slope, straightness
-from roughvol.reproduction.claims.verdict import Check, Number, above, below
+from roughvol.reproduction.claims.verdict import Check
 from roughvol.reproduction.formulas import area_of_pressure
-from roughvol.reproduction.literature.needs import Light, Rolled, cited, ratios_of
+from roughvol.reproduction.literature.published import cited, judged
+from roughvol.reproduction.needs import BY_D, Rolled, ratios_of
 from roughvol.typing import Array, Mask
 
 PERIMETER, SLOPE, HEIGHT = "contact_perimeter", "rms_slope", "rms_height"
 REDUCED = 0.02  # p/(E* h') at which κ is taken: A* of 4 %, far from saturation and from single asperities
-ASPERITIES = math.sqrt(2.0 * math.pi)  # κ of independent asperities (Bush, Gibson & Thomas 1975)
 PERSSON = math.sqrt(8.0 / math.pi)  # κ of Persson's theory
-CLOSED, NEAR = 0.415, 0.02  # A* at closing, and how near is "near"
-ORDER = (0.35, 0.45)  # A* "of order 0.4"
-BRUGGEMAN = 0.5
-PROPORTIONAL = 0.1  # departure of an exponent from 1
 HIGH_LOAD = (0.03, 0.3)  # A* of the states for K ~ p: beyond single asperities, before the void closes
 EXPONENTIAL = (0.01, 0.2)  # A* of the states for p ~ exp(-ū/ū_α)
-STRAIGHT = 0.99  # R² of ln p over ū
-LENGTH = (0.4, 0.6)  # ū_α/h_rms around the published 0.5
-AREA_ERROR = 0.03  # largest difference from the error function, over the whole range of loads
 STIFF = (0.51, 0.77)  # exponents at D = 2 and D = 3
 LIGHT_LOAD = (0.01, 0.2)  # p* of the states for K ~ F^α: K is below half of that of the flat punch
 OFF_LINE = 0.05  # distance from the line between the two exponents
@@ -44,16 +37,7 @@ ALL_LOADS = Rolled((A, P, PERIMETER, SLOPE), rolloff=16.0, resolved=4.0, seeds=1
 CLOSING = Rolled(
     (A, PERIMETER, "percolates_x", "percolates_y"), rolloff=16.0, resolved=8.0, seeds=20, rtol=1e-5, area=(0.35, 0.5)
 )
-FREE = Light(
-    (P, D_SIGMA), by="D", D=(2.1, 2.3, 2.5, 2.7, 2.9), finest=8, seeds=10, steps=8, ends=("pressure",), rtol=1e-6
-)
-
-
-def within(criterion: str, number: Number, limits: tuple[float, float], *, essential: bool = True) -> Check:
-    """Return the criterion that a number lies between two limits, undecided if its interval contains one of them."""
-    sides = above(number, limits[0]), below(number, limits[1])
-    met = False if False in sides else None if None in sides else True
-    return Check(criterion, met, number, essential)
+FREE = BY_D.of(P, D_SIGMA, steps=8, end="pressure")
 
 
 def area_and_pressure(run: Run, m: int) -> tuple[Array, Array, Array]:
@@ -63,13 +47,7 @@ def area_and_pressure(run: Run, m: int) -> tuple[Array, Array, Array]:
     return area, corrected_area(area, perimeter, 2**m), pressure * (Sq / (run.L * steep))[:, np.newaxis]
 
 
-@cited(
-    4,
-    "κ of A* = κ p/(E* h'_rms)",
-    "numerical solutions, as reviewed in Müser et al., Tribology Letters 65 (2017) 118",
-    "The contact area is A* = κ p/(E* h'_rms) at light load, with κ slightly greater than 2.",
-    needs=AREA,
-)
+@cited(4, needs=AREA)
 def factor_of_area(given: Given) -> Outcome:
     """Take κ = A* E* h'_rms/p at p/(E* h'_rms) = 0.02 on the finest grid, A* corrected by the perimeter.
 
@@ -86,7 +64,7 @@ def factor_of_area(given: Given) -> Outcome:
             finest = mean(f"{key}_{ratio:g}", name, at_load(reduced, values) / REDUCED)
             numbers.append(finest)
     assert finest is not None
-    return Outcome(judged_factor(finest), f"κ = {finest.value:.3f} on the finest grid.", [run], numbers[:-1])
+    return Outcome(judged(4, finest), f"κ = {finest.value:.3f} on the finest grid.", [run], numbers[:-1])
 
 
 def at_load(reduced: Array, values: Array, load: float = REDUCED) -> Array:
@@ -94,21 +72,7 @@ def at_load(reduced: Array, values: Array, load: float = REDUCED) -> Array:
     return np.array([float(at_state(x, y, load)[0]) for x, y in zip(reduced, values, strict=True)])
 
 
-def judged_factor(kappa: Number) -> list[Check]:
-    """Return the checks of `factor_of_area`."""
-    return [
-        Check.above("κ > 2", kappa, 2.0),
-        Check.below("κ < √(2π) = 2.507, independent asperities", kappa, ASPERITIES),
-    ]
-
-
-@cited(
-    5,
-    "Area corrected by the perimeter, by λ_s/δ",
-    "Yastrebov, Anciaux & Molinari, J. Mech. Phys. Solids 107 (2017) 469",
-    "A* less (π - 1 + ln 2)/24 S_d δ is accurate on coarse grids, where the area of the elements is too large.",
-    needs=AREA,
-)
+@cited(5, needs=AREA)
 def correction(given: Given) -> Outcome:
     """Compare A* at p/(E* h'_rms) = 0.02 on coarser grids with the corrected A* of the same surface on the finest.
 
@@ -145,18 +109,12 @@ def judged_correction(ratio: float, raw: Array, corrected: Array) -> list[Check]
     third = abs(elements.value) / 3.0
     return [
         Check.above("too large, > 0", elements, 0.0),
-        within("less than a third is left", left, (-third, third)),
-        *([within("less than 2 %", left, (-0.02, 0.02), essential=False)] if ratio >= 8.0 else []),
+        Check.within("less than a third is left", left, (-third, third)),
+        *([Check.within("less than 2 %", left, (-0.02, 0.02), essential=False)] if ratio >= 8.0 else []),
     ]
 
 
-@cited(
-    6,
-    "The void closes",
-    "Wang & Müser, Tribology Letters 69 (2021) 1 (arXiv:2010.13470), abstract",
-    "A critical contact area near 0.415 is confirmed.",
-    needs=CLOSING,
-)
+@cited(6, needs=CLOSING)
 def closing(given: Given) -> Outcome:
     """Take the corrected A* half way between the last state with a way along an axis and the next; mean over x and y.
 
@@ -167,25 +125,15 @@ def closing(given: Given) -> Outcome:
     raw, corrected = (closings(run, values) for values in _areas(run))
     number = mean("closing", "corrected A* at which the last way closes", corrected)
     elements = mean("elements", "A* of the elements there", raw)
-    return Outcome(judged_closing(number), f"The void closes at A* = {number}.", [run], [elements])
+    return Outcome(judged(6, number), f"The void closes at A* = {number}.", [run], [elements])
 
 
-@cited(
-    7,
-    "The void closes below Bruggeman's half",
-    "Persson & Yang, J. Phys.: Condens. Matter 20 (2008) 315011",
-    "The non-contact area no longer percolates at A* of order 0.4, below the 0.5 of Bruggeman's effective medium.",
-    needs=CLOSING,
-)
+@cited(7, needs=CLOSING)
 def order_of_closing(given: Given) -> Outcome:
     """Take the same A*. Essential: its interval lies between 0.35 and 0.45, and below 0.5."""
     run = given.run()
     number = mean("closing", "corrected A* at which the last way closes", closings(run, _areas(run)[1]))
-    checks = [
-        within("between 0.35 and 0.45", number, ORDER),
-        Check.below("below 0.5", number, BRUGGEMAN),
-    ]
-    return Outcome(checks, f"The void closes at A* = {number}.", [run])
+    return Outcome(judged(7, number), f"The void closes at A* = {number}.", [run])
 
 
 def _areas(run: Run) -> tuple[Array, Array]:
@@ -213,18 +161,7 @@ def closing_area(area: Array, is_open: Array) -> Array:
     return found
 
 
-def judged_closing(number: Number) -> list[Check]:
-    """Return the checks of `closing`."""
-    return [within(f"within {CLOSED} ± {NEAR}", number, (CLOSED - NEAR, CLOSED + NEAR))]
-
-
-@cited(
-    8,
-    "Stiffness proportional to pressure",
-    "Pastewka, Prodanov, Lorenz, Müser, Robbins & Greenwood, Phys. Rev. E 87 (2013) 062809",
-    "The interfacial stiffness K = -dp/dū of nominally flat surfaces is proportional to p at high load.",
-    needs=LOAD,
-)
+@cited(8, needs=LOAD)
 def proportional_stiffness(given: Given) -> Outcome:
     """Fit the exponent of K ~ p^x to the states of A* from 0.03 to 0.3 of each surface.
 
@@ -235,12 +172,7 @@ def proportional_stiffness(given: Given) -> Outcome:
     area, pressure, gap = (run.values(name, D=run.D[0], m=m) for name in (A, P, V))
     exponents = exponents_of_stiffness(pressure, gap, _between(area, HIGH_LOAD))
     number = mean("exponent", "x of K ~ p^x, A* from 0.03 to 0.3", exponents)
-    return Outcome(judged_proportional(number), f"K ~ p^{number.value:.3f}.", [run])
-
-
-def judged_proportional(number: Number) -> list[Check]:
-    """Return the checks of `proportional_stiffness`."""
-    return [within("within 1 ± 0.1", number, (1.0 - PROPORTIONAL, 1.0 + PROPORTIONAL))]
+    return Outcome(judged(8, number), f"K ~ p^{number.value:.3f}.", [run])
 
 
 def exponents_of_stiffness(pressure: Array, separation: Array, mask: Mask) -> Array:
@@ -256,13 +188,7 @@ def _between(values: Array, limits: tuple[float, float]) -> Mask:
     return inside
 
 
-@cited(
-    9,
-    "Stiffness of free fractal surfaces, K ~ F^α",
-    "Pohrt & Popov, Phys. Rev. Lett. 108 (2012) 104301, abstract",
-    "The stiffness is a power of the force, with exponents from 0.51 to 0.77 for fractal dimensions from 2 to 3.",
-    needs=FREE,
-)
+@cited(9, needs=FREE)
 def stiffness_of_fractals(given: Given) -> Outcome:
     """Fit α of K = dF/dΔ ~ F^α to the states of p* from 0.01 to 0.2 of free midpoint surfaces.
 
@@ -283,28 +209,20 @@ def stiffness_of_fractals(given: Given) -> Outcome:
 
 def judged_fractals(exponents: dict[float, Array]) -> list[Check]:
     """Return the checks of `stiffness_of_fractals` from α of each surface by D."""
-    checks, numbers = [], {}
-    for D, values in exponents.items():
-        numbers[D] = mean(f"alpha_{D:g}", f"α, D = {D:g}", values)
-        checks.append(within("between 0.51 and 0.77", numbers[D], STIFF))
+    numbers = {D: mean(f"alpha_{D:g}", f"α, D = {D:g}", values) for D, values in exponents.items()}
+    checks = judged(9, *numbers.values())
     first, last = min(exponents), max(exponents)
     if last > first:
-        rise = mean("rise", f"α at D = {last:g} less that at D = {first:g}", exponents[last] - exponents[first])
-        checks.append(Check.above("grows, > 0", rise, 0.0))
+        name = f"α at D = {last:g} less that at D = {first:g}"
+        checks += judged(9, mean("rise", name, exponents[last] - exponents[first]))
     for D, number in numbers.items():
         line = STIFF[0] + (STIFF[1] - STIFF[0]) * (D - 2.0)
         limits = (line - OFF_LINE, line + OFF_LINE)
-        checks.append(within(f"within {line:.3f} ± {OFF_LINE}", number, limits, essential=False))
+        checks.append(Check.within(f"within {line:.3f} ± {OFF_LINE}", number, limits, essential=False))
     return checks
 
 
-@cited(
-    10,
-    "Mean gap against pressure",
-    "Persson, Phys. Rev. Lett. 99 (2007) 125502; Yang & Persson, J. Phys.: Condens. Matter 20 (2008) 215214",
-    "The pressure is exponential in the mean gap, p = β E* exp(-ū/ū_α), with ū_α ≈ 0.5 h_rms.",
-    needs=LOAD,
-)
+@cited(10, needs=LOAD)
 def exponential_gap(given: Given) -> Outcome:
     """Fit ln p over ū of each surface, in the states of A* from 0.01 to 0.2.
 
@@ -319,25 +237,11 @@ def exponential_gap(given: Given) -> Outcome:
         for u, p, inside in zip(gap * heights[:, np.newaxis], pressure, _between(area, EXPONENTIAL), strict=True)
     ]
     straight, length = np.array(fits).T
-    checks = judged_exponential(straight, length)
-    return Outcome(checks, f"ū_α = {length.mean():.3f} h_rms, R² = {straight.mean():.4f}.", [run])
+    numbers = mean("R2", "R² of ln p over ū, A* from 0.01 to 0.2", straight), mean("length", "ū_α/h_rms", length)
+    return Outcome(judged(10, *numbers), f"ū_α = {length.mean():.3f} h_rms, R² = {straight.mean():.4f}.", [run])
 
 
-def judged_exponential(straight: Array, length: Array) -> list[Check]:
-    """Return the checks of `exponential_gap` from R² and ū_α/h_rms of each surface."""
-    return [
-        Check.above("above 0.99", mean("R2", "R² of ln p over ū, A* from 0.01 to 0.2", straight), STRAIGHT),
-        within("between 0.4 and 0.6", mean("length", "ū_α/h_rms", length), LENGTH, essential=False),
-    ]
-
-
-@cited(
-    11,
-    "Contact area against pressure, from light load to 0.95",
-    "Persson, J. Chem. Phys. 115 (2001) 3840; Prodanov, Dapp & Müser, Tribology Letters 53 (2014) 433",
-    "A*(p) is an error function, A* = erf(√π p/(E* h'_rms)).",
-    needs=ALL_LOADS,
-)
+@cited(11, needs=ALL_LOADS)
 def area_of_all_loads(given: Given) -> Outcome:
     """Take the largest difference between the corrected A* and the formula over all states of a surface.
 
@@ -352,15 +256,10 @@ def area_of_all_loads(given: Given) -> Outcome:
     light = largest_error(np.where(area <= HIGH_LOAD[1], area, np.nan), reduced, 2.0)
     up_to = mean("light", "the same up to A* = 0.3, √π", light)
     why = f"The largest difference is {number}; up to A* = 0.3 it is {up_to}. With √2 it is {persson}."
-    return Outcome(judged_area(number), why, [run], [up_to, persson])
+    return Outcome(judged(11, number), why, [run], [up_to, persson])
 
 
 def largest_error(area: Array, reduced: Array, kappa: float) -> Array:
     """Return the largest difference of A* from `area_of_pressure` over the states of each surface."""
     found: Array = np.nanmax(np.abs(area - area_of_pressure(reduced, 1.0, kappa)), axis=1)
     return found
-
-
-def judged_area(number: Number) -> list[Check]:
-    """Return the checks of `area_of_all_loads`."""
-    return [Check.below(f"below {AREA_ERROR}", number, AREA_ERROR)]
