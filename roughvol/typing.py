@@ -12,5 +12,7 @@ Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
+Shape = tuple[int, int]
+"""Rows and columns of a grid."""
 Map = Callable[[NDArray[Any]], NDArray[Any]]
 """A linear map of vectors."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from roughvol.campaign import cost, doubts, path, resources, validity, workers
 from roughvol.campaign.one_case import surface_of
-from roughvol.contact.periodic import LEAST
+from roughvol.contact.halfspace import LEAST_PERIOD
 from roughvol.errors import DatasetError, Problem, StudyError
 from roughvol.observables import regions
 from roughvol.store import dimensional, run_folder
@@ -71,8 +71,8 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
 
 def _check_shape(case: Case, shape: tuple[int, int]) -> None:
     """Refuse a height file with too few elements for a period, or for the regions of the study."""
-    if case.periodic and min(shape) < LEAST:
-        message = f"{case.label} has {shape[0]} x {shape[1]} heights; a period needs {LEAST} x {LEAST}"
+    if case.periodic and min(shape) < LEAST_PERIOD:
+        message = f"{case.label} has {shape[0]} x {shape[1]} heights; a period needs {LEAST_PERIOD} x {LEAST_PERIOD}"
         raise StudyError([Problem(message, "surface.periodic")])
     regions.check(case, shape)
 

@@ -18,7 +18,6 @@ from roughvol.campaign import resources
 from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.resources import cores
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.ensemble.cost import expected_seconds, observable_seconds
 from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
 
@@ -167,7 +166,7 @@ def _measured_shape(case: Case) -> tuple[int, int]:
 def seconds_per_convolution(shape: tuple[int, int], periodic: bool = False) -> float:
     """Return the seconds of one convolution, timed on this grid, or scaled from `TIMED_UP_TO`."""
     timed = (min(shape[0], TIMED_UP_TO), min(shape[1], TIMED_UP_TO))
-    half_space = (PeriodicHalfSpace if periodic else HalfSpace)(timed)
+    half_space = HalfSpace(timed, periodic=periodic)
     pressure = np.ones(timed)
     half_space.displacement(pressure)  # plans
     times = []

@@ -17,8 +17,8 @@ from threadpoolctl import ThreadpoolController
 from roughvol.campaign import path
 from roughvol.contact import convolution
 from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.kernels import Kernel, kernel_of
 from roughvol.contact.loading import Compliance, sweep
-from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.observables import reduction
 from roughvol.observables.levels import options_of
 from roughvol.observables.reduction import Reduction
@@ -33,7 +33,7 @@ from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.spectrum import power_law_surface
 from roughvol.surfaces.surface import Surface
 
-HalfSpaces = MutableMapping[tuple[tuple[int, int], bool, str, int], HalfSpace | PeriodicHalfSpace]
+HalfSpaces = MutableMapping[tuple[tuple[int, int], bool, Kernel, int], HalfSpace]
 
 FFT = {"library": f"FFTW {convolution.FFTW_VERSION}", "planner": convolution.PLANNER}
 
@@ -118,7 +118,7 @@ def _recorded(case: Case, context: Context, surface: Surface | None = None) -> V
         surface = surface or surface_of(case)
         values = undeformed(case, surface)
         if case.sweep.steps > 0:
-            half_space = half_space_of(surface, case.solver.kernel, context.threads, context.half_spaces)
+            half_space = half_space_of(surface, kernel_of(case.solver.kernel), context.threads, context.half_spaces)
             large = math.prod(surface.shape) >= checkpoints.NODES
             kept = Checkpoint(file, case, checkpoints.numerics()) if file is not None and large else None
             values |= _swept(path.starred(case, surface), surface, half_space, kept, context)
@@ -228,15 +228,15 @@ def surface_of(case: Case) -> Surface:
     )
 
 
-def half_space_of(surface: Surface, kernel: str, threads: int, held: HalfSpaces) -> HalfSpace | PeriodicHalfSpace:
+def half_space_of(surface: Surface, kernel: Kernel, threads: int, held: HalfSpaces) -> HalfSpace:
     """Return the half space of a surface: the one held if it fits, else a new one, which is held from then on.
 
     Parameters
     ----------
     surface : Surface
         Gives shape and period.
-    kernel : str
-        Kernel of the study.
+    kernel : Kernel
+        Kernel of the study, with its parameters.
     threads : int
         Threads inside a convolution.
     held : mutable mapping
@@ -244,12 +244,11 @@ def half_space_of(surface: Surface, kernel: str, threads: int, held: HalfSpaces)
 
     Returns
     -------
-    HalfSpace or PeriodicHalfSpace
+    HalfSpace
         The half space.
     """
     key = (surface.shape, surface.periodic, kernel, threads)
     if key not in held:
         held.clear()  # one at a time: it is the largest thing in memory
-        made = PeriodicHalfSpace if surface.periodic else HalfSpace
-        held[key] = made(surface.shape, kernel=kernel, threads=threads)
+        held[key] = HalfSpace(surface.shape, kernel, threads, periodic=surface.periodic)
     return held[key]

@@ -4,7 +4,7 @@ The room of the solver. It knows surfaces and arrays, no study and no results.
 
 ====================  ==============================================================
 `loading`             one state, or a sweep over many
-`options`             accuracy, method, hardness and constants of a solve
+`options`             accuracy, method and hardness of a solve; all constants
 `bracket`             target of a search, and the solved states around it
 `search`              state at which a quantity reaches a value
 `response`            linear response of a solved state
@@ -15,12 +15,9 @@ The room of the solver. It knows surfaces and arrays, no study and no results.
 `preconditioner`      approximate inverse on the candidates
 `near_field`          sparse part of the inverse
 `far_field`           correction of the inverse by blocks of elements
-`halfspace`           displacement under pressure, by FFT
-`periodic`            displacement under one pressure pattern repeated without end
-`convolution`         one circulant convolution by FFTW
-`kernels`             influence coefficients
-`few_loads`           displacement by few loaded elements, as a sum
-`tuning`              constants of the solver
+`halfspace`           displacement under pressure, on a free patch or a period
+`convolution`         one convolution, by FFTW or as a sum over few loaded elements
+`kernels`             influence coefficients, and displacement of waves
 `paper_algorithm`     the paper's Algorithm 1, as a reference
 ====================  ==============================================================
 """

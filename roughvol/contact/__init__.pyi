@@ -4,9 +4,9 @@ from .loading import Contact as Contact
 from .loading import Trials as Trials
 from .loading import solve as solve
 from .loading import sweep as sweep
+from .options import TUNING as TUNING
 from .options import Options as Options
+from .options import SearchTuning as SearchTuning
+from .options import Tuning as Tuning
 from .search import first_indentation as first_indentation
 from .search import indentation_for as indentation_for
-from .tuning import TUNING as TUNING
-from .tuning import SearchTuning as SearchTuning
-from .tuning import Tuning as Tuning

@@ -8,7 +8,6 @@ The law of the problem (`law`) says which pressures are allowed and which elemen
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -23,18 +22,6 @@ from roughvol.errors import ConvergenceError
 from roughvol.typing import Array, Index
 
 _NONE: Index = np.empty(0, dtype=np.intp)
-
-
-class Mode(Enum):
-    """Precision of a round of iterations. Each round starts from the true gap that the last one left.
-
-    The first round is SWIFT. The second measures every step, in case the unmeasured one failed. Further rounds have no
-    rounding of 32 bits left. Directions have 32 bits only at the tolerances of `Problem.single`.
-    """
-
-    SWIFT = "32-bit directions; the last step is not measured by a convolution"
-    CAREFUL = "32-bit directions; every step is measured"
-    EXACT = "64-bit directions; every step is measured"
 
 
 @dataclass(frozen=True)
@@ -62,28 +49,27 @@ class Start:
 
 def solve_indentation(
     problem: Problem, indentation: float, latest: State, previous: State | None, rtol: float
-) -> tuple[State, int, float]:
+) -> State:
     """Solve one indentation, started from two states, or from the rigid overlap alone.
 
     `previous` has the smaller indentation, or is None. The state returned is verified: its residual η/σ (2) is at most
-    `rtol`. A factorisation counts as one iteration.
+    `rtol`. Each round starts from the true gap that the last one left.
     """
     if previous is None:
         latest, previous = _approach(problem, indentation, latest, rtol)
     start = _predict(problem, indentation, latest, previous, problem.single(rtol))  # (3), (4)
     iterations, residual = 0, np.inf
-    rounds = problem.tuning.rounds
-    for mode in [Mode.SWIFT, Mode.CAREFUL, *[Mode.EXACT] * rounds][:rounds]:
+    for number in range(problem.tuning.rounds):
         if start.candidates.size <= problem.tuning.dense_up_to:
             q, steps = _factorised(problem, indentation, start), 1
         else:
-            q, steps = conjugate_gradients(problem, indentation, start, rtol, mode)
+            q, steps = conjugate_gradients(problem, indentation, start, rtol, number)
         iterations += steps
-        advance = indentation - latest.indentation
         elements, q = start.with_held(q, problem.law.limit)
-        state, residual = problem.verified(indentation, elements, q, next_advance=advance)  # (2)
+        state = problem.verified(indentation, elements, q, next_advance=indentation - latest.indentation)  # (2)
+        state.iterations, residual = iterations, state.residual
         if residual <= rtol:
-            return state, iterations, residual
+            return state
         start = _corrected(problem, state, latest)
         del state
     message = f"contact not converged to {rtol:g}"
@@ -91,9 +77,12 @@ def solve_indentation(
 
 
 def conjugate_gradients(
-    problem: Problem, indentation: float, start: Start, rtol: float, mode: Mode
+    problem: Problem, indentation: float, start: Start, rtol: float, number: int
 ) -> tuple[Array, int]:
     """Minimise the energy over the pressures that the law allows, by preconditioned conjugate gradients.
+
+    Round 0 ends with a step that no convolution measures. Round 1 measures every step, in case that one failed. Later
+    rounds have no rounding of 32 bits left. Directions have 32 bits only at the tolerances of `Problem.single`.
 
     q and w have 64 bits. Residuals, directions and their convolutions may have 32: the error of a step is a share of
     the step, and steps shrink. The verification measures the errors that add up in w.
@@ -102,7 +91,7 @@ def conjugate_gradients(
     the near field alone, and as many without.
     """
     tuning, half_space, elements = problem.tuning, problem.half_space, start.candidates
-    single = problem.single(rtol) and mode is not Mode.EXACT
+    single = problem.single(rtol) and number < 2
     tolerance, law = tuning.safety * rtol, problem.law
     q, w = start.q, start.w
     # First free set: (6) without the elements that M⁻¹ expects lifted clear. The verification finds a wrong guess.
@@ -129,7 +118,7 @@ def conjugate_gradients(
         direction += z  # (10) direction
         direction *= free
         reduction = residual_before / residual  # by the previous step
-        if mode is Mode.SWIFT and iteration and residual <= tolerance * min(tuning.last_step, reduction):
+        if number == 0 and iteration and residual <= tolerance * min(tuning.last_step, reduction):
             return law.project(q + step * direction), iteration  # (12) one more step of the previous length
         response = half_space.displacement_at(elements, direction, single=single)
         curvature = float(direction @ response)
@@ -195,10 +184,8 @@ def _factorised(problem: Problem, indentation: float, start: Start) -> Array:
             return problem.law.project(q)
         active |= back
         yielded &= ~back
-    message = f"the contact set of {b.size} candidates did not settle"
-    raise ConvergenceError(
-        message, indentation=indentation, iterations=100 + b.size, residual=float(np.abs(w[active]).max(initial=0.0))
-    )
+    message, residual = f"the contact set of {b.size} candidates did not settle", np.abs(w[active]).max(initial=0.0)
+    raise ConvergenceError(message, indentation=indentation, iterations=100 + b.size, residual=float(residual))
 
 
 def _predict(problem: Problem, indentation: float, latest: State, previous: State | None, single: bool) -> Start:
@@ -288,6 +275,5 @@ def _approach(problem: Problem, indentation: float, latest: State, rtol: float) 
             return latest, None
     previous: State | None = None
     for stage in stages[:0:-1]:  # increasing, without the last: that one is solved by the caller
-        rough = solve_indentation(problem, stage, latest, previous, max(rtol, tuning.cold_rtol))[0]
-        previous, latest = latest, rough
+        previous, latest = latest, solve_indentation(problem, stage, latest, previous, max(rtol, tuning.cold_rtol))
     return latest, previous

@@ -1,7 +1,5 @@
 """The value of a quantity that a search looks for, and the solved states around it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

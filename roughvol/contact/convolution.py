@@ -1,6 +1,4 @@
-"""One circulant convolution by FFTW, with its plans and buffers: rows forward, columns filtered, rows back."""
-
-from __future__ import annotations
+"""Displacement as a convolution by FFTW, or as a sum where few elements are loaded."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -11,8 +9,13 @@ import numpy as np
 import pyfftw
 from numpy.typing import NDArray
 
-from roughvol.contact.tuning import TUNING, Tuning
-from roughvol.typing import Array
+from roughvol.contact.options import TUNING, Tuning
+from roughvol.typing import Array, Index, Shape
+
+Places = tuple[list[int], NDArray[Any]]
+"""Elements under pressure: the number of the first one in each part of the rows, and n; positions in its buffer."""
+Task = Callable[[int, int], None]
+"""A function of the number of the worker and of the part."""
 
 # ESTIMATE chooses a plan without timing: the same plan, hence the same rounding, in every run and process.
 PLANNER = "FFTW_ESTIMATE"
@@ -20,7 +23,7 @@ FFTW_VERSION: str = pyfftw.fftw_version
 
 
 class Convolution:
-    """Plans and buffers of one circulant convolution, in one precision.
+    """Plans and buffers of one circulant convolution, in one precision: rows forward, columns filtered, rows back.
 
     Only occupied rows are transformed forward, and only rows of the result backward. Rows and columns pass through
     buffers that stay in cache. Columns are copied into rows there, for contiguous transforms. Transforms are out of
@@ -34,14 +37,14 @@ class Convolution:
         Rows and columns of pressure and displacement.
     spectrum : array (rows / 2 + 1, columns / 2 + 1)
         One quadrant of the real spectrum, over the transform lengths, with the factor of the inverse transform.
+    lengths : (int, int)
+        Lengths of the transforms along rows and columns.
     dtype : dtype
         Type of real numbers.
     threads : int
         Threads inside one convolution.
     tuning : Tuning
         Constants.
-    lengths : (int, int), optional
-        Lengths of the transforms along rows and columns. Default: twice the intervals of the quadrant, both even.
 
     Attributes
     ----------
@@ -50,18 +53,11 @@ class Convolution:
     """
 
     def __init__(
-        self,
-        shape: tuple[int, int],
-        spectrum: Array,
-        dtype: np.dtype[Any],
-        threads: int = 1,
-        tuning: Tuning = TUNING,
-        lengths: tuple[int, int] | None = None,
+        self, shape: Shape, spectrum: Array, lengths: Shape, dtype: np.dtype[Any], threads: int, tuning: Tuning
     ) -> None:
         self.shape, rows = shape, shape[0]
-        length, width = lengths or tuple(2 * max(n - 1, 1) for n in spectrum.shape)
-        waves = width // 2 + 1
-        self.size = length * width
+        length, width = lengths
+        waves, self.size = width // 2 + 1, length * width
         self._dtype, complex_type = dtype, np.result_type(dtype, np.complex64)
         # The kernel is even and real: one coefficient serves the column frequencies k and length - k, and both parts
         # of a complex number. Repeated in full, the multiplication is a contiguous one of real numbers.
@@ -87,44 +83,24 @@ class Convolution:
             self._row_plans.append(_plans(source, self._waves[part], target))
         deepest = max(part.stop - part.start for part in self._column_parts)
         self._at_once = max(tuning.columns_together // 4, tuning.cache // column)
-        self._blocks = [
-            tuple(pyfftw.zeros_aligned((count, length), dtype=complex_type) for count in (deepest, self._at_once))
-            for _ in range(workers)
-        ]
-        self._block_plans = [
-            [
-                _plans(some, after[: len(some)], some)
-                for some in (before[first : first + self._at_once] for first in range(0, deepest, self._at_once))
-            ]
-            for before, after in self._blocks
-        ]
+        sizes = (deepest, length), (self._at_once, length)
+        self._blocks = [[pyfftw.zeros_aligned(size, dtype=complex_type) for size in sizes] for _ in range(workers)]
+        self._block_plans = []
+        for before, after in self._blocks:
+            together = [before[first : first + self._at_once] for first in range(0, deepest, self._at_once)]
+            self._block_plans.append([_plans(some, after[: len(some)], some) for some in together])
 
-    def convolve(self, pressure: NDArray[Any]) -> NDArray[Any]:
-        """Return u (rows, columns) under pressure (rows, columns), in units of the spectrum."""
-        columns = self.shape[1]
-
-        def forward(worker: int, k: int) -> None:
-            part = self._row_parts[k]
-            buffer = self._rows[worker][: part.stop - part.start]
-            buffer[:, :columns] = pressure[part]
-            self._row_plans[k][0]()
-            buffer[:, :columns] = 0.0
-
-        return self._field(forward, np.zeros((self.shape[0], 1), dtype=self._dtype))
-
-    def positions(self, row: NDArray[Any], column: NDArray[Any]) -> tuple[list[int], NDArray[Any]]:
-        """Return the edges of the elements in each part of the rows, and their positions in its buffer.
-
-        Elements come by increasing row. The edges are the number of the first element of each part, and n.
-        """
+    def places(self, row: NDArray[Any], column: NDArray[Any]) -> Places:
+        """Return the places of elements, which come by increasing row."""
         starts = np.array([part.start for part in self._row_parts] + [self.shape[0]])
         edges = np.searchsorted(row, starts)
         width = self._rows[0].shape[1]
         positions = row * width + column - np.repeat(starts[:-1] * width, np.diff(edges))
         return edges.tolist(), positions
 
-    def convolve_at(self, edges: list[int], positions: NDArray[Any], pressure: NDArray[Any]) -> NDArray[Any]:
-        """Return u (n,) on the elements that carry the pressure (n,), for edges and positions of `positions`."""
+    def convolve_at(self, places: Places, pressure: NDArray[Any]) -> NDArray[Any]:
+        """Return u (n,) on the elements that carry the pressure (n,)."""
+        edges, positions = places
         result = np.empty(pressure.shape, dtype=self._dtype)
 
         def backward(worker: int, k: int) -> None:
@@ -134,17 +110,11 @@ class Convolution:
             self._row_plans[k][1]()
             result[some] = self._results[worker].reshape(-1)[positions[some]]
 
-        self._transform(self._scattered(edges, positions, pressure), backward)
+        self._convolve(places, pressure, backward)
         return result
 
-    def convolve_above(
-        self, heights: NDArray[Any], edges: list[int], positions: NDArray[Any], pressure: NDArray[Any]
-    ) -> NDArray[Any]:
-        """Return u - heights (rows, columns), for pressure (n,) at edges and positions of `positions`."""
-        return self._field(self._scattered(edges, positions, pressure), heights)
-
-    def _field(self, forward: Callable[[int, int], None], heights: NDArray[Any]) -> NDArray[Any]:
-        """Return u - heights, subtracted while u is in cache."""
+    def convolve_above(self, heights: NDArray[Any], places: Places, pressure: NDArray[Any]) -> NDArray[Any]:
+        """Return u - heights (rows, columns), subtracted while u is in cache, for pressure (n,) on some elements."""
         result = np.empty(self.shape, dtype=self._dtype)
 
         def backward(worker: int, k: int) -> None:
@@ -153,13 +123,12 @@ class Convolution:
             displacement = self._results[worker][: part.stop - part.start, : self.shape[1]]
             np.subtract(displacement, heights[part], out=result[part])
 
-        self._transform(forward, backward)
+        self._convolve(places, pressure, backward)
         return result
 
-    def _scattered(
-        self, edges: list[int], positions: NDArray[Any], pressure: NDArray[Any]
-    ) -> Callable[[int, int], None]:
-        """Return the forward transform of the rows of a part, for pressure at some positions."""
+    def _convolve(self, places: Places, pressure: NDArray[Any], backward: Task) -> None:
+        """Transform the rows under pressure, filter the columns, and let each part of the rows be transformed back."""
+        edges, positions = places
 
         def forward(worker: int, k: int) -> None:
             some = slice(edges[k], edges[k + 1])
@@ -171,9 +140,6 @@ class Convolution:
             self._row_plans[k][0]()
             buffer[positions[some]] = 0.0
 
-        return forward
-
-    def _transform(self, forward: Callable[[int, int], None], backward: Callable[[int, int], None]) -> None:
         self._share(forward, len(self._row_parts))
         self._share(self._columns, len(self._column_parts))
         self._share(backward, len(self._row_parts))
@@ -194,7 +160,7 @@ class Convolution:
             backward()
         self._waves[:, part] = before[:count, :rows].T
 
-    def _share(self, task: Callable[[int, int], None], count: int) -> None:
+    def _share(self, task: Task, count: int) -> None:
         """Do all tasks; worker k does the numbers k, k + workers, k + 2 workers, …."""
         workers = len(self._blocks)
 
@@ -224,3 +190,53 @@ def _pieces(count: int, length: int) -> list[slice]:
     """Return 0 … count in pieces of one length; the last one has from half of it to half more."""
     starts = list(range(0, count - length // 2, length)) or [0]
     return [slice(start, stop) for start, stop in pairwise([*starts, count])]
+
+
+class Superposition:
+    """Displacement of many elements by few loaded ones, in lattice units; not thread-safe."""
+
+    def __init__(self, influence: Array, tuning: Tuning = TUNING) -> None:
+        self._influence, self._columns = influence, influence.shape[1]
+        self._terms, self._piece = tuning.sum_terms * influence.size, tuning.cache // 32
+        self._mirrored: NDArray[Any] = np.empty(0, dtype=bool)
+        self._numbered: tuple[Index, NDArray[np.intp]] | None = None
+
+    def displacement(self, elements: Index, loaded: Index, pressure: Array, *, single: bool) -> NDArray[Any] | None:
+        """Return u on the elements, or None where a convolution takes less time.
+
+        `loaded` are the positions of the loaded elements among all, increasing. 32 bits are enough if `single`.
+        """
+        if loaded.size * elements.size > self._terms:
+            return None
+        table, number = self._table(single), self._numbers(elements)
+        displacement: NDArray[Any] = np.zeros(elements.size, dtype=table.dtype)
+        offset, term = np.empty(self._piece, dtype=np.intp), np.empty(self._piece, dtype=table.dtype)
+        sources = list(zip(number[loaded].tolist(), pressure.astype(table.dtype), strict=True))
+        for first in range(0, elements.size, self._piece):
+            piece = slice(first, first + self._piece)
+            target, total = number[piece], displacement[piece]
+            offset, term = offset[: target.size], term[: target.size]
+            for source, q in sources:
+                np.abs(np.subtract(target, source, out=offset), out=offset)
+                table.take(offset, out=term, mode="clip")  # no offset lies outside; without a mode, take would copy
+                total += np.multiply(term, q, out=term)
+        return displacement
+
+    def _numbers(self, elements: Index) -> NDArray[np.intp]:
+        """Return numbers whose differences are indices of the table, kept until other elements come."""
+        if self._numbered is None or self._numbered[0] is not elements:
+            columns = np.int32(self._columns)
+            row, column = np.divmod(elements.astype(np.int32), columns)
+            self._numbered = elements, (row * (2 * columns - 1) + column).astype(np.intp)
+        return self._numbered[1]
+
+    def _table(self, single: bool) -> NDArray[Any]:
+        """Return K at every offset, flat, from the origin on: rows ≥ 0 by columns of both signs.
+
+        An offset (i, j) with i > 0, or i = 0 ≤ j, has the index i (2 columns - 1) + j. K is even in the others.
+        """
+        precision = np.dtype(np.float32 if single else np.float64)
+        if precision != self._mirrored.dtype:
+            half = self._influence.astype(precision)
+            self._mirrored = np.hstack((half[:, :0:-1], half)).ravel()[self._columns - 1 :]
+        return self._mirrored

@@ -34,23 +34,15 @@ from scipy import linalg, sparse
 
 from roughvol.contact.kernels import influence_matrix
 from roughvol.contact.near_field import dominant
-from roughvol.contact.tuning import TUNING, Tuning
+from roughvol.contact.options import TUNING, Tuning
+from roughvol.contact.state import Compliance
 from roughvol.typing import Array, Index, Map, Single
 
 _AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))  # offsets to the blocks around a block, and itself
 _CENTRE = _AROUND.index((0, 0))
 
 
-def by_blocks(
-    near: Map,
-    influence: Array,
-    shape: tuple[int, int],
-    elements: Index,
-    t: NDArray[Any],
-    tuning: Tuning = TUNING,
-    *,
-    periodic: bool = False,
-) -> Map:
+def by_blocks(near: Map, half_space: Compliance, elements: Index, t: NDArray[Any], tuning: Tuning = TUNING) -> Map:
     """Return r ↦ M⁻¹ r on the elements, equation (15) of docs/explanation/solver.md.
 
     `near` is r ↦ B r, symmetric and positive definite. t ≥ 0 is the pressure under uniform further indentation. Results
@@ -60,7 +52,7 @@ def by_blocks(
     ----------
     J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 ("BNN", two levels).
     """
-    return _corrected(near, Tier(influence, shape, elements, t, tuning, periodic=periodic), tuning)
+    return _corrected(near, Tier(half_space, elements, t, tuning), tuning)
 
 
 def _corrected(near: Map, blocks: Tier, tuning: Tuning) -> Map:
@@ -86,17 +78,15 @@ def _corrected(near: Map, blocks: Tier, tuning: Tuning) -> Map:
 def _between_blocks(blocks: Tier, tuning: Tuning) -> Map:
     """Return C, the inverse of the operator between blocks: a factorisation, or the same method for many blocks."""
     if blocks.numbers.size > tuning.factorised_up_to:
-        above = Tier(
-            blocks.influence, blocks.shape, blocks.numbers, blocks.mass, tuning, blocks, periodic=blocks.periodic
-        )
-        return _corrected(near_field_of_blocks(blocks, tuning.least_pivot), above, tuning)
+        above = Tier(blocks, blocks.numbers, blocks.mass, tuning)
+        return _corrected(near_field_of_blocks(blocks, tuning), above, tuning)
     matrix = influence_matrix(blocks.influence, blocks.numbers)
     here, k = np.nonzero(blocks.neighbours < blocks.numbers.size)
     matrix[here, blocks.neighbours[here, k]] = blocks.near[here, k]
     try:
         factor = linalg.cho_factor(matrix, lower=True, check_finite=False)
     except linalg.LinAlgError:  # points in place of blocks are too rough
-        return near_field_of_blocks(blocks, tuning.least_pivot)
+        return near_field_of_blocks(blocks, tuning)
     return lambda r: linalg.cho_solve(factor, r, check_finite=False).astype(np.float32)
 
 
@@ -154,14 +144,16 @@ def cut(nodes: int, side: int, periodic: bool) -> Cut:
 class Tier:
     """Elements in blocks, and the operator Pᵀ K P between the blocks.
 
-    The elements may be the blocks of a tier `below`.
+    The elements lie on the grid of a half space, or are the blocks of another tier.
 
     Attributes
     ----------
     rows, columns : Cut
         Blocks along each axis.
     influence : array
-        Kernel between distant blocks.
+        Kernel between distant blocks, on the grid of all blocks.
+    periodic : bool
+        Whether the grid is one period of a plane.
     numbers : array (blocks,)
         Flat indices of the blocks that hold elements.
     mass : array (blocks,)
@@ -174,36 +166,26 @@ class Tier:
         P; N and E side by side.
     """
 
-    def __init__(
-        self,
-        influence: Array,
-        shape: tuple[int, int],
-        elements: Index,
-        t: NDArray[Any],
-        tuning: Tuning = TUNING,
-        below: Tier | None = None,
-        *,
-        periodic: bool = False,
-    ) -> None:
-        side, self.periodic = tuning.block_side, periodic
-        rows, columns = self.rows, self.columns = [cut(nodes, side, periodic) for nodes in shape]
-        self.shape = (rows.blocks, columns.blocks)
-        self.influence = influence[np.ix_(rows.distance, columns.distance)]
-        row, column = np.divmod(elements.astype(np.int32), np.int32(shape[1]))
-        width = self.shape[1] + 2
+    def __init__(self, grid: Compliance | Tier, elements: Index, t: NDArray[Any], tuning: Tuning = TUNING) -> None:
+        side, influence = tuning.block_side, grid.influence
+        self.periodic: bool = grid.periodic
+        rows, columns = self.rows, self.columns = [cut(nodes, side, self.periodic) for nodes in influence.shape]
+        self.influence: Array = influence[np.ix_(rows.distance, columns.distance)]
+        row, column = np.divmod(elements.astype(np.int32), np.int32(influence.shape[1]))
+        width = columns.blocks + 2
         block_row = rows.block.take(row)
         block = (block_row + 1) * width + columns.block.take(column) + 1
         occupied = np.flatnonzero(np.bincount(block))
         count = occupied.size
-        number = np.full((self.shape[0] + 2) * width, count, dtype=np.int32)
+        number = np.full((rows.blocks + 2) * width, count, dtype=np.int32)
         number[occupied] = np.arange(count, dtype=np.int32)
-        grid = number.reshape(-1, width)
+        numbers = number.reshape(-1, width)
         if rows.closed:
-            grid[0], grid[-1] = grid[-2], grid[1]
+            numbers[0], numbers[-1] = numbers[-2], numbers[1]
         if columns.closed:
-            grid[:, 0], grid[:, -1] = grid[:, -2], grid[:, 1]
+            numbers[:, 0], numbers[:, -1] = numbers[:, -2], numbers[:, 1]
         x, y = np.divmod(occupied, width)
-        self.numbers: Index = (x - 1) * self.shape[1] + y - 1
+        self.numbers: Index = (x - 1) * columns.blocks + y - 1
         self.neighbours: NDArray[np.int32] = number[occupied[:, None] + np.array([i * width + j for i, j in _AROUND])]
         of_element = number[block]
         position = of_element.astype(np.intp) * side**2 + rows.within.take(row) * side + columns.within.take(column)
@@ -242,11 +224,11 @@ class Tier:
                 moved = (2 * (down > 0) + (right > 0)) % len(ends)
                 field = frames[acting][self.neighbours[blocks, j]] @ tables[j]
                 data[some, j] = field.ravel().take(at[moved])
-        if below is not None:  # the elements are blocks: blocks around them act with their exact coefficients
+        if isinstance(grid, Tier):  # the elements are blocks: blocks around them act with their exact coefficients
             points = [_at(influence, i, j) for i, j in _AROUND]
-            target, k = np.nonzero(below.neighbours < elements.size)
-            source = below.neighbours[target, k]
-            excess = (below.near[target, k] - np.array(points)[k]) * share[source]
+            target, k = np.nonzero(grid.neighbours < elements.size)
+            source = grid.neighbours[target, k]
+            excess = (grid.near[target, k] - np.array(points)[k]) * share[source]
             place_row, place_column = np.divmod(block, width)
             rows_apart = rows.around(place_row[source] - place_row[target])
             columns_apart = columns.around(place_column[source] - place_column[target])
@@ -297,7 +279,7 @@ def _at(influence: Array, row: int, column: int) -> float:
     return float(influence[min(abs(row), influence.shape[0] - 1), min(abs(column), influence.shape[1] - 1)])
 
 
-def near_field_of_blocks(blocks: Tier, least_pivot: float) -> Map:
+def near_field_of_blocks(blocks: Tier, tuning: Tuning = TUNING) -> Map:
     """Return the near field of the operator between blocks, from the preceding blocks around each.
 
     Coefficients differ from block to block, so the small systems of `near_field` cannot be tabulated. One Cholesky
@@ -317,7 +299,7 @@ def near_field_of_blocks(blocks: Tier, least_pivot: float) -> Map:
                 factor[i, j] = near[members[i], _AROUND.index(offset)] * present[j]
             else:
                 factor[i, j] = _at(blocks.influence, *offset) * (present[i] & present[j])
-    least = least_pivot * np.diagonal(factor).T
+    least = tuning.least_pivot * np.diagonal(factor).T
     for j in range(size):
         factor[j, j] = np.sqrt(np.maximum(factor[j, j], least[j]))
         factor[j + 1 :, j] /= factor[j, j]

@@ -1,31 +1,55 @@
 """Kernels: displacement of the elements around one element under a unit pressure on it.
 
-Lattice units, see `halfspace`: u = δ/(π E*) Σ K(i - k, j - l) p. K is even along both axes.
+Lattice units, see `halfspace`: u = δ/(π E*) Σ K(i - k, j - l) p. K is even along both axes. Waves of pressure displace
+a period of n × n' elements in proportion, u(q) = λ(q) p(q)::
+
+    kernel love:     Love's coefficients summed over all images. With f = q δ/2π and sinc f = sin(π f)/(π f),
+                     λ(f) = Σ_m sinc(f₁ + m₁) sinc(f₂ + m₂)/|f + m|        over all pairs m of whole numbers
+    kernel punch:    the coefficients of the punch, summed in the same way
+    kernel fourier:  λ(f) = 1/|f|, the half space 2/(E* q) itself, on the waves of the grid
+    kernel layer:    an elastic layer bonded to a rigid base, on the waves of the grid
+
+in units δ/(π E*). The displacement of a half space under a uniform pressure is infinite. It is replaced by λ(0) = π n,
+n being the larger number of elements: the mean displacement over σ is p*, on a square. This number has no effect on
+pressures and gaps. It only relabels the indentation,
+
+    Δ' = Δ + mean(u) = Δ + p*        over σ,
+
+where Δ is that of the mean planes, and Δ' is the approach at which the solver solves. With λ(0) the inverse of the Love
+operator is an M-matrix (test_kernels), and docs/explanation/solver.md applies as it stands.
 """
 
-from __future__ import annotations
-
+import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import special
 
 from roughvol.errors import ContactError
-from roughvol.typing import Array, Index
+from roughvol.typing import Array, Index, Shape
 
 _SERIES_FROM = 64.0  # spacings; the two forms are equally exact there (test_kernels, love_kernel)
+# The split of 1/r into near and far: erfc(r/2)/r vanishes to rounding beyond 13 spacings, and the transform of the
+# rest, erfc(2π|f|)/|f|, beyond |f| = 1.
+_WIDTH, _NEAR = 0.5, 13
+_POINTS = 16  # of the Gauss-Legendre rule over an element; the far part is smooth
+_REACH = 200  # spacings; punch and Love differ by 0.02/r⁵ there
 
 
 @dataclass(frozen=True)
 class Kernel:
     """The elastic body as a half space sees it: influence coefficients, or displacement of waves.
 
-    A kernel with a length is made by a function of this length in spacings. Two kernels of one name are the same.
+    Two kernels of equal name and parameters are the same.
 
     Attributes
     ----------
     name : str
-        Name, with the length if it has one.
+        Name.
+    parameters : tuple of float
+        Numbers of the elastic body, lengths in spacings, such as thickness and ν of a layer.
     coefficients : callable, optional
         (x, y) ↦ K at offsets ≥ 0 [spacings]. Default: none, for a kernel of periodic half spaces alone.
     spectrum : callable, optional
@@ -36,11 +60,12 @@ class Kernel:
     """
 
     name: str
+    parameters: tuple[float, ...] = ()
     coefficients: Callable[[Array, Array], Array] | None = field(default=None, compare=False, repr=False)
     spectrum: Callable[[Array, Array], Array] | None = field(default=None, compare=False, repr=False)
     m_matrix: bool = field(default=False, compare=False)
 
-    def quadrant(self, shape: tuple[int, int]) -> Array:
+    def quadrant(self, shape: Shape) -> Array:
         """Return K(i, j) for the offsets 0 ≤ i < rows, 0 ≤ j < columns."""
         if self.coefficients is None:
             allowed = ", ".join(kernel.name for kernel in KERNELS.values() if kernel.coefficients)
@@ -116,8 +141,29 @@ def _fourier(row: Array, column: Array) -> Array:
     return displacement
 
 
-LOVE = Kernel("love", love_kernel, m_matrix=True)
-PUNCH = Kernel("punch", punch_kernel)
+def layer(thickness: float, nu: float) -> Kernel:
+    """Return the kernel of an elastic layer bonded to a rigid base, by its thickness in spacings and Poisson's ratio.
+
+    Johnson, Contact Mechanics (1985), p. 139: λ = [κ sinh 2ζ - 2ζ]/[κ cosh 2ζ + 2ζ² + (1 + κ²)/2]/|f| with κ = 3 - 4ν
+    and ζ = 2π|f| h. Waves much shorter than the thickness see a half space.
+    """
+    if not (thickness > 0.0 and 0.0 <= nu <= 0.5):
+        raise ContactError(f"thickness is {thickness} spacings, nu is {nu}; allowed: thickness > 0, 0 <= nu <= 0.5")
+
+    def spectrum(row: Array, column: Array) -> Array:
+        f = np.hypot(row, column)
+        f[f == 0.0] = np.inf
+        depth = 2.0 * np.pi * np.minimum(f, 50.0 / thickness) * thickness  # tanh is 1 from there on
+        k = 3.0 - 4.0 * nu
+        below = k * np.cosh(2.0 * depth) + 2.0 * depth**2 + 0.5 * (1.0 + k**2)
+        waves: Array = (k * np.sinh(2.0 * depth) - 2.0 * depth) / below / f
+        return waves
+
+    return Kernel("layer", (thickness, nu), spectrum=spectrum)
+
+
+LOVE = Kernel("love", coefficients=love_kernel, m_matrix=True)
+PUNCH = Kernel("punch", coefficients=punch_kernel)
 FOURIER = Kernel("fourier", spectrum=_fourier)
 KERNELS = {kernel.name: kernel for kernel in (LOVE, PUNCH, FOURIER)}
 
@@ -141,3 +187,57 @@ def influence_matrix(influence: Array, elements: Index) -> Array:
     offset += np.abs(across, out=across)
     matrix: Array = influence.ravel().take(offset)
     return matrix
+
+
+def periodic_spectrum(shape: Shape, kernel: Kernel = LOVE) -> Array:
+    """Return λ, the displacement per pressure of each wave of the grid, λ(0) = π max(shape) [δ/(π E*)].
+
+    The array (rows // 2 + 1, columns // 2 + 1) has the waves of k = 0, 1, … periods in the grid along each axis.
+
+    References
+    ----------
+    K. L. Johnson, Contact Mechanics (1985), Section 13.2 (waves on a half space); P. P. Ewald, Ann. Phys. 369 (1921)
+    253-287 (the sum over images, split in two that converge fast).
+    """
+    row, column = (np.arange(n // 2 + 1) / n for n in shape)
+    if kernel.spectrum is not None:
+        spectrum = kernel.spectrum(row[:, None], column)
+    else:
+        spectrum = _far_part(row[:, None], column) + _wave_sums(_near_part(), shape)
+        if kernel != LOVE:  # images far away do not count in the difference
+            reach = (_REACH + 1, _REACH + 1)
+            spectrum += _wave_sums(kernel.quadrant(reach) - LOVE.quadrant(reach), shape)
+    spectrum[0, 0] = math.pi * max(shape)
+    return spectrum
+
+
+def _far_part(row: Array, column: Array) -> Array:
+    """Return the sum over aliases of the waves of erf(r/2)/r, spread over elements; those beyond |f| = 1 vanish."""
+    total = np.zeros(np.broadcast_shapes(row.shape, column.shape))
+    for i, j in itertools.product((0.0, -1.0), repeat=2):
+        f = np.hypot(row + i, column + j)
+        f[f == 0.0] = np.inf  # the mean
+        total += np.sinc(row + i) * np.sinc(column + j) * special.erfc(np.pi * f / _WIDTH) / f
+    return total
+
+
+def _near_part() -> Array:
+    """Return the displacement by a unit element under erfc(r/2)/r: Love's, less a smooth integral. Offsets ≥ 0."""
+    offset = np.arange(_NEAR + 1.0)
+    node, weight = np.polynomial.legendre.leggauss(_POINTS)
+    along = offset[:, None] - 0.5 * node
+    r = np.hypot(along[:, None, :, None], along[None, :, None, :])
+    smooth = np.where(r > 0.0, special.erf(_WIDTH * r) / np.where(r > 0.0, r, 1.0), 2.0 * _WIDTH / math.sqrt(math.pi))
+    return love_kernel(offset[:, None], offset) - 0.25 * np.einsum("ijkl,k,l->ij", smooth, weight, weight)
+
+
+def _wave_sums(coefficients: Array, shape: Shape) -> Array:
+    """Return Σ_r K(r) cos(2π f₁ r₁) cos(2π f₂ r₂) on the waves of the grid, K even and given for offsets ≥ 0."""
+    twice = coefficients.copy()
+    twice[1:] *= 2.0
+    twice[:, 1:] *= 2.0
+    reach = np.arange(len(coefficients))
+    # the phase modulo one turn, exactly
+    row, column = (np.cos(2.0 * np.pi * (np.outer(np.arange(n // 2 + 1), reach) % n) / n) for n in shape)
+    sums: Array = row @ twice @ column.T
+    return sums

@@ -4,8 +4,6 @@ Rigid wall: q ≥ 0, w ≥ 0, q w = 0. A wall with a hardness Q has q ≤ Q as w
 docs/explanation/solver.md. Another law is a class with these members; `active_set` and `problem` ask nothing else.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from roughvol.typing import Array, Index, Mask

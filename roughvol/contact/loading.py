@@ -18,8 +18,6 @@ free volume. Solves end on this number and on nothing else.
 docs/explanation/solver.md has the method and its equations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -121,8 +119,7 @@ def sweep(
     ConvergenceError
         If the residual is not reached.
     """
-    problem = Problem(surface, half_space, replace(options, **changed))
-    problem, latest, previous, error = _resumed(problem, resume)
+    problem, latest, previous, error = _resumed(Problem(surface, half_space, replace(options, **changed)), resume)
     rising, last = previous is None or latest.indentation > previous.indentation, latest.indentation
     started = previous is not None
     for indentation in map(float, indentations):
@@ -131,12 +128,12 @@ def sweep(
             raise ContactError(f"indentation is {indentation}; allowed: finite{at_last}")
         if started and rising != (indentation > last):  # a leg ends
             rising = not rising
-            problem, latest, previous = _new_leg(problem, latest, previous, error)
+            problem, latest, previous = _turned(problem, problem.leg.after(latest, error), latest, previous)
         started, last, counts = True, indentation, problem.counts()
         contact = _step(problem, indentation, latest, previous, counts)
         noise = error + contact.residual + ROUNDING * max(1.0, indentation)
         if problem.rebound(latest, contact._state) > noise:  # no M-matrix: the leg ends at the state before
-            problem, latest, previous = _new_leg(problem, latest, previous, error)
+            problem, latest, previous = _turned(problem, problem.leg.after(latest, error), latest, previous)
             contact = _step(problem, indentation, latest, previous, counts)
         yield contact
         latest, previous = contact._state, latest
@@ -157,25 +154,17 @@ def _step(
         tolerance = min(tolerance, pressure_error * least / problem.expected_stiffness(latest, previous))
     problem.check_reachable(indentation, tolerance)
     if indentation <= problem.touch:
-        return problem.record(problem.untouched(indentation), counts, 0, 0.0)
+        return problem.record(problem.untouched(indentation), counts)
     tolerance = min(tolerance, LIGHT * (indentation - problem.touch))
-    solved, iterations, residual = solve_one(problem, indentation, latest, previous, tolerance)
-    contact = problem.record(solved, counts, iterations, residual, latest)
+    solved = solve_one(problem, indentation, latest, previous, tolerance)
+    contact = problem.record(solved, counts, latest)
     while pressure_error is not None and contact.mean_pressure_bound > pressure_error:
-        tolerance = 0.5 * residual * pressure_error / contact.mean_pressure_bound
+        tolerance = 0.5 * solved.residual * pressure_error / contact.mean_pressure_bound
         problem.check_reachable(indentation, tolerance)
-        solved, more, residual = solve_one(problem, indentation, solved, latest, tolerance)
-        iterations += more
-        contact = problem.record(solved, counts, iterations, residual, latest)
+        iterations, solved = solved.iterations, solve_one(problem, indentation, solved, latest, tolerance)
+        solved.iterations += iterations
+        contact = problem.record(solved, counts, latest)
     return contact
-
-
-def _new_leg(
-    problem: Problem, latest: State, previous: State | None, error: float
-) -> tuple[Problem, State, State | None]:
-    """Return the problem on the heights that a state has left, with the states before."""
-    leg = Leg(problem.law, problem.leg.plastic_under(latest), error)
-    return _turned(problem, leg, latest, previous)
 
 
 def _resumed(problem: Problem, states: Iterable[Mapping[str, Any]]) -> tuple[Problem, State, State | None, float]:
@@ -240,13 +229,13 @@ class Trials:
         self.problem = Problem(surface, half_space, self.options)
         if after is not None:
             leg, state, error = _held(self.problem, after)
-            self.problem = self.problem.on(Leg(leg.law, leg.plastic_under(state), error) if turned else leg)
+            self.problem = self.problem.on(leg.after(state, error) if turned else leg)
         self.least: Contact | None = None
         self.untouched = self.apart(self.problem.touch)
 
     def apart(self, indentation: float) -> Contact:
         """Return the state without contact at an indentation, at or below the first touch."""
-        return self.problem.record(self.problem.untouched(indentation), self.problem.counts(), 0, 0.0)
+        return self.problem.record(self.problem.untouched(indentation))
 
     def at(self, indentation: float, latest: Contact, previous: Contact | None = None, *, rtol: float = 0.0) -> Contact:
         """Return the contact at Δ/σ > 0, from the line through two contacts; `latest` has the larger indentation.
@@ -257,18 +246,16 @@ class Trials:
         problem.check_reachable(indentation, max(self.options.rtol, rtol))
         tolerance = max(self.tolerance(indentation), min(rtol, LIGHT_ROUGH * (indentation - problem.touch)))
         counts = problem.counts()
-        earlier = previous._state if previous else None
-        state, iterations, residual = SOLVERS[self.options.method](
-            problem, indentation, latest._state, earlier, tolerance
-        )
-        return problem.record(state, counts, iterations, residual)
+        solve_one, earlier = SOLVERS[self.options.method], previous._state if previous else None
+        return problem.record(solve_one(problem, indentation, latest._state, earlier, tolerance), counts)
 
     def known(self, state: Mapping[str, Any], residual: float) -> Contact:
         """Return the record of a contact solved elsewhere, from its `Contact.state` and its residual η/σ."""
         leg, held, _ = _held(self.problem, state)
         if leg.plastic is not None or self.problem.leg.plastic is not None:
             held = self.problem.moved(held, self.problem.on(leg))
-        return self.problem.record(held, self.problem.counts(), 0, residual - self.problem.leg.carried)
+        held.residual = residual - self.problem.leg.carried
+        return self.problem.record(held)
 
     def tolerance(self, indentation: float) -> float:
         """Return the bound of the residual η/σ at an indentation: at most that of the options, and Δ/(100 σ).
@@ -301,7 +288,6 @@ class Trials:
             elements = np.flatnonzero(x > 0.0)
             gap = np.maximum(-x, TENSILE * max(1.0, indentation))
             pressure = problem.law.project(x[elements] / problem.firmness)
-            state = State(indentation, elements, pressure, gap + indentation)
-            return problem.record(state, problem.counts(), 0, np.nan)
+            return problem.record(State(indentation, elements, pressure, gap + indentation, residual=np.nan))
 
         return at

@@ -6,37 +6,28 @@ pressures; `far_field` handles these.
 n neighbours make 2ⁿ neighbourhoods. Their small systems are solved once per kernel, and rows of G are looked up.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from roughvol.contact.tuning import TUNING
+from roughvol.contact.options import TUNING, Tuning
+from roughvol.contact.state import Compliance
 from roughvol.typing import Array, Index, Map, Mask, Single
 
 _SQUARE = np.array([(i, j) for i in range(-2, 3) for j in range(-2, 3)])  # offsets within two spacings along each axis
 _CENTRE = len(_SQUARE) // 2
 
 
-def near_field(
-    influence: Array,
-    columns: int,
-    elements: Index,
-    reach: float,
-    *,
-    cache: int = TUNING.cache,
-    periodic: bool = False,
-) -> Map:
+def near_field(half_space: Compliance, elements: Index, tuning: Tuning = TUNING) -> Map:
     """Return r ↦ Gᵀ G r ≈ K⁻¹ r on the elements, G sparse and triangular: equation (13) of docs/explanation/solver.md.
 
     Row i of G solves K_PP y = e_i, where P is element i and its preceding neighbours in the set; G_i = y/√y_i. This
     factorised sparse approximate inverse is symmetric, and positive definite whenever K is: G is invertible, on a free
     patch as a triangular matrix with a positive diagonal, around a period by `dominant` rows.
 
-    Neighbours in a row are at most `reach` spacings apart, at most √8; √5 takes 10 preceding neighbours. Around a
+    Neighbours in a row are at most `near_reach` spacings apart, at most √8; √5 takes 10 preceding neighbours. Around a
     period the first rows are preceded by the last ones: G is a filter that runs around it, triangular but for these
     rows.
 
@@ -44,13 +35,14 @@ def near_field(
     ----------
     L. Yu. Kolotilina, A. Yu. Yeremin, SIAM J. Matrix Anal. Appl. 14 (1993) 45-58.
     """
+    influence, periodic, size = half_space.influence, half_space.periodic, elements.size
+    reach = tuning.near_reach_periodic if periodic else tuning.near_reach
     offsets, table = _rows(tuple(map(tuple, influence[:5, :5].tolist())), reach, periodic)
-    size = elements.size
-    row, column = np.divmod(elements.astype(np.int32), np.int32(columns))
+    row, column = np.divmod(elements.astype(np.int32), np.int32(influence.shape[1]))
     if not periodic:
         row -= row[0]
         column -= column.min()
-    last = (len(influence) - 1, columns - 1) if periodic else (int(row[-1]), int(column.max()))
+    last = (influence.shape[0] - 1, influence.shape[1] - 1) if periodic else (int(row[-1]), int(column.max()))
     width = last[1] + 5
     node = (row + 2).astype(np.intp) * width + column + 2
     # Absent neighbours are ~i of some i below the size. Their zeros then have many column numbers, see below.
@@ -68,7 +60,7 @@ def near_field(
     # Rows of one length, zeros included, are faster than rows of several lengths.
     data = np.empty((size, shifts.size), dtype=np.float32)
     neighbours = np.empty((size, shifts.size), dtype=np.int32)
-    piece = min(size, cache // 64)  # elements at a time, to stay in cache
+    piece = min(size, tuning.cache // 64)  # elements at a time, to stay in cache
     position, of_piece = (np.empty((shifts.size, piece), dtype=kind) for kind in (np.intp, np.int32))
     for first in range(0, size, piece):
         some = slice(first, min(first + piece, size))
@@ -115,7 +107,7 @@ def dominant(others: Single, diagonal: Single) -> None:
     others *= np.minimum(1.0, 0.999 / np.maximum(share, 0.999))
 
 
-def border(influence: Array, columns: int, elements: Index, left_out: Mask, entered: Index) -> tuple[Index, Single]:
+def border(influence: Array, elements: Index, left_out: Mask, entered: Index) -> tuple[Index, Single]:
     """Return the rows g by which elements that were left out take part in the inverse.
 
     With one more element x, the inverse of K is the one without it plus g gᵀ, g = y/√y_x, K y = e_x. Here K is taken on
@@ -124,6 +116,7 @@ def border(influence: Array, columns: int, elements: Index, left_out: Mask, ente
     The results have shape (k, 25): positions of the elements around each of the k that entered, itself included, and g,
     zero where there is no element.
     """
+    columns = influence.shape[1]
     wanted = elements[entered, None] + _SQUARE @ (columns, 1)
     members = np.minimum(np.searchsorted(elements, wanted), elements.size - 1)
     column = elements[entered, None] % columns + _SQUARE[:, 1]

@@ -1,14 +1,82 @@
-"""Options of a solve: one frozen record for single states, sweeps, and searches."""
+"""Options of a solve, and the constants of the solver and of its searches: three frozen records.
 
-from __future__ import annotations
+No constant changes the answer beyond the residual. Constants decide when something is worth its time.
+`docs/explanation/notes/solver-notebook.md` has the measurements behind each constant, with their commands.
+"""
 
 from dataclasses import dataclass
 
-from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.errors import ContactError
 
 METHODS = ("fast", "paper")
 PRECISIONS = ("mixed", "double")
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Constants of the solver and of its convolution."""
+
+    dense_up_to: int = 240  # most candidates for a Cholesky factorisation in place of the iteration
+    # Distance of the farthest neighbours in a row of the near field G, in spacings; at most √8.
+    near_reach: float = 5.0**0.5
+    # The same on a period of a plane, where half of the elements may be in contact.
+    near_reach_periodic: float = 2.0**0.5
+    block_side: int = 8  # elements along the side of a block of the far field
+    # Most blocks for a factorisation of the operator between them. More are put into blocks again.
+    factorised_up_to: int = 256
+    least_pivot: float = 0.05  # least pivot of the near field of blocks, as a share of the diagonal coefficient
+    lifted_share: float = 0.001  # least share of elements expected to be lifted clear, for an inverse without them
+    lifted_again_from: int = 2**20  # least nodes of a grid for repeated searches for elements lifted clear
+    lifted_rounds: int = 3  # most searches for elements lifted clear on these grids
+    cut_every: int = 2  # iterations between two cuts of negative pressures
+    sum_terms: float = 5.0  # most terms per node of the grid, for a sum in place of the convolution of cut pressures
+    # Gap predicted on a surface that yields, up to which an element is a candidate, over the advance.
+    yield_margin: float = 0.2
+    # Residual that ends the iteration, as a share of the tolerance. The verification finds a little more.
+    safety: float = 0.9
+    # Residual at which one more step is trusted unmeasured, over the residual that ends the iteration.
+    last_step: float = 4.0
+    iterations: int = 2000  # most iterations of a round with M⁻¹. A weaker inverse gets as many
+    rounds: int = 60  # most rounds of iteration and verification of a solve
+    single_from: float = 2e-9  # least tolerance η/σ for directions and convolutions of 32 bits
+    # Most elements in the rigid overlap for a start there. Larger overlaps are approached by rough states.
+    cold_up_to: int = 20_000
+    cold_step: float = 1.15  # ratio of the indentations of successive rough states
+    cold_rtol: float = 1e-3  # tolerance η/σ of the rough states
+    # Least points of a transform of the whole grid, for transforms of the rectangle of the candidates alone.
+    windows_from: int = 2**20
+    cache: int = 2**18  # bytes transformed at a time, to stay in the cache of a processor
+    # Least columns copied at a time, to use whole lines of the cache. A quarter of them is transformed at a time.
+    columns_together: int = 16
+    band: int = 1024  # rows copied at a time. Each lies on another page of memory on large grids
+    gauss_seidel: int = 100_000  # most Gauss-Seidel sweeps for one contact set of the paper's Algorithm 1
+
+
+TUNING = Tuning()
+
+
+@dataclass(frozen=True)
+class SearchTuning:
+    """Constants of the searches. They change the number of solves, and the answer within its accuracy."""
+
+    first: float = 1e-1  # residual η/σ of the first solve, which only has to be near
+    following: float = 3e-2  # residual η/σ of the solves before the bracket
+    # Residual over the width of the bracket. Looser solves save no convolutions, as more of them are needed.
+    useful: float = 3e-4
+    inside: float = 0.05  # least distance of a trial from the ends of the bracket, over its width
+    least_growth: float = 1.02  # least ratio of successive indentations before the bracket
+    most_growth: float = 2.0  # largest ratio of successive indentations before the bracket
+    # Solves with the least growth. It is squared at each further one, as an area may wait for one deep pit.
+    patience: int = 3
+    line_accuracy: float = 2.0**-4  # accuracy of a root on a line, over its distance to the nearest state
+    # Residual over distance of two states whose line is half as good a start as that of exact states.
+    clear: float = 0.1
+    sure: float = 4.0  # residuals by which two solves of one state may differ in x
+    accuracy: float = 1e-6  # relative accuracy of the indentation for an area or a pressure
+    solves: int = 200  # most solves of a search
+
+
+SEARCH_TUNING = SearchTuning()
 
 
 @dataclass(frozen=True)
@@ -29,7 +97,9 @@ class Options:
     hardness : float, optional
         Largest pressure H L/(E* σ), in the unit of p*. Default: elastic contact.
     tuning : Tuning
-        Constants.
+        Constants of the solver.
+    search : SearchTuning
+        Constants of the searches.
 
     Raises
     ------
@@ -43,6 +113,7 @@ class Options:
     pressure_error: float | None = None
     hardness: float | None = None
     tuning: Tuning = TUNING
+    search: SearchTuning = SEARCH_TUNING
 
     def __post_init__(self) -> None:
         if not 0 < self.rtol <= 1:

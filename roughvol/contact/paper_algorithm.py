@@ -1,7 +1,5 @@
 """The paper's Algorithm 1 (Paggi and He, Wear 336 (2015) 86-95), a reference on small grids."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import linalg
 
@@ -13,9 +11,7 @@ from roughvol.errors import ContactError, ConvergenceError
 LARGEST = 65  # elements along a side: the matrix is dense
 
 
-def solve_paper(
-    problem: Problem, indentation: float, latest: State, _previous: State | None, rtol: float
-) -> tuple[State, int, float]:
+def solve_paper(problem: Problem, indentation: float, latest: State, _previous: State | None, rtol: float) -> State:
     """Solve one indentation by Algorithm 1: tensile elements leave the rigid overlap, Gauss-Seidel on the rest.
 
     Every indentation starts from the rigid overlap. An element that leaves does not come back. None has to, for the
@@ -30,8 +26,7 @@ def solve_paper(
     sweeps = 0
     while True:
         matrix = influence_matrix(problem.half_space.influence, elements)
-        lower = np.tril(matrix)
-        upper = np.triu(matrix, 1)
+        lower, upper = np.tril(matrix), np.triu(matrix, 1)
         b = problem.heights[elements] + indentation
         p = np.zeros(b.size)
         for _ in range(problem.tuning.gauss_seidel):
@@ -48,8 +43,9 @@ def solve_paper(
         if not tensile.any():
             break
         elements = elements[~tensile]
-    state, residual = problem.verified(indentation, elements, p, indentation - latest.indentation)
-    if residual > rtol:
+    state = problem.verified(indentation, elements, p, indentation - latest.indentation)
+    state.iterations = sweeps
+    if state.residual > rtol:
         message = f"Algorithm 1 not converged to {rtol:g}"
-        raise ConvergenceError(message, indentation=indentation, iterations=sweeps, residual=residual)
-    return state, sweeps, residual
+        raise ConvergenceError(message, indentation=indentation, iterations=sweeps, residual=state.residual)
+    return state

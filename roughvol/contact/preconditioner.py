@@ -1,7 +1,5 @@
 """The approximate inverse of K on the elements that are expected in contact."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,21 +8,15 @@ from numpy.typing import NDArray
 
 from roughvol.contact.far_field import by_blocks
 from roughvol.contact.near_field import border, near_field
+from roughvol.contact.options import Tuning
 from roughvol.contact.state import Compliance
-from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.typing import Array, Index, Map, Mask
 
 Rates = tuple[Array, Array]
 
 
 def approximate_inverse(
-    half_space: Compliance,
-    elements: Index,
-    pressure: Array,
-    gap: Array,
-    free: Mask,
-    rates: Rates | None,
-    tuning: Tuning = TUNING,
+    half_space: Compliance, elements: Index, q: Array, w: Array, free: Mask, rates: Rates | None, tuning: Tuning
 ) -> tuple[Map, Mask]:
     """Return r ↦ M⁻¹ r ≈ K⁻¹ r, equations (13) to (15) of solver.md, and the elements expected in contact.
 
@@ -34,30 +26,28 @@ def approximate_inverse(
     M⁻¹ is positive definite on the elements that take part. `far_field` has the proof for the elements kept. An element
     x that comes into contact adds (gᵀr)² to rᵀM⁻¹r, which is y_x r_x² if r is zero on the elements kept.
 
-    `pressure` and `gap` are q and w at the start. `rates` are pressure and displacement per unit of further
-    indentation; without them the far field is not corrected.
+    Pressure q and gap w are those of the start. `rates` are pressure and displacement per unit of further indentation;
+    without rates the far field is not corrected.
     """
-    influence, shape = half_space.influence, half_space.shape
     if rates is None:
-        return _near(half_space, elements, tuning), free
+        return near_field(half_space, elements, tuning), free
     rate, displacement = rates
 
     def both_fields(near: Map, kept: Index) -> Map:
         # t of equation (14); the near field mends it on new elements, K t = 1
         t = np.maximum(rate[kept] + near(1.0 - displacement[kept]), 0.0)
-        return by_blocks(near, influence, shape, elements[kept], t, tuning, periodic=half_space.periodic)
+        return by_blocks(near, half_space, elements[kept], t, tuning)
 
     kept = np.flatnonzero(free) if free.any() else np.arange(free.size)
-    near = _near(half_space, elements[kept], tuning)
-    inverse = near
-    searches = tuning.lifted_rounds if shape[0] * shape[1] >= tuning.lifted_again_from else 1
+    inverse = near = near_field(half_space, elements[kept], tuning)
+    searches = tuning.lifted_rounds if half_space.influence.size >= tuning.lifted_again_from else 1
     for _ in range(searches):
-        lifted = (pressure[kept] <= 0.0) & (inverse(-gap[kept]) <= 0.0)
+        lifted = (q[kept] <= 0.0) & (inverse(-w[kept]) <= 0.0)
         if not tuning.lifted_share * kept.size < np.count_nonzero(lifted) < kept.size:
             break
         kept = kept[~lifted]
         del near, inverse  # before the memory of the next ones
-        near = _near(half_space, elements[kept], tuning)
+        near = near_field(half_space, elements[kept], tuning)
         inverse = both_fields(near, kept)
     if inverse is near:
         inverse = both_fields(near, kept)
@@ -72,23 +62,18 @@ def approximate_inverse(
         entered = np.flatnonzero(left_out & (r != 0.0))
         at_once = tuning.cache // 64  # small systems at a time
         for first in range(0, entered.size, at_once):
-            members, rows = border(influence, shape[1], elements, left_out, entered[first : first + at_once])
+            members, rows = border(half_space.influence, elements, left_out, entered[first : first + at_once])
             np.add.at(z, members, rows * (rows * r[members]).sum(axis=1, keepdims=True))
         return z
 
     return apply, ~left_out
 
 
-def _near(half_space: Compliance, elements: Index, tuning: Tuning) -> Map:
-    reach = tuning.near_reach_periodic if half_space.periodic else tuning.near_reach
-    return near_field(half_space.influence, half_space.shape[1], elements, reach, periodic=half_space.periodic)
-
-
-def weaker_inverses(half_space: Compliance, elements: Index, tuning: Tuning = TUNING) -> Iterator[Map]:
+def weaker_inverses(half_space: Compliance, elements: Index, tuning: Tuning) -> Iterator[Map]:
     """Yield maps in place of an M⁻¹ that gives no descent: the near field alone, then r itself.
 
     They take more iterations to the same answer. The last one is repeated without end: r descends.
     """
-    yield _near(half_space, elements, tuning)
+    yield near_field(half_space, elements, tuning)
     while True:
         yield lambda r: r

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from roughvol.contact.few_loads import Superposition
+from roughvol.contact.convolution import Superposition
 from roughvol.contact.law import ELASTIC, HardWall, RigidWall
 from roughvol.contact.options import DEFAULT, Options
 from roughvol.contact.state import Compliance, Contact, Leg, State
@@ -51,9 +51,8 @@ class Problem:
             raise ContactError(f"the surface is {one}, the half space {other}; allowed: both periodic, or none")
         self.half_space, self.shape, self.options, self.tuning = half_space, surface.shape, options, options.tuning
         self.intervals, self.periodic = surface.intervals[0], surface.periodic
-        self.law: RigidWall = ELASTIC
-        if options.hardness is not None:
-            self.law = HardWall(options.hardness / (np.pi * self.intervals))
+        hardness = options.hardness
+        self.law: RigidWall = ELASTIC if hardness is None else HardWall(hardness / (np.pi * self.intervals))
         self.leg = Leg(self.law)
         self.superposition = Superposition(half_space.influence, self.tuning)
         self._position = np.full(surface.heights.size, -1, dtype=np.int32)  # restored by `positions`
@@ -78,18 +77,17 @@ class Problem:
 
     def moved(self, state: State, before: Problem) -> State:
         """Return a state of the problem before with its gaps to the heights of this one."""
-        return State(
-            state.indentation, state.elements, state.pressure, state.touch_at + (before.heights - self.heights)
-        )
+        touch_at = state.touch_at + (before.heights - self.heights)
+        return State(state.indentation, state.elements, state.pressure, touch_at)
 
     def rebound(self, before: State, state: State) -> float:
         """Return the largest fall of an overlap at the limit from one state to a later one: none for an M-matrix."""
         if not self.law.yields:
             return 0.0
-        yielded = before.elements[self.law.held(before.pressure)]
+        yielded, overlap = self.leg.overlap(before)
         (q,) = self.pressures(yielded, state)
         left = np.where(self.law.held(q), np.maximum(-state.gap(yielded), 0.0), 0.0)
-        return float((np.maximum(-before.gap(yielded), 0.0) - left).max(initial=0.0))
+        return float((overlap - left).max(initial=0.0))
 
     def single(self, rtol: float) -> bool:
         """Return whether directions are convolved in single precision."""
@@ -103,11 +101,8 @@ class Problem:
         """Refuse a residual below rounding: w is the difference of two numbers as large as Δ/σ."""
         best = ROUNDING * max(1.0, indentation)
         if rtol < best:
-            message = (
-                f"rtol is {rtol:g} at the indentation {indentation:g}; allowed: at least {best:.1g}, "
-                f"the residual η/σ that double precision can reach there"
-            )
-            raise ContactError(message)
+            allowed = f"at least {best:.1g}, the residual η/σ that double precision can reach there"
+            raise ContactError(f"rtol is {rtol:g} at the indentation {indentation:g}; allowed: {allowed}")
 
     def positions(self, candidates: Index, *others: Index) -> list[NDArray[np.int32]]:
         """Return the positions of other elements among the candidates; -1 for elements outside."""
@@ -144,7 +139,7 @@ class Problem:
         elements, gap = state.within(2.0 * residual)
         brink = gap <= 2.0 * residual
         if self.law.yields:  # no stiffness left at the limit
-            brink[self.positions(elements, state.elements[self.law.held(state.pressure)])[0]] = False
+            brink[self.positions(elements, self.leg.overlap(state)[0])[0]] = False
         elements, gap = elements[brink], gap[brink]
         if self.positions(elements, previous.elements)[0].min(initial=0) < 0:
             elements = np.union1d(elements, previous.elements)
@@ -195,8 +190,8 @@ class Problem:
         """Return the state without contact."""
         return State(indentation, np.empty(0, dtype=np.intp), np.empty(0), -self.heights)
 
-    def verified(self, indentation: float, elements: Index, q: Array, next_advance: float) -> tuple[State, float]:
-        """Return the state under given pressures, by one convolution, and its residual η/σ on the whole grid (2).
+    def verified(self, indentation: float, elements: Index, q: Array, next_advance: float) -> State:
+        """Return the state under given pressures, by one convolution, with its residual η/σ on the whole grid (2).
 
         One pass over the grid serves the residual, the bound of the stiffness, and the next prediction, if this one
         goes no farther than `next_advance`.
@@ -211,19 +206,13 @@ class Problem:
         if self.law.yields:
             gap = gap.copy()
             gap[self.positions(near, elements)[0]] = loaded
-        return state, max(float(np.abs(loaded).max(initial=0.0)), -float(gap.min(initial=0.0)))
+        state.residual = max(float(np.abs(loaded).max(initial=0.0)), -float(gap.min(initial=0.0)))
+        return state
 
-    def record(
-        self,
-        state: State,
-        counts: tuple[float, float],
-        iterations: int,
-        residual: float,
-        previous: State | None = None,
-    ) -> Contact:
-        """Return the record of a state, with the convolutions since `counts`.
+    def record(self, state: State, counts: tuple[float, float] | None = None, previous: State | None = None) -> Contact:
+        """Return the record of a state, with the convolutions since `counts`; default: none.
 
-        The residual of a state not solved is NaN, and its record has not converged.
+        The state before gives a sharper bound of the pressure.
         """
         touching = state.pressure > TENSILE * state.pressure.max(initial=0.0)
         elements, pressure = state.elements, state.pressure
@@ -235,7 +224,8 @@ class Problem:
         mean_displacement = float(self.half_space.total_compliance.flat[elements] @ pressure) / size
         full = elements.size == size
         done = self.counts()
-        residual += self.leg.carried
+        begun = done if counts is None else counts
+        residual = state.residual + self.leg.carried
         stiffness = self.stiffness_bound(state, residual, previous) if previous else self.stiffest
         mean_pressure = float(np.pi * self.intervals * (pressure.sum() / size))
         unloaded = np.inf if state.indentation > self.touch else 0.0  # p* = 0 is exact before the touch alone
@@ -252,12 +242,11 @@ class Problem:
             mean_pressure=mean_pressure,
             free_volume=free_volume,
             approach=state.indentation,
-            iterations=iterations,
-            convolutions=done[0] - counts[0],
-            convolutions_fp32=done[1] - counts[1],
+            iterations=state.iterations,
+            convolutions=done[0] - begun[0],
+            convolutions_fp32=done[1] - begun[1],
             residual=residual,
             mean_pressure_bound=stiffness * residual / mean_pressure if mean_pressure > 0.0 else unloaded,
-            converged=bool(np.isfinite(residual)),
             shape=self.shape,
             plastic_volume=plastic_volume,
             plastic_area_fraction=plastic_area,

@@ -8,17 +8,15 @@ solver (solver.md) on the set I. Where K⁻¹ is an M-matrix, t ≥ 0, so a resi
 bounds the relative error of Σt by η: 1ᵀ K_II⁻¹ (1 - K_II t) = t_exactᵀ (1 - K_II t).
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np
 from scipy import linalg
 
 from roughvol.contact.kernels import influence_matrix
+from roughvol.contact.options import TUNING, Tuning
 from roughvol.contact.preconditioner import approximate_inverse
 from roughvol.contact.state import Compliance
-from roughvol.contact.tuning import TUNING, Tuning
 from roughvol.errors import ConvergenceError
 from roughvol.typing import Array, Index, Map
 

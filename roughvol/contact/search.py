@@ -21,11 +21,10 @@ contact too. For other kernels the bounds are good guesses only. The state retur
 value.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,6 @@ import numpy as np
 from roughvol.contact.bracket import Bracket, Target
 from roughvol.contact.loading import Compliance, Contact, Trials
 from roughvol.contact.options import DEFAULT, Options
-from roughvol.contact.tuning import SEARCH_TUNING, SearchTuning
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.surfaces.surface import Surface
 
@@ -48,14 +46,7 @@ Line = Callable[[float, float], Contact]
 
 
 def indentation_for(
-    surface: Surface,
-    half_space: Compliance,
-    target: str,
-    value: float,
-    options: Options = DEFAULT,
-    *,
-    tuning: SearchTuning = SEARCH_TUNING,
-    **changed: Any,
+    surface: Surface, half_space: Compliance, target: str, value: float, options: Options = DEFAULT, **changed: Any
 ) -> float:
     """Return the smallest indentation at which contact area fraction, mean pressure or free volume reach a value.
 
@@ -72,8 +63,6 @@ def indentation_for(
         0 < A* ≤ 1, p* > 0, or V* > 0 below that of the first touch.
     options
         As in `roughvol.contact.solve`; elastic contact.
-    tuning : SearchTuning
-        Constants.
     **changed
         As in `roughvol.contact.solve`.
 
@@ -107,7 +96,7 @@ def indentation_for(
     else:
         start = _mean_plane(surface) * min(1.0, value * (5.0 if area else 1.0)) ** 0.5
         goal = Target(lambda contact: float(getattr(contact, TARGETS[target])), value, elements=area)
-    return _search(trials, goal, start, tuning, brink=area).approach
+    return _search(trials, goal, start, brink=area).approach
 
 
 def first_indentation(
@@ -117,7 +106,6 @@ def first_indentation(
     options: Options = DEFAULT,
     *,
     accuracy: float = 1e-4,
-    tuning: SearchTuning = SEARCH_TUNING,
     **changed: Any,
 ) -> float:
     """Return the smallest indentation at which a condition holds that stays true under more contact.
@@ -135,8 +123,6 @@ def first_indentation(
         As in `roughvol.contact.solve`; elastic contact.
     accuracy : float
         Relative accuracy of the indentation.
-    tuning : SearchTuning
-        Constants.
     **changed
         As in `roughvol.contact.solve`.
 
@@ -145,16 +131,17 @@ def first_indentation(
     float
         Δ/σ. The condition holds there.
     """
+    options = replace(options, search=replace(options.search, accuracy=accuracy))
     trials = _elastic(Trials(surface, half_space, options, **changed))
     target = Target(lambda contact: float(reached(contact)), 1.0, elements=True, power=False)
-    return _search(trials, target, _mean_plane(surface), tuning, brink=True, accuracy=accuracy).approach
+    return _search(trials, target, _mean_plane(surface), brink=True).approach
 
 
 def _elastic(trials: Trials) -> Trials:
     """Return trials of elastic contact; refuse a hardness, for which the straight lines are no bounds."""
     if trials.options.hardness is not None:
-        message = f"hardness is {trials.options.hardness}; allowed: none. This search takes elastic contact"
-        raise ContactError(message)
+        hardness = trials.options.hardness
+        raise ContactError(f"hardness is {hardness}; allowed: none. This search takes elastic contact")
     return trials
 
 
@@ -173,22 +160,13 @@ def state_reaching(trials: Trials, target: Target, between: list[Contact], *, be
     return _search(trials, target, 0.0, brink=False, between=between)
 
 
-def _search(
-    trials: Trials,
-    target: Target,
-    start: float,
-    tuning: SearchTuning = SEARCH_TUNING,
-    *,
-    brink: bool,
-    between: Sequence[Contact] = (),
-    accuracy: float | None = None,
-) -> Contact:
+def _search(trials: Trials, target: Target, start: float, *, brink: bool, between: Sequence[Contact] = ()) -> Contact:
     """Return the state at the smallest indentation that reaches the target, from bounds on straight lines.
 
     With `brink`, elements on the brink of contact do not count. States on either side (`between`) replace the start.
     States without contact may be among them.
     """
-    accuracy = tuning.accuracy if accuracy is None else accuracy
+    tuning = trials.options.search
     margin = tuning.sure * trials.options.rtol if brink else 0.0
 
     def holds(line: Line, indentation: float, noise: float = 0.0) -> bool:
@@ -218,8 +196,8 @@ def _search(
             continue
         high = above[0].approach
         finest = trials.tolerance(high)
-        goal = accuracy * high + 2.0 * min(finest, below[0].residual + above[0].residual)
-        first, last = _bounds(trials, holds, bracket, 0.1 * goal, tuning.line_accuracy)
+        goal = tuning.accuracy * high + 2.0 * min(finest, below[0].residual + above[0].residual)
+        first, last = _bounds(trials, holds, bracket, 0.1 * goal)
         width = last - first
         tolerance = tuning.useful * width
         doubtful = [
@@ -240,14 +218,9 @@ def _search(
     raise ContactError(f"no indentation found in {tuning.solves} solves; the last was {indentation:.9g}")
 
 
-def _bounds(
-    trials: Trials,
-    holds: Callable[[Line, float, float], bool],
-    bracket: Bracket,
-    fine: float,
-    share: float,
-) -> tuple[float, float]:
+def _bounds(trials: Trials, holds: Callable[..., bool], bracket: Bracket, fine: float) -> tuple[float, float]:
     """Return bounds of the root from straight lines, right to `fine` or to a share of their distance to the states."""
+    share = trials.options.search.line_accuracy
 
     def root(one: Contact, other: Contact, start: float, end: float, sign: float) -> tuple[float, float]:
         line, distance = trials.line(one, other), other.approach - one.approach
@@ -296,7 +269,7 @@ def state_crossing(trials: Trials, target: Target, start: Contact, end: Contact 
 
     def excess(contact: Contact) -> float:
         if target.elements and sign > 0.0:
-            contact = trials.line(contact, contact)(contact.approach, SEARCH_TUNING.sure * trials.options.rtol)
+            contact = trials.line(contact, contact)(contact.approach, trials.options.search.sure * trials.options.rtol)
         return sign * (target.measure(contact) - value)
 
     touch = trials.untouched

@@ -51,7 +51,7 @@ class Compliance(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Contact:
     """One equilibrium state. Numbers have no unit (starred). Arrays are made on demand and belong to the caller.
 
@@ -80,8 +80,6 @@ class Contact:
     mean_pressure_bound : float
         Bound of the relative error of p*: the residual times a bound of the stiffness. Infinite without any pressure
         after the touch.
-    converged : bool
-        The residual is below the tolerance, and below Δ/(100 σ).
     shape : (int, int)
         Rows and columns of the grid.
     plastic_volume : float
@@ -103,7 +101,6 @@ class Contact:
     convolutions_fp32: float
     residual: float
     mean_pressure_bound: float
-    converged: bool
     shape: tuple[int, int]
     plastic_volume: float
     plastic_area_fraction: float
@@ -113,6 +110,11 @@ class Contact:
     _leg: Leg = field(repr=False)
     _intervals: int = field(repr=False)
     periodic: bool = False
+
+    @property
+    def converged(self) -> bool:
+        """Whether the state was solved: its residual is below the tolerance, and below Δ/(100 σ)."""
+        return bool(np.isfinite(self.residual))
 
     def pressure(self) -> Array:
         """Return the pressure p L/(E* σ) ≥ 0, shape of the surface."""
@@ -143,7 +145,7 @@ class Contact:
         """Return the mask of the elements that have yielded, now or before."""
         plastic = self._leg.plastic
         mask = np.zeros(self.shape, dtype=bool) if plastic is None else plastic.reshape(self.shape) > 0.0
-        mask.flat[self._state.elements[self._leg.law.held(self._state.pressure)]] = True
+        mask.flat[self._leg.overlap(self._state)[0]] = True
         return mask
 
     def plastic_displacement(self) -> Array:
@@ -170,13 +172,22 @@ class Leg:
     plastic: Array | None = None
     carried: float = 0.0
 
+    def after(self, state: State, error: float) -> Leg:
+        """Return the leg that begins at a state of this one, with a bound of the error of its plastic displacement."""
+        return Leg(self.law, self.plastic_under(state), error)
+
+    def overlap(self, state: State) -> tuple[Index, Array]:
+        """Return the elements at the limit of a state, and their overlaps ≥ 0."""
+        elements = state.elements[self.law.held(state.pressure)]
+        return elements, np.maximum(-state.gap(elements), 0.0)
+
     def plastic_under(self, state: State) -> Array | None:
         """Return the plastic displacement under a state: that of the leg, and the overlaps of elements at the limit."""
-        elements = state.elements[self.law.held(state.pressure)]
+        elements, overlap = self.overlap(state)
         if not elements.size:
             return self.plastic
         plastic = np.zeros(state.touch_at.size) if self.plastic is None else self.plastic.copy()
-        plastic[elements] += np.maximum(-state.gap(elements), 0.0)
+        plastic[elements] += overlap
         return plastic
 
     def yielded(self, state: State) -> tuple[float, float]:
@@ -184,10 +195,9 @@ class Leg:
         if not self.law.yields:
             return 0.0, 0.0
         before = np.zeros(state.touch_at.size) if self.plastic is None else self.plastic
-        elements = state.elements[self.law.held(state.pressure)]
-        overlap = np.maximum(-state.gap(elements), 0.0).sum()
+        elements, overlap = self.overlap(state)
         area = np.count_nonzero(before) + np.count_nonzero(before[elements] == 0.0)
-        return float(before.sum() + overlap) / before.size, area / before.size
+        return float(before.sum() + overlap.sum()) / before.size, area / before.size
 
 
 @dataclass
@@ -204,12 +214,18 @@ class State:
         q there.
     touch_at : array (nodes,)
         u - h on the whole grid, flat: the indentation at which an element touches if u stays.
+    residual : float
+        η/σ of this state alone; NaN if not solved.
+    iterations : int
+        Iterations of the solve; a factorisation counts as one.
     """
 
     indentation: float
     elements: Index
     pressure: Array
     touch_at: Array
+    residual: float = 0.0
+    iterations: int = 0
     _near: tuple[float, Index, Array] | None = None
 
     def gap(self, elements: Index | None = None) -> Array:

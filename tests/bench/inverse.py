@@ -21,6 +21,7 @@ from roughvol.contact.far_field import by_blocks
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.contact.near_field import near_field
+from roughvol.contact.options import Tuning
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 STEPS, ITERATIONS, TOLERANCE = 60, 20, 1e-6
@@ -38,13 +39,12 @@ def measure(m: int, D: float, seed: int, threads: int) -> list[tuple[str, float,
         rate = (field(now, surface) - field(before, surface))[elements] * STEPS / last
         displacement = (now["touch_at"] - before["touch_at"])[elements] * STEPS / last
         residual = after["indentation"] - (2.0 * now["touch_at"] - before["touch_at"])[elements]
-        influence, shape = half_space.influence, half_space.shape
         rows = []
         for name, reach in (("near field, √2", 2.0), ("near field, √5", 5.0), ("blocks", 5.0)):
-            inverse: Any = near_field(influence, shape[1], elements, reach**0.5)
+            inverse: Any = near_field(half_space, elements, Tuning(near_reach=reach**0.5))
             if name == "blocks":
                 t = np.maximum(rate + inverse(1.0 - displacement), 0.0)
-                inverse = by_blocks(inverse, influence, shape, elements, t)
+                inverse = by_blocks(inverse, half_space, elements, t)
             needed = iterate(half_space, elements, inverse, residual)
             rows.append((name, *extremes(half_space, elements, inverse), needed))
     return rows

@@ -75,7 +75,6 @@ class Problem:
 
     def __init__(self, case: dict[str, Any]) -> None:
         from roughvol.contact.halfspace import HalfSpace
-        from roughvol.contact.periodic import PeriodicHalfSpace
         from roughvol.contact.search import indentation_for
         from roughvol.surfaces.midpoint import random_midpoint_displacement
 
@@ -83,7 +82,7 @@ class Problem:
         options = {"side": 100.0, "seed": case["seed"], "periodic": self.periodic}
         self.surface = random_midpoint_displacement(case["D"], case["m"], **options)
         shape = self.surface.shape
-        self.half_space: Any = PeriodicHalfSpace(shape, kernel) if self.periodic else HalfSpace(shape)
+        self.half_space: Any = HalfSpace(shape, kernel if self.periodic else "love", periodic=self.periodic)
         assert self.half_space.total_compliance.size  # belongs to the grid, not to the sweep
         self.nodes, self.intervals = shape[0], self.surface.intervals[0]
         heights = self.surface.heights - self.surface.z_max

@@ -35,13 +35,10 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
 
     from roughvol.contact.halfspace import HalfSpace
     from roughvol.contact.loading import sweep
-    from roughvol.contact.periodic import PeriodicHalfSpace
 
     before = _memory("VmRSS")
-    periodic = case["kernel"] != "free"
-    base: Any = PeriodicHalfSpace if periodic else HalfSpace
 
-    class Timed(base):  # type: ignore[misc]
+    class Timed(HalfSpace):
         spent = 0.0
 
         def displacement_above(self, *args: Any, **kwargs: Any) -> Any:
@@ -57,7 +54,7 @@ def measure(case: dict[str, Any]) -> dict[str, Any]:
             return result
 
     surface = _surface(case)
-    half_space = Timed(surface.shape, **({"kernel": case["kernel"]} if periodic else {}), threads=case["threads"])
+    half_space = Timed(surface.shape, **_body(case))
     elements = np.arange(0, surface.heights.size, 7)
     unit, unit_fp32 = (_seconds(half_space, elements, single) for single in (False, True))
     assert half_space.total_compliance.size  # belongs to the grid, not to the sweep
@@ -103,15 +100,21 @@ def _surface(case: dict[str, Any]) -> Any:
     )
 
 
+def _body(case: dict[str, Any]) -> dict[str, Any]:
+    """Return the kernel of a half space, its period and its threads."""
+    free = case["kernel"] == "free"
+    return {"kernel": "love" if free else case["kernel"], "threads": case["threads"], "periodic": not free}
+
+
 def last_step(case: dict[str, Any]) -> float:
     """Return the indentation of the last step: at d = 0, or at an area on a period."""
-    from roughvol.contact.periodic import PeriodicHalfSpace
+    from roughvol.contact.halfspace import HalfSpace
     from roughvol.contact.search import indentation_for
 
     surface = _surface(case)
     if case["kernel"] == "free":
         return float((surface.z_max - surface.mean_height) / surface.Sq)
-    half_space = PeriodicHalfSpace(surface.shape, case["kernel"], threads=case["threads"])
+    half_space = HalfSpace(surface.shape, **_body(case))
     return indentation_for(surface, half_space, "contact_area", case["area"], rtol=1e-3)
 
 

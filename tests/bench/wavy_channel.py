@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from roughvol.campaign.one_case import one_thread
+from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials
-from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.contact.search import state_under
 from roughvol.errors import ConvergenceError
 from roughvol.gap.clusters import percolates
@@ -31,7 +31,7 @@ class Channel:
     def __init__(self, along: int, across: int) -> None:
         z = np.tile(np.cos(2 * np.pi * np.arange(across) / across), (along, 1))
         self.surface = Surface(z, 1.0 / along, periodic=True)
-        self.half_space = PeriodicHalfSpace(self.surface.shape, kernel="fourier")
+        self.half_space = HalfSpace(self.surface.shape, "fourier", periodic=True)
         self.closed = np.pi * along / across / self.surface.unit
         self.near = state_under(Trials(self.surface, self.half_space, rtol=1e-9), 0.7 * self.closed, 1.0)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from roughvol.contact.few_loads import Superposition
+from roughvol.contact.convolution import Superposition
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.tuning import Tuning
+from roughvol.contact.options import Tuning
 
 SHAPES = ((33, 65), (129, 129), (300, 1000), (7, 900))
 

@@ -13,7 +13,7 @@ from oracles import KERNELS, coefficients, dense_matrix, half_space, love_influe
 
 from roughvol.contact import convolution
 from roughvol.contact.halfspace import HalfSpace, transform_length
-from roughvol.contact.tuning import Tuning
+from roughvol.contact.options import Tuning
 from roughvol.errors import ContactError
 from roughvol.reproduction import closed_forms
 

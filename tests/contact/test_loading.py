@@ -35,7 +35,7 @@ from oracles import (
 from roughvol.contact import active_set
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials, solve, sweep
-from roughvol.contact.tuning import SearchTuning, Tuning
+from roughvol.contact.options import SearchTuning, Tuning
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface

@@ -12,9 +12,8 @@ import pytest
 from oracles import dense_matrix, exact_pressure, scaled_overlap
 
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.kernels import KERNELS, Kernel
+from roughvol.contact.kernels import KERNELS, layer, periodic_spectrum
 from roughvol.contact.loading import Trials, solve, sweep
-from roughvol.contact.periodic import PeriodicHalfSpace, periodic_spectrum
 from roughvol.contact.search import indentation_for
 from roughvol.errors import ContactError
 from roughvol.reproduction import closed_forms
@@ -27,7 +26,7 @@ SHAPES = [(5, 5), (5, 8), (16, 16), (15, 22), (9, 31), (40, 24)]
 
 @lru_cache
 def half_space(shape, kernel="love"):
-    return PeriodicHalfSpace(shape, kernel)
+    return HalfSpace(shape, kernel, periodic=True)
 
 
 def rough(m=4, D=2.4, seed=0):
@@ -116,9 +115,9 @@ def test_fourier_on_the_grid_has_not():
 
 def test_what_cannot_be_is_refused():
     with pytest.raises(ContactError, match="kernel is 'hertz'; allowed: love, punch, fourier"):
-        PeriodicHalfSpace((8, 8), "hertz")
+        HalfSpace((8, 8), "hertz", periodic=True)
     with pytest.raises(ContactError, match="at least 5 × 5 elements"):
-        PeriodicHalfSpace((2, 8))
+        HalfSpace((2, 8), periodic=True)
     with pytest.raises(ContactError, match="pressure has shape"):
         half_space((16, 16)).displacement(np.ones((3, 3)))
     with pytest.raises(ContactError, match="the surface is periodic, the half space free"):
@@ -127,35 +126,21 @@ def test_what_cannot_be_is_refused():
         solve(Surface(rough().heights, 1.0), half_space((16, 16)), 1.0)
 
 
-def layer(thickness, nu=0.5):
-    """An elastic layer bonded to a rigid base, its thickness in spacings: Johnson, Contact Mechanics (1985), p. 139."""
-
-    def spectrum(row, column):
-        f = np.hypot(row, column)
-        f[f == 0.0] = np.inf
-        depth = 2.0 * np.pi * np.minimum(f, 50.0 / thickness) * thickness
-        k = 3.0 - 4.0 * nu
-        below = k * np.cosh(2.0 * depth) + 2.0 * depth**2 + 0.5 * (1.0 + k**2)
-        return (k * np.sinh(2.0 * depth) - 2.0 * depth) / below / f
-
-    return Kernel(f"layer of {thickness:g} spacings", spectrum=spectrum)
-
-
 def test_a_kernel_with_a_length_is_one_function():
     """An elastic layer presses as the dense oracle says, is stiffer than the half space, and tends to it with depth."""
     surface = rough(m=4)
     states = []
-    for kernel in (layer(2.0), layer(6.0), layer(1e3), KERNELS["fourier"]):
-        space = PeriodicHalfSpace(surface.shape, kernel)
+    for kernel in (layer(2.0, 0.5), layer(6.0, 0.5), layer(1e3, 0.5), KERNELS["fourier"]):
+        space = HalfSpace(surface.shape, kernel, periodic=True)
         states.append(solve(surface, space, 1.5, rtol=1e-10))
         exact = exact_pressure(dense_matrix(space.influence), scaled_overlap(surface, 1.5).ravel())
         np.testing.assert_allclose(lattice(states[-1]), exact, atol=1e-8 * exact.max())
     thin, thicker, thick, half = (state.mean_pressure for state in states)
     assert thin > thicker > half
     assert thick == pytest.approx(half, rel=1e-9)
-    assert layer(2.0) == layer(2.0) != layer(3.0)
+    assert layer(2.0, 0.5) == layer(2.0, 0.5) != layer(3.0, 0.5)
     with pytest.raises(ContactError, match="allowed on a free patch: love, punch"):
-        HalfSpace((9, 9), layer(2.0))
+        HalfSpace((9, 9), layer(2.0, 0.5))
 
 
 # ---- states
@@ -186,10 +171,10 @@ def test_mean_gap_is_the_separation(kernel):
 def test_answer_does_not_depend_on_the_constant_of_the_zero_mode(monkeypatch):
     """Another constant relabels the approach: the state at equal pressure is the same."""
     surface = rough()
-    space = PeriodicHalfSpace(surface.shape)
+    space = HalfSpace(surface.shape, periodic=True)
     one = solve(surface, space, 2.0, rtol=1e-11)
-    monkeypatch.setattr("roughvol.contact.periodic.math.pi", 3.0 * math.pi)
-    other = PeriodicHalfSpace(surface.shape)
+    monkeypatch.setattr("roughvol.contact.kernels.math.pi", 3.0 * math.pi)
+    other = HalfSpace(surface.shape, periodic=True)
     monkeypatch.undo()
     same = solve(surface, other, one.indentation + 3.0 * one.mean_pressure, rtol=1e-11)
     assert same.pressure() == pytest.approx(one.pressure(), abs=1e-8)
@@ -286,12 +271,12 @@ def test_search_for_a_free_volume_of_a_free_patch():
     assert solve(surface, space, approach).free_volume == pytest.approx(1.0, abs=3e-6)
 
 
-@pytest.mark.parametrize("half_space", [HalfSpace, PeriodicHalfSpace])
+@pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("seed", range(3))
-def test_search_for_a_free_volume_next_to_that_of_the_first_touch(half_space, seed):
+def test_search_for_a_free_volume_next_to_that_of_the_first_touch(periodic, seed):
     """0.11.1 went on to an indentation of 1e-322 where the difference was that of rounding."""
-    surface = Surface(self_affine((85, 31), 4.0, seed=seed), 1.0, periodic=half_space.periodic)
-    space = half_space(surface.shape)
+    surface = Surface(self_affine((85, 31), 4.0, seed=seed), 1.0, periodic=periodic)
+    space = HalfSpace(surface.shape, periodic=periodic)
     most = Trials(surface, space).untouched.gap().mean()
     for ulps in (0, 1, 3, 100, 10**6):
         value = most - ulps * np.spacing(most)
@@ -333,7 +318,7 @@ def wave_errors(n, kernel, ratio=0.25):
     x = np.arange(n) / n
     surface = Surface(np.repeat(np.cos(2.0 * np.pi * x)[:, None], 5, axis=1), 1.0 / n, periodic=True)
     exact = closed_forms.westergaard(x, ratio, 1.0, 1.0)
-    space = PeriodicHalfSpace(surface.shape, kernel)
+    space = HalfSpace(surface.shape, kernel, periodic=True)
     unit = surface.Sq
     approach = indentation_for(surface, space, "pressure", exact.mean_pressure / unit, rtol=1e-9)
     contact = solve(surface, space, approach, rtol=1e-9)
@@ -359,7 +344,7 @@ def test_two_other_codes_find_the_same():
     """periodic_64.npz: Fourier kernel, mean pressure imposed. A* exact, mean gap and largest pressure to 1e-8."""
     with np.load(REFERENCE) as stored:
         surface, rows = Surface(stored["z"], float(stored["L"]) / 64, periodic=True), stored["rows"]
-    space, unit = PeriodicHalfSpace((64, 64), "fourier"), surface.Sq
+    space, unit = HalfSpace((64, 64), "fourier", periodic=True), surface.Sq
     for pressure, area, gap, largest in rows:
         # the pressure of a search has a relative error of 1e-6: two secant steps
         at = [indentation_for(surface, space, "pressure", pressure / unit, rtol=1e-11)]

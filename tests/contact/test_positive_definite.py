@@ -10,8 +10,7 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import influence_matrix
 from roughvol.contact.loading import sweep
 from roughvol.contact.near_field import dominant, near_field
-from roughvol.contact.periodic import PeriodicHalfSpace
-from roughvol.contact.tuning import Tuning
+from roughvol.contact.options import Tuning
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 SIZES = range(9, 301)
@@ -34,15 +33,13 @@ def random_contact(shape, generator, wanted=150):
 
 def inverse(half_space, elements, t, **constants):
     """M⁻¹ of the default constants, with other ones in their place."""
-    tuning, shape, periodic = Tuning(**constants), half_space.shape, half_space.periodic
-    reach = tuning.near_reach_periodic if periodic else tuning.near_reach
-    near = near_field(half_space.influence, shape[1], elements, reach, periodic=periodic)
-    return far_field.by_blocks(near, half_space.influence, shape, elements, t, tuning, periodic=periodic)
+    tuning = Tuning(**constants)
+    return far_field.by_blocks(near_field(half_space, elements, tuning), half_space, elements, t, tuning)
 
 
 def check_dense(shape, periodic, kernel, generator):
     """All eigenvalues of M⁻¹ and of M⁻¹K, with one, two and three tiers of blocks."""
-    half_space = (PeriodicHalfSpace if periodic else HalfSpace)(shape, kernel)
+    half_space = HalfSpace(shape, kernel, periodic=periodic)
     elements = random_contact(shape, generator)
     matrix = influence_matrix(half_space.influence, elements)
     t = np.maximum(np.linalg.solve(matrix, np.ones(elements.size)), 0.0)
@@ -104,7 +101,7 @@ LARGE += [(116, 140), (117, 204), (174, 327), (187, 17), (250, 132), (268, 275),
 @pytest.mark.parametrize("shape", LARGE)
 def test_of_large_contacts(shape, periodic):
     generator = np.random.Generator(np.random.PCG64(shape))
-    half_space = (PeriodicHalfSpace if periodic else HalfSpace)(shape)
+    half_space = HalfSpace(shape, periodic=periodic)
     smooth = sum(np.roll(generator.random(shape), (i, j), (0, 1)) for i in range(4) for j in range(4))
     for share in (0.1, 0.5, 0.95):
         elements = np.flatnonzero(smooth.ravel() >= np.quantile(smooth, 1.0 - share))
@@ -156,10 +153,10 @@ def test_dominant_rows_make_a_regular_factor():
 @pytest.mark.parametrize("shape", [(5, 5), (5, 7), (6, 300), (40, 11), (129, 129)])
 def test_near_field_around_a_period_is_positive_definite(shape, kernel):
     generator = np.random.Generator(np.random.PCG64(7))
-    influence = PeriodicHalfSpace(shape, kernel).influence
+    half_space = HalfSpace(shape, kernel, periodic=True)
     for share in (0.3, 0.7, 1.0):
         elements = np.flatnonzero(generator.random(shape).ravel() < min(share, share * 400 / (shape[0] * shape[1])))
-        found = near_field(influence, shape[1], elements, 2.0**0.5, periodic=True)(np.eye(elements.size))
+        found = near_field(half_space, elements)(np.eye(elements.size))
         assert np.linalg.eigvalsh(found.astype(float)).min() > 1e-3 * np.abs(found).max()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,13 +15,17 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import influence_matrix
 from roughvol.contact.loading import solve, sweep
 from roughvol.contact.near_field import near_field
-from roughvol.contact.periodic import PeriodicHalfSpace
+from roughvol.contact.options import Tuning
 from roughvol.contact.preconditioner import approximate_inverse
-from roughvol.contact.tuning import Tuning
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 
 SHAPES = ((33, 33), (33, 65), (3, 120), (50, 19))
+
+
+def grid(influence, periodic=False):
+    """What the inverses see of a half space."""
+    return SimpleNamespace(influence=influence, periodic=periodic)
 
 
 @lru_cache
@@ -74,7 +79,7 @@ def test_near_field_is_the_factor_of_its_definition(reach, kernel):
         near = np.flatnonzero((distance <= reach + 1e-9) & beside)
         y = np.linalg.solve(matrix[np.ix_(near, near)], np.eye(near.size)[-1])
         factor[i, near] = y / np.sqrt(y[-1])
-    got = dense(near_field(influence, shape[1], elements, reach), elements.size)
+    got = dense(near_field(grid(influence), elements, Tuning(near_reach=reach)), elements.size)
     np.testing.assert_allclose(got, factor.T @ factor, rtol=0, atol=1e-6)
 
 
@@ -84,7 +89,7 @@ def test_near_field_of_neighbours_alone_is_the_inverse():
     elements = np.array([10, 11, 19, 20, 60])  # a square of four and one too far to be taken for a neighbour
     matrix = dense_matrix(influence)[np.ix_(elements, elements)]
     matrix[4, :4] = matrix[:4, 4] = 0.0
-    got = dense(near_field(influence, 9, elements, 5.0**0.5), 5)
+    got = dense(near_field(grid(influence), elements), 5)
     np.testing.assert_allclose(got, np.linalg.inv(matrix), rtol=0, atol=1e-6)
 
 
@@ -93,8 +98,8 @@ def test_near_field_of_neighbours_alone_is_the_inverse():
 
 def corrected(influence, shape, elements, t, **constants):
     tuning = Tuning(**constants)
-    near = near_field(influence, shape[1], elements, tuning.near_reach)
-    return near, far_field.by_blocks(near, influence, shape, elements, t, tuning)
+    near = near_field(grid(influence), elements, tuning)
+    return near, far_field.by_blocks(near, grid(influence), elements, t, tuning)
 
 
 @pytest.mark.parametrize("levels", ["factorised", "two", "three"])
@@ -133,7 +138,7 @@ def between_blocks(tier, shape, elements, t):
     """P of the definition, and the number of the block of each element."""
     row, column = np.divmod(elements, shape[1])
     block_row, block_column = (blocks_along(nodes, tier.periodic) for nodes in shape)
-    code = block_row[row] * tier.shape[1] + block_column[column]
+    code = block_row[row] * tier.influence.shape[1] + block_column[column]
     assert np.array_equal(tier.numbers, np.unique(code))
     block = np.searchsorted(tier.numbers, code)
     spread = np.zeros((elements.size, tier.numbers.size))
@@ -147,7 +152,7 @@ def between_blocks(tier, shape, elements, t):
 def beside(tier):
     """Return which blocks are near one another, also across the seam of a period of three blocks or more."""
     near = True
-    for place, blocks in zip(np.divmod(tier.numbers, tier.shape[1]), tier.shape, strict=True):
+    for place, blocks in zip(np.divmod(tier.numbers, tier.influence.shape[1]), tier.influence.shape, strict=True):
         apart = np.abs(place[:, None] - place)
         near &= (apart <= 1) | ((apart == blocks - 1) & (tier.periodic and blocks > 2))
     return near
@@ -155,7 +160,7 @@ def beside(tier):
 
 def operator(tier):
     """The matrix between blocks as the tier has it: points for distant blocks."""
-    x, y = np.divmod(tier.numbers, tier.shape[1])
+    x, y = np.divmod(tier.numbers, tier.influence.shape[1])
     matrix = tier.influence[np.abs(x[:, None] - x), np.abs(y[:, None] - y)]
     here, k = np.nonzero(tier.neighbours < x.size)
     matrix[here, tier.neighbours[here, k]] = tier.near[here, k]
@@ -164,7 +169,7 @@ def operator(tier):
 
 def period(shape, kernel="love"):
     """Elements in contact at random, some of them beside each other, and K and t as in `contact_set`."""
-    influence = PeriodicHalfSpace(shape, kernel).influence
+    influence = HalfSpace(shape, kernel, periodic=True).influence
     generator = np.random.Generator(np.random.PCG64(2))
     elements = np.flatnonzero(generator.random(shape) < 600 / math.prod(shape))
     return influence, elements, influence_matrix(influence, elements), generator.exponential(size=elements.size)
@@ -179,7 +184,7 @@ def test_operator_between_blocks_is_exact_nearby(shape, kernel):
     periodic, shape = shape[0] == "periodic", shape[-2:]
     influence, elements, matrix, t = period(shape, kernel) if periodic else contact_set(shape, kernel=kernel)
     t = np.maximum(t, 1e-3)
-    tier = far_field.Tier(influence, shape, elements, t, periodic=periodic)
+    tier = far_field.Tier(grid(influence, periodic), elements, t)
     spread, block = between_blocks(tier, shape, elements, t)
     moved = matrix @ spread
     exact = spread.T @ moved
@@ -200,14 +205,14 @@ def test_operator_between_blocks_is_exact_nearby(shape, kernel):
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_operator_between_blocks_of_blocks_is_exact_nearby(kernel, periodic):
     shape = (133, 133)
-    influence = (PeriodicHalfSpace if periodic else HalfSpace)(shape, kernel).influence
+    influence = HalfSpace(shape, kernel, periodic=periodic).influence
     generator = np.random.Generator(np.random.PCG64(3))
     elements = np.flatnonzero(generator.random(shape) < 0.01)
     t = generator.exponential(size=elements.size)
-    below = far_field.Tier(influence, shape, elements, t, periodic=periodic)
-    tier = far_field.Tier(below.influence, below.shape, below.numbers, below.mass, below=below, periodic=periodic)
+    below = far_field.Tier(grid(influence, periodic), elements, t)
+    tier = far_field.Tier(below, below.numbers, below.mass)
     matrix = operator(below)
-    spread, block = between_blocks(tier, below.shape, below.numbers, below.mass)
+    spread, block = between_blocks(tier, below.influence.shape, below.numbers, below.mass)
     moved = matrix @ spread
     exact = spread.T @ moved
     here, k = np.nonzero(tier.neighbours < tier.numbers.size)
@@ -222,19 +227,21 @@ def test_operator_between_blocks_of_blocks_is_exact_nearby(kernel, periodic):
 def test_near_field_of_blocks_is_the_factor_of_its_definition(shape):
     periodic, shape = shape[0] == "periodic", shape[-2:]
     influence, elements, _, t = period(shape) if periodic else contact_set(shape)
-    tier = far_field.Tier(influence, shape, elements, t, periodic=periodic)
-    x, y = np.divmod(tier.numbers, tier.shape[1])
-    wraps = [periodic and blocks > 2 for blocks in tier.shape]
+    tier = far_field.Tier(grid(influence, periodic), elements, t)
+    x, y = np.divmod(tier.numbers, tier.influence.shape[1])
+    wraps = [periodic and blocks > 2 for blocks in tier.influence.shape]
     number = {place: i for i, place in enumerate(zip(x.tolist(), y.tolist(), strict=True))}
     matrix = operator(tier)
     factor = np.zeros_like(matrix)
     for i in range(x.size):
         around = [(x[i] + a, y[i] + b) for a, b in ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 0))]
-        around = [tuple(p % n if w else p for p, n, w in zip(a, tier.shape, wraps, strict=True)) for a in around]
+        around = [
+            tuple(p % n if w else p for p, n, w in zip(a, tier.influence.shape, wraps, strict=True)) for a in around
+        ]
         near = [number[place] for place in around if place in number]
         row = np.linalg.solve(matrix[np.ix_(near, near)], np.eye(len(near))[-1])
         factor[i, near] = row / np.sqrt(row[-1])
-    got = dense(lambda r: far_field.near_field_of_blocks(tier, 0.05)(r.astype(np.float32)), x.size)
+    got = dense(lambda r: far_field.near_field_of_blocks(tier)(r.astype(np.float32)), x.size)
     np.testing.assert_allclose(got, factor.T @ factor, rtol=0, atol=3e-6 * np.abs(got).max())
 
 

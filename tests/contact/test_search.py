@@ -11,8 +11,8 @@ from oracles import fractal, half_space, mean_plane
 
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials, solve, sweep
+from roughvol.contact.options import SearchTuning
 from roughvol.contact.search import first_indentation, indentation_for
-from roughvol.contact.tuning import SearchTuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
 
@@ -46,7 +46,7 @@ def test_where_it_is_does_not_depend_on_how_it_is_looked_for(target, value, D):
     usual = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8)
     for first, later in ((0.5, 0.5), (1e-8, 1e-8)):  # rough states must not decide, good ones need not
         steering = SearchTuning(first=first, following=later)
-        other = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8, tuning=steering)
+        other = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8, search=steering)
         assert other == pytest.approx(usual, rel=3e-6)
 
 

@@ -14,8 +14,8 @@ from oracles import DenseHalfSpace
 from roughvol.contact.bracket import Target
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials, solve, sweep
+from roughvol.contact.options import Tuning
 from roughvol.contact.search import first_indentation, state_crossing
-from roughvol.contact.tuning import Tuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface

@@ -13,7 +13,6 @@ from roughvol.campaign import running
 from roughvol.campaign.one_case import one_thread
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, Trials
-from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.contact.search import state_under
 from roughvol.errors import ContactError, ConvergenceError, StudyError
 from roughvol.gap.clusters import percolates
@@ -40,15 +39,15 @@ def surface() -> Surface:
 
 
 @pytest.fixture(scope="module")
-def half_space(surface: Surface) -> PeriodicHalfSpace:
-    return PeriodicHalfSpace(surface.shape)
+def half_space(surface: Surface) -> HalfSpace:
+    return HalfSpace(surface.shape, periodic=True)
 
 
 LOAD = 1.0
 
 
 @pytest.fixture(scope="module")
-def dry(surface: Surface, half_space: PeriodicHalfSpace) -> Contact:
+def dry(surface: Surface, half_space: HalfSpace) -> Contact:
     return state_under(Trials(surface, half_space, rtol=1e-9), LOAD, 1.0)
 
 
@@ -60,7 +59,7 @@ def _flow(gap: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("guess", [-1.0, 0.01, 2.0, 8.0])
-def test_a_load_is_met_from_any_guess(guess: float, surface: Surface, half_space: PeriodicHalfSpace) -> None:
+def test_a_load_is_met_from_any_guess(guess: float, surface: Surface, half_space: HalfSpace) -> None:
     state = state_under(Trials(surface, half_space, rtol=1e-9), LOAD, guess)
     assert_allclose(state.mean_pressure, LOAD, rtol=1e-9)
 
@@ -97,7 +96,7 @@ def test_the_drop_lies_at_a_constriction() -> None:
 # contact and flow together
 
 
-def test_the_load_is_kept_and_pressures_balance(surface: Surface, half_space: PeriodicHalfSpace, dry: Contact) -> None:
+def test_the_load_is_kept_and_pressures_balance(surface: Surface, half_space: HalfSpace, dry: Contact) -> None:
     both = Coupling(surface, half_space, 0, 0.5)
     state = both.solve(LOAD, dry)
     assert_allclose(state.pressure.mean(), LOAD, rtol=1e-8)
@@ -115,9 +114,7 @@ def test_the_load_is_kept_and_pressures_balance(surface: Surface, half_space: Pe
     assert _flow(state.gap) > _flow(dry.gap())
 
 
-def test_one_way_is_the_first_order_of_the_coupling(
-    surface: Surface, half_space: PeriodicHalfSpace, dry: Contact
-) -> None:
+def test_one_way_is_the_first_order_of_the_coupling(surface: Surface, half_space: HalfSpace, dry: Contact) -> None:
     dry_gap = float(dry.gap().mean())
     apart = []
     for inlet in (0.02, 0.01):
@@ -130,7 +127,7 @@ def test_one_way_is_the_first_order_of_the_coupling(
 
 
 def test_the_same_pressure_on_both_sides_only_adds_to_the_load(
-    surface: Surface, half_space: PeriodicHalfSpace, dry: Contact
+    surface: Surface, half_space: HalfSpace, dry: Contact
 ) -> None:
     one = Coupling(surface, half_space, 0, 0.3, 0.0).solve(LOAD, dry)
     more = Coupling(surface, half_space, 0, 0.8, 0.5).solve(LOAD + 0.5, dry)
@@ -146,9 +143,7 @@ def test_a_free_patch_is_lifted_as_well() -> None:
     assert state.gap.mean() > dry.gap().mean()
 
 
-def test_a_fluid_that_carries_the_whole_load_is_refused(
-    surface: Surface, half_space: PeriodicHalfSpace, dry: Contact
-) -> None:
+def test_a_fluid_that_carries_the_whole_load_is_refused(surface: Surface, half_space: HalfSpace, dry: Contact) -> None:
     with pytest.raises(ContactError, match="the joint opens"):
         Coupling(surface, half_space, 0, 3.0).solve(LOAD, dry)
 
@@ -158,7 +153,7 @@ def test_a_fluid_that_carries_the_whole_load_is_refused(
 @pytest.mark.parametrize("load", [1.0, 4.0])
 def test_a_joint_pressed_first_and_pressurised_then_has_a_state(periodic: bool, seed: int, load: float) -> None:
     surface = random_midpoint_displacement(2.2, 4, seed=seed, periodic=periodic)
-    half_space = (PeriodicHalfSpace if periodic else HalfSpace)(surface.shape)
+    half_space = HalfSpace(surface.shape, periodic=periodic)
     dry = state_under(Trials(surface, half_space, rtol=1e-9), load, 1.0)
     for axis, share in ((0, 0.5), (1, 0.8)):
         coupled = Coupling(surface, half_space, axis, share * load)
@@ -181,7 +176,7 @@ def test_an_inlet_above_the_load_may_leave_a_joint_in_contact() -> None:
 
 
 def test_what_does_not_settle_is_an_error(
-    surface: Surface, half_space: PeriodicHalfSpace, dry: Contact, monkeypatch: pytest.MonkeyPatch
+    surface: Surface, half_space: HalfSpace, dry: Contact, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(coupling, "ROUNDS", 2)
     with pytest.raises(ConvergenceError, match="not shown that the joint opens"):

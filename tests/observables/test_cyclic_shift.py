@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from roughvol.campaign.one_case import surface_of
+from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.contact.periodic import PeriodicHalfSpace
 from roughvol.errors import SurfaceError
 from roughvol.gap import box_counting, clusters, free_volume, transport
 from roughvol.observables import deformed
@@ -95,7 +95,7 @@ def test_a_contact_and_the_texture_under_load(heights: Heights, shift: tuple[int
     found = []
     for z in (heights, np.roll(heights, shift, (0, 1))):
         surface = Surface(z, SPACING, periodic=True)
-        half_space = PeriodicHalfSpace(surface.shape)
+        half_space = HalfSpace(surface.shape, periodic=True)
         (contact,) = sweep(surface, half_space, [1.0], rtol=1e-9)
         found.append(
             deformed.under_load(View(case, surface, contact, half_space)) | {"pressure": contact.mean_pressure}
