@@ -36,5 +36,4 @@ def step_errors(study: Study, stopping: Callable[[], bool] = lambda: False) -> S
 def expected(study: Study) -> list[Expected]:
     """Return the expected samples and costs of an ensemble by D."""
     prediction = Prediction(study)
-    arrays, costed = in_memory(prediction.cases), [arrays_of_case(case) for case in prediction.costed]
-    return prediction.expected(arrays, surfaces_alone(prediction.surfaces), costed)
+    return prediction.expected(in_memory(prediction.cases), surfaces_alone(prediction.surfaces))

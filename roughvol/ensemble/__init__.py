@@ -4,15 +4,13 @@ Room of the ensembles: pure, starts nothing and opens no files. `design.Design` 
 campaign computes them.
 
 ==============  ====================================================================
-`design`        rounds of samples until each mean is as accurate as requested
+`design`        rounds of samples until each mean is as accurate as requested, and their number on each level
 `targets`       quantities of one surface at a state
 `samples`       values and modelled cost of each sample
 `multilevel`    the mean from nested samples on several levels
-`refinement`    the bias of a mean by the resolution
 `step_error`    the error between the steps of the sweeps
-`estimate`      means, intervals and errors from all samples
+`estimate`      means, intervals and errors from all samples, the bias by the resolution
 `allocation`    the optimal number of samples on each level
-`plan`          the number of samples on each level in the next round
 `answer`        the means as stored variables and in sentences
 `prediction`    expected samples and cost before a run
 `cost`          modelled seconds of a case

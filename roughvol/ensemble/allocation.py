@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roughvol.ensemble import multilevel
+from roughvol.ensemble.cost import SURFACE
 from roughvol.ensemble.multilevel import Link
 from roughvol.typing import Array
 
@@ -31,16 +32,8 @@ class Plan:
 
     levels: tuple[int, ...]  # indices, coarsest first
     samples: tuple[int, ...]
+    alone: int  # surfaces without a solve
     cost: float  # of all samples, those of other levels included
-    alone: int = 0  # surfaces without a solve
-
-
-@dataclass(frozen=True)
-class Alone:
-    """Surfaces without a solve: their numbers, shape (N, k), and the cost of one."""
-
-    values: Array
-    cost: float
 
 
 def plan(
@@ -48,25 +41,22 @@ def plan(
     costs: Sequence[float],
     existing: Sequence[int],
     half_width: float,
-    alone: Alone | None = None,
+    alone: Array,
 ) -> Plan:
     """Return the cheapest chain that ends at the finest level, with no fewer samples than exist.
 
     All chains are compared, plain Monte Carlo on the finest level among them. Of chains with nearly the same cost, the
-    longest is taken.
+    longest is taken. ``alone`` are the numbers of surfaces without a solve.
     """
     candidates = []
     for chain in _chains(links, len(costs) - 1):
         levels = tuple(link.level for link in chain)
-        shares, chain_costs = _shares(chain), [costs[level] for level in levels]
-        lower_bounds = [existing[level] for level in levels]
-        if alone is None:
-            samples, number, spent = _optimum(shares, chain_costs, lower_bounds, half_width), 0, 0.0
-        else:
-            shares.insert(0, multilevel.variance_alone(chain, alone.values))
-            number, *rest = _optimum(shares, [alone.cost, *chain_costs], [len(alone.values), *lower_bounds], half_width)
-            samples, spent = tuple(rest), number * alone.cost
-        candidates.append(Plan(levels, samples, _cost(levels, samples, costs, existing) + spent, number))
+        shares = [multilevel.variance_alone(chain, alone), *shares_of(chain)]
+        prices, numbers = [SURFACE, *(costs[k] for k in levels)], [len(alone), *(existing[k] for k in levels)]
+        number, *samples = optimum(shares, prices, numbers, half_width)
+        used = dict(enumerate(existing)) | dict(zip(levels, samples, strict=True))  # also those of unused levels
+        cost = number * SURFACE + sum(used[level] * each for level, each in enumerate(costs))
+        candidates.append(Plan(levels, tuple(samples), number, cost))
     least = min(candidate.cost for candidate in candidates)
     cheap = [candidate for candidate in candidates if candidate.cost * PAYS <= least]
     return max(cheap, key=lambda candidate: (len(candidate.levels), -candidate.cost, candidate.levels))
@@ -81,33 +71,33 @@ def _chains(links: Mapping[tuple[int, int], Link], finest: int) -> Iterator[list
                 yield [links[pair] for pair in pairs]
 
 
-def allocated(
-    links: Sequence[Link], costs: Sequence[float], existing: Sequence[int], half_width: float
+def weights(links: Sequence[Link]) -> list[float]:
+    """Return the weights of the levels of a chain in the variance of the estimator, β_l²."""
+    slopes = [link.slope for link in links]
+    return [math.prod(slopes[k + 1 :]) ** 2 for k in range(len(links))]
+
+
+def shares_of(links: Sequence[Link]) -> list[float]:
+    """Return the variances by level for one sample of each, β_l² s_l²."""
+    return [weight * link.variance for weight, link in zip(weights(links), links, strict=True)]
+
+
+def optimum(
+    shares: Sequence[float], costs: Sequence[float], existing: Sequence[int], half_width: float
 ) -> tuple[int, ...]:
     """Return the optimal samples of each level of a chain, decreasing from coarse to fine.
 
     Levels whose optimum is below their existing samples keep these, and the others are allocated anew (Giles 2008).
     """
-    return _optimum(_shares(links), costs, existing, half_width)
-
-
-def _shares(links: Sequence[Link]) -> list[float]:
-    """Return the variances by level for one sample of each."""
-    return [weight * link.variance for weight, link in zip(weights(links), links, strict=True)]
-
-
-def _optimum(
-    shares: Sequence[float], costs: Sequence[float], existing: Sequence[int], half_width: float
-) -> tuple[int, ...]:
     allowed = (AIM * half_width / NORMAL) ** 2
     samples, free = list(existing), set(range(len(shares)))
     while free:
         fixed = sum(shares[k] / samples[k] for k in range(len(shares)) if k not in free)
         scale = sum(math.sqrt(shares[k] * costs[k]) for k in free) / (allowed - fixed)
-        optimum = {k: scale * math.sqrt(shares[k] / costs[k]) for k in free}
-        enough = {k for k in free if optimum[k] <= existing[k]}
+        wanted = {k: scale * math.sqrt(shares[k] / costs[k]) for k in free}
+        enough = {k for k in free if wanted[k] <= existing[k]}
         for k in free - enough:
-            samples[k] = _whole(optimum[k])
+            samples[k] = math.ceil(min(wanted[k], MOST))
         if not enough or enough == free:
             break
         free -= enough
@@ -115,28 +105,6 @@ def _optimum(
     return tuple(int(n) for n in nested)
 
 
-def predicted(links: Sequence[Link], samples: Sequence[int]) -> float:
-    """Return the variance of the estimator for given samples of each level, Σ β_l² s_l²/n_l."""
-    terms = zip(weights(links), links, samples, strict=True)
-    return sum(weight * link.variance / number for weight, link, number in terms)
-
-
-def weights(links: Sequence[Link]) -> list[float]:
-    """Return the weights of the levels of a chain in the variance of the estimator, β_l²."""
-    slopes = [link.slope for link in links]
-    return [math.prod(slopes[k + 1 :]) ** 2 for k in range(len(links))]
-
-
 def plain_cost(variance: float, cost: float, half_width: float) -> float:
     """Return the cost of plain Monte Carlo on one level, of at least one sample."""
     return max(variance * (NORMAL / half_width) ** 2, 1.0) * cost
-
-
-def _whole(number: float) -> int:
-    return math.ceil(min(number, MOST))
-
-
-def _cost(levels: Sequence[int], samples: Sequence[int], costs: Sequence[float], existing: Sequence[int]) -> float:
-    """Return the cost of all samples, the existing ones of unused levels included."""
-    used = dict(zip(levels, samples, strict=True))
-    return sum(used.get(level, existing[level]) * cost for level, cost in enumerate(costs))

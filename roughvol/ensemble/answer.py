@@ -78,7 +78,7 @@ def _values_of(estimate: MeanEstimate) -> dict[str, Any]:
     return {
         "mean": mean.value,
         "interval": [mean.value - mean.half_width, mean.value + mean.half_width],
-        "bias": estimate.weak_error.bias,
+        "bias": estimate.bias,
         "freedom": mean.freedom,
         "accuracy_asked": estimate.requested,
         "step_error": estimate.interpolation_error,
@@ -119,12 +119,12 @@ def progress(estimates: Estimates) -> str:
 
 def _sentence(estimate: MeanEstimate, D: float, m: int) -> str:
     """Return a mean in one line: value, interval, and the errors by resolution, interpolation and solver."""
-    target, mean, weak_error = estimate.target, estimate.mean, estimate.weak_error
+    target, mean = estimate.target, estimate.mean
     state = f" at {target.state.label.replace('=', ' = ')}"
     if target.state.value is None:
         state = "" if target.state == PERCOLATION else " at the last step"
-    if weak_error.converges:
-        resolution = f"resolution {_relative(estimate, weak_error.bias)}"
+    if estimate.converges:
+        resolution = f"resolution {_relative(estimate, estimate.bias)}"
     else:
         resolution = f"resolution: does not converge with m, this is the value at m = {m}"
     certified = estimate.solver_error > 0.0

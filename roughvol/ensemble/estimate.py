@@ -1,4 +1,14 @@
-"""Estimates of the means of an ensemble: intervals from all levels, errors besides, and the optimal samples."""
+"""Estimates of the means of an ensemble: intervals from all levels, errors besides, and the optimal samples.
+
+**Bias by the resolution.** Symbols: μ_l mean on level l; e_l = μ_l - μ_{l-1}. If |e_l| ~ 2^(-α l), the bias of the
+finest level M is
+
+    Σ e_l over l > M ≈ max over the last three levels of |e_l| 2^(-α (M - l)) / (2^α - 1)          (Giles 2008).
+
+A quantity that falls by the same factor on every level, as A* does, has no limit but zero. Its e_l decrease in
+proportion to μ_l, and its bias is μ_M itself. Hence α is the rate of the *relative* steps |e_l/μ_l|. A mean with a bias
+above a share `SIZEABLE` of itself is taken as divergent.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roughvol.ensemble import allocation, multilevel, refinement
-from roughvol.ensemble.allocation import Alone, Plan
+from roughvol.ensemble import allocation, multilevel
+from roughvol.ensemble.allocation import Plan
 from roughvol.ensemble.multilevel import Link, Mean
-from roughvol.ensemble.refinement import WeakError
 from roughvol.ensemble.samples import SampleTable
 from roughvol.ensemble.step_error import SHARE
 from roughvol.ensemble.targets import Target
@@ -20,6 +29,14 @@ from roughvol.typing import Array
 
 STOPPING = 3.0  # samples lost by stopping at a narrow interval (see `multilevel`)
 RELIABLE = 60  # samples of a level that determine its variance to 20 %
+SIGNIFICANT = 2.0  # standard errors above which a step is significant
+LEAST_RATE = -0.25  # smallest α of a mean that converges
+SIZEABLE = 0.2  # largest bias of a mean that converges, as a share of it; A* has 0.5
+FLATTEST = 0.5  # smallest α of the extrapolation, as in Giles (2008)
+UNKNOWN_RATE = 1.0  # α of the extrapolation without a fit
+WINDOW = 5  # number of steps fitted, the finest ones
+LOOKED_BACK = 3  # number of steps extrapolated, the finest ones
+FIT_NOISE = 0.1  # error added in the fit to log2 of each step, for departures from a power law
 
 
 @dataclass(frozen=True)
@@ -35,8 +52,8 @@ class MeanEstimate:
     correlations: tuple[float, ...]  # Pearson's ρ of each level with the next coarser one
     interpolation_error: float  # between steps
     solver_error: float  # certified bound; 0 without one
-    weak_error: WeakError  # by the resolution
-    alone: Alone  # surfaces without a solve
+    bias: float  # by the resolution, |μ_∞ - μ_M|; NaN for a mean without a limit
+    alone: Array  # numbers of surfaces without a solve
 
     @property
     def requested(self) -> float:
@@ -49,6 +66,11 @@ class MeanEstimate:
         return self.mean.half_width <= self.requested
 
     @property
+    def converges(self) -> bool:
+        """Whether the mean has a limit."""
+        return math.isfinite(self.bias)
+
+    @property
     def steps_suffice(self) -> bool:
         """Whether the error between steps is at most a tenth of the accuracy."""
         return self.interpolation_error <= SHARE * self.requested
@@ -56,7 +78,7 @@ class MeanEstimate:
     @property
     def level_variances(self) -> tuple[float, ...]:
         """Variance over surfaces on each level."""
-        return tuple(multilevel.level_variance(self.links, chain, self.alone.values) for chain in self._chains)
+        return tuple(multilevel.level_variance(self.links, chain, self.alone) for chain in self._chains)
 
     @property
     def residual_variances(self) -> tuple[float, ...]:
@@ -81,9 +103,9 @@ def estimates_of(table: SampleTable, D: float, step_errors: Sequence[float]) -> 
 
 def _estimate(table: SampleTable, D: float, number: int, costs: tuple[float, ...], step_error: float) -> MeanEstimate:
     target, values, alone = table.targets[number], table.values(D, number), table.alone(D)
-    links = multilevel.links_of(values, alone.values)
+    links = multilevel.links_of(values, alone)
     chains = [multilevel.nearest_chain(links, level) for level in range(len(values))]
-    level_means = tuple(multilevel.chain(values, levels, links, alone=alone.values).value for levels in chains)
+    level_means = tuple(multilevel.chain(values, levels, links, alone=alone).value for levels in chains)
     mean, plan = _mean_and_plan(values, links, costs, target.half_width(level_means[-1]), alone)
     return MeanEstimate(
         target,
@@ -95,7 +117,7 @@ def _estimate(table: SampleTable, D: float, number: int, costs: tuple[float, ...
         tuple(multilevel.correlation(fine, coarse) for coarse, fine in itertools.pairwise(values)),
         step_error * target.accuracy.of(mean.value),
         float(np.max([sample.solver_errors[number] for level in table.of(D) for sample in level])),
-        _weak_error(values, level_means),
+        _bias(values, level_means),
         alone,
     )
 
@@ -105,25 +127,26 @@ def _mean_and_plan(
     links: Mapping[tuple[int, int], Link],
     costs: Sequence[float],
     half_width: float,
-    alone: Alone,
+    alone: Array,
 ) -> tuple[Mean, Plan]:
     """Return the mean by the optimal chain of levels, and the samples of that chain for a half-width."""
     existing = [level.size for level in values]
     reliable = _with_reliable_bases(links, existing, alone)
     plan = allocation.plan(reliable, costs, existing, half_width, alone)
-    mean = multilevel.chain(values, plan.levels, links, STOPPING, alone.values)
-    as_planned = plan.samples == tuple(existing[level] for level in plan.levels) and plan.alone == len(alone.values)
+    mean = multilevel.chain(values, plan.levels, links, STOPPING, alone)
+    as_planned = plan.samples == tuple(existing[level] for level in plan.levels) and plan.alone == len(alone)
     if mean.half_width > half_width and as_planned:
         # The plan uses the normal quantile, the interval Student's, which is larger: plan for a narrower interval.
-        variance = allocation.predicted(mean.links, [link.samples for link in mean.links])
-        variance += multilevel.variance_alone(mean.links, alone.values) / len(alone.values)
+        shares = zip(allocation.shares_of(mean.links), mean.links, strict=True)
+        variance = sum(share / link.samples for share, link in shares)
+        variance += multilevel.variance_alone(mean.links, alone) / len(alone)
         quantile = max(mean.half_width / math.sqrt(variance), allocation.NORMAL)
         plan = allocation.plan(reliable, costs, existing, half_width * allocation.NORMAL / quantile, alone)
     return mean, plan
 
 
 def _with_reliable_bases(
-    links: Mapping[tuple[int, int], Link], samples: Sequence[int], alone: Alone
+    links: Mapping[tuple[int, int], Link], samples: Sequence[int], alone: Array
 ) -> dict[tuple[int, int], Link]:
     """Return links in which a coarsest level of few samples has the variance by regression on coarser levels.
 
@@ -133,16 +156,40 @@ def _with_reliable_bases(
     for level, number in enumerate(samples):
         if number < RELIABLE and (level, -1) in links:
             base, nearest = links[level, -1], multilevel.nearest_chain(links, level)
-            variance = multilevel.level_variance(links, nearest, None if base.gains else alone.values)
+            variance = multilevel.level_variance(links, nearest, None if base.gains else alone)
             reliable[level, -1] = replace(base, variance=variance)
     return reliable
 
 
-def _weak_error(values: Sequence[Array], level_means: Sequence[float]) -> WeakError:
+def _bias(values: Sequence[Array], level_means: Sequence[float]) -> float:
     """Return the bias by the resolution, from the differences of adjacent levels on common seeds."""
     differences = [fine[: coarse.size] - coarse[: fine.size] for coarse, fine in itertools.pairwise(values)]
-    return refinement.weak_error(
-        level_means,
-        [float(difference.mean()) for difference in differences],
-        [float(difference.std(ddof=1)) / math.sqrt(difference.size) for difference in differences],
-    )
+    steps = [float(difference.mean()) for difference in differences]
+    return bias_of(level_means, steps, [float(each.std(ddof=1)) / math.sqrt(each.size) for each in differences])
+
+
+def bias_of(means: Sequence[float], steps: Sequence[float], noise: Sequence[float]) -> float:
+    """Return the bias by the resolution from the means, their steps on common seeds, and the noise of each step.
+
+    It is NaN for a mean without a limit. Without a significant step the mean counts as converged, and the bias is that
+    of the noise.
+    """
+    size = np.abs(np.asarray(steps, dtype=np.float64))[-WINDOW:]
+    spread = np.asarray(noise, dtype=np.float64)[-WINDOW:]
+    scale = np.abs(np.asarray(means, dtype=np.float64))[1:][-WINDOW:]
+    if not size.size:
+        return math.nan
+    significant = size > SIGNIFICANT * spread
+    rate = math.nan
+    if significant.sum() >= 2 and np.all(scale[significant] > 0.0):
+        logs = np.log2(size[significant] / scale[significant])
+        weights = 1.0 / np.hypot(spread[significant] / size[significant] / math.log(2.0), FIT_NOISE)
+        rate = -float(np.polyfit(np.flatnonzero(significant), logs, 1, w=weights)[0])
+        if rate <= LEAST_RATE:
+            return math.nan
+    alpha = max(rate, FLATTEST) if math.isfinite(rate) else UNKNOWN_RATE
+    levels_above = np.arange(size.size)[::-1]
+    bound = np.where(significant, size, np.minimum(size + spread, SIGNIFICANT * spread))
+    at_finest = (bound * 2.0 ** (-alpha * levels_above))[levels_above < LOOKED_BACK]
+    bias = float(np.max(at_finest) / (2.0**alpha - 1.0))
+    return bias if bias <= SIZEABLE * abs(means[-1]) else math.nan

@@ -64,7 +64,7 @@ FEWEST = 2  # fewest samples of a level with a variance
 FEWEST_PAIRS = 3  # fewest seeds in common for a correlation
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Link:
     """The regression of a level on its parent; the plain mean for the coarsest level of a chain."""
 
@@ -76,16 +76,15 @@ class Link:
     freedom: float
     gains: tuple[float, ...] = ()  # c; empty without a regression on surfaces alone
     alone: float = math.inf  # variance of the residual about the parent alone
-    leverage: tuple[tuple[float, ...], ...] = ()  # covariance of slope and gains over the variance; empty if given
-    shift: tuple[float, ...] = ()  # means of parent and surfaces alone, minus those over the seeds of the level
+    leverage: Array | None = None  # covariance of slope and gains over the variance; None if the slope is given
+    shift: Array | None = None  # means of parent and surfaces alone, minus those over the seeds of the level
 
     @property
     def mean_variance(self) -> float:
         """Contribution of this level to the variance of its mean."""
-        if not (self.leverage and self.shift):
+        if self.leverage is None or self.shift is None or not self.shift.size:
             return self.variance / self.samples
-        shift = np.array(self.shift)
-        return self.variance * (1.0 / self.samples + float(shift @ np.array(self.leverage) @ shift))
+        return self.variance * (1.0 / self.samples + float(self.shift @ self.leverage @ self.shift))
 
 
 @dataclass(frozen=True)
@@ -178,7 +177,7 @@ def chain(
             shift += [float(x) for x in alone.mean(axis=0) - alone[: fine.size].mean(axis=0)]
         slopes = [link.slope] * (parent >= 0) + list(link.gains)
         mean = float(fine.mean()) + sum(slope * each for slope, each in zip(slopes, shift, strict=True))
-        link = replace(link, shift=tuple(shift))
+        link = replace(link, shift=np.array(shift))
         terms = [(link.slope**2 * variance, freedom) for variance, freedom in terms]
         terms.append(((1.0 + stopping / link.freedom) * link.mean_variance, link.freedom))
         used.append(link)
@@ -203,9 +202,9 @@ def _link(level: int, parent: int, fine: Array, coarse: Array, coarser_link: Lin
     n = fine.size
     x, y = coarse[:n] - coarse[:n].mean(), fine - fine.mean()
     spread = float(x @ x)
-    leverage: tuple[tuple[float, ...], ...] = ()
+    leverage: Array | None = None
     if n >= OWN_SLOPE and spread > 0.0:
-        slope, freedom, leverage = float(x @ y) / spread, n - 2.0, ((1.0 / spread,),)
+        slope, freedom, leverage = float(x @ y) / spread, n - 2.0, np.array([[1.0 / spread]])
     else:
         slope, freedom = coarser_link.slope if coarser_link else 1.0, n - 1.0
     residual = y - slope * x
@@ -223,15 +222,14 @@ def _link(level: int, parent: int, fine: Array, coarse: Array, coarser_link: Lin
     return Link(level, parent, n, slope, pooled, freedom, alone=pooled, leverage=leverage)
 
 
-def _regression(y: Array, predictors: Array) -> tuple[list[float], float, float, tuple[tuple[float, ...], ...]]:
+def _regression(y: Array, predictors: Array) -> tuple[list[float], float, float, Array]:
     """Return slopes, residual variance, its degrees of freedom, and the covariance of the slopes over the variance."""
     centred, target = predictors - predictors.mean(axis=0), y - y.mean()
     leverage = np.linalg.pinv(centred.T @ centred)
     slopes = leverage @ centred.T @ target
     residual = target - centred @ slopes
     freedom = float(y.size - 1 - predictors.shape[1])
-    rows = tuple(tuple(float(each) for each in row) for row in leverage)
-    return [float(slope) for slope in slopes], float(residual @ residual) / freedom, freedom, rows
+    return slopes.tolist(), float(residual @ residual) / freedom, freedom, leverage
 
 
 def _summed(terms: Sequence[tuple[float, float]]) -> tuple[float, float]:

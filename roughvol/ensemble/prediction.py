@@ -2,8 +2,9 @@
 
 `SEEDS` surfaces of each level up to `FINEST` give the scatter of each quantity at its states, the share of it that a
 coarser level and surfaces without a solve explain, and the cost of a sample. On finer levels the variance is that of
-the last level. The residual variance decreases by a factor 2^κ from level to level. κ is the mean of the measured one
-and of 2 (3 - D) + 0.4: the added heights have the variance 2^(-2 (3 - D)) of those before.
+the last level, and the cost follows the cost model. The residual variance decreases by a factor 2^κ from level to
+level. κ is the mean of the measured one and of 2 (3 - D) + 0.4: the added heights have the variance 2^(-2 (3 - D)) of
+those before.
 """
 
 from __future__ import annotations
@@ -13,17 +14,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from roughvol.ensemble import allocation, cost, multilevel
+from roughvol.ensemble.design import pilot
 from roughvol.ensemble.estimate import STOPPING
 from roughvol.ensemble.multilevel import Link
-from roughvol.ensemble.plan import pilot
-from roughvol.ensemble.samples import SampleTable, cost_of
+from roughvol.ensemble.samples import SampleTable
 from roughvol.ensemble.targets import SMALLEST, Arrays
-from roughvol.study import MadeSurface, Record, Study, levels_below
+from roughvol.study import MadeSurface, Study, levels_below
 from roughvol.study.sections.spectral import first_finest
 from roughvol.typing import Array
 
 FINEST = 6  # finest level solved
-COSTED = 8  # finest level with one surface solved for its cost
 SEEDS = 32  # surfaces of each level
 SURFACES = 400  # surfaces without a solve
 EXCESS = 0.4  # decay of residual variances beyond that of the added heights, in halvings
@@ -54,16 +54,8 @@ class Prediction:
         self._table = SampleTable(study, min(self._levels[-1], max(FINEST, self._levels[0])))
         self.surfaces = [case for D in self._table.dimensions for case in self._table.missing_surfaces(D, SURFACES)]
         self.cases = self._table.missing({D: dict.fromkeys(self._table.levels, SEEDS) for D in self._table.dimensions})
-        self.costed = [  # without what else the study records
-            replace(study.sample(D, m, self._table.ensemble.first_seed), record=Record())
-            for D in self._table.dimensions
-            for m in self._levels[len(self._table.levels) :]
-            if m <= COSTED
-        ]
 
-    def expected(
-        self, arrays: Mapping[str, Arrays], numbers: Sequence[tuple[float, ...]], costed: Sequence[Arrays]
-    ) -> list[Expected]:
+    def expected(self, arrays: Mapping[str, Arrays], numbers: Sequence[tuple[float, ...]]) -> list[Expected]:
         """Return the expected samples and costs by D; with ``m: auto`` or ``n: auto``, of the first resolution.
 
         Raises
@@ -76,24 +68,21 @@ class Prediction:
         with self._table.study.placing():
             for case in self.cases:
                 self._table.add(case, arrays[case.id])
-        seconds = {(one.D, one.m): cost_of(one, found) for one, found in zip(self.costed, costed, strict=True)}
-        return [self._of_dimension(D, seconds) for D in self._table.dimensions]
+        return [self._of_dimension(D) for D in self._table.dimensions]
 
-    def _of_dimension(self, D: float, seconds: Mapping[tuple[float | None, int | None], float]) -> Expected:
+    def _of_dimension(self, D: float) -> Expected:
         table, levels = self._table, self._levels
         alone, first, solved = table.alone(D), list(pilot(levels).values()), len(table.levels)
         costs = table.costs(D)
-        costs += [seconds[D, m] for m in levels[solved:] if m <= COSTED]
-        modelled = [cost.sample_seconds(table.study.sample(table.dimensions[0], m, 0)) for m in levels]
-        scale = costs[-1] / modelled[len(costs) - 1]
-        costs += [scale * each for each in modelled[len(costs) :]]
+        modelled = [cost.sample_seconds(table.study.sample(D, m, 0)) for m in levels]
+        costs += [each * costs[-1] / modelled[solved - 1] for each in modelled[solved:]]
         counts, surfaces, plain = list(first), 0, costs[-1]
         for number, target in enumerate(table.targets):
             values = table.values(D, number)
             means = [abs(float(each.mean())) or SMALLEST for each in values]
             relative = target.accuracy.relative  # then each level is measured by its mean
             scaled = [each / mean if relative else each for each, mean in zip(values, means, strict=True)]
-            links = _links(scaled, alone.values, D, first)
+            links = _links(scaled, alone, D, first)
             half_width = float(target.accuracy)
             plan = allocation.plan(links, costs, first, half_width, alone)
             few = dict(enumerate(first)) | dict(zip(plan.levels, plan.samples, strict=True))
@@ -101,7 +90,7 @@ class Prediction:
             for level, planned in zip(plan.levels, plan.samples, strict=True):
                 counts[level] = max(counts[level], planned)
             surfaces = max(surfaces, plan.alone)
-            variance = multilevel.level_variance(links, multilevel.nearest_chain(links, solved - 1), alone.values)
+            variance = multilevel.level_variance(links, multilevel.nearest_chain(links, solved - 1), alone)
             plain = max(plain, allocation.plain_cost(variance, costs[-1], half_width))
         surfaces = max(surfaces, *counts)
         together = sum(number * each for number, each in zip(counts, costs, strict=True)) + surfaces * cost.SURFACE

@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 
 from roughvol.ensemble import cost
-from roughvol.ensemble.allocation import Alone
 from roughvol.ensemble.targets import Arrays, Target, series_of, targets_of
 from roughvol.study import Case, Ensemble, MadeSurface, Study, levels_below
 from roughvol.surfaces import texture
@@ -83,9 +82,9 @@ class SampleTable:
         alone = len(self.surfaces.get(D, ())) * cost.SURFACE
         return alone + sum(sample.cost for samples in self.of(D) for sample in samples)
 
-    def alone(self, D: float) -> Alone:
-        """Return the surfaces without a solve of one D."""
-        return Alone(np.array(self.surfaces[D]), cost.SURFACE)
+    def alone(self, D: float) -> Array:
+        """Return the numbers of the surfaces without a solve of one D."""
+        return np.array(self.surfaces[D])
 
     def missing(self, counts: Counts) -> list[Case]:
         """Return the cases of the samples that a plan has and this table lacks."""

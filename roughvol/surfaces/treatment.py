@@ -233,7 +233,7 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
         inside = np.convolve(np.ones(nodes), weights)[reach : reach + nodes]
         wider = signal.oaconvolve(filtered, weights[:, np.newaxis], axes=0)
         filtered = (wider[reach : reach + nodes] / inside[:, np.newaxis]).T
-    return np.asarray(np.ldexp(filtered + middle, exponent), dtype=np.float64)
+    return np.ascontiguousarray(np.ldexp(filtered + middle, exponent), dtype=np.float64)
 
 
 def _some_known(heights: Array) -> Mask:

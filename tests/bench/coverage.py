@@ -21,7 +21,7 @@ from roughvol.campaign.one_case import surface_of
 from roughvol.campaign.path import last_indentation
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.ensemble import plan
+from roughvol.ensemble import design
 from roughvol.ensemble.step_error import StepErrors
 from roughvol.ensemble.targets import series_of, targets_of
 from roughvol.study import Case, Study, loads
@@ -74,7 +74,7 @@ def measure(m: int, D: float, accuracy: str, studies: int, *, quantity: str, few
     """Return the share of intervals that contain the mean, and more of these studies."""
     mean = reference(m, D, quantity=quantity, seeds=seeds)
     inside, finest, errors, held = 0, [], [], 0
-    with mock.patch.object(plan, "COSTLY", {m: 4, m - 1: 10} if few else plan.COSTLY):
+    with mock.patch.object(design, "COSTLY", {m: 4, m - 1: 10} if few else design.COSTLY):
         for number in range(studies):
             one = study(m, D, accuracy, quantity=quantity, seed=number * APART)
             found = driven(one, compute, StepErrors((0.0,), 0))

@@ -21,12 +21,18 @@ def driven(
     compute: Compute = trials.in_memory,
     steps: StepErrors | None = None,
     seconds: Callable[[], float] = lambda: 0.0,
+    alone: Callable[[Sequence[Case]], Sequence[tuple[float, ...]]] = trials.surfaces_alone,
 ) -> Design:
     """Return a design after its last round."""
     design = Design(study, trials.step_errors(study) if steps is None else steps)
     while request := design.next(seconds()):
-        design.add(compute(request.cases), trials.surfaces_alone(request.surfaces))
+        design.add(compute(request.cases), alone(request.surfaces))
     return design
+
+
+def drawn(cases: Sequence[Case]) -> list[tuple[float, ...]]:
+    """Numbers of surfaces alone that explain nothing."""
+    return [tuple(np.random.default_rng([case.seed or 0, 77]).standard_normal(2)) for case in cases]
 
 
 def made(values: Mapping[int, float], spread: float = 0.1) -> Compute:
@@ -68,7 +74,7 @@ def best_linear(groups: Sequence[tuple[Sequence[int], Array]], covariance: Array
     """Return the best linear unbiased estimate of the means of all levels, and its covariance.
 
     The weights of all samples minimise the variance (Schaden & Ullmann 2020, eq. 2.10). A group is samples with common
-    seeds: indices of their levels, and values of shape (n, len(levels)). Groups are independent. NaN without a group.
+    seeds: indices of their levels, and values of shape (n, len(levels)). Groups are independent, each level has one.
     """
     size = len(covariance)
     information, right = np.zeros((size, size)), np.zeros(size)
@@ -77,8 +83,5 @@ def best_linear(groups: Sequence[tuple[Sequence[int], Array]], covariance: Array
         inverse = np.linalg.inv(covariance[np.ix_(rows, rows)])
         information[np.ix_(rows, rows)] += len(values) * inverse
         right[rows] += inverse @ values.sum(axis=0)
-    sampled = np.flatnonzero(information.diagonal() > 0.0)
-    means, spread = np.full(size, np.nan), np.full((size, size), np.nan)
-    inverse = np.linalg.inv(information[np.ix_(sampled, sampled)])
-    means[sampled], spread[np.ix_(sampled, sampled)] = inverse @ right[sampled], inverse
-    return means, spread
+    spread = np.linalg.inv(information)
+    return spread @ right, spread

@@ -4,30 +4,38 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.campaign import trials
-from roughvol.ensemble import answer, plan
+from roughvol.ensemble import answer
+from roughvol.ensemble.design import Design, pilot
 from roughvol.ensemble.samples import SampleTable
 from roughvol.ensemble.step_error import SHARE, StepErrors
 from roughvol.ensemble.targets import Arrays
 from roughvol.errors import CampaignError, StudyError
 from roughvol.study import Case, Study, loads
 from tests.bench.coverage import compute, measure, study
-from tests.ensemble.kit import asked, driven, made
+from tests.ensemble.kit import Compute, asked, drawn, driven, made
+
+EXACT = StepErrors((0.0,), 0)
+
+
+def _driven(study: Study, compute: Compute, **options: Any) -> Design:
+    return driven(study, compute, EXACT, alone=drawn, **options)
 
 
 def test_the_interval_is_as_narrow_as_asked_and_holds_the_mean() -> None:
     means = {m: 1.0 + 2.0**-m for m in range(4, 10)}
-    found = driven(asked(9, "0.5 %"), made(means))
+    found = _driven(asked(9, "0.5 %"), made(means))
     (one,) = found.estimates[2.3]
     assert one.reached
     assert one.mean.half_width <= 0.005 * one.mean.value
     assert abs(one.mean.value - means[9]) <= 2.0 * one.mean.half_width
-    assert_allclose(one.weak_error.bias, 2.0**-9, rtol=1.0)
+    assert_allclose(one.bias, 2.0**-9, rtol=1.0)
     have = found.table.counts(2.3)
     used = [have[k] for k in one.plan.levels]
     assert used == sorted(used, reverse=True)
@@ -45,42 +53,63 @@ def test_where_levels_do_not_pay_it_costs_no_more_than_plain_monte_carlo_and_the
             found |= made(value, spread=0.0)([case])
         return found
 
-    found = driven(asked(7, "2 %"), unrelated)
+    found = _driven(asked(7, "2 %"), unrelated)
     (one,) = found.estimates[2.3]
-    pilot = sum(n * cost for n, cost in zip(plan.pilot(range(4, 8)).values(), one.costs, strict=True))
+    first = sum(n * cost for n, cost in zip(pilot(range(4, 8)).values(), one.costs, strict=True))
     assert one.reached
-    assert found.table.cost(2.3) <= 1.5 * one.plain_cost + pilot
+    assert found.table.cost(2.3) <= 1.5 * one.plain_cost + first
     assert "levels do not pay here" in "\n".join(answer.sentences(found))
 
 
-def test_a_finer_resolution_is_added_until_the_bias_fits() -> None:
+def _spectral(cut: int, rolloff: int, accuracy: str) -> Study:
+    return loads(
+        f"surface: {{H: 0.7, n: auto, cut: {cut}, rolloff: {rolloff}, periodic: true}}\nsweep: {{steps: 8}}\n"
+        f"ensemble: {{accuracy: {{free_volume: {accuracy}}}}}"
+    )
+
+
+AUTO = {"m": lambda accuracy: asked("auto", accuracy), "n": lambda accuracy: _spectral(32, 4, accuracy)}
+
+
+@pytest.mark.parametrize("key", AUTO)
+def test_a_finer_resolution_is_added_until_the_bias_fits(key: str) -> None:
     means = {m: 1.0 + 2.0**-m for m in range(4, 13)}
-    found = driven(asked("auto", "0.3 %"), made(means, spread=0.02))
+    found = _driven(AUTO[key]("0.3 %"), made(means, spread=0.02))
     assert found.table.finest == 10  # 2^-10 is the first below half of 0.003
-    assert found.estimates[2.3][0].weak_error.bias <= 0.5 * 0.003 * found.estimates[2.3][0].mean.value
+    assert found.estimates[2.3][0].bias <= 0.5 * 0.003 * found.estimates[2.3][0].mean.value
 
 
-def test_a_mean_without_a_limit_is_refused_after_the_pilot() -> None:
-    calls = itertools.count()
+@pytest.mark.parametrize(("key", "finest"), [("m", 7), ("n", 9)])  # 2^9 = 16 · 32: four grids have all waves
+def test_a_mean_without_a_limit_is_refused_after_the_pilot(key: str, finest: int) -> None:
+    solved: set[int] = set()
 
     def counted(cases: Sequence[Case]) -> Mapping[str, Arrays]:
-        next(calls)
+        solved.update(case.m or 0 for case in cases)
         return made({m: 0.7**m for m in range(4, 13)})(cases)
 
-    with pytest.raises(StudyError, match=r"surface.m: 'auto' needs means that converge with m.*-30"):
-        driven(asked("auto", "1 %"), counted)
-    assert next(calls) == 1
+    with pytest.raises(StudyError, match=rf"surface.{key}: 'auto' needs means that converge with {key}.*-30"):
+        _driven(AUTO[key]("1 %"), counted)
+    assert max(solved) == finest
+
+
+def test_a_mean_that_changes_while_waves_are_missing_is_followed_to_the_shortest_wave() -> None:
+    """It falls by 30 % at every level up to 2^7 nodes, λ_s = 2 δ, and then converges."""
+    means = {m: 0.7 ** min(m, 7) * (1.0 + 0.3 * 4.0 ** -max(m - 7, 0)) for m in range(4, 13)}
+    found = _driven(_spectral(64, 4, "4 %"), made(means, spread=0.02))
+    assert 8 < found.table.finest < 12
+    (one,) = found.estimates[2.3]
+    assert abs(one.mean.value - 0.7**7) < 0.04 * 0.7**7
 
 
 def test_a_mean_without_a_limit_at_a_given_m_says_so() -> None:
-    found = driven(asked(8, "2 %"), made({m: 0.7**m for m in range(4, 9)}))
+    found = _driven(asked(8, "2 %"), made({m: 0.7**m for m in range(4, 9)}))
     assert "does not converge with m, this is the value at m = 8" in answer.sentences(found)[0]
     assert np.isnan(answer.variables(found)["free_volume_bias"][1]).all()
 
 
 def test_a_budget_ends_it_and_says_what_was_reached() -> None:
     seconds = itertools.count(0.0, 40.0)
-    found = driven(asked(6, "0.1 %", ", budget: 1 min"), made({4: 1.0, 5: 1.0, 6: 1.0}), seconds=lambda: next(seconds))
+    found = _driven(asked(6, "0.1 %", ", budget: 1 min"), made({4: 1.0, 5: 1.0, 6: 1.0}), seconds=lambda: next(seconds))
     assert not found.estimates[2.3][0].reached
     said = answer.sentences(found)
     assert "asked for ± 0.1 %" in said[0]
@@ -89,18 +118,12 @@ def test_a_budget_ends_it_and_says_what_was_reached() -> None:
 
 def test_an_accuracy_out_of_reach_is_an_error() -> None:
     with pytest.raises(CampaignError, match="needs more than 1000000 samples; its mean is"):
-        driven(asked(5, "1e-9"), made({3: 1.0, 4: 1.0, 5: 1.0}))
+        _driven(asked(5, "1e-9"), made({3: 1.0, 4: 1.0, 5: 1.0}))
 
 
 def test_a_state_that_a_sweep_does_not_reach_is_an_error_of_the_study() -> None:
-    with pytest.raises(StudyError, match=r":3: ensemble.at.pressure: 2 is not reached by D = 2.30, m = 5, seed 0"):
-        driven(
-            loads(
-                "surface: {D: 2.3, m: 5}\nsweep: {steps: 8}\n"
-                "ensemble: {accuracy: {free_volume: 1 %}, at: {pressure: 2}}"
-            ),
-            made({3: 1.0, 4: 1.0, 5: 1.0}),
-        )
+    with pytest.raises(StudyError, match=r":3: ensemble.at.pressure: 2 is not reached by D = 2.30, m = 3, seed 0"):
+        _driven(asked(5, "1 %", ", at: {pressure: 2}"), made({3: 1.0, 4: 1.0, 5: 1.0}))
 
 
 def test_samples_are_values_at_the_state_between_the_steps() -> None:
@@ -116,7 +139,7 @@ def test_samples_are_values_at_the_state_between_the_steps() -> None:
 
 
 def _choosing(accuracy: str, more: str = "") -> Study:
-    return loads(f"surface: {{D: 2.3, m: 6}}\nensemble: {{accuracy: {{{accuracy}}}, at: {{pressure: 0.3}}}}\n{more}")
+    return loads(f"surface: {{D: 2.3, m: 5}}\nensemble: {{accuracy: {{{accuracy}}}, at: {{pressure: 0.3}}}}\n{more}")
 
 
 def test_too_few_steps_are_named() -> None:
@@ -145,40 +168,6 @@ def test_the_intervals_of_two_hundred_studies_contain_the_mean(few: bool) -> Non
     found = measure(5, 2.3, "4 %", 200, quantity="free_volume", few=few, seeds=5000)
     assert 0.92 <= found["coverage"] <= 0.98
     assert found["holds"] == 1.0
-
-
-def _spectral(cut: int, rolloff: int, accuracy: str) -> Study:
-    return loads(
-        f"surface: {{H: 0.7, n: auto, cut: {cut}, rolloff: {rolloff}, periodic: true}}\nsweep: {{steps: 8}}\n"
-        f"ensemble: {{accuracy: {{free_volume: {accuracy}}}}}"
-    )
-
-
-def test_a_grid_of_a_spectrum_is_refined_until_the_bias_fits() -> None:
-    means = {m: 1.0 + 2.0**-m for m in range(4, 13)}
-    found = driven(_spectral(64, 4, "0.3 %"), made(means, spread=0.02))
-    assert found.table.finest == 10
-
-
-def test_a_mean_that_changes_while_waves_are_missing_is_followed_to_the_shortest_wave() -> None:
-    """It falls by 30 % at every level up to 2^7 nodes, λ_s = 2 δ, and then converges."""
-    means = {m: 0.7 ** min(m, 7) * (1.0 + 0.3 * 4.0 ** -max(m - 7, 0)) for m in range(4, 13)}
-    found = driven(_spectral(64, 4, "4 %"), made(means, spread=0.02))
-    assert 8 < found.table.finest < 12
-    (one,) = found.estimates[2.3]
-    assert abs(one.mean.value - 0.7**7) < 0.04 * 0.7**7
-
-
-def test_a_mean_without_a_limit_where_four_grids_have_all_waves_is_refused() -> None:
-    solved: list[int] = []
-
-    def counted(cases: Sequence[Case]) -> Mapping[str, Arrays]:
-        solved.extend(case.m or 0 for case in cases)
-        return made({m: 0.7**m for m in range(4, 13)})(cases)
-
-    with pytest.raises(StudyError, match=r"surface.n: 'auto' needs means that converge with n.*-30"):
-        driven(_spectral(32, 4, "1 %"), counted)
-    assert max(solved) == 9  # 512 = 16 · 32
 
 
 def test_the_first_grid_shows_the_power_law() -> None:

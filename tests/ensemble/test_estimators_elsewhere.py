@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.ensemble.allocation import AIM, NORMAL, allocated
-from roughvol.ensemble.multilevel import Link, chain
+from roughvol.ensemble.allocation import AIM, NORMAL, optimum
 from tests.ensemble.kit import best_linear
 
 COVARIANCE = np.array([[1.0, 0.9, 0.7], [0.9, 1.2, 1.0], [0.7, 1.0, 1.1]])
+pytestmark = pytest.mark.slow  # imports of seconds
 REASON = "pip install 'roughvol[crosscheck]'"
 
 
@@ -38,31 +38,10 @@ def test_the_best_linear_estimator_is_that_of_generalised_least_squares() -> Non
     assert_allclose(spread, fitted.normalized_cov_params, rtol=1e-8)
 
 
-def test_a_chain_is_near_the_best_estimator_of_nested_samples() -> None:
-    models = pytest.importorskip("statsmodels.api", reason=REASON)
-    # A Markov chain of levels: each depends on coarser ones through the next alone, as the chain assumes.
-    covariance = np.array([[0.9 ** abs(i - j) for j in range(3)] for i in range(3)])
-    random, errors = np.random.default_rng(3), []
-    for _ in range(12):
-        samples = random.multivariate_normal(np.zeros(3), covariance, size=120)
-        values = [samples[:120, 0], samples[:60, 1], samples[:40, 2]]
-        rows = [(k, s) for s in range(120) for k in range(3) if s < len(values[k])]
-        sigma = np.array([[covariance[k, j] * (s == t) for j, t in rows] for k, s in rows])
-        design = np.eye(3)[[k for k, _ in rows]]
-        best = models.GLS([values[k][s] for k, s in rows], design, sigma=sigma).fit()
-        own = chain(values, (0, 1, 2))
-        errors.append((own.value - best.params[2]) / np.sqrt(best.normalized_cov_params[2, 2]))
-        variance = float(best.normalized_cov_params[2, 2])
-    assert abs(np.mean(errors)) < 0.3
-    assert np.std(errors) < 0.5  # slopes are estimated: most of the error is common to both
-    assert_allclose(own.variance, variance, rtol=0.5)
-
-
 def test_samples_of_levels_are_those_of_multilevel_monte_carlo_elsewhere() -> None:
     criteria = pytest.importorskip("qmcpy.stopping_criterion.abstract_cub_mlmc", reason=REASON)
     variances, costs, half = np.array([1.0, 0.04, 0.003, 0.0002]), np.array([1.0, 4.0, 20.0, 90.0]), 0.01
-    links = [Link(k, k - 1, 100, float(k > 0), variances[k], 99.0) for k in range(4)]
-    found = allocated(links, costs, [2] * 4, half)
+    found = optimum(variances, costs, [2] * 4, half)
     data = SimpleNamespace(var_level=variances, cost_per_sample=costs)
     rule = SimpleNamespace(theta=0.0, rmse_tol=AIM * half / NORMAL)
     assert_allclose(found, criteria.AbstractCubMLMC._get_next_samples(rule, data), atol=1)
