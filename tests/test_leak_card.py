@@ -99,11 +99,11 @@ def test_json_is_the_object_of_the_contract() -> None:
             *("axis", "leak", "unit", "leak_interval", "closing_pressure", "closing_pressure_interval", "parts")
         ]
         assert (way["axis"], way["unit"]) == (axis, "mm^3/s")
-        assert way["leak"] == pytest.approx(run[f"flux_at_leak_rate_{axis}"].item(), rel=1e-12)
+        assert way["leak"] == pytest.approx(run["flux_at_leak_rate"].sel(axis=axis).item(), rel=1e-12)
         assert set(way["parts"]) == {"solver", "grid", "window"}
         assert way["parts"]["grid"] is None  # 17 nodes have no coarser grid
         assert way["leak_interval"] is None
-        open_ = run[f"percolates_{axis}"].values > 0
+        open_ = run["percolates"].sel(axis=axis).values > 0
         pressures = run.nominal_pressure.values
         if open_.all():
             assert way["closing_pressure"] is None
@@ -218,10 +218,10 @@ def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
     stored = dataset.read(Path("runs/lift/study.nc")).isel(D=0, m=0, seed=0, fluid_at=0)
     card = json.loads(_printed(study, "--json"))
     for way in card["ways"]:
-        assert way["leak"] == pytest.approx(stored[f"fluid_leak_rate_{way['axis']}"].item(), rel=1e-9)
+        assert way["leak"] == pytest.approx(stored["fluid_leak_rate"].sel(axis=way["axis"]).item(), rel=1e-9)
         assert way["closing_pressure"] is None
     printed = _printed(study)
-    dry = card_text.short(stored["leak_rate_x"].isel(step=-1).item())
+    dry = card_text.short(stored["leak_rate"].sel(axis="x").isel(step=-1).item())
     assert f"Leak of the dry gap, without fluid pressure: x {dry}" in printed
     assert "closes: without fluid pressure " in printed
     assert "Leak rate: pressure drop 0.4 bar, viscosity 1 mPa*s" in printed

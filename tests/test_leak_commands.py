@@ -99,7 +99,7 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas(tmp_path: Path, monke
     assert _call("run", "gas.yaml", "--jobs", "1").exit_code == 0
     shown = _call("show", "gas")
     assert "Q_g,x [sccm]" in shown.output
-    flows = dataset.read(Path("runs/gas/study.nc")).gas_leak_rate_x.values.ravel()
+    flows = dataset.read(Path("runs/gas/study.nc")).gas_leak_rate.sel(axis="x").values.ravel()
     rate = float(flows[2] * flows[3]) ** 0.5
     same = rate * 101325e-6 / 60 * 293.15 / 273.15 * 10  # from 0 °C to the temperature of the gas
     asked = [_call("ask", "gas", "--leak-rate", one).output for one in (f"< {rate} sccm", f"{same} mbar·l/s")]
@@ -149,7 +149,7 @@ def test_several_height_files_are_said_to_be_samples_of_one_joint(
     )
     Path("creep.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
     assert _call("run", "faces.yaml", "--jobs", "1").exit_code == 0
-    leak = float(dataset.read(Path("runs/faces/study.nc")).leak_rate_x[0, 1])
+    leak = float(dataset.read(Path("runs/faces/study.nc")).leak_rate.sel(axis="x")[0, 1])
     for told in (
         _call("ask", "faces", "--leak-rate", f"{leak} mm^3/s"),
         _call("creep", "faces", "--law", "creep.yaml", "--at", "pressure=0.03MPa", "--times", "1 s, 1 h"),

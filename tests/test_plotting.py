@@ -47,7 +47,7 @@ def test_a_notebook_shows_the_figure(pressed: Dataset) -> None:
 def test_what_cannot_be_drawn_is_an_error_with_a_reason(pressed: Dataset) -> None:
     with pytest.raises(DatasetError, match="did you mean v_of_p"):
         roughvol.plot(pressed, "v_of_pp")
-    with pytest.raises(DatasetError, match="leak_rate_x"):
+    with pytest.raises(DatasetError, match="leak_rate"):
         roughvol.plot(pressed, "leak_of_p")
     with pytest.raises(DatasetError, match="fig05 shows one run"):
         roughvol.plot({"a": pressed, "b": pressed}, "fig05")

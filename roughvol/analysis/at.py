@@ -25,14 +25,15 @@ from roughvol.analysis import leak
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
-from roughvol.observables.variables import OF_STATE, STATES, VARIABLES
+from roughvol.observables.variables import AXES, OF_STATE, STATES, VARIABLES
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, convert
 from roughvol.study.level import REACHED, slack
 from roughvol.typing import Array
 
 P, V = "mean_pressure", "free_volume"
 BY_LOGARITHM = (
-    "leak",  # leak rates, and T* V*³ of a table
+    "leak_rate",
+    "flow",
     "gas_leak_rate",
     "gas_transmissivity",
     "transmissivity",
@@ -40,7 +41,7 @@ BY_LOGARITHM = (
     "critical_opening",
     "critical_gap",
 )
-WAYS = ("open_", "percolates_")  # a way that closes between two steps is closed from the second step on
+WAYS = ("open", "percolates")  # a way that closes between two steps is closed from the second step on
 MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V}  # in units, of starred numbers
 LEAK = "leak_rate"
 RULE = (
@@ -120,19 +121,21 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
     """
     rows = np.array(seeds, dtype=int)
     low, high = np.floor(places).astype(int), np.ceil(places).astype(int)
-    share = np.array(places) - low
+    between_steps = np.array(places) - low
     values: dict[str, Any] = {}
     for name, variable in group.data_vars.items():
         if set(variable.dims) == {"seed"}:
             values[str(name)] = ("seed", variable.values[rows], variable.attrs)
-        if set(variable.dims) != {"seed", "step"}:
+        along = [dim for dim in variable.dims if dim not in ("seed", "step")]
+        if not {"seed", "step"} <= set(variable.dims) or along not in ([], ["axis"]):
             continue
-        array = variable.transpose("seed", "step").values
+        array = variable.transpose("seed", "step", *along).values
         before, after = array[rows, low], array[rows, high]
+        share = between_steps.reshape(-1, *[1] * len(along))
         row = VARIABLES.get(str(name))
         if array.dtype.kind == "f":
             after = np.where(np.isnan(before), before, after)  # between a missing number and a known one: missing
-        if (row is None or row.kind == "real") and not str(name).startswith("open_") and array.dtype.kind == "f":
+        if (row is None or row.kind == "real") and not str(name).startswith("open") and array.dtype.kind == "f":
             with np.errstate(invalid="ignore"):  # between two infinite numbers, as of Knudsen where no way is open
                 mixed = np.where(before == after, before, before + share * (after - before))
             if str(name).startswith(BY_LOGARITHM):
@@ -142,9 +145,9 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
             after = np.where(share == 0.0, before, mixed)
         elif str(name).startswith(WAYS):
             after = np.where(share == 0.0, before, np.fmax(before, after))
-        values[str(name)] = ("seed", after, variable.attrs)
-    kept = {name: variable for name, variable in group.coords.items() if set(variable.dims) <= {"seed"}}
-    coords = {name: variable[rows] if variable.dims else variable for name, variable in kept.items()}
+        values[str(name)] = (("seed", *along), after, variable.attrs)
+    kept = {name: variable for name, variable in group.coords.items() if variable.dims in ((), ("seed",), ("axis",))}
+    coords = {name: variable[rows] if "seed" in variable.dims else variable for name, variable in kept.items()}
     return Dataset(values, coords={name: (v.dims, v.values) for name, v in coords.items()})
 
 
@@ -244,7 +247,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     offset = int(np.flatnonzero(on_leg)[0])
     own = _recorded(group, level, leg)
     flows = {} if level.kind == "last" else leak.recorded(group, _label(level, leg))
-    shut = {axis: leak.closed(part, axis) for axis in leak.AXES}
+    shut = leak.closed(part)
     reached, places, beyond, alone = list[int](), list[float](), list[int](), list[int]()
     for k, scale in enumerate(scales(run, group)):
         values, value, near = _path(run, part, k, level, scale, reach)
@@ -265,7 +268,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
         if place is not None:
             reached.append(k)
             places.append(place + offset)
-        elif _is_stored(level) and (shut["x"][k] or shut["y"][k]):
+        elif _is_stored(level) and shut[k].any():
             farther = value < values[solved].min() if STATE_KINDS[level.kind].falls else value > values[solved].max()
             beyond += [k] if farther else []
     if not reached and not beyond:
@@ -276,9 +279,10 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     for name, values in flows.items():
         there = values[reached + beyond]
         old = data[name].values if name in data else np.full(there.shape, np.nan)
-        data[name] = ("seed", np.where(np.isfinite(there), there, old), group[name].attrs if name in group else {})
+        attrs = group[name].attrs if name in group else {}
+        data[name] = (("seed", "axis"), np.where(np.isfinite(there), there, old), attrs)
     if beyond:
-        _close(data, len(reached), {axis: shut[axis][beyond] for axis in leak.AXES})
+        _close(data, len(reached), shut[beyond])
     return State(label, data, group.sizes["seed"], len(beyond), _label(level, leg))
 
 
@@ -288,7 +292,7 @@ def _empty(data: Dataset, group: Dataset, alone: list[int]) -> None:
         if variable.dtype.kind == "f" and "step" in group[name].dims:
             values = variable.values.copy()
             values[alone] = np.nan
-            data[name] = ("seed", values, variable.attrs)
+            data[name] = (variable.dims, values, variable.attrs)
 
 
 def _label(level: Level, leg: int) -> str:
@@ -351,22 +355,21 @@ def _take(data: Dataset, own: dict[str, Array], group: Dataset, reached: list[in
         data[name] = ("seed", values, data[name].attrs)
 
 
-def _close(data: Dataset, reached: int, shut: dict[str, Array]) -> None:
-    """Give the surfaces beyond the end of a closed sweep no flow, and no other number.
+def _close(data: Dataset, reached: int, shut: Array) -> None:
+    """Give the surfaces beyond the end of a closed sweep no flow along closed axes, and no other number.
 
     Under fluid pressure the dry flows alone are known: the fluid may open the way again.
     """
     for name, variable in list(data.data_vars.items()):
         if variable.dtype.kind == "b":
             data[name] = ("seed", np.where(np.arange(variable.size) < reached, variable.values, False), variable.attrs)
-        if variable.dtype.kind != "f" or variable.dims != ("seed",) or str(name) in ("Sq", "Sdq"):
+        if variable.dtype.kind != "f" or "seed" not in variable.dims or str(name) in ("Sq", "Sdq"):
             continue
         values = variable.values.copy()
         values[reached:] = np.nan
-        axis = str(name)[-1]
-        if str(name)[:-2] in leak.zero_beyond(data) and axis in shut:
-            values[reached:][shut[axis]] = 0.0
-        data[name] = ("seed", values, variable.attrs)
+        if str(name) in leak.zero_beyond(data):
+            values[reached:][shut] = 0.0
+        data[name] = (variable.dims, values, variable.attrs)
 
 
 def _leak(run: Run, part: Dataset, k: int, level: Level) -> tuple[Array, float]:
@@ -376,18 +379,17 @@ def _leak(run: Run, part: Dataset, k: int, level: Level) -> tuple[Array, float]:
     """
     assert level.value is not None
     unit = level.value.unit if isinstance(level.value, Quantity) else ""
-    names = [f"{LEAK}_{axis}" for axis in level.kind.removeprefix(LEAK).strip("_") or "xy"]
+    axes = list(level.kind.removeprefix(LEAK).strip("_") or AXES)
     if leak.is_lifted(part):
         message = (
             f"{run.name} has its leak under fluid pressure at recorded states alone: a state of {level.kind} is not "
             "known; allowed: loads of record.fluid_pressure.at"
         )
         raise DatasetError(message)
-    if absent := [name for name in names if name not in part]:
-        raise DatasetError(f"{run.name} has no {absent[0]}: add record.dimensional.leak_rate to its study")
-    rows = [part[name].transpose("seed", "step").values[k] for name in names]
-    values = np.max(rows, axis=0) * convert(1.0, str(part[names[0]].attrs["units"]), unit)
-    return values, float(level.value)
+    if LEAK not in part:
+        raise DatasetError(f"{run.name} has no {LEAK}: add record.dimensional.leak_rate to its study")
+    rates = part[LEAK].isel(seed=k).sel(axis=axes).max("axis", skipna=False)
+    return rates.values * convert(1.0, str(part[LEAK].attrs["units"]), unit), float(level.value)
 
 
 def _recorded(group: Dataset, level: Level, leg: int) -> dict[str, Array]:

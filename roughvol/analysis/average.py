@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from xarray import DataArray, Dataset
 
-FLOWS = ("leak", "leak_rate", "gas_leak_rate", "flow", "transmissivity", "gas_transmissivity", "diffusivity")
-"""Quantities with a median over surfaces, with and without an axis, lifted or dry."""
+from roughvol.observables.variables import row_of
+
 RANGE = (0.16, 0.84)
 BOUNDS = ("lower", "upper")
 IN_WORDS = "median and 16-84 % range over the surfaces, closed surfaces counted as 0"
@@ -45,9 +45,9 @@ class Average:
 
 
 def is_flow(name: str) -> bool:
-    """Return whether the number of several surfaces is a median, as for ``leak_rate_x`` or ``leak_rate_dry_y``."""
-    stem = name.removesuffix("_x").removesuffix("_y").removesuffix("_dry")
-    return stem in FLOWS
+    """Return whether the number of several surfaces is a median, as for ``leak_rate`` and ``leak_rate_x``."""
+    row = row_of(name)
+    return row is not None and row.averaged == "median"
 
 
 def average(name: str, values: ArrayLike) -> Average:

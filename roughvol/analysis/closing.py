@@ -62,9 +62,10 @@ def spans(group: Dataset, axis: str, load: str = "") -> list[Span]:
     list of Span
         Spans of the surfaces with a computed state, in their order; empty where the ways are not followed.
     """
-    if not (name := ways(group, axis)):
+    if not (name := ways(group)):
         return []
-    rows, loads = (group[key].transpose("seed", "step").values for key in (name, load or load_of(group)))
+    along = (group[name].sel(axis=axis), group[load or load_of(group)])
+    rows, loads = (values.transpose("seed", "step").values for values in along)
     return [found for way, at in zip(rows, loads, strict=True) if (found := _span(way, at)) is not None]
 
 

@@ -25,11 +25,11 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis.average import average
-from roughvol.analysis.leak import AXES
 from roughvol.analysis.leak_curve import Curve, curves, surfaces
 from roughvol.analysis.read_off import check, refuse
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.observables.at_state import at_state
+from roughvol.observables.variables import AXES
 from roughvol.store import stamped_file
 from roughvol.study import Creep, loads
 from roughvol.study.level import REACHED
@@ -147,7 +147,7 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
         {axis: _over_surfaces(each, equivalent) for axis, each in by_axis.items()},
         pressure,
         unit,
-        str(run["leak_rate_x"].attrs["units"]),
+        str(run["leak_rate"].attrs["units"]),
     )
 
 

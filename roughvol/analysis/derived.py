@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from xarray import Dataset
 
-from roughvol.analysis.leak import counted
+from roughvol.analysis.leak import counted, is_open
 from roughvol.analysis.legs import first_leg
 from roughvol.errors import ContactError, DatasetError
 from roughvol.observables.conductance import contact_conductance, harmonic_conductivity
@@ -47,13 +47,11 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     if "nominal_pressure" in ds:  # an unloaded surface has p* of rounding
         nominal = ds["nominal_pressure"]
         ds = ds.assign(nominal_pressure=nominal.where(abs(ds[P]) > ROUNDING, 0.0 * nominal).assign_attrs(nominal.attrs))
-    for axis in "xy":
-        # any of them is 0 where the way is closed; the first one stored is taken
-        for name in (f"percolates_{axis}", f"critical_gap_{axis}", f"transmissivity_{axis}"):
-            if name in ds and bool(ds[name].notnull().any()):
-                is_open = (ds[name] > 0.0).astype(float).where(ds[name].notnull())
-                ds = ds.assign({f"open_{axis}": is_open.assign_attrs(units="1", symbol=f"open along {axis}")})
-                break
+    # any of them is 0 where the way is closed; the first one stored is taken
+    for name in ("percolates", "critical_gap", "transmissivity"):
+        if name in ds and bool(ds[name].notnull().any()):
+            ds = ds.assign(open=is_open(ds[name]))
+            break
     return counted(ds)
 
 

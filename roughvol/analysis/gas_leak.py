@@ -5,7 +5,6 @@ from __future__ import annotations
 from xarray import Dataset
 
 from roughvol.analysis import read_off
-from roughvol.analysis.leak import AXES
 from roughvol.study import read
 from roughvol.study.values.units import unit_of
 
@@ -37,14 +36,14 @@ def in_place(run: Dataset, unknown: str) -> tuple[Dataset, float]:
     Parameters
     ----------
     run : Dataset
-        A study with ``gas_leak_rate_x``.
+        A study with ``gas_leak_rate``.
     unknown : str
         Quantity to find: pressure or modulus.
 
     Returns
     -------
     (Dataset, float)
-        The same run with other ``leak_rate_*`` and ``transmissivity_*``; kelvins.
+        The same run with other ``leak_rate`` and ``transmissivity``; kelvins.
 
     Raises
     ------
@@ -52,9 +51,9 @@ def in_place(run: Dataset, unknown: str) -> tuple[Dataset, float]:
         If the run has no leak of a gas, a fluid pressure lifts the gap, or Sq is asked for.
     """
     read_off.check(run, leaks=False)
-    if "gas_leak_rate_x" not in run:
+    if "gas_leak_rate" not in run:
         read_off.refuse("the run has no leak of a gas: record transport.gas_flow and dimensional.gas_leak_rate")
     if unknown == "Sq":
         read_off.refuse("the leak of a gas depends on its mean free path over Sq; allowed: for pressure, modulus")
-    of_gas = {f"{name}_{axis}": run[f"gas_{name}_{axis}"] for name in ("leak_rate", "transmissivity") for axis in AXES}
-    return run.assign(of_gas), float(run["gas_leak_rate_x"].attrs["temperature_K"])
+    of_gas = {name: run[f"gas_{name}"] for name in ("leak_rate", "transmissivity")}
+    return run.assign(of_gas), float(run["gas_leak_rate"].attrs["temperature_K"])

@@ -12,12 +12,12 @@ from roughvol.analysis.at import between, place_of
 from roughvol.analysis.average import average
 from roughvol.analysis.leak import counted
 from roughvol.analysis.stored_run import Run
-from roughvol.analysis.tables import Table, number
+from roughvol.analysis.tables import Table, number, spread
 from roughvol.study.level import slack
 from roughvol.typing import Array
 
 P = "mean_pressure"
-QUANTITIES = ("leak_x", "leak_y", "free_volume", "contact_area_fraction")
+QUANTITIES = ("flow_x", "flow_y", "free_volume", "contact_area_fraction")
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest pressure that both have
 
 
@@ -117,10 +117,10 @@ def _rows(elastic: Run, plastic: Run) -> Iterator[tuple[str, ...]]:
 
 def _leg(group: Dataset, leg: int) -> Dataset:
     """Return the steps of one leg, all of them where there is one sweep, with the leak T* V*³ at a pressure drop."""
-    for axis in "xy":
-        if f"transmissivity_{axis}" in group:
-            leak = group[f"transmissivity_{axis}"] * group["free_volume"] ** 3
-            group = group.assign({f"leak_{axis}": leak.assign_attrs(symbol=f"leak along {axis}, T_{axis}* V*³")})
+    if "transmissivity" in group:
+        leak = group["transmissivity"] * group["free_volume"] ** 3
+        group = group.assign(flow=leak.assign_attrs(symbol="leak along i, T_i* V*³"))
+    group = spread(group)
     if "leg" not in group:
         return group
     steps = np.flatnonzero(group["leg"].values == leg)

@@ -23,7 +23,7 @@ from roughvol.analysis.at import at
 from roughvol.analysis.average import Average, average
 from roughvol.analysis.closing import load_of, spans
 from roughvol.analysis.derived import derived, groups
-from roughvol.analysis.leak import AXES, STATE, is_lifted
+from roughvol.analysis.leak import STATE, is_lifted
 from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SurfaceAtLoad, Way
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
@@ -31,6 +31,7 @@ from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
 from roughvol.gap.transport import conduction
 from roughvol.observables.coupling import ACCURACY, RTOL
+from roughvol.observables.variables import AXES
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.study import HeightFile, Quantity
 from roughvol.typing import Array
@@ -60,27 +61,28 @@ class _Loaded:
     of_leak: float = 1.0
     of_load: float = 1.0
 
-    def number(self, name: str) -> float:
-        """Return a number of the state, NaN without one."""
-        return float(self.state[name][0]) if self.state is not None and name in self.state else math.nan
+    def number(self, name: str, axis: str = "") -> float:
+        """Return a number of the state, along an axis where it has a direction; NaN without one."""
+        if self.state is None or name not in self.state:
+            return math.nan
+        value = self.state[name].isel(seed=0)
+        return float(value.sel(axis=axis) if axis else value)
 
     def leak(self, axis: str, name: str = FLOW) -> float:
         """Return a flow of the state: in the unit of the study, else T* V*³."""
         if self.state is None:
             return math.nan
-        if f"{name}_{axis}" in self.state:
-            return self.number(f"{name}_{axis}") * self.of_leak
-        if name == FLOW and f"flow_{axis}" in self.state:
-            return self.number(f"flow_{axis}") * self.of_leak
+        if name in self.state:
+            return self.number(name, axis) * self.of_leak
+        if name == FLOW and "flow" in self.state:
+            return self.number("flow", axis) * self.of_leak
         starred = name.replace(FLOW, "transmissivity")
         volume = self.number("free_volume")
-        return self.number(f"{starred}_{axis}") * (volume**3 if math.isfinite(volume) else 1.0) * self.of_leak
+        return self.number(starred, axis) * (volume**3 if math.isfinite(volume) else 1.0) * self.of_leak
 
     def unit(self, name: str = FLOW) -> str:
         """Return the unit of a flow, empty for T* V*³."""
-        return next(
-            (str(self.table[f"{name}_{axis}"].attrs["units"]) for axis in AXES if f"{name}_{axis}" in self.table), ""
-        )
+        return str(self.table[name].attrs["units"]) if name in self.table else ""
 
     @property
     def fields(self) -> Dataset:
@@ -201,7 +203,7 @@ def _beside(fine: Sequence[_Loaded]) -> Iterator[Beside]:
     dry = "leak of the dry gap, without fluid pressure"
     for name, words in ((f"{FLOW}_dry", dry), (f"gas_{FLOW}", "leak of"), (f"gas_{FLOW}_dry", dry)):
         leaks = [[one.leak(axis, name) for one in fine] for axis in AXES]
-        variable = fine[0].table.get(f"{name}_x")
+        variable = fine[0].table.get(name)
         if np.isfinite(leaks).any():
             gas = f"{variable.attrs['gas']}" if variable is not None and "gas" in variable.attrs else ""
             text = f"{words} {gas}" if words == "leak of" else f"{words}, {gas}".removesuffix(", ")
@@ -260,14 +262,15 @@ def _closing(surfaces: Sequence[_Loaded], axis: str) -> Closing:
 def _last_open(fine: Sequence[_Loaded], axis: str) -> str:
     """Return the leak of the last open step of the only surface, where it is closed at the load."""
     table = first_leg(fine[0].table)
-    name = next((name for name in (f"{FLOW}_{axis}", f"{FLOW}_dry_{axis}") if name in table), "")
+    name = next((name for name in (FLOW, f"{FLOW}_dry") if name in table), "")
     if len(fine) > 1 or fine[0].leak(axis) != 0.0 or not name:
         return ""
-    open_ = np.flatnonzero(table[name].values[0] > 0.0)
+    leaks = table[name].sel(axis=axis).values[0]
+    open_ = np.flatnonzero(leaks > 0.0)
     if not open_.size:
         return "closed at every step"
-    leak, load = float(table[name][0, open_[-1]]), float(table[load_of(table)][0, open_[-1]])
-    amount = f"{number(leak)} {fine[0].unit(name[:-2])}" + (" without fluid pressure" if "_dry_" in name else "")
+    leak, load = float(leaks[open_[-1]]), float(table[load_of(table)][0, open_[-1]])
+    amount = f"{number(leak)} {fine[0].unit(name)}" + (" without fluid pressure" if name.endswith("_dry") else "")
     return f"at the last open step, {fine[0].closing(axis).load(load)}, it leaks {amount}"
 
 
@@ -319,9 +322,9 @@ def _per_starred(one: _Loaded, axis: str) -> float:
     if not one.unit():
         return 1.0
     for dry in ("", "_dry"):
-        names = f"{FLOW}{dry}_{axis}", f"transmissivity{dry}_{axis}"
+        names = f"{FLOW}{dry}", f"transmissivity{dry}"
         if all(name in one.table for name in names):
-            leak, starred = (one.table[name].values[0] for name in names)
+            leak, starred = (one.table[name].sel(axis=axis).values[0] for name in names)
             open_ = np.flatnonzero(starred > 0.0)
             volume = one.table["free_volume"].values[0]
             return float(leak[open_[0]] / (starred[open_[0]] * volume[open_[0]] ** 3)) if open_.size else math.nan
@@ -344,18 +347,19 @@ def _bound(one: _Loaded, axis: str) -> float:
     if study.record.fluid_pressure.coupling == "one-way" or not math.isfinite(drop):
         return min(RTOL, one.run.rtol)
     names = ("fluid_leak_dry", "fluid_leak_one_way", "fluid_leak")
-    dry, first, last = (float(state[f"{name}_{axis}"]) for name in names)
+    dry, first, last = (float(state[name].sel(axis=axis)) for name in names)
     gain = max(1.0, abs((last - dry) / (first - dry))) if first != dry else 1.0
     return min(RTOL, one.run.rtol) + gain * ACCURACY * drop / math.pi
 
 
 def _gap(one: _Loaded, axis: str, *, lifted: bool) -> tuple[Array, bool]:
     """Return the gap over σ at the recorded state, in the region, and whether that is the whole; empty without one."""
-    if "flux_x" not in one.table:  # no surface reaches the load
+    if "flux" not in one.table:  # no surface reaches the load
         return np.empty((0, 0)), False
     state = one.fields.sel(field_at=one.recorded, flux_at=one.recorded)
-    gap = (state.sel({STATE: one.recorded})[f"fluid_gap_{axis}"] if lifted else state["gap"]).transpose("x", "y").values
-    inside, solved = np.isfinite(state["flux_x"].transpose("x", "y").values), np.isfinite(gap)
+    kept = state["fluid_gap"].sel({STATE: one.recorded, "axis": axis}) if lifted else state["gap"]
+    gap = kept.transpose("x", "y").values
+    inside, solved = np.isfinite(state["flux"].sel(axis=axis).transpose("x", "y").values), np.isfinite(gap)
     rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
     if not rows.size:
         return np.empty((0, 0)), False

@@ -231,9 +231,8 @@ def curves(run: Dataset, axis: str) -> list[Curve]:
     """
     made = []
     for name, surface in surfaces(run):
-        pressure, leak, starred = (
-            surface[key].values for key in ("nominal_pressure", f"leak_rate_{axis}", "mean_pressure")
-        )
+        pressure, starred = (surface[key].values for key in ("nominal_pressure", "mean_pressure"))
+        leak = surface["leak_rate"].sel(axis=axis).values
         kept = np.flatnonzero(np.isfinite(leak) & (starred > 0.0))
         order = kept[np.argsort(pressure[kept], kind="stable")]
         if order.size:

@@ -28,7 +28,7 @@ from roughvol.analysis.derived import derived
 from roughvol.analysis.leak_curve import Bracket, curves, surfaces
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import Problem, StudyError
-from roughvol.observables.variables import LISTED
+from roughvol.observables.variables import AXES, LISTED
 from roughvol.study import Level, Quantity, Study, convert, loads
 from roughvol.study.level import REACHED
 from roughvol.typing import Array
@@ -139,7 +139,7 @@ def ask(run: Dataset, largest: float, unknown: str, *, pressure: float | None = 
             unknown,
             at,
         )
-        for axis in leak.AXES
+        for axis in AXES
     ]
 
 
@@ -169,9 +169,9 @@ def ask_closed(run: Dataset, unknown: str, *, pressure: float | None = None) -> 
     _check_unknown(run, unknown, pressure)
     stored = _study(run)
     with_ways = derived(run, stored)
-    if not leak.ways(with_ways, "x"):
+    if not leak.ways(with_ways):
         refuse("the run does not follow its ways: add record.transport: {percolation: every-step} to its study")
-    return [_answer(run, axis, _closing(with_ways, axis), unknown, pressure or 0.0) for axis in leak.AXES]
+    return [_answer(run, axis, _closing(with_ways, axis), unknown, pressure or 0.0) for axis in AXES]
 
 
 def check(run: Dataset, *, leaks: bool = True) -> None:
@@ -198,7 +198,7 @@ def check(run: Dataset, *, leaks: bool = True) -> None:
         )
     if "mean_pressure" not in run:
         refuse("the run has no state: nothing was pressed")
-    if leaks and ("leak_rate_x" not in run or "nominal_pressure" not in run):
+    if leaks and ("leak_rate" not in run or "nominal_pressure" not in run):
         refuse("the run has no leak rates: record dimensional.pressure and dimensional.leak_rate")
     several = [dim for dim in ONE_OF_EACH if run.sizes.get(dim, 1) > 1]
     if several:
@@ -369,8 +369,8 @@ def _recorded(run: Dataset) -> str:
 
 def _liquid(run: Dataset) -> bool:
     """Return whether leaks go with T* V*³ on each surface."""
-    flow = run["transmissivity_x"] * run["free_volume"] ** 3
-    ratio = run["leak_rate_x"] / flow.where(flow > 0.0)
+    flow = run["transmissivity"].sel(axis="x") * run["free_volume"] ** 3
+    ratio = run["leak_rate"].sel(axis="x") / flow.where(flow > 0.0)
     return bool(
         (ratio.max("step") - ratio.min("step") <= 1e-6 * ratio.max("step")).where(flow.max("step") > 0, True).all()
     )

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
+
+from xarray import Dataset
+
+from roughvol.observables.variables import AXES
 
 SMALLEST, LARGEST = 1e-4, 1e6  # numbers between them have no exponent
 
@@ -20,6 +25,20 @@ class Table:
     def under(self, words: str) -> Table:
         """Return the table with words in front of its title."""
         return replace(self, title=", ".join(filter(None, (words, self.title))))
+
+
+def spread(ds: Dataset) -> Dataset:
+    """Return a dataset with a column for each direction, ``leak_rate_x`` and ``leak_rate_y``, in place of ``axis``."""
+    columns = {}
+    for key, variable in ds.data_vars.items():
+        if "axis" not in variable.dims:
+            columns[str(key)] = variable
+            continue
+        symbol = str(variable.attrs.get("symbol", key))
+        for axis in AXES:
+            words = {"symbol": re.sub(r"(?<![A-Za-z])i(?![A-Za-z])", axis, symbol)}
+            columns[f"{key}_{axis}"] = variable.sel(axis=axis, drop=True).assign_attrs(words)
+    return Dataset(columns, coords=ds.drop_dims("axis", errors="ignore").coords, attrs=ds.attrs)
 
 
 def number(value: float, digits: int = 4) -> str:

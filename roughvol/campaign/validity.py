@@ -247,12 +247,11 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
     else:
         contact = (nominal / results["contact_area_fraction"]).where(starred > 0.0)
         findings += _metal(given, _at_highest(contact, starred) if given.scaled else math.nan, "")
-    leaks = [f"{name}_{axis}" for name in ("leak_rate", "gas_leak_rate") for axis in "xy"]
+    leaks = [results[name] for name in ("leak_rate", "gas_leak_rate") if name in results]
     if given.yields and given.scaled:
         findings += _persistence(given, starred, nominal)
-    if any(name in results for name in leaks):
-        flows = [results[name].notnull() for name in leaks if name in results]
-        leaking = starred.where(sum(flows) > 0)
+    if leaks:
+        leaking = starred.where(sum(leak.notnull().any("axis") for leak in leaks) > 0)
         findings += [*_fluid(given, leaking, nominal), *_drop(given, leaking, nominal)]
     if given.patch and "central_pressure_ratio" in results:
         findings += _rim(results["central_pressure_ratio"].values.ravel())

@@ -152,7 +152,7 @@ def ask(
     if closed:
         answers = read_off.ask_closed(results, unknown, pressure=load)
     else:
-        own = str(results["leak_rate_x"].attrs["units"])
+        own = str(results["leak_rate"].attrs["units"])
         largest = _in_unit(given, own, "--leak-rate", "flow" if kelvin is None else "throughput", kelvin)
         given = given if has_unit(given) else f"{given} {own}"
         answers = read_off.ask(results, largest, unknown, pressure=load)

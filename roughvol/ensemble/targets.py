@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
-from roughvol.observables.variables import OF_STATE, VARIABLES
+from roughvol.observables.variables import AXES, OF_STATE, VARIABLES
 from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level
 from roughvol.study.level import defined_step, step_at
 from roughvol.study.values.state_kinds import stored_name
@@ -25,12 +25,12 @@ from roughvol.study.yaml_text import number_text
 from roughvol.typing import Array
 
 PERCOLATION = Level("percolation")  # state of the closing pressures, which belong to no state of the study
-ALONG_AXES = ("percolates_x", "percolates_y", "transmissivity_x", "transmissivity_y")
+OF_VOID = ("percolates", "connected_volume_fraction", "transmissivity")  # of the numbers along the steps
 
 SMALLEST = 1e-300  # half-width in place of 0, for a relative accuracy of a mean of 0
 
 Arrays = Mapping[str, tuple[tuple[str, ...], NDArray[Any]]]  # stored variables of a case: dimensions and values
-Series = Mapping[str, Array]  # quantities along the steps
+Series = Mapping[str, Array]  # quantities along the steps, shapes (steps + 1,); percolates (steps + 1, axes)
 
 
 @dataclass(frozen=True)
@@ -69,22 +69,22 @@ def targets_of(ensemble: Ensemble) -> list[Target]:
 
 
 def series_of(arrays: Arrays) -> Series:
-    """Return the quantities along the steps, shapes (steps + 1,), with first touch first; NaN where unknown."""
+    """Return the quantities along the steps, with first touch first; NaN where unknown. Ways have an axis behind."""
 
     def along(name: str, first: float) -> Array:
-        return np.concatenate([[first], np.asarray(arrays[name][1], dtype=np.float64).reshape(-1)])
+        values = np.asarray(arrays[name][1], dtype=np.float64)
+        steps = values.reshape(values.shape[arrays[name][0].index("step") :])
+        return np.concatenate([np.full((1, *steps.shape[1:]), first), steps])
 
     series = {name: along(name, 0.0) for name in OF_STATE}
     touch = series["indentation"][1] + series["separation"][1]  # d/σ at first touch, equal to V* there
     series["separation"][0] = series["free_volume"][0] = touch
-    series |= {name: along(name, 1.0 if name.startswith("p") else np.nan) for name in ALONG_AXES if name in arrays}
-    if "connected_volume_fraction" in arrays:
-        series["connected_volume_fraction"] = along("connected_volume_fraction", 1.0)
-    if "transmissivity_x" in series:
-        axes = np.stack([series["transmissivity_x"], series["transmissivity_y"]])
+    series |= {name: along(name, VARIABLES[name].touch) for name in OF_VOID if name in arrays}
+    if "transmissivity" in series:
+        flows = series["transmissivity"]
         with np.errstate(divide="ignore"):
-            series["log_leak_rate"] = np.log10(axes).mean(axis=0) + 3.0 * np.log10(series["free_volume"])
-        series["transmissivity"] = axes.mean(axis=0)
+            series["log_leak_rate"] = np.log10(flows).mean(axis=1) + 3.0 * np.log10(series["free_volume"])
+        series["transmissivity"] = flows.mean(axis=1)
     return series
 
 
@@ -170,8 +170,8 @@ def _closing_pressure(series: Series, stored: str, case: Case) -> float:
 def _closed(series: Series, stored: str) -> Array:
     """Return whether no way is left at each step along the axes of a closing pressure."""
     axis = CLOSING[stored].removeprefix("percolation-")
-    ways = [series[name] for name in ("percolates_x", "percolates_y") if name.endswith(axis) or axis == "both"]
-    closed: Array = np.max(ways, axis=0) == 0.0
+    ways = series["percolates"][:, [k for k, name in enumerate(AXES) if axis in (name, "both")]]
+    closed: Array = ways.max(axis=1) == 0.0
     return closed
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from roughvol.gap import transport
 from roughvol.observables.regions import Window, central, window_of
-from roughvol.observables.view import AXES, Values, View
+from roughvol.observables.variables import AXES
+from roughvol.observables.view import Values, View
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
 
@@ -33,7 +34,6 @@ def means(view: View) -> Values:
 def transmissivity(view: View) -> Values:
     """Return the flow with g³ through each square over that of plates."""
     gap = view.whole.gap()
-    return {
-        f"transmissivity_within_{axis}": [transport.conduction(gap[inside], n).coefficient for inside in _windows(view)]
-        for axis, n in AXES
-    }
+    axes = range(len(AXES))
+    flows = [[transport.conduction(gap[inside], axis).coefficient for axis in axes] for inside in _windows(view)]
+    return {"transmissivity_within": flows}

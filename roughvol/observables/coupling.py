@@ -43,6 +43,7 @@ from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap.fluid_pressure import LEAST, FluidField
 from roughvol.gap.transport import conduction
 from roughvol.observables.regions import window
+from roughvol.observables.variables import AXES
 from roughvol.observables.view import Values, View
 from roughvol.study import Scale
 from roughvol.surfaces.surface import Surface
@@ -106,14 +107,14 @@ def of_state(view: View) -> Values:
     inlet, outlet = (scale.starred("pressure", value)[1] for value in (asked.inlet, asked.outlet))
     inside = window(case, surface.shape)
     periodic = view.periodic
-    values: Values = {"fluid_at_inlet": inlet, "fluid_at_outlet": outlet}
-    for axis, name in enumerate(("x", "y")):
+    along = []
+    for axis in range(len(AXES)):
         both = Coupling(surface, half_space, axis, inlet, outlet, min(RTOL, case.solver.tolerance))
-        last, one_way = None, {"leak": np.nan, "free_volume": np.nan}
+        last, values = None, {"fluid_leak_one_way": np.nan, "fluid_free_volume_one_way": np.nan}
         try:
             last = both.one_way(dry.mean_pressure, dry)
-            one_way["leak"] = _leak(last.gap[inside], axis, periodic)
-            one_way["free_volume"] = float(last.gap[inside].mean())
+            values["fluid_leak_one_way"] = _leak(last.gap[inside], axis, periodic)
+            values["fluid_free_volume_one_way"] = float(last.gap[inside].mean())
         except Opening:  # to first order alone the fluid carries the load
             if asked.coupling == "one-way":
                 raise
@@ -121,18 +122,16 @@ def of_state(view: View) -> Values:
             last = both.solve(dry.mean_pressure, dry)
         gap = last.gap[inside]
         values |= {
-            f"fluid_leak_dry_{name}": _leak(dry.gap()[inside], axis, periodic),
-            f"fluid_leak_one_way_{name}": one_way["leak"],
-            f"fluid_leak_{name}": _leak(gap, axis, periodic),
-            f"fluid_free_volume_one_way_{name}": one_way["free_volume"],
-            f"fluid_free_volume_{name}": float(gap.mean()),
-            f"fluid_contact_area_{name}": float(np.count_nonzero(gap == 0.0) / gap.size),
-            f"fluid_load_share_{name}": last.fluid_share,
-            f"fluid_rounds_{name}": last.rounds,
+            "fluid_leak_dry": _leak(dry.gap()[inside], axis, periodic),
+            "fluid_leak": _leak(gap, axis, periodic),
+            "fluid_free_volume": float(gap.mean()),
+            "fluid_contact_area": float(np.count_nonzero(gap == 0.0) / gap.size),
+            "fluid_load_share": last.fluid_share,
+            "fluid_rounds": last.rounds,
         }
-        if asked.fields:
-            values[f"fluid_gap_{name}"] = last.gap
-    return values
+        along.append(values | ({"fluid_gap": last.gap} if asked.fields else {}))
+    both_axes = {name: [one[name] for one in along] for name in along[0]}
+    return both_axes | {"fluid_at_inlet": inlet, "fluid_at_outlet": outlet}
 
 
 def _leak(gap: Array, axis: int, periodic: bool) -> float:

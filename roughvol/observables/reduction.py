@@ -15,7 +15,7 @@ import numpy as np
 from roughvol.contact.loading import Compliance, Contact
 from roughvol.observables.levels import at_level, is_end, on_legs, reached
 from roughvol.observables.requests import asked, fields_of, value_of
-from roughvol.observables.variables import OBSERVABLES, OF_STATE, VARIABLES, function
+from roughvol.observables.variables import AXES, OBSERVABLES, OF_STATE, VARIABLES, function
 from roughvol.observables.view import Values, View
 from roughvol.study import Case, Legs, Level
 from roughvol.surfaces import texture
@@ -167,6 +167,8 @@ class Reduction:
             values |= _stacked(list(by_label), {label: arrays for label, (_, arrays) in kept.items()})
         if self._at:
             values["level_convolutions"] = self._convolutions
+        if any(" axis" in VARIABLES[name].dims for name in values):
+            values["axis"] = list(AXES)
         return values
 
     def state(self) -> Values:

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import importlib
 import itertools
+import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-ACROSS = {"x": "y", "y": "x"}
+AXES = ("x", "y")
+"""Labels of the dimension ``axis``, the directions of ways and flows."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,9 @@ class Variable:
     column: int = 0
     tables: str = "short steps states"
     label: str = ""
+    averaged: str = "mean"
+    lifted_by: str = ""
+    touch: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -65,29 +70,39 @@ def _variables(groups: Iterable[Mapping[str, Any]]) -> dict[str, Variable]:
     table: dict[str, Variable] = {}
     for group in groups:
         common = {key: value for key, value in group.items() if key in Variable.__dataclass_fields__}
-        repeated = itertools.product(group.get("along", ("",)), group.get("of", ("",)), group["rows"].items())
-        for along, base, (template, row) in repeated:
-            words = _inherited(table[base]) if base else {"units": "1"}
+        bases = group.get("of", ("",))
+        for along, base, (template, row) in itertools.product(group.get("along", ("",)), bases, group["rows"].items()):
+            words = _inherited(table[base]) if base in table else {"units": "1"}
+            words |= bases[base] if isinstance(bases, Mapping) else {}
             fields = words | common | row
             words |= {"base": base, "along": along, "inner": words.get("dims", "").removeprefix("...")}
             words["function"] = words.get("source", "").rpartition(".")[2]
-            for axis, across in ACROSS.items() if "{axis}" in template else [("", "")]:
-                words |= {"axis": axis, "across": across}
-                words["name"] = name = template.format_map(words)
-                filled = {key: _filled(value, words) for key, value in fields.items() if key != "label"}
-                table[name] = Variable(**filled, label=row.get("label", ""))
+            words["name"] = name = template.format_map(words)
+            filled = {key: _filled(value, words) for key, value in fields.items() if key != "label"}
+            table[name] = Variable(**filled, label=row.get("label", ""))
     return table
 
 
 def columns(table: str) -> tuple[str, ...]:
     """Return the columns of a table, where they are stored or follow from what is: short, steps or states."""
     shown = [name for name, row in QUANTITIES.items() if row.column and table in row.tables.split()]
-    return tuple(sorted(shown, key=lambda name: QUANTITIES[name].column))
+    return tuple(itertools.chain(*(columns_of(name) for name in sorted(shown, key=lambda n: QUANTITIES[n].column))))
+
+
+def columns_of(name: str) -> tuple[str, ...]:
+    """Return the columns of a quantity in a table: one for each direction, as ``leak_rate_x``, or the name itself."""
+    return tuple(f"{name}_{axis}" for axis in AXES) if "axis" in QUANTITIES[name].dims.split() else (name,)
+
+
+def row_of(column: str) -> Variable | None:
+    """Return the row of a quantity, or of its column along a direction; None for a name outside the table."""
+    return QUANTITIES.get(column) or QUANTITIES.get(column.removesuffix("_x").removesuffix("_y"))
 
 
 def _inherited(row: Variable) -> dict[str, Any]:
     """Return the fields that a row made of another takes from it."""
-    return {key: value for key, value in asdict(row).items() if key not in ("stored", "column", "tables", "label")}
+    taken = ("dims", "units", "long_name", "symbol", "kind", "height_power", "source", "observable")
+    return {key: getattr(row, key) for key in taken}
 
 
 def _filled(value: Any, words: Mapping[str, Any]) -> Any:

@@ -14,7 +14,6 @@ from roughvol.typing import Array, Mask
 
 Values = dict[str, Any]
 """Numbers and arrays by stored name."""
-AXES = (("x", 0), ("y", 1))
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -11,10 +12,13 @@ from roughvol.gap import clusters, quick_estimates, transport
 from roughvol.gap.gas import conduction_of_gas
 from roughvol.gap.perimeter import contact_perimeter
 from roughvol.observables.regions import window
-from roughvol.observables.view import AXES, Values, View
+from roughvol.observables.variables import AXES
+from roughvol.observables.view import Values, View
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array, Index
+
+Found = TypeVar("Found")
 
 EXPONENTS = {"transmissivity": 3.0, "diffusivity": 1.0}
 
@@ -35,9 +39,8 @@ class Void(Protocol):
 def stops_percolating(kind: str, state: Void) -> bool:
     """Return whether no open way is left along the axes that the end of a sweep names: percolation-x, -y or -both."""
     void = state.gap() > 0.0
-    return not any(
-        clusters.percolates(void, axis, periodic=state.periodic) for name, axis in AXES if kind.endswith((name, "both"))
-    )
+    asked = [axis for axis, name in enumerate(AXES) if kind.endswith((name, "both"))]
+    return not any(clusters.percolates(void, axis, periodic=state.periodic) for axis in asked)
 
 
 def leak_rates(state: Void) -> dict[str, float]:
@@ -50,10 +53,13 @@ def leak_rates(state: Void) -> dict[str, float]:
     rows, columns = gap.shape
     widths = {"x": columns / rows, "y": rows / columns}
     plates = float(gap.mean()) ** 3
-    return {
-        axis: transport.conduction(gap, n, periodic=state.periodic).coefficient * plates * widths[axis]
-        for axis, n in AXES
-    }
+    flows = dict(zip(AXES, _along(transport.conduction, gap, periodic=state.periodic), strict=True))
+    return {axis: flow.coefficient * plates * widths[axis] for axis, flow in flows.items()}
+
+
+def _along(function: Callable[..., Found], gap: Array, *more: Any, periodic: bool) -> list[Found]:
+    """Return what a function of a gap and an axis gives along x and y."""
+    return [function(gap, axis, *more, periodic=periodic) for axis in range(len(AXES))]
 
 
 def size_classes(elements: int) -> Index:
@@ -67,9 +73,9 @@ def sizes(case: Case, surface: Surface) -> Values:
     return {"size": size_classes((rows.stop - rows.start) * (columns.stop - columns.start))}
 
 
-def axes(case: Case, surface: Surface) -> Values:
+def coordinates(case: Case, surface: Surface) -> Values:
     """Return the labels of the coordinates of a position."""
-    return {"axis": [name for name, _ in AXES]}
+    return {"coordinate": list(AXES)}
 
 
 def aspect(case: Case, surface: Surface) -> Values:
@@ -88,8 +94,7 @@ def percolation(view: View) -> Values:
     found = clusters.connectivity(view.gap, view.contact, periodic=view.periodic)
     edges = np.append(size_classes(view.gap.size), np.iinfo(np.int64).max)
     return {
-        "percolates_x": found.percolates_x,
-        "percolates_y": found.percolates_y,
+        "percolates": [found.percolates_x, found.percolates_y],
         "connected_volume_fraction": found.connected,
         "percolating_volume_fraction": found.percolating,
         "trapped_volume_fraction": found.trapped,
@@ -103,13 +108,10 @@ def percolation(view: View) -> Values:
 def constriction(view: View) -> Values:
     """Return the critical gap along x and y, and its position over L, NaN if there is no way."""
     origin = np.array([side.start for side in window(view.case, view.surface.shape)])
-    values: Values = {}
-    for axis, n in AXES:
-        narrowest = transport.constriction(view.gap, n, periodic=view.periodic)
-        values[f"critical_gap_{axis}"] = narrowest.gap
-        element = np.array(narrowest.element or (np.nan, np.nan))
-        values[f"critical_position_{axis}"] = (element + origin) / view.surface.intervals[0]
-    return values
+    narrowest = _along(transport.constriction, view.gap, periodic=view.periodic)
+    elements = np.array([one.element or (np.nan, np.nan) for one in narrowest])
+    positions = (elements + origin) / view.surface.intervals[0]
+    return {"critical_gap": [one.gap for one in narrowest], "critical_position": positions}
 
 
 def transmissivity(view: View) -> Values:
@@ -123,14 +125,14 @@ def diffusivity(view: View) -> Values:
 
 
 def _conduction(name: str, view: View) -> Values:
-    flows = {axis: transport.conduction(view.gap, n, EXPONENTS[name], periodic=view.periodic) for axis, n in AXES}
-    values: Values = {f"{name}_{axis}": flow.coefficient for axis, flow in flows.items()}
-    return values | {f"{name}_conservation_error": max(flow.conservation_error for flow in flows.values())}
+    flows = _along(transport.conduction, view.gap, EXPONENTS[name], periodic=view.periodic)
+    errors = [flow.conservation_error for flow in flows]
+    return {name: [flow.coefficient for flow in flows], f"{name}_conservation_error": max(errors)}
 
 
 def cell_transmissivity(view: View) -> Values:
     """Return the flow with g³ through the endless plane."""
-    return {f"cell_transmissivity_{axis}": transport.cell_conduction(view.gap, n) for axis, n in AXES}
+    return {"cell_transmissivity": [transport.cell_conduction(view.gap, axis) for axis in range(len(AXES))]}
 
 
 def gas_flow(view: View) -> Values:
@@ -138,11 +140,11 @@ def gas_flow(view: View) -> Values:
     assert view.case.gas is not None
     sigma = view.case.height or view.surface.unit
     gas = replace(view.case.gas, mean_free_path=view.case.gas.mean_free_path / sigma)
-    values: Values = {}
-    for axis, n in AXES:
-        flow = conduction_of_gas(view.gap, n, gas.law, gas.mean_free_path, gas.outlet, periodic=view.periodic)
-        values |= {f"gas_transmissivity_{axis}": flow.coefficient, f"knudsen_number_{axis}": flow.knudsen}
-    return values
+    flows = _along(conduction_of_gas, view.gap, gas.law, gas.mean_free_path, gas.outlet, periodic=view.periodic)
+    return {
+        "gas_transmissivity": [flow.coefficient for flow in flows],
+        "knudsen_number": [flow.knudsen for flow in flows],
+    }
 
 
 def estimates(view: View) -> Values:
@@ -153,21 +155,17 @@ def estimates(view: View) -> Values:
         values[f"estimate_corrected_{name}"] = quick_estimates.effective_medium(
             view.gap, exponent, closes_at=quick_estimates.CLOSES_AT
         )
-        for axis, n in AXES:
-            values[f"estimate_junction_{name}_{axis}"] = quick_estimates.single_junction(
-                view.gap, n, exponent, periodic=view.periodic
-            )
+        junctions = _along(quick_estimates.single_junction, view.gap, exponent, periodic=view.periodic)
+        values[f"estimate_junction_{name}"] = junctions
     return values
 
 
 def flux(view: View) -> Values:
     """Return the flux on the nodes of the whole surface, NaN outside the region, and the transmissivities."""
-    flows = {axis: transport.conduction(view.gap, n, periodic=view.periodic) for axis, n in AXES}
-    values: Values = {}
-    for axis, flow in flows.items():
-        values[f"flux_{axis}"] = np.full(view.surface.shape, np.nan)
-        values[f"flux_{axis}"][window(view.case, view.surface.shape)] = np.hypot(*flow.flux)
+    flows = _along(transport.conduction, view.gap, periodic=view.periodic)
+    whole = np.full((len(AXES), *view.surface.shape), np.nan)
+    whole[:, *window(view.case, view.surface.shape)] = [np.hypot(*flow.flux) for flow in flows]
+    values: Values = {"flux": whole, "flux_at_transmissivity": [flow.coefficient for flow in flows]}
     if view.case.gas is not None:
-        of_gas = gas_flow(view)
-        values |= {f"flux_at_{name}": of_gas[name] for name in of_gas if name.startswith("gas_transmissivity")}
-    return values | {f"flux_at_transmissivity_{axis}": flow.coefficient for axis, flow in flows.items()}
+        values["flux_at_gas_transmissivity"] = gas_flow(view)["gas_transmissivity"]
+    return values

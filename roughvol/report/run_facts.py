@@ -20,8 +20,8 @@ from roughvol.analysis.derived import derived, groups, is_pressed
 from roughvol.analysis.hysteresis import hysteresis
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
-from roughvol.analysis.tables import Table, number
-from roughvol.observables.variables import VARIABLES, columns
+from roughvol.analysis.tables import Table, number, spread
+from roughvol.observables.variables import AXES, VARIABLES, columns
 from roughvol.study import HeightFile, SpectralSurface
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array
@@ -242,7 +242,7 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
         yield "Leak rate", leak.fluid_of(ds)
     if study is not None and (fluid := study.record.fluid_pressure) is not None:
         yield "Fluid pressure", f"inlet {fluid.inlet}, outlet {fluid.outlet}, coupling {fluid.coupling}"
-    gas = ds.get("gas_leak_rate_x")
+    gas = ds.get("gas_leak_rate")
     if gas is not None and "gas" in gas.attrs:
         path = gas.attrs["mean_free_path"]
         yield "Gas", f"{gas.attrs['gas']}; law {gas.attrs['law']}, mean free path {path}"
@@ -253,6 +253,7 @@ def _loading(run: Run) -> Iterator[tuple[str, str]]:
 
 def _states(name: str, group: Dataset, *, several: bool) -> Table | None:
     """Return the states of one group: one surface as it is, several by the convention of `average`."""
+    lifted, group = leak.is_lifted(group), spread(group)
     names = [column for column in columns("states") if column in group and bool(group[column].notnull().any())]
     for dimensional, starred in IN_PLACE:
         if dimensional in names:  # the starred number stays in study.nc
@@ -270,7 +271,7 @@ def _states(name: str, group: Dataset, *, several: bool) -> Table | None:
         cells = [str(int(group["step"].values[k]))]
         cells += [cell(column, values[column][:, k]) for column in names]
         rows.append(tuple(cells))
-    notes = [conventions(names, count, dry=leak.is_lifted(group))]
+    notes = [conventions(names, count, dry=lifted)]
     if len(shown) < len(steps):
         notes.append(f"{len(shown)} of {len(steps)} states; study.nc has all.")
     heads = ("step", *(head(group[column], count) for column in names))
@@ -300,7 +301,7 @@ def cell(name: str, values: Array) -> str:
     found = average.average(name, np.where(np.abs(values) < ROUNDING, 0.0, values) if name in STARRED else values)
     if found.count == 0:
         return ""
-    if name.startswith("open_"):
+    if name.startswith("open"):
         open_ = int(np.nansum(values))
         return ("open" if open_ else "closed") if len(values) == 1 else f"{open_} of {found.count}"
     if average.is_flow(name) and found.count > 1:
@@ -322,7 +323,7 @@ def closing(some: list[tuple[str, Dataset]]) -> Iterator[Table]:
         symbol = "p*" if load == P else "p"
         words = symbol if unit == "1" else f"{symbol} [{unit}]"
         title = ("surface", "axis", f"open up to {words}", f"closed from {words}", "ways closed")
-        for axis in leak.AXES:
+        for axis in AXES:
             if not (found := spans(group, axis, load)):
                 continue
             closed = [span for span in found if span.closes]

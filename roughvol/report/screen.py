@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from xarray import Dataset
+from xarray import DataArray, Dataset
 
 from roughvol.analysis import leak
 from roughvol.analysis.at import RULE, State, at, legs_of
@@ -16,7 +16,7 @@ from roughvol.analysis.average import average, is_flow
 from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
-from roughvol.analysis.tables import Table
+from roughvol.analysis.tables import Table, spread
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.observables.conductance import stiffness_exponent
@@ -87,14 +87,14 @@ def _note(rows: Sequence[tuple[str, State]], columns: Sequence[str], *more: str)
 
 def _table(title: str, rows: Sequence[tuple[str, State]], columns: Sequence[str], *notes: str) -> Table:
     """Return states as rows: group, state, number of surfaces where they differ, numbers."""
-    datasets, states = [state.data for _, state in rows], [state for _, state in rows]
+    datasets, states = [spread(state.data) for _, state in rows], [state for _, state in rows]
     grouped = len({name for name, _ in rows}) > 1
     counted = _most(states) > 1 or any(state.closed for state in states)
     first = [*(["surface"] if grouped else []), "state", *(["surfaces"] if counted else [])]
     lines = []
-    for name, state in rows:
+    for (name, state), data in zip(rows, datasets, strict=True):
         line = [*([name] if grouped else []), state.label, *([state.count] if counted else [])]
-        lines.append((*line, *_row(columns, state.data)))
+        lines.append((*line, *_row(columns, data)))
     heads = (*first, *_heads(columns, datasets, _most(states)))
     return Table(title, heads, tuple(lines), _note(rows, columns, *notes))
 
@@ -103,7 +103,7 @@ def summary(run: Run) -> list[Table]:
     """Return the table after a run: ends of legs and recorded levels, and where the ways through the gap close."""
     named = _named(run)
     rows = [(name, state) for name, group in named for state in _chief(run, group)]
-    columns = _columns("short", [state.data for _, state in rows])
+    columns = _columns("short", [spread(state.data) for _, state in rows])
     tables = [_table("", rows, columns)]
     return [*tables, *closing([(name, first_leg(group)) for name, group in named])]
 
@@ -135,17 +135,18 @@ def shown(run: Run, states: Sequence[Level] = ()) -> list[Table]:
     named = _named(run)
     if states:
         found = [row for state in states for row in _reaching(run, named, state)]
-        shown_columns = _columns("steps", [state.data for _, state in found])
+        shown_columns = _columns("steps", [spread(state.data) for _, state in found])
         notes = ["K is a difference between steps: the table of all steps has its error."] * (
             STIFFNESS in shown_columns
         )
         return [_table("", found, shown_columns, RULE, *notes)]
     tables = []
     for name, group in named:
-        columns, count = _columns("steps", [group]), group.sizes["seed"]
+        along = spread(group)
+        columns, count = _columns("steps", [along]), group.sizes["seed"]
         rows: list[tuple[str, ...]] = []
         for k in np.flatnonzero(group[P].notnull().any("seed").values).tolist():
-            data = group.isel(step=k)
+            data = along.isel(step=k)
             label = str(int(group["step"].values[k]))
             line = (label, *([str(int(group["leg"].values[k]))] if "leg" in group else []))
             held = [str(int(data[P].notnull().sum()))] if count > 1 else []
@@ -153,7 +154,7 @@ def shown(run: Run, states: Sequence[Level] = ()) -> list[Table]:
         heads = ["step", *(["leg"] if "leg" in group else []), *(["surfaces"] if count > 1 else [])]
         words = [conventions(columns, count, dry=leak.is_lifted(group)), *_fluids([("", group)], columns)]
         note = " ".join(filter(None, [*words, *_exponent(group)]))
-        tables.append(Table(name, (*heads, *_heads(columns, [group], count)), tuple(rows), note))
+        tables.append(Table(name, (*heads, *_heads(columns, [along], count)), tuple(rows), note))
     return tables
 
 
@@ -218,7 +219,7 @@ def _records(
     """Return the rows of one combination, in common units where these are given."""
     named = _named(run, common)
     case = [name for name in CASE if any(name in group.coords for _, group in named)]
-    ds = named[0][1]
+    ds = spread(named[0][1])
     numbers = [
         str(name)
         for name, variable in ds.data_vars.items()
@@ -252,9 +253,9 @@ def _records(
 
     for state in states:
         for _, found in _reaching(run, named, state):
-            add(found.data.expand_dims("step", axis=1), [(0, found.label)], found.reached)
+            add(spread(found.data).expand_dims("step", axis=1), [(0, found.label)], found.reached)
     for _, group in () if states else named:
-        add(group, list(enumerate(group["step"].values.tolist())))
+        add(spread(group), list(enumerate(group["step"].values.tolist())))
     names = [*case, "state" if states else "step", *numbers]
     units = {name: str(ds[name].attrs.get("units", "1")) for name in numbers if name in ds}
     return names, rows, units
@@ -277,11 +278,11 @@ class Compared:
     def table(self) -> Table:
         """Return the rows as text."""
         states = [state for _, state in self.rows]
-        datasets = [state.data for state in states]
+        datasets = [spread(state.data) for state in states]
         counted = _most(states) > 1 or any(state.closed for state in states)
         lines = [
-            (state.label, name, *([state.count] if counted else []), *_row(self.columns, state.data))
-            for name, state in self.rows
+            (state.label, name, *([state.count] if counted else []), *_row(self.columns, data))
+            for (name, state), data in zip(self.rows, datasets, strict=True)
         ]
         heads = ("state", "run", *(["surfaces"] if counted else []), *_heads(self.columns, datasets, _most(states)))
         return Table("", heads, tuple(lines), _note(self.rows, self.columns, RULE))
@@ -295,18 +296,19 @@ class Compared:
         names = ["state", "run", "surfaces", "reached", "closed_before"]
         for column in self.columns:
             names += [column, *([f"{column}_low", f"{column}_high"] if is_flow(column) else [])]
-        rows = []
+        rows, held = [], dict[str, DataArray]()
         for name, state in self.rows:
+            data = spread(state.data)
+            held |= {column: data[column] for column in self.columns if column in data}
             row: list[Any] = [state.label, name, state.surfaces, state.reached, state.closed]
             for column in self.columns:
-                values = state.data[column].values if column in state.data else np.array([np.nan])
+                values = data[column].values if column in data else np.array([np.nan])
                 found = average(column, values)
                 if column.startswith("open_"):
                     row.append(int(np.nansum(values)) if found.count else None)
                     continue
                 row += [_plain(found.value), *([_plain(found.low), _plain(found.high)] if is_flow(column) else [])]
             rows.append(row)
-        held = {name: state.data[name] for _, state in self.rows for name in self.columns if name in state.data}
         return names, rows, {name: str(variable.attrs.get("units", "1")) for name, variable in held.items()}
 
 
@@ -319,7 +321,7 @@ def compared(runs: Sequence[Run], states: Sequence[Level] = ()) -> Compared:
         for run, some in named:
             for name, found in _reaching(run, some, state):
                 rows.append((f"{run.name}, {name}" if len(some) > 1 else run.name, found))
-    datasets = [found.data for _, found in rows]
+    datasets = [spread(found.data) for _, found in rows]
     columns = _columns("short", datasets)
     for name in columns:
         units = {str(ds[name].attrs.get("units", "1")) for ds in datasets if name in ds}

@@ -31,7 +31,7 @@ from xarray import Dataset
 from xarray.backends import NetCDF4DataStore
 
 from roughvol.errors import DatasetError
-from roughvol.observables.variables import ALONG, DTYPES, FIELDS, MISSING, TIMES, VARIABLES
+from roughvol.observables.variables import ALONG, AXES, DTYPES, FIELDS, MISSING, TIMES, VARIABLES
 from roughvol.store import small_file, stamped_file
 from roughvol.store.stamped_file import FORMAT
 from roughvol.study import Case
@@ -163,6 +163,23 @@ def read(path: Path, *, saved: bool = False) -> Dataset:
     _check_format(dataset.attrs, path)
     if labels is not None:
         _check_stamp(dataset.attrs, labels, path)
+    return _with_axis(dataset)
+
+
+def _with_axis(dataset: Dataset) -> Dataset:
+    """Return a dataset of version 0.13 or older, with variables ``…_x`` and ``…_y``, as one with the dimension axis."""
+    if "critical_position_x" in dataset:
+        dataset = dataset.rename(axis="coordinate")  # of a position
+    labels = xr.IndexVariable("axis", list(AXES))
+    for name, row in VARIABLES.items():
+        pair = [dataset[f"{name}_{axis}"] for axis in AXES if f"{name}_{axis}" in dataset]
+        if " axis" in row.dims and len(pair) == len(AXES):
+            behind = row.dims.partition(" axis")[2].split()
+            before = [dim for dim in pair[0].dims if dim not in behind]
+            joined = xr.concat(pair, labels).transpose(*before, "axis", *behind)
+            words = {"symbol": row.symbol, "long_name": row.long_name}
+            own = {name: joined.assign_attrs(pair[0].attrs | words)}
+            dataset = dataset.assign(own).drop_vars([one.name for one in pair])
     return dataset
 
 

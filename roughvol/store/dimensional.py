@@ -17,13 +17,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from roughvol.errors import Problem, StudyError
-from roughvol.observables.variables import HEIGHT_POWERS, VARIABLES
+from roughvol.observables.variables import AXES, HEIGHT_POWERS, VARIABLES
 from roughvol.study import Case, GeneratedSurface, Study, convert, throughput
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
-LEAKS = ("leak_rate_x", "leak_rate_y", "gas_leak_rate_x", "gas_leak_rate_y")
+LEAKS = ("leak_rate", "gas_leak_rate")
 
 
 def check(case: Case) -> None:
@@ -70,14 +70,13 @@ def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset
         dry = ", without fluid pressure" if study.record.fluid_pressure is not None and name in LEAKS else ""
         results[name].attrs = {"units": unit, "long_name": row.long_name + dry, "symbol": row.symbol}
     wanted = study.record.dimensional
-    if wanted is not None and (leak := wanted.leak_rate) is not None:
-        for name in {"leak_rate_x", "leak_rate_y"} & made.keys():
-            results[name].attrs |= {"pressure_drop": str(leak.pressure_drop), "viscosity": str(leak.viscosity)}
-    if (fluid := study.fluid) is not None:
+    if wanted is not None and (leak := wanted.leak_rate) is not None and "leak_rate" in made:
+        of_liquid = {"pressure_drop": str(leak.pressure_drop), "viscosity": str(leak.viscosity)}
+        results["leak_rate"].attrs |= of_liquid
+    if (fluid := study.fluid) is not None and "gas_leak_rate" in made:
         words = {"gas": fluid.label, "law": fluid.law, "temperature_K": fluid.kelvin, "viscosity": fluid.viscosity}
         words["mean_free_path"] = f"{fluid.mean_free_path(101325.0) * 1e9:.4g} nm at 101325 Pa"
-        for name in {"gas_leak_rate_x", "gas_leak_rate_y"} & made.keys():
-            results[name].attrs |= words
+        results["gas_leak_rate"].attrs |= words
     return results
 
 
@@ -109,45 +108,49 @@ def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[t
         (wanted.free_volume, "free_volume_per_area", "free_volume"),
         (wanted.mean_gap, "mean_gap", "free_volume"),
         (wanted.separation, "mean_plane_separation", "separation"),
-        (wanted.critical_gap, "critical_opening_x", "critical_gap_x"),
-        (wanted.critical_gap, "critical_opening_y", "critical_gap_y"),
+        (wanted.critical_gap, "critical_opening", "critical_gap"),
     )
     for unit, name, starred in lengths:
         if unit is not None:
             yield name, _starred(results, starred) * sigma * convert(1.0, length_unit, unit), unit
-    leak, gap = wanted.leak_rate, results["free_volume"] * sigma * convert(1.0, length_unit, "m")
+    meters = convert(1.0, length_unit, "m")
     if wanted.gas_leak_rate is not None and study.fluid is not None:
         inlet, outlet = study.fluid.pressures
         drive = throughput(inlet**2 - outlet**2, "Pa*m^3/s", wanted.gas_leak_rate, study.fluid.kelvin)
-        plates = gap**3 * (drive / (24.0 * study.fluid.viscosity))
-        for axis, power in (("x", 1), ("y", -1)):
-            flow = _starred(results, f"gas_transmissivity_{axis}") * plates * results["region_aspect"] ** power
-            yield f"gas_leak_rate_{axis}", flow, wanted.gas_leak_rate
-        at_state = (sigma * convert(1.0, length_unit, "m")) ** 3 * (drive / (24.0 * study.fluid.viscosity))
-        yield from _at_states(results, "gas_", at_state, wanted.gas_leak_rate)
-    if leak is None:
+        drive = drive / (24.0 * study.fluid.viscosity)
+        for name, flow in _flows(results, "gas_", sigma, meters, drive):
+            yield name, flow, wanted.gas_leak_rate
+    if (leak := wanted.leak_rate) is None:
         return
-    plates = gap**3 * (leak.drive / 12.0)
-    yield "leak_rate_x", _starred(results, "transmissivity_x") * plates * results["region_aspect"], leak.unit
-    yield "leak_rate_y", _starred(results, "transmissivity_y") * plates / results["region_aspect"], leak.unit
-    yield from _at_states(results, "", (sigma * convert(1.0, length_unit, "m")) ** 3 * (leak.drive / 12.0), leak.unit)
+    for name, flow in _flows(results, "", sigma, meters, leak.drive / 12.0):
+        yield name, flow, leak.unit
     fluid = study.record.fluid_pressure
-    if fluid is None or not fluid.has_units:
-        return
-    for axis, aspect in (("x", results["region_aspect"]), ("y", 1.0 / results["region_aspect"])):
-        if f"fluid_leak_{axis}" in results:  # under the same drop
-            plates = (sigma * convert(1.0, length_unit, "m")) ** 3 * (leak.drive / 12.0)
-            yield f"fluid_leak_rate_{axis}", results[f"fluid_leak_{axis}"] * plates * aspect, leak.unit
+    if fluid is not None and fluid.has_units and "fluid_leak" in results:  # under the same drop
+        plates = (sigma * meters) ** 3 * (leak.drive / 12.0)
+        yield "fluid_leak_rate", _over_region(results, results["fluid_leak"] * plates), leak.unit
 
 
-def _at_states(results: Dataset, gas: str, plates: DataArray, unit: str) -> Iterator[tuple[str, DataArray, str]]:
-    """Yield the leak rates at the states of ``flux_at``, from that between plates σ apart."""
-    for axis, power in (("x", 1), ("y", -1)):
-        if (name := f"flux_at_{gas}transmissivity_{axis}") in results:
-            flow = results[name] * results["flux_at_free_volume"] ** 3
-            yield f"flux_at_{gas}leak_rate_{axis}", flow * plates * results["region_aspect"] ** power, unit
+def _flows(
+    results: Dataset, gas: str, sigma: DataArray, meters: float, drive: float
+) -> Iterator[tuple[str, DataArray]]:
+    """Yield the leak rates along the steps and at the states of ``flux_at``; plates g [m] apart pass g³ ``drive``."""
+    plates = (results["free_volume"] * sigma * meters) ** 3 * drive
+    yield f"{gas}leak_rate", _over_region(results, _starred(results, f"{gas}transmissivity") * plates)
+    if (name := f"flux_at_{gas}transmissivity") in results:
+        flow = results[name] * results["flux_at_free_volume"] ** 3 * ((sigma * meters) ** 3 * drive)
+        yield f"flux_at_{gas}leak_rate", _over_region(results, flow)
+
+
+def _over_region(results: Dataset, flow: DataArray) -> DataArray:
+    """Return a flow times the width of the region over its length, W_y/W_x along x and W_x/W_y along y."""
+    aspect = results["region_aspect"]
+    along = flow["axis"] == "x"
+    return (flow * aspect.where(along, 1.0) / aspect.where(~along, 1.0)).transpose(*flow.dims)
 
 
 def _starred(results: Dataset, name: str) -> DataArray:
     """Return a number of every step, NaN at all steps if no case reached a recorded state."""
-    return results[name] if name in results else results["free_volume"] * math.nan
+    if name in results:
+        return results[name]
+    absent = results["free_volume"] * math.nan
+    return absent.expand_dims({"axis": list(AXES)}, -1) if "axis" in VARIABLES[name].dims else absent

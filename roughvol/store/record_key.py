@@ -18,11 +18,11 @@ IN_UNITS = {  # variables of the section ``dimensional``
 
 
 def record_key(variable: str) -> str:
-    """Return the key that stores a variable, as ``record.transport.percolation`` for ``percolates_x``; empty for none.
+    """Return the key that stores a variable, as ``record.transport.percolation`` for ``percolates``; empty for none.
 
     The variable is in the table or follows from a variable of the table.
     """
-    base = variable.removesuffix("_x").removesuffix("_y").replace("_dry", "")
+    base = variable.replace("_dry", "")
     if base in IN_UNITS:
         return f"record.dimensional.{IN_UNITS[base]}"
     row = VARIABLES.get(variable)

@@ -48,7 +48,7 @@ def swept(folder: Path) -> Dataset:
 @pytest.fixture(scope="module")
 def largest(swept: Dataset) -> float:
     """A leak between two steps."""
-    middle = swept.leak_rate_x.isel(step=slice(10, 12)).values
+    middle = swept.leak_rate.sel(axis="x").isel(step=slice(10, 12)).values
     return float(np.exp(np.log(middle).mean()))
 
 
@@ -88,7 +88,7 @@ def _leaks_at(text: str, pressure: float, tmp_path: Path) -> np.ndarray:
     text = text.replace("steps: 20, to: {pressure: 1.2}", f"steps: 2, to: {{pressure: {pressure!r} MPa}}")
     end = running.run(loads(text), jobs=1, out=tmp_path).isel(step=-1)
     assert_allclose(end.nominal_pressure, pressure, rtol=2e-6)  # the accuracy of the search for the end
-    return np.asarray(end.leak_rate_x.values.ravel())
+    return np.asarray(end.leak_rate.sel(axis="x").values.ravel())
 
 
 def _at(text: str, unknown: str, value: float) -> str:
@@ -150,7 +150,7 @@ def test_a_refined_run_by_the_printed_command_narrows_the_answer(
 
 
 def test_of_several_surfaces_the_one_that_leaks_longest_decides(closing: Dataset) -> None:
-    leaks = closing.leak_rate_x.isel(D=0, m=0).values
+    leaks = closing.leak_rate.sel(axis="x").isel(D=0, m=0).values
     last_open = max(float(row[row > 0.0][-1]) for row in leaks)
     answer = read_off.ask(closing, 1e-3 * last_open, "pressure")[0]
     loads_of = closing.nominal_pressure.isel(D=0, m=0).values
@@ -170,7 +170,7 @@ def test_a_closed_joint_is_asked_for_by_its_loads(closing: Dataset, closes_in: P
         opens, closes = [], []
         for seed in range(4):
             one = closing.isel(D=0, m=0, seed=seed)
-            p, way = one.nominal_pressure.values, one[f"transmissivity_{axis}"].values > 0.0
+            p, way = one.nominal_pressure.values, one["transmissivity"].sel(axis=axis).values > 0.0
             opens.append(p[np.flatnonzero(way)[-1]])
             after = p[np.flatnonzero(way)[-1] + 1 :]
             closes.append(after[0] if np.isfinite(after).any() else math.inf)
@@ -196,7 +196,7 @@ def test_a_closed_joint_without_units_is_asked_for_by_p_star(tmp_path: Path, mon
     _said("run", "plain.yaml", "--jobs", "1")
     said = _said("ask", "plain", "--closed").splitlines()[1]
     ds = running.run(loads(Path("plain.yaml").read_text(), "plain.yaml"), jobs=1, out=Path("runs/plain")).isel(D=0, m=0)
-    last = [np.flatnonzero(row)[-1] for row in ds.percolates_x.values > 0]
+    last = [np.flatnonzero(row)[-1] for row in ds.percolates.sel(axis="x").values > 0]
     low = max(float(p[k]) for p, k in zip(ds.mean_pressure.values, last, strict=True))
     assert said.startswith(f"along x: p* = {low:.4g} to ")
     assert "needs pressures with units" in _refused("ask", "plain", "--closed", "--for", "Sq", "--at", "p=0.3")
@@ -342,7 +342,7 @@ def test_of_a_path_the_first_leg_answers_and_says_so(tmp_path: Path, monkeypatch
     Path("seal.yaml").write_text(PATH)
     Path("law.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
     _said("run", "seal.yaml", "--jobs", "1")
-    rate = float(running.run(loads(PATH), jobs=1, out=Path("runs/seal")).leak_rate_x.values.ravel()[4])
+    rate = float(running.run(loads(PATH), jobs=1, out=Path("runs/seal")).leak_rate.sel(axis="x").values.ravel()[4])
     question = ("ask", "seal", "--leak-rate", f"{rate} mm^3/s")
     assert _said(*question).splitlines()[0].startswith("seal, leg 1 of 2: ")
     assert json.loads(_said(*question, "--json"))["leg"] == 1

@@ -30,8 +30,8 @@ def main() -> None:
         run = run_case(case).squeeze()
         for axis in "xy":
             estimates = [run[f"estimate_{name}_transmissivity"] for name in NAMES[:2]]
-            estimates.append(run[f"estimate_junction_transmissivity_{axis}"])
-            flow = [run["contact_area_fraction"], run[f"transmissivity_{axis}"], *estimates]
+            estimates.append(run["estimate_junction_transmissivity"].sel(axis=axis))
+            flow = [run["contact_area_fraction"], run["transmissivity"].sel(axis=axis), *estimates]
             rows.append(np.stack([one.values for one in flow], axis=1))
     table = np.concatenate(rows)
     for low, high in pairwise(EDGES):

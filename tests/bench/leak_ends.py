@@ -31,7 +31,7 @@ def main() -> None:
             for rate in (1e-2, 1e-4, 1e-6):
                 study = loads(TEXT.format(accuracy=accuracy, rate=rate))
                 ds = roughvol.run(study, out=Path(folder) / f"{accuracy}{rate}", jobs=1)
-                error = np.abs(np.maximum(ds.leak_rate_x, ds.leak_rate_y) / rate - 1.0)
+                error = np.abs(ds.leak_rate.max("axis") / rate - 1.0)
                 largest, median = float(error.max()), float(error.median())
                 print(f"{accuracy:9s}  {rate:g} mm^3/s  largest {largest:.1e}, median {median:.1e}")
 

@@ -58,6 +58,8 @@ def _states(**values: list[float]) -> Dataset:
     given = {"Sq": [1.0], "Sdq": [0.01], "separation": still, "indentation": still} | values
     made = {name: (("case", "step"), np.array([value])) for name, value in given.items() if name not in ("Sq", "Sdq")}
     made |= {name: (("case",), np.array(given[name])) for name in ("Sq", "Sdq")}
+    if "leak_rate" in made:
+        made["leak_rate"] = ("case", "step", "axis"), np.array([values["leak_rate"]])[..., np.newaxis]
     return xr.Dataset(made, coords={"L": 100.0})
 
 
@@ -249,7 +251,7 @@ def test_nominal_pressure_beyond_a_tenth_of_the_modulus_is_said_from_where() -> 
 def test_a_pressure_drop_is_compared_with_the_nominal_pressure_of_each_state() -> None:
     # p = p* E* Sq/L = 0.1, 1, 10 MPa; a drop of 0.2 MPa is small at the last alone, and the first has no leak rate
     states = _states(
-        mean_pressure=[0.01, 0.1, 1.0], contact_area_fraction=[0.01, 0.1, 0.2], leak_rate_x=[np.nan, 1.0, 0.5]
+        mean_pressure=[0.01, 0.1, 1.0], contact_area_fraction=[0.01, 0.1, 0.2], leak_rate=[np.nan, 1.0, 0.5]
     )
     given = Setting(1.0, unit="GPa", drop_text="2 bar", drop=0.2e-3)
     (found,) = validity.after(given, states)
@@ -261,9 +263,7 @@ def test_a_pressure_drop_is_compared_with_the_nominal_pressure_of_each_state() -
 
 def test_a_fluid_above_the_load_is_said_to_open_the_joint() -> None:
     # p = 0.1, 1, 10 MPa
-    states = _states(
-        mean_pressure=[0.01, 0.1, 1.0], contact_area_fraction=[0.01, 0.1, 0.2], leak_rate_x=[2.0, 1.0, 0.5]
-    )
+    states = _states(mean_pressure=[0.01, 0.1, 1.0], contact_area_fraction=[0.01, 0.1, 0.2], leak_rate=[2.0, 1.0, 0.5])
     for mean, opened in ((0.05e-3, 0), (0.5e-3, 1), (2e-3, 2), (0.02, 3), (math.nan, 0)):
         found = validity.after(Setting(1.0, unit="GPa", drop_text="1 mbar", drop=1e-9, fluid=mean), states)
         assert [(one.key, one.extent.states) for one in found] == ([("fluid", opened)] if opened else [])
@@ -271,7 +271,7 @@ def test_a_fluid_above_the_load_is_said_to_open_the_joint() -> None:
 
 def test_an_unloaded_state_is_not_said_to_be_opened_by_the_fluid() -> None:
     rounding = _states(
-        mean_pressure=[1e-17, 0.1, 1.0], contact_area_fraction=[0.01, 0.1, 0.2], leak_rate_x=[2.0, 1.0, 0.5]
+        mean_pressure=[1e-17, 0.1, 1.0], contact_area_fraction=[0.01, 0.1, 0.2], leak_rate=[2.0, 1.0, 0.5]
     )
     found = validity.after(Setting(1.0, unit="GPa", drop_text="1 mbar", drop=1e-9, fluid=2e-3), rounding)
     assert [one.extent.states for one in found if one.key == "fluid"] == [1]

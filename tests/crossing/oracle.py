@@ -98,7 +98,12 @@ def _words(name: str, value: Any, coordinate: Any) -> str:
 def _surface(ds: xr.Dataset, E: float) -> Surface:
     """Return one surface with what follows from its numbers by plain factors."""
     steps = ds.sizes["step"]
-    along = {str(n): v.values.astype(float) for n, v in ds.data_vars.items() if v.dims == ("step",)}
+    along: Numbers = {}
+    for key, v in ds.data_vars.items():
+        if v.dims == ("step",):
+            along[str(key)] = v.values.astype(float)
+        elif v.dims == ("step", "axis"):
+            along |= {f"{key}_{axis}": v.sel(axis=axis).values.astype(float) for axis in "xy"}
     along.pop("leg", None)
     legs = ds["leg"].values.astype(int) if "leg" in ds else np.ones(steps, dtype=int)
     Sq, L = float(ds["Sq"]), float(ds["L"])
@@ -115,10 +120,13 @@ def _surface(ds: xr.Dataset, E: float) -> Surface:
                 break
     states: dict[str, dict[str, dict[str, float]]] = {}
     for dim in (str(name) for name in ds.dims if f"{name}_step" in ds):
-        held = [n for n, v in ds.data_vars.items() if v.dims == (dim,) and v.dtype.kind == "f"]
+        held = {str(n): v for n, v in ds.data_vars.items() if v.dims == (dim,) and v.dtype.kind == "f"}
+        for key, v in ds.data_vars.items():
+            if v.dims == (dim, "axis"):
+                held |= {f"{key}_{axis}": v.sel(axis=axis) for axis in "xy"}
         labels = ds[dim].values.tolist()
         states[dim] = {
-            label: {str(n).removeprefix(f"{dim}_"): float(ds[n][k]) for n in held}
+            label: {n.removeprefix(f"{dim}_"): float(v[k]) for n, v in held.items()}
             for k, label in enumerate(labels)
             if int(ds[f"{dim}_step"][k]) > 0
         }

@@ -143,10 +143,10 @@ def test_quantities_along_the_steps_stay_at_the_first_step_beyond() -> None:
     at = "{pressure: 0.5}"
     result, _ = pressed(f"fields_at: {at}, transport: {{constriction: {at}, flux_at: {at}, transmissivity: {at}}}")
     step = int(result.field_at_step[0])
-    assert np.flatnonzero(result.critical_gap_x.notnull()) == [step - 1]
+    assert np.flatnonzero(result.critical_gap.sel(axis="x").notnull()) == [step - 1]
     assert float(result.mean_pressure[step - 1]) > 0.5
     # the flow through the state at the level is one through more gap
-    assert float(result.flux_at_transmissivity_x[0]) > float(result.transmissivity_x[step - 1])
+    assert float(result.flux_at_transmissivity.sel(axis="x")[0]) > float(result.transmissivity.sel(axis="x")[step - 1])
 
 
 @pytest.mark.parametrize("periodic", ["", ", periodic: true"])

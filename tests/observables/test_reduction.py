@@ -134,6 +134,5 @@ def test_nothing_that_was_not_asked_for_is_kept(contacts: list[Contact]) -> None
         "nodes_y",
     }
     case = case_of("sweep: {steps: 8}\nrecord: {transport: {constriction: last}}")
-    assert set(reduced(case, contacts)) - kept == {"axis", "transport_time", "observable", "observable_time"} | {
-        f"critical_{what}_{axis}" for what in ("gap", "position") for axis in "xy"
-    }
+    more = {"axis", "coordinate", "transport_time", "observable", "observable_time"}
+    assert set(reduced(case, contacts)) - kept == more | {"critical_gap", "critical_position"}

@@ -113,22 +113,22 @@ def test_numbers_of_a_step_are_attributes_of_its_contact(name: str, stored: Data
     assert_array_equal(stored[name], [getattr(contact, name) for contact in contacts])
 
 
-ARGUMENTS = {  # after the gap
-    "transmissivity_x": (0, 3.0),
-    "transmissivity_y": (1, 3.0),
-    "diffusivity_x": (0, 1.0),
-    "diffusivity_y": (1, 1.0),
+ARGUMENTS = {  # after the gap, and the axis where the number has one
+    "transmissivity": (3.0,),
+    "diffusivity": (1.0,),
     "estimate_medium_transmissivity": (3.0,),
     "estimate_medium_diffusivity": (1.0,),
-    "estimate_junction_transmissivity_x": (0, 3.0),
-    "estimate_junction_diffusivity_y": (1, 1.0),
+    "estimate_junction_transmissivity": (3.0,),
+    "estimate_junction_diffusivity": (1.0,),
 }
 
 
 @pytest.mark.parametrize("name", ARGUMENTS)
 def test_transport_is_that_of_its_function(name: str, stored: Dataset, contacts: list[Contact]) -> None:
-    value = _resolved(VARIABLES[name].source)(contacts[-1].gap(), *ARGUMENTS[name])
-    assert stored[name][-1] == getattr(value, "coefficient", value)
+    function, last = _resolved(VARIABLES[name].source), stored[name][-1]
+    for axis, number in enumerate(last.values) if last.dims else [((), last.item())]:
+        value = function(contacts[-1].gap(), *np.atleast_1d(axis).astype(int).tolist(), *ARGUMENTS[name])
+        assert number == getattr(value, "coefficient", value)
 
 
 def test_every_observable_names_what_exists() -> None:

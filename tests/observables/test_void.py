@@ -15,8 +15,7 @@ from roughvol.contact.search import first_indentation, indentation_for
 from roughvol.errors import ContactError, StudyError
 from roughvol.gap import clusters, transport
 from roughvol.observables import levels, requests
-from roughvol.observables.variables import VARIABLES
-from roughvol.observables.view import AXES
+from roughvol.observables.variables import AXES, VARIABLES
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case, Level, Record, loads
 from tests.observables.kit import SURFACE, case_of, states_of
@@ -53,15 +52,15 @@ def test_every_step_holds_what_its_gap_says(result: Dataset, states: list[Contac
     for step, state in enumerate(states):
         found = clusters.connectivity(state.gap(), state.contact())
         stored = result.isel(step=step)
-        assert (stored.percolates_x, stored.percolates_y) == (found.percolates_x, found.percolates_y)
+        assert stored.percolates.values.tolist() == [found.percolates_x, found.percolates_y]
         assert float(stored.connected_volume_fraction + stored.trapped_volume_fraction) == pytest.approx(1, abs=1e-14)
         assert stored.contact_clusters == found.contact_clusters.size
         assert stored.trapped_pockets_by_size.sum() == stored.trapped_pockets
-        for name, axis in AXES:
+        for axis, name in enumerate(AXES):
             narrowest = transport.constriction(state.gap(), axis)
-            assert_allclose(stored[f"critical_gap_{name}"], narrowest.gap, rtol=1e-9)
+            assert_allclose(stored["critical_gap"].sel(axis=name), narrowest.gap, rtol=1e-9)
             if narrowest.element:
-                assert_allclose(stored[f"critical_position_{name}"] * 16, narrowest.element, rtol=1e-15)
+                assert_allclose(stored["critical_position"].sel(axis=name) * 16, narrowest.element, rtol=1e-15)
 
 
 def test_sizes_are_counted_by_powers_of_two(result: Dataset, states: list[Contact]) -> None:
@@ -75,17 +74,21 @@ def test_sizes_are_counted_by_powers_of_two(result: Dataset, states: list[Contac
 def test_a_quantity_is_computed_at_its_states_and_nowhere_else(result: Dataset, states: list[Contact]) -> None:
     first = next(n for n, state in enumerate(states) if state.contact_area_fraction >= 0.1)
     asked = {
-        "transmissivity_x": {1, 4, first},
-        "diffusivity_y": {7},
+        "transmissivity": {1, 4, first},
+        "diffusivity": {7},
         "estimate_medium_transmissivity": {2},
-        "percolates_x": set(range(8)),
+        "percolates": set(range(8)),
     }
     for name, steps in asked.items():
-        assert set(np.flatnonzero(result[name].notnull())) == steps
-    assert_allclose(result.transmissivity_x[4], transport.conduction(states[4].gap(), 0).coefficient, rtol=1e-9)
+        assert set(np.nonzero(result[name].notnull().values)[0]) == steps
+    assert_allclose(
+        result.transmissivity.sel(axis="x")[4], transport.conduction(states[4].gap(), 0).coefficient, rtol=1e-9
+    )
     assert float(result.transmissivity_conservation_error.max()) < 1e-10
     assert_allclose(
-        result.flux_x.squeeze("flux_at"), np.hypot(*transport.conduction(states[4].gap(), 0).flux), rtol=1e-8
+        result.flux.sel(axis="x").squeeze("flux_at"),
+        np.hypot(*transport.conduction(states[4].gap(), 0).flux),
+        rtol=1e-8,
     )
 
 
@@ -112,7 +115,7 @@ def test_a_sweep_to_percolation_ends_where_the_void_closes(axes: str) -> None:
 
     def open_along(indentation: float) -> set[str]:
         clear = solve(surface, half_space, indentation).gap() > 0.0
-        return {name for name, axis in AXES if clusters.percolates(clear, axis)}
+        return {name for axis, name in enumerate(AXES) if clusters.percolates(clear, axis)}
 
     closing = set(axes) if axes != "both" else {"x", "y"}
     assert not open_along(end) & closing
@@ -141,8 +144,7 @@ def test_a_search_for_what_never_happens_ends_at_full_contact() -> None:
 
 
 def test_gaps_close_on_the_way(result: Dataset) -> None:
-    for axis in "xy":
-        gaps = result[f"critical_gap_{axis}"].values
+    for gaps in result["critical_gap"].values.T:
         assert all(later <= earlier for earlier, later in pairwise(gaps))
         assert gaps[-1] == 0.0
 
@@ -192,7 +194,7 @@ def test_the_corrected_medium_is_nearer_to_the_flow_than_that_of_bruggeman_beyon
     for case in loads(text).cases():
         run = run_case(case).squeeze()
         for axis in "xy":
-            flow = run[f"transmissivity_{axis}"].values
+            flow = run["transmissivity"].sel(axis=axis).values
             both = (flow > 0.0) & (run.estimate_corrected_transmissivity.values > 0.0)
             both &= run.contact_area_fraction.values > 0.1
             for name, errors in off.items():

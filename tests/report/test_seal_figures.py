@@ -79,7 +79,7 @@ def test_one_surface_is_enough(name: str, ds: Dataset) -> None:
 @pytest.mark.parametrize("name", ["seal_transmissivity", "seal_estimates"])
 def test_a_single_state_is_no_curve_and_no_error(name: str, ds: Dataset) -> None:
     once = ds.step == 2
-    few = ds.assign({f"transmissivity_{axis}": ds[f"transmissivity_{axis}"].where(once) for axis in "xy"})
+    few = ds.assign(transmissivity=ds.transmissivity.where(once))
     assert shown(FIGURES[name](few)) > 1
 
 
@@ -98,7 +98,7 @@ def _lines(fig: Figure, panel: int, words: str) -> list[Line2D]:
 def _known(one: Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Return A* and a flow at its computed states, also 0 where percolation shows that nothing flows."""
     area, values = one.contact_area_fraction.values, one[name].values
-    values = np.where(np.isnan(values) & (one[f"percolates_{name[-1]}"].values == 0.0), 0.0, values)
+    values = np.where(np.isnan(values) & (one["percolates"].values == 0.0), 0.0, values)
     return area[np.isfinite(values)], values[np.isfinite(values)]
 
 
@@ -109,7 +109,7 @@ def test_transmissivity_is_the_median_of_the_surfaces_by_direction(ds: Dataset, 
     area, median = (np.asarray(values, dtype=float) for values in line.get_data())
     flows = []
     for seed in range(3):
-        x, known = _known(ds.sel(D=2.2, m=4).isel(seed=seed), f"transmissivity_{axis}")
+        x, known = _known(ds.sel(D=2.2, m=4, axis=axis).isel(seed=seed), "transmissivity")
         last = int(np.flatnonzero(known > 0.0)[-1])
         inside = np.exp(np.interp(area, x[: last + 1], np.log(known[: last + 1])))
         falling = np.interp(area, x[last : last + 2], known[last : last + 2])
@@ -124,7 +124,7 @@ def test_one_surface_is_drawn_at_its_states_by_direction(ds: Dataset, name: str)
     drawn = {}
     for axis in "xy":
         (line,) = _lines(fig, 1, f"along ${axis}$")
-        area, values = _known(one.squeeze(), f"{name}_{axis}")
+        area, values = _known(one.sel(axis=axis).squeeze(), name)
         open_ = values > 0.0
         assert np.array_equal(line.get_xydata(), np.array([area[open_], values[open_]]).T)
         assert line.get_marker() != "None"
@@ -139,7 +139,7 @@ def test_a_sealed_direction_is_drawn_where_it_closes(ds: Dataset) -> None:
     one = ds.isel(D=[0], seed=[0])
     fig = FIGURES["seal_transmissivity"](one)
     for axis in "xy":
-        area, values = _known(one.squeeze(), f"transmissivity_{axis}")
+        area, values = _known(one.sel(axis=axis).squeeze(), "transmissivity")
         marks = [line for line in fig.axes[1].lines if line.get_marker() == {"x": "x", "y": "+"}[axis]]
         assert [line.get_xdata()[0] for line in marks] == [area[values == 0.0][0]]
         assert marks[0].get_ydata()[0] == fig.axes[1].get_ylim()[0]
@@ -150,14 +150,13 @@ def test_a_sealed_direction_is_drawn_where_it_closes(ds: Dataset) -> None:
 @pytest.mark.parametrize("name", ["seal_transmissivity", "seal_diffusivity", "seal_leak_rate", "seal_estimates"])
 def test_a_direction_closed_from_the_start_does_not_vanish(ds: Dataset, name: str) -> None:
     one = ds.isel(D=[0], seed=[0])
-    shut = [each for each in one.data_vars if str(each).endswith("_y") and each in NAMES_OF_FLOWS]
-    one = one.assign({each: 0.0 * one[each] for each in shut})
+    one = one.assign({each: one[each].where(one["axis"] == "x", 0.0 * one[each]) for each in NAMES_OF_FLOWS})
     fig = FIGURES[name](one)
     assert any(line.get_marker() == "+" for ax in fig.axes for line in ax.lines)
     assert shown(fig) > 1
 
 
-NAMES_OF_FLOWS = ("transmissivity_y", "diffusivity_y", "leak_rate_y", "percolates_y", "critical_gap_y")
+NAMES_OF_FLOWS = ("transmissivity", "diffusivity", "leak_rate", "percolates", "critical_gap")
 
 
 def test_the_leak_rate_is_that_stored_in_its_unit(ds: Dataset) -> None:
@@ -195,7 +194,7 @@ def test_regions_of_one_surface_have_no_band(ds: Dataset) -> None:
     state = ds.isel(D=0, seed=0).sel(m=4, step=1)
     drawn = [line.get_ydata() for line in fig.axes[3].lines]
     for axis in "xy":
-        assert any(np.array_equal(values, state[f"transmissivity_within_{axis}"]) for values in drawn)
+        assert any(np.array_equal(values, state["transmissivity_within"].sel(axis=axis)) for values in drawn)
 
 
 @pytest.mark.parametrize("panel", range(3))
@@ -217,11 +216,12 @@ def _study(load: np.ndarray, shut: dict[str, int]) -> Dataset:
         "free_volume": 2.0 / (1.0 + load),
         "nominal_pressure": 0.02 * load,
     }
-    for axis, place in shut.items():
-        values[f"percolates_{axis}"] = (step < place).astype(float)
-        values[f"transmissivity_{axis}"] = np.where(step < place, np.exp(-load), 0.0)
-    coordinates = {"case": ["scan.npy"], "step": step + 1, "L": 500.0}
-    made = xr.Dataset({name: (dims, each[None]) for name, each in values.items()}, coordinates).set_coords("L")
+    open_ = np.transpose([step < place for place in shut.values()])
+    values["percolates"] = open_.astype(float)
+    values["transmissivity"] = np.where(open_, np.exp(-load)[:, np.newaxis], 0.0)
+    coordinates = {"case": ["scan.npy"], "step": step + 1, "axis": list(shut), "L": 500.0}
+    along = {name: ((*dims, "axis")[: each.ndim + 1], each[None]) for name, each in values.items()}
+    made = xr.Dataset(along, coordinates).set_coords("L")
     made["nominal_pressure"].attrs["units"] = "MPa"
     return made
 
@@ -258,7 +258,7 @@ def test_ways_of_the_example_of_the_page_close_where_they_are_computed_closed(tm
     ds = dimensional.in_units(ds, loaded, "um")
     fig = FIGURES["seal_percolation"](ds)
     for axis in "xy":
-        open_ = ds[f"percolates_{axis}"].values[0]
+        open_ = ds["percolates"].sel(axis=axis).values[0]
         (line,) = _lines(fig, 0, f"along ${axis}$")
         assert _falls(line) == ds["mean_pressure"].values[0][np.argmax(open_ == 0.0)]
         (states,) = [each for each in fig.axes[0].lines if each.get_marker() == {"x": "o", "y": "s"}[axis]]
@@ -292,11 +292,11 @@ def test_the_map_shows_contact_and_flux_and_the_place_of_the_constriction(ds: Da
     case = ds.sel(D=2.2, m=4).isel(seed=0)
     panel = fig.axes[0]
     flux, contact = (np.ma.filled(image.get_array().astype(float), np.nan) for image in panel.images)
-    stored = case.flux_x.sel(flux_at="step=2").values
+    stored = case.flux.sel(axis="x", flux_at="step=2").values
     assert_allclose(flux.T, np.maximum(stored / stored.mean(), 1e-2), rtol=1e-12)
     assert np.array_equal(np.nan_to_num(contact.T) == 1.0, case.gap.sel(field_at="step=2").values == 0.0)
     marked = np.ravel([line.get_data() for line in panel.lines[:1]])
-    assert_allclose(marked, case.critical_position_x.sel(step=2))
+    assert_allclose(marked, case.critical_position.sel(axis="x", step=2))
 
 
 def test_sampling_keeps_to_what_is_known() -> None:
@@ -355,7 +355,7 @@ def test_one_surface_has_no_words_of_statistics() -> None:
 
 def test_what_shows_that_a_way_is_closed_counts_for_its_flow() -> None:
     ds = _study(np.arange(1.0, 6.0), {"x": 3, "y": 9})
-    ds["transmissivity_x"] = ds["transmissivity_x"].where(ds["step"] < 4)  # not computed where it is closed
+    ds["transmissivity"] = ds["transmissivity"].where(ds["step"] < 4)  # not computed where it is closed
     values = flow(ds, "transmissivity", "x").values[0]
     assert np.array_equal(values[3:], [0.0, 0.0])
     assert isinstance(way(ds["mean_pressure"].values[0], values), Way)

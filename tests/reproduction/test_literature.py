@@ -274,7 +274,7 @@ def test_needs_see_what_a_run_is(runs: dict[str, Path]) -> None:
     assert Rolled().unfit(run) == ()
     assert Rolled(area=(0.1, 0.8)).unfit(run) == ()
     assert Rolled(area=(0.1, 0.9)).unfit(run) == ("needs steps from A* = 0.1 to 0.9",)
-    assert Rolled(("critical_gap_x",)).unfit(run) == ("no h_c,x/σ recorded",)
+    assert Rolled(("critical_gap",)).unfit(run) == ("no h_c,i/σ recorded",)
     fewer = dataclasses.replace(run, dataset=run.dataset.isel(seed=[0]))
     assert Rolled(seeds=2).unfit(fewer) == ("1 surface of D = 2.2, m = 4 computed, needs 2",)
 

@@ -376,7 +376,7 @@ def test_closing_lies_between_neighbouring_loads(own: dict[str, Path]) -> None:
     facts = run_facts.facts(judge([own["scan"]]).runs[0])
     closing = next(table for table in facts.tables if table.title == run_facts.CLOSING)
     for row, axis in zip(closing.rows, "xy", strict=True):
-        is_open = stored[f"percolates_{axis}"][0].values > 0
+        is_open = stored["percolates"].sel(axis=axis)[0].values > 0
         last = int(np.flatnonzero(is_open)[-1])
         loads = stored.nominal_pressure[0].values
         assert row[1:4] == (axis, run_facts.number(loads[last]), run_facts.number(loads[last + 1]))

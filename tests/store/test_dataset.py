@@ -301,3 +301,25 @@ def test_the_file_of_a_case_does_not_need_a_dataset(monkeypatch: pytest.MonkeyPa
         assert direct.startswith(b"CDF" if most else b"\x89HDF")
         assert len(direct) == len(built)
         assert direct == built or not most
+
+
+def test_variables_of_an_older_version_along_x_and_y_are_joined(tmp_path: Path) -> None:
+    """Names of version 0.13: a suffix for each direction, and `axis` for the coordinates of a position."""
+    step, labels = np.array([1, 2]), np.array(["x", "y"], dtype=object)
+    rate, words = np.array([3.0, 1.0, 4.0, 2.0]).reshape(2, 1, 1, 1, 2), {"units": "mm^3/s", "viscosity": "1 mPa*s"}
+    old = {f"leak_rate_{axis}": (("D", "m", "seed", "step"), rate[k], words) for k, axis in enumerate("xy")}
+    flux = np.arange(24.0).reshape(2, 1, 1, 1, 1, 3, 4)
+    old |= {f"flux_{axis}": (("D", "m", "seed", "flux_at", "x", "y"), flux[k]) for k, axis in enumerate("xy")}
+    place = np.arange(8.0).reshape(2, 1, 1, 1, 2, 2)
+    old |= {f"critical_position_{a}": (("D", "m", "seed", "step", "axis"), place[k]) for k, a in enumerate("xy")}
+    old["nodes_x"] = old["nodes_y"] = (("D", "m", "seed"), np.full((1, 1, 1), 5.0))
+    coords = {"D": [2.3], "m": [2], "seed": [0], "step": step, "axis": labels, "flux_at": ["last"]}
+    Dataset(old, coords=coords, attrs={"format": dataset.FORMAT}).to_netcdf(tmp_path / "saved.nc")
+    read = dataset.read(tmp_path / "saved.nc", saved=True)
+    assert set(read.data_vars) == {"leak_rate", "flux", "critical_position", "nodes_x", "nodes_y"}
+    assert_array_equal(read.leak_rate.sel(axis="y").values.ravel(), [4.0, 2.0])
+    assert words.items() <= read.leak_rate.attrs.items()
+    assert_array_equal(read.flux.sel(axis="x").values.ravel(), flux[0].ravel())
+    assert_array_equal(read.critical_position.sel(axis="y", coordinate="x").values.ravel(), [4.0, 6.0])
+    for name in ("leak_rate", "flux", "critical_position"):
+        assert " ".join(map(str, read[name].dims)) == VARIABLES[name].dims.replace("...", "D m seed")

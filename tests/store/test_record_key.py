@@ -20,10 +20,10 @@ def test_every_key_is_one_of_a_study_file() -> None:
 @pytest.mark.parametrize(
     ("variable", "key"),
     [
-        ("leak_rate_x", "record.dimensional.leak_rate"),
+        ("leak_rate", "record.dimensional.leak_rate"),
         ("nominal_pressure", "record.dimensional.pressure"),
-        ("transmissivity_y", "record.transport.transmissivity"),
-        ("transmissivity_within_x", "record.region_widths.transmissivity"),
+        ("transmissivity", "record.transport.transmissivity"),
+        ("transmissivity_within", "record.region_widths.transmissivity"),
         ("gap", "record.fields_at"),
         ("heights", "record.heights"),
         ("mean_pressure", ""),

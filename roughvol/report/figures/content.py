@@ -22,10 +22,11 @@ from xarray import Dataset
 
 from roughvol.analysis import average
 from roughvol.analysis.derived import derived
-from roughvol.analysis.leak import AXES, fluid_of
+from roughvol.analysis.leak import fluid_of
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
+from roughvol.observables.variables import AXES
 from roughvol.report.figures.curves import plot
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
 from roughvol.report.figures.origin import dry_note, fluid_note, lacking, study_of, surfaces, written
@@ -53,8 +54,8 @@ VARIABLES_OF = {  # the first one that all runs have is drawn
     "d": ("separation",),
     "i": ("indentation",),
     "gap": ("mean_gap",),
-    "leak": ("leak_rate_y", "leak_rate_x"),
-    "flow": ("transmissivity_dry_x", "transmissivity_y", "transmissivity_x"),
+    "leak": ("leak_rate",),
+    "flow": ("transmissivity_dry", "transmissivity"),
     "stiffness": ("interfacial_stiffness",),
     "conductance": ("contact_conductance",),
 }
@@ -110,7 +111,7 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
     ready = [Named(run.name, in_units(first_leg(derived(run.dataset, study_of(run.dataset))), common)) for run in runs]
     x, y = _variable(x_key, ready), _variable(y_key, ready)
     if average.is_flow(y):
-        return _flow(ready, x, y.removesuffix("_x").removesuffix("_y"))
+        return _flow(ready, x, y)
     with mpl.rc_context(STYLE):
         some, title = _families(ready, x, y)
         some = [family._replace(label=wrapped(family.label)) for family in some]
@@ -129,32 +130,30 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
 
 def _flow(runs: Sequence[Named], x: str, name: str) -> Drawing:
     """Draw a flow along x and y: the states of one surface, median and band of several, and where the ways close."""
-    stored = [f"{name}_{axis}" for axis in AXES if all(f"{name}_{axis}" in run.dataset for run in runs)]
     with mpl.rc_context(STYLE):
-        some, title = _families(runs, x, stored[0])
+        some, title = _families(runs, x, name)
         some = [family._replace(label=wrapped(family.label)) for family in some]
         fig = canvas(COLUMN, 3.2 + LINE * max(0, _legend_lines(some) - 2))
         ax = fig.subplots()
-        beside = [f"{name}_dry_{axis}" for axis in AXES]
+        dry = f"{name}_dry"
         values = np.concatenate(
-            [family.data[key].values.ravel() for family in some for key in (*stored, *beside) if key in family.data]
+            [family.data[key].values.ravel() for family in some for key in (name, dry) if key in family.data]
         )
         values = values[values > 0.0]
         top = float(values.max(initial=1e-300))
         floor = 0.4 * max(float(values.min(initial=top)), top * 10.0**-DECADES)
         ax.set(yscale="log", ylim=(floor, 2.5 * top), xlabel=_label(x, runs))
-        ax.set_ylabel(_label(stored[0], runs, LABELS[name]))
+        ax.set_ylabel(_label(name, runs))
         closed, median = set[str](), False
         for family in some:
             for axis in AXES:
-                members = ways(family, x, name, axis) if f"{name}_{axis}" in stored else []
+                members = ways(family, x, name, axis)
                 median = median or has_median(members)
                 if members and draw_flow(ax, family, members, axis, alone=len(some) == 1):
                     closed.add(axis)
-            if f"{name}_dry_x" in family.data:
-                _dry(ax, family, x, f"{name}_dry")
-        dry = any(f"{name}_dry_x" in family.data for family in some)
-        _legend(ax, some, closed, title, dry=dry, median=median)
+            if dry in family.data:
+                _dry(ax, family, x, dry)
+        _legend(ax, some, closed, title, dry=any(dry in family.data for family in some), median=median)
         fig.note(" ".join([_origin(runs, some), *(_fluids(runs) if name == "leak_rate" else [])]))
     return fig
 
@@ -162,7 +161,7 @@ def _flow(runs: Sequence[Named], x: str, name: str) -> Drawing:
 def _dry(ax: Axes, family: Family, x: str, name: str) -> None:
     """Draw a flow of the dry gap as thin grey lines beside the lifted flow."""
     for axis in AXES:
-        for surface, curve in enumerate(curves(family, x, f"{name}_{axis}")):
+        for surface, curve in enumerate(curves(family.along(axis), x, name)):
             lines = ax.plot(
                 *_positive(curve), color=GREY, lw=0.6, ls=LINES[axis], zorder=1, label=f"_dry, along ${axis}$"
             )
@@ -256,10 +255,9 @@ def _unit(name: str, ds: Dataset) -> str:
     return str(ds[name].attrs.get("units", "1"))
 
 
-def _label(name: str, runs: Sequence[Named], words: str = "") -> str:
+def _label(name: str, runs: Sequence[Named]) -> str:
     unit = _unit(name, runs[0].dataset)
-    words = words or LABELS[name]
-    return words if unit == "1" else f"{words} [{unit_text(unit)}]"
+    return LABELS[name] if unit == "1" else f"{LABELS[name]} [{unit_text(unit)}]"
 
 
 def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]:

@@ -43,6 +43,10 @@ class Family(NamedTuple):
         """Number of surfaces."""
         return int(self.data.sizes["seed"])
 
+    def along(self, axis: str) -> Family:
+        """Return the family with its numbers along a direction."""
+        return self._replace(data=self.data.sel(axis=axis))
+
     def source(self, surface: int | None = None) -> dict[str, object]:
         """Return the labels of the family, or of one of its surfaces: D, m, seed, or case, and the name of a curve."""
         found: dict[str, object] = {"curve": self.label}

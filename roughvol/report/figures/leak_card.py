@@ -16,10 +16,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from xarray import Dataset, concat
 
-from roughvol.analysis.leak import AXES, STATE
+from roughvol.analysis.leak import STATE
 from roughvol.analysis.leak_card import Card, SurfaceAtLoad
 from roughvol.analysis.legs import first_leg
 from roughvol.gap.transport import conduction
+from roughvol.observables.variables import AXES
 from roughvol.report.card_text import SAME, has_legs
 from roughvol.report.figures.families import Family
 from roughvol.report.figures.seal_drawing import CLOSED, draw_flow, look_of
@@ -141,8 +142,8 @@ def _column(
 def _against_load(ax: Axes, card: Card) -> None:
     """Draw the leak over the load, where the ways close, and leak and error at the load of the card."""
     family = _family(card)
-    leaks = [family.data[f"leak_{axis}"].values for axis in AXES]
-    positive = np.concatenate([values[values > 0.0] for values in (*leaks, np.array([_lowest(card), _highest(card)]))])
+    values = np.append(family.data["leak"].values, [_lowest(card), _highest(card)])
+    positive = values[values > 0.0]
     top = float(positive.max(initial=1e-300))
     floor = max(float(positive.min(initial=top)), top * 10.0**-DECADES)
     unit = card.ways[0].unit
@@ -183,12 +184,10 @@ def _family(card: Card) -> Family:
     tables = []
     for one in card.surfaces:
         table = first_leg(one.table)
-        found = {"load": table[load]}
-        for axis in AXES:
-            rate = f"leak_rate{dry}_{axis}"
-            starred = table[f"transmissivity{dry}_{axis}"] * table["free_volume"] ** 3
-            found[f"leak_{axis}"] = table[rate] if rate in table and card.ways[0].unit else starred
-        tables.append(Dataset({name: ("step", variable.values) for name, variable in found.items()}))
+        rate, starred = f"leak_rate{dry}", table[f"transmissivity{dry}"] * table["free_volume"] ** 3
+        leak = table[rate] if rate in table and card.ways[0].unit else starred
+        along = {"load": ("step", table[load].values), "leak": (leak.dims, leak.values)}
+        tables.append(Dataset(along, coords={"axis": list(AXES)}))
     return Family("", 0.0, looks(1)[0], concat(tables, "seed"))
 
 
@@ -228,10 +227,10 @@ def _flux_map(ax: Axes, card: Card) -> None:
     """Draw the flux along x over its mean on one surface, and the contact."""
     one = _shown(card)
     assert one is not None
-    state = _state(one)
-    flux, gap = (state[name].transpose("x", "y").values for name in ("flux_x", "gap"))
+    state = _state(one).sel(axis="x")
+    flux, gap = (state[name].transpose("x", "y").values for name in ("flux", "gap"))
     if card.lifted:
-        gap = state.sel({STATE: one.recorded})["fluid_gap_x"].transpose("x", "y").values
+        gap = state.sel({STATE: one.recorded})["fluid_gap"].transpose("x", "y").values
         inside = np.isfinite(flux)
         whole = bool(inside[np.isfinite(gap)].all())
         rows, columns = (np.flatnonzero(inside.any(axis=other)) for other in (1, 0))

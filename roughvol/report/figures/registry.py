@@ -62,27 +62,27 @@ FIGURES = table(
     Figure(
         seal.seal_percolation,
         "Share of the surfaces on which void leads from side to side." + DIRECTIONS + PANELS,
-        (P, A, V, "percolates_x", "percolates_y"),
+        (P, A, V, "percolates"),
     ),
     Figure(
         seal.seal_transmissivity,
         "Transmissivity T*: flow with the cubed gap over that between smooth plates at the mean gap."
         + DIRECTIONS
         + PANELS,
-        (P, A, V, "transmissivity_x", "transmissivity_y"),
+        (P, A, V, "transmissivity"),
         refuse=_lifted,
     ),
     Figure(
         seal.seal_diffusivity,
         "Diffusivity D*: flow with the gap over that between smooth plates at the mean gap." + DIRECTIONS + PANELS,
-        (P, A, V, "diffusivity_x", "diffusivity_y"),
+        (P, A, V, "diffusivity"),
     ),
     Figure(
         seal.seal_leak_rate,
         "Leak rate of the patch at the pressure drop and viscosity above, in the unit of the study."
         + DIRECTIONS
         + PANELS,
-        (P, A, V, "leak_rate_x", "leak_rate_y"),
+        (P, A, V, "leak_rate"),
         refuse=_lifted,
     ),
     Figure(
@@ -96,19 +96,13 @@ FIGURES = table(
         seal.seal_estimates,
         "Quick estimates of the transmissivity over the flow computed, against contact area A*: effective medium "
         "(left), single critical junction (right). The dashed line is agreement.",
-        (
-            A,
-            "transmissivity_x",
-            "transmissivity_y",
-            "estimate_medium_transmissivity",
-            "estimate_junction_transmissivity_x",
-        ),
+        (A, "transmissivity", "estimate_medium_transmissivity", "estimate_junction_transmissivity"),
     ),
     Figure(
         seal.seal_map,
         "Flux along x over its mean at the recorded loads, on a logarithmic scale. The contact is blue; the circle "
         "marks the critical constriction.",
-        (A, P, "flux_x", "gap", "critical_position_x"),
+        (A, P, "flux", "gap", "critical_position"),
         single,
     ),
     Figure(

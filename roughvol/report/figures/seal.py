@@ -21,6 +21,7 @@ from xarray import Dataset
 
 from roughvol.analysis import leak
 from roughvol.gap.transport import constriction
+from roughvol.observables.variables import AXES
 from roughvol.report.figures import seal_ways
 from roughvol.report.figures.cases import SHOWN_D, nearest
 from roughvol.report.figures.curves import shown
@@ -38,7 +39,7 @@ from roughvol.report.figures.seal_drawing import (
     look_of,
     name_of,
 )
-from roughvol.report.figures.seal_ways import DIRECTIONS, ways
+from roughvol.report.figures.seal_ways import ways
 from roughvol.report.figures.style import (
     CONTACT,
     GREY,
@@ -78,7 +79,7 @@ def _in_units(ax: Axes, ds: Dataset) -> None:
 def _panels(ds: Dataset, rows: int, *names: str) -> tuple[Drawing, Any, list[Family], str]:
     """Return a page with a column each for p*, A* and V*, and the families to draw."""
     some, title = families(ds, "D", *names)
-    rows = rows or (1 if len(some) == 1 else len(DIRECTIONS))
+    rows = rows or (1 if len(some) == 1 else len(AXES))
     fig = canvas(PAGE, 2.1 * rows + 1.0)
     axes = fig.subplots(rows, 3, sharex="col", sharey="row", squeeze=False)
     for ax, x in zip(axes[-1], (P, A, V), strict=True):
@@ -95,10 +96,10 @@ def _rows(axes: Any, some: list[Family], label: str) -> list[tuple[Any, str]]:
     """Return the axes and x of each direction: both in one row for one family, a row each for several."""
     if len(some) == 1:
         axes[0, 0].set_ylabel(label)
-        return [(axes[0], direction) for direction in DIRECTIONS]
-    for row, direction in zip(axes, DIRECTIONS, strict=True):
+        return [(axes[0], direction) for direction in AXES]
+    for row, direction in zip(axes, AXES, strict=True):
         row[0].set_ylabel(f"{label}, along ${direction}$")
-    return list(zip(axes, DIRECTIONS, strict=True))
+    return list(zip(axes, AXES, strict=True))
 
 
 def seal_volume(ds: Dataset) -> Drawing:
@@ -127,7 +128,7 @@ def seal_percolation(ds: Dataset) -> Drawing:
     A step falls at the first state computed closed: the closing load lies between that state and the one before. The
     band is the binomial standard error.
     """
-    fig, axes, some, title = _panels(ds, 0, P, "percolates_x", "percolates_y")
+    fig, axes, some, title = _panels(ds, 0, P, "percolates")
     many = any(family.surfaces > 1 for family in some)
     for row, direction in _rows(axes, some, "share of open surfaces" if many else "open (1) or closed (0)"):
         for ax, x in zip(row, (P, A, V), strict=True):
@@ -139,7 +140,7 @@ def seal_percolation(ds: Dataset) -> Drawing:
                 share = seal_ways.is_open(members, at).mean(axis=0)
                 ax.plot(at, share, drawstyle="steps-post", label=name_of(family, direction), **line)
                 if len(members) == 1:
-                    states = curves(family, x, f"percolates_{direction}")[0]
+                    states = curves(family.along(direction), x, "percolates")[0]
                     ax.plot(*states, label="_states", **(look | {"ls": "", "zorder": line["zorder"]}))
                     continue
                 error = np.sqrt(share * (1.0 - share) / len(members))
@@ -154,9 +155,8 @@ def seal_percolation(ds: Dataset) -> Drawing:
 
 def _coefficient(ds: Dataset, name: str, label: str, *words: str) -> Drawing:
     """Draw a flow along x and along y over p*, A* and V*."""
-    names = [f"{name}_{direction}" for direction in DIRECTIONS]
-    fig, axes, some, title = _panels(ds, 0, P, *names)
-    values = np.concatenate([family.data[one].values.ravel() for family in some for one in names])
+    fig, axes, some, title = _panels(ds, 0, P, name)
+    values = np.concatenate([family.data[name].values.ravel() for family in some])
     values = values[values > 0.0]
     top = float(values.max(initial=1e-300))
     for ax in axes[:, 0]:
@@ -192,7 +192,7 @@ def seal_diffusivity(ds: Dataset) -> Drawing:
 def seal_leak_rate(ds: Dataset) -> Drawing:
     """Leak rate of the patch along x and y, at the pressure drop and viscosity of the study, and where it stops."""
     fluid = leak.fluid_of(ds).replace("*", " ")
-    return _coefficient(ds, "leak_rate", f"leak rate [{unit_of(ds, 'leak_rate_x')}]", fluid)
+    return _coefficient(ds, "leak_rate", f"leak rate [{unit_of(ds, 'leak_rate')}]", fluid)
 
 
 def seal_region(ds: Dataset) -> Drawing:
@@ -204,9 +204,10 @@ def seal_region(ds: Dataset) -> Drawing:
     family = _nearest(ds)
     names = {"contact_area_fraction_within": r"$A^{\ast}$", "mean_pressure_within": r"$p^{\ast}$"}
     names |= {"free_volume_within": r"$V^{\ast}$"}
-    flows = {axis: name for axis in DIRECTIONS if (name := f"transmissivity_within_{axis}") in ds}
-    recorded = next(iter(flows.values()), "free_volume_within")
-    stored = family.data[recorded].notnull().any(["seed", "region_width"])
+    flow = "transmissivity_within"
+    flows = AXES if flow in ds else ()
+    recorded = family.data[flow].sel(axis="x") if flows else family.data["free_volume_within"]
+    stored = recorded.notnull().any(["seed", "region_width"])
     pressed = (family.data[A] > 0.0).all("seed")  # else there is nothing to take shares of
     steps = family.data["step"].values[(stored & pressed).values]
     steps = steps[np.unique(np.linspace(0, len(steps) - 1, min(len(steps), STATES)).round().astype(int))]
@@ -217,7 +218,7 @@ def seal_region(ds: Dataset) -> Drawing:
         ax.set_xlabel("width over $L$")
     states = [family.data.sel(step=step) for step in steps]
     if flows:
-        values = np.concatenate([state[name].values.ravel() for state in states for name in flows.values()])
+        values = np.concatenate([state[flow].values.ravel() for state in states])
         values = values[values > 0.0]
         axes[-1].set(ylabel=r"$T^{\ast}$ inside", yscale="log", ylim=(0.4 * values.min(initial=1.0), 2.5))
     handles, closed = [], []
@@ -234,8 +235,8 @@ def seal_region(ds: Dataset) -> Drawing:
                 ax.fill_between(width, mean - error, mean + error, color=look["color"], alpha=0.18, lw=0, zorder=2)
             ax.plot(width, mean, label=label, zorder=3, **look)
             ax.set_ylabel(f"{symbol} inside / {symbol} of the whole")
-        for direction, name in flows.items():
-            rows = state[name].transpose("seed", "region_width").values
+        for direction in flows:
+            rows = state[flow].sel(axis=direction).transpose("seed", "region_width").values
             closed += draw_by_width(axes[-1], width, rows[np.isfinite(rows).all(axis=1)], look, direction)
     for ax in axes[:3]:
         ax.axhline(1.0, color=GREY, lw=0.7, ls="--")
@@ -264,20 +265,19 @@ def seal_estimates(ds: Dataset) -> Drawing:
     effective medium counts as infinitely too high there, the junction, closed as well, is left out. Between its last
     open state and the closing the last ratio is kept. A direction ends at a mark on the lower edge.
     """
-    some, title = families(ds, "D", A, "transmissivity_x", "estimate_medium_transmissivity")
+    some, title = families(ds, "D", A, "transmissivity", "estimate_medium_transmissivity")
     fig = canvas(PAGE, 3.1)
     fig.shown = shown(some)
-    rows = 1 if len(some) == 1 else len(DIRECTIONS)
+    rows = 1 if len(some) == 1 else len(AXES)
     fig.set_size_inches(PAGE, 2.1 * rows + 1.0)
     axes = fig.subplots(rows, 2, sharex="all", sharey="all", squeeze=False)
     drawn = []
     for row, direction in _rows(axes, some, r"estimate over $T^{\ast}$"):
         # Where a way is closed the medium, if it still flows, is infinitely too high; the junction is closed as well.
-        for ax, name, beyond in ((row[0], "medium", np.inf), (row[1], f"junction_{direction}", np.nan)):
+        for ax, name, beyond in ((row[0], "medium", np.inf), (row[1], "junction", np.nan)):
             for family in some:
-                kind, _, axis = name.partition("_")
-                estimate = family.data["_".join(filter(None, ("estimate", kind, "transmissivity", axis)))]
-                over = estimate / family.data[f"transmissivity_{direction}"]
+                along = family.along(direction).data
+                over = along[f"estimate_{name}_transmissivity"] / along["transmissivity"]
                 drawn.append((ax, family, seal_ways.ratios(family, A, over, direction), direction, beyond))
     values = np.concatenate([np.ones(1), *(one.value for _, _, members, _, _ in drawn for one in members)])
     axes[0, 0].set(yscale="log", ylim=(0.5 * float(values.min()), 2.0 * float(values.max())))
@@ -302,14 +302,15 @@ def seal_map(ds: Dataset) -> Drawing:
 
     The flow enters at x = 0 and leaves at x = L.
     """
-    case, name = single(ds, "flux_x")
+    case, name = single(ds, "flux")
+    case = case.sel(axis="x")
     reached = [label for label in case["flux_at"].values if int(case["flux_at_step"].sel(flux_at=label)) > 0]
     labels = [label for label in reached if label in case["field_at"].values][:3]
     fig = canvas(PAGE, 2.9)
     axes = fig.subplots(1, len(labels), sharey=True, squeeze=False)[0]
     for ax, label in zip(axes, labels, strict=True):
         state = at_state(case, "flux_at", case["flux_at"].values.tolist().index(label))
-        flux = own(state["flux_x"])
+        flux = own(state["flux"])
         x, y, half = flux["x"].values, flux["y"].values, flux["x"].values[1] / 2
         options: dict[str, Any] = {"origin": "lower", "interpolation": "none"}
         options["extent"] = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
@@ -324,8 +325,8 @@ def seal_map(ds: Dataset) -> Drawing:
             for width, colour in ((2.6, "w"), (1.2, "k")):
                 ax.plot(x[place[0]], y[place[1]], mec=colour, mew=width, **spot)
         title = rf"$A^{{\ast}} = {float(state[A]):.3f}$, $p^{{\ast}} = {float(state[P]):.2f}$"
-        if "flux_at_transmissivity_x" in state:
-            mantissa, power = f"{float(state['flux_at_transmissivity_x']):.1e}".split("e")
+        if "flux_at_transmissivity" in state:
+            mantissa, power = f"{float(state['flux_at_transmissivity']):.1e}".split("e")
             title += "\n" + rf"$T_x^{{\ast}} = {mantissa} \times 10^{{{int(power)}}}$"
         ax.set(xlabel="$x/L$", title=title)
     axes[0].set_ylabel("$y/L$")

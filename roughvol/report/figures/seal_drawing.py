@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from roughvol.observables.variables import AXES
 from roughvol.report.figures import seal_ways
 from roughvol.report.figures.families import Family, curves, mean_and_band, named
-from roughvol.report.figures.seal_ways import DIRECTIONS, Way
+from roughvol.report.figures.seal_ways import Way
 from roughvol.report.figures.style import GREY, Drawing, looks
 from roughvol.typing import Array
 
@@ -24,7 +25,7 @@ FAINT = 0.13  # opacity of a band, beneath which others are seen
 
 def look_of(family: Family, direction: str, *, alone: bool) -> dict[str, Any]:
     """Return how a direction of a family is drawn: dashed and hollow along y, and of its own colour if it is alone."""
-    look = looks(2)[DIRECTIONS.index(direction)] if alone else family.look
+    look = looks(2)[AXES.index(direction)] if alone else family.look
     face = look["color"] if direction == "x" else "none"
     return look | {"ls": LINES[direction], "mfc": face, "mew": 0.8}
 
@@ -39,7 +40,7 @@ def direction_legend(
 ) -> None:
     """Put one legend above all axes: families by colour, directions of a single one by line, and what marks closing."""
     alone = len(some) == 1
-    named = [(f"along ${axis}$", some[0], look_of(some[0], axis, alone=True)) for axis in DIRECTIONS]
+    named = [(f"along ${axis}$", some[0], look_of(some[0], axis, alone=True)) for axis in AXES]
     if not alone:
         named = [(family.label, family, family.look) for family in some]
     handles = []

@@ -20,7 +20,6 @@ from roughvol.observables.at_state import at_state
 from roughvol.report.figures.families import Family, several
 from roughvol.typing import Array
 
-DIRECTIONS = ("x", "y")
 GRID = 240  # points of a curve over several surfaces
 BAND = (100.0 * RANGE[0], 100.0 * RANGE[1])  # percentiles of a band over surfaces
 EVIDENCE = ("transmissivity", "percolates", "critical_gap", "diffusivity")  # each is 0 where a way is closed
@@ -41,12 +40,13 @@ class Way(NamedTuple):
 
 def flow(ds: Dataset, name: str, direction: str) -> DataArray:
     """Return a flow along a direction, also 0 at the states at which another variable shows that the way is closed."""
-    values = ds[f"{name}_{direction}"]
+    ds = ds.sel(axis=direction)
+    values = ds[name]
     if is_lifted(ds):  # the ways that are stored are those of the dry gap
         return values
     for other in EVIDENCE:
-        if (known := f"{other}_{direction}") in ds:
-            values = values.where(values.notnull() | (ds[known] != 0.0), 0.0)
+        if other in ds:
+            values = values.where(values.notnull() | (ds[other] != 0.0), 0.0)
     return values
 
 

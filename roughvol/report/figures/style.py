@@ -51,7 +51,7 @@ RAISED = {"2": "²", "3": "³"}  # the font has no others, nor a raised minus
 WIDE = 62  # characters of a legend, lines included, that fit over a column
 MANY = 30  # computed states of a curve, beyond which only some have a marker
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
-LABELS = {name.removesuffix("_x"): row.label for name, row in QUANTITIES.items() if row.label and name[-2:] != "_y"}
+LABELS = {name: row.label for name, row in QUANTITIES.items() if row.label}
 
 
 class Drawing(Figure):

@@ -12,15 +12,17 @@ from xarray import Dataset
 
 from roughvol.analysis.average import averages
 from roughvol.analysis.leak import counted, fluid_of
+from roughvol.analysis.tables import spread
+from roughvol.observables.variables import columns_of
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import families, own, several, single
 from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing, P, V, canvas, unit_of
 
-# Further panels, where they are stored: variables, label, and whether the axis is logarithmic.
+# Further panels, where they are stored: variable, label, and whether the axis is logarithmic.
 FURTHER = (
-    (("leak_rate_x", "leak_rate_y"), "leak rate along ${}$", True),
-    (("transmissivity_x", "transmissivity_y"), r"transmissivity $T^{{\ast}}$ along ${}$", True),
-    (("plastic_volume",), r"plastic volume $\bar{{u}}_\mathrm{{pl}}/\sigma$", False),
+    ("leak_rate", "leak rate along ${}$", True),
+    ("transmissivity", r"transmissivity $T^{{\ast}}$ along ${}$", True),
+    ("plastic_volume", r"plastic volume $\bar{{u}}_\mathrm{{pl}}/\sigma$", False),
 )
 NOMINAL = "nominal_pressure"
 
@@ -34,10 +36,10 @@ def path_loops(ds: Dataset) -> Drawing:
     ds = counted(ds)
     some, title = families(ds, "D", P, V)
     load = NOMINAL if NOMINAL in ds else P
-    further = next((row for row in FURTHER if row[0][0] in ds and bool(ds[row[0][0]].notnull().any())), None)
+    further = next((row for row in FURTHER if row[0] in ds and bool(ds[row[0]].notnull().any())), None)
     names = [(A, LABELS[A], False), (V, LABELS[V], False)]
     if further is not None:
-        names += [(name, further[1].format(name[-1]), further[2]) for name in further[0]]
+        names += [(name, further[1].format(name[-1]), further[2]) for name in columns_of(further[0])]
     rows = 2 if len(names) > 3 else 1
     fig = canvas(PAGE, 2.5 * rows + 0.6)
     panels = np.ravel(fig.subplots(rows, len(names) // rows))
@@ -46,7 +48,7 @@ def path_loops(ds: Dataset) -> Drawing:
         for leg in legs:
             begin = int(np.flatnonzero(ds["leg"].values == leg)[0])
             steps = slice(max(begin - 1, 0), begin + int((ds["leg"] == leg).sum()))
-            part = averages(family.data.isel(step=steps))
+            part = averages(spread(family.data.isel(step=steps)))
             dash = DASHES[(int(leg) - 1) % len(DASHES)]
             for ax, (name, _, logarithmic) in zip(panels, names, strict=True):
                 computed = part[name].notnull().values
@@ -54,7 +56,7 @@ def path_loops(ds: Dataset) -> Drawing:
                 drawn = np.where(y > 0.0, y, np.nan) if logarithmic else y  # a logarithmic axis has no zero
                 ax.plot(x, drawn, ls=dash, color=family.look["color"])
     for ax, (name, label, logarithmic) in zip(panels, names, strict=True):
-        unit = unit_of(ds, name) if name.startswith("leak_rate") else ""
+        unit = unit_of(ds, "leak_rate") if name.startswith("leak_rate") else ""
         below = LABELS[P] if load == P else f"nominal pressure $p$ [{unit_of(ds, NOMINAL)}]"
         ax.set(xlabel=below, ylabel=f"{label} [{unit}]" if unit else label)
         ax.set_yscale("log" if logarithmic else "linear")
@@ -63,7 +65,7 @@ def path_loops(ds: Dataset) -> Drawing:
     handles += [Line2D([], [], color=GREY, ls=dash, label=f"leg {leg}") for leg, dash in zip(legs, dashes, strict=True)]
     number = several(family.surfaces for family in some)
     words = [title, f"mean of {number} surfaces, of leaks the median" if number else ""]
-    if further is not None and further[0][0].startswith("leak_rate"):
+    if further is not None and further[0] == "leak_rate":
         words.append(fluid_of(ds).replace("*", " "))
     fig.legend(handles=handles, title="; ".join(filter(None, words)) or None, loc="outside upper center", ncols=8)
     fig.shown = shown(some)

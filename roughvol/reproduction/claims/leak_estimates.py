@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from xarray import broadcast
 
 from roughvol.analysis.stored_run import Run
 from roughvol.reproduction.claims.evidence import A, Evidence
 
 ESTIMATES = {
     "effective medium": "estimate_medium_transmissivity",
-    "single critical junction": "estimate_junction_transmissivity_{}",
+    "single critical junction": "estimate_junction_transmissivity",
 }
 EDGES = (0.0, 0.05, 0.1, 0.2, 0.3, 1.0)  # of the classes of A*
 HEAD = ("run", "estimate", "A*", "median", "90 % of states", "off by more than 2", "open or closed wrongly", "n")
@@ -53,12 +54,10 @@ def ratios(evidence: Evidence) -> list[Ratio]:
 
 def _of(run: Run, name: str) -> Iterator[Ratio]:
     ds = run.dataset
-    pairs = [(ESTIMATES[name].format(axis), f"transmissivity_{axis}") for axis in "xy"]
-    if A not in ds or any(variable not in ds for pair in pairs for variable in pair):
+    names = (A, ESTIMATES[name], "transmissivity")
+    if any(variable not in ds for variable in names):
         return
-    area = np.concatenate([ds[A].values.ravel() for _ in pairs])
-    guess = np.concatenate([ds[estimate].values.ravel() for estimate, _ in pairs])
-    flow = np.concatenate([ds[computed].values.ravel() for _, computed in pairs])
+    area, guess, flow = (one.values.ravel() for one in broadcast(*(ds[variable] for variable in names)))
     mask = np.isfinite(guess) & np.isfinite(flow) & np.isfinite(area)
     for low, high in pairwise(EDGES):
         inside = mask & (area > low) & (area <= high)

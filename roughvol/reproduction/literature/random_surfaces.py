@@ -34,9 +34,7 @@ OFF_LINE = 0.05  # distance from the line between the two exponents
 AREA = Rolled((A, P, PERIMETER, SLOPE), ratios=(2.0, 4.0, 8.0, 16.0), seeds=10, rtol=1e-5, area=(0.02, 0.06))
 LOAD = Rolled((A, P, V, PERIMETER, SLOPE, HEIGHT), rolloff=16.0, resolved=4.0, seeds=10, rtol=1e-5, area=(0.01, 0.3))
 ALL_LOADS = Rolled((A, P, PERIMETER, SLOPE), rolloff=16.0, resolved=4.0, seeds=10, rtol=1e-5, area=(0.02, 0.95))
-CLOSING = Rolled(
-    (A, PERIMETER, "percolates_x", "percolates_y"), rolloff=16.0, resolved=8.0, seeds=20, rtol=1e-5, area=(0.35, 0.5)
-)
+CLOSING = Rolled((A, PERIMETER, "percolates"), rolloff=16.0, resolved=8.0, seeds=20, rtol=1e-5, area=(0.35, 0.5))
 FREE = BY_D.of(P, D_SIGMA, steps=8, end="pressure")
 
 
@@ -145,7 +143,7 @@ def _areas(run: Run) -> tuple[Array, Array]:
 
 def closings(run: Run, area: Array) -> Array:
     """Return the area at which the void closes, mean over both axes, for each surface of the finest grid."""
-    ways = [run.values(f"percolates_{axis}", D=run.D[0], m=max(run.m)) for axis in "xy"]
+    ways = np.moveaxis(run.values("percolates", D=run.D[0], m=max(run.m)), -1, 0)
     found: Array = np.mean([closing_area(area, way) for way in ways], axis=0)
     require(np.isfinite(found).all(), "a sweep in which the void of every surface closes along both axes")
     return found

@@ -92,7 +92,7 @@ class FluidPressure(Strict):
         "pressure agree",
     )
     at: Selector = Field(default=Select(), description=f"states, each at its load: {IN_WORDS}")
-    fields: bool = Field(default=False, description="store the lifted gaps, fluid_gap_x and fluid_gap_y: true or false")
+    fields: bool = Field(default=False, description="store the lifted gaps, fluid_gap: true or false")
 
     @model_validator(mode="after")
     def _falls(self) -> FluidPressure:
