@@ -1,27 +1,20 @@
-"""Kernels against quadrature, their own laws, and the inverse that the prediction of the solver rests on."""
+"""Kernels against quadrature and sums over images, their laws, and the inverse that the prediction rests on."""
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 import pytest
-from oracles import KERNELS, coefficients, dense_matrix
 
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.kernels import kernel_of, love_kernel, punch_kernel
+from roughvol.contact.kernels import KERNELS, influence_matrix, kernel_of, layer, love_kernel, periodic_spectrum
+from roughvol.contact.kernels import punch_kernel as punch
 from roughvol.errors import ContactError
+from tests.contact.kit import FREE, PERIODIC, coefficients, dense, dense_matrix, half_space, love_influence, random
 
-SHAPES = [(1, 1), (1, 2), (1, 7), (2, 1), (2, 2), (3, 3), (3, 4), (5, 9), (17, 9), (12, 7), (23, 18), (3, 100), (33, 2)]
 EPS = np.finfo(float).eps
-
-
-def noise(shape, seed=0):
-    return np.random.default_rng(seed).standard_normal(shape)
-
-
-def test_element_under_its_own_pressure():
-    assert float(love_kernel(0.0, 0.0)) == pytest.approx(4.0 * math.log(1.0 + math.sqrt(2.0)), rel=4 * EPS)
 
 
 @pytest.mark.parametrize(
@@ -39,89 +32,141 @@ def test_love_kernel_is_the_integral_over_the_element(x, y):
     assert float(love_kernel(x, y)) == pytest.approx(integral, rel=1e-13)
 
 
-@pytest.mark.parametrize("x", [0, 3, 60, 66, 150, 190, 192, 195])
+def test_coefficients_of_love_are_those_of_a_loaded_rectangle():
+    assert float(love_kernel(0.0, 0.0)) == pytest.approx(4.0 * math.log(1.0 + math.sqrt(2.0)), rel=4 * EPS)
+    np.testing.assert_allclose(coefficients((17, 33)), love_influence((17, 33)), rtol=1e-12)
+
+
 @pytest.mark.parametrize("slope", [0.0, 1 / 3, 1.0])
-def test_nine_elements_are_one_of_three_times_the_side(x, slope):
+def test_nine_elements_are_one_of_three_times_the_side(slope):
     # At 66 … 190 the nine lie in the range of the series and the large one in that of the closed form.
-    x, y = float(x), float(round(x * slope))
     around = np.arange(-1.0, 2.0)
-    nine = love_kernel(np.abs(x + around)[:, None], np.abs(y + around))
-    assert nine.sum() == pytest.approx(3.0 * float(love_kernel(x / 3.0, y / 3.0)), rel=1e-13)
+    for x in (0.0, 3.0, 60.0, 66.0, 150.0, 190.0, 192.0, 195.0):
+        y = round(x * slope)
+        nine = love_kernel(np.abs(x + around)[:, None], np.abs(y + around))
+        assert nine.sum() == pytest.approx(3.0 * float(love_kernel(x / 3.0, y / 3.0)), rel=1e-13)
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
-def test_kernel_is_symmetric_positive_and_falls_off(kernel):
-    quadrant = coefficients((120, 120), kernel)
+@pytest.mark.parametrize("kernel", [love_kernel, punch])
+def test_kernel_is_symmetric_positive_and_falls_off_as_a_point_force(kernel):
+    quadrant = kernel(np.arange(120.0)[:, None], np.arange(120.0))
     np.testing.assert_allclose(quadrant, quadrant.T, rtol=1e-13)
     assert quadrant.min() > 0.0
     assert np.diff(quadrant, axis=0).max() < 0.0
-
-
-@pytest.mark.parametrize("x", [10.0, 63.0, 65.0, 1000.0])
-def test_far_kernel_is_a_point_force_with_the_moment_of_the_element(x):
-    # Love: r K - 1 → 1/(24 r²), half the second moment of the square; punch: asin(s) - s → s³/6, the same
-    for kernel in (love_kernel, punch_kernel):
+    for x in (10.0, 63.0, 65.0, 1000.0):
+        # Love: r K - 1 → 1/(24 r²), half the second moment of the square; punch: asin(s) - s → s³/6, the same
         assert x * x * (x * float(kernel(x, 0.0)) - 1.0) == pytest.approx(1 / 24, abs=0.03 / x**2 + 2 * EPS * x * x)
 
 
 def test_punch_kernel_values():
-    x = np.array([0.0, 1.0, 0.0, 1.0, 3.0])
-    y = np.array([0.0, 0.0, 1.0, 1.0, 4.0])
     expected = [2.0, math.pi / 3, math.pi / 3, 2 * math.asin(math.sqrt(0.125)), 2 * math.asin(0.1)]
-    np.testing.assert_allclose(punch_kernel(x, y), expected, rtol=4 * EPS)
+    np.testing.assert_allclose(punch([0, 1, 0, 1, 3], [0, 0, 1, 1, 4]), expected, rtol=4 * EPS)
 
 
-@pytest.mark.parametrize(("x", "y"), [(-1.0, 0.0), (0.0, -1.0), ([0.0, 1.0], [[2.0], [-1e-9]])])
-def test_negative_offsets_are_refused(x, y):
-    with pytest.raises(ContactError, match=r">= 0"):
-        love_kernel(x, y)
+def test_influence_matrix_is_k_of_the_offsets():
+    influence = coefficients((33, 65))
+    elements = np.sort(random(4).choice(influence.size, 40, replace=False))
+    assert np.array_equal(influence_matrix(influence, elements), dense_matrix(influence)[np.ix_(elements, elements)])
+    every_eighth = influence[::8, ::8]  # a view, as blocks have it
+    assert np.array_equal(influence_matrix(every_eighth, np.arange(every_eighth.size)), dense_matrix(every_eighth))
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
-def test_quadrant_lists_the_kernel_by_offset(kernel):
-    quadrant = coefficients((4, 3), kernel)
-    assert quadrant.shape == (4, 3)
-    for (i, j), value in np.ndenumerate(quadrant):
-        assert value == float(kernel_of(kernel).coefficients(float(i), float(j)))
+@pytest.mark.parametrize("kernel", ["love", "punch"])
+@pytest.mark.parametrize("shape", [(5, 5), (7, 6)])
+def test_coefficients_of_a_period_are_sums_over_images(kernel, shape):
+    """Rectangles of images, equal but for a constant. The rest falls as 1/reach, and is extrapolated."""
+
+    def images(reach):
+        number = np.arange(-reach, reach + 1)
+        total = np.zeros(shape)
+        for i, j in itertools.product(range(shape[0]), range(shape[1])):
+            row, column = np.abs(i + shape[0] * number), np.abs(j + shape[1] * number)
+            total[i, j] = KERNELS[kernel].coefficients(row[:, None], column).sum()
+        return total - total.mean()
+
+    ours = half_space(shape, kernel, True).influence
+    half, whole = images(100), images(200)
+    assert np.abs(2.0 * whole - half - (ours - ours.mean())).max() < 1e-5
+    assert np.abs(whole - (ours - ours.mean())).max() < 1e-1
 
 
-def test_unknown_kernel_is_refused_with_the_known_ones():
-    for make in (coefficients, HalfSpace):
-        with pytest.raises(ContactError, match=r"'boussinesq'.*love, punch"):
-            make((3, 3), "boussinesq")
+def test_spectrum_is_that_of_uniform_pressure_on_elements():
+    """The sum over aliases, by brute force along both axes, for waves of all directions."""
+    n, spectrum = 16, periodic_spectrum((16, 16))
+    alias = np.arange(-1000, 1001)
+    for k, n_y in ((0, 1), (1, 1), (3, 5), (8, 8)):
+        row, column = (k / n + alias)[:, None], n_y / n + alias
+        total = (np.sinc(row) * np.sinc(column) / np.hypot(row, column)).sum()
+        assert spectrum[k, n_y] == pytest.approx(total, rel=2e-9)
+
+
+def test_long_waves_see_the_half_space():
+    """λ → 1/|f| for long waves: 2/(E* q)."""
+    love, fourier = (periodic_spectrum((512, 512), KERNELS[kernel]) for kernel in ("love", "fourier"))
+    assert love[1, 0] == pytest.approx(fourier[1, 0], rel=1e-4)
+    assert love[2, 3] == pytest.approx(fourier[2, 3], rel=1e-3)
+
+
+def test_a_thin_layer_is_stiffer_and_a_thick_one_is_the_half_space():
+    thin, thicker, thick, half = (
+        periodic_spectrum((16, 16), kernel)[1:, 1:]
+        for kernel in (layer(1.0, 0.5), layer(3.0, 0.5), layer(1e3, 0.5), KERNELS["fourier"])
+    )
+    assert (thin < thicker).all()
+    assert (thicker < half).all()
+    np.testing.assert_allclose(thick, half, rtol=1e-12)
+
+
+def test_a_kernel_carries_its_parameters():
+    assert layer(2.0, 0.5) == layer(2.0, 0.5) != layer(2.0 + 1e-12, 0.5) != layer(2.0, 0.4)
+    assert hash(layer(2.0, 0.5)) == hash(layer(2.0, 0.5))
+    assert kernel_of(layer(2.0, 0.5)).parameters == (2.0, 0.5)
+    assert kernel_of("love") is KERNELS["love"]
 
 
 # ---- positive definite, and the inverse that the solver's prediction rests on
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("nodes", [2, 3, 5, 33, 129])
+@pytest.mark.parametrize(("periodic", "kernel"), [*FREE, *PERIODIC])
+def test_operator_is_positive_definite_and_that_of_love_has_an_m_matrix_for_inverse(periodic, kernel):
+    for shape in [(16, 16), (8, 24), (13, 6)] + [(1, 9), (3, 40)] * (not periodic):
+        matrix = dense(shape, kernel, periodic)
+        assert np.linalg.eigvalsh(matrix)[0] > {"love": 1.8, "punch": 0.25, "fourier": 1.4}[kernel]
+        everything = np.arange(matrix.shape[0])
+        some = np.flatnonzero(random(0).standard_normal(everything.size) > 0)
+        for kept in (everything, some):
+            inverse = np.linalg.inv(matrix[np.ix_(kept, kept)])
+            off = inverse - np.diag(inverse.diagonal())
+            if KERNELS[kernel].m_matrix:
+                assert off.max() <= 1e-14
+                assert inverse.sum(axis=1).min() > 0.0
+            elif kept is everything and min(shape) > 3:
+                assert off.max() > 1e-3
+
+
+@pytest.mark.parametrize("nodes", [2, 5, 129])
+@pytest.mark.parametrize("kernel", ["love", "punch"])
 def test_kernel_on_the_torus_is_positive_definite(kernel, nodes):
     # The operator of the grid is a block of the circulant one, with eigenvalues from the mirrored quadrant.
-    quadrant = coefficients((nodes, nodes), kernel)
-    torus = np.pad(quadrant, ((0, nodes - 2), (0, nodes - 2)), mode="reflect")
+    torus = np.pad(coefficients((nodes, nodes), kernel), ((0, nodes - 2), (0, nodes - 2)), mode="reflect")
     eigenvalues = np.fft.fft2(torus)
     np.testing.assert_allclose(eigenvalues.imag, 0.0, atol=1e-12 * eigenvalues.real.max())
     assert eigenvalues.real.min() > {"love": 1.8, "punch": 0.25}[kernel]
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("shape", [(1, 9), (9, 9), (13, 6), (3, 40)])
-def test_grid_operator_is_positive_definite(kernel, shape):
-    lowest = np.linalg.eigvalsh(dense_matrix(coefficients(shape, kernel)))[0]
-    assert lowest > {"love": 1.8, "punch": 0.25}[kernel]
-
-
-@pytest.mark.parametrize("shape", [(9, 9), (13, 6), (3, 40), (17, 17)])
-def test_inverse_of_love_is_an_m_matrix_and_that_of_punch_is_not(shape):
-    def inverse(kernel, kept):
-        return np.linalg.inv(dense_matrix(coefficients(shape, kernel))[np.ix_(kept, kept)])
-
-    everything = np.arange(shape[0] * shape[1])
-    some = np.flatnonzero(noise(everything.size) > 0)
-    for kept in (everything, some):
-        love = inverse("love", kept)
-        assert (love - np.diag(np.diag(love))).max() <= 1e-14
-        assert love.sum(axis=1).min() > 0.0
-    punch = inverse("punch", everything)
-    assert (punch - np.diag(np.diag(punch))).max() > 1e-3
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: love_kernel(-1.0, 0.0), ">= 0"),
+        (lambda: love_kernel([0.0, 1.0], [[2.0], [-1e-9]]), ">= 0"),
+        (lambda: kernel_of("boussinesq"), r"'boussinesq'.*allowed: love, punch, fourier"),
+        (lambda: HalfSpace((8, 8), "hertz", periodic=True), r"'hertz'.*allowed: love, punch, fourier"),
+        (lambda: HalfSpace((9, 9), "fourier"), "allowed on a free patch: love, punch"),
+        (lambda: HalfSpace((9, 9), layer(2.0, 0.5)), "kernel is 'layer'; allowed on a free patch"),
+        (lambda: layer(0.0, 0.5), "thickness is 0.0"),
+        (lambda: layer(1.0, 0.6), "nu is 0.6"),
+    ],
+)
+def test_refused(call, words):
+    with pytest.raises(ContactError, match=words):
+        call()

@@ -9,12 +9,10 @@ V* falls; and, up to `DENSE` elements, equality with the solution of the dense p
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,9 +24,14 @@ from roughvol.errors import ContactError, SurfaceError
 from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "contact"))
-from oracles import coefficients, dense_matrix, exact_pressure, lattice_pressure, scaled_overlap, summed_displacement
+from tests.contact.kit import (
+    coefficients,
+    dense_matrix,
+    exact_pressure,
+    lattice_pressure,
+    scaled_overlap,
+    summed_displacement,
+)
 
 from .random_cases import random_case, run
 

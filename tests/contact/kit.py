@@ -4,27 +4,47 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
+import pytest
 from scipy import linalg, signal
 from scipy.optimize import nnls
 
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.kernels import kernel_of
+from roughvol.contact.kernels import influence_matrix, kernel_of
+from roughvol.contact.loading import solve, sweep
 from roughvol.reproduction import closed_forms
 from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.surfaces.surface import Surface
 
 KERNELS = ("love", "punch")  # with coefficients, so that a free patch has them
+FREE = [(False, kernel) for kernel in KERNELS]
+PERIODIC = [(True, kernel) for kernel in ("love", "punch", "fourier")]
+BODIES = [*FREE, *PERIODIC]  # (periodic, kernel)
+REFERENCE = Path(__file__).parents[3] / "shared" / "reference"  # solved cases of other codes
+every_body = pytest.mark.parametrize(("periodic", "kernel"), BODIES)
 
 
 @lru_cache
-def half_space(shape, kernel="love"):
-    return HalfSpace(shape, kernel)
+def half_space(shape, kernel="love", periodic=False):
+    return HalfSpace(shape, kernel, periodic=periodic)
 
 
 @lru_cache
-def fractal(m, D=2.3, seed=0):
-    return random_midpoint_displacement(D, m, seed=seed)
+def fractal(m, D=2.3, seed=0, periodic=False):
+    return random_midpoint_displacement(D, m, seed=seed, periodic=periodic)
+
+
+@lru_cache
+def swept(surface, indentations, kernel="love", **options):
+    """States of a surface, solved once for all tests."""
+    space = half_space(surface.shape, kernel, surface.periodic)
+    return list(sweep(surface, space, indentations, **options))
+
+
+def random(seed):
+    return np.random.Generator(np.random.PCG64(seed))
 
 
 def mean_plane(surface):
@@ -48,6 +68,12 @@ def love_influence(shape):
     """Love's coefficients from the closed form of the loaded rectangle, which shares no line with `love_kernel`."""
     rows, columns = shape
     return math.pi * closed_forms.rectangle_displacement(np.arange(rows)[:, None], np.arange(columns), (1.0, 1.0))
+
+
+@lru_cache
+def dense(shape, kernel="love", periodic=False):
+    """The matrix K of a half space."""
+    return dense_matrix(half_space(shape, kernel, periodic).influence)
 
 
 def summed_displacement(pressure, kernel="love"):
@@ -113,7 +139,7 @@ def scaled_overlap(surface, indentation):
 
 def lattice_pressure(contact):
     """q = p δ/(π E* σ) of a record with the pressure p L/(E* σ)."""
-    return contact.pressure() / (math.pi * (contact.shape[0] - 1))
+    return contact.pressure() / (math.pi * (contact.shape[0] - (not contact.periodic)))
 
 
 def solved_case(heights, indentations):
@@ -134,3 +160,32 @@ def solved_case(heights, indentations):
             }
         )
     return states
+
+
+@lru_cache
+def contact_set(shape, seed=0, kernel="love"):
+    """A half space, elements in contact on a piece of a fractal surface, K between them, and t with K t = 1."""
+    heights = fractal(math.ceil(math.log2(max(shape) - 1)), 2.2, seed).heights[: shape[0], : shape[1]]
+    space = half_space(shape, kernel)
+    elements = np.flatnonzero(solve(Surface(heights - heights.max(), 1.0), space, 3.0).contact())
+    matrix = influence_matrix(space.influence, elements)
+    return space, elements, matrix, np.linalg.solve(matrix, np.ones(elements.size))
+
+
+def of_units(map_, size):
+    """The matrix of a linear map of vectors."""
+    return np.array(map_(np.eye(size, dtype=np.float32)), dtype=float)
+
+
+def spectrum_of(inverse, matrix):
+    """The eigenvalues of M⁻¹ K, after a check that M⁻¹ is symmetric and positive definite."""
+    np.testing.assert_allclose(inverse, inverse.T, rtol=0, atol=1e-5 * np.abs(inverse).max())
+    factor = np.linalg.cholesky(0.5 * (inverse + inverse.T))  # fails unless it is positive definite
+    return np.linalg.eigvalsh(factor.T @ matrix @ factor)
+
+
+def self_affine(shape, longest=1.0, hurst=0.8, seed=3):
+    """Heights of one period of any sides; waves longer than the longest side over `longest` have equal power."""
+    waves = [np.fft.fftfreq(n) * max(shape) for n in shape]
+    k = np.hypot(waves[0][:, None], waves[1])
+    return np.fft.ifft2(np.fft.fft2(random(seed).standard_normal(shape)) / np.maximum(k, longest) ** (1.0 + hurst)).real

@@ -1,0 +1,74 @@
+"""The convolution: its parts and copies, which change no bit; and sums of few loaded elements in place of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from roughvol.contact import convolution
+from roughvol.contact.convolution import Superposition
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.options import Tuning
+from tests.contact.kit import half_space, random
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize(("together", "band", "cache"), [(1, 7, 2**18), (8, 64, 2**14), (1000, 1000, 2**16)])
+def test_neither_threads_nor_copies_of_rows_and_columns_change_a_bit(together, band, cache, threads):
+    shape = (65, 133)
+    pressure = random(0).standard_normal(shape)
+    elements = np.flatnonzero(pressure > 0.5)
+
+    def displacements(threads, tuning):
+        space = HalfSpace(shape, threads=threads, tuning=tuning)
+        few = [space.displacement_at(elements, pressure.ravel()[elements], single=single) for single in (False, True)]
+        return np.concatenate((space.displacement(pressure).ravel(), *few))
+
+    other = Tuning(columns_together=together, band=band, cache=cache)
+    assert np.array_equal(displacements(threads, other), displacements(1, Tuning()))
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 129, 257, 1025, 4097])
+@pytest.mark.parametrize("together", [1, 8])
+def test_parts_cover_all_and_are_multiples(count, together):
+    for size in (16, 4096, 131072, 2**20):
+        parts = convolution.parts(count, size, 2**18, together)
+        assert np.array_equal(np.concatenate([np.arange(part.start, part.stop) for part in parts]), np.arange(count))
+        lengths = [part.stop - part.start for part in parts]
+        assert len(set(lengths[:-1])) <= 1
+        assert all(length % together == 0 for length in lengths[:-1])
+        assert max(lengths) <= 1.5 * max(together, 2 * 2**18 / size)
+
+
+def loaded(shape, count):
+    """Return elements, the numbers of some of them, and pressures there."""
+    generator, size = random(0), math.prod(shape)
+    elements = np.sort(generator.choice(size, size // 5, replace=False))
+    some = np.sort(generator.choice(elements.size, count, replace=False))
+    elements[[0, -1]] = 0, size - 1
+    some[[0, -1]] = 0, elements.size - 1  # in the corners
+    return elements, some, -generator.random(count)
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize(("shape", "kernel"), [((33, 65), "love"), ((129, 129), "punch"), ((7, 300), "love")])
+def test_sums_are_the_convolution(shape, kernel, single):
+    space = half_space(shape, kernel)
+    elements, some, pressure = loaded(shape, 20)
+    whole = np.zeros(elements.size)
+    whole[some] = pressure
+    wanted = space.displacement_at(elements, whole)
+    for cache in (2**18, 32 * 100):  # in pieces, too
+        sums = Superposition(space.influence, Tuning(sum_terms=np.inf, cache=cache))
+        got = sums.displacement(elements, some, pressure, single=single)
+        assert got.dtype == (np.float32 if single else np.float64)
+        np.testing.assert_allclose(got, wanted, rtol=3e-6 if single else 1e-12)
+
+
+def test_a_sum_is_made_only_where_it_has_few_enough_terms():
+    shape = (60, 100)
+    sums = Superposition(half_space(shape).influence, Tuning(sum_terms=3.0))  # a fifth of the nodes are elements
+    for count, summed in ((2, True), (15, True), (16, False), (200, False)):
+        assert (sums.displacement(*loaded(shape, count), single=True) is not None) == summed

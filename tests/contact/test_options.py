@@ -1,0 +1,21 @@
+"""The constants of the solver."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+
+import pytest
+
+from roughvol.contact.options import SearchTuning, Tuning
+
+
+@pytest.mark.parametrize(("record", "most"), [(Tuning, 25), (SearchTuning, 12)])
+def test_no_more_constants_than_a_reader_can_hold(record, most):
+    names = [field.name for field in dataclasses.fields(record)]
+    explained = re.findall(r"^(?:    #.*\n    (\w+): .*|    (\w+): .*# \w.*)$", inspect.getsource(record), re.MULTILINE)
+    assert len(names) <= most
+    assert [above or beside for above, beside in explained] == names
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(record(), names[0], 1)
