@@ -1,0 +1,48 @@
+"""What the tests of the gap share: gaps, drawn by hand, over rough surfaces, and of one period."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+Field = NDArray[np.float64]
+
+
+def drawn(text: str) -> Field:
+    """Return a gap field from a drawing: # closed, . open by 1, a digit open by so much."""
+    return np.array([[{"#": 0.0, ".": 1.0}.get(c) if c in "#." else float(c) for c in row] for row in text.split()])
+
+
+def rough(share: float, seed: int = 0, m: int = 5, D: float = 2.4, *, periodic: bool = False) -> Field:
+    """Return the gap over a rough surface cut off so that a share of it is closed."""
+    z = random_midpoint_displacement(D, m, seed=seed, periodic=periodic).heights
+    return np.maximum(np.quantile(z, 1.0 - share) - z, 0.0)
+
+
+def smooth(seed: int, closed: float, shape: tuple[int, int] = (24, 20)) -> Field:
+    """Return a smooth periodic gap with a share of closed elements."""
+    field = ndimage.gaussian_filter(np.random.default_rng(seed).standard_normal(shape), 2.0, mode="wrap")
+    return np.maximum(field - np.quantile(field, closed), 0.0)
+
+
+def floods(void: NDArray[np.bool_], axis: int, *, corners: bool = False) -> bool:
+    """Walk from element to element through their sides, or through corners as well."""
+    steps = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if abs(a) + abs(b) == 1 or (corners and a and b)]
+    void = void if axis == 0 else void.T
+    wet = {(0, int(column)) for column in np.flatnonzero(void[0])}
+    queue = deque(wet)
+    while queue:
+        row, column = queue.popleft()
+        if row == len(void) - 1:
+            return True
+        for near in ((row + a, column + b) for a, b in steps):
+            inside = 0 <= near[0] < void.shape[0] and 0 <= near[1] < void.shape[1]
+            if inside and void[near] and near not in wet:
+                wet.add(near)
+                queue.append(near)
+    return False

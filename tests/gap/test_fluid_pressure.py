@@ -1,0 +1,28 @@
+"""Pressure of a fluid in the gap: its flow is that of the conduction, and its change is a derivative."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from roughvol.gap.fluid_pressure import FluidField, fluid_pressure
+from tests.gap.kit import rough, smooth
+
+
+@pytest.mark.parametrize(("axis", "periodic"), [(0, False), (1, False), (1, True)])
+def test_the_change_of_the_pressure_is_its_derivative(axis: int, periodic: bool) -> None:
+    gap = smooth(1, 0.3) if periodic else rough(0.2, m=4)
+    change = np.where(gap > 0.0, np.random.default_rng(0).uniform(-1.0, 1.0, gap.shape), 0.0) * gap.mean()
+    above, below = (fluid_pressure(gap + step * change, axis, periodic=periodic) for step in (1e-5, -1e-5))
+    found = FluidField(gap, axis, periodic=periodic).change(change)
+    np.testing.assert_allclose(found, (above - below) / 2e-5, rtol=0, atol=1e-3 * np.abs(found).max())
+
+
+def test_pressure_falls_evenly_between_plates_and_stays_at_the_inlet_before_a_wall() -> None:
+    plates = fluid_pressure(np.ones((10, 3)), 0)
+    np.testing.assert_allclose(plates[:, 0], 1.0 - (np.arange(10) + 0.5) / 10, atol=1e-7)
+    walled = np.ones((9, 4))
+    walled[4] = 0.0
+    pressure = fluid_pressure(walled, 0)
+    np.testing.assert_allclose(pressure[:4], 1.0, atol=1e-5)
+    np.testing.assert_allclose(pressure[5:], 0.0, atol=1e-5)
