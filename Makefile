@@ -76,8 +76,7 @@ extremes: setup  ## press the extremes of every input, to docs/explanation/notes
 	@$(BIN)/python -m tests.extremes
 
 reference: setup  ## write docs/reference/keys-and-variables.md: all keys of a study and all stored variables
-	@$(BIN)/roughvol explain --markdown > docs/reference/keys-and-variables.md.new
-	@mv docs/reference/keys-and-variables.md.new docs/reference/keys-and-variables.md
+	@$(BIN)/python docs/keys_and_variables.py
 
 crossing: setup  ## write docs/reference/crossing.md: what may be combined, as the tests check it
 	@$(BIN)/python -m tests.crossing

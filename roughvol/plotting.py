@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from roughvol.errors import DatasetError
+from roughvol.questions import opened
 
 if TYPE_CHECKING:
+    from roughvol.report.figures.content import Named
     from roughvol.report.figures.figure import Figure
     from roughvol.report.figures.style import Drawing
     from roughvol.store.dataset import Dataset
     from roughvol.study import Case
+
+SHOWS_ONE = "{} shows one run; several, or lists, are overlaid in figures by content, {}"
 
 
 def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], figure: str = "v_of_p") -> Drawing:
@@ -52,22 +58,60 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
     >>> len(figure.axes)
     1
     """
-    from roughvol.report.figures import content, origin
+    from roughvol.report.figures import content
 
     check_known([figure])
-    if isinstance(results, str | Path) or not isinstance(results, Mapping) or hasattr(results, "attrs"):
-        one = _opened(results)  # type: ignore[arg-type]  # a dataset is a mapping with attributes
-        opened = content.parts(origin.run_name(one), one, alone=True)
-    else:
-        named = [(str(name), _opened(one)) for name, one in results.items()]
-        opened = [part for name, one in named for part in content.parts(name, one, alone=len(named) == 1)]
-    if figure in content.NAMES:
-        return content.draw(figure, opened)
-    if len(opened) == 1:
-        return figures()[figure](opened[0].dataset)
-    raise DatasetError(
-        f"{figure} shows one run; several, or lists, are overlaid in figures by content, {content.IN_WORDS}"
-    )
+    several = isinstance(results, Mapping) and not hasattr(results, "attrs")  # a dataset is a mapping with attributes
+    each: Mapping[str, Any] = results if several else {"": results}  # type: ignore[assignment]
+    stored = {str(name): opened(one) for name, one in each.items()}
+    runs = [
+        part
+        for name, run in stored.items()
+        for part in content.parts(name or run.name, run.dataset, alone=len(stored) == 1)
+    ]
+    found, refused = drawings(runs, [figure], alone=len(stored) == 1)
+    if len(found) == 1 and not refused:
+        return next(iter(found.values()))()
+    raise DatasetError("\n".join(refused) or SHOWS_ONE.format(figure, content.IN_WORDS))
+
+
+Draws = dict[str, "Callable[[], Drawing]"]
+
+
+def drawings(runs: Sequence[Named], wanted: Sequence[str], *, alone: bool) -> tuple[Draws, list[str]]:
+    """Return functions that draw the figures of runs by path, and why some of the figures wanted cannot be drawn.
+
+    Without a figure wanted, all figures that the runs have are drawn. ``alone`` marks the combinations of one study.
+    """
+    from roughvol.report.figures import content
+
+    table, found, refused = figures(), Draws(), list[str]()
+    every = [name for name in content.DRAWN if content.missing(name, runs) is None]
+    for name in wanted or (every if len(runs) > 1 else ()):
+        if name in content.NAMES:
+            reason = content.missing(name, runs)
+            if reason is None:
+                found[name] = partial(content.draw, name, runs)
+        elif alone:
+            reasons = [_add(found, table[name], name, run, runs) for run in runs]
+            reason = "\n".join(dict.fromkeys(filter(None, reasons)))
+        else:
+            reason = SHOWS_ONE.format(name, content.IN_WORDS)
+        refused += [reason] if reason else []
+    for run in runs if alone and not wanted else ():
+        reasons = [_add(found, figure, name, run, runs) for name, figure in table.items()]
+        if all(reasons):
+            raise DatasetError("\n".join(filter(None, reasons)))
+    return found, refused
+
+
+def _add(found: Draws, figure: Figure, name: str, run: Named, runs: Sequence[Named]) -> str | None:
+    """Add a figure of a run, in a folder of its combination as ``E_5_MPa/``, or return why the figure is missing."""
+    reason = figure.missing(run.dataset)
+    if reason is None:
+        folder = re.sub(r"[^A-Za-z0-9.+-]+", "_", run.name).strip("_") + "/" if len(runs) > 1 else ""
+        found[f"{folder}{name}"] = partial(figure, run.dataset)
+    return reason
 
 
 def figures() -> dict[str, Figure]:
@@ -77,7 +121,14 @@ def figures() -> dict[str, Figure]:
     return ALL
 
 
-def needed(names: Sequence[str], cases: Sequence[Case]) -> tuple[str, ...]:
+def names() -> tuple[str, ...]:
+    """Return the names of all figures."""
+    from roughvol.report.figures import content
+
+    return (*figures(), *content.NAMES)
+
+
+def needed(wanted: Sequence[str], cases: Sequence[Case]) -> tuple[str, ...]:
     """Return the ids of the cases that figures show, in the order of the study; all for figures by content.
 
     Raises
@@ -85,27 +136,18 @@ def needed(names: Sequence[str], cases: Sequence[Case]) -> tuple[str, ...]:
     DatasetError
         If there is no such figure; the message lists them.
     """
-    names, known = [name.strip() for name in names], figures()
-    check_known(names)
-    wanted = {case.id for name in names for case in (known[name].cases(cases) if name in known else cases)}
-    return tuple(case.id for case in cases if case.id in wanted)
+    wanted, known = [name.strip() for name in wanted], figures()
+    check_known(wanted)
+    ids = {case.id for name in wanted for case in (known[name].cases(cases) if name in known else cases)}
+    return tuple(case.id for case in cases if case.id in ids)
 
 
 def check_known(wanted: Sequence[str]) -> None:
     """Raise `DatasetError` for names of no figure, with the nearest name and all names."""
     from roughvol.report.figures import content
 
-    table = (*figures(), *content.NAMES)
     for name in wanted:
-        if name not in table:
-            near = difflib.get_close_matches(name, table, n=1)
+        if name not in names():
+            near = difflib.get_close_matches(name, names(), n=1)
             hint = f"; did you mean {near[0]}?" if near else ""
             raise DatasetError(f"no figure {name!r}{hint} (known: {', '.join(figures())}; {content.IN_WORDS})")
-
-
-def _opened(one: Dataset | str | Path) -> Dataset:
-    """Return a dataset, or that of a run."""
-    from roughvol.store import StoredRun
-    from roughvol.store.dataset import with_case
-
-    return StoredRun.open(one).dataset if isinstance(one, str | Path) else with_case(one)

@@ -17,8 +17,10 @@ from click.testing import CliRunner, Result
 
 import roughvol
 from roughvol.cli import main
+from roughvol.cli.group import GROUPS
 from roughvol.store import dataset
 
+COMMANDS = [name for rows in GROUPS.values() for name in rows]
 TEXT = """
 name: tiny
 surface: {D: [2.2, 2.7], m: [3, 4], seeds: 2, L: 10.0}
@@ -63,7 +65,7 @@ def test_help_imports_nothing_heavy() -> None:
     assert "Examples:" in done.stdout
 
 
-@pytest.mark.parametrize("command", sorted(main.commands))
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help_with_an_example(command: str) -> None:
     shown = _call(command, "--help")
     assert shown.exit_code == 0
@@ -123,9 +125,6 @@ def test_status_counts_and_names_what_is_missing(place: Path) -> None:
     assert "6 of 8 cases finished" in shown
     assert f"{gone.stem}  missing" in shown
     assert f"{broken.stem}  damaged" in shown
-    nowhere = _call("status", "tiny.yaml", "--out", "nowhere")
-    assert "0 of 8 cases finished" in nowhere.stdout
-    assert not Path("nowhere").exists()
 
 
 def test_check_shows_the_resolved_study_and_its_cost(place: Path) -> None:
@@ -182,13 +181,8 @@ def test_check_draws_a_picture_on_request(place: Path) -> None:
     shown = _call("check", "tiny.yaml", "--look").stdout
     assert "# picture tiny-look.png" in shown
     assert Path("tiny-look.png").read_bytes().startswith(b"\x89PNG")
-    assert "# picture other.pdf" in _call("check", "tiny.yaml", "--out", "other.pdf").stdout
-    assert Path("other.pdf").stat().st_size > 1000
     assert "# picture pictures/tiny-look.png" in _call("check", "tiny.yaml", "--look", "--out", "pictures").stdout
     assert Path("pictures/tiny-look.png").read_bytes() == Path("tiny-look.png").read_bytes()
-    wrong = _call("check", "tiny.yaml", "--out", "nowhere/x.png")
-    assert wrong.exit_code == 2
-    assert re.fullmatch(r"error: cannot write nowhere/x\.png: .*\n", wrong.stderr)
 
 
 def test_schema_is_a_json_schema(place: Path) -> None:

@@ -50,13 +50,10 @@ def test_a_stored_sweep_answers_with_a_pressure(scan: Path) -> None:
     assert re.search(r"MPa \(0\.\d+ to 0\.\d+\), between the steps p\* = ", asked.output)
     least = _call("ask", "scan", "--leak-rate", "1 m^3/s").output
     assert re.search(r"along x: any pressure of p\* = 0\.\d+ or more: the first step leaks less", least)
-    never = _call("ask", "scan", "--leak-rate", "1e-30 mm^3/s", "--for", "modulus", "--pressure", "1 kPa")
+    never = _call("ask", "scan", "--leak-rate", "1e-30 mm^3/s", "--for", "modulus", "--at", "pressure=1 kPa")
     assert "along y: no modulus within the stored loads, up to p* = " in never.output
     assert "scan: largest modulus for a leak up to 1e-30 mm^3/s" in never.output
-    assert (
-        "least pressure for a leak up to 1e-4 mm^3/s"
-        in _call("ask", "scan", "--leak-rate", "1e-4", "--no-solve").output
-    )
+    assert "least pressure for a leak up to 1e-4 mm^3/s" in _call("ask", "scan", "--leak-rate", "1e-4").output
 
 
 @pytest.mark.parametrize(
@@ -78,7 +75,7 @@ def test_a_rate_of_another_kind_is_refused(scan: Path) -> None:
     assert _call("run", "scan.yaml", "--jobs", "1").exit_code == 0
     told = _call("ask", "scan", "--leak-rate", "3 MPa")
     assert told.exit_code == 2
-    assert "--leak-rate is '3 MPa'" in told.output
+    assert "the leak rate is '3 MPa'" in told.output
 
 
 GAS = """
@@ -106,7 +103,7 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas(tmp_path: Path, monke
     assert "along x: pressure 0.0" in asked[0]
     first, second = (float(one.split("along x: pressure ")[1].split()[0]) for one in asked)
     assert abs(first / second - 1.0) < 1e-3
-    refused = _call("ask", "gas", "--leak-rate", "1 sccm", "--for", "Sq", "--pressure", "1 kPa")
+    refused = _call("ask", "gas", "--leak-rate", "1 sccm", "--for", "Sq", "--at", "pressure=1 kPa")
     assert refused.exit_code == 2
     assert "mean free path" in refused.output
     assert _call("ask", "gas", "--leak-rate", "1 mm^3/s").exit_code == 2
@@ -127,7 +124,7 @@ def test_a_study_with_lists_is_refused_where_one_combination_is_needed(
     assert _call("run", "lists.yaml", "--jobs", "1").exit_code == 0
     for arguments, words in (
         (["ask", "lists.yaml", "--leak-rate", "1 mm^3/s"], "the run has several E_star (5, 10)"),
-        (["creep", "lists.yaml", "--law", "creep.yaml", "--pressure", "1 kPa", "--times", "1 s"], "several E_star"),
+        (["creep", "lists.yaml", "--law", "creep.yaml", "--at", "pressure=1 kPa", "--times", "1 s"], "several E_star"),
     ):
         refused = _call(*arguments)
         assert refused.exit_code == 2, refused.output
@@ -169,7 +166,7 @@ def test_creep_of_a_closed_seal_draws_nothing(tmp_path: Path, monkeypatch: pytes
     )
     Path("creep.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
     assert _call("run", "tight.yaml", "--jobs", "1").exit_code == 0
-    shown = _call("creep", "tight", "--law", "creep.yaml", "--pressure", "0.5 MPa", "--times", "1 s, 1 h")
+    shown = _call("creep", "tight", "--law", "creep.yaml", "--at", "pressure=0.5 MPa", "--times", "1 s, 1 h")
     assert shown.exit_code == 0, shown.output
     assert "no figure is drawn" in shown.output
     assert not Path("runs/tight/creep.png").exists()

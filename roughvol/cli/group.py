@@ -1,33 +1,27 @@
-"""The group of all commands: the help page, errors and exit codes."""
+"""The group of all commands: the help page, errors and exit codes. A command is imported when it is called."""
 
 from __future__ import annotations
 
+import errno
+import importlib
+import os
 import sys
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 import click
 
-from roughvol import cli_text
 from roughvol._version import __version__
 from roughvol.campaign import limits, signals
-from roughvol.cli.output import say, silence
-from roughvol.errors import CampaignError, ContactError, ConvergenceError, RoughvolError
-
-if TYPE_CHECKING:
-    from roughvol.study import Study
+from roughvol.cli.options import examples
+from roughvol.cli.output import count, say, silence
+from roughvol.errors import CampaignError, ContactError, ConvergenceError, RoughvolError, StudyError
 
 FAILED, BAD_INPUT = 1, 2
 BY_SIGNAL = 128  # plus the number of the signal: 130 by Ctrl-C, 143 by SIGTERM, 129 by SIGHUP
 LIGHT = ("schema", "status", "ls", "init", "explain")  # commands that import no library for computations
-
-
-def examples(*lines: str) -> str:
-    """Return the end of a help page; the backspace keeps click from joining lines."""
-    return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])
-
-
+CURABLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
+TOO_MANY_FILES = os.strerror(errno.EMFILE)
 GROUPS = {
     "Start": {
         "init": "Write an example study, or the study of a height map.",
@@ -55,12 +49,21 @@ GROUPS = {
         "schema": "Print the JSON schema of study files.",
     },
 }
-"""Commands of the help page by group, in the order of use."""
+"""Commands by group, in the order of use; the module of a command has its name."""
 DOCUMENTATION = "Documentation: docs/index.md in the source of roughvol; make docs builds it as a site."
 
 
 class _Commands(click.Group):
     """Commands in groups, whose errors become one message and an exit code."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return [name for rows in GROUPS.values() for name in rows]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in self.list_commands(ctx):
+            return None
+        command: click.Command = getattr(importlib.import_module(f"roughvol.cli.{cmd_name}"), cmd_name)
+        return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for title, rows in GROUPS.items():
@@ -79,7 +82,7 @@ class _Commands(click.Group):
             return super().make_context(*args, **kwargs)
         except OSError as error:  # --help into a full disk
             silence(sys.stdout)
-            raise click.ClickException(cli_text.system_error(error) or str(error)) from error
+            raise click.ClickException(_of_system(error) or str(error)) from error
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
@@ -89,18 +92,43 @@ class _Commands(click.Group):
             say("interrupted; finished cases are kept, and the same command continues the run", err=True)
             ctx.exit(BY_SIGNAL + signals.number_of(error))
         except RoughvolError as error:
-            say(cli_text.message(error), err=True)
+            say(_message(error), err=True)
             ctx.exit(FAILED if isinstance(error, CampaignError | ContactError | ConvergenceError) else BAD_INPUT)
         except (MemoryError, ImportError, OSError, RuntimeError) as error:
             if limits.is_lack_of_memory(error):
                 first = str(error).strip().splitlines()
                 say(f"error: not enough memory ({first[0] if first else type(error).__name__})", err=True)
-            elif reason := cli_text.system_error(error):
+            elif reason := _of_system(error):
                 silence(sys.stdout)
                 say(f"error: {reason}", err=True)
             else:
                 raise
             ctx.exit(FAILED)
+
+
+def _message(error: RoughvolError) -> str:
+    """Return an error as text; the problems of a study line by line."""
+    if isinstance(error, StudyError):
+        lines = [f"  {problem}" for problem in error.problems]
+        return "\n".join([f"{count(len(lines), 'problem')} in the study", *lines])
+    return f"error: {error}"
+
+
+def _of_system(error: BaseException) -> str:
+    """Return an error of the system that a user can cure, as a full disk, in words; empty for others."""
+    texts = {getattr(one, "errno", None): str(one) for one in _chain(error)}
+    if errno.EMFILE in texts or errno.ENFILE in texts or any(TOO_MANY_FILES in text for text in texts.values()):
+        return "too many open files; allow more of them: ulimit -n 256"
+    if not isinstance(error, OSError) or error.errno not in CURABLE:
+        return ""
+    return f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror)
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    """Yield an error and its causes."""
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
 
 
 @click.group(
@@ -118,14 +146,3 @@ class _Commands(click.Group):
 @click.version_option(__version__)
 def main() -> None:
     """Free volume between rough surfaces in elastic contact: study file in, labelled data and figures out."""
-
-
-def study_of(study: Path, changes: Sequence[str] = ()) -> tuple[Study, Path]:
-    """Return a study and the folder of its results: of a study file, a run, or standard input for ``-``."""
-    from roughvol.store import folder_of, run
-    from roughvol.study import loads
-
-    if str(study) == "-":
-        read = loads(sys.stdin.read(), "<stdin>", changes=changes)
-        return read, folder_of(read)
-    return run.study_of(study, changes)

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem
 
-from roughvol.cli.output import say
+if TYPE_CHECKING:
+    from roughvol.study import Study
 
 Decorated = Callable[..., Any]
 Completed = list[CompletionItem] | list[str]
+
+
+def examples(*lines: str) -> str:
+    """Return the end of a help page; the backspace keeps click from joining lines."""
+    return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])
+
+
+def given(study: Path, changes: tuple[str, ...]) -> Study | Path:
+    """Return the study of standard input for ``-``, else the path of a study."""
+    from roughvol.study import loads
+
+    return loads(sys.stdin.read(), "<stdin>", changes=changes) if str(study) == "-" else study
 
 
 def completed_runs(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
@@ -33,14 +47,12 @@ def completed_figures(context: click.Context, parameter: click.Parameter, start:
 
 def completed_runs_and_figures(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
     """Return the names of runs, and after the first the names of figures, with this start."""
-    if not context.params.get(parameter.name or ""):
-        return completed_runs(context, parameter, start)
-    from roughvol import plotting
-    from roughvol.report.figures import content
-
     runs = completed_runs(context, parameter, start)
-    figures = [name for name in (*plotting.figures(), *content.NAMES) if name.startswith(start)]
-    return [*figures, *(run for run in runs if isinstance(run, str))]
+    if not context.params.get(parameter.name or ""):
+        return runs
+    from roughvol import plotting
+
+    return [name for name in plotting.names() if name.startswith(start)] + [run for run in runs if isinstance(run, str)]
 
 
 def completed_states(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
@@ -93,8 +105,3 @@ def at(*, several: bool, default: str | None = None) -> Callable[[Decorated], De
 def out(default: str) -> Callable[[Decorated], Decorated]:
     """Return the option of the folder that a command writes into."""
     return click.option("--out", type=click.Path(path_type=Path), help=f"Folder to write into [default: {default}].")
-
-
-def deprecated(old: str, new: str) -> None:
-    """Warn that an option has another form now."""
-    say(f"warning: {old} is deprecated; use {new}", err=True)

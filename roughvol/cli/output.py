@@ -1,19 +1,25 @@
-"""What the commands print. A closed pipe or terminal ends the printing, not the command."""
+"""What the commands print: lines, tables, CSV, JSON. A closed pipe or terminal ends the printing, not the command."""
 
 from __future__ import annotations
 
+import csv
 import errno
 import io
+import json
+import math
 import os
 import stat
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
 from roughvol.store import stamped_file
+
+if TYPE_CHECKING:
+    from roughvol.analysis.tables import Table
 
 
 def say(text: Any = "", *, err: bool = False, nl: bool = True) -> None:
@@ -56,3 +62,71 @@ def _is_device(stream: TextIO) -> bool:
         return stat.S_ISCHR(os.fstat(stream.fileno()).st_mode)
     except (OSError, io.UnsupportedOperation):
         return False
+
+
+def say_table(table: Table) -> None:
+    """Print a table with its title above and its note below."""
+    note = f"  {table.note}" if table.note else ""
+    say("\n".join(filter(None, [table.title, aligned(table.head, table.rows), note])))
+
+
+def aligned(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table in aligned columns; text to the left, numbers to the right."""
+    columns = list(zip(head, *rows, strict=True))
+    lines = zip(*map(_aligned, columns), strict=True)
+    return "\n".join("  ".join(line).rstrip() for line in lines)
+
+
+def _aligned(column: Sequence[str]) -> list[str]:
+    """Return the cells of a column in its width; the first cell is the head."""
+    width = max(map(len, column))
+    words = len(column) == 1 or any(cell[:1].isalpha() for cell in column[1:])
+    return [cell.ljust(width) if words else cell.rjust(width) for cell in column]
+
+
+def say_numbers(
+    name: str, names: Sequence[str], rows: Sequence[Sequence[Any]], units: dict[str, str], *, as_csv: bool
+) -> None:
+    """Print rows of numbers as CSV or as JSON."""
+    if as_csv:
+        say(csv_text(names, rows), nl=False)
+    else:
+        say_json({"run": name, "units": units, "rows": [dict(zip(names, row, strict=True)) for row in rows]})
+
+
+def say_json(content: Mapping[str, Any]) -> None:
+    """Print JSON; numbers that are not finite are null."""
+    say(json.dumps(_finite(content), indent=1, ensure_ascii=False, allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def csv_text(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return rows as comma-separated values; a missing value is empty.
+
+    A spreadsheet computes texts such as ``=cmd|…``. A text that begins like a formula gets an apostrophe in front.
+    """
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows([[_plain(cell) for cell in row] for row in (head, *rows)])
+    return text.getvalue()
+
+
+def _plain(cell: Any) -> Any:
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(("=", "+", "-", "@", "\t", "\r")) else cell
+
+
+def count(number: int, noun: str, plural: str = "") -> str:
+    """Return a number with its noun: ``1 case``, ``2 cases``."""
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
+def size(number: float) -> str:
+    """Return bytes in B to TB."""
+    power = min(int(math.log10(max(number, 1.0)) / 3), 4)
+    return f"{number / 1000**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB')[power]}"

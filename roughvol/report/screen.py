@@ -117,7 +117,7 @@ def _chief(run: Run, group: Dataset) -> Iterator[State]:
         try:
             yield at(run, group, parse(label))
         except DatasetError:
-            continue  # `cli_text.summary` names levels that no surface reaches
+            continue  # the summary of a run names levels that no surface reaches
     legs = legs_of(group)
     sweeps = run.study.sweep.legs if run.study else ()
     solved = group[P].notnull().any("seed").values

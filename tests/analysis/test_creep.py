@@ -157,9 +157,9 @@ def test_the_command_writes_a_table_and_a_figure(run: Dataset, folder: Path, tmp
     assert head[:5] == ["time [s]", "J(t)/J(0)", "p J(t)/J(0) [MPa]", "A*", "leak x [mm^3/s]"]
     assert [float(row[0]) for row in rows] == [1.0, 3600.0]
     assert (tmp_path / "out" / "creep.png").stat().st_size > 10_000
-    old = CliRunner().invoke(main, ["creep", *arguments[:3], "--pressure", "1 MPa", "--times", "1 s"])
-    assert old.exit_code == 2
-    assert "the sweep ends at" in old.output
+    far = CliRunner().invoke(main, ["creep", *arguments[:3], "--at", "pressure=1 MPa", "--times", "1 s"])
+    assert far.exit_code == 2
+    assert "the sweep ends at" in far.output
     without = CliRunner().invoke(main, ["creep", *arguments[:3], "--times", "1 s"])
     assert without.exit_code == 2
     assert "needs its constant load, as --at pressure=0.1MPa" in without.output

@@ -146,6 +146,12 @@ def python(made: Made) -> Iterator[None]:
             raise Refused(str(error)) from error
 
 
+def alike(made: Made, found: Any, answer: Callable[[], Any]) -> None:
+    """Compare the JSON of a command with the answer of a Python function."""
+    with python(made):
+        assert json.loads(json.dumps(answer())) == found
+
+
 # tables of text
 
 
@@ -415,6 +421,9 @@ def compare_json(made: Made) -> int:
     beside, load = made.kind.beside
     other = Made(BY_NAME[beside], made.folder)
     found = json.loads(call(made, "compare", made.kind.asked, beside, "--at", load, "--json"))["rows"]
+    with python(made):
+        names, rows, _ = roughvol.compare([made.kind.asked, beside], [load]).records()
+    assert [dict(zip(names, row, strict=True)) for row in rows] == found
     assert len(found) == len(made.groups) + len(other.groups)
     count = 0
     for row in found:
@@ -490,6 +499,8 @@ def status(made: Made) -> int:
     text = call(made, "status", made.kind.file)
     cases = _cases(made)
     assert f"runs/{made.kind.name}: {cases} of {cases} cases finished, collected" in text
+    with python(made):
+        assert len(roughvol.status(made.kind.file).done) == cases
     return 1
 
 
@@ -637,6 +648,7 @@ def report(made: Made) -> int:
     with mock.patch("roughvol.report.html.render", return_value=""):  # report.html holds the same and the figures
         call(made, "report", made.kind.asked)
     data = json.loads((made.file.parent / "claims.json").read_text(encoding="utf-8"))
+    alike(made, data, lambda: roughvol.report_on([made.kind.asked]).plain())
     text = (made.file.parent / "report.md").read_text(encoding="utf-8")
     count = 0
     for run in data["surfaces"]:
@@ -738,7 +750,11 @@ def check(made: Made) -> int:
         return 2
     words = f"# {_cases(made)} case{'s' * (_cases(made) > 1)}, {states} states to solve"
     assert words in text
-    return 4
+    with python(made):
+        seen = roughvol.check(made.kind.file)
+    assert (seen.estimate.cases, seen.estimate.steps) == (_cases(made), states)
+    close(seen.plain()["surface"]["Sq"], expected[0], "Sq", within=1e-6)
+    return 5
 
 
 def press(made: Made) -> int:
@@ -802,7 +818,9 @@ def ask(made: Made) -> int:
         step = _leakiest_step(paths, axis) if paths and flow + "_x" in every[0].along else None
         leak = step[1] if step else 1e-9
         words = ("--leak-rate", f"{leak!r} {unit}")
-        found = json.loads(call(made, "ask", made.kind.asked, *words, "--json"))["answers"]
+        answer = json.loads(call(made, "ask", made.kind.asked, *words, "--json"))
+        alike(made, answer, lambda given=words[1]: roughvol.ask(made.kind.asked, leak_rate=given).plain())
+        found = answer["answers"]
         count += sum(_check_answer(answer, paths, leak) for answer in found)
         if step is None:
             continue
@@ -871,7 +889,9 @@ def _ask_others(made: Made, axis: str, step: tuple[float, float, int], paths: Se
 
 def ask_closed(made: Made) -> int:
     """The loads between which the last way of all surfaces closes, `roughvol ask RUN --closed`."""
-    found = json.loads(call(made, "ask", made.kind.asked, "--closed", "--json"))["answers"]
+    answers = json.loads(call(made, "ask", made.kind.asked, "--closed", "--json"))
+    alike(made, answers, lambda: roughvol.ask(made.kind.asked).plain())
+    found = answers["answers"]
     for answer in found:
         spans = [oracle.closing(surface, answer["axis"]) for group in made.groups for surface in group.surfaces]
         ends = max(span[0] for span in spans), max(span[1] for span in spans)
@@ -892,6 +912,12 @@ def creep(made: Made) -> int:
     unit = " MPa" if made.kind.modulus == 10.0 or made.kind.lists else ""
     words = ("--law", law.name, "--at", f"pressure={ends[0]!r}{unit}", "--times", "1 s, 1 h")
     (table,) = tables(call(made, "creep", made.kind.asked, *words))
+    with python(made):
+        history = roughvol.creep(made.kind.asked, law, at=words[3], times=words[5])
+    for axis, leak in history.leak.items():
+        for row, value in zip(table.rows, leak.value, strict=True):
+            cell = next(cell for head, cell in row.items() if head.startswith(f"Q_{axis}"))
+            assert "clos" in cell or float(cell) == pytest.approx(value, rel=0.05)
     count = 0
     for row, load in zip(table.rows, ends, strict=True):
         areas = [
@@ -938,6 +964,7 @@ def card(made: Made) -> int:
     """Load, leaks and closing loads of the leak card, `roughvol card STUDY --at LOAD --json`."""
     load = made.kind.card
     found = json.loads(call(made, "card", made.kind.file, "--at", load, "--jobs", "1", "--json"))
+    alike(made, found, lambda: roughvol.card(made.kind.file, load, jobs=1).plain())
     own = made
     if made.kind.afterwards is not None:  # a card is of the study and the files as they are now
         call(made, "run", made.kind.file, "--out", "runs/now", "--fresh", "--jobs", "1")

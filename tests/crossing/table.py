@@ -91,6 +91,16 @@ CELLS = {
     "check": Cells(f"{PRESSED} unpressed study-changed file-changed"),
     "status": Cells(f"{PRESSED} unpressed", OTHER_RUN),
 }
+TOGETHER = {
+    "roughvol.compare": "compare --json",
+    "roughvol.report_on": "report",
+    "roughvol.card": "card",
+    "roughvol.ask": "ask",
+    "roughvol.creep": "creep",
+    "roughvol.check": "check",
+    "roughvol.status": "status",
+}
+"""Python functions by the column of their command, where both answers are compared."""
 NOT_ASKED = {
     "ds.roughvol.derived": "numbers that `ds.roughvol.at` and the tables have at loads",
     "ds.roughvol.in_units": "the same numbers in other units",
@@ -100,6 +110,8 @@ NOT_ASKED = {
     "ls": "lists the runs of a folder; it prints no number of a surface",
     "schema": "prints the schema of study files; it reads no run",
     "tradeoff": "measures error and time of the solver on surfaces of its own; it reads no run",
+    "roughvol.runs": "lists the runs of a folder, as ls",
+    "roughvol.tradeoff": "measures error and time of the solver, as tradeoff",
     "roughvol.load": "reads a study file; it reads no run",
     "roughvol.RoughvolWarning": "the class of warnings",
 }
@@ -137,6 +149,8 @@ def page() -> str:
     lines += [f"- *{letter}*: “… {words} …”" for words, letter in sentences.items()]
     lines += ["", "The questions:", ""]
     lines += [f"- `{name}`: {(function.__doc__ or '').splitlines()[0]}" for name, function in QUESTIONS.items()]
+    lines += ["", "Python functions whose answers are compared with those of a command, in its column:", ""]
+    lines += [f"- `{name}`: `{question}`." for name, question in TOGETHER.items()]
     lines += ["", "Commands and functions without a column:", ""]
     lines += [f"- `{name}` {words}." for name, words in NOT_ASKED.items()]
     return HEAD + "\n".join(lines) + "\n"

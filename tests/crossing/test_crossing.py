@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable
 from types import ModuleType
 
+import click
 import pytest
 import yaml
 from click.testing import CliRunner
@@ -17,7 +18,7 @@ from roughvol.study import Study
 from roughvol.study.sections.record import Record
 from tests.crossing.kinds import BY_NAME, KINDS
 from tests.crossing.questions import QUESTIONS, Made, Refused
-from tests.crossing.table import CELLS, NOT_ASKED, PAGE, cell, page
+from tests.crossing.table import CELLS, NOT_ASKED, PAGE, TOGETHER, cell, page
 
 PLACES = [(question, kind.name) for kind in KINDS for question in QUESTIONS]
 
@@ -81,10 +82,13 @@ def test_every_command_and_public_function_is_a_question_or_has_a_reason() -> No
     names = {question.partition(" ")[0] for question in QUESTIONS}
     public = {name for name in roughvol.__all__ if not name.startswith("_")}
     modules = {name for name in public if isinstance(getattr(roughvol, name), ModuleType)}
-    answering = {*main.commands, *(f"roughvol.{name}" for name in public - modules)}
+    answering = {*main.list_commands(click.Context(main)), *(f"roughvol.{name}" for name in public - modules)}
     answering |= {f"ds.roughvol.{name}" for name in vars(Accessor) if not name.startswith("_")}
-    assert answering == {*names, *NOT_ASKED}, "give a new command or function a question, or a reason in NOT_ASKED"
+    assert answering == {*names, *TOGETHER, *NOT_ASKED}, (
+        "give a new command or function a question, or a reason in NOT_ASKED"
+    )
     assert not names & NOT_ASKED.keys()
+    assert set(TOGETHER.values()) <= set(QUESTIONS)
 
 
 def test_every_section_of_a_study_is_in_a_kind_of_run() -> None:

@@ -35,7 +35,7 @@ COMMANDS = (
     ["show", "--json"],
     ["plot", "v_of_p"],
     ["report"],
-    ["ask", "--leak-rate", "1e-3 mm^3/s", "--no-solve"],
+    ["ask", "--leak-rate", "1e-3 mm^3/s"],
     ["compare"],
 )
 

@@ -234,7 +234,7 @@ def test_mixed_versions_are_noted_by_run_and_status_and_stored(
     ours = provenance.__version__
     line = f"cases are of several versions of roughvol, with answers of one format: 0.0.1 (1), {ours} (3)"
     for _ in range(2):
-        shown = CliRunner().invoke(main, ["status", str(_written(place.parent, TEXT)), "--out", str(place)])
+        shown = CliRunner().invoke(main, ["status", str(place)])
         assert (shown.exit_code, shown.output.count(line)) == (0, 1)
         assert _notices(study, place) == [line]
     assert json.loads(dataset.read(place / "study.nc").attrs["case_versions"]) == {"0.0.1": 1, ours: 3}
@@ -475,7 +475,7 @@ def test_a_failure_is_recorded_listed_and_tried_again(tmp_path: Path) -> None:
     found = run_status.status(study, tmp_path / "out")
     assert (len(found.failed), found.missing, found.running) == (3, (), ())
     assert all("would end at" in error for error in found.failed.values())
-    shown = CliRunner().invoke(main, ["status", str(tmp_path / "study.yaml"), "--out", str(tmp_path / "out")])
+    shown = CliRunner().invoke(main, ["status", str(tmp_path / "out")])
     assert shown.output.count("failed: a sweep to") == 3
 
 

@@ -23,11 +23,11 @@ from roughvol.surfaces.length_units import METRES, named
 KINDS = {
     "length": ("[length]", ", ".join(METRES)),
     "volume per area": ("[length]", "mm^3/m^2, ml/m^2, um and the like"),
-    "pressure": ("[mass]/[length]/[time]^2", "Pa, kPa, MPa, GPa, bar, psi and the like"),
+    "pressure": ("[mass]/[length]/[time]^2", "Pa, kPa, MPa, GPa, bar, mbar, psi and the like"),
     "viscosity": ("[mass]/[length]/[time]", "Pa*s, mPa*s, cP and the like"),
     "force": ("[mass]*[length]/[time]^2", "N, kN, mN, lbf and the like"),
     "time": ("[time]", "s, min, h, day, year"),
-    "conductivity": ("[mass]*[length]/[time]^3/[temperature]", "W/(m K) as W/m/K"),
+    "conductivity": ("[mass]*[length]/[time]^3/[temperature]", "W/m/K"),
     "flow": ("[length]^3/[time]", "mm^3/s, ml/min, um^3/s and the like"),
     "throughput": ("[mass]*[length]^2/[time]^3", "mbar*l/s, Pa*m^3/s, sccm and the like"),
     "temperature": ("[temperature]", "K, degC"),
@@ -89,6 +89,8 @@ def convert(value: float, given: str, wanted: str) -> float:
     float
         Number in the unit ``wanted``.
     """
+    if given == wanted:
+        return value
     registry = _registry()
     return float(registry.Quantity(value, _spelled(given)).to(_spelled(wanted)).magnitude)
 
@@ -221,6 +223,8 @@ def _checked(unit: str, kind: str) -> str:
     if kind == "length" and (name := named(unit)):
         return name
     dimension, allowed = KINDS[kind]
+    if kind != "length" and unit in allowed.removesuffix(" and the like").split(", "):
+        return unit  # without pint, whose registry takes a quarter of a second
     measured = _dimension(unit)
     if measured is None:
         _refuse(f"'{printable(unit)[:40]}' is no known unit; allowed for a {kind}: {allowed}")

@@ -1,0 +1,91 @@
+"""The command `check`: a study with all defaults, its first surface and its cost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+import roughvol
+from roughvol.cli.options import JOBS, JSON, SET, STUDY, examples, given, out
+from roughvol.cli.output import count, say, say_json, size, warn
+from roughvol.study.values.durations import duration
+
+if TYPE_CHECKING:
+    from roughvol.questions import Checked
+
+
+@click.command(
+    epilog=examples("roughvol check seal.yaml", "roughvol check scan.yaml --look", "roughvol check seal --json")
+)
+@STUDY
+@click.option("--look", is_flag=True, help="Draw the surface of the first case as NAME-look.png.")
+@out("the current one; of --look alone")
+@JOBS
+@JSON
+@SET
+def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: bool, changes: tuple[str, ...]) -> None:
+    """Show STUDY with all defaults, its first surface and its cost; store nothing.
+
+    The cost is the number of cases, memory, disk and expected time. Of an ensemble, small surfaces are solved for it.
+
+    A study beyond the memory or disk of this machine is an error. One of more than 30 days draws a warning.
+    """
+    from roughvol.campaign import cost, understood
+
+    found = roughvol.check(given(study, changes), jobs=jobs, changes=changes)
+    picture = _look(found, out or Path()) if look or out is not None else None
+    if as_json:
+        say_json(found.plain() | {"picture": picture and str(picture)})
+    else:
+        cases = found.study.cases()
+        say(found.study.to_yaml())
+        if found.surface is not None:
+            say(understood.text(found.surface, cases[0], len(cases)))
+        if picture is not None:
+            say(f"# picture {picture}")
+        say("\n".join(_expected(found) if found.expected else _cost(found)))
+        warn(found.warnings)
+        for choice in () if found.expected else cost.choices(found.study, jobs):
+            area, pressure, volume = choice.errors
+            say(
+                f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {duration(choice.seconds)}; "
+                f"errors about {f'{area:.0e}' if area else '0'} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
+            )
+    cost.check_study_fits(found.study, found.folder)
+
+
+def _look(found: Checked, folder: Path) -> Path:
+    """Draw the surface of the first case into a folder, and return the path of the picture."""
+    from roughvol.report.figures import surface_picture
+
+    case, path = found.study.cases()[0], folder / f"{found.study.name}-look.png"
+    folder.mkdir(parents=True, exist_ok=True)
+    surface_picture.write(found.surface, case.length_unit, case.label, path)
+    return path
+
+
+def _cost(found: Checked) -> list[str]:
+    """Return the cost of a study as comments of its YAML."""
+    estimate = found.estimate
+    return [
+        f"# {count(estimate.cases, 'case')}, {count(estimate.steps, 'state')} to solve",
+        f"# memory  about {size(estimate.memory)} a process, {count(estimate.jobs, 'process', 'processes')} at once",
+        *([f"#         {estimate.notice}"] if estimate.notice else []),
+        f"# disk    up to {size(estimate.disk)}",
+        f"# time    about {duration(estimate.seconds)} (estimate from convolutions timed on this machine)",
+        *(f"#         {duration(seconds)} of one core for {name}" for name, seconds in estimate.observables.items()),
+    ]
+
+
+def _expected(found: Checked) -> list[str]:
+    """Return the expected cost of an ensemble as comments."""
+    lines = [f"# the solver's residual is η/σ ≤ {found.study.cases()[0].solver.tolerance:.0e}"]
+    for row in found.expected:
+        samples = ", ".join(f"{n} at m = {m}" for m, n in row.samples.items())
+        samples += f", {row.surfaces} surfaces without a solve, {row.steps} steps"
+        lines.append(f"# D = {row.D:g}: about {samples}: {duration(row.seconds)} of one core")
+        plain = duration(row.plain)
+        lines.append(f"#          plain Monte Carlo: {plain} (both to a factor of 2, by surfaces up to m = 6)")
+    return [*lines, f"# memory  about {size(found.estimate.memory)} a process"]

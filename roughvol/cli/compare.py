@@ -1,0 +1,38 @@
+"""The command `compare`: the numbers of several runs at equal loads."""
+
+from __future__ import annotations
+
+import click
+
+import roughvol
+from roughvol.cli.options import CSV, JSON, SET, at, completed_runs, examples
+from roughvol.cli.output import say_numbers, say_table
+from roughvol.cli.show import check_one_form
+
+
+@click.command(
+    epilog=examples(
+        "roughvol compare metal_seal metal_seal_elastic",
+        "roughvol compare dry wet --at pressure=0.5MPa --at pressure=1MPa",
+        "roughvol compare seals                       the materials of a study with a list of them",
+    )
+)
+@click.argument("run", nargs=-1, required=True, shell_complete=completed_runs)
+@at(several=True)
+@CSV
+@JSON
+@SET
+def compare(
+    run: tuple[str, ...], states: tuple[str, ...], as_csv: bool, as_json: bool, changes: tuple[str, ...]
+) -> None:
+    """Print the numbers of RUN RUN... side by side at equal loads; of one run with lists, its combinations.
+
+    Without --at, the loads are nominal pressures that all runs reach, or p* where one has no units. Units are those of
+    the first run. The rule between steps is that of `roughvol show`.
+    """
+    check_one_form(as_csv=as_csv, as_json=as_json)
+    found = roughvol.compare(run, states, changes=changes)
+    if as_csv or as_json:
+        say_numbers("compare", *found.records(), as_csv=as_csv)
+    else:
+        say_table(found.table())

@@ -1,0 +1,70 @@
+"""The command `creep`: the leak over time under constant load."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import roughvol
+from roughvol.cli.ask import beyond, titled
+from roughvol.cli.options import JSON, RUN, SET, at, examples, out
+from roughvol.cli.output import say, say_json, say_table, warn
+
+
+@click.command(
+    epilog=examples(
+        'roughvol creep seal --law creep.yaml --at pressure=0.1MPa --times "1 s..30 day"',
+        'roughvol creep seal --law creep.yaml --at pressure=0.1MPa --times "1 min, 1 h, 1 day"',
+        "creep.yaml holds one of:",
+        "  prony: {shares: [0.3, 0.2], times: [10 s, 1 h]}        1 + sum of shares (1 - exp(-t/times))",
+        "  power: {exponent: 0.1, time: 1 s}                      1 + (t/time)^exponent",
+        "  table: {times: [1 s, 1 day], ratios: [1, 1.5]}         or moduli: [10 MPa, 6.7 MPa]",
+        "and, for a study with material.against, the body that creeps:",
+        "  body: first                                            or second, both",
+    )
+)
+@RUN
+@click.option("--law", required=True, type=click.Path(path_type=Path), help="YAML file of the creep law J(t)/J(0).")
+@at(several=False)
+@click.option("--times", required=True, metavar="TIMES", help="Times under load: 'FROM..TO' or a list, with units.")
+@out("the run's; for creep.csv and creep.png")
+@JSON
+@SET
+def creep(
+    run: str | None,
+    law: Path,
+    state: str | None,
+    times: str,
+    out: Path | None,
+    as_json: bool,
+    changes: tuple[str, ...],
+) -> None:
+    """Show the leak of RUN over time, for a material that creeps under constant load.
+
+    The modulus of the study is that at once. States at later times are read off the stored sweep: at constant load the
+    contact is that of the modulus 1/J(t) (Lee and Radok 1960). Times whose states the sweep does not reach are refused.
+    Of several surfaces the leak is the median, with the 16-84 % range and the number of open surfaces.
+    """
+    from roughvol.analysis import creep as over_time
+    from roughvol.questions import opened
+    from roughvol.report.figures.creep import drawing_of
+
+    if state is None:
+        raise click.UsageError("needs its constant load, as --at pressure=0.1MPa")
+    found = opened(run, changes)
+    history = roughvol.creep(found, law, at=state, times=times)
+    if as_json:
+        say_json({"run": found.name, "leg": 1} | over_time.record(history))
+        return
+    say(f"{titled(found.name, found.dataset)}: at {history.pressure:.4g} {history.pressure_unit}")
+    say_table(over_time.table_of(history))
+    say(beyond(found.name, found.dataset))
+    folder = out or found.folder
+    over_time.write_csv(history, folder / "creep.csv")
+    say(str(folder / "creep.csv"))
+    if any((leak.value > 0.0).any() for leak in history.leak.values()):
+        drawing_of(history, found.dataset).savefig(folder / "creep.png")
+        say(str(folder / "creep.png"))
+    else:
+        warn(["nothing leaks at these times, so no figure is drawn"])

@@ -1,0 +1,137 @@
+"""The command `init`: an example study, or the study of a height map, in the current folder."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+
+import click
+from click.shell_completion import CompletionItem
+
+from roughvol.cli.options import SET, Completed, examples
+from roughvol.cli.output import aligned, say
+from roughvol.errors import FolderError, StudyError
+from roughvol.store import stamped_file
+
+SCAN = "scan.txt"
+TO_FILL_IN = {"L": "500 um", "unit": "um", "heights_unit": "um"}  # what a height map may lack, with an example
+HEAD = """# The height map {path}. Give material, end of the sweep and fluid; roughvol explain has all keys.
+#   roughvol check {name}.yaml --look
+#   roughvol run {name}.yaml
+#   roughvol card {name}.yaml
+"""
+
+
+def _examples_with(context: click.Context, option: click.Parameter, start: str) -> Completed:
+    """Return the names of examples with this start, or let the shell complete a height map."""
+    return [name for name in _examples() if name.startswith(start)] or [CompletionItem(start, type="file")]
+
+
+@click.command(
+    epilog=examples(
+        "roughvol init                list the examples",
+        "roughvol init seal           write seal.yaml into the current folder",
+        "roughvol init face.xyz       write face.yaml, a study of this height map",
+        "roughvol init face.npy --set surface.L='500 um' --set surface.heights_unit=um",
+    )
+)
+@click.argument("example", required=False, shell_complete=_examples_with, metavar="[EXAMPLE|FILE]")
+@click.option("--list", "listing", is_flag=True, help="List the examples and write nothing.")
+@SET
+def init(example: str | None, listing: bool, changes: tuple[str, ...]) -> None:
+    """Write the study EXAMPLE, or the study of the height map FILE, into the current folder, or list the examples.
+
+    Sizes and units come from FILE. What it lacks is left to fill in. Files that exist are not overwritten.
+    """
+    known = _examples()
+    if example is None or listing:
+        titles = [(name, text.splitlines()[0].removeprefix("# ")) for name, text in known.items()]
+        say(aligned(("example", "content"), titles))
+        say("write one with: roughvol init EXAMPLE; the study of a height map with: roughvol init FILE")
+        return
+    if example not in known and Path(example).is_file():
+        _write_study_of_map(Path(example), known["scan"], changes)
+        return
+    if example not in known:
+        near = difflib.get_close_matches(example, known, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise click.UsageError(f"no example and no height map {example!r}{hint} (examples: {', '.join(known)})")
+    if changes:
+        message = "--set changes the study of a height map; an example is changed by: roughvol run EXAMPLE.yaml --set …"
+        raise click.UsageError(message)
+    _write_new({f"{example}.yaml": known[example]} | ({SCAN: _heights()} if example == "scan" else {}))
+    say(f"next: roughvol run {example}.yaml, then roughvol show {example}")
+
+
+def _examples() -> dict[str, str]:
+    """Return the text of the examples of this package by name."""
+    files = (path for path in (resources.files("roughvol") / "examples").iterdir() if path.name.endswith(".yaml"))
+    return {path.name.removesuffix(".yaml"): path.read_text("utf-8") for path in sorted(files, key=lambda f: f.name)}
+
+
+def _heights() -> str:
+    """Return a small map as text: 65 x 65 heights in um on a slight slope, Sq = 2 um."""
+    from roughvol.surfaces.midpoint import random_midpoint_displacement
+
+    surface = random_midpoint_displacement(2.3, 6, side=500.0, seed=1).scaled(2.0)
+    heights = surface.heights - surface.heights.mean()
+    rows, columns = heights.shape
+    tilted = [[heights[i, j] + 0.02 * i + 0.01 * j for j in range(columns)] for i in range(rows)]
+    lines = [" ".join(f"{height:.4f}" for height in row) for row in tilted]
+    return "\n".join(lines) + "\n"
+
+
+def _write_new(files: Mapping[str, str]) -> None:
+    """Write files into the current folder, or none if any of them is there."""
+    if present := [name for name in files if Path(name).exists()]:
+        raise FolderError(f"already in {Path.cwd()}: {', '.join(present)}; nothing was written")
+    for name, text in files.items():
+        stamped_file.store(Path(name), text.encode())
+        say(f"wrote {name}")
+
+
+def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> None:
+    """Write the study of a height map, as that of the example; lengths and units that it lacks are to be filled in."""
+    if other := [change for change in changes if not change.startswith("surface.")]:
+        message = f"--set {other[0]}: allowed are keys of surface; give the others in the study that is written"
+        raise click.UsageError(message)
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem).strip("_-")[:100] or "map"
+    given = {key.removeprefix("surface."): value for key, _, value in (change.partition("=") for change in changes)}
+    surface = {"file": str(path), "level": "tilt"} | given
+    rest = [line for line in example.splitlines() if not line.startswith(("#", "name:", "surface:"))]
+
+    def study(keys: Mapping[str, str]) -> str:
+        section = ", ".join(f"{key}: {_quoted(value)}" for key, value in (surface | dict(keys)).items())
+        return "\n".join([f"name: {name}", f"surface: {{{section}}}", *rest]) + "\n"
+
+    absent: dict[str, str] = {}
+    while lacking := _lacking(study(absent), f"{name}.yaml", absent):
+        absent |= {key: TO_FILL_IN[key] for key in lacking}
+    to_fill_in = {key: f"FILL IN, as {value}" for key, value in absent.items()}
+    _write_new({f"{name}.yaml": HEAD.format(path=path, name=name) + study(to_fill_in)})
+    if absent:
+        say(f"fill in {' and '.join(f'surface.{key}' for key in absent)}, which {path} does not give")
+    say(f"next: roughvol check {name}.yaml --look")
+
+
+def _lacking(study: str, file: str, absent: Mapping[str, str]) -> list[str]:
+    """Return the keys of lengths and units that a study of a height map lacks, beside those found absent before."""
+    from roughvol.study import loads
+
+    try:
+        case = loads(study, file).cases()[0]
+    except StudyError as error:
+        keys = [problem.key.removeprefix("surface.") for problem in error.problems if "missing" in problem.message]
+        if lacking := [key for key in keys if key in TO_FILL_IN and key not in absent]:
+            return lacking
+        raise
+    return [] if case.length_unit else ["unit"]
+
+
+def _quoted(text: str) -> str:
+    """Return a text for a flow mapping of YAML, in quotes where it needs them."""
+    return text if re.fullmatch(r"[\w./ ]*\w", text) else json.dumps(text, ensure_ascii=False)

@@ -1,0 +1,29 @@
+"""The command `ls`: all runs of a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+import roughvol
+from roughvol.cli.options import JSON, examples
+from roughvol.cli.output import aligned, say, say_json, size
+from roughvol.study.values.durations import duration
+
+
+@click.command(epilog=examples("roughvol ls", "roughvol ls /data/runs", "roughvol ls --json"))
+@click.argument("folder", type=click.Path(path_type=Path), default=Path("runs"), metavar="[FOLDER]")
+@JSON
+def ls(folder: Path, as_json: bool) -> None:
+    """List all runs in FOLDER [default: runs], the latest first: name, state, size, age."""
+    found = roughvol.runs(folder)
+    if as_json:
+        rows = [{"run": one.name, "state": one.state, "bytes": one.size, "seconds": round(one.age)} for one in found]
+        say_json({"folder": str(folder), "units": {"bytes": "byte", "seconds": "s"}, "rows": rows})
+        return
+    if not found:
+        say(f"no run in {folder}; start one with: roughvol run STUDY")
+        return
+    lines = [(one.name, one.state, size(one.size), f"{duration(one.age)} ago") for one in found]
+    say(aligned(("run", "state", "size", "changed"), lines))

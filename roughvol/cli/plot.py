@@ -1,0 +1,138 @@
+"""The command `plot`: figures of one run, or of several runs overlaid."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from roughvol.cli.options import SET, completed_runs_and_figures, examples, out
+from roughvol.cli.output import csv_text, say, warn
+from roughvol.errors import DatasetError
+
+if TYPE_CHECKING:
+    from roughvol.report.figures.style import Drawing
+
+LEAST, MOST = 1.0, 40.0  # inches of a figure
+INCH = {"mm": 1 / 25.4, "cm": 1 / 2.54, "in": 1.0, "": 1.0}
+PAPER = re.compile(r"fig\d\d[ab]?")  # names of the figures of the paper
+
+
+@click.command(
+    epilog=examples(
+        "roughvol plot                                     all figures of the latest run",
+        "roughvol plot effect_of_D fig04a v_of_p --format pdf",
+        "roughvol plot dry wet leak_of_p --size 120x80mm   two runs overlaid",
+    )
+)
+@click.argument("names", metavar="[RUN]... [FIGURE]...", nargs=-1, shell_complete=completed_runs_and_figures)
+@click.option(
+    "--format",
+    "suffix",
+    type=click.Choice(["png", "pdf", "svg", "csv"]),
+    default="png",
+    show_default=True,
+    help="Kind of file; csv: the points of the curves.",
+)
+@click.option("--size", metavar="WxH", help="Width and height, as 120x80mm, 7x4in or 16x9cm [default: of the figure].")
+@click.option("--log", type=click.Choice(["x", "y", "xy"]), help="Axes with a logarithmic scale.")
+@out("figures in the run")
+@SET
+def plot(
+    names: tuple[str, ...],
+    suffix: str,
+    size: str | None,
+    log: str | None,
+    out: Path | None,
+    changes: tuple[str, ...],
+) -> None:
+    """Draw figures from RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
+
+    Figures of the paper are fig01 to fig12b, in the folder paper. Those of the flow through the gap are seal_volume to
+    seal_map. Others are named by content: v_of_p is V* over p*, with p, a, v, d, i for p*, A*, V*, d/σ, Δ/σ, and gap,
+    leak, flow.
+
+    Several runs are overlaid in figures named by content, into runs/compared, and so are the combinations of a study
+    with lists, into its own figures. Without FIGURE, all figures of the run are drawn, or v_of_p, a_of_p, v_of_a,
+    v_of_d, gap_of_p, leak_of_p of several runs. A FIGURE that does not apply is named, and the others are drawn.
+    """
+    from roughvol import plotting
+    from roughvol.report.figures import content
+    from roughvol.store import StoredRun
+    from roughvol.store.run import is_run, names_of
+
+    inches = _inches(size)
+    wanted = [name for name in names if name in plotting.names() and not Path(name).exists()]
+    others = [name for name in names if name not in wanted]
+    misspelt = [name for name in others if not is_run(name)]
+    if len(misspelt) < len(others):
+        plotting.check_known(misspelt)
+    opened = [StoredRun.open(name, changes) for name in others] or [StoredRun.open()]
+    alone = len(opened) == 1
+    stored = zip(names_of([run.file for run in opened]), opened, strict=True)
+    runs = [part for name, run in stored for part in content.parts(name, run.dataset, alone=alone)]
+    drawings, refused = plotting.drawings(runs, wanted, alone=alone)
+    folder = out or (opened[0].folder / "figures" if alone else Path("runs/compared"))
+    drawn = 0
+    for name, draw in drawings.items():
+        target = folder / f"{name}.{suffix}"
+        if out is None and PAPER.fullmatch(target.stem):
+            target = target.parent / "paper" / target.name
+        try:
+            figure = draw()
+            left = _shaped(figure, inches, log)
+            _write(figure, target)
+        except DatasetError as error:
+            refused += [str(error)] if wanted else []  # among all figures of a run, maps have no points
+            continue
+        warn(f"{name} has no positive {axis}: this axis stays linear" for axis in left)
+        say(target)
+        drawn += 1
+    if refused and not drawn:
+        raise DatasetError("\n".join(refused))
+    for reason in refused:
+        say(f"not drawn: {reason}", err=True)
+
+
+def _write(figure: Drawing, target: Path) -> None:
+    """Write a figure, or the points of its curves without the columns that no curve has."""
+    from roughvol.report.figures import content
+    from roughvol.store import stamped_file
+
+    if target.suffix != ".csv":
+        target.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(target)
+        return
+    points = list(content.data(figure))
+    held = [name for name in content.COLUMNS if any(point[name] is not None for point in points)]
+    stamped_file.write(target, csv_text(held, ([point[name] for name in held] for point in points)).encode())
+
+
+def _inches(size: str | None) -> tuple[float, float] | None:
+    """Return a size as width and height in inches."""
+    if size is None:
+        return None
+    match = re.fullmatch(r"(\d+\.?\d*)\s*x\s*(\d+\.?\d*)\s*(mm|cm|in|)", size.strip())
+    width, height = (float(match[k]) * INCH[match[3]] for k in (1, 2)) if match else (0.0, 0.0)
+    if not (LEAST <= width <= MOST and LEAST <= height <= MOST):
+        message = f"--size is {size!r}; allowed: WxH with a unit mm, cm or in (default), {LEAST} to {MOST} in"
+        raise DatasetError(f"{message}, as 120x80mm")
+    return width, height
+
+
+def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) -> list[str]:
+    """Give a figure a size, and its axes logarithmic scales; return the axes without positive data."""
+    left = []
+    if inches is not None:
+        figure.set_size_inches(*inches)
+    for ax in figure.axes if log else ():
+        for axis in log or "":
+            if ax.name != "rectilinear" or ax.images:
+                continue
+            if getattr(ax.dataLim, f"{axis}1") > 0.0:
+                getattr(ax, f"set_{axis}scale")("log")
+            else:
+                left.append(axis)
+    return left

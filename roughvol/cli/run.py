@@ -1,0 +1,221 @@
+"""The command `run`: compute a study, with its progress."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from roughvol.cli.options import JOBS, JSON, SET, STUDY, completed_figures, examples, given, out
+from roughvol.cli.output import count, say, say_json, say_table, warn
+from roughvol.errors import CampaignError
+from roughvol.study.values.durations import duration
+
+if TYPE_CHECKING:
+    from roughvol.campaign.batch import Progress
+    from roughvol.store.dataset import Dataset
+
+EVENT_EVERY, PLAIN_EVERY = 1.0, 5.0  # seconds between two lines without a terminal: of a case that ended, of steps
+Draw = Callable[["Progress"], None]
+
+
+@click.command(
+    epilog=examples(
+        "roughvol run seal.yaml",
+        "roughvol run effect_of_D.yaml --jobs 4 --out /data/effect_of_D",
+        "roughvol run seal.yaml --set surface.m=7 --set name=finer",
+    )
+)
+@STUDY
+@JOBS
+@out("runs/NAME")
+@click.option("--fresh", is_flag=True, help="Compute every case anew, finished ones too.")
+@click.option("--scheduler", metavar="ADDRESS", help="Compute on the workers of this Dask scheduler.")
+@click.option(
+    "--figures",
+    metavar="NAMES",
+    shell_complete=completed_figures,
+    help="Compute only the cases of these figures, as in fig05,fig06a.",
+)
+@JSON
+@SET
+def run(
+    study: Path,
+    jobs: int | None,
+    out: Path | None,
+    fresh: bool,
+    scheduler: str | None,
+    figures: str | None,
+    as_json: bool,
+    changes: tuple[str, ...],
+) -> None:
+    """Compute the unfinished cases of STUDY, and collect all cases in study.nc; STUDY may be - for standard input.
+
+    The numbers of the chief states are printed: levels asked for and ends of legs. `roughvol show` has all.
+
+    Ctrl-C stops after the cases at work, a second one at once. The same command continues the run.
+    """
+    started = time.monotonic()
+    from roughvol import plotting
+    from roughvol.campaign import running, signals
+    from roughvol.questions import study_of
+
+    loaded, folder = study_of(given(study, changes), changes)
+    folder = out or folder
+    only = plotting.needed(figures.split(","), loaded.cases()) if figures else None
+    last: Progress | None = None
+
+    def follow(now: Progress) -> None:
+        nonlocal last
+        last = now
+        draw(now)
+
+    with _progress() as draw, signals.first_interrupt(_say_how_to_stop) as interrupted:
+        results = running.run(
+            loaded,
+            out=folder,
+            jobs=jobs,
+            fresh=fresh,
+            on_event=follow,
+            scheduler=scheduler,
+            stopping=interrupted,
+            only=only,
+        )
+    assert last is not None
+    seconds = time.monotonic() - started
+    if as_json:
+        _say_record(loaded.name, results, last, folder / "study.nc", seconds)
+        return
+    before = f", {last.kept} of them finished before" if last.kept else ""
+    say(f"{count(last.cases, 'case')} in {duration(seconds)}{before}")
+    _say_numbers(loaded.name, results)
+    say("\n".join([*_summary(results, folder / "study.nc"), str(folder / "study.nc")]))
+    warn(results.attrs["warnings"].splitlines())
+
+
+def _say_how_to_stop() -> None:
+    say("stopping after the cases at work; Ctrl-C again stops at once", err=True)
+
+
+def _say_numbers(name: str, results: Dataset) -> None:
+    """Print the chief states of a run, and where its ways through the gap close."""
+    if "step" not in results.sizes:
+        return
+    from roughvol.analysis.stored_run import Run
+    from roughvol.report import screen
+
+    for part in Run.of(name, results).parts:
+        for table in screen.summary(part):
+            say_table(table if part.name == name else table.under(part.name.removeprefix(f"{name}, ")))
+
+
+def _say_record(name: str, results: Dataset, last: Progress, file: Path, seconds: float) -> None:
+    """Print a run as JSON: its cases, the numbers of all surfaces as `show --json` has them, and its warnings."""
+    from roughvol.analysis.stored_run import Run
+    from roughvol.report import screen
+
+    names, rows, units = screen.records(Run.of(name, results)) if "step" in results.sizes else ([], [], {})
+    cases = {"cases": last.cases, "finished_before": last.kept, "seconds": round(seconds, 3)}
+    table = {"units": units, "rows": [dict(zip(names, row, strict=True)) for row in rows]}
+    answer = {name: results.attrs.get(name, "").splitlines() for name in ("answer", "warnings")}
+    say_json({"run": name, "file": str(file), **cases, **table, **answer})
+
+
+def _summary(results: Dataset, path: Path) -> list[str]:
+    """Return states, convolutions, residual and unreached levels of a study.
+
+    Raises
+    ------
+    CampaignError
+        If the file holds a state that did not converge.
+    """
+    from roughvol.observables.variables import STATES
+    from roughvol.store import dataset
+
+    lines = []
+    if "step" in results.sizes:
+        solved = results.residual.notnull()
+        convolutions = float((results.convolutions + results.convolutions_fp32).where(solved).mean())
+        lines.append(f"{count(int(solved.sum()), 'state')}, {convolutions:.1f} convolutions each on average")
+        lines.append(f"largest residual η/σ {float(results.residual.max()):.1e}")
+        if not bool(results.converged.where(solved, True).all()):
+            raise CampaignError(f"{path} holds states that did not converge; please report this defect")
+    if "observable" in results.sizes:
+        seconds = results.observable_time.sum([dim for dim in results.observable_time.dims if dim != "observable"])
+        parts = (f"{one.observable.item()} {duration(float(one))}" for one in seconds)
+        lines.append(f"time of the observables, all cases: {', '.join(parts)}")
+    for dim in STATES:
+        for label in results.get(dim, ()):
+            if absent := int((results[f"{dim}_step"].sel({dim: label}) < 0).sum()):
+                lines.append(f"{label.item()} was not reached in {count(absent, 'case')}")
+    for name, absent in dataset.unreached(results).items():
+        lines.append(f"no state of {name} was reached in {count(absent, 'case')}")
+    return list(dict.fromkeys([*lines, *results.attrs.get("answer", "").splitlines()]))
+
+
+def _progress_text(now: Progress, seconds: float) -> str:
+    """Return finished cases, steps, rate and time left in one line."""
+    failed = f" ({now.failed} failed)" if now.failed else ""
+    text = f"{now.kept + now.done} of {count(now.cases, 'case')}{failed}"
+    if now.steps:
+        text += f" · {now.steps_done} of {now.steps} steps · {now.steps_done / max(seconds, 1e-3):.0f} steps/s"
+    if now.left is not None and now.work < 1.0:
+        text += f" · about {duration(now.left)} left"
+    return f"{text} · {now.interval}" if now.interval else text
+
+
+def _progress() -> contextlib.AbstractContextManager[Draw]:
+    """Draw on a terminal; elsewhere write a line now and then."""
+    return _bar() if sys.stderr.isatty() else _lines()
+
+
+@contextlib.contextmanager
+def _lines() -> Iterator[Draw]:
+    started = last = time.monotonic()
+    waiting = ""
+
+    def write(now: Progress) -> None:
+        nonlocal last, waiting
+        if now.notice:
+            say(now.notice, err=True)
+            return
+        text = _progress_text(now, time.monotonic() - started)
+        waiting = f"{now.event} · {text}" if now.event else waiting
+        if time.monotonic() - last >= (EVENT_EVERY if waiting else PLAIN_EVERY):
+            say(waiting or text, err=True)
+            last, waiting = time.monotonic(), ""
+
+    try:
+        yield write
+    finally:
+        if waiting:
+            say(waiting, err=True)
+
+
+@contextlib.contextmanager
+def _bar() -> Iterator[Draw]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+    started = time.monotonic()
+    columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    task = bar.add_task("starting", total=1.0)
+
+    def draw(now: Any) -> None:
+        with contextlib.suppress(OSError):  # the terminal is closed
+            if now.notice or (now.event and now.failed):
+                bar.console.print(now.notice or now.event, markup=False, highlight=False)
+            bar.update(task, completed=now.work, description=_progress_text(now, time.monotonic() - started))
+
+    bar.start()
+    try:
+        yield draw
+    finally:
+        with contextlib.suppress(OSError):
+            bar.stop()

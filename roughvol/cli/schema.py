@@ -1,0 +1,18 @@
+"""The command `schema`: the JSON schema of study files."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from roughvol.cli.options import examples
+from roughvol.cli.output import say
+
+
+@click.command(epilog=examples("roughvol schema > study.schema.json"))
+def schema() -> None:
+    """Print the JSON schema of study files, for completion and checks in editors."""
+    from roughvol.study import json_schema
+
+    say(json.dumps(json_schema(), indent=2, ensure_ascii=False))

@@ -1,0 +1,51 @@
+"""The command `show`: the numbers of a run."""
+
+from __future__ import annotations
+
+import click
+
+from roughvol.cli.options import CSV, JSON, RUN, SET, at, examples
+from roughvol.cli.output import say, say_numbers, say_table
+
+
+@click.command(
+    epilog=examples(
+        "roughvol show seal                           its steps",
+        "roughvol show seal --at pressure=0.5MPa      the state at a load",
+        "roughvol show seal --csv > seal.csv          every surface and step, by stored names",
+    )
+)
+@RUN
+@at(several=True)
+@CSV
+@JSON
+@SET
+def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, changes: tuple[str, ...]) -> None:
+    """Print the numbers of RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
+
+    Between two steps, numbers lie on straight lines over the quantity asked for; flows and openings on those of their
+    logarithms. A state beyond the steps is an error. Several surfaces are shown by their mean; --csv and --json have
+    each of them. An ensemble has its means last. `roughvol explain NAME` describes a column.
+    """
+    check_one_form(as_csv=as_csv, as_json=as_json)
+    from roughvol.analysis.stored_run import Run
+    from roughvol.report import screen
+    from roughvol.store import StoredRun
+    from roughvol.study import parse
+
+    stored, wanted = StoredRun.open(run, changes), [parse(text) for text in states]
+    opened = Run.of(stored.name, stored.dataset)
+    if as_csv or as_json:
+        say_numbers(opened.name, *screen.records(opened, wanted), as_csv=as_csv)
+        return
+    for part in opened.parts:
+        for table in screen.shown(part, wanted):
+            say_table(table.under(part.name.removeprefix(opened.name).removeprefix(", ")))
+    if answer := opened.dataset.attrs.get("answer"):
+        say(answer)
+
+
+def check_one_form(*, as_csv: bool, as_json: bool) -> None:
+    """Refuse two forms of the numbers at once."""
+    if as_csv and as_json:
+        raise click.UsageError("--csv and --json exclude each other")

@@ -1,0 +1,45 @@
+"""The command `tradeoff`: speed against accuracy."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+import roughvol
+from roughvol.cli.options import JSON, SET, STUDY, examples, given, out
+from roughvol.cli.output import say, say_json
+
+
+@click.command(epilog=examples("roughvol tradeoff tradeoff.yaml"))
+@STUDY
+@out("runs/NAME")
+@JSON
+@SET
+def tradeoff(study: Path, out: Path | None, as_json: bool, changes: tuple[str, ...]) -> None:
+    """Measure speed against accuracy on the surfaces of STUDY, with work-precision diagrams; numbers in tradeoff.nc.
+
+    Shows also the convergence of A*, p* and V* in the resolution m of the study.
+    """
+    from roughvol.questions import study_of
+    from roughvol.report import convergence
+    from roughvol.report.figures import registry
+    from roughvol.store import dataset
+
+    loaded, folder = study_of(given(study, changes), changes)
+    folder, show = out or folder, sys.stderr.isatty()
+    measured = roughvol.tradeoff(
+        loaded, on_sweep=lambda k, n: say(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None
+    )
+    dataset.write(measured, folder / "tradeoff.nc")
+    lines = []
+    for name, figure in registry.TRADEOFF.items():
+        if figure.missing(measured) is None:
+            (folder / "figures").mkdir(exist_ok=True)
+            figure(measured).savefig(folder / "figures" / f"{name}.png")
+            lines.append(str(folder / "figures" / f"{name}.png"))
+    if as_json:
+        say_json({"study": loaded.name, "file": str(folder / "tradeoff.nc"), **measured.to_dict()})
+        return
+    say("\n".join([*lines, convergence.summary(measured), str(folder / "tradeoff.nc")]))

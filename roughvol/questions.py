@@ -1,0 +1,737 @@
+"""The questions of the command line, as functions that return their answers as data.
+
+A question opens a run and joins rooms that do not know each other: a card computes with `campaign`, and its error is
+that of `analysis`. So this module is above the rooms, beside `plotting`, and below `cli`, which prints the answers.
+The rooms are imported in the functions: `roughvol ask` needs no solver.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from roughvol.analysis.creep import History
+    from roughvol.analysis.leak_card import Card
+    from roughvol.analysis.read_off import Answer
+    from roughvol.campaign.cost import Estimate
+    from roughvol.ensemble.prediction import Expected
+    from roughvol.report.page import Report
+    from roughvol.report.screen import Compared
+    from roughvol.reproduction.judgement import Judgement
+    from roughvol.store import Status, StoredRun
+    from roughvol.store.card_runs import CardRuns
+    from roughvol.store.dataset import Dataset
+    from roughvol.store.runs import Listed
+    from roughvol.study import Study
+    from roughvol.surfaces.surface import Surface
+
+
+def opened(run: Dataset | StoredRun | str | Path | None, changes: Sequence[str] = ()) -> StoredRun:
+    """Return the run of a name, a path or a dataset in memory; None is the latest run."""
+    from roughvol.store import StoredRun
+    from roughvol.store.dataset import with_case
+
+    if run is None or isinstance(run, str | Path):
+        return StoredRun.open(run, changes)
+    if isinstance(run, StoredRun):
+        return run
+    from roughvol.report.figures import origin
+
+    return StoredRun(Path(f"{origin.run_name(run) or 'dataset'}.nc"), with_case(run))
+
+
+def study_of(study: Study | Mapping[str, Any] | str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]:
+    """Return a study, of a mapping, a study file or a run, and the folder of its results."""
+    from roughvol.store import folder_of, run
+    from roughvol.study import Arguments, of_data
+
+    if isinstance(study, str | Path):
+        return run.study_of(study, changes)
+    whole = of_data(study, Arguments("study", {"": "study"})) if isinstance(study, Mapping) else study
+    return whole, folder_of(whole)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadOff:
+    """Read-offs of a stored sweep.
+
+    Attributes
+    ----------
+    run : StoredRun
+        The run.
+    leak_rate : str
+        Largest leak with its unit; empty for a closed joint.
+    unknown : str
+        The quantity found: pressure, modulus or Sq.
+    pressure : float or None
+        Nominal pressure of a modulus or an Sq, in the unit of the study.
+    answers : tuple of Answer
+        Along x and y.
+    narrower : tuple of str
+        Changes of the study that solve states around the answers; empty where there are none.
+    """
+
+    run: StoredRun
+    leak_rate: str
+    unknown: str
+    pressure: float | None
+    answers: tuple[Answer, ...]
+    narrower: tuple[str, ...]
+
+    def command(self, run: str = "", changes: Sequence[str] = ()) -> str:
+        """Return the command that narrows the interval, empty without one.
+
+        Parameters
+        ----------
+        run : str
+            The run as the user names it. Default: its name.
+        changes : sequence of str
+            Changes of the study that the user has made.
+
+        Returns
+        -------
+        str
+            ``roughvol run …``.
+        """
+        every = [word for change in (*changes, *self.narrower) for word in ("--set", change)]
+        return shlex.join(["roughvol", "run", run or self.run.name, *every]) if self.narrower else ""
+
+    def plain(self) -> dict[str, Any]:
+        """Return the read-offs as ``ask --json`` prints them.
+
+        Returns
+        -------
+        dict
+            Run, leak, load, and the answers with their intervals.
+        """
+        from roughvol.analysis import read_off
+
+        unit = "" if self.pressure is None else self.run.dataset["nominal_pressure"].attrs["units"]
+        return {
+            "run": self.run.name,
+            "leak_rate": self.leak_rate or None,
+            "at": None if self.pressure is None else f"pressure={self.pressure:.9g} {unit}",
+            "leg": 1,
+            "answers": [read_off.record(answer, self.unknown) for answer in self.answers],
+            "narrower": self.command() or None,
+        }
+
+
+def ask(
+    run: Dataset | str | Path | None = None,
+    *,
+    leak_rate: str | None = None,
+    unknown: str = "pressure",
+    at: str | None = None,
+    changes: Sequence[str] = (),
+) -> ReadOff:
+    """Return where the leak of a run falls to a value, or where its last way closes: `roughvol ask`.
+
+    The answer is read off the stored sweep: numbers depend on E* and Sq through p* alone. Nothing is solved. Of several
+    surfaces the leakiest decides.
+
+    Parameters
+    ----------
+    run : Dataset, path or name, optional
+        A run. Default: the latest.
+    leak_rate : str, optional
+        Largest leak with its unit, as ``"1e-6 mm^3/s"``. Default: no open way.
+    unknown : {"pressure", "modulus", "Sq"}
+        Quantity to find.
+    at : str, optional
+        Load of a modulus or an Sq, as ``"pressure=0.05 MPa"``.
+    changes : sequence of str
+        Other values of keys of a study file, as ``surface.m=6``.
+
+    Returns
+    -------
+    ReadOff
+        ``answers`` along x and y: ``value``, ``low``, ``high`` and ``unit``. ``plain()`` is the content of ``--json``.
+
+    Raises
+    ------
+    StudyError
+        If the run has no leak rates, yields, or has several D, m or values of a list.
+
+    See Also
+    --------
+    roughvol.card : Returns the leak at one load with its error.
+    roughvol.creep : Returns the leak over time.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> study = {"name": "patch", "surface": {"D": 2.3, "m": 4, "seeds": 1}, "sweep": {"steps": 8}}
+    >>> ds = roughvol.run(study | {"record": {"transport": {"percolation": "every-step"}}}, jobs=1)
+    >>> along_x, along_y = roughvol.ask(ds).answers
+    >>> along_x.low < along_x.value == along_x.high
+    True
+    """
+    from roughvol.analysis import gas_leak, read_off
+    from roughvol.study import parse
+
+    found = opened(run, changes)
+    results, wanted, kelvin = found.dataset, (leak_rate or "").lstrip("<= "), None
+    if gas_leak.is_throughput(wanted):
+        results, kelvin = gas_leak.in_place(results, unknown)
+    read_off.check(results, leaks=leak_rate is not None)
+    load = None if at is None else read_off.nominal_of(results, parse(at))
+    if leak_rate is None:
+        answers = read_off.ask_closed(results, unknown, pressure=load)
+    else:
+        largest, wanted = _leak(wanted, str(results["leak_rate"].attrs["units"]), kelvin)
+        answers = read_off.ask(results, largest, unknown, pressure=load)
+    return ReadOff(found, wanted, unknown, load, tuple(answers), tuple(read_off.narrower(results, answers)))
+
+
+def _leak(text: str, unit: str, kelvin: float | None) -> tuple[float, str]:
+    """Return a leak in the unit of a run, and its text with a unit; ``kelvin`` is the temperature of a gas."""
+    from roughvol.errors import Problem, StudyError
+    from roughvol.study import convert, read, throughput
+    from roughvol.study.values.units import unit_of
+
+    try:
+        value = read(text, "flow" if kelvin is None else "throughput")
+        number, own = float(value), unit_of(value)
+        largest = (
+            convert(number, own or unit, unit) if kelvin is None else throughput(number, own or unit, unit, kelvin)
+        )
+        return float(largest), text if own else f"{text} {unit}"
+    except (ValueError, StudyError) as error:
+        message = f"the leak rate is {text!r}; allowed: a number with its unit, as in {unit} ({error})"
+        raise StudyError([Problem(message)]) from error
+
+
+def creep(
+    run: Dataset | StoredRun | str | Path | None,
+    law: str | Path,
+    *,
+    at: str,
+    times: str,
+    changes: Sequence[str] = (),
+) -> History:
+    """Return the leak of a run over time, for a material that creeps under constant load: `roughvol creep`.
+
+    The modulus of the study is that at once. States at later times are read off the stored sweep (Lee and Radok 1960).
+
+    Parameters
+    ----------
+    run : Dataset, StoredRun, path or name, or None
+        A run; None is the latest.
+    law : path
+        YAML file of the creep law J(t)/J(0), as ``power: {exponent: 0.1, time: 1 s}``.
+    at : str
+        The constant load, as ``"pressure=0.1 MPa"``.
+    times : str
+        Times under load with units, as ``"1 s..30 day"`` or ``"1 min, 1 h"``.
+    changes : sequence of str
+        Other values of keys of a study file.
+
+    Returns
+    -------
+    History
+        Arrays over the times: ``seconds``, ``area``, and ``leak["x"].value`` with its intervals.
+
+    Raises
+    ------
+    StudyError
+        If the run has no leak rates or yields, or if a time needs states beyond the sweep.
+
+    See Also
+    --------
+    roughvol.ask : Returns the pressure of a leak.
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> import roughvol
+    >>> leak = {"pressure_drop": "5 mbar", "viscosity": "1 mPa*s"}
+    >>> study = {
+    ...     "name": "seal",
+    ...     "surface": {"D": 2.3, "m": 4, "seeds": 1, "L": "100 um", "Sq": "1 um"},
+    ...     "material": {"E_star": "10 MPa"},
+    ...     "sweep": {"steps": 8, "to": {"pressure": "0.5 MPa"}},
+    ...     "record": {
+    ...         "transport": {"transmissivity": "every-step"},
+    ...         "dimensional": {"pressure": "MPa", "leak_rate": leak},
+    ...     },
+    ... }
+    >>> ds = roughvol.run(study, jobs=1)
+    >>> _ = pathlib.Path("creep.yaml").write_text("power: {exponent: 0.1, time: 1 s}")
+    >>> history = roughvol.creep(ds, "creep.yaml", at="pressure=0.2 MPa", times="1 s, 1 min")
+    >>> history.ratio.round(2).tolist()  # J(t)/J(0)
+    [2.0, 2.51]
+    """
+    from roughvol.analysis import creep as over_time
+    from roughvol.analysis import read_off
+    from roughvol.study import load_creep, parse, read_times
+
+    results = opened(run, changes).dataset
+    read_off.check(results)
+    return over_time.history(results, load_creep(Path(law)), read_off.nominal_of(results, parse(at)), read_times(times))
+
+
+@dataclass(frozen=True, eq=False)
+class Cards:
+    """The leak cards of a study at one load.
+
+    Attributes
+    ----------
+    study : Study
+        The study.
+    load : str
+        The load in words.
+    varied : tuple of str
+        Changes of the study, but for its name.
+    runs : mapping
+        The runs behind the cards, by combination of the lists of the study, then by height file. A study without lists
+        has the combination ``""``, generated surfaces have the file ``""``.
+    """
+
+    study: Study
+    load: str
+    varied: tuple[str, ...]
+    runs: Mapping[str, Mapping[str, CardRuns]]
+
+    @cached_property
+    def cards(self) -> dict[str, Card]:
+        """The card of each combination."""
+        from roughvol.analysis.leak_budget import card_of
+
+        return {words: card_of(list(runs.values()), self.study.name, self.load) for words, runs in self.runs.items()}
+
+    def plain(self) -> dict[str, Any]:
+        """Return the cards as ``card --json`` prints them.
+
+        Returns
+        -------
+        dict
+            ``surfaces``, ``load`` and ``ways``; of a study with lists, a dict of dicts by combination.
+        """
+        data = {words: card.plain() for words, card in self.cards.items()}
+        return data if self.study.axes else data[""]
+
+
+def card(
+    study: Study | Mapping[str, Any] | str | Path,
+    at: str = "last",
+    *,
+    out: str | Path | None = None,
+    jobs: int | None = None,
+    changes: Sequence[str] = (),
+) -> Cards:
+    """Return the leak along x and y at one load with its error, and where the ways close: `roughvol card`.
+
+    Coarser grids and another levelling are computed for the error; finished runs are read.
+
+    Parameters
+    ----------
+    study : Study, mapping, path or name
+        A study file, or a run.
+    at : str
+        The load, as ``"pressure=0.5 MPa, leg 2"``. Default: the end of the sweep.
+    out : path, optional
+        Folder of the runs. Default: ``runs/<name of the study>_card``.
+    jobs : int, optional
+        Number of processes. Default: all cores.
+    changes : sequence of str
+        Other values of keys of a study file; runs in a folder of their own.
+
+    Returns
+    -------
+    Cards
+        ``cards[""]`` of a study without lists; ``plain()`` is the content of ``--json``.
+
+    Raises
+    ------
+    StudyError
+        If the study has several D or m, an ensemble, or no sweep.
+    DatasetError
+        If no surface is pressed to the load.
+
+    See Also
+    --------
+    roughvol.ask : Returns the pressure of a leak.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> study = {"name": "pressed", "surface": {"D": 2.3, "m": 4, "seeds": 1}, "sweep": {"steps": 4}}
+    >>> found = roughvol.card(study, at="pressure=0.2", jobs=1).plain()
+    >>> round(found["load"]["mean_pressure"], 3), [way["axis"] for way in found["ways"]]
+    (0.2, ['x', 'y'])
+    """
+    from roughvol.analysis.leak_budget import check_reached
+    from roughvol.campaign import card as computed
+    from roughvol.study import parse
+
+    asked, _ = study_of(study, changes)
+    level = parse(at)
+    folder = Path(out or Path("runs") / f"{asked.name}_card")
+    varied = tuple(change for change in changes if not change.startswith("name="))
+    found: dict[str, dict[str, CardRuns]] = {}
+    for variant in asked.variants:
+        surfaces = computed.surfaces_of(variant.study)
+        accept = check_reached if len(surfaces) == 1 else lambda fine: None
+        inside = folder.joinpath("runs", *map(computed.slug, (*varied, variant.words)))
+        found[variant.words] = {
+            name: computed.compute(one, level, inside / computed.slug(name), jobs=jobs, accept=accept)
+            for name, one in surfaces.items()
+        }
+    return Cards(asked, level.label, varied, found)
+
+
+def compare(runs: Sequence[Dataset | str | Path], at: Sequence[str] = (), *, changes: Sequence[str] = ()) -> Compared:
+    """Return the numbers of several runs at equal loads: `roughvol compare`.
+
+    Parameters
+    ----------
+    runs : sequence of Dataset, path or name
+        Two runs or more; a run with lists counts as its combinations.
+    at : sequence of str
+        Loads, as ``"pressure=0.5 MPa"``. Default: pressures that all runs reach.
+    changes : sequence of str
+        Other values of keys of study files.
+
+    Returns
+    -------
+    Compared
+        ``records()`` are names, rows and units of the numbers, ``table()`` is their text.
+
+    Raises
+    ------
+    DatasetError
+        If there are fewer than two runs, or no load is common to all.
+
+    See Also
+    --------
+    roughvol.open : Opens the numbers of one run.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> study = {"name": "D", "surface": {"D": 2.2, "m": 3, "seeds": 2}, "sweep": {"steps": 4}}
+    >>> runs = [roughvol.run(study, jobs=1, out=f"runs/{k}") for k in range(2)]
+    >>> names, rows, units = roughvol.compare(runs, ["contact_area=0.1"]).records()
+    >>> rows[0][names.index("free_volume")] == rows[1][names.index("free_volume")]
+    True
+    """
+    from roughvol.analysis.stored_run import Run
+    from roughvol.errors import DatasetError
+    from roughvol.report import screen
+    from roughvol.study import parse
+
+    stored = [opened(run, changes) for run in runs]
+    parts = [part for run in stored for part in Run.of(run.name, run.dataset).parts]
+    if len(parts) < 2:
+        raise DatasetError("compare takes two runs or more; one is shown by: roughvol show RUN")
+    return screen.compared(parts, [parse(text) for text in at])
+
+
+@dataclass(frozen=True, eq=False)
+class Reported:
+    """A report on runs.
+
+    Attributes
+    ----------
+    judgement : Judgement
+        Claims of the paper and the literature, answered from the runs.
+    report : Report
+        The page: a section for each run, claims, figures.
+    runs : tuple of StoredRun
+        The runs.
+    refused : tuple of str
+        Why other runs are left out.
+    """
+
+    judgement: Judgement
+    report: Report
+    runs: tuple[StoredRun, ...]
+    refused: tuple[str, ...] = ()
+
+    def plain(self) -> dict[str, Any]:
+        """Return numbers and provenance, the content of claims.json.
+
+        Returns
+        -------
+        dict
+            Claims, surfaces and runs.
+        """
+        import json
+
+        from roughvol.report import page
+
+        data: dict[str, Any] = json.loads(page.to_json(self.report))
+        return data
+
+
+def report_on(runs: Sequence[str | Path] = (), *, changes: Sequence[str] = ()) -> Reported:
+    """Return the facts of runs and the claims of the paper that they answer: `roughvol report`.
+
+    The name `roughvol.report` is that of a package.
+
+    Parameters
+    ----------
+    runs : sequence of path or name
+        Runs. Default: all under ``runs`` that hold the results of their study.
+    changes : sequence of str
+        Other values of keys of study files.
+
+    Returns
+    -------
+    Reported
+        ``plain()`` is the content of ``--json``.
+
+    Raises
+    ------
+    DatasetError
+        If there is no run.
+
+    See Also
+    --------
+    roughvol.compare : Returns the numbers of runs at equal loads.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> study = {"name": "tiny", "surface": {"D": 2.5, "m": 3, "seeds": 2}, "sweep": {"steps": 2}}
+    >>> _ = roughvol.run(study, jobs=1)
+    >>> [(run["name"], run["states"]) for run in roughvol.report_on(["tiny"]).plain()["runs"]]
+    [('tiny', 4)]
+    """
+    from roughvol.errors import DatasetError
+    from roughvol.reproduction.judgement import judge
+    from roughvol.reproduction.sections import report_of
+    from roughvol.store import StoredRun, run
+
+    found, refused = [StoredRun.open(name, changes) for name in runs], []
+    for folder in () if runs else run.with_results():
+        try:
+            found.append(StoredRun.open(folder))
+        except DatasetError as error:
+            refused.append(str(error))
+    judgement = judge(found or [StoredRun.open()])
+    return Reported(judgement, report_of(judgement), tuple(found), tuple(refused))
+
+
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """A study with its first surface and its cost.
+
+    Attributes
+    ----------
+    study : Study
+        The study.
+    folder : Path
+        Folder of its results.
+    surface : Surface or None
+        Surface of the first case; None for a generated surface of more than 2^20 nodes.
+    estimate : Estimate
+        Cases, memory, disk and time.
+    expected : tuple of Expected
+        Samples and time of an ensemble by D; empty without an ensemble.
+    warnings : tuple of str
+        Limits of the model that the study will exceed, and doubtful input.
+    """
+
+    study: Study
+    folder: Path
+    surface: Surface | None
+    estimate: Estimate
+    expected: tuple[Expected, ...]
+    warnings: tuple[str, ...]
+
+    def plain(self) -> dict[str, Any]:
+        """Return the study and its cost as ``check --json`` prints them.
+
+        Returns
+        -------
+        dict
+            Study with all defaults, surface, cost, units and warnings.
+        """
+        surface = None
+        if (made := self.surface) is not None:
+            surface = {"nodes": list(made.shape), "side": made.side, "spacing": made.spacing, "Sq": made.Sq}
+            surface["unit"] = self.study.cases()[0].length_unit
+        return {
+            "study": self.study.model_dump(mode="json"),
+            "surface": surface,
+            "cost": asdict(self.estimate) | {"expected": [asdict(row) for row in self.expected]},
+            "units": {"memory": "byte", "disk": "byte", "seconds": "s"},
+            "warnings": list(self.warnings),
+        }
+
+
+def check(
+    study: Study | Mapping[str, Any] | str | Path, *, jobs: int | None = None, changes: Sequence[str] = ()
+) -> Checked:
+    """Return the first surface of a study, its cost, and doubts; nothing is stored: `roughvol check`.
+
+    Of an ensemble, small surfaces are solved for the cost.
+
+    Parameters
+    ----------
+    study : Study, mapping, path or name
+        A study file, or a run.
+    jobs : int, optional
+        Number of processes. Default: all cores.
+    changes : sequence of str
+        Other values of keys of a study file.
+
+    Returns
+    -------
+    Checked
+        ``surface``, ``estimate`` and ``warnings``; ``plain()`` is the content of ``--json``.
+
+    Raises
+    ------
+    StudyError, SurfaceError
+        If the study or its heights cannot be used.
+
+    See Also
+    --------
+    roughvol.run : Computes the study.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> found = roughvol.check({"name": "three", "surface": {"D": 2.5, "m": 4, "seeds": 3}}, jobs=1)
+    >>> found.estimate.cases, found.surface.shape
+    (3, (17, 17))
+    """
+    from roughvol.campaign import checks, cost, understood, validity
+
+    loaded, folder = study_of(study, changes)
+    surface = understood.shown(loaded, checks.check_surfaces(loaded))
+    estimate, case, rows = cost.estimate(loaded, jobs), loaded.cases()[0], []
+    if loaded.ensemble is not None:
+        from roughvol.campaign import trials  # scipy.stats: half a second
+
+        rows = trials.expected(loaded)
+    notes = understood.notes(case, surface) if surface is not None and case.file is not None and not rows else ()
+    doubts = (*notes, *checks.doubtful(loaded, surface))
+    warnings = list(validity.sentences(checks.foreseen(loaded, surface), doubts))
+    if not rows and (long := cost.warning(estimate.seconds, estimate.jobs)):
+        warnings.append(long)
+    return Checked(loaded, folder, surface, estimate, tuple(rows), tuple(warnings))
+
+
+def status(study: Study | Mapping[str, Any] | str | Path, *, changes: Sequence[str] = ()) -> Status:
+    """Return the finished, running, failed and missing cases of a study, also during a run: `roughvol status`.
+
+    Parameters
+    ----------
+    study : Study, mapping, path or name
+        A study file, or a run.
+    changes : sequence of str
+        Other values of keys of a study file.
+
+    Returns
+    -------
+    Status
+        Ids of the cases by their state.
+
+    Raises
+    ------
+    FolderError
+        If the folder of the results holds another study.
+
+    See Also
+    --------
+    roughvol.runs : Returns the state of all runs.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> study = {"name": "tiny", "surface": {"D": 2.5, "m": 3, "seeds": 2}, "sweep": {"steps": 2}}
+    >>> _ = roughvol.run(study, jobs=1)
+    >>> len(roughvol.status("tiny").done)
+    2
+    """
+    from roughvol.store import run_status
+
+    return run_status.status(*study_of(study, changes))
+
+
+def runs(folder: str | Path = "runs") -> list[Listed]:
+    """Return all runs in a folder, the latest first: `roughvol ls`.
+
+    Parameters
+    ----------
+    folder : path
+        Folder that holds the folders of runs.
+
+    Returns
+    -------
+    list of Listed
+        ``name``, ``state``, ``size`` in bytes and ``age`` in seconds.
+
+    Raises
+    ------
+    DatasetError
+        If there is no such folder.
+
+    See Also
+    --------
+    roughvol.open : Opens the results of a run.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> study = {"name": "tiny", "surface": {"D": 2.5, "m": 3, "seeds": 2}, "sweep": {"steps": 2}}
+    >>> _ = roughvol.run(study, jobs=1)
+    >>> [(run.name, run.state) for run in roughvol.runs() if run.name == "tiny"]
+    [('tiny', 'finished')]
+    """
+    from roughvol.store import runs
+
+    return runs.listed(folder)
+
+
+def tradeoff(
+    study: Study | Mapping[str, Any] | str | Path,
+    *,
+    changes: Sequence[str] = (),
+    on_sweep: Callable[[int, int], None] = lambda done, all: None,
+) -> Dataset:
+    """Return speed and accuracy of the solver on the surfaces of a study: `roughvol tradeoff`.
+
+    Parameters
+    ----------
+    study : Study, mapping, path or name
+        A study file, or a run.
+    changes : sequence of str
+        Other values of keys of a study file.
+    on_sweep : callable, optional
+        Called with the number of finished sweeps, and of all.
+
+    Returns
+    -------
+    Dataset
+        Time, convolutions and errors along the rungs of five ladders.
+
+    Raises
+    ------
+    ContactError
+        If the study has no elastic sweep of a free surface.
+
+    See Also
+    --------
+    roughvol.check : Returns the expected time of a study.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> study = {"name": "speed", "surface": {"D": 2.5, "m": 3, "seeds": 1}, "sweep": {"steps": 2}}
+    >>> ds = roughvol.tradeoff(study)
+    >>> sorted(set(ds["ladder"].values.tolist()))
+    ['kernel', 'method', 'resolution', 'steps', 'tolerance']
+    """
+    from roughvol.campaign import tradeoff as trade
+
+    return trade.measure(study_of(study, changes)[0], on_sweep)
