@@ -13,14 +13,11 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
-from click.testing import CliRunner, Result
 
 import roughvol
-from roughvol.cli import main
-from roughvol.cli.group import GROUPS
 from roughvol.store import dataset
+from tests.kit import call
 
-COMMANDS = [name for rows in GROUPS.values() for name in rows]
 TEXT = """
 name: tiny
 surface: {D: [2.2, 2.7], m: [3, 4], seeds: 2, L: 10.0}
@@ -30,16 +27,12 @@ record:
 """
 
 
-def _call(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(main, [str(argument) for argument in arguments])
-
-
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a study file and what `roughvol run` made of it under runs/."""
     place = tmp_path_factory.mktemp("place")
     (place / "tiny.yaml").write_text(TEXT)
-    done = _call("run", place / "tiny.yaml", "--jobs", "2", "--out", place / "runs" / "tiny")
+    done = call("run", place / "tiny.yaml", "--jobs", "2", "--out", place / "runs" / "tiny")
     assert done.exit_code == 0, done.output
     (place / "stdout.txt").write_text(done.stdout)
     (place / "stderr.txt").write_text(done.stderr)
@@ -65,15 +58,8 @@ def test_help_imports_nothing_heavy() -> None:
     assert "Examples:" in done.stdout
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help_with_an_example(command: str) -> None:
-    shown = _call(command, "--help")
-    assert shown.exit_code == 0
-    assert f"roughvol {command}" in shown.output.partition("Examples:")[2]
-
-
 def test_version_is_that_of_the_package() -> None:
-    assert roughvol.__version__ in _call("--version").output
+    assert roughvol.__version__ in call("--version").output
 
 
 def test_run_tells_what_happened(finished: Path) -> None:
@@ -98,7 +84,7 @@ sweep: {steps: 2, to: {indentation: 0.5}}
 record: {fields_at: {pressure: 1000}, transport: {flux_at: {pressure: 1000}, transmissivity: {contact_area: 0.99}}}
 """
     Path("far.yaml").write_text(text, encoding="utf-8")
-    told = _call("run", "far.yaml", "--jobs", "1").stdout.splitlines()
+    told = call("run", "far.yaml", "--jobs", "1").stdout.splitlines()
     assert told.count("pressure=1000 was not reached in 1 case") == 1
     assert "no state of transmissivity was reached in 1 case" in told
 
@@ -111,24 +97,24 @@ def test_python_and_command_line_give_one_answer(finished: Path, tmp_path: Path)
 
 
 def test_run_again_says_that_all_was_finished(place: Path) -> None:
-    again = _call("run", "tiny.yaml")
+    again = call("run", "tiny.yaml")
     assert again.exit_code == 0
     assert "8 of them finished before" in again.stdout
 
 
 def test_status_counts_and_names_what_is_missing(place: Path) -> None:
-    assert "8 of 8 cases finished, collected" in _call("status", "tiny.yaml").stdout
+    assert "8 of 8 cases finished, collected" in call("status", "tiny.yaml").stdout
     gone, broken, *_ = sorted((place / "runs" / "tiny" / "cases").iterdir())
     gone.unlink()
     broken.write_bytes(b"")
-    shown = _call("status", "tiny.yaml").stdout
+    shown = call("status", "tiny.yaml").stdout
     assert "6 of 8 cases finished" in shown
     assert f"{gone.stem}  missing" in shown
     assert f"{broken.stem}  damaged" in shown
 
 
 def test_check_shows_the_resolved_study_and_its_cost(place: Path) -> None:
-    shown = _call("check", "tiny.yaml")
+    shown = call("check", "tiny.yaml")
     assert shown.exit_code == 0
     # what is printed is itself a study: the cost stands in comments
     assert yaml.safe_load(shown.stdout) == yaml.safe_load(roughvol.load("tiny.yaml").to_yaml())
@@ -139,7 +125,7 @@ def test_check_shows_the_resolved_study_and_its_cost(place: Path) -> None:
 def test_check_of_a_height_file_shows_how_it_was_understood(place: Path) -> None:
     np.save("z.npy", np.random.default_rng(0).random((5, 6)))
     Path("map.yaml").write_text("surface: {file: z.npy, L: 4 um}\nsweep: {steps: 1}\n", encoding="utf-8")
-    shown = _call("check", "map.yaml").stdout
+    shown = call("check", "map.yaml").stdout
     assert re.search(r"^# surface 5 x 6 nodes, L = 4 um by 5 um, spacing 1 um$", shown, re.MULTILINE)
     assert re.search(r"Sq = 0\.\d+ um, Sdq = 0\.\d+, z_max/Sq = \d\.\d+, z_min/Sq = -\d\.\d+ \(", shown)
     assert "z.npy read by numpy, heights in um, the unit of the study" in shown
@@ -156,7 +142,7 @@ def test_check_warns_of_a_spike_and_shows_what_was_taken_out(place: Path) -> Non
     for extra in ("", ", outliers: {sigma: 6}"):
         text = f"surface: {{{keys}{extra}}}\nsweep: {{steps: 1}}\n"
         Path("map.yaml").write_text(text, encoding="utf-8")
-        called = _call("check", "map.yaml")
+        called = call("check", "map.yaml")
         shown = called.stdout
         warned = re.search(
             r"^warning: the highest point lies 29\.\d Sq above .*see surface\.outliers$", called.stderr, re.M
@@ -171,22 +157,22 @@ def test_check_warns_of_a_spike_and_shows_what_was_taken_out(place: Path) -> Non
 def test_check_shows_the_first_generated_surface_in_its_units(place: Path) -> None:
     text = "surface: {D: [2.3, 2.5], m: 4, L: 100 um, Sq: 500 nm, seeds: 2}\nsweep: {steps: 1}\n"
     Path("made.yaml").write_text(text, encoding="utf-8")
-    shown = _call("check", "made.yaml").stdout
+    shown = call("check", "made.yaml").stdout
     assert "# surface 17 x 17 nodes, L = 100 um by 100 um, spacing 6.25 um\n" in shown
     assert "D = 2.30, m = 4, seed 0, the first of 4 cases" in shown
     assert "Sq = 0.5 um" in shown
 
 
 def test_check_draws_a_picture_on_request(place: Path) -> None:
-    shown = _call("check", "tiny.yaml", "--look").stdout
+    shown = call("check", "tiny.yaml", "--look").stdout
     assert "# picture tiny-look.png" in shown
     assert Path("tiny-look.png").read_bytes().startswith(b"\x89PNG")
-    assert "# picture pictures/tiny-look.png" in _call("check", "tiny.yaml", "--look", "--out", "pictures").stdout
+    assert "# picture pictures/tiny-look.png" in call("check", "tiny.yaml", "--look", "--out", "pictures").stdout
     assert Path("pictures/tiny-look.png").read_bytes() == Path("tiny-look.png").read_bytes()
 
 
 def test_schema_is_a_json_schema(place: Path) -> None:
-    schema = json.loads(_call("schema").stdout)
+    schema = json.loads(call("schema").stdout)
     assert schema["$schema"].startswith("https://json-schema.org/")
     assert set(schema["properties"]) >= {"surface", "sweep", "solver", "record"}
 
@@ -205,14 +191,13 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("command", ["run", "check", "status"])
 @pytest.mark.parametrize(("text", "expected"), BAD.values(), ids=BAD)
 def test_bad_study_is_refused_in_words(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, text: str, expected: list[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, expected: list[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("bad.yaml").write_text(text)
-    refused = _call(command, "bad.yaml")
+    refused = call("run", "bad.yaml")
     assert refused.exit_code == 2
     assert all(part in refused.stderr for part in expected), refused.stderr
     assert refused.stdout == ""
@@ -226,21 +211,21 @@ def test_bad_heights_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     np.save("heights.npy", heights)
     Path("bad.yaml").write_text("surface: {file: heights.npy, L: 1.0}")
     for command in ("run", "check"):
-        refused = _call(command, "bad.yaml")
+        refused = call(command, "bad.yaml")
         assert refused.exit_code == 2
         assert "heights.npy: 2 heights are missing or not finite, the first in row 2, column 3" in refused.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bad.yaml", "heights.npy"]
 
 
 def test_missing_study_is_refused(tmp_path: Path) -> None:
-    refused = _call("run", tmp_path / "none.yaml")
+    refused = call("run", tmp_path / "none.yaml")
     assert refused.exit_code == 2
     assert "none.yaml: cannot read the study: No such file" in refused.stderr
 
 
 def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 2}\nsweep: {to: {separation: 90}}")
-    failed = _call("run", tmp_path / "s.yaml", "--out", tmp_path / "out")
+    failed = call("run", tmp_path / "s.yaml", "--out", tmp_path / "out")
     assert failed.exit_code == 1
     assert "error: 2 of 2 cases failed\n" in failed.stderr
     assert "D2.30_m3_s001-" in failed.stderr
@@ -249,7 +234,7 @@ def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
 
 
 def test_plot_draws_what_the_latest_run_can_feed(place: Path) -> None:
-    drawn = _call("plot")
+    drawn = call("plot")
     assert drawn.exit_code == 0, drawn.output
     assert "fig04a" in drawn.stdout
     assert "fig08" not in drawn.stdout  # it needs fields
@@ -260,7 +245,7 @@ def test_plot_draws_what_the_latest_run_can_feed(place: Path) -> None:
 
 @pytest.mark.parametrize("run", ["tiny", "runs/tiny", "runs/tiny/study.nc", None])
 def test_plot_finds_a_run_by_name_folder_file_or_by_itself(place: Path, run: str | None) -> None:
-    drawn = _call("plot", *([run] if run else []), "fig04a", "--format", "svg", "--out", "drawn")
+    drawn = call("plot", *([run] if run else []), "fig04a", "--format", "svg", "--out", "drawn")
     assert drawn.exit_code == 0, drawn.output
     assert [path.name for path in (place / "drawn").iterdir()] == ["fig04a.svg"]
 
@@ -275,7 +260,7 @@ def test_plot_finds_a_run_by_name_folder_file_or_by_itself(place: Path, run: str
     ],
 )
 def test_plot_says_what_it_cannot_draw(place: Path, arguments: list[str], message: str) -> None:
-    refused = _call("plot", *arguments)
+    refused = call("plot", *arguments)
     assert refused.exit_code == 2
     assert message in refused.stderr
     assert not (place / "runs" / "tiny" / "figures").exists()
@@ -283,6 +268,6 @@ def test_plot_says_what_it_cannot_draw(place: Path, arguments: list[str], messag
 
 def test_plot_without_runs_says_how_to_make_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    refused = _call("plot")
+    refused = call("plot")
     assert refused.exit_code == 2
     assert "roughvol run STUDY" in refused.stderr

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 import roughvol
-from roughvol.cli import main
 from roughvol.store import dataset
+from tests.kit import call
 
 PLAIN = """
 surface: {D: [2.2, 2.4], m: 4, seeds: [3, 7]}
@@ -38,7 +38,14 @@ def _place(tmp_path_factory: pytest.TempPathFactory) -> object:
 
 
 def _plot(*arguments: str) -> Result:
-    return CliRunner().invoke(main, ["plot", *arguments])
+    return call("plot", *arguments)
+
+
+@pytest.mark.parametrize("suffix", ["pdf", "svg"])
+def test_figures_have_every_format_size_and_scale(tmp_path: Path, suffix: str) -> None:
+    done = _plot("plain", "v_of_p", "--format", suffix, "--size", "90x70mm", "--log", "x", "--out", str(tmp_path))
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / f"v_of_p.{suffix}").stat().st_size > 200
 
 
 @pytest.mark.parametrize("suffix", ["png", "csv"])
