@@ -118,6 +118,20 @@ def sweep(
         If an argument is out of range, the shapes differ, or an indentation is that of the state before.
     ConvergenceError
         If the residual is not reached.
+
+    See Also
+    --------
+    solve : Returns one state.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from roughvol.contact import HalfSpace, sweep
+    >>> from roughvol.surfaces import Surface
+    >>> x = np.linspace(-1.0, 1.0, 33)
+    >>> dome = Surface(-(x[:, None] ** 2) - x**2, spacing=x[1] - x[0])
+    >>> [round(contact.contact_area_fraction, 2) for contact in sweep(dome, HalfSpace(dome.shape), [0.5, 1.0])]
+    [0.09, 0.17]
     """
     problem, latest, previous, error = _resumed(Problem(surface, half_space, replace(options, **changed)), resume)
     rising, last = previous is None or latest.indentation > previous.indentation, latest.indentation

@@ -77,6 +77,20 @@ def indentation_for(
         If the target or the method is unknown, or the value out of range.
     ConvergenceError
         If a solve does not converge.
+
+    See Also
+    --------
+    first_indentation : Returns the indentation of any condition.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from roughvol.contact import HalfSpace, indentation_for
+    >>> from roughvol.surfaces import Surface
+    >>> x = np.linspace(-1.0, 1.0, 33)
+    >>> dome = Surface(-(x[:, None] ** 2) - x**2, spacing=x[1] - x[0])
+    >>> round(indentation_for(dome, HalfSpace(dome.shape), "contact_area", 0.1), 2)
+    0.57
     """
     if target not in TARGETS:
         raise ContactError(f"target is {target!r}; allowed: {', '.join(TARGETS)}")
@@ -130,6 +144,20 @@ def first_indentation(
     -------
     float
         Δ/σ. The condition holds there.
+
+    See Also
+    --------
+    indentation_for : Returns the indentation of an area, a pressure or a free volume.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from roughvol.contact import HalfSpace, first_indentation
+    >>> from roughvol.surfaces import Surface
+    >>> x = np.linspace(-1.0, 1.0, 33)
+    >>> dome = Surface(-(x[:, None] ** 2) - x**2, spacing=x[1] - x[0])
+    >>> round(first_indentation(dome, HalfSpace(dome.shape), lambda c: c.contact_area_fraction >= 0.1), 2)
+    0.57
     """
     options = replace(options, search=replace(options.search, accuracy=accuracy))
     trials = _elastic(Trials(surface, half_space, options, **changed))

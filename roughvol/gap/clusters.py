@@ -48,7 +48,22 @@ def percolates(void: Mask, axis: int, *, periodic: bool = False) -> bool:
 
 
 def connectivity(gap: Array, contact: Mask, *, periodic: bool = False) -> Connectivity:
-    """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void."""
+    """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void.
+
+    See Also
+    --------
+    percolates : Returns whether void leads from side to side.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from roughvol.gap.clusters import connectivity
+    >>> gap = np.ones((4, 6))
+    >>> gap[0] = 0.0  # a row of contact
+    >>> found = connectivity(gap, gap == 0.0)
+    >>> found.percolates_x, found.percolates_y, found.contact_clusters.tolist()
+    (False, True, [6])
+    """
     check_gap(gap)
     if contact.shape != gap.shape or contact.dtype != np.bool_ or np.any(gap[contact]):
         message = f"contact must be a bool mask of shape {gap.shape} with gap 0, got {contact.dtype} {contact.shape}"

@@ -45,6 +45,17 @@ def free_volume(gap: Array, Sq: float) -> float:
 
     The paper's V / (L² σ) with V = Σ v over the (2^m + 1)² elements is this times (1 + 2^-m)²: its elements cover
     more than L². Sq is 1 for a gap already divided by σ.
+
+    See Also
+    --------
+    volume_density : Returns the density of the volumes of elements.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from roughvol.gap.free_volume import free_volume
+    >>> free_volume(np.array([[0.0, 1.0], [2.0, 3.0]]), Sq=0.5)
+    3.0
     """
     if not Sq > 0.0:
         raise ContactError(f"Sq must be positive for a free volume in units of it, got {Sq!r}")
@@ -59,6 +70,19 @@ def volume_density(
     Equal bins over [0, v_max], the last one closed. Elements in contact (v = 0) are left out by default. Their
     share is A*, a single value and no density. The upper edge of the last bin is one value for surfaces to be compared.
     Full contact has no volume to distribute: all NaN.
+
+    See Also
+    --------
+    free_volume : Returns the mean gap over σ.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from roughvol.gap.free_volume import element_volumes, volume_density
+    >>> gap = np.array([[0.0, 1.0], [2.0, 4.0]])
+    >>> volumes = element_volumes(gap, spacing=1.0, contact=gap == 0.0)
+    >>> volume_density(volumes, gap == 0.0, bins=2).density.round(3).tolist()
+    [0.167, 0.333]
     """
     _check_mask(volumes, contact)
     if bins < 1:

@@ -81,6 +81,19 @@ def constriction(gap: Array, axis: int, *, periodic: bool = False) -> Constricti
 
     Elements are taken in the order of falling gap, equal ones row by row. Bisection on this order finds the one that
     completes the first path, exactly.
+
+    See Also
+    --------
+    conduction : Returns the flow through the gap.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from roughvol.gap.transport import constriction
+    >>> gap = np.ones((4, 6))
+    >>> gap[:, 2] = 0.5  # a throat across the flow along y
+    >>> constriction(gap, axis=1).gap
+    0.5
     """
     return _critical(gap, axis, functools.partial(percolates, axis=axis, periodic=periodic))
 
@@ -111,6 +124,17 @@ def conduction(gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool =
 
     Solved by a sparse factorisation on the clusters that percolate; boundary values and normalisation as at the top of
     this module. The two coefficients of Vallet et al. (2009): transmissivity with n = 3, diffusivity with n = 1.
+
+    See Also
+    --------
+    constriction : Returns the narrowest place of the widest way.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from roughvol.gap.transport import conduction
+    >>> round(float(conduction(np.full((4, 4), 2.0), axis=0).coefficient), 9)  # two smooth plates
+    1.0
     """
     check_exponent(exponent)
     critical = constriction(gap, axis, periodic=periodic).gap

@@ -58,6 +58,17 @@ def random_midpoint_displacement(
     ------
     SurfaceError
         If an argument lies outside its interval.
+
+    See Also
+    --------
+    power_law_surface : Returns a surface with a spectrum.
+
+    Examples
+    --------
+    >>> from roughvol.surfaces import random_midpoint_displacement
+    >>> surface = random_midpoint_displacement(2.3, 5, side=100.0, seed=1)
+    >>> surface.shape, surface.spacing
+    ((33, 33), 3.125)
     """
     m = _integer("m", m, 1, LARGEST_M)
     seed = _integer("seed", seed, 0)

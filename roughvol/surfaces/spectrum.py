@@ -70,6 +70,17 @@ def power_law_surface(spectrum: Spectrum, hurst: float, n: int, *, side: float =
     ------
     SurfaceError
         If an argument lies outside its interval, or no translation of this field has the skewness.
+
+    See Also
+    --------
+    random_midpoint_displacement : Returns a surface by midpoint displacement.
+
+    Examples
+    --------
+    >>> from roughvol.surfaces import Spectrum, power_law_surface
+    >>> surface = power_law_surface(Spectrum(rolloff=4, cut=16), hurst=0.8, n=32, side=100.0, seed=1)
+    >>> surface.shape, round(surface.scaled(0.5).Sq, 6)
+    ((32, 32), 0.5)
     """
     hurst, side = real("H", hurst), positive("side", side)
     _check(spectrum, hurst, n, seed)
