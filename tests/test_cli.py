@@ -96,12 +96,6 @@ def test_python_and_command_line_give_one_answer(finished: Path, tmp_path: Path)
     assert {**returned.attrs, "date": ""} == {**stored.attrs, "date": ""}
 
 
-def test_run_again_says_that_all_was_finished(place: Path) -> None:
-    again = call("run", "tiny.yaml")
-    assert again.exit_code == 0
-    assert "8 of them finished before" in again.stdout
-
-
 def test_status_counts_and_names_what_is_missing(place: Path) -> None:
     assert "8 of 8 cases finished, collected" in call("status", "tiny.yaml").stdout
     gone, broken, *_ = sorted((place / "runs" / "tiny" / "cases").iterdir())
@@ -241,13 +235,6 @@ def test_plot_draws_what_the_latest_run_can_feed(place: Path) -> None:
     for line in drawn.stdout.splitlines():
         assert Path(line).read_bytes().startswith(b"\x89PNG")
         assert (Path(line).parent.name == "paper") == Path(line).stem.startswith("fig")
-
-
-@pytest.mark.parametrize("run", ["tiny", "runs/tiny", "runs/tiny/study.nc", None])
-def test_plot_finds_a_run_by_name_folder_file_or_by_itself(place: Path, run: str | None) -> None:
-    drawn = call("plot", *([run] if run else []), "fig04a", "--format", "svg", "--out", "drawn")
-    assert drawn.exit_code == 0, drawn.output
-    assert [path.name for path in (place / "drawn").iterdir()] == ["fig04a.svg"]
 
 
 @pytest.mark.parametrize(

@@ -76,64 +76,12 @@ def test_the_table_after_a_path_has_the_end_of_each_leg_and_closing_loads_follow
     assert "Where it closes" in Path("wet.txt").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("run", ["dry"])
-def test_show_has_every_step_of_a_run(run: str) -> None:
-    shown = call("show", run)
-    assert shown.exit_code == 0, shown.output
-    rows = _columns(shown.stdout)
-    assert rows[1][0] == "step"
-    assert [row[0] for row in rows[2:8]] == [str(step) for step in range(1, 7)]
-
-
-def test_show_as_csv_has_the_stored_numbers_of_every_surface() -> None:
-    rows = list(csv.DictReader(io.StringIO(call("show", "wet", "--csv").stdout)))
-    assert len(rows) == 2 * 2 * 8
-    ds = dataset.read(Path("runs/wet/study.nc"))
-    for row in rows[::5]:
-        case = ds.sel(D=float(row["D"]), m=int(row["m"]), seed=int(row["seed"]), step=int(row["step"]))
-        for name in ("mean_pressure", "free_volume", "nominal_pressure"):
-            assert float(row[name]) == float(case[name])
-        assert [float(row["leak_rate_x"]), float(row["leak_rate_y"])] == case["leak_rate"].values.tolist()
-
-
 def test_show_as_json_has_the_units() -> None:
     shown = json.loads(call("show", "wet", "--json", "--at", "contact_area=0.2").stdout)
     assert shown["units"]["leak_rate_x"] == "mm^3/s"
     assert shown["units"]["nominal_pressure"] == "MPa"
     assert len(shown["rows"]) == 4
     assert all(abs(row["contact_area_fraction"] - 0.2) < 0.01 for row in shown["rows"])
-
-
-def test_a_state_between_steps_lies_on_straight_lines_and_flows_on_those_of_logarithms() -> None:
-    ds = dataset.read(Path("runs/wet/study.nc")).sel(D=2.2, m=4, seed=0)
-    low, high = (ds.isel(step=k) for k in (3, 4))
-    pressure = 0.25 * float(low.nominal_pressure) + 0.75 * float(high.nominal_pressure)
-    shown = json.loads(call("show", "wet", "--json", "--at", f"pressure={1000 * pressure!r}kPa").stdout)
-    row = next(row for row in shown["rows"] if (row["D"], row["seed"]) == (2.2, 0))
-    assert row["nominal_pressure"] == pytest.approx(pressure)
-    assert row["free_volume"] == pytest.approx(0.25 * float(low.free_volume) + 0.75 * float(high.free_volume))
-    expected = np.exp(
-        0.25 * np.log(float(low.leak_rate.sel(axis="x"))) + 0.75 * np.log(float(high.leak_rate.sel(axis="x")))
-    )
-    assert row["leak_rate_x"] == pytest.approx(float(expected))
-
-
-def test_equal_states_in_other_units_are_one_state() -> None:
-    ds = dataset.read(Path("runs/dry/study.nc")).squeeze()
-    (sigma, area) = 2.0, (17 * 500 / 16) ** 2
-    third = ds.isel(step=2)
-    force = float(third.mean_pressure) * sigma / 500 * 10 * area * 1e-12 * 1e6  # N
-    gap = float(third.free_volume) * sigma
-    texts = [
-        "step=3",
-        f"pressure={float(third.mean_pressure)!r}",
-        f"load={force!r}N",
-        f"mean_gap={gap!r}um",
-        f"free_volume={float(third.free_volume)!r}",
-    ]
-    shown = [json.loads(call("show", "dry", "--json", "--at", text).stdout)["rows"][0] for text in texts]
-    for row in shown:
-        assert row["indentation"] == pytest.approx(float(third.indentation), rel=1e-6)
 
 
 def test_a_load_acts_on_the_whole_period(tmp_path: Path) -> None:
@@ -162,7 +110,7 @@ def test_a_load_acts_on_the_whole_period(tmp_path: Path) -> None:
         (["show", "dry", "--csv", "--json"], "exclude each other"),
         (["compare", "dry"], "two runs or more"),
         (["compare", "dry", "wet", "--at", "pressure=9MPa"], "has no state at"),
-        (["ls", "--out", "nowhere"], "no folder nowhere"),
+        (["ls", "nowhere"], "no folder nowhere"),
         (["plot", "dry", "wet", "fig05"], "fig05 shows one run"),
         (["plot", "dry", "leak_of_p"], "did not record"),
         (["plot", "dry", "v_of_q"], "did you mean v_of_p"),
