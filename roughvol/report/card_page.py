@@ -8,13 +8,12 @@ from pathlib import Path
 
 from xarray import Dataset
 
-from roughvol.analysis.leak_card import Card
+from roughvol.analysis.leak_card import Card, Way
 from roughvol.analysis.tables import Table
 from roughvol.report import card_text, html
 from roughvol.report.card_text import Identity
-from roughvol.report.document import Document, Drawing, Pairs, Section
+from roughvol.report.document import Document, Drawing, Section
 from roughvol.report.figures import leak_card
-from roughvol.report.figures.style import unit_text
 from roughvol.store import stamped_file
 
 NARROW = "\u00a0"  # keeps a factor on one line
@@ -59,32 +58,31 @@ def document(page: Page) -> Document:
     drawn = tuple(
         Drawing(panel.name, panel.caption, "", leak_card.drawing_of(card, panel)) for panel in leak_card.panels(card)
     )
-    parts = [
-        Section(kind="answer", notes=(f"At {card_text.load_of(card)}.",), facts=_answers(card)),
-        Section(kind="card", notes=(card_text.patch(card),), drawings=drawn),
-    ]
-    for way in card.ways:
-        closes = tuple(line[:1].upper() + line[1:] + "." for line in card_text.closes(card, way))
-        rows = tuple((name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(way))
-        parts.append(Section(f"Along {way.axis}", notes=closes, tables=(Table("", card_text.HEAD, rows),)))
-    if len(card.surfaces) > 1:
-        parts.append(Section("Surfaces", tables=(card_text.surfaces(card),)))
-    parts.append(Section("What the card rests on", facts=(*card_text.load_facts(card), *facts)))
+    answers = tuple((f"Along {way.axis}", card_text.answer(way)) for way in card.ways)
     limits = Section(kind="warnings", items=tuple(exceeded)) if exceeded else Section(notes=(NONE_EXCEEDED,))
     held = (Section(kind="kept", under="Kept:", items=tuple(kept)),) if kept else ()
-    parts.append(Section("Limits of the model, over the states of the sweep", sections=(limits, *held)))
-    parts.append(Section("Identity", facts=tuple(card_text.identity(page.fine, page.identity))))
+    parts = [
+        Section(kind="answer", notes=(f"At {card_text.load_of(card)}.",), facts=answers),
+        Section(kind="card", notes=(card_text.patch(card),), drawings=drawn),
+        *(_way(card, way) for way in card.ways),
+        *([Section("Surfaces", tables=(card_text.surfaces(card),))] if len(card.surfaces) > 1 else []),
+        Section("What the card rests on", facts=(*card_text.load_facts(card), *facts)),
+        Section("Limits of the model, over the states of the sweep", sections=(limits, *held)),
+        Section("Identity", facts=tuple(card_text.identity(page.fine, page.identity))),
+    ]
     return Document(f"Leak card: {card.title}", sections=tuple(parts))
 
 
-def _answers(card: Card) -> Pairs:
-    return tuple((f"Along {way.axis}", card_text.answer(way)) for way in card.ways)
+def _way(card: Card, way: Way) -> Section:
+    """Return where a way closes, and the error of its leak."""
+    closes = tuple(line[:1].upper() + line[1:] + "." for line in card_text.closes(card, way))
+    rows = tuple((name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(way))
+    return Section(f"Along {way.axis}", notes=closes, tables=(Table("", card_text.HEAD, rows),))
 
 
 def _print(shown: Document) -> Iterator[tuple[str, list[str]]]:
     """Yield headings and lines of the page of print: the answers first, then each titled section."""
-    lead = [line for part in shown.sections if not part.title for line in _lines(part)]
-    yield shown.title, lead
+    yield shown.title, [line for part in shown.sections if not part.title for line in _lines(part)]
     yield from ((part.title, list(_lines(part))) for part in shown.sections if part.title)
 
 
@@ -132,10 +130,7 @@ def lines_of(page: Page) -> list[str]:
 def table_of(pages: Sequence[Page]) -> Table:
     """Return several cards beside each other."""
     ways = pages[0].card.ways
-    unit = f" [{unit_text(ways[0].unit)}]" if ways[0].unit else " T* V*³"
-    head = ["card", "surfaces", "load"]
-    for way in ways:
-        head += [f"leak {way.axis}{unit}", "error", f"{way.axis} closes"]
+    unit = card_text.in_brackets(ways[0].unit) or " T* V*³"
     rows = []
     for page in pages:
         card = page.card
@@ -143,7 +138,9 @@ def table_of(pages: Sequence[Page]) -> Table:
         for way in card.ways:
             row += [card_text.short(way.leak.value), card_text.factor(way.factor), way.closing.short]
         rows.append(tuple(row))
-    return Table("Cards", tuple(head), tuple(rows), "The leak of several surfaces is their median.")
+    heads = (head for way in ways for head in (f"leak {way.axis}{unit}", "error", f"{way.axis} closes"))
+    note = "The leak of several surfaces is their median."
+    return Table("Cards", ("card", "surfaces", "load", *heads), tuple(rows), note)
 
 
 def write_table(pages: Sequence[Page], stem: str, title: str, folder: Path) -> Path:

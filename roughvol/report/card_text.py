@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from xarray import Dataset
 
 from roughvol.analysis.at import legs_of
-from roughvol.analysis.average import Average
 from roughvol.analysis.leak_card import Card, Way
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number
@@ -24,6 +23,7 @@ HEAD = ("source of error", "factor", "how it was found")
 STEPS = "a bracket of two steps of the sweep, without the errors of grid and window"
 TIMES = ((1000.0, "1000 s"), (86400.0, "a day"), (31557600.0, "a year"))  # in which an amount is said
 DIGITS = 16  # of a sha256 that are shown
+WHOLE = ("", "x/L_x 0 to 1, y/L_y 0 to 1")  # regions that leave nothing out
 SAME = 1e-3  # relative difference of loads that are shown as the same
 LEAST = 0.1  # amount that is said in figures a person reads
 KEPT = {
@@ -128,17 +128,21 @@ def _printed(words: str, unit: str) -> str:
 
 def surfaces(card: Card) -> Table:
     """Return the surfaces of a card: name, Sq, load, leaks and closings."""
-    length = f" [{unit_text(card.length_unit)}]" if card.length_unit else ""
-    flow = f" [{unit_text(card.ways[0].unit)}]" if card.ways[0].unit else " T* V*³"
-    head = ["surface", f"Sq{length}", "Sdq", "p*", *([f"p [{card.pressure_unit}]"] if card.pressure_unit else [])]
-    head += ["A*", "V*", *(f"leak {way.axis}{flow}" for way in card.ways), *(f"{way.axis} closes" for way in card.ways)]
+    numbers = {f"Sq{in_brackets(card.length_unit)}": "Sq", "Sdq": "Sdq", "p*": "mean_pressure"}
+    numbers |= {f"p [{card.pressure_unit}]": "nominal_pressure"} if card.pressure_unit else {}
+    numbers |= {"A*": "contact_area", "V*": "free_volume"}
+    flow = in_brackets(card.ways[0].unit) or " T* V*³"
+    leaks, closings = [f"leak {way.axis}{flow}" for way in card.ways], [f"{way.axis} closes" for way in card.ways]
     rows = []
     for one in card.surfaces:
-        load = [one.mean_pressure, *([one.nominal_pressure] if card.pressure_unit else [])]
-        numbers = [number(value) for value in (one.Sq, one.Sdq, *load, one.contact_area, one.free_volume)]
-        leaks = [short(leak) for leak in one.leaks]
-        rows.append((one.name, *numbers, *leaks, *(closing.short for closing in one.closings)))
-    return Table("Surfaces", tuple(head), tuple(rows))
+        values = (number(getattr(one, name)) for name in numbers.values())
+        rows.append((one.name, *values, *map(short, one.leaks), *(closing.short for closing in one.closings)))
+    return Table("Surfaces", ("surface", *numbers, *leaks, *closings), tuple(rows))
+
+
+def in_brackets(unit: str) -> str:
+    """Return a unit for the head of a column, as `` [MPa]``; empty without a unit."""
+    return f" [{unit_text(unit)}]" if unit else ""
 
 
 def load_of(card: Card) -> str:
@@ -156,11 +160,9 @@ def has_legs(card: Card) -> bool:
 
 def _leg(card: Card) -> str:
     """Return the leg of the load of a card in words; empty without legs."""
-    if not has_legs(card):
-        return ""
     legs = legs_of(card.surfaces[0].table)
-    _, _, leg = card.load.partition(", leg ")
-    return f"on leg {leg or legs[-1 if card.load == 'last' else 0]}"
+    leg = card.load.partition(", leg ")[2] or legs[-1 if card.load == "last" else 0]
+    return f"on leg {leg}" if len(legs) > 1 else ""
 
 
 def _range(loads: list[float]) -> str:
@@ -182,7 +184,8 @@ def load_facts(card: Card) -> Iterator[tuple[str, str]]:
     dry = ", of the dry gap" if card.lifted else ""
     yield "Mean gap V*", f"{mean}{number(card.mean('free_volume'))} σ{gap}{dry}"
     for beside in card.beside:
-        axes = ", ".join(f"{way.axis} {_value(leak)}" for way, leak in zip(card.ways, beside.leaks, strict=True))
+        values = (short(leak.value) if math.isfinite(leak.value) else "not known" for leak in beside.leaks)
+        axes = ", ".join(f"{way.axis} {value}" for way, value in zip(card.ways, values, strict=True))
         median = "median, " if len(card.surfaces) > 1 else ""
         yield f"{beside.words[:1].upper()}{beside.words[1:]}", f"{median}{axes} {unit_text(beside.unit)}".strip()
 
@@ -192,22 +195,14 @@ def _words(load: str) -> str:
     return load.replace("last", "the end of the sweep", 1).replace("the end of the sweep, leg", "the end of leg", 1)
 
 
-def _value(leak: Average) -> str:
-    return short(leak.value) if math.isfinite(leak.value) else "not known"
-
-
 def patch(card: Card) -> str:
     """Return of which patch the leaks are, in a sentence."""
     sizes = {_size(one.table, card.length_unit) for one in card.surfaces}
     each = "each surface" if len(card.surfaces) > 1 else "the surface"
     region = str(card.surfaces[0].table.attrs.get("region", ""))
-    inside = "" if _is_whole(region) else f", observed in its region {region}"
+    inside = f", observed in its region {region}" if region not in WHOLE else ""
     named = " or ".join(sorted(sizes))
     return f"The leak is that of the patch, {each} of {named}{inside}, not that of a seal of many patches."
-
-
-def _is_whole(region: str) -> bool:
-    return region in ("", "x/L_x 0 to 1, y/L_y 0 to 1")
 
 
 def _size(table: Dataset, unit: str) -> str:
@@ -240,10 +235,9 @@ def rests_on(fine: Sequence[Dataset]) -> tuple[list[tuple[str, str]], list[str],
 
 def _material(run: Run) -> Iterator[tuple[str, str]]:
     """Yield the material as the study gives it."""
-    if run.study is not None:
-        given = run.study.material.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-        if list(given) != ["E_star"]:
-            yield "Material", ", ".join(f"{name} {value}" for name, value in given.items()) or "E* 1"
+    given = run.study.material.model_dump(mode="json", exclude_none=True, exclude_defaults=True) if run.study else {}
+    if run.study and list(given) != ["E_star"]:
+        yield "Material", ", ".join(f"{name} {value}" for name, value in given.items()) or "E* 1"
 
 
 def _kept(run: Run) -> set[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roughvol.store.dataset import Dataset
-from roughvol.store.tradeoff_variables import QUANTITIES, RUNG, TABLE
+from roughvol.store.tradeoff_variables import QUANTITIES, RUNG
 
 CONVERGED = 0.02  # largest change still to come, relative, of a quantity that is converged in m
 
@@ -35,6 +35,14 @@ class Convergence:
         return self.remaining <= CONVERGED
 
 
+def rungs(ds: Dataset, ladder: str, precision: str | None = None) -> Dataset:
+    """Return the rungs of a ladder of a trade-off, of one precision of the transforms where it is named."""
+    kept = ds["ladder"].values == ladder
+    if precision is not None:
+        kept &= ds["precision"].values == precision
+    return ds.isel({RUNG: np.flatnonzero(kept)})
+
+
 def convergence(ds: Dataset) -> list[Convergence]:
     r"""Return how far A*, p* and V* of the last state are from their limits in m, by Richardson's argument.
 
@@ -44,7 +52,7 @@ def convergence(ds: Dataset) -> list[Convergence]:
     shrinking as they last did.
     For each D apart: changes fall about as 2^(-m (3 - D)). Nothing is returned where there are fewer than three levels.
     """
-    family = ds.isel({RUNG: np.flatnonzero(ds["ladder"].values == "resolution")})
+    family = rungs(ds, "resolution")
     if family.sizes[RUNG] < 3:
         return []
     rows = []
@@ -65,25 +73,24 @@ def time_saved(ds: Dataset) -> float:
     From a straight line through log(seconds) of all surfaces together against the digits: what the sentence
     "ten times less accuracy costs x per cent less time" says.
     """
-    chosen = (ds["ladder"].values == "tolerance") & (ds["precision"].values == "mixed")
-    chosen &= (ds["rtol"].values <= 1.1e-3) & (ds["rtol"].values >= 0.9e-9)
-    seconds = ds["seconds"].values[chosen].sum(axis=1)
-    slope = np.polyfit(-np.log10(ds["rtol"].values[chosen]), np.log(seconds), 1)[0]
+    ladder = rungs(ds, "tolerance", "mixed")
+    chosen = (ladder["rtol"].values <= 1.1e-3) & (ladder["rtol"].values >= 0.9e-9)
+    seconds = ladder["seconds"].values[chosen].sum(axis=1)
+    slope = np.polyfit(-np.log10(ladder["rtol"].values[chosen]), np.log(seconds), 1)[0]
     return float(1.0 - np.exp(-slope))
 
 
 def summary(ds: Dataset) -> str:
     """Return the ladder of tolerances, the cost of a digit, and the convergence in m, as lines of text."""
-    ladder = ds.isel({RUNG: np.flatnonzero((ds["ladder"].values == "tolerance") & (ds["precision"].values == "mixed"))})
+    ladder = rungs(ds, "tolerance", "mixed")
+    names = ("contact_area_fraction_error", "mean_pressure_error", "free_volume_error", "mean_pressure_bound")
+    worst = [ladder[name].max("surface").values for name in names]
+    work = [ladder[name].mean("surface").values for name in ("units", "seconds")]
     lines = ["η/σ asked   error of A*   of p*     of V*     bound of p*   units a step   seconds"]
-    for k in range(ladder.sizes[RUNG]):
-        row = ladder.isel({RUNG: k})
-        worst = {name: float(row[name].max()) for name in TABLE if row[name].dims == ("surface",) and name != "surface"}
+    for rtol, area, pressure, volume, bound, units, seconds in zip(ladder["rtol"].values, *worst, *work, strict=True):
         lines.append(
-            f"{float(row['rtol']):.0e}       {worst['contact_area_fraction_error']:.1e}       "
-            f"{worst['mean_pressure_error']:.1e}   {worst['free_volume_error']:.1e}   "
-            f"{worst['mean_pressure_bound']:.1e}       {float(row['units'].mean()):5.1f}          "
-            f"{float(row['seconds'].mean()):.2f}"
+            f"{rtol:.0e}       {area:.1e}       {pressure:.1e}   {volume:.1e}   {bound:.1e}       "
+            f"{units:5.1f}          {seconds:.2f}"
         )
     lines.append(f"ten times less accuracy costs {100 * time_saved(ds):.0f} per cent less time")
     for part in convergence(ds):

@@ -31,9 +31,9 @@ def render(document: Document) -> str:
     header = tag(
         "header",
         tag("h1", document.title),
-        tag("p", document.lead, kind="lead") if document.lead else "",
-        tag("ul", *chips, kind="chips") if chips else "",
-        tag("nav", Html(" · ".join(links))) if links else "",
+        filled("p", document.lead, kind="lead"),
+        filled("ul", *chips, kind="chips"),
+        filled("nav", Html(" · ".join(links))),
     )
     body = "\n".join([header, *(section(part) for part in document.sections)])
     css = (resources.files("roughvol.report") / "report.css").read_text(encoding="utf-8")
@@ -59,27 +59,19 @@ def section(part: Section, level: int = 2) -> Html:
 
 def _inner(part: Section, level: int) -> Iterator[str]:
     """Yield the content of a section."""
-    if part.under:
-        yield tag("p", part.under, kind="place")
-    if part.quote:
-        yield tag("blockquote", part.quote)
+    yield filled("p", part.under, kind="place")
+    yield filled("blockquote", part.quote)
     yield from (tag("p", line) for line in part.notes)
-    if part.facts:
-        yield tag("dl", *(piece for name, value in part.facts for piece in (tag("dt", name), tag("dd", value))))
-    if part.items:
-        yield tag("ul", *(tag("li", line) for line in part.items))
+    yield filled("dl", *(tag(*pair) for fact in part.facts for pair in zip(("dt", "dd"), fact, strict=True)))
+    yield filled("ul", *(tag("li", line) for line in part.items))
     for table in part.tables:
         cards = "verdicts" in part.kind.split()  # on a phone its rows turn into cards; other tables scroll in a box
         yield _table(table, "verdicts") if cards else tag("div", _table(table), kind="box")
-        if table.note:
-            yield tag("p", table.note, kind="note")
+        yield filled("p", table.note, kind="note")
     yield from (section(inner, min(level, 3)) for inner in part.sections)
-    if part.drawings:
-        yield tag("div", *map(_figure, part.drawings), kind="figures")
-    if part.code:
-        yield tag("pre", part.code)
-    if part.back:
-        yield tag("p", tag("a", f"↑ {part.back}", href=f"#{part.back}"), kind="up")
+    yield filled("div", *map(_figure, part.drawings), kind="figures")
+    yield filled("pre", part.code)
+    yield filled("p", tag("a", f"↑ {part.back}", href=f"#{part.back}") if part.back else "", kind="up")
 
 
 def _table(table: Table, kind: str = "") -> Html:
@@ -120,6 +112,11 @@ def _figure(drawing: Drawing) -> Html:
         id=drawing.name,
         kind="plot wide" if drawing.figure.get_figwidth() > 5.0 else "plot",
     )
+
+
+def filled(element: str, *inner: str, kind: str = "") -> Html:
+    """Return an element, or nothing without content."""
+    return tag(element, *inner, kind=kind) if any(inner) else Html()
 
 
 def join(*parts: str) -> Html:

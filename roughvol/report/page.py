@@ -6,6 +6,7 @@ a folder.
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -18,9 +19,9 @@ from roughvol._version import __version__
 from roughvol.analysis import hysteresis
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table
+from roughvol.errors import DatasetError
 from roughvol.report import html, markdown, terminal
-from roughvol.report.document import Cell, Document, Section
-from roughvol.report.drawings import drawings_of
+from roughvol.report.document import Cell, Document, Drawing, Section
 from roughvol.report.figures.figure import Figure
 from roughvol.report.figures.registry import FIGURES
 from roughvol.report.run_facts import CLOSING, Facts, facts
@@ -105,15 +106,25 @@ def _run(run: Run, figures: Mapping[str, Figure], anchor: str) -> Section:
     """Return the section of one run: its surface, how it was pressed, its states, its figures."""
     found = facts(run)
     parts = [Section("Warnings", kind="warnings", items=found.warnings)] if found.warnings else []
-    parts.append(Section(kind="pair", sections=(_facts("Surface", found.surface), _facts("Loading", found.loading))))
+    parts.append(
+        Section(
+            kind="pair", sections=(Section("Surface", facts=found.surface), Section("Loading", facts=found.loading))
+        )
+    )
     parts += [Section(t.title, folded="" if k < OPEN else "closed", tables=(t,)) for k, t in enumerate(found.tables)]
     drawn = tuple(drawing._replace(name=f"{anchor}-{drawing.name}") for drawing in drawings_of(run, figures))
     parts += [Section("Figures", drawings=drawn)] if drawn else []
     return Section(found.name, anchor, kind="run", under=found.title, sections=tuple(parts))
 
 
-def _facts(title: str, pairs: tuple[tuple[str, str], ...]) -> Section:
-    return Section(title, facts=pairs)
+def drawings_of(run: Run, figures: Mapping[str, Figure]) -> Iterator[Drawing]:
+    """Yield every figure of a table that one run can feed by itself."""
+    measured = "case" in run.dataset.dims
+    for name, figure in figures.items():
+        if figure.missing(run.dataset) is None:
+            words = figure.words(surfaces=1 if measured else run.seeds, measured=measured)
+            with contextlib.suppress(DatasetError):
+                yield Drawing(name, words, run.name, figure(run.dataset))
 
 
 def _brief(found: Facts) -> Iterator[str]:

@@ -6,38 +6,42 @@ nominal pressure p* E* Sq/L.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from xarray import DataArray, Dataset
+from xarray import Dataset
 
-from roughvol.analysis import average, leak
+from roughvol.analysis import leak
 from roughvol.analysis.closing import load_of, spans
 from roughvol.analysis.derived import derived, groups, is_pressed
 from roughvol.analysis.hysteresis import hysteresis
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
-from roughvol.analysis.tables import Table, number, spread
-from roughvol.observables.variables import AXES, VARIABLES, columns
-from roughvol.study import HeightFile, SpectralSurface
+from roughvol.analysis.tables import Table, number
+from roughvol.observables.variables import AXES
+from roughvol.report.document import Pairs
+from roughvol.report.states import ROUNDING, P, Row, States, every_step, head, sentences
+from roughvol.study import HeightFile, Study
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array
 
 STATES = 24  # rows of a table of states; a longer sweep is shown at even steps, its first and last state among them
-P, A, V = "mean_pressure", "contact_area_fraction", "free_volume"
 LEVELLED = {
     "none": "as in the file",
     "mean": "their mean taken off",
     "tilt": "a plane taken off",
     "quadratic": "a quadratic taken off",
 }
-IN_PLACE = (("nominal_pressure", P), ("leak_rate_x", "transmissivity"))
 CLOSING = "Where it closes"
-STARRED = ("separation", "mean_plane_separation", "indentation", P)
-ROUNDING = 1e-12  # a starred number below is 0 to rounding: the mean plane, an unloaded surface
+BRACKET = (
+    "The last way from side to side closes between the two loads, those of neighbouring states. The bracket leaves "
+    "out the error of grid and window."
+)
+SPREAD = "Of several surfaces: mean (smallest to largest) over those whose way closes, or else over all."
 
 
 @dataclass(frozen=True)
@@ -46,8 +50,8 @@ class Facts:
 
     name: str
     title: str
-    surface: tuple[tuple[str, str], ...]
-    loading: tuple[tuple[str, str], ...]
+    surface: Pairs
+    loading: Pairs
     warnings: tuple[str, ...]
     tables: tuple[Table, ...]
 
@@ -69,8 +73,9 @@ def facts(run: Run) -> Facts:
         tables += closing([(name, first_leg(group)) for name, group in some])
         for name, group in some:
             tables += hysteresis(group, name if len(some) > 1 else "")
-        tables += [table for name, group in some if (table := _states(name, group, several=len(some) > 1))]
-    return Facts(run.name, _title(run), tuple(_map(run)), tuple(_loading(run)), warnings, tuple(tables))
+        titles = [f"States, {name}" if len(some) > 1 else "States" for name, _ in some]
+        tables += filter(None, map(_states, titles, (group for _, group in some)))
+    return Facts(run.name, _title(run), _map(run), _loading(run), warnings, tuple(tables))
 
 
 def _title(run: Run) -> str:
@@ -98,52 +103,56 @@ def _nodes(run: Run) -> tuple[int, int] | None:
     return (ds.sizes["x"], ds.sizes["y"]) if {"x", "y"} <= set(ds.sizes) else None
 
 
-def _map(run: Run) -> Iterator[tuple[str, str]]:
-    """Yield the surface."""
+def _map(run: Run) -> Pairs:
+    """Return the surface."""
     ds, unit = run.dataset, _unit(run.dataset)
+    length = f"{number(run.L)}{unit}"
     if "case" not in ds.dims:
         made = f"random midpoint displacement, law {run.law or 'unknown'}"
-        if run.study and isinstance(run.study.surface, SpectralSurface):
+        if run.spectral is not None:
             made = "random fields with a power-law spectrum"
-        yield "Surfaces", f"{made}, {_computed(run)} of each D and m"
-        yield "L", f"{number(run.L)}{unit}"
-        return
-    names = ds["case"].values.tolist()
-    if len(names) > 1:  # each has a row in the table of surfaces
-        yield "Files", ", ".join(map(str, names))
-        yield "Length of the first axis", f"{number(run.L)}{unit}"
-        yield from _treatment(run)
-        return
-    yield "File", str(names[0])
+        return ("Surfaces", f"{made}, {_computed(run)} of each D and m"), ("L", length)
+    names = ", ".join(map(str, ds["case"].values.tolist()))
+    if ds.sizes["case"] > 1:  # each has a row in the table of surfaces
+        return _known(("Files", names), ("Length of the first axis", length), ("Treatment", _treatment(run)))
+    size = {"Length of the first axis": length}
     if nodes := _nodes(run):
         periodic = "periodic" in ds.attrs
         spacing = run.L / intervals(nodes[0], periodic)
-        yield "Nodes", f"{nodes[0]} x {nodes[1]}, {number(spacing)}{unit} apart"
-        yield "Size", f"{number(run.L)} by {number(spacing * intervals(nodes[1], periodic))}{unit}"
-    else:
-        yield "Length of the first axis", f"{number(run.L)}{unit}"
-    for name, words in (("Sq", "Sq, root mean square height"), ("Sdq", "Sdq, root mean square slope")):
-        if name in ds:
-            yield words, number(float(ds[name].max())) + (unit if VARIABLES[name].units == "length" else "")
+        size = {"Nodes": f"{nodes[0]} x {nodes[1]}, {number(spacing)}{unit} apart"}
+        size["Size"] = f"{number(run.L)} by {number(spacing * intervals(nodes[1], periodic))}{unit}"
+    Sq, Sdq = (number(float(ds[name].max())) if name in ds else "" for name in ("Sq", "Sdq"))
     peak = _peak(ds)
-    if math.isfinite(peak):
-        yield "Highest point above the mean plane over Sq", number(peak)
-    yield from _treatment(run)
-    if "filled_fraction" in ds:
-        share = float(ds["filled_fraction"].max())
-        missing = round(share * nodes[0] * nodes[1]) if nodes else 0
-        count = f", {missing} node{'s' * (missing != 1)}" if nodes else ""
-        yield "Missing heights", f"{share:.2%} of the nodes{count}, filled" if share else "none"
-    else:
-        yield "Missing heights", "none; a file with missing heights would have been refused"
+    return _known(
+        ("File", names),
+        *size.items(),
+        ("Sq, root mean square height", Sq and f"{Sq}{unit}"),
+        ("Sdq, root mean square slope", Sdq),
+        ("Highest point above the mean plane over Sq", number(peak) if math.isfinite(peak) else ""),
+        ("Treatment", _treatment(run)),
+        ("Missing heights", _missing(ds, nodes)),
+    )
 
 
-def _treatment(run: Run) -> Iterator[tuple[str, str]]:
-    """Yield what was done to the heights of a file."""
-    if run.dataset.attrs.get("surface"):
-        yield "Treatment", str(run.dataset.attrs["surface"])
-    elif run.study and isinstance(run.study.surface, HeightFile):
-        yield "Treatment", LEVELLED.get(str(run.study.surface.level), str(run.study.surface.level))
+def _missing(ds: Dataset, nodes: tuple[int, int] | None) -> str:
+    """Return the share of the missing heights of a file in words."""
+    if "filled_fraction" not in ds:
+        return "none; a file with missing heights would have been refused"
+    share = float(ds["filled_fraction"].max())
+    missing = round(share * math.prod(nodes)) if nodes else 0
+    count = f", {missing} node{'s' * (missing != 1)}" if nodes else ""
+    return f"{share:.2%} of the nodes{count}, filled" if share else "none"
+
+
+def _known(*pairs: tuple[str, str]) -> Pairs:
+    """Return the pairs with a value."""
+    return tuple(pair for pair in pairs if pair[1])
+
+
+def _treatment(run: Run) -> str:
+    """Return what was done to the heights of a file; empty where it is unknown."""
+    level = str(run.study.surface.level) if run.study and isinstance(run.study.surface, HeightFile) else ""
+    return str(run.dataset.attrs.get("surface", "")) or LEVELLED.get(level, level)
 
 
 def _computed(run: Run) -> str:
@@ -165,38 +174,34 @@ def _peak(ds: Dataset) -> float:
 def _surfaces(run: Run) -> Iterator[Table]:
     """Yield a table of generated surfaces by D and m, or of several files."""
     ds = run.dataset
-    if "Sq" not in ds:
+    measured = "case" in ds.dims
+    if "Sq" not in ds or (measured and ds.sizes["case"] == 1):
         return
-    unit = ds.attrs.get("length_unit", "length")
-    if "case" in ds.dims:
-        if ds.sizes["case"] > 1:
-            yield _files(ds, unit)
-        return
-    rows = []
-    for D in run.D:
-        for m in run.m:
-            values = [run.values(name, D=D, m=m) for name in ("Sq", "Sdq") if name in ds]
-            if np.isfinite(values[0]).any():
-                rows.append(
-                    (f"{D:g}", str(m), " x ".join([str(2**m + ("periodic" not in ds.attrs))] * 2), *map(_range, values))
-                )
-    head = ("D", "m", "nodes", f"Sq [{unit}]", *(["Sdq"] if "Sdq" in ds else []))
-    yield Table("Surfaces", head, tuple(rows), "Mean over surfaces, and their range.")
-
-
-def _files(ds: Dataset, unit: str) -> Table:
-    """Return the table of several files."""
-    columns = {f"Sq [{unit}]": "Sq", "Sdq": "Sdq", "filled share": "filled_fraction"}
+    columns = {f"Sq [{ds.attrs.get('length_unit', 'length')}]": "Sq", "Sdq": "Sdq"}
+    columns |= {"filled share": "filled_fraction"} if measured else {}
     held = {head: name for head, name in columns.items() if name in ds}
-    rows = []
-    for place, name in enumerate(ds["case"].values.tolist()):
-        one = ds.isel(case=place)
-        nodes = [f"{int(one[key])}" if key in one else "" for key in ("nodes_x", "nodes_y")]
-        rows.append((str(name), " x ".join(filter(None, nodes)), *(number(float(one[key])) for key in held.values())))
-    return Table("Surfaces", ("file", "nodes", *held), tuple(rows))
+    rows = [(*labels, *(_range(one[name].values) for name in held.values())) for labels, one in _labelled(run)]
+    heads = ("file", "nodes") if measured else ("D", "m", "nodes")
+    yield Table("Surfaces", (*heads, *held), tuple(rows), "" if measured else "Mean over surfaces, and their range.")
+
+
+def _labelled(run: Run) -> Iterator[tuple[tuple[str, ...], Dataset]]:
+    """Yield each file, or the surfaces of each D and m, after the labels of its row: file, or D and m, and nodes."""
+    ds = run.dataset
+    if "case" in ds.dims:
+        for place, name in enumerate(ds["case"].values.tolist()):
+            one = ds.isel(case=place)
+            yield (str(name), " x ".join(str(int(one[key])) for key in ("nodes_x", "nodes_y") if key in one)), one
+        return
+    for D, m in itertools.product(run.D, run.m):
+        some = ds.sel(D=D, m=m)
+        if bool(some["Sq"].notnull().any()):
+            nodes = 2**m + ("periodic" not in ds.attrs)
+            yield (f"{D:g}", str(m), f"{nodes} x {nodes}"), some
 
 
 def _range(values: Array) -> str:
+    """Return the mean, and the smallest and the largest value where they differ."""
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return "–"
@@ -207,106 +212,67 @@ def _range(values: Array) -> str:
 # how it was pressed
 
 
-def _loading(run: Run) -> Iterator[tuple[str, str]]:
-    """Yield material, sweep, solver, states and their certified errors."""
+def _loading(run: Run) -> Pairs:
+    """Return material, sweep, solver, states and their certified errors."""
     ds, study = run.dataset, run.study
-    if study is not None and study.comment:
-        yield "Comment", study.comment
-    if study is not None:
-        material, unit = study.material, f" {study.material.unit}" if study.material.unit else ""
-        yield "Contact modulus E*", f"{number(material.contact_modulus)}{unit}" + ("" if unit else " (no unit given)")
-        if material.indentation_hardness is not None:
-            acts = "pressures end there" if material.plastic else "for comparison alone, no yield is computed"
-            yield "Hardness", f"{number(material.indentation_hardness)}{unit}, {acts}"
-        sweep = study.sweep
-        legs = ", ".join(f"{leg.steps} steps to {leg.target.label}" for leg in sweep.legs)
-        yield "Sweep", legs if sweep.steps else "none, surfaces alone"
-        if sweep.steps:
-            solver = study.solving
-            yield "Solver", f"{solver.method}, residual η/σ at most {solver.tolerance:g}, kernel {solver.kernel}"
-    region = str(ds.attrs.get("region", ""))
-    if study is not None and study.record.region is not None and region:
-        yield "Region observed", region
+    pairs = [] if study is None else _pressed(study, str(ds.attrs.get("region", "")))
     if "residual" in ds:
         solved = ds["residual"].notnull()
-        converged = int((ds["converged"] & solved).sum())
-        yield "States", f"{converged} of {int(solved.sum())} converged"
-        yield "Certified residual η/σ", f"{float(ds['residual'].max()):.1e} at most, which bounds the error of V*"
+        pairs += [
+            ("States", f"{int((ds['converged'] & solved).sum())} of {int(solved.sum())} converged"),
+            ("Certified residual η/σ", f"{float(ds['residual'].max()):.1e} at most, which bounds the error of V*"),
+        ]
     if "mean_pressure_bound" in ds and bool((loaded := ds[P] > ROUNDING).any()):
         bound = float(ds["mean_pressure_bound"].where(loaded).max())
-        yield "Certified error of p*", f"{bound:.1e} at most, relative"
-    for name, colon, text in (line.partition(": ") for line in str(ds.attrs.get("answer", "")).splitlines()):
-        if colon:
-            yield name, text
-    if leak.fluid_of(ds):
-        yield "Leak rate", leak.fluid_of(ds)
-    if study is not None and (fluid := study.record.fluid_pressure) is not None:
-        yield "Fluid pressure", f"inlet {fluid.inlet}, outlet {fluid.outlet}, coupling {fluid.coupling}"
-    gas = ds.get("gas_leak_rate")
-    if gas is not None and "gas" in gas.attrs:
-        path = gas.attrs["mean_free_path"]
-        yield "Gas", f"{gas.attrs['gas']}; law {gas.attrs['law']}, mean free path {path}"
+        pairs.append(("Certified error of p*", f"{bound:.1e} at most, relative"))
+    answers = (line.partition(": ") for line in str(ds.attrs.get("answer", "")).splitlines())
+    pairs += [(name, text) for name, colon, text in answers if colon]
+    fluid = study.record.fluid_pressure if study is not None else None
+    gas = ds["gas_leak_rate"].attrs if "gas_leak_rate" in ds else {}
+    pairs += [
+        ("Leak rate", leak.fluid_of(ds)),
+        ("Fluid pressure", f"inlet {fluid.inlet}, outlet {fluid.outlet}, coupling {fluid.coupling}" if fluid else ""),
+        ("Gas", "{gas}; law {law}, mean free path {mean_free_path}".format_map(gas) if "gas" in gas else ""),
+    ]
+    return _known(*pairs)
+
+
+def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
+    """Return material, sweep and solver of a study; texts that do not apply are empty."""
+    material, sweep = study.material, study.sweep
+    unit = f" {material.unit}" if material.unit else ""
+    hardness, solver = "", ""
+    if material.indentation_hardness is not None:
+        acts = "pressures end there" if material.plastic else "for comparison alone, no yield is computed"
+        hardness = f"{number(material.indentation_hardness)}{unit}, {acts}"
+    if sweep.steps:
+        solving = study.solving
+        solver = f"{solving.method}, residual η/σ at most {solving.tolerance:g}, kernel {solving.kernel}"
+    legs = ", ".join(f"{leg.steps} steps to {leg.target.label}" for leg in sweep.legs)
+    return [
+        ("Comment", study.comment or ""),
+        ("Contact modulus E*", f"{number(material.contact_modulus)}{unit or ' (no unit given)'}"),
+        ("Hardness", hardness),
+        ("Sweep", legs if sweep.steps else "none, surfaces alone"),
+        ("Solver", solver),
+        ("Region observed", region if study.record.region is not None else ""),
+    ]
 
 
 # states
 
 
-def _states(name: str, group: Dataset, *, several: bool) -> Table | None:
-    """Return the states of one group: one surface as it is, several by the convention of `average`."""
-    lifted, group = leak.is_lifted(group), spread(group)
-    names = [column for column in columns("states") if column in group and bool(group[column].notnull().any())]
-    for dimensional, starred in IN_PLACE:
-        if dimensional in names:  # the starred number stays in study.nc
-            names = [name for name in names if not name.startswith(starred)]
-    steps = np.flatnonzero(group[P].notnull().any("seed").values)
-    if not len(steps):
+def _states(title: str, group: Dataset) -> Table | None:
+    """Return the states of one group, at most `STATES` of them."""
+    rows = [Row((state.label,), state, data) for state, data in every_step(group)]
+    if not rows:
         return None
-    shown = steps
-    if len(steps) > STATES:
-        shown = steps[np.unique(np.linspace(0, len(steps) - 1, STATES).round().astype(int))]
-    count = group.sizes["seed"]
-    values = {column: group[column].transpose("seed", "step").values for column in names}
-    rows = []
-    for k in shown.tolist():
-        cells = [str(int(group["step"].values[k]))]
-        cells += [cell(column, values[column][:, k]) for column in names]
-        rows.append(tuple(cells))
-    notes = [conventions(names, count, dry=lifted)]
-    if len(shown) < len(steps):
-        notes.append(f"{len(shown)} of {len(steps)} states; study.nc has all.")
-    heads = ("step", *(head(group[column], count) for column in names))
-    return Table(f"States, {name}" if several else "States", heads, tuple(rows), " ".join(filter(None, notes)))
-
-
-def conventions(names: Sequence[str], *surfaces: int, dry: bool = False) -> str:
-    """Return what the numbers of a table are: means, medians, counts of surfaces by row, and which leak counts."""
-    several, equal = max(surfaces, default=1) > 1, len(set(surfaces)) == 1
-    over = f"{surfaces[0]} surfaces" if equal else "the surfaces of a row"
-    notes = [f"Mean over {over}; open ways are counted."] if several else []
-    if several and any(map(average.is_flow, names)):
-        notes.append(f"Flows: {average.IN_WORDS}.")
-    return " ".join([*notes, *([leak.DRY_NOTE] if dry else [])])
-
-
-def head(variable: DataArray, surfaces: int = 1) -> str:
-    """Return the head of a column: symbol, unit where there is one, and ``median`` for a flow of several surfaces."""
-    unit = str(variable.attrs.get("units", "1"))
-    symbol = str(variable.attrs.get("symbol", variable.name))
-    median = "median " if surfaces > 1 and average.is_flow(str(variable.name)) else ""
-    return f"{median}{symbol}" if unit == "1" else f"{median}{symbol} [{unit}]"
-
-
-def cell(name: str, values: Array) -> str:
-    """Return the number of one surface or of several as text; of an open way, how many surfaces have one."""
-    found = average.average(name, np.where(np.abs(values) < ROUNDING, 0.0, values) if name in STARRED else values)
-    if found.count == 0:
-        return ""
-    if name.startswith("open"):
-        open_ = int(np.nansum(values))
-        return ("open" if open_ else "closed") if len(values) == 1 else f"{open_} of {found.count}"
-    if average.is_flow(name) and found.count > 1:
-        return f"{number(found.value)} ({number(found.low)} to {number(found.high)})"
-    return number(found.value)
+    found, notes = States.of("states", ("step",), rows), []
+    if len(rows) > STATES:
+        kept = np.unique(np.linspace(0, len(rows) - 1, STATES).round().astype(int)).tolist()
+        notes.append(f"{len(kept)} of {len(rows)} states; study.nc has all.")
+        found = replace(found, rows=tuple(rows[k] for k in kept))
+    return found.table(title, *notes)
 
 
 # closing
@@ -316,12 +282,9 @@ def closing(some: list[tuple[str, Dataset]]) -> Iterator[Table]:
     """Yield at which load the last way along each axis closes; of several surfaces, mean and range of those closed."""
     rows = []
     title: tuple[str, ...] = ()
-    dry = any(leak.is_lifted(group) for _, group in some)
     for name, group in some:
         load = load_of(group)
-        unit = str(group[load].attrs.get("units", "1"))
-        symbol = "p*" if load == P else "p"
-        words = symbol if unit == "1" else f"{symbol} [{unit}]"
+        words = head(group[load])
         title = ("surface", "axis", f"open up to {words}", f"closed from {words}", "ways closed")
         for axis in AXES:
             if not (found := spans(group, axis, load)):
@@ -330,15 +293,13 @@ def closing(some: list[tuple[str, Dataset]]) -> Iterator[Table]:
             low = _range(np.array([span.open_up_to for span in closed or found]))
             high = _range(np.array([span.closed_from for span in closed]))
             rows.append((name, axis, low, high, f"{len(closed)} of {len(found)}"))
-    notes = [
-        "The last way from side to side closes between the two loads, those of neighbouring states. The bracket leaves "
-        "out the error of grid and window."
-    ]
-    if any(group.sizes["seed"] > 1 for _, group in some):
-        notes.append("Of several surfaces: mean (smallest to largest) over those whose way closes, or else over all.")
-    if any("leg" in group for _, group in some):
-        notes.append("The loads are those of leg 1.")
-    if dry:
-        notes.append("The loads are those of the dry gap.")
+    note = sentences(
+        {
+            BRACKET: True,
+            SPREAD: any(group.sizes["seed"] > 1 for _, group in some),
+            "The loads are those of leg 1.": any("leg" in group for _, group in some),
+            "The loads are those of the dry gap.": any(leak.is_lifted(group) for _, group in some),
+        }
+    )
     if rows:
-        yield Table(CLOSING, title, tuple(rows), " ".join(notes))
+        yield Table(CLOSING, title, tuple(rows), note)

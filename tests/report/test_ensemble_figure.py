@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 import pytest
 from xarray import Dataset
@@ -60,7 +58,7 @@ def test_the_legend_names_each_line_of_the_right_panel(results: Dataset) -> None
 def test_an_axis_of_less_than_a_decade_has_plain_labels(results: Dataset) -> None:
     results["ensemble_samples"] = ("D", "m"), [[60.0, 50.0, 25.0], [60.0, 40.0, 24.0]]
     figure = FIGURES["ensemble_cost"](results)
-    figure.savefig(io.BytesIO(), format="png")
+    figure.draw_without_rendering()
     axis = figure.axes[0].yaxis
     low, high = axis.get_view_interval()
     major = [tick.label1.get_text() for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
@@ -76,6 +74,5 @@ def test_the_note_has_the_samples_of_each_level(results: Dataset) -> None:
 
 def test_it_is_found_by_name_and_needs_an_ensemble(results: Dataset) -> None:
     assert FIGURES["ensemble_cost"].missing(results) is None
-    assert "section 'ensemble'" in str(FIGURES["ensemble_cost"].missing(Dataset()))
     with pytest.raises(DatasetError, match="section 'ensemble'"):
         FIGURES["ensemble_cost"](Dataset())

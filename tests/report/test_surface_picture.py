@@ -18,7 +18,7 @@ HEIGHTS[3, 25] = 30.0
 
 def _axes(surface: Surface, unit: str | None = "um") -> list[Axes]:
     figure = surface_picture.look(surface, unit, "a map")
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     return figure.axes
 
 
@@ -61,10 +61,9 @@ def test_lengths_are_drawn_in_a_unit_that_can_be_read(unit: str | None, size: fl
 
 
 @pytest.mark.parametrize("shape", [(60, 8), (8, 60)])
-def test_long_maps_and_names_that_look_like_mathematics_are_drawn(shape: tuple[int, int], tmp_path: Path) -> None:
+def test_long_maps_and_names_that_look_like_mathematics_are_drawn(shape: tuple[int, int]) -> None:
     surface = Surface(np.random.default_rng(0).normal(size=shape), 1.0)
-    path = surface_picture.write(surface, None, "a $b_$ scan_$2.npy", tmp_path / "x.png")
-    assert path.stat().st_size > 1000
+    surface_picture.look(surface, None, "a $b_$ scan_$2.npy").draw_without_rendering()
 
 
 def test_a_flat_surface_can_be_looked_at() -> None:

@@ -12,9 +12,8 @@
 `work_precision`    speed against accuracy of a trade-off
 `surface_picture`   one surface before it is pressed (``roughvol check --look``)
 `families`          curves, states and densities read from a dataset
-`seal_ways`         flow along one direction, and the load at which it stops
+`ways`              flow along a direction, where it stops, how both are drawn
 `curves`            curves of several surfaces on one axes
-`seal_drawing`      directions, closing marks and the legend of the flow
 `relief`            lit surfaces in perspective
 `origin`            the note below a figure
 `style`             sizes, colours, labels, units, legends

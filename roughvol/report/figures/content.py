@@ -27,11 +27,9 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.observables.variables import AXES
-from roughvol.report.figures.curves import plot
+from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
 from roughvol.report.figures.origin import dry_note, fluid_note, lacking, study_of, surfaces, written
-from roughvol.report.figures.seal_drawing import CLOSED, LEAD, LINES, SHUT, draw_flow, has_median, look_of
-from roughvol.report.figures.seal_ways import band_words, ways
 from roughvol.report.figures.style import (
     COLUMN,
     GREY,
@@ -44,6 +42,18 @@ from roughvol.report.figures.style import (
     looks,
     plain,
     unit_text,
+)
+from roughvol.report.figures.ways import (
+    LEAD,
+    LINES,
+    SHUT,
+    band_words,
+    closed_handles,
+    draw_flow,
+    flow_axis,
+    has_median,
+    look_of,
+    ways,
 )
 from roughvol.store.variants import parts_of
 
@@ -64,11 +74,10 @@ DRAWN = ("v_of_p", "a_of_p", "v_of_a", "v_of_d", "gap_of_p", "leak_of_p")
 """The figures of several runs, without a name."""
 COLUMNS = ("panel", "curve", "D", "m", "seed", "case", "axis", "x", "y", "x_label", "y_label")
 """Columns of the points of a figure."""
-DECADES = 9  # of a flow that an axis spans; less flows off it
 POWERS = ("stiffness", "conductance")  # that go about with a power of the pressure: both axes are logarithmic
 LOGARITHMIC = ("leak", "flow", *POWERS)
 MANY = 6  # height files of a run that have a curve each; more are one family
-FEW, LINE = 4, 0.19  # lines of a legend over a figure of usual height, and inches that each further one adds
+LINE = 0.19  # inches that each further line of a legend adds
 KEY = 6  # characters of the line beside a name of a legend
 NAMES = tuple(f"{y}_of_{x}" for y, x in itertools.product(VARIABLES_OF, BELOW) if y != x)
 """Names of all figures by content."""
@@ -110,52 +119,43 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
     common: dict[str, str] = {}
     ready = [Named(run.name, in_units(first_leg(derived(run.dataset, study_of(run.dataset))), common)) for run in runs]
     x, y = _variable(x_key, ready), _variable(y_key, ready)
-    if average.is_flow(y):
-        return _flow(ready, x, y)
+    flows = average.is_flow(y)
+    height, few = (3.2, 2) if flows else (3.0, 4)  # inches, and lines of a legend that fit them
     with mpl.rc_context(STYLE):
         some, title = _families(ready, x, y)
         some = [family._replace(label=wrapped(family.label)) for family in some]
-        fig = canvas(COLUMN, 3.0 + LINE * max(0, _legend_lines(some) - FEW))
+        fig = canvas(COLUMN, height + LINE * max(0, _legend_lines(some) - few))
         ax = fig.subplots()
-        log = y_key in LOGARITHMIC
-        members: list[list[Curve]] = [[_positive(curve) if log else curve for curve in curves(f, x, y)] for f in some]
-        plot(ax, some, members, (_label(x, ready), _label(y, ready)), title, log=log)
-        if log:
-            ax.set_yscale("log")
-        if y_key in POWERS and x_key == "p":
-            ax.set_xscale("log")
-        fig.note(" ".join([_origin(ready, some), *dry_note([run.dataset for run in ready])]))
+        if flows:
+            ax.set(xlabel=_label(x, ready), ylabel=_label(y, ready))
+            _flow(ax, some, x, y, title)
+            notes = _fluids(ready) if y == "leak_rate" else []
+        else:
+            log = y_key in LOGARITHMIC
+            members = [[_positive(curve) if log else curve for curve in curves(f, x, y)] for f in some]
+            plot(ax, some, members, (_label(x, ready), _label(y, ready)), title, log=log)
+            ax.set_yscale("log" if log else "linear")
+            ax.set_xscale("log" if y_key in POWERS and x_key == "p" else "linear")
+            notes = dry_note([run.dataset for run in ready])
+        fig.note(" ".join([_origin(ready, some), *notes]))
     return fig
 
 
-def _flow(runs: Sequence[Named], x: str, name: str) -> Drawing:
+def _flow(ax: Axes, some: Sequence[Family], x: str, name: str, title: str) -> None:
     """Draw a flow along x and y: the states of one surface, median and band of several, and where the ways close."""
-    with mpl.rc_context(STYLE):
-        some, title = _families(runs, x, name)
-        some = [family._replace(label=wrapped(family.label)) for family in some]
-        fig = canvas(COLUMN, 3.2 + LINE * max(0, _legend_lines(some) - 2))
-        ax = fig.subplots()
-        dry = f"{name}_dry"
-        values = np.concatenate(
-            [family.data[key].values.ravel() for family in some for key in (name, dry) if key in family.data]
-        )
-        values = values[values > 0.0]
-        top = float(values.max(initial=1e-300))
-        floor = 0.4 * max(float(values.min(initial=top)), top * 10.0**-DECADES)
-        ax.set(yscale="log", ylim=(floor, 2.5 * top), xlabel=_label(x, runs))
-        ax.set_ylabel(_label(name, runs))
-        closed, median = set[str](), False
-        for family in some:
-            for axis in AXES:
-                members = ways(family, x, name, axis)
-                median = median or has_median(members)
-                if members and draw_flow(ax, family, members, axis, alone=len(some) == 1):
-                    closed.add(axis)
-            if dry in family.data:
-                _dry(ax, family, x, dry)
-        _legend(ax, some, closed, title, dry=any(dry in family.data for family in some), median=median)
-        fig.note(" ".join([_origin(runs, some), *(_fluids(runs) if name == "leak_rate" else [])]))
-    return fig
+    dry = f"{name}_dry"
+    stored = [family.data[key] for family in some for key in (name, dry) if key in family.data]
+    flow_axis(ax, np.concatenate([values.values.ravel() for values in stored]))
+    closed, median = set[str](), False
+    for family in some:
+        for axis in AXES:
+            members = ways(family, x, name, axis)
+            median = median or has_median(members)
+            if members and draw_flow(ax, family, members, axis, alone=len(some) == 1):
+                closed.add(axis)
+        if dry in family.data:
+            _dry(ax, family, x, dry)
+    _legend(ax, some, closed, title, dry=any(dry in family.data for family in some), median=median)
 
 
 def _dry(ax: Axes, family: Family, x: str, name: str) -> None:
@@ -179,10 +179,7 @@ def _legend(ax: Axes, some: Sequence[Family], closed: set[str], title: str, *, d
     for axis in AXES:
         look = look_of(some[0], axis, alone=True) | plain[0] if alone else {"color": GREY, "ls": LINES[axis]}
         handles.append(Line2D([], [], label=f"along ${axis}$", **look))
-    handles += [
-        Line2D([], [], ls="", marker=CLOSED[axis], color=GREY, label=f"closed along ${axis}$")
-        for axis in sorted(closed)
-    ]
+    handles += closed_handles(closed, "closed")
     if dry:
         words = "without fluid pressure" + ", each surface" * bool(number)
         handles.append(Line2D([], [], color=GREY, lw=0.6, label=words))
@@ -199,20 +196,15 @@ def _fluids(runs: Sequence[Named]) -> list[str]:
 
 
 def _origin(runs: Sequence[Named], some: Sequence[Family]) -> str:
-    """Return the runs of a figure in words, and which leg of a path it shows."""
+    """Return the runs of a figure in words, or their number where they are many, and which leg of a path it shows."""
+    words = f"Runs {', '.join(file_text(run.name) for run in runs)}."
     if len(runs) == 1:
-        words = f"Run {file_text(runs[0].name)}: {surfaces(runs[0].dataset, _shown(some))}."
-    else:
-        words = _names(runs)
+        words = f"Run {file_text(runs[0].name)}: {surfaces(runs[0].dataset, shown(some))}."
+    elif len(runs) > MANY:
+        words = f"{len(runs)} runs or combinations; the legend names them."
     if any("leg" in run.dataset for run in runs):
         words = f"{words} Leg 1 of a path; path_loops draws every leg."
     return " ".join([words, *dict.fromkeys(line for run in runs for line in written(run.dataset))])
-
-
-def _shown(some: Sequence[Family]) -> dict[str, list[float]]:
-    """Return the values of D and m and the numbers of surfaces that families show."""
-    made = {key: sorted({float(f.data[key]) for f in some if key in f.data.coords}) for key in ("D", "m")}
-    return made | {"surfaces": [float(family.surfaces) for family in some]}
 
 
 def wrapped(label: str) -> str:
@@ -228,13 +220,6 @@ def _legend_lines(some: Sequence[Family]) -> int:
     return -(-len(lines) // columns)
 
 
-def _names(runs: Sequence[Named]) -> str:
-    """Return the names of the runs, or their number where the legend has them and they are many."""
-    if len(runs) > MANY:
-        return f"{len(runs)} runs or combinations; the legend names them."
-    return f"Runs {', '.join(file_text(run.name) for run in runs)}."
-
-
 def _positive(curve: Curve) -> Curve:
     """Return a curve without its zeros, which a logarithmic axis does not have."""
     x, y = curve
@@ -243,12 +228,12 @@ def _positive(curve: Curve) -> Curve:
 
 def _variable(key: str, runs: Sequence[Named]) -> str:
     """Return the variable to draw: the first that all runs have, with one unit."""
-    for name in VARIABLES_OF[key]:
-        units = {_unit(name, run.dataset) for run in runs if name in run.dataset}
-        if all(name in run.dataset for run in runs) and len(units) == 1:
+    units = {name: {_unit(name, run.dataset) for run in runs if name in run.dataset} for name in VARIABLES_OF[key]}
+    for name, found in units.items():
+        if all(name in run.dataset for run in runs) and len(found) == 1:
             return name
-    units = {_unit(name, run.dataset) for run in runs for name in VARIABLES_OF[key] if name in run.dataset}
-    raise DatasetError(f"the runs have {VARIABLES_OF[key][-1]} in different units: {', '.join(sorted(units))}")
+    differing = ", ".join(sorted(set().union(*units.values())))
+    raise DatasetError(f"the runs have {VARIABLES_OF[key][-1]} in different units: {differing}")
 
 
 def _unit(name: str, ds: Dataset) -> str:
@@ -273,10 +258,8 @@ def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]
             continue
         some, title = every_family(run.dataset, x, y)
         for family in some:
-            words = ", ".join(filter(None, [family.label, title])) if "case" not in run.dataset.dims else family.label
-            lone = len(some) == 1
-            label = file_text(run.name) if lone else f"{file_text(run.name)}: {words}"
-            found.append(family._replace(label=label))
+            words = ", ".join(filter(None, [family.label, title])) if len(some) > 1 else ""
+            found.append(family._replace(label=": ".join(filter(None, [file_text(run.name), words]))))
     return [family._replace(look=look) for family, look in zip(found, looks(len(found)), strict=True)], ""
 
 

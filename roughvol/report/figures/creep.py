@@ -8,8 +8,8 @@ from xarray import Dataset
 
 from roughvol.analysis.creep import History
 from roughvol.report.figures.origin import fluid_note, origin, written
-from roughvol.report.figures.seal_ways import band_words
 from roughvol.report.figures.style import COLUMN, DASHES, STYLE, Drawing, canvas, legend, looks, unit_text
+from roughvol.report.figures.ways import band_words
 
 
 def drawing_of(over_time: History, run: Dataset) -> Drawing:

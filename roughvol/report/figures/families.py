@@ -76,39 +76,33 @@ def held(ds: Dataset, *variables: str) -> DataArray:
 
 def families(ds: Dataset, by: str, *variables: str, m: float = FINEST) -> tuple[list[Family], str]:
     """Return the families to compare in the order of `by`, and what they have in common, for the legend."""
-    common, wish = ("D", SHOWN_D) if by == "m" else ("m", m)
-    if "case" in ds.dims:
-        by, title, ds = "case", "", ds.expand_dims("seed")
-    else:
+    if "case" not in ds.dims:
+        common, wish = ("D", SHOWN_D) if by == "m" else ("m", m)
         holding = ds[common].values[held(ds, *variables).any([by, "seed"]).values].tolist()
-        fixed = nearest(holding, wish)
-        ds, title = ds.sel({common: fixed}), f"${common} = {fixed:g}$"
-    mask = held(ds, *variables).transpose(by, "seed").values
-    places = np.flatnonzero(mask.any(axis=1)).tolist()
+        ds = ds.sel({common: [nearest(holding, wish)]})
+    return every_family(ds, *variables, by=by)
+
+
+def every_family(ds: Dataset, *variables: str, by: str = "D") -> tuple[list[Family], str]:
+    """Return the families of every D at every m, or of every file, and what they have in common, for the legend."""
+    measured = "case" in ds.dims
+    dims, ds = (["case"], ds.expand_dims("seed")) if measured else (["D", "m"], ds)
+    mask = held(ds, *variables).transpose(*dims, "seed").values
+    places = [dict(zip(dims, place, strict=True)) for place in np.argwhere(mask.any(axis=-1)).tolist()]
+    differing = [dim for dim in dims if len({place[dim] for place in places}) > 1] or [by]
     members = []
     for place, look in zip(places, looks(len(places)), strict=True):
-        value = ds[by].values[place]
-        name = file_text(value) if by == "case" else f"${by} = {value:g}$"
-        data = ds.isel({by: place, "seed": np.flatnonzero(mask[place])})
-        members.append(Family(name, float(place if by == "case" else value), look, data))
-    return members, title
+        data = ds.isel(place | {"seed": np.flatnonzero(mask[tuple(place.values())])})
+        if measured:
+            members.append(Family(file_text(data["case"].item()), float(place["case"]), look, data))
+        else:
+            members.append(Family(_label(data, differing), float(data[differing[0]]), look, data))
+    return members, "" if measured else _label(members[0].data, [dim for dim in dims if dim not in differing])
 
 
-def every_family(ds: Dataset, *variables: str) -> tuple[list[Family], str]:
-    """Return the families of every D at every m, or of every file, and what they have in common, for the legend."""
-    if "case" in ds.dims:
-        return families(ds, "case", *variables)
-    mask = held(ds, *variables).transpose("D", "m", "seed").values
-    places = [(int(i), int(k)) for i, k in np.argwhere(mask.any(axis=2))]
-    values = {"D": sorted({i for i, _ in places}), "m": sorted({k for _, k in places})}
-    several_of = [dim for dim in ("D", "m") if len(values[dim]) > 1] or ["D"]
-    title = ", ".join(f"${dim} = {ds[dim].values[values[dim][0]]:g}$" for dim in ("D", "m") if dim not in several_of)
-    members = []
-    for (i, k), look in zip(places, looks(len(places)), strict=True):
-        data = ds.isel(D=i, m=k, seed=np.flatnonzero(mask[i, k]))
-        label = ", ".join(f"${dim} = {data[dim].item():g}$" for dim in several_of)
-        members.append(Family(label, float(data[several_of[0]]), look, data))
-    return members, title
+def _label(case: Dataset, dims: Sequence[str]) -> str:
+    """Return D and m of a case as a label, as ``$D = 2.3$, $m = 7$``."""
+    return ", ".join(f"${dim} = {case[dim].item():g}$" for dim in dims)
 
 
 def single(ds: Dataset, *variables: str) -> tuple[Dataset, str]:
@@ -121,7 +115,7 @@ def single(ds: Dataset, *variables: str) -> tuple[Dataset, str]:
         D, m = (float(ds[dim][place[dim]]) if dim in place else None for dim in ("D", "m"))
         surfaces[k] = D, m
     case = ds.isel(places[nearest_surface(surfaces)])
-    return case, ", ".join([f"${dim} = {case[dim].item():g}$" for dim in numbers]) or file_text(case["case"].item())
+    return case, _label(case, numbers) or file_text(case["case"].item())
 
 
 def file_text(name: str) -> str:

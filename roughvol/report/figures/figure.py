@@ -18,6 +18,13 @@ from roughvol.report.figures.style import STYLE, Drawing
 BAND = " Thin lines are single surfaces; the band is one standard deviation to both sides of their mean."
 
 
+Refusal = Callable[[str, Dataset], str | None]
+
+
+def none_refused(name: str, ds: Dataset) -> None:
+    """Refuse no dataset."""
+
+
 @dataclass(frozen=True)
 class Figure:
     """A figure of one dataset: call it with the dataset.
@@ -42,7 +49,7 @@ class Figure:
     caption: str
     needs: tuple[str, ...] = ()
     cases: Rule = by_D
-    refuse: Callable[[str, Dataset], str | None] = lambda name, ds: None
+    refuse: Refusal = none_refused
     every_leg: bool = False
 
     @property

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
@@ -23,24 +22,19 @@ from roughvol.gap.transport import conduction
 from roughvol.observables.variables import AXES
 from roughvol.report.card_text import SAME, has_legs
 from roughvol.report.figures.families import Family
-from roughvol.report.figures.seal_drawing import CLOSED, draw_flow, look_of
-from roughvol.report.figures.seal_ways import ways
-from roughvol.report.figures.style import CONTACT, GREY, STYLE, Drawing, looks, plain_ticks, unit_text
+from roughvol.report.figures.style import GREY, STYLE, Drawing, looks, plain_ticks, read_style, unit_text
+from roughvol.report.figures.ways import CLOSED, draw_flow, draw_flux, flow_axis, look_of, ways
 
-SANS: dict[Any, Any] = {"font.family": ["DejaVu Sans", "sans-serif"], "mathtext.fontset": "dejavusans"}
-SANS |= {"font.size": 10.0, "axes.labelsize": 10.0, "axes.titlesize": 10.0, "legend.fontsize": 9.0}
+SANS = read_style("card")
 SMALL = {"font.size": 8.0, "axes.labelsize": 8.0, "axes.titlesize": 8.0, "legend.fontsize": 7.0}  # of the print
 PANEL = (3.3, 3.1)  # inches, at the width of a figure on the page: its type has the size of the page's
 A4 = (8.27, 11.69)
-TEXT = tuple(
-    np.arange(7.5, 5.2, -0.25).tolist()
-)  # sizes of the text below the drawings: the largest that fits the page
+TEXT = (7.5, 7.25, 7.0, 6.75, 6.5, 6.25, 6.0, 5.75, 5.5, 5.25)  # sizes below the drawings: the largest that fits
+HEADING, BELOW = 1.55, 0.6  # lines that a heading takes, and that stay free below a part
 SPACING, FOOT = 1.38, 0.02  # of lines over their size; of the page
 CROWDED = 50.0  # largest factor from which on only its powers of ten are labelled
-FLUX_RANGE = (1e-2, 1e2)  # of the flux over its mean
 LEGEND: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2, "borderaxespad": 0.1}
 LEGEND |= {"handlelength": 1.4, "columnspacing": 0.9, "handletextpad": 0.5}
-DECADES = 9  # of leaks that an axis spans
 GRIDS = {"": "1", "twice the spacing": "2", "four times the spacing": "4"}
 
 
@@ -114,7 +108,7 @@ def _rows(lines: Sequence[str], width: int) -> list[str]:
 
 def _height(parts: Sequence[tuple[str, Sequence[str]]], width: int, size: float) -> float:
     """Return the height of headings with their lines, as a share of the page."""
-    rows = sum((1.55 if heading else 0.0) + len(_rows(lines, width)) + 0.6 for heading, lines in parts)
+    rows = sum(HEADING * bool(heading) + len(_rows(lines, width)) + BELOW for heading, lines in parts)
     return rows * SPACING * size / 72.0 / A4[1]
 
 
@@ -123,16 +117,14 @@ def _column(
 ) -> float:
     """Write headings with their lines from a height on, and return the height below them."""
     line = SPACING * size / 72.0 / A4[1]
-    for part in parts:
-        heading, lines = part
-        below = top - _height([part], width, size)
+    for heading, lines in parts:
         if heading:
             fig.text(x, top, heading, fontsize=size + 2.0, weight="bold", va="top")
-            top -= 1.55 * line
+            top -= HEADING * line
         for row in _rows(lines, width):
             fig.text(x, top, row, fontsize=size, va="top")
             top -= line
-        top = below
+        top -= BELOW * line
     return top
 
 
@@ -142,13 +134,10 @@ def _column(
 def _against_load(ax: Axes, card: Card) -> None:
     """Draw the leak over the load, where the ways close, and leak and error at the load of the card."""
     family = _family(card)
-    values = np.append(family.data["leak"].values, [_lowest(card), _highest(card)])
-    positive = values[values > 0.0]
-    top = float(positive.max(initial=1e-300))
-    floor = max(float(positive.min(initial=top)), top * 10.0**-DECADES)
+    known = [end for way in card.ways for end in way.interval if math.isfinite(end)]
+    flow_axis(ax, np.append(family.data["leak"].values, known))
     unit = card.ways[0].unit
-    ax.set(yscale="log", ylim=(0.4 * floor, 2.5 * top), xlabel=_load_label(card))
-    ax.set_ylabel(f"leak [{unit_text(unit)}]" if unit else "leak T* V*³")
+    ax.set(xlabel=_load_label(card), ylabel=f"leak [{unit_text(unit)}]" if unit else "leak T* V*³")
     handles, dry = [], ", dry" * card.lifted + ", leg 1" * has_legs(card)
     at = _load(card)
     reach = float(np.nanmax(family.data["load"].values))
@@ -197,14 +186,6 @@ def _load(card: Card) -> float:
     return float(np.mean(loads)) if loads and np.ptp(loads) <= SAME * max(loads) else math.nan
 
 
-def _lowest(card: Card) -> float:
-    return min((low for way in card.ways for low in way.interval if low > 0.0), default=math.nan)
-
-
-def _highest(card: Card) -> float:
-    return max((high for way in card.ways for high in way.interval if math.isfinite(high)), default=math.nan)
-
-
 def _load_label(card: Card) -> str:
     return f"nominal pressure [{unit_text(card.pressure_unit)}]" if card.pressure_unit else "pressure p*"
 
@@ -241,9 +222,7 @@ def _flux_map(ax: Axes, card: Card) -> None:
     mean = np.nanmean(flux)
     image = np.where(flux > 0.0, flux / mean, np.nan) if mean > 0.0 else np.full(flux.shape, np.nan)
     extent = (0.0, 1.0, 0.0, (flux.shape[1] - 1) / (flux.shape[0] - 1))
-    shown: dict[str, Any] = {"origin": "lower", "extent": extent, "interpolation": "none"}
-    ax.imshow(np.where(gap == 0.0, 1.0, np.nan).T, cmap=ListedColormap([CONTACT]), **shown)
-    drawn = ax.imshow(image.T, norm=LogNorm(*FLUX_RANGE, clip=True), cmap="YlOrRd", **shown)
+    drawn = draw_flux(ax, image, gap, extent, "YlOrRd")
     if mean > 0.0:
         ax.figure.colorbar(drawn, ax=ax, label="flux along x over its mean", location="top", shrink=0.9)
     ax.set(xticks=(0.0, 0.5, 1.0), yticks=[place for place in (0.0, 0.5, 1.0) if place <= extent[3]])
@@ -270,8 +249,7 @@ def _budget(ax: Axes, card: Card) -> None:
     ax.set_xlim(1.0, max(2.0, ax.get_xlim()[1]))
     plain_ticks(ax.xaxis, (1.0, 2.0, 5.0) if ax.get_xlim()[1] < CROWDED else (1.0,))
     ax.invert_yaxis()
-    found = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
-    ax.legend(found.values(), found.keys(), **LEGEND)
+    _legend(ax)
 
 
 def _closings(ax: Axes, card: Card) -> None:
@@ -280,16 +258,19 @@ def _closings(ax: Axes, card: Card) -> None:
     for order, (way, look) in enumerate(zip(card.ways, looks(2), strict=True)):
         for row, closing in enumerate([way.closing, *(closing for _, closing in way.coarser)]):
             for span in closing.closed:
-                place = row + 0.2 - 0.4 * order
+                width = span.closed_from - span.open_up_to
                 bar = {"height": 0.3, "color": look["color"], "alpha": 1.0 / len(closing.closed) ** 0.5}
-                ax.barh(
-                    place, span.closed_from - span.open_up_to, left=span.open_up_to, label=f"along {way.axis}", **bar
-                )
-    at = _load(card)
-    if math.isfinite(at):
+                ax.barh(row + 0.2 - 0.4 * order, width, left=span.open_up_to, label=f"along {way.axis}", **bar)
+    if math.isfinite(at := _load(card)):
         ax.axvline(at, color=GREY, lw=0.8, ls=":", label="load of the card")
     ax.set_yticks(range(len(rows)), [GRIDS[row] for row in rows])
     ax.set(xlabel=f"closes: {_load_label(card)}", ylabel="spacing over that of the map", xlim=(0.0, None))
     ax.invert_yaxis()
-    found = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
+    _legend(ax)
+
+
+def _legend(ax: Axes) -> None:
+    """Put each label once into the legend above the axes."""
+    handles, labels = ax.get_legend_handles_labels()
+    found = dict(zip(labels, handles, strict=True))
     ax.legend(found.values(), found.keys(), **LEGEND)

@@ -15,51 +15,22 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.lines import Line2D
 from xarray import Dataset
 
 from roughvol.analysis import leak
 from roughvol.gap.transport import constriction
 from roughvol.observables.variables import AXES
-from roughvol.report.figures import seal_ways
+from roughvol.report.figures import ways
 from roughvol.report.figures.cases import SHOWN_D, nearest
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import Family, curves, families, own, several, single
-from roughvol.report.figures.seal_drawing import (
-    CLOSED,
-    FAINT,
-    LEGEND,
-    LINES,
-    direction_legend,
-    draw_by_width,
-    draw_flow,
-    draw_ratio,
-    draw_states,
-    look_of,
-    name_of,
-)
-from roughvol.report.figures.seal_ways import ways
-from roughvol.report.figures.style import (
-    CONTACT,
-    GREY,
-    LABELS,
-    PAGE,
-    A,
-    Drawing,
-    P,
-    V,
-    canvas,
-    looks,
-    plain_ticks,
-    unit_of,
-)
+from roughvol.report.figures.style import GREY, LABELS, PAGE, A, Drawing, P, V, canvas, looks, plain_ticks, unit_of
+from roughvol.report.figures.ways import LINES, closed_handles, direction_legend, draw_flow, flow_axis, look_of
 from roughvol.store.dataset import at_state
 
 NOMINAL = "nominal_pressure"
-DECADES = 9  # of a flow that an axis spans; less flows off it
 STATES = 4  # of a surface, in a figure of its regions
-MAP_RANGE = (1e-2, 1e2)  # of the flux over its mean
 
 
 def _in_units(ax: Axes, ds: Dataset) -> None:
@@ -113,7 +84,7 @@ def seal_volume(ds: Dataset) -> Drawing:
         row[0].set_ylabel(rf"{name} $V^{{\ast}}$")
         for ax, x in zip(row, (P, A, V), strict=True):
             for family in some:
-                draw_states(ax, family, x, name)
+                ways.draw_states(ax, family, x, name)
     axes[0, 0].set_yscale("log")
     number = several(family.surfaces for family in some)
     words = [title, f"mean of {number} surfaces, band ± 1 std. dev." if number else ""]
@@ -133,18 +104,24 @@ def seal_percolation(ds: Dataset) -> Drawing:
     for row, direction in _rows(axes, some, "share of open surfaces" if many else "open (1) or closed (0)"):
         for ax, x in zip(row, (P, A, V), strict=True):
             for family in some:
-                members = ways(family, x, "percolates", direction)
-                at = seal_ways.grid(members, before=True)
+                members = ways.ways(family, x, "percolates", direction)
+                at = ways.grid(members, before=True)
                 look = look_of(family, direction, alone=len(some) == 1)
                 line = {"color": look["color"], "ls": look["ls"], "zorder": 3 + (direction == "y")}
-                share = seal_ways.is_open(members, at).mean(axis=0)
-                ax.plot(at, share, drawstyle="steps-post", label=name_of(family, direction), **line)
+                share = ways.is_open(members, at).mean(axis=0)
+                ax.plot(at, share, drawstyle="steps-post", label=ways.name_of(family, direction), **line)
                 if len(members) == 1:
                     states = curves(family.along(direction), x, "percolates")[0]
                     ax.plot(*states, label="_states", **(look | {"ls": "", "zorder": line["zorder"]}))
                     continue
                 error = np.sqrt(share * (1.0 - share) / len(members))
-                band: dict[str, Any] = {"step": "post", "color": look["color"], "alpha": FAINT, "lw": 0, "zorder": 2}
+                band: dict[str, Any] = {
+                    "step": "post",
+                    "color": look["color"],
+                    "alpha": ways.FAINT,
+                    "lw": 0,
+                    "zorder": 2,
+                }
                 ax.fill_between(at, share - error, share + error, **band)
     for ax in axes.ravel():
         ax.set_ylim(-0.05, 1.05)
@@ -156,21 +133,17 @@ def seal_percolation(ds: Dataset) -> Drawing:
 def _coefficient(ds: Dataset, name: str, label: str, *words: str) -> Drawing:
     """Draw a flow along x and along y over p*, A* and V*."""
     fig, axes, some, title = _panels(ds, 0, P, name)
-    values = np.concatenate([family.data[name].values.ravel() for family in some])
-    values = values[values > 0.0]
-    top = float(values.max(initial=1e-300))
     for ax in axes[:, 0]:
-        floor = 0.4 * max(float(values.min(initial=top)), top * 10.0**-DECADES)
-        ax.set(yscale="log", ylim=(floor, 2.5 * top))
+        flow_axis(ax, np.concatenate([family.data[name].values.ravel() for family in some]))
     closed = []
     for row, direction in _rows(axes, some, label):
         for ax, x in zip(row, (P, A, V), strict=True):
             for family in some:
-                members = ways(family, x, name, direction)
+                members = ways.ways(family, x, name, direction)
                 if members and draw_flow(ax, family, members, direction, alone=len(some) == 1):
                     closed.append(direction)
     counts = [family.surfaces for family in some]
-    direction_legend(fig, some, [title, seal_ways.band_words(counts), *words], closed, _what(counts))
+    direction_legend(fig, some, [title, ways.band_words(counts), *words], closed, _what(counts))
     return fig
 
 
@@ -237,16 +210,15 @@ def seal_region(ds: Dataset) -> Drawing:
             ax.set_ylabel(f"{symbol} inside / {symbol} of the whole")
         for direction in flows:
             rows = state[flow].sel(axis=direction).transpose("seed", "region_width").values
-            closed += draw_by_width(axes[-1], width, rows[np.isfinite(rows).all(axis=1)], look, direction)
+            closed += ways.draw_by_width(axes[-1], width, rows[np.isfinite(rows).all(axis=1)], look, direction)
     for ax in axes[:3]:
         ax.axhline(1.0, color=GREY, lw=0.7, ls="--")
     if flows:
         handles += [Line2D([], [], color=GREY, ls=LINES[axis], label=rf"$T^{{\ast}}$ along ${axis}$") for axis in flows]
-    for axis in sorted(set(closed)):
-        handles.append(Line2D([], [], color=GREY, ls="", marker=CLOSED[axis], label=f"closed along ${axis}$"))
+    handles += closed_handles(closed, "closed")
     words = f": mean of {family.surfaces} surfaces, band ± 1 std. error" if family.surfaces > 1 else ""
-    words += rf"; $T^{{\ast}}$: {seal_ways.band_words([family.surfaces])}" if words and flows else ""
-    options: dict[str, Any] = LEGEND | {"loc": "outside upper center", "ncols": -(-len(handles) // 2)}
+    words += rf"; $T^{{\ast}}$: {ways.band_words([family.surfaces])}" if words and flows else ""
+    options: dict[str, Any] = ways.LEGEND | {"loc": "outside upper center", "ncols": -(-len(handles) // 2)}
     fig.legend(handles=handles, title=f"{family.label}{words}", **options)
     return fig
 
@@ -266,10 +238,9 @@ def seal_estimates(ds: Dataset) -> Drawing:
     open state and the closing the last ratio is kept. A direction ends at a mark on the lower edge.
     """
     some, title = families(ds, "D", A, "transmissivity", "estimate_medium_transmissivity")
-    fig = canvas(PAGE, 3.1)
-    fig.shown = shown(some)
     rows = 1 if len(some) == 1 else len(AXES)
-    fig.set_size_inches(PAGE, 2.1 * rows + 1.0)
+    fig = canvas(PAGE, 2.1 * rows + 1.0)
+    fig.shown = shown(some)
     axes = fig.subplots(rows, 2, sharex="all", sharey="all", squeeze=False)
     drawn = []
     for row, direction in _rows(axes, some, r"estimate over $T^{\ast}$"):
@@ -278,13 +249,13 @@ def seal_estimates(ds: Dataset) -> Drawing:
             for family in some:
                 along = family.along(direction).data
                 over = along[f"estimate_{name}_transmissivity"] / along["transmissivity"]
-                drawn.append((ax, family, seal_ways.ratios(family, A, over, direction), direction, beyond))
+                drawn.append((ax, family, ways.ratios(family, A, over, direction), direction, beyond))
     values = np.concatenate([np.ones(1), *(one.value for _, _, members, _, _ in drawn for one in members)])
     axes[0, 0].set(yscale="log", ylim=(0.5 * float(values.min()), 2.0 * float(values.max())))
     closed = [
         direction
         for ax, family, members, direction, beyond in drawn
-        if draw_ratio(ax, family, members, direction, alone=len(some) == 1, beyond=beyond)
+        if ways.draw_ratio(ax, family, members, direction, alone=len(some) == 1, beyond=beyond)
     ]
     for ax in axes.flat:
         ax.axhline(1.0, color=GREY, lw=0.7, ls="--", zorder=1)
@@ -293,7 +264,7 @@ def seal_estimates(ds: Dataset) -> Drawing:
     for ax in axes[-1]:
         ax.set_xlabel(LABELS[A])
     counts = [family.surfaces for family in some]
-    direction_legend(fig, some, [title, seal_ways.band_words(counts)], closed, _what(counts))
+    direction_legend(fig, some, [title, ways.band_words(counts)], closed, _what(counts))
     return fig
 
 
@@ -312,13 +283,9 @@ def seal_map(ds: Dataset) -> Drawing:
         state = at_state(case, "flux_at", case["flux_at"].values.tolist().index(label))
         flux = own(state["flux"])
         x, y, half = flux["x"].values, flux["y"].values, flux["x"].values[1] / 2
-        options: dict[str, Any] = {"origin": "lower", "interpolation": "none"}
-        options["extent"] = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
-        shares = flux.values / (float(flux.mean()) or 1.0)
-        norm = LogNorm(*MAP_RANGE, clip=True)
-        image = ax.imshow(np.maximum(shares, MAP_RANGE[0]).T, norm=norm, cmap="OrRd", **options)
         gap = state["gap"].sel(field_at=label, x=flux["x"], y=flux["y"]).transpose("x", "y").values
-        ax.imshow(np.where(gap == 0.0, 1.0, np.nan).T, cmap=ListedColormap([CONTACT]), **options)
+        shares = np.maximum(flux.values / (float(flux.mean()) or 1.0), ways.FLUX_RANGE[0])
+        image = ways.draw_flux(ax, shares, gap, (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half), "OrRd")
         place = constriction(gap, 0).element  # of this state; the stored one is of the next step
         if place is not None:
             spot: dict[str, Any] = {"marker": "o", "ms": 11, "mfc": "none", "clip_on": False}

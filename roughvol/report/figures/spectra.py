@@ -15,7 +15,6 @@ from roughvol.study import SpectralSurface
 from roughvol.surfaces.power_law import density
 from roughvol.typing import Array
 
-NEEDED = ("psd", "rms_slope_below")
 ROUNDING = 1e-24  # of the largest density: waves beyond L/λ_s are zero but for rounding
 
 
@@ -27,7 +26,7 @@ def psd(ds: Dataset) -> Drawing:
     -2 - 2H up to L/λ_s; the slope grows up to the shortest wave. Load takes the long waves first.
     """
     fig, (left, right) = axes(PAGE, 3.0, 2)
-    members, title = families(ds, "D", *NEEDED)
+    members, title = families(ds, "D", "psd", "rms_slope_below")
     for order, family in enumerate(members):
         wave = _waves(family)
         every = marked(wave.size, order)

@@ -34,14 +34,6 @@ COLUMN, PAGE, DPI = 3.5, 7.0, 300  # widths [inch] of a column and of a page, re
 CONTACT = "#08306b"  # contact is this one flat dark blue wherever it shows in colour
 ACCENT, SECOND = "#00707a", "#1f6fb4"  # laws and published numbers beside computed ones
 GREY = "0.4"
-STYLE: dict[Any, Any] = {"font.family": ["STIXGeneral", "serif"], "mathtext.fontset": "stix", "font.size": 8.5}
-STYLE |= {"font.serif": ["STIXGeneral", "STIX Two Text", "Times New Roman", "Times", "DejaVu Serif"]}
-STYLE |= {"axes.labelsize": 9.5, "axes.titlesize": 8.5, "legend.fontsize": 8.0, "legend.title_fontsize": 8.0}
-STYLE |= {"axes.linewidth": 0.6, "lines.linewidth": 1.1, "lines.markersize": 3.5, "legend.frameon": False}
-STYLE |= {"xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True}
-STYLE |= {"grid.linewidth": 0.3, "grid.color": "0.8"}
-# Text stays text: TrueType instead of Type 3, which journals refuse; letters instead of outlines in SVG.
-STYLE |= {"pdf.fonttype": 42, "ps.fonttype": 42, "svg.fonttype": "none", "svg.hashsalt": "roughvol"}
 MARKERS = "osD^vP<X>*"
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.2)), (0, (2.5, 1.2)))
 LIGHTEST = 0.584  # of matplotlib's CMRmap, made for print in grey: 3.1 : 1 against white
@@ -51,6 +43,14 @@ RAISED = {"2": "²", "3": "³"}  # the font has no others, nor a raised minus
 WIDE = 62  # characters of a legend, lines included, that fit over a column
 MANY = 30  # computed states of a curve, beyond which only some have a marker
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
+
+
+def read_style(name: str) -> dict[Any, Any]:
+    """Return the settings of matplotlib in a file beside this module."""
+    return dict(mpl.rc_params_from_file(Path(__file__).with_name(f"{name}.mplstyle"), use_default_template=False))
+
+
+STYLE = read_style("figures")
 LABELS = {name: row.label for name, row in QUANTITIES.items() if row.label}
 
 
@@ -137,11 +137,6 @@ def luminance(colour: Any) -> float:
     rgb = np.array(mpl.colors.to_rgb(colour))
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
     return float(linear @ (0.2126, 0.7152, 0.0722))
-
-
-def contrast(colour: Any) -> float:
-    """Return the contrast of a colour against white, 1 to 21 (WCAG 2.2)."""
-    return 1.05 / (luminance(colour) + 0.05)
 
 
 def lightness(colour: Any) -> float:

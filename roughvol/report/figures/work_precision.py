@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from xarray import Dataset
 
+from roughvol.report.convergence import rungs
 from roughvol.report.figures.style import PAGE, Drawing, axes, looks, plain_ticks
 from roughvol.store.tradeoff_variables import QUANTITIES, RUNG
 from roughvol.typing import Array
@@ -16,13 +17,6 @@ LABELS = {"mean_pressure": r"$p^{\ast}$ (relative)", "free_volume": r"$V^{\ast}$
 LABELS |= {"contact_area_fraction": r"$A^{\ast}$"}
 LOOKS = {name: look | {"label": LABELS[name]} for name, look in zip(LABELS, looks(3), strict=True)}
 FLOOR = 1e-16  # where an error of exactly zero is drawn
-
-
-def _rungs(ds: Dataset, ladder: str, precision: str | None = None) -> Dataset:
-    kept = ds["ladder"].values == ladder
-    if precision is not None:
-        kept &= ds["precision"].values == precision
-    return ds.isel({RUNG: np.flatnonzero(kept)})
 
 
 def _worst(ds: Dataset, name: str) -> Array:
@@ -37,7 +31,7 @@ def tradeoff_precision(ds: Dataset) -> Drawing:
     below; a digit costs the same time all the way down, and mixed precision costs no digit.
     """
     fig, (left, right) = axes(PAGE, 3.0, 2)
-    mixed, double = (_rungs(ds, "tolerance", how) for how in ("mixed", "double"))
+    mixed, double = (rungs(ds, "tolerance", how) for how in ("mixed", "double"))
     for name in QUANTITIES:
         left.loglog(mixed["rtol"], _worst(mixed, f"{name}_error"), **LOOKS[name])
     bounds = [("free_volume", "residual", r"bound of $V^{\ast}$")]
@@ -47,10 +41,10 @@ def tradeoff_precision(ds: Dataset) -> Drawing:
     left.set(xlabel=r"residual asked for $\eta/\sigma$", ylabel="largest error of any state ($10^{-16}$: none)")
     left.invert_xaxis()
     left.legend()
-    for rungs, style, words in ((mixed, "-", "mixed"), (double, ":", "double")):
+    for ladder, style, words in ((mixed, "-", "mixed"), (double, ":", "double")):
         for name in ("mean_pressure", "free_volume"):
             look = LOOKS[name] | {"label": f"{LOOKS[name]['label']}, {words}"}
-            right.loglog(rungs["seconds"].mean("surface"), _worst(rungs, f"{name}_error"), ls=style, **look)
+            right.loglog(ladder["seconds"].mean("surface"), _worst(ladder, f"{name}_error"), ls=style, **look)
     # under a decade or a little more: few labels, as plain numbers
     plain_ticks(right.xaxis, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0))
     right.set(xlabel="seconds a sweep", ylabel="largest error of any state ($10^{-16}$: none)")
@@ -64,13 +58,13 @@ def tradeoff_resolution(ds: Dataset) -> Drawing:
     To see: the errors of a coarse grid are decades above those of any accuracy of the solver.
     """
     fig, (left, right) = axes(PAGE, 3.0, 2)
-    family = _rungs(ds, "resolution")
+    family = rungs(ds, "resolution")
     levels = family["m"].values
     final = {name: family[name].values for name in QUANTITIES}
     for name in QUANTITIES:
         change = np.sqrt(np.mean(((final[name][:-1] - final[name][-1]) / final[name][-1]) ** 2, axis=1))
         left.semilogy(levels[:-1], np.maximum(change, FLOOR), **LOOKS[name])
-    mixed = _rungs(ds, "tolerance", "mixed")
+    mixed = rungs(ds, "tolerance", "mixed")
     for rtol, words in ((1e-3, "draft"), (1e-6, "standard"), (1e-9, "reference")):
         place = int(np.argmin(np.abs(np.log(mixed["rtol"].values / rtol))))
         error = _worst(mixed, "mean_pressure_error")[place]
@@ -95,10 +89,8 @@ def tradeoff_settings(ds: Dataset) -> Drawing:
     fig, (left, right) = axes(PAGE, 3.0, 2)
     kept = ds.isel({RUNG: np.flatnonzero(np.isin(ds["ladder"].values, ("steps", "kernel", "method")))})
     names = []
-    for k in range(kept.sizes[RUNG]):
-        row = kept.isel({RUNG: k})
-        ladder = row["ladder"].item()
-        value, m = row[ladder].item(), row["m"].item()
+    for k, ladder in enumerate(kept["ladder"].values.tolist()):
+        value, m = (kept[name].values[k] for name in (ladder, "m"))
         names.append({"steps": f"{value} steps", "method": f"{value}, $m = {m}$"}.get(ladder, value))
     places = np.arange(len(names))
     for shift, name in enumerate(QUANTITIES):

@@ -1,0 +1,323 @@
+"""Ways through the gap in figures: what flows along a direction under load, where it closes, and how both are drawn.
+
+A way is known at its computed states alone. It is closed from the first state at which nothing flows (or no open void
+leads from side to side) and that no open state follows; between the last open state and that one the closing load is
+not known. Beyond its last state an open way is unknown, not closed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, LogNorm
+from matplotlib.lines import Line2D
+from xarray import DataArray, Dataset
+
+from roughvol.analysis.average import RANGE
+from roughvol.analysis.leak import is_lifted
+from roughvol.observables.at_state import at_state
+from roughvol.observables.variables import AXES
+from roughvol.report.figures.families import Family, curves, mean_and_band, named, several
+from roughvol.report.figures.style import CONTACT, GREY, Drawing, looks
+from roughvol.typing import Array
+
+GRID = 240  # points of a curve over several surfaces
+BAND = (100.0 * RANGE[0], 100.0 * RANGE[1])  # percentiles of a band over surfaces
+EVIDENCE = ("transmissivity", "percolates", "critical_gap", "diffusivity")  # each is 0 where a way is closed
+LEAD, SHUT = "_lead", "_closed"  # labels of a line that is no data, and of the mark of a closed way
+LINES: dict[str, Any] = {"x": "-", "y": (0, (4.0, 1.5))}
+CLOSED = {"x": "x", "y": "+"}
+LEGEND: dict[str, Any] = {"handlelength": 2.2, "columnspacing": 1.2}
+FAINT = 0.13  # opacity of a band, beneath which others are seen
+DECADES = 9  # of a flow that an axis spans; less flows off it
+FLUX_RANGE = (1e-2, 1e2)  # of the flux over its mean
+
+
+class Way(NamedTuple):
+    """Computed states of one direction of one surface in the order of loading, shape (states,), and where it closed."""
+
+    load: Array  # of the open states
+    value: Array  # there
+    closed: float  # load of the first state computed closed, NaN if it was open to the end
+
+    @property
+    def end(self) -> float:
+        """Load up to which anything is known: without bound once closed."""
+        return math.inf if math.isfinite(self.closed) else float(self.load[-1])
+
+
+def flow(ds: Dataset, name: str, direction: str) -> DataArray:
+    """Return a flow along a direction, also 0 at the states at which another variable shows that the way is closed."""
+    ds = ds.sel(axis=direction)
+    values = ds[name]
+    if is_lifted(ds):  # the ways that are stored are those of the dry gap
+        return values
+    for other in EVIDENCE:
+        if other in ds:
+            values = values.where(values.notnull() | (ds[other] != 0.0), 0.0)
+    return values
+
+
+def way(load: Array, value: Array) -> Way:
+    """Return the way of states in the order of loading; those without a value are not computed."""
+    mask = np.isfinite(load) & np.isfinite(value)
+    load, value = load[mask], value[mask]
+    open_ = np.flatnonzero(value > 0.0)
+    last = int(open_[-1]) if open_.size else -1
+    closed = float(load[last + 1]) if last + 1 < load.size else math.nan
+    return Way(load[open_], value[open_], closed)
+
+
+def ways(family: Family, x: str, name: str, direction: str) -> list[Way]:
+    """Return a flow along a direction against x, one way for each surface that has any state."""
+    loads = family.data[x].transpose("seed", "step").values
+    values = flow(family.data, name, direction).transpose("seed", "step").values
+    members = [way(*pair) for pair in zip(loads, values, strict=True)]
+    return [member for member in members if member.load.size or math.isfinite(member.closed)]
+
+
+def falls(members: Sequence[Way]) -> bool:
+    """Return whether x falls along the loading, as V* does."""
+    for member in members:
+        along = np.append(member.load, member.closed if math.isfinite(member.closed) else [])
+        if along.size > 1:
+            return bool(along[-1] < along[0])
+    return False
+
+
+def grid(members: Sequence[Way], *, before: bool = False) -> Array:
+    """Return points along x, in the order of loading, at which every way is known.
+
+    From the load at which the last has begun (with `before`, the first: a way is open before its first state) to the
+    one at which the first ends open, or 5 % beyond the last closing. The closing loads are among the points.
+    """
+    sign = -1.0 if falls(members) else 1.0
+    first = [sign * (member.load[0] if member.load.size else member.closed) for member in members]
+    closings = [sign * member.closed for member in members if math.isfinite(member.closed)]
+    ends = [sign * float(member.load[-1]) for member in members if not math.isfinite(member.closed)]
+    start = min(first) if before else max(first)
+    stop = min(ends) if ends else max(closings) + 0.05 * abs(max(closings))
+    if stop < start:
+        return np.empty(0)
+    inside = [load for load in closings if start <= load <= stop]
+    return sign * np.unique(np.concatenate([np.linspace(start, stop, GRID), inside]))
+
+
+def ratios(family: Family, x: str, over: DataArray, direction: str) -> list[Way]:
+    """Return ratios ``over`` to a flow along a direction against x, with the loads at which the flow closes."""
+    loads = family.data[x].transpose("seed", "step").values
+    flows = flow(family.data, "transmissivity", direction).transpose("seed", "step").values
+    members = []
+    for load, value, flow_values in zip(loads, over.transpose("seed", "step").values, flows, strict=True):
+        open_part = way(load, np.where(flow_values > 0.0, value, np.nan))
+        members.append(Way(open_part.load, open_part.value, way(load, flow_values).closed))
+    return [member for member in members if member.load.size or math.isfinite(member.closed)]
+
+
+def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: float = 0.0) -> Array:
+    """Return every way on points along x, shape (ways, points), NaN where it is not known."""
+    rows = np.full((len(members), at.size), np.nan)
+    sign = -1.0 if falls(members) else 1.0
+    points = sign * at
+    for row, member in zip(rows, members, strict=True):
+        load, closed = sign * member.load, sign * member.closed
+        if load.size:
+            inside = (points >= load[0]) & (points <= load[-1])
+            row[inside] = np.exp(at_state(load, np.log(member.value), points[inside], straight=True))
+            between = (points > load[-1]) & (points < closed)
+            ends = [member.value[-1], member.value[-1] if hold else 0.0]
+            row[between] = at_state([load[-1], closed], ends, points[between], straight=True)
+        row[points >= closed] = beyond
+    return rows
+
+
+def is_open(members: Sequence[Way], at: Array) -> Array:
+    """Return 1 where a way is open and 0 from the first state computed closed on, shape (ways, points).
+
+    NaN beyond the last state of one that was open to the end; before its first step a surface hardly touches.
+    """
+    sign = -1.0 if falls(members) else 1.0
+    rows = np.ones((len(members), at.size))
+    for row, member in zip(rows, members, strict=True):
+        row[sign * at >= sign * member.closed] = 0.0
+        row[sign * at > sign * member.end if math.isfinite(member.end) else np.zeros(at.size, bool)] = np.nan
+    return rows
+
+
+def centre_and_band(rows: Array) -> tuple[Array, Array, Array]:
+    """Return median, lower and upper end of the band `BAND` at every point, of rows of shape (surfaces, points)."""
+    below, centre, above = np.percentile(rows, [BAND[0], 50.0, BAND[1]], axis=0)
+    return centre, below, above
+
+
+def band_words(counts: Sequence[int]) -> str:
+    """Return what a curve and a band are, in words; nothing if every family has one surface alone."""
+    if not (number := several(counts)):
+        return ""
+    return f"median of {number} surfaces, band {BAND[0]:.0f} to {BAND[1]:.0f} %"
+
+
+def look_of(family: Family, direction: str, *, alone: bool) -> dict[str, Any]:
+    """Return how a direction of a family is drawn: dashed and hollow along y, and of its own colour if it is alone."""
+    look = looks(2)[AXES.index(direction)] if alone else family.look
+    face = look["color"] if direction == "x" else "none"
+    return look | {"ls": LINES[direction], "mfc": face, "mew": 0.8}
+
+
+def name_of(family: Family, direction: str) -> str:
+    """Return the label of a direction of a family."""
+    return f"{family.label}, along ${direction}$"
+
+
+def direction_legend(
+    fig: Drawing, some: Sequence[Family], words: Iterable[str], closed: Iterable[str] = (), what: str = ""
+) -> None:
+    """Put one legend above all axes: families by colour, directions of a single one by line, and what marks closing."""
+    alone = len(some) == 1
+    named = [(f"along ${axis}$", some[0], look_of(some[0], axis, alone=True)) for axis in AXES]
+    if not alone:
+        named = [(family.label, family, family.look) for family in some]
+    handles = []
+    for label, family, look in named:
+        handles.append(Line2D([], [], label=label, **(look | ({"marker": "none"} if family.surfaces > 1 else {}))))
+    handles += closed_handles(closed, what)
+    title = "; ".join(filter(None, [some[0].label if alone else "", *words])) or None
+    rows = -(-len(handles) // 6)
+    fig.legend(handles=handles, title=title, loc="outside upper center", ncols=-(-len(handles) // rows), **LEGEND)
+
+
+def closing(
+    ax: Axes,
+    direction: str,
+    colour: Any,
+    last: tuple[float, float] | None,
+    closed: float,
+    family: Family | None = None,
+) -> None:
+    """Mark a closed way on the lower edge of the axes, and lead a dotted line there from its last open state."""
+    floor = ax.get_ylim()[0]
+    if last is not None:
+        ax.plot([last[0], closed], [max(last[1], floor), floor], ls=":", lw=0.8, color=colour, zorder=2, label=LEAD)
+    options: dict[str, Any] = {"ms": 5.0, "mew": 1.3, "clip_on": False, "zorder": 6}
+    marks = ax.plot([closed], [floor], ls="", marker=CLOSED[direction], color=colour, label=SHUT, **options)
+    if family is not None:
+        named(ax, marks, family, curve=f"{family.label}, closed", axis=direction)
+
+
+def has_median(members: list[Way]) -> bool:
+    """Return whether several surfaces share loads, so that their median is drawn."""
+    return len(members) > 1 and grid(members).size > 1
+
+
+def draw_flow(ax: Axes, family: Family, members: list[Way], direction: str, *, alone: bool) -> bool:
+    """Draw a flow along one direction; return whether it is seen to close."""
+    look, name, floor = look_of(family, direction, alone=alone), name_of(family, direction), ax.get_ylim()[0]
+    if not has_median(members):
+        return _draw_each(ax, family, members, direction, look | {"label": name}, lead=True)
+    at = grid(members)
+    centre, low, high = centre_and_band(sample(members, at))
+    open_ = centre > 0.0
+    ax.fill_between(at, np.maximum(low, 0.1 * floor), high, color=look["color"], alpha=FAINT, lw=0, zorder=2)
+    lines = ax.plot(at[open_], centre[open_], label=name, color=look["color"], ls=look["ls"], zorder=3)
+    named(ax, lines, family, axis=direction)
+    if open_.all():
+        return False
+    end = int(np.argmin(open_))
+    closing(ax, direction, look["color"], (at[end - 1], centre[end - 1]) if end else None, at[end], family)
+    return True
+
+
+def _draw_each(
+    ax: Axes, family: Family, members: list[Way], direction: str, look: dict[str, Any], *, lead: bool
+) -> bool:
+    """Draw the states of one surface up to its closing, or those of several that share no load, which has no mark."""
+    if len(members) != 1:
+        for member in members:
+            lines = ax.plot(member.load, member.value, **(look | {"ls": ""}))
+            named(ax, lines, family, axis=direction)
+        return False
+    (member,) = members
+    named(ax, ax.plot(member.load, member.value, zorder=3, **look), family, axis=direction)
+    closes = bool(np.isfinite(member.closed))
+    if closes:
+        last = (member.load[-1], member.value[-1]) if lead and member.load.size else None
+        closing(ax, direction, look["color"], last, member.closed, family)
+    return closes
+
+
+def draw_by_width(ax: Axes, width: Array, rows: Array, look: dict[str, Any], direction: str) -> list[str]:
+    """Draw T* along a direction against the width of the region; return the direction if it is closed somewhere."""
+    if not len(rows):
+        return []
+    floor = ax.get_ylim()[0]
+    centre, low, high = centre_and_band(rows) if len(rows) > 1 else (rows[0],) * 3
+    face = look["color"] if direction == "x" else "w"
+    if len(rows) > 1:
+        ax.fill_between(width, np.maximum(low, 0.1 * floor), high, color=look["color"], alpha=FAINT, lw=0, zorder=2)
+    drawn = np.where(centre > 0.0, centre, np.nan)
+    ax.plot(width, drawn, zorder=3, **(look | {"ls": LINES[direction], "mfc": face, "mew": 0.8}))
+    for place in width[centre <= 0.0]:
+        closing(ax, direction, look["color"], None, place)
+    return [direction] if (centre <= 0.0).any() else []
+
+
+def draw_ratio(ax: Axes, family: Family, members: list[Way], direction: str, *, alone: bool, beyond: float) -> bool:
+    """Draw an estimate over the flow along one direction, as long as more than half of the surfaces are open."""
+    look, name = look_of(family, direction, alone=alone), name_of(family, direction)
+    floor, top = ax.get_ylim()
+    if len(members) < 2 or (at := grid(members)).size < 2:
+        return _draw_each(ax, family, members, direction, look | {"label": name}, lead=False)
+    rows = sample(members, at, hold=True, beyond=beyond)
+    closings = sorted(member.closed if np.isfinite(member.closed) else np.inf for member in members)
+    end = closings[len(members) // 2]  # from here on the median is closed
+    kept = (~np.isnan(rows)).any(axis=0) & (at < end)
+    low, high = BAND
+    if not kept.any():  # closed wherever the number was taken
+        return bool(np.isfinite(end))
+    numbers: Any = np.nanpercentile(rows[:, kept], [low, 50.0, high], axis=0, method="inverted_cdf")
+    below, centre, above = np.clip(numbers, 0.1 * floor, 10.0 * top)
+    ax.fill_between(at[kept], below, above, color=look["color"], alpha=FAINT, lw=0, zorder=2)
+    lines = ax.plot(at[kept], centre, label=name, color=look["color"], ls=look["ls"], zorder=3)
+    named(ax, lines, family, axis=direction)
+    if np.isfinite(end):
+        closing(ax, direction, look["color"], None, end, family)
+    return bool(np.isfinite(end))
+
+
+def draw_states(ax: Axes, family: Family, x: str, name: str) -> None:
+    """Draw a number that has no direction: through the states of one surface, or as mean ± one deviation of several."""
+    members = curves(family, x, name)
+    if len(members) == 1:
+        named(ax, ax.plot(*members[0], label=family.label, zorder=3, **family.look), family)
+        return
+    at, mean, spread = mean_and_band(members, GRID)
+    ax.fill_between(at, mean - spread, mean + spread, color=family.look["color"], alpha=0.18, lw=0, zorder=2)
+    named(ax, ax.plot(at, mean, label=family.label, color=family.look["color"], zorder=3), family)
+
+
+def flow_axis(ax: Axes, values: Array) -> None:
+    """Give the y axis of flows a logarithmic scale that leaves room around the open ways."""
+    values = values[values > 0.0]
+    top = float(values.max(initial=1e-300))
+    floor = max(float(values.min(initial=top)), top * 10.0**-DECADES)
+    ax.set(yscale="log", ylim=(0.4 * floor, 2.5 * top))
+
+
+def closed_handles(closed: Iterable[str], what: str) -> list[Line2D]:
+    """Return the marks of closed directions for a legend."""
+    return [
+        Line2D([], [], ls="", marker=CLOSED[axis], color=GREY, label=f"{what} along ${axis}$")
+        for axis in sorted(set(closed))
+    ]
+
+
+def draw_flux(ax: Axes, shares: Array, gap: Array, extent: tuple[float, float, float, float], colours: str) -> Any:
+    """Draw a flux over its mean on a logarithmic scale, and the contact in flat blue; return the image of the flux."""
+    options: dict[str, Any] = {"origin": "lower", "interpolation": "none", "extent": extent}
+    image = ax.imshow(shares.T, norm=LogNorm(*FLUX_RANGE, clip=True), cmap=colours, **options)
+    ax.imshow(np.where(gap == 0.0, 1.0, np.nan).T, cmap=ListedColormap([CONTACT]), **options)
+    return image

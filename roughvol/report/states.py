@@ -1,0 +1,130 @@
+"""Numbers of states as tables: a row a state, a column a stored number, the convention over surfaces in the note."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from xarray import DataArray, Dataset
+
+from roughvol.analysis import leak
+from roughvol.analysis.at import State
+from roughvol.analysis.average import IN_WORDS, average, is_flow
+from roughvol.analysis.tables import Table, number, spread
+from roughvol.observables.variables import columns
+
+P = "mean_pressure"
+IN_PLACE: Mapping[str, Mapping[str, str]] = {
+    "short": {"nominal_pressure": P},
+    "steps": {},
+    "states": {"nominal_pressure": P, "leak_rate_x": "transmissivity"},
+}
+"""By table: a column with a unit that stands in the place of starred columns, which stay in study.nc."""
+STARRED = ("separation", "mean_plane_separation", "indentation", P)
+ROUNDING = 1e-12  # a starred number below is 0 to rounding: the mean plane, an unloaded surface
+NOT_REACHED = "Not all surfaces reach each state: the column 'surfaces' counts those that do."
+CLOSED_BEFORE = "A surface that closed before a state has flows of 0 there, and no other number."
+
+
+class Row(NamedTuple):
+    """A state: the words in front of its numbers, the numbers by direction, and the name of its run or group."""
+
+    labels: tuple[str, ...]
+    state: State
+    data: Dataset
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class States:
+    """States row by row, and the stored numbers that any of them has."""
+
+    heads: tuple[str, ...]
+    rows: tuple[Row, ...]
+    columns: tuple[str, ...]
+
+    @classmethod
+    def of(cls, table: str, heads: Sequence[str], rows: Sequence[Row]) -> States:
+        """Return states with the columns of a table: short, steps or states."""
+        data = [row.data for row in rows]
+        held = [name for name in columns(table) if any(name in ds and bool(ds[name].notnull().any()) for ds in data)]
+        for dimensional, starred in IN_PLACE[table].items():
+            if dimensional in held and all(dimensional in ds for ds in data):
+                held = [name for name in held if not name.startswith(starred)]
+        return cls(tuple(heads), tuple(rows), tuple(held))
+
+    def table(self, title: str, *notes: str) -> Table:
+        """Return the states as text, with the convention over surfaces in front of the notes."""
+        most = max((row.state.surfaces for row in self.rows), default=1)
+        variables = [next(row.data[name] for row in self.rows if name in row.data) for name in self.columns]
+        lines = [
+            (*row.labels, *(cell(row.data[name]) if name in row.data else "" for name in self.columns))
+            for row in self.rows
+        ]
+        note = " ".join(filter(None, [self._convention(), *notes]))
+        return Table(title, (*self.heads, *(head(variable, most) for variable in variables)), tuple(lines), note)
+
+    def _convention(self) -> str:
+        """Return means, medians, counts of surfaces by row, and which leak counts."""
+        surfaces = [row.state.surfaces for row in self.rows]
+        over = f"{surfaces[0]} surfaces" if len(set(surfaces)) == 1 else "the surfaces of a row"
+        several, dry = max(surfaces, default=1) > 1, any(leak.is_lifted(row.state.data) for row in self.rows)
+        return sentences(
+            {
+                f"Mean over {over}; open ways are counted.": several,
+                f"Flows: {IN_WORDS}.": several and any(map(is_flow, self.columns)),
+                leak.DRY_NOTE: dry,
+            }
+        )
+
+    def notes(self) -> Iterator[str]:
+        """Yield pressure drop and viscosity of the leaks, run by run where they differ, and which surfaces count."""
+        if any(name.startswith("leak_rate") for name in self.columns):
+            found: dict[str, dict[str, None]] = {}
+            for row in self.rows:
+                found.setdefault(leak.fluid_of(row.state.data), {})[row.name] = None
+            named = {
+                fluid: f"{', '.join(names)}: " if len(found) > 1 else "" for fluid, names in found.items() if fluid
+            }
+            if named:
+                yield f"Q is the leak of the patch, {'; '.join(words + fluid for fluid, words in named.items())}."
+        if any(row.state.reached < row.state.surfaces for row in self.rows):
+            yield NOT_REACHED
+        if any(row.state.closed for row in self.rows):
+            yield CLOSED_BEFORE
+
+
+def every_step(group: Dataset) -> Iterator[tuple[State, Dataset]]:
+    """Yield the states of surfaces along ``seed`` step by step, where any is solved, and their numbers by direction."""
+    along = spread(group)
+    for k in np.flatnonzero(group[P].notnull().any("seed").values).tolist():
+        yield State(str(int(group["step"].values[k])), group.isel(step=k), group.sizes["seed"]), along.isel(step=k)
+
+
+def sentences(said: Mapping[str, bool]) -> str:
+    """Return the sentences that hold."""
+    return " ".join(words for words, holds in said.items() if holds)
+
+
+def head(variable: DataArray, surfaces: int = 1) -> str:
+    """Return the head of a column: symbol, unit where there is one, and ``median`` for a flow of several surfaces."""
+    unit = str(variable.attrs.get("units", "1"))
+    symbol = str(variable.attrs.get("symbol", variable.name))
+    median = "median " if surfaces > 1 and is_flow(str(variable.name)) else ""
+    return f"{median}{symbol}" if unit == "1" else f"{median}{symbol} [{unit}]"
+
+
+def cell(variable: DataArray) -> str:
+    """Return the number of one surface or of several as text; of an open way, how many surfaces have one."""
+    name, values = str(variable.name), np.atleast_1d(variable.values)
+    found = average(name, np.where(np.abs(values) < ROUNDING, 0.0, values) if name in STARRED else values)
+    if found.count == 0:
+        return ""
+    if name.startswith("open_"):
+        open_ = int(np.nansum(values))
+        return ("open" if open_ else "closed") if len(values) == 1 else f"{open_} of {found.count}"
+    if is_flow(name) and found.count > 1:
+        return f"{number(found.value)} ({number(found.low)} to {number(found.high)})"
+    return number(found.value)
