@@ -604,20 +604,20 @@ def check(
     >>> found.estimate.cases, found.surface.shape
     (3, (17, 17))
     """
-    from roughvol.campaign import checks, cost, understood, validity
+    from roughvol.campaign import checks, cost, interpretation, validity
 
     loaded, folder = study_of(study, changes)
-    surface = understood.shown(loaded, checks.check_surfaces(loaded))
+    surface = interpretation.shown(loaded, checks.check_surfaces(loaded))
     estimate, case, rows = cost.estimate(loaded, jobs), loaded.cases()[0], []
     if loaded.ensemble is not None:
-        from roughvol.campaign import trials  # scipy.stats: half a second
+        from roughvol.campaign import rounds  # scipy.stats: half a second
 
-        rows = trials.expected(loaded)
-    notes = understood.notes(case, surface) if surface is not None and case.file is not None and not rows else ()
-    doubts = (*notes, *checks.doubtful(loaded, surface))
-    warnings = list(validity.sentences(checks.foreseen(loaded, surface), doubts))
-    if not rows and (long := cost.warning(estimate.seconds, estimate.jobs)):
-        warnings.append(long)
+        rows = rounds.expected(loaded)
+    notes = interpretation.notes(case, surface) if surface is not None and case.file is not None and not rows else ()
+    doubts = (*notes, *interpretation.doubts(loaded, surface))
+    warnings = list(validity.sentences(validity.foreseen(loaded, surface), doubts))
+    if not rows and estimate.warning:
+        warnings.append(estimate.warning)
     return Checked(loaded, folder, surface, estimate, tuple(rows), tuple(warnings))
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from roughvol.campaign import running, workers
+from roughvol.campaign import execution, workers
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -27,5 +27,5 @@ def _in_processes_where_marked(request: pytest.FixtureRequest) -> Iterator[None]
 def small_study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The stored answer (study.nc) of tests/regression/small.yaml."""
     folder = tmp_path_factory.mktemp("runs") / "small"
-    running.run(Path(__file__).parent / "regression" / "small.yaml", out=folder, jobs=2)
+    execution.run(Path(__file__).parent / "regression" / "small.yaml", out=folder, jobs=2)
     return folder / "study.nc"

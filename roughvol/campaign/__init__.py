@@ -2,33 +2,27 @@
 
 Room of the campaign.
 
-==============  ====================================================================
-`python`        `run` and `press`, as called from Python
-`running`       run a study: all its missing cases
-`collected`     finished cases as one dataset
-`rounds`        rounds of an ensemble in its folder
-`trials`        surfaces of an ensemble that are not stored
-`sorting`       stored cases sorted out before a run
-`shared_cases`  cases that other runs under one root have finished
-`checks`        a study checked before anything is computed
-`one_case`      one case: surface, sweep, reduction
-`path`          indentations of the legs of a sweep
-`batch`         cases handed to workers and stored as they end
-`workers`       tasks handed to processes of this machine or to a cluster
-`cluster`       workers of a Dask cluster
-`signals`       signals that end a run
-`task`          a task inside its worker: messages, and the request to end
-`resources`     cores, memory and disk
-`limits`        the limit of a process on its own memory
-`cost`          cases, memory, disk and time of a study, estimated
-`forecast`      time left of a run
-`notebook`      progress of a run in a notebook
-`understood`    how a study was understood, in words
-`doubts`        numbers of a study that may be meant in another way
-`validity`      where a study leaves the model
-`card`          runs behind a leak card
-`tradeoff`      speed against accuracy, measured
-==============  ====================================================================
+================  ============================================================================
+`python`          `run` and `press`, as called from Python
+`execution`       run a study: all its missing cases; collect the finished ones
+`inventory`       stored cases of a folder sorted out before a run, and cases of other runs
+`batch`           cases handed to workers and stored as they end, with progress and time left
+`rounds`          rounds of an ensemble in its folder
+`collection`      finished cases as one dataset
+`checks`          height files, units and regions of a study checked before a run
+`interpretation`  a study in words, and numbers that may be meant in another way
+`validity`        limits of the model that a study exceeds, rows of validity.toml
+`cost`            memory, disk and time of a study, estimated
+`one_case`        one case: surface, sweep, reduction
+`path`            indentations of the legs of a sweep
+`workers`         tasks handed to processes of this machine or to a cluster
+`cluster`         workers of a Dask cluster
+`signals`         signals that end a run
+`machine`         cores, memory and disk of this machine
+`notebook`        progress of a run in a notebook
+`card`            runs behind a leak card
+`tradeoff`        speed against accuracy, measured
+================  ============================================================================
 """
 
 import lazy_loader

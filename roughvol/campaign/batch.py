@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import collections
 import contextlib
-import functools
 import platform
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from roughvol._version import __version__
-from roughvol.campaign import limits, resources, workers
-from roughvol.campaign.forecast import Forecast
+from roughvol.campaign import cost, machine, workers
 from roughvol.campaign.one_case import Context, HalfSpaces, Stopped, file_of_case
-from roughvol.ensemble import cost
+from roughvol.ensemble.cost import expected_seconds
 from roughvol.errors import CampaignError, RoughvolError
 from roughvol.store import lock, run_folder, stamped_file
 from roughvol.store.run_folder import case_file, checkpoint_file, failed_file
@@ -25,7 +23,7 @@ from roughvol.surfaces.surface import Surface
 
 SMALL = 0.25  # share of the available memory up to which a single worker is this process itself
 SHORT = 3.0  # expected seconds of one core up to which a run takes no processes
-TOLD_EVERY = 1.0  # seconds between two updates of progress.json
+TOLD_EVERY, NOTED_EVERY = 0.2, 1.0  # seconds between two messages of a case, and between two updates of progress.json
 
 
 @dataclass(frozen=True)
@@ -63,22 +61,53 @@ class Progress:
 
 OnEvent = Callable[[Progress], None]
 
-Task = tuple[Case, str, int, Path, str | None, Surface | None]
+
+@dataclass(frozen=True)
+class Control:
+    """Where a run computes, and who follows and stops it; it changes no value.
+
+    Attributes
+    ----------
+    jobs : int, optional
+        Number of processes, ≥ 1. Default: all cores.
+    scheduler : str, optional
+        Address of a Dask scheduler, whose workers compute instead.
+    on_event : callable
+        Called with a `Progress` at every change.
+    stopping : callable
+        Polled. Once it is true, cases begun are finished, and no other begins.
+    """
+
+    jobs: int | None = None
+    scheduler: str | None = None
+    on_event: OnEvent = lambda progress: None
+    stopping: Callable[[], bool] = lambda: False
+
+
+@dataclass(frozen=True)
+class Task:
+    """A case with all that a worker needs for it."""
+
+    case: Case
+    context: Context
+    mark: str | None  # of the lock of the folder, see `lock.mark`; None on this machine
+    answers: int  # answer format of the run
+
+
 _held: HalfSpaces = {}  # of a worker process: the half space of its last case
 
 
-def run_task(task: Task, tell: workers.Tell, *, answers: int | None = None) -> bytes | None:
+def run_task(task: Task, tell: Callable[[tuple[str, int]], None], stopping: Callable[[], bool]) -> bytes | None:
     """Run one case in a worker.
 
     Parameters
     ----------
-    task : tuple
-        The case, the study as text, the threads, the path of the checkpoint, the mark of the lock of the folder (None
-        on this machine), and the surface of a height file.
+    task : Task
+        The case.
     tell : callable
-        Receives the id of the case and the number of finished steps.
-    answers : int, optional
-        Answer format of the run. Default: that of this process.
+        Receives the id of the case and the number of finished steps, now and then.
+    stopping : callable
+        Whether the case is to stop.
 
     Returns
     -------
@@ -90,58 +119,130 @@ def run_task(task: Task, tell: workers.Tell, *, answers: int | None = None) -> b
     CampaignError
         If this process computes answers of another format. Nothing is computed.
     """
-    if answers not in (None, one_case.ANSWER_FORMAT):
+    if task.answers != one_case.ANSWER_FORMAT:
         message = (
             f"the worker on {platform.node()} has roughvol {__version__} with answers of format "
-            f"{one_case.ANSWER_FORMAT}, here {answers}; start workers with the version of this run"
+            f"{one_case.ANSWER_FORMAT}, here {task.answers}; start workers with the version of this run"
         )
         raise CampaignError(message)
-    case, text, threads, checkpoint, mark, surface = task
+    told = 0.0
+
+    def on_step(step: int) -> None:
+        nonlocal told
+        if time.monotonic() - told >= TOLD_EVERY:
+            told = time.monotonic()
+            tell((task.case.id, step))
+
+    context = replace(task.context, half_spaces=_held, on_step=on_step, stopping=stopping)
     # On another machine the path may be another folder: the lock is the same only in the folder of this run.
-    shared = mark is None or lock.mark(checkpoint.parent.parent) == mark != ""
+    if context.checkpoint and task.mark not in (None, lock.mark(context.checkpoint.parent.parent) or None):
+        context = replace(context, checkpoint=None)
     try:
-        context = Context(
-            _held, threads, checkpoint if shared else None, lambda step: tell((case.id, step)), workers.stop_asked
-        )
-        return file_of_case(case, context, study=text, surface=surface)
+        return file_of_case(task.case, context)
     except Stopped:
         return None
 
 
+class Forecast:
+    """The work of a run: all, done and left.
+
+    Parameters
+    ----------
+    works : mapping
+        Expected seconds of each case by id, of `ensemble.cost.expected_seconds`. Their ratios alone count.
+    steps : mapping
+        Number of steps of each case by id.
+    later : float
+        Expected seconds of the cases that follow in later batches.
+    clock : callable
+        Seconds.
+    """
+
+    def __init__(
+        self,
+        works: Mapping[str, float],
+        steps: Mapping[str, int],
+        later: float = 0.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._works, self._steps, self._clock = works, steps, clock
+        self._all = sum(works.values()) + later
+        self._done: dict[str, float] = {}
+        self._started = clock()
+
+    def reached(self, id: str, step: int) -> None:
+        """Note the finished steps of a case at work."""
+        self._done[id] = self._works[id] * step / max(self._steps[id], 1)
+
+    def ended(self, id: str) -> None:
+        """Note that a case has ended."""
+        self._done[id] = self._works[id]
+
+    @property
+    def share(self) -> float:
+        """Share of the work that is done, 0 to 1."""
+        return sum(self._done.values()) / self._all if self._all > 0.0 else 1.0
+
+    def left(self) -> float | None:
+        """Return the seconds until the end of the run; None before any work is done."""
+        share = self.share
+        return (self._clock() - self._started) * (1.0 - share) / share if share > 0.0 else None
+
+
 class Batch:
-    """The cases computed now, and their progress."""
+    """The cases computed now, and their progress.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the run.
+    study : str
+        The study as text.
+    cases : sequence of Case
+        The cases to compute.
+    kept : int
+        Number of cases finished before.
+    control : Control
+        Where to compute.
+    surface : Surface, optional
+        Surface of the first case of the study, if it was read from a file.
+    alone : bool
+        Whether the study has no other case.
+    later : float
+        Expected seconds of the cases that follow in later batches.
+    """
 
     def __init__(
         self,
         folder: Path,
-        text: str,
+        study: str,
         cases: Sequence[Case],
         kept: int,
-        surface: Surface | None,
-        on_event: OnEvent | None,
+        control: Control,
         *,
-        alone: bool = True,
+        surface: Surface | None = None,
+        alone: bool = False,
         later: float = 0.0,
     ) -> None:
-        self._given = surface if alone else None  # the surface of the only case; of several, the first shows the size
-        self._folder, self._text, self._kept, self._surface, self._on_event = folder, text, kept, surface, on_event
+        self._folder, self._study, self._kept, self._control = folder, study, kept, control
+        self._surface = surface if alone else None
         shape = surface.shape if surface is not None else None
-        works = {case.id: cost.expected_seconds(case, _shape(case, shape)) for case in cases}
+        self._shapes = {case.id: cost.shape_of(case, shape) for case in cases}
+        works = {case.id: expected_seconds(case, self._shapes[case.id]) for case in cases}
         self._steps = {case.id: case.sweep.steps for case in cases}
-        self._forecast = Forecast(works, self._steps, later)
+        self._forecast, self._more = Forecast(works, self._steps, later), later > 0.0
         self._expected = sum(works.values())
         self._cases = sorted(cases, key=lambda case: -works[case.id])  # the longest first
-        labels = collections.Counter(case.label for case in cases)
+        labels = Counter(case.label for case in cases)
         # combinations of lists press one surface several times
         self._names = {case.id: case.label if labels[case.label] == 1 else case.id for case in cases}
-        self._all_steps, self._more = sum(self._steps.values()), later > 0.0
         self._reached: dict[str, int] = {}  # steps of the cases at work
         self._steps_done, self._done = 0, 0  # of the cases that have ended
         self._failures: dict[str, BaseException] = {}
         self._versions = {__version__}  # of this process and of the workers
         self._noted = time.monotonic()
 
-    def through(self, jobs: int | None, scheduler: str | None, stopping: Callable[[], bool]) -> None:
+    def compute(self) -> None:
         """Compute all cases.
 
         Raises
@@ -151,28 +252,28 @@ class Batch:
         KeyboardInterrupt
             If it was stopped before the end.
         """
-        short = jobs is None and self._expected < SHORT  # processes would take longer to start
-        jobs = jobs or resources.cores()
-        processes = 1 if short and scheduler is None else min(jobs, len(self._cases))
+        scheduler, jobs = self._control.scheduler, self._control.jobs or machine.cores()
+        processes, here = min(jobs, len(self._cases)), False
         if scheduler is None:
-            processes = self._limited(processes)
-        here = scheduler is None and (jobs == 1 or (processes == 1 and self._small()))
+            processes, here = self._processes(jobs)
         self._tell()
         self._note(at_once=True)
         threads = 1 if scheduler else max(1, jobs // processes)  # other cores work inside the convolutions
         folder, mark = self._folder.resolve(), lock.mark(self._folder) if scheduler else None
-        tasks: list[Task] = [
-            (case, self._text, threads, checkpoint_file(folder, case.id), mark, self._given) for case in self._cases
+        context = Context(threads=threads, study=self._study, surface=self._surface)
+        tasks = [
+            Task(case, replace(context, checkpoint=checkpoint_file(folder, case.id)), mark, one_case.ANSWER_FORMAT)
+            for case in self._cases
         ]
         try:
             workers.each(
-                functools.partial(run_task, answers=one_case.ANSWER_FORMAT),
+                run_task,
                 tasks,
                 jobs=processes,
                 on_begin=self._begun,
                 on_message=self._stepped,
                 on_end=self._ended,
-                stopping=stopping,
+                stopping=self._control.stopping,
                 scheduler=scheduler,
                 here=here,
             )
@@ -181,26 +282,29 @@ class Batch:
         if self._done + len(self._failures) < len(tasks):
             raise KeyboardInterrupt
         if self._failures:
-            error = _campaign_error(self._failures, self._kept + len(tasks))
-            raise error from BaseExceptionGroup("failed", list(self._failures.values()))
+            lines = [f"{id}: {_text(error)}" for id, error in self._failures.items()]
+            total = self._kept + len(tasks)
+            others = "" if len(lines) == total else "; the others are kept"
+            message = "\n".join([f"{len(lines)} of {total} cases failed{others}", *lines])
+            raise CampaignError(message) from BaseExceptionGroup("failed", list(self._failures.values()))
 
-    def _small(self) -> bool:
-        """Return whether no case can exhaust the memory: a process of its own would only cost its start."""
-        shape = self._surface.shape if self._surface else None
-        most = max(resources.memory_of(case, resources.nodes_of(case, shape)) for case in self._cases)
-        return most < SMALL * (resources.available_memory() or 0.0)
+    def _processes(self, jobs: int) -> tuple[int, bool]:
+        """Return the number of processes, and whether the only one is this process itself.
 
-    def _limited(self, jobs: int) -> int:
-        """Return the number of processes that memory allows, with a notice if it is smaller."""
-        shape = self._surface.shape if self._surface else None
-        needs = [resources.memory_of(case, resources.nodes_of(case, shape)) for case in self._cases]
-        fitting, sentence = resources.limited(jobs, needs, resources.available_memory())
+        It is for ``jobs=1``, for runs so short that processes would take longer to start, and where no case can exhaust
+        the memory.
+        """
+        short = self._control.jobs is None and self._expected < SHORT
+        processes = 1 if short else min(jobs, len(self._cases))
+        needs = [cost.memory_of(case, self._shapes[case.id]) for case in self._cases]
+        available = machine.available_memory()
+        processes, sentence = cost.limited(processes, needs, available)
         if sentence:
             self._tell(notice=sentence)
-        return fitting
+        return processes, jobs == 1 or (processes == 1 and max(needs) < SMALL * (available or 0.0))
 
     def _begun(self, task: Task) -> None:
-        self._reached[task[0].id] = 0
+        self._reached[task.case.id] = 0
         self._note()
 
     def _stepped(self, message: tuple[str, int]) -> None:
@@ -211,7 +315,7 @@ class Batch:
             self._note()
 
     def _ended(self, task: Task, result: bytes | None, error: BaseException | None) -> None:
-        case = task[0]
+        case = task.case
         if error is None and result is None:  # stopped on the way
             return
         self._reached.pop(case.id, None)
@@ -247,47 +351,32 @@ class Batch:
 
     def _tell(self, event: str = "", notice: str = "") -> None:
         """Report the progress to the caller of the run."""
-        if self._on_event is None:
-            return
         ended = self._done + len(self._failures) == len(self._cases)
         progress = Progress(
             cases=self._kept + len(self._cases),
             kept=self._kept,
             done=self._done,
             failed=len(self._failures),
-            steps=self._all_steps,
+            steps=sum(self._steps.values()),
             steps_done=self._steps_done + sum(self._reached.values()),
             work=1.0 if ended and not self._more else self._forecast.share,
             event=event,
             notice=notice,
             left=self._forecast.left(),
         )
-        self._on_event(progress)
+        self._control.on_event(progress)
 
     def _note(self, *, at_once: bool = False) -> None:
         """Update progress.json if the last update is old enough."""
         now = time.monotonic()
-        if at_once or now - self._noted >= TOLD_EVERY:
+        if at_once or now - self._noted >= NOTED_EVERY:
             self._noted = now
             run_folder.note(self._folder, {"running": list(self._reached), "left": self._forecast.left()})
-
-
-def _shape(case: Case, shape: tuple[int, int] | None) -> tuple[int, int]:
-    """Return the nodes of a case; of height files those of the given surface, or of m = 8."""
-    nodes = case.nodes_per_side
-    return (nodes, nodes) if nodes is not None else shape or (257, 257)
-
-
-def _campaign_error(failures: Mapping[str, BaseException], cases: int) -> CampaignError:
-    """Return an error that names every failed case."""
-    lines = [f"{id}: {_text(error)}" for id, error in failures.items()]
-    others = "" if len(failures) == cases else "; the others are kept"
-    return CampaignError("\n".join([f"{len(failures)} of {cases} cases failed{others}", *lines]))
 
 
 def _text(error: BaseException) -> str:
     if isinstance(error, workers.Lost):
         return "its process died, and again when it ran alone (out of memory?)"
-    if limits.is_lack_of_memory(error):
+    if machine.is_lack_of_memory(error):
         return "not enough memory"
     return str(error) if isinstance(error, RoughvolError) else f"{type(error).__name__}: {error}"

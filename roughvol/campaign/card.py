@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from roughvol.campaign import running
-from roughvol.campaign.batch import Progress
+from roughvol.campaign import execution
+from roughvol.campaign.batch import OnEvent
 from roughvol.campaign.one_case import surface_of
 from roughvol.errors import Problem, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
@@ -245,7 +245,7 @@ def compute(
     folder: Path,
     *,
     jobs: int | None = None,
-    on_event: Callable[[Progress], None] | None = None,
+    on_event: OnEvent = lambda progress: None,
     stopping: Callable[[], bool] = lambda: False,
     accept: Callable[[Pressed], None] = lambda fine: None,
 ) -> CardRuns:
@@ -258,7 +258,7 @@ def compute(
     folder : path
         Folder of the runs; each has a folder inside.
     jobs, on_event, stopping
-        As in `running.run`.
+        As in `execution.run`.
     accept : callable
         Called with the finest run before the others are computed; it may raise.
 
@@ -279,7 +279,7 @@ def compute(
 
     def pressed(one: Planned) -> Pressed:
         inside = folder / slug(at.label) / slug(one.words or FINE)
-        results = running.run(one.study, jobs=jobs, out=inside, on_event=on_event, stopping=stopping)
+        results = execution.run(one.study, jobs=jobs, out=inside, on_event=on_event, stopping=stopping)
         return Pressed(one.words, results, one.level)
 
     fine = pressed(planned.fine)

@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
-from roughvol.campaign.task import Tell, end_at, thinned
 from roughvol.errors import CampaignError
 
 Task = TypeVar("Task")
+Function = Callable[[Task, Callable[[Any], None], Callable[[], bool]], Any]  # of a task, see `workers.each`
 
 CONNECT = 30  # seconds to reach a scheduler
 SPARE = 5  # seconds beyond them until a client that still connects is given up
@@ -64,23 +64,29 @@ class Cluster:
         self._inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._client.subscribe_topic(self._run, lambda event: self._inbox.put(event[1]))
         self._stop = Event(self._run, client=self._client)
-        self._width, self._threads, self._counted = 1, 0, -math.inf
+        self._threads, self._counted = 0, -math.inf
         self._last_seen: float | None = None  # of any worker; the first may come late, as from a batch system
 
     def width(self) -> int:
-        """Return the number of tasks to hand over at once."""
+        """Return the number of tasks to hand over at once: one at work and one waiting for each thread."""
         if time.monotonic() - self._counted > COUNT_EVERY:
             self._threads = sum(self._client.nthreads().values())
-            self._width = max(2 * self._threads, 1)  # one task at work and one waiting
             self._counted = time.monotonic()
-        return self._width
+        return max(2 * self._threads, 1)
 
-    def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
+    def submit(self, function: Function[Task], task: Task) -> Future[Any]:
         """Start a task."""
         return self._executor.submit(_call_there, function, task, self._run)
 
     def messages(self) -> Iterator[Any]:
-        """Yield the messages of tasks since the last call."""
+        """Yield the messages of tasks since the last call.
+
+        Raises
+        ------
+        CampaignError
+            If no worker is left.
+        """
+        self._check()
         while not self._inbox.empty():
             message = self._inbox.get()
             yield tuple(message) if isinstance(message, list) else message  # tuples may arrive as lists
@@ -92,8 +98,7 @@ class Cluster:
     def renew(self) -> None:
         """Do nothing: the scheduler replaces dead workers."""
 
-    def check(self) -> None:
-        """Raise `CampaignError` if no worker is left."""
+    def _check(self) -> None:
         self.width()
         now = time.monotonic()
         if self._threads:
@@ -141,27 +146,20 @@ def _connected(address: str) -> Any:
     return answer
 
 
-class _StopThere:
-    """The event that stops a task on a cluster: polled rarely, and unset if the scheduler does not answer."""
+def _call_there(function: Function[Task], task: Task, run: str) -> Any:
+    """Call the function of a task on a worker, unless the run is to stop; a scheduler without an answer stops none."""
+    from distributed import Event, get_client, get_worker
 
-    def __init__(self, run: str) -> None:
-        from distributed import Event, get_client
+    event, worker = Event(run, client=get_client()), get_worker()
+    polled, stopped = -math.inf, False
 
-        self._event, self._polled, self._set = Event(run, client=get_client()), -math.inf, False
-
-    def is_set(self) -> bool:
-        if not self._set and time.monotonic() - self._polled > COUNT_EVERY:
+    def stopping() -> bool:
+        nonlocal polled, stopped
+        if not stopped and time.monotonic() - polled > COUNT_EVERY:
             with contextlib.suppress(Exception):
-                self._set = bool(self._event.is_set())
-            self._polled = time.monotonic()
-        return self._set
+                stopped = bool(event.is_set())
+            polled = time.monotonic()
+        return stopped
 
-
-def _call_there(function: Callable[[Task, Tell], Any], task: Task, run: str) -> Any:
-    from distributed import get_worker
-
-    worker = get_worker()
     with _one_at_a_time:
-        flag = _StopThere(run)
-        end_at(flag)
-        return None if flag.is_set() else function(task, thinned(lambda message: worker.log_event(run, message)))
+        return None if stopping() else function(task, lambda message: worker.log_event(run, message), stopping)

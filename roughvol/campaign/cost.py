@@ -1,4 +1,4 @@
-"""Estimated cost of a study: cases, memory, disk, time.
+"""Cost of a study: memory and disk of its cases, and its time, estimated.
 
 Time is that of `ensemble.cost`, with a convolution timed on this machine for each grid.
 """
@@ -8,23 +8,40 @@ from __future__ import annotations
 import functools
 import math
 import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
-from roughvol.campaign import resources
+from roughvol.campaign import machine
 from roughvol.campaign.one_case import surface_of
-from roughvol.campaign.resources import cores
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.ensemble.cost import expected_seconds, observable_seconds
+from roughvol.errors import CampaignError, ResourceError
+from roughvol.gap.network import check_multigrid, needs_multigrid
+from roughvol.observables import requests
+from roughvol.observables.variables import OBSERVABLES
 from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
 
+# Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/how-to/cluster.md).
+PROCESS_BYTES = 2e8  # of a process after its imports
+SURFACE_BYTES, NODE_BYTES = 50, 280  # per node: of a surface alone; of half space and solver
+SKEWED_BYTES = 25  # per node, in addition: while heights get their skewness
+CHANNEL_BYTES, FLOW_BYTES = 200, 1300  # per node, in addition: of a search for the last channel; of a flow
+LARGE_FLOW_BYTES = 650  # per node: of a flow by multigrid (python -m tests.bench.flow 12 0.1)
+GAS_BYTES = 150  # per node, in addition: conductances of a gas
+FIELD_BYTES = 16  # per node and stored field
+FILE_BYTES = 1.2e5  # of the file of a case without fields
+SMALL = 1e9  # never refused up to here: the estimate is rough
+SPARED = 0.9  # largest share of the available memory
 TIMED_UP_TO = 1025  # nodes a side; times of larger grids are scaled as N² log N
 START = 1.5  # seconds: processes start and import
 LONG = 30 * 86400.0  # seconds of a run that draws a warning
 ROUGH = 1e-7  # seconds a state and node at least, to skip the timing of short runs
+
+Shape = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -39,6 +56,121 @@ class Estimate:
     seconds: float
     observables: dict[str, float]  # seconds of one core, all cases together
     notice: str = ""  # if the memory allows fewer processes than asked for
+
+    @property
+    def warning(self) -> str:
+        """A sentence on a run longer than `LONG`, else empty."""
+        if self.seconds < LONG:
+            return ""
+        processes = f"{self.jobs} process" + "es" * (self.jobs > 1)
+        years, days = self.seconds / (365.25 * 86400.0), self.seconds / 86400.0
+        return f"this takes about {years:.2g} years ({days:.0f} days) in {processes}"
+
+
+def shape_of(case: Case, known: Shape | None = None) -> Shape:
+    """Return the nodes of a case; of height files those known, or those of the surface, which is read."""
+    nodes = case.nodes_per_side
+    return (nodes, nodes) if nodes is not None else known or _measured_shape(replace(case, solver=Solver()))
+
+
+@functools.lru_cache(maxsize=8)
+def _measured_shape(case: Case) -> Shape:
+    return surface_of(case).shape
+
+
+def memory_of(case: Case, shape: Shape) -> float:
+    """Return the bytes of memory that a process needs for a case with this number of nodes."""
+    nodes = math.prod(shape)
+    if case.sweep.steps == 0:
+        skewed = case.spectrum is not None and case.spectrum.Ssk is not None
+        per_node = SURFACE_BYTES + SKEWED_BYTES * skewed
+    else:
+        per_node = NODE_BYTES + CHANNEL_BYTES * any("percolation" in leg.target.kind for leg in case.sweep.legs)
+        if (elements := flow_elements(case, shape)) > 0:
+            per_node += LARGE_FLOW_BYTES if needs_multigrid(elements) else FLOW_BYTES
+            per_node += GAS_BYTES * (case.gas is not None)
+    return PROCESS_BYTES + nodes * (per_node + FIELD_BYTES * requests.fields_of(case.record))
+
+
+def flow_elements(case: Case, shape: Shape) -> int:
+    """Return the number of elements of the largest flow that a case asks for, 0 without one."""
+    rows = [OBSERVABLES[name] for name in requests.asked(case.record)]
+    shares = [max(requests.passes(row, case.record)) for row in rows if row.flow]
+    return math.ceil(math.prod(shape) * max(shares, default=0.0))
+
+
+def disk_of(case: Case, shape: Shape) -> float:
+    """Return an upper bound of the bytes in the file of a case; compressed fields take less."""
+    return FILE_BYTES + 8 * math.prod(shape) * requests.fields_of(case.record)
+
+
+def check_fits(
+    missing: Iterable[Case], cases: Iterable[Case], folder: Path, shape: Shape | None = None, *, here: bool = True
+) -> None:
+    """Refuse a run beyond the memory of this machine, even in one process, or beyond its disk.
+
+    Parameters
+    ----------
+    missing, cases : iterables of Case
+        The cases to compute, each with a file, and all cases, which are stored in ``study.nc``.
+    folder : Path
+        Folder of the results.
+    shape : tuple of int, optional
+        Nodes of the surface from height files, if it has been read.
+    here : bool
+        Whether this machine computes; the memory of a cluster is unknown.
+
+    Raises
+    ------
+    ResourceError
+        If a case needs more memory than is available, or the files more disk than is free.
+    ContactError
+        If a flow needs pyamg, and it is not installed.
+    CampaignError
+        If the limit of a process on its memory is too small (``ulimit -v``).
+    """
+    computed = [(case, shape_of(case, shape), number) for case, number in _alike(missing)]
+    if not computed:
+        return
+    problems = []
+    if here:
+        check_multigrid(max(flow_elements(case, nodes) for case, nodes, _ in computed))
+        need, label = max((memory_of(case, nodes), case.label) for case, nodes, _ in computed)
+        available, limit = machine.available_memory(), machine.address_space()
+        if available is not None and need > max(available, SMALL):
+            problems.append(f"{label} needs about {_size(need)} of memory, {_size(available)} are available")
+        if limit is not None and (space := machine.needed_space(need - PROCESS_BYTES)) > limit:
+            message = f"not enough memory: {label} needs about {_size(space)} of address space, "
+            raise CampaignError(f"{message}the limit is {_size(limit)} (ulimit -v)")
+    stored = computed + [(case, shape_of(case, shape), number) for case, number in _alike(cases)]
+    disk = sum(number * disk_of(case, nodes) for case, nodes, number in stored)
+    free = machine.free_disk(folder)
+    if free is not None and disk > max(free, SMALL):
+        problems.append(f"the results need up to {_size(disk)} of disk, {_size(free)} are free at {folder}")
+    if problems:
+        raise ResourceError("this study does not fit: " + "; ".join(problems))
+
+
+def limited(jobs: int, needs: Iterable[float], available: float | None) -> tuple[int, str]:
+    """Return the number of processes that fit in memory, from one to ``jobs``, and a sentence if it is smaller.
+
+    Parameters
+    ----------
+    jobs : int
+        Number of processes asked for.
+    needs : iterable of float
+        Bytes of each case; the largest may run together.
+    available : float or None
+        Bytes available, None for no limit.
+    """
+    largest = sorted(needs, reverse=True)[:jobs]
+    if available is None or sum(largest) <= SPARED * available:
+        return jobs, ""
+    fitting = max(1, int(np.searchsorted(np.cumsum(largest), SPARED * available, side="right")))
+    text = f"a case needs about {largest[0] / 1e9:.2g} GB, {available / 1e9:.2g} GB are available"
+    if fitting == jobs:
+        return fitting, f"{text}: it may fail"
+    return fitting, f"{fitting} instead of {jobs} processes at once: {text}"
 
 
 def estimate(study: Study, jobs: int | None = None) -> Estimate:
@@ -59,64 +191,42 @@ def estimate(study: Study, jobs: int | None = None) -> Estimate:
     return _estimate(study.cases(), jobs)
 
 
-def check_study_fits(study: Study, folder: Path) -> None:
-    """Refuse a study beyond the memory or disk of this machine, see `resources.check_resources`."""
-    cases, counts = _alike(study.cases())
-    nodes = [math.prod(_shape(case)) for case in cases]
-    disk = 2 * sum(count * resources.disk_of(case, n) for case, count, n in zip(cases, counts, nodes, strict=True))
-    resources.check_resources(cases, nodes, disk, folder)
-
-
-def warning(seconds: float, jobs: int) -> str:
-    """Return a warning for a run longer than `LONG`, else an empty one."""
-    if seconds < LONG:
-        return ""
-    many = f"{jobs} process" + "es" * (jobs > 1)
-    return f"this takes about {seconds / (365.25 * 86400.0):.2g} years ({seconds / 86400.0:.0f} days) in {many}"
-
-
-def warning_of(cases: Sequence[Case], nodes: Sequence[int], jobs: int) -> str:
-    """Return the warning for cases; few or small ones are not timed."""
-    rough = ROUGH * sum(case.sweep.steps * n for case, n in zip(cases, nodes, strict=True)) / jobs
-    if rough < LONG / 30.0:
-        return ""
-    return warning(_estimate(cases, jobs).seconds, jobs)
-
-
-def _alike(cases: Sequence[Case]) -> tuple[list[Case], list[int]]:
-    """Return one case of each cost, and the numbers of cases with this cost. D and seed change none."""
-    names = [field.name for field in fields(Case) if field.name not in ("D", "seed")]
-    groups: dict[tuple[int, ...], list[Case]] = {}
-    for case in cases:  # the cases of a study share their objects, and a hash of long lists of levels is slow
-        groups.setdefault(tuple(id(getattr(case, name)) for name in names), []).append(case)
-    return [alike[0] for alike in groups.values()], [len(alike) for alike in groups.values()]
-
-
 def _estimate(cases: Sequence[Case], jobs: int | None) -> Estimate:
-    jobs = min(jobs or cores(), len(cases))
-    each, counts = _alike(cases)
-    shapes = [_shape(case) for case in each]
-    nodes = [rows * columns for rows, columns in shapes]
-    needs = [resources.memory_of(case, n) for case, n in zip(each, nodes, strict=True)]
-    several = [need for need, count in zip(needs, counts, strict=True) for _ in range(min(count, jobs))]
-    jobs, notice = resources.limited(jobs, several, resources.available_memory())
-    seconds = [_seconds(case, shape) for case, shape in zip(each, shapes, strict=True)]
-    observables: dict[str, float] = {}
-    for case, shape, count in zip(each, shapes, counts, strict=True):
-        for name, taken in observable_seconds(case, shape).items():
-            observables[name] = observables.get(name, 0.0) + count * taken
-    together = sum(count * taken for count, taken in zip(counts, seconds, strict=True))
+    jobs = min(jobs or machine.cores(), len(cases))
+    alike = [(case, shape_of(case), number) for case, number in _alike(cases)]
+    needs = [need for case, shape, number in alike for need in [memory_of(case, shape)] * min(number, jobs)]
+    jobs, notice = limited(jobs, needs, machine.available_memory())
+    seconds = [_seconds(case, shape) for case, shape, _ in alike]
+    observables: Counter[str] = Counter()
+    for case, shape, number in alike:
+        observables.update({name: number * taken for name, taken in observable_seconds(case, shape).items()})
+    together = sum(number * taken for (_, _, number), taken in zip(alike, seconds, strict=True))
     return Estimate(
         cases=len(cases),
         steps=sum(case.sweep.steps for case in cases),
         jobs=jobs,
         memory=max(needs),
         # each case is stored in its file and in study.nc
-        disk=2 * sum(count * resources.disk_of(case, n) for case, count, n in zip(each, counts, nodes, strict=True)),
+        disk=2 * sum(number * disk_of(case, shape) for case, shape, number in alike),
         seconds=START + max(together / jobs, max(seconds)),
-        observables=observables,
+        observables=dict(observables),
         notice=notice,
     )
+
+
+def warning(cases: Sequence[Case], jobs: int | None, shape: Shape | None = None) -> str:
+    """Return the warning for cases that take longer than `LONG`; few or small cases are not timed."""
+    states = sum(case.sweep.steps * math.prod(shape_of(case, shape)) for case in cases)
+    return "" if ROUGH * states / (jobs or machine.cores()) < LONG / 30.0 else _estimate(cases, jobs).warning
+
+
+def _alike(cases: Iterable[Case]) -> list[tuple[Case, int]]:
+    """Return one case of each cost, with the number of cases that have this cost. D and seed change none."""
+    names = [field.name for field in fields(Case) if field.name not in ("D", "seed")]
+    groups: dict[tuple[int, ...], list[Case]] = {}
+    for case in cases:  # the cases of a study share their objects, and a hash of long lists of levels is slow
+        groups.setdefault(tuple(id(getattr(case, name)) for name in names), []).append(case)
+    return [(alike[0], len(alike)) for alike in groups.values()]
 
 
 @dataclass(frozen=True)
@@ -136,34 +246,19 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
     options = []
     for name, rtol in ACCURACY.items():
         solver = {"solver.accuracy": name, "solver.rtol": None, "solver.max_error": None}
-        cost = estimate(study.changed(**solver), jobs)
-        options.append(Choice(name, rtol, cost.seconds, EXPECTED[name]))
+        seconds = estimate(study.changed(**solver), jobs).seconds
+        options.append(Choice(name, rtol, seconds, EXPECTED[name]))
     return options
 
 
-def _seconds(case: Case, shape: tuple[int, int]) -> float:
+def _seconds(case: Case, shape: Shape) -> float:
     """Return the seconds of a case, with a convolution timed on its grid."""
     timed = case.sweep.steps > 0
-    return expected_seconds(case, shape, _convolution(case, shape) if timed else 0.0)
-
-
-def _convolution(case: Case, shape: tuple[int, int]) -> float:
-    return seconds_per_convolution(shape, case.periodic)
-
-
-def _shape(case: Case) -> tuple[int, int]:
-    nodes = case.nodes_per_side
-    return _measured_shape(replace(case, solver=Solver())) if nodes is None else (nodes, nodes)
-
-
-@functools.lru_cache(maxsize=8)
-def _measured_shape(case: Case) -> tuple[int, int]:
-    """Return the nodes of a surface from files, read once."""
-    return surface_of(case).shape
+    return expected_seconds(case, shape, seconds_per_convolution(shape, case.periodic) if timed else 0.0)
 
 
 @functools.cache
-def seconds_per_convolution(shape: tuple[int, int], periodic: bool = False) -> float:
+def seconds_per_convolution(shape: Shape, periodic: bool = False) -> float:
     """Return the seconds of one convolution, timed on this grid, or scaled from `TIMED_UP_TO`."""
     timed = (min(shape[0], TIMED_UP_TO), min(shape[1], TIMED_UP_TO))
     half_space = HalfSpace(timed, periodic=periodic)
@@ -176,3 +271,7 @@ def seconds_per_convolution(shape: tuple[int, int], periodic: bool = False) -> f
         times.append(time.perf_counter() - started)
     size, timed_size = math.prod(shape), math.prod(timed)
     return min(times) * size * math.log(size) / (timed_size * math.log(timed_size))
+
+
+def _size(number: float) -> str:
+    return f"{number / 1e12:.3g} TB" if number >= 1e12 else f"{number / 1e9:.3g} GB"

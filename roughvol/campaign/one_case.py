@@ -10,7 +10,6 @@ from collections.abc import Callable, MutableMapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from threadpoolctl import ThreadpoolController
 
@@ -42,6 +41,14 @@ class Stopped(Exception):
     """A case that was asked to end, and has kept its finished steps."""
 
 
+def _ignore(step: int) -> None:
+    """Do nothing at a step."""
+
+
+def _never() -> bool:
+    return False
+
+
 @dataclass(frozen=True)
 class Context:
     """How a case is computed; it changes no value.
@@ -54,20 +61,30 @@ class Context:
         Threads inside a convolution.
     checkpoint : path, optional
         Where a large case keeps its finished steps meanwhile, and finds those of a run that was killed.
-    on_step : callable, optional
+    on_step : callable
         Called with the number of each step solved.
     stopping : callable
         Asked after each step of a case with a checkpoint; once it is true the case ends there.
+    study : str
+        Resolved study as text, for the provenance.
+    surface : Surface, optional
+        Surface of the case, if it has been read already.
     """
 
     half_spaces: HalfSpaces = field(default_factory=dict)
     threads: int = 1
     checkpoint: Path | None = None
-    on_step: Callable[[int], None] | None = None
-    stopping: Callable[[], bool] = lambda: False
+    on_step: Callable[[int], None] = _ignore
+    stopping: Callable[[], bool] = _never
+    study: str = ""
+    surface: Surface | None = None
+
+    def provenance(self, case: Case) -> dict[str, str]:
+        """Return the provenance of the file of a case."""
+        return provenance.provenance(self.study, fft=FFT | {"threads": str(self.threads)}, case=case)
 
 
-def run_case(case: Case, context: Context | None = None, *, study: str = "", surface: Surface | None = None) -> Dataset:
+def run_case(case: Case, context: Context | None = None) -> Dataset:
     """Return all that is asked about one surface: made (Section 2), pressed step by step (Section 3), reduced.
 
     Parameters
@@ -75,11 +92,7 @@ def run_case(case: Case, context: Context | None = None, *, study: str = "", sur
     case : Case
         Surface, sweep, solver, and what to record.
     context : Context, optional
-        Half spaces, threads, checkpoint.
-    study : str
-        Resolved study as text, for the provenance.
-    surface : Surface, optional
-        Its surface, if it has been read already.
+        Half spaces, threads, checkpoint, study, surface.
 
     Returns
     -------
@@ -94,12 +107,12 @@ def run_case(case: Case, context: Context | None = None, *, study: str = "", sur
         If there is no surface, no problem or no solution; nothing is returned of a sweep that broke off.
     """
     context = context or Context()
-    return dataset.build(case, _recorded(case, context, surface), _provenance(case, study, context.threads))
+    return dataset.build(case, _recorded(case, context), context.provenance(case))
 
 
-def file_of_case(case: Case, context: Context, *, study: str = "", surface: Surface | None = None) -> bytes:
+def file_of_case(case: Case, context: Context) -> bytes:
     """Return the content of the file of a case, as `run_case`; quicker than `dataset.to_bytes` if it is small."""
-    return dataset.case_bytes(case, _recorded(case, context, surface), _provenance(case, study, context.threads))
+    return dataset.case_bytes(case, _recorded(case, context), context.provenance(case))
 
 
 def arrays_of_case(case: Case, context: Context | None = None) -> Arrays:
@@ -107,15 +120,11 @@ def arrays_of_case(case: Case, context: Context | None = None) -> Arrays:
     return small_file.arrays_of_case(case, _recorded(case, context or Context()))
 
 
-def _provenance(case: Case, study: str, threads: int) -> dict[str, str]:
-    return provenance.provenance(study, fft=FFT | {"threads": str(threads)}, case=case)
-
-
-def _recorded(case: Case, context: Context, surface: Surface | None = None) -> Values:
+def _recorded(case: Case, context: Context) -> Values:
     """Return all that is asked about one surface by stored name."""
     started, file = time.perf_counter(), context.checkpoint
     with one_thread():  # a sum split over threads would round differently from machine to machine
-        surface = surface or surface_of(case)
+        surface = context.surface or surface_of(case)
         values = undeformed(case, surface)
         if case.sweep.steps > 0:
             half_space = half_space_of(surface, kernel_of(case.solver.kernel), context.threads, context.half_spaces)
@@ -175,21 +184,20 @@ def _swept(
     context: Context,
 ) -> Values:
     """Return the values recorded of the sweep; steps in the checkpoint are not solved again."""
-    reduced = Reduction(case, surface, half_space)
+    reduced, way = Reduction(case, surface, half_space), path.Path(case, surface, half_space)
     state = checkpoint.load() if checkpoint else None
     if state is not None:
         reduced.restore(state["reduction"], state["states"])
-    ends: list[Any] = list(state["ends"]) if state else []
-    left = path.indentations(case, surface, half_space, reduced, ends)
-    contacts = sweep(surface, half_space, left, options_of(case, surface), resume=reduced.states)
-    for contact in contacts:
+        way.end, way.plan = state["end"], list(state["plan"])
+    left = (way.after(reduced) for _ in range(reduced.steps, case.sweep.steps))  # each after the state before
+    for contact in sweep(surface, half_space, left, options_of(case, surface), resume=reduced.states):
         reduced.follow(contact)
-        if context.on_step is not None:
-            context.on_step(reduced.steps)
+        context.on_step(reduced.steps)
         if checkpoint is not None:
             stopped = context.stopping()
             if stopped or checkpoint.due():
-                checkpoint.save({"ends": ends, "states": reduced.states, "reduction": reduced.state()})
+                whole = {"states": reduced.states, "reduction": reduced.state(), "end": way.end, "plan": way.plan}
+                checkpoint.save(whole)
             if stopped:
                 raise Stopped
     return reduced.values()

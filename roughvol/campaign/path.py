@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -34,9 +34,7 @@ def starred(case: Case, surface: Surface) -> Case:
     scale = Scale(case.E_star, surface.side, Sq, area, case.modulus_unit, case.length_unit, case.drive)
 
     def of(level: Level) -> Level:
-        if level.value is None:
-            return level
-        if level.kind == "step" or "percolation" in level.kind:
+        if level.value is None or level.kind == "step" or "percolation" in level.kind:
             return level
         try:
             return Level(*scale.starred(level.kind, level.value))
@@ -65,64 +63,121 @@ def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
     return leg.model_copy(update=changed)
 
 
-def indentations(
-    case: Case, surface: Surface, half_space: Compliance, reduced: Reduction, ends: list[Any]
-) -> Iterator[float]:
-    """Yield the indentations of the steps that are left, leg by leg.
+class Path:
+    """The path of a sweep, which has the indentation of each step once the state before is known.
 
-    `ends` has Δ/σ at the ends of the legs begun so far, with p* at the begin and the end for steps equal in pressure;
-    the end of each further leg is appended. A leg goes on from the last state that `reduced` has. On a periodic surface
-    the numbers are the approach Δ'/σ.
+    On a periodic surface indentations are the approach Δ'/σ.
+
+    Attributes
+    ----------
+    end : float
+        Δ/σ at the end of the leg begun last.
+    plan : list of float
+        Its steps: Δ/σ, or p* of steps equal in pressure.
     """
-    first = 0  # step at which the leg begins
-    for number, leg in enumerate(case.sweep.legs):
+
+    def __init__(self, case: Case, surface: Surface, half_space: Compliance) -> None:
+        self._case, self._surface, self._half_space = case, surface, half_space
+        self._options = options_of(case, surface)
+        self._places = [(number, place) for number, leg in enumerate(case.sweep.legs) for place in range(leg.steps)]
+        self.end, self.plan = 0.0, list[float]()
+
+    def after(self, so_far: Reduction) -> float:
+        """Return Δ/σ of the step after the states so far."""
+        (number, place), legs = self._places[so_far.steps], self._case.sweep.legs
+        leg = legs[number]
         if leg.listed is not None:
-            for level in leg.listed[max(0, reduced.steps - first) :]:
-                yield _reaching(case, level, surface, half_space, reduced)
-            if number == len(ends):
-                ends.append(reduced.states[-1]["indentation"])
-            first += leg.steps
-            continue
-        if number == len(ends):
-            ends.append(_reaching(case, leg.target, surface, half_space, reduced))
-            if leg.equal != "indentation":
-                pressures = _pressures(case, leg.target, ends[number], surface, half_space, reduced)
-                ends[number] = [ends[number], *pressures]
-        begin = _indentation(ends[number - 1]) if number else 0.0
-        if _indentation(ends[number]) == begin:
+            return self._reaching(leg.listed[place], so_far)
+        if place == 0:
+            if number and legs[number - 1].listed is not None:
+                self.end = so_far.states[-1]["indentation"]
+            self._begin(leg, number, so_far)
+        if place == leg.steps - 1:
+            if self._case.plastic and leg.steps > 1 and not self._half_space.kernel.m_matrix:
+                # what has yielded on the way may differ from what the search at the begin of the leg found
+                self.end = self._reaching(leg.target, so_far)
+                return self.end
+            return self.plan[-1] if leg.equal == "indentation" else self.end
+        if leg.equal == "indentation":
+            return self.plan[place]
+        return self._reaching(Level("pressure", self.plan[place]), so_far)
+
+    def _begin(self, leg: Sweep, number: int, so_far: Reduction) -> None:
+        """Find the end of a leg that begins where the leg before ends, and plan its steps."""
+        begin, self.end = self.end, self._reaching(leg.target, so_far)
+        if self.end == begin:
             message = f"leg {number + 1} has no length: the leg before ends at Δ/σ = {begin:.6g}, its end, too"
             raise ContactError(message)
-        if leg.equal != "indentation":
-            end, low, high = ends[number]
-            levels = _even(leg, low, high, number)
-            for pressure in levels[max(0, reduced.steps - first) : -1]:
-                yield _reaching(case, Level("pressure", pressure), surface, half_space, reduced)
-            last = [end]
-        else:
-            steps = begin + (ends[number] - begin) * np.arange(1, leg.steps + 1) / leg.steps
-            yield from steps[max(0, reduced.steps - first) : -1]
-            last = list(steps[-1:])
-        first += leg.steps
-        if reduced.steps < first:
-            if case.plastic and leg.steps > 1 and not half_space.kernel.m_matrix:
-                # what has yielded on the way may differ from what the search at the begin of the leg found
-                last = ends[number : number + 1] = [_reaching(case, leg.target, surface, half_space, reduced)]
-            yield from last
+        if leg.equal == "indentation":
+            self.plan = list((begin + (self.end - begin) * np.arange(1, leg.steps + 1) / leg.steps).tolist())
+            return
+        high = leg.target.value or 0.0
+        if leg.target.kind != "pressure":
+            last = next(sweep(self._surface, self._half_space, [self.end], self._options, resume=so_far.states))
+            high = float(within(last, self._case).mean_pressure)
+        self.plan = _even(leg, so_far.mean_pressure, high, number)
+
+    def _reaching(self, target: Level, so_far: Reduction) -> float:
+        """Return Δ/σ at a state on the way from the last one."""
+        case, surface, states = self._case, self._surface, so_far.states
+        target = _level(target, surface, plastic=case.plastic)
+        if not states and not case.plastic:
+            return self.first(target)
+        if not (searched(target, surface) or target.kind.startswith("percolation")):
+            end = _plane(target, surface)
+            return end if states else _positive(end, target)
+        options, goal = self._options, target_of(target, case, surface)
+        largest = options.hardness
+        if target.kind == "pressure" and largest is not None and goal.value > largest:
+            message = f"p* = {goal.value:.6g} is not reached: pressures end at the hardness, p* = {largest:.6g}"
+            raise ContactError(message)
+        if not states:
+            if target.kind == "indentation":
+                _positive(goal.value, target)
+            trials = Trials(surface, self._half_space, options)
+            return state_crossing(trials, goal, trials.untouched).approach
+        last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
+        trials = Trials(surface, self._half_space, options, after=last)
+        start = trials.known(last, so_far.residual)
+        falls, fell = goal.value < goal.measure(start), last["indentation"] < before
+        if target.kind in ("contact_area", "pressure") and not (case.plastic or falls or fell):
+            trials.least = start
+            return state_reaching(trials, goal, [start], below=True).approach
+        if falls != fell or not self._half_space.kernel.m_matrix:
+            trials = Trials(surface, self._half_space, options, after=last, turned=True)
+            start = trials.known(last, so_far.residual)
+        return state_crossing(trials, goal, start).approach
+
+    def first(self, target: Level) -> float:
+        """Return Δ/σ at a state of elastic contact, from first touch."""
+        case, surface, half_space = self._case, self._surface, self._half_space
+        in_region = case.record.region is not None and target.kind in ("contact_area", "pressure", "free_volume")
+        if in_region or target.kind.startswith("leak_rate"):
+            trials = Trials(surface, half_space, self._options)
+            goal = target_of(target, case, surface)
+            if target.kind == "free_volume":
+                check_touch(target, case, surface, trials.untouched)
+            elif goal.reached(trials.untouched):
+                kind = target.kind.replace("_", " ")
+                raise ContactError(f"the {kind} is below that of the end of the sweep at first touch already")
+            return state_crossing(trials, goal, trials.untouched).approach
+        solver = case.solver
+        options = Options(min(solver.tolerance, solver.pressure_error or 1.0), solver.method)
+        predicate = end_of(case, target)
+        if predicate is not None:
+            return first_indentation(surface, half_space, predicate, options)
+        if not searched(target, surface):
+            return _positive(_plane(target, surface), target)
+        kind, value = target.kind, target.value or 0.0
+        if kind in ("indentation", "separation"):
+            _positive(_plane(target, surface), target)
+            kind, value = "free_volume", value if kind == "separation" else _plane(Level("separation", value), surface)
+        return indentation_for(surface, half_space, kind, value, options)
 
 
-def _indentation(end: Any) -> float:
-    """Return Δ/σ of an end of `indentations`."""
-    return float(end[0] if isinstance(end, list) else end)
-
-
-def _pressures(
-    case: Case, target: Level, end: float, surface: Surface, half_space: Compliance, reduced: Reduction
-) -> tuple[float, float]:
-    """Return p* in the region of the study at the begin and at the end of a leg."""
-    if target.kind == "pressure":
-        return reduced.mean_pressure, target.value or 0.0
-    last = next(sweep(surface, half_space, [end], options_of(case, surface), resume=reduced.states))
-    return reduced.mean_pressure, float(within(last, case).mean_pressure)
+def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:
+    """Return Δ/σ at the end of the first leg: on a plane, at a value given, or where the search for one ends."""
+    return Path(case, surface, half_space).first(_level(case.sweep.legs[0].target, surface))
 
 
 def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
@@ -138,70 +193,6 @@ def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
     if not (low > 0.0 and high > 0.0):
         raise ContactError(f"equal ratios from p* = {low:.6g} to {high:.6g} on leg {number + 1}; allowed: both > 0")
     return list((low * (high / low) ** places).tolist())
-
-
-def _reaching(case: Case, target: Level, surface: Surface, half_space: Compliance, reduced: Reduction) -> float:
-    """Return Δ/σ at a state on the way from the last one."""
-    target = _level(target, surface, plastic=case.plastic)
-    states = reduced.states
-    if not states and not case.plastic:
-        return _first(case, target, surface, half_space)
-    if not (searched(target, surface) or target.kind.startswith("percolation")):
-        end = _plane(target, surface)
-        return end if states else _positive(end, target)
-    options, goal = options_of(case, surface), target_of(target, case, surface)
-    largest = options.hardness
-    if target.kind == "pressure" and largest is not None and goal.value > largest:
-        raise ContactError(f"p* = {goal.value:.6g} is not reached: pressures end at the hardness, p* = {largest:.6g}")
-    if not states:
-        if target.kind == "indentation":
-            _positive(goal.value, target)
-        trials = Trials(surface, half_space, options)
-        return state_crossing(trials, goal, trials.untouched).approach
-    last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
-    trials = Trials(surface, half_space, options, after=last)
-    start = trials.known(last, reduced.residual)
-    falls, fell = goal.value < goal.measure(start), last["indentation"] < before
-    if target.kind in ("contact_area", "pressure") and not (case.plastic or falls or fell):
-        trials.least = start
-        return state_reaching(trials, goal, [start], below=True).approach
-    if falls != fell or not half_space.kernel.m_matrix:
-        trials = Trials(surface, half_space, options, after=last, turned=True)
-        start = trials.known(last, reduced.residual)
-    return state_crossing(trials, goal, start).approach
-
-
-def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:
-    """Return Δ/σ at the end of the first leg: on a plane, at a value given, or where the search for one ends."""
-    return _first(case, _level(case.sweep.legs[0].target, surface), surface, half_space)
-
-
-def _first(case: Case, target: Level, surface: Surface, half_space: Compliance) -> float:
-    """Return Δ/σ at a state of elastic contact, from first touch."""
-    in_region = case.record.region is not None and target.kind in ("contact_area", "pressure", "free_volume")
-    if in_region or target.kind.startswith("leak_rate"):
-        trials = Trials(surface, half_space, options_of(case, surface))
-        goal = target_of(target, case, surface)
-        if target.kind == "free_volume":
-            check_touch(target, case, surface, trials.untouched)
-        elif goal.reached(trials.untouched):
-            message = (
-                f"the {target.kind.replace('_', ' ')} is below that of the end of the sweep at first touch already"
-            )
-            raise ContactError(message)
-        return state_crossing(trials, goal, trials.untouched).approach
-    solver = case.solver
-    options = Options(min(solver.tolerance, solver.pressure_error or 1.0), solver.method)
-    predicate = end_of(case, target)
-    if predicate is not None:
-        return first_indentation(surface, half_space, predicate, options)
-    if searched(target, surface):
-        kind, value = target.kind, target.value or 0.0
-        if kind in ("indentation", "separation"):
-            _positive(_plane(target, surface), target)
-            kind, value = "free_volume", value if kind == "separation" else _plane(Level("separation", value), surface)
-        return indentation_for(surface, half_space, kind, value, options)
-    return _positive(_plane(target, surface), target)
 
 
 def _level(target: Level, surface: Surface, *, plastic: bool = False) -> Level:

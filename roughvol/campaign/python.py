@@ -17,7 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from roughvol.campaign import notebook, running
+from roughvol.campaign import execution, notebook
 from roughvol.campaign.batch import OnEvent, Progress
 from roughvol.errors import CampaignError, Problem, RoughvolError, RoughvolWarning, StudyError, SurfaceError
 from roughvol.store.dataset import Dataset
@@ -115,12 +115,12 @@ def run(
     options |= {"on_event": _heard(on_event), "stopping": stopping, "only": only}
     if not isinstance(study, Mapping):
         with _named({}):
-            return _warned(running.run(study, **options))
+            return _warned(execution.run(study, **options))
     with _written(study, Arguments("run", OF_STUDY)) as (data, names, files):
         if files and scheduler is not None:
             message = "run: argument scheduler: its workers do not have the heights in memory; store them in a file"
             raise CampaignError(message)
-        return _warned(running.run(of_data(data, names), **options, made=files))
+        return _warned(execution.run(of_data(data, names), **options, made=files))
 
 
 def press(
@@ -231,7 +231,7 @@ def press(
         _written(study, Arguments("press", names)) as (data, arguments, files),
     ):
         asked = _with_units(data, arguments)
-        results = running.run(asked, out=Path(folder) / "run", jobs=jobs, on_event=_heard(None), made=files)
+        results = execution.run(asked, out=Path(folder) / "run", jobs=jobs, on_event=_heard(None), made=files)
     notes += results.attrs["warnings"].splitlines()
     return _warned(results.isel(case=0).assign_attrs(warnings="\n".join(notes)))
 

@@ -1,67 +1,66 @@
-"""The rounds of an ensemble in a folder: samples computed as the design asks for them, until the means are accurate."""
+"""The rounds of an ensemble: samples computed as the design asks for them, until the means are accurate.
+
+The samples are cases of the folder. Surfaces without a solve, and trial surfaces, are computed here in memory.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import time
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from roughvol.campaign import collected, trials
-from roughvol.campaign.batch import Batch, OnEvent, Progress
-from roughvol.ensemble import answer, cost
+import numpy as np
+
+from roughvol.campaign import collection
+from roughvol.campaign.batch import Batch, Control, Progress
+from roughvol.campaign.collection import Finished
+from roughvol.campaign.one_case import Context, arrays_of_case, one_thread, surface_of
+from roughvol.ensemble import answer, cost, samples, step_error
 from roughvol.ensemble.design import Design
-from roughvol.errors import DatasetError
-from roughvol.store import dataset, provenance, sample_plan
+from roughvol.ensemble.prediction import Expected, Prediction
+from roughvol.ensemble.step_error import StepErrors
+from roughvol.observables.variables import DTYPES, VARIABLES
+from roughvol.store import dataset, sample_plan
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.study import Case, Study
 
 
 class Rounds:
-    """The rounds of an ensemble, whose samples are cases of the folder."""
+    """The rounds of an ensemble in its folder, of which samples with a ``sound`` file are not computed again."""
 
     def __init__(
-        self,
-        study: Study,
-        folder: Path,
-        sound: Collection[str],
-        notices: Sequence[str],
-        on_event: OnEvent | None,
-        jobs: int | None,
-        scheduler: str | None,
-        stopping: Callable[[], bool],
+        self, study: Study, folder: Path, sound: Collection[str], control: Control, notices: Sequence[str]
     ) -> None:
-        self._study, self._folder, self._sound, self._on_event = study, folder, set(sound), on_event
-        self._jobs, self._scheduler, self._stopping = jobs, scheduler, stopping
+        self._study, self._folder, self._sound = study, folder, sound
+        self._on_event, self._control = control.on_event, replace(control, on_event=self._report)
         self._cases: dict[str, Case] = {}
-        self._parts: dict[str, Arrays] = {}
-        self._versions: Counter[str] = Counter()
+        self._found = Finished()
         self._interval, self._kept = "", 0
         for notice in notices:
-            self._report(Progress(cases=len(self._sound), kept=len(self._sound), notice=notice))
+            self._report(Progress(cases=len(sound), kept=len(sound), notice=notice))
 
     def results(self) -> Dataset:
         """Return the dataset of all samples and the answer, written when it has changed."""
-        design, began = Design(self._study, trials.step_errors(self._study, self._stopping)), time.monotonic()
+        design, began = Design(self._study, step_errors(self._study, self._control.stopping)), time.monotonic()
         while request := design.next(time.monotonic() - began):
             later = self._later(design)
             sample_plan.store(self._folder, design.counts)
-            surfaces = trials.surfaces_alone(request.surfaces)
+            surfaces = surfaces_alone(request.surfaces)
             design.add(self._computed(request.cases, later) if request.cases else {}, surfaces)
             self._interval = answer.progress(design.estimates)
-            self._report_samples()
-        path, text = self._folder / "study.nc", "\n".join(answer.sentences(design))
-        with contextlib.suppress(DatasetError):
-            stored = dataset.read(path)
-            same = stored.attrs.get("study") == self._study.stored() and stored.attrs.get("answer") == text
-            if same and stored.attrs.get("case_ids") == provenance.ids_text(self._cases):
+            count = len(self._cases)
+            done, event = count - self._kept, f"{count} samples"
+            self._report(Progress(cases=count, kept=self._kept, done=done, work=1.0, event=event))
+        path = self._folder / "study.nc"
+        stored = collection.stored(self._folder, self._study, self._cases)
+        if stored is not None and stored.attrs.get("answer") == "\n".join(answer.sentences(design)):
+            with contextlib.suppress(OSError):
                 os.utime(path)
-                return stored
-        results = collected.combined(self._parts, self._cases, self._study, self._versions)
-        dataset.write(collected.with_answer(results, design), path)
+            return stored
+        dataset.write(_with_answer(collection.combined(self._found, self._cases, self._study), design), path)
         return dataset.read(path)
 
     def _later(self, design: Design) -> float:
@@ -81,22 +80,67 @@ class Rounds:
         kept = len(self._cases) + len(by_id) - len(missing)
         self._kept += len(by_id) - len(missing)
         if missing:
-            batch = Batch(self._folder, self._study.stored(), missing, kept, None, self._report, later=later)
-            batch.through(self._jobs, self._scheduler, self._stopping)
+            Batch(self._folder, self._study.stored(), missing, kept, self._control, later=later).compute()
         else:
             self._report(Progress(cases=kept, kept=kept, work=1.0))
-        parts = collected.all_parts(self._folder, by_id, self._stopping, self._versions)
+        found = collection.complete(self._folder, by_id, self._control.stopping)
         self._cases |= by_id
-        self._parts |= parts
-        return parts
-
-    def _report_samples(self) -> None:
-        """Report the number of samples after a round."""
-        count = len(self._cases)
-        done, event = count - self._kept, f"{count} samples"
-        self._report(Progress(cases=count, kept=self._kept, done=done, work=1.0, event=event))
+        self._found.arrays |= found.arrays
+        self._found.versions += found.versions
+        return found.arrays
 
     def _report(self, progress: Progress) -> None:
-        if self._on_event is not None:
-            quiet = progress.event if progress.failed or progress.event.endswith("samples") else ""
-            self._on_event(replace(progress, event=quiet, interval=self._interval))
+        quiet = progress.event if progress.failed or progress.event.endswith("samples") else ""
+        self._on_event(replace(progress, event=quiet, interval=self._interval))
+
+
+def collected(study: Study, folder: Path, cases: Mapping[str, Case], found: Finished) -> Dataset:
+    """Return the finished samples of an ensemble, with the means if none is missing."""
+    # a budget of time ends elsewhere in each run: its answer is the stored one
+    stored = collection.stored(folder, study, found.arrays)
+    if stored is not None and "answer" in stored.attrs and found.arrays.keys() == cases.keys():
+        return stored
+    results = collection.combined(found, {id: case for id, case in cases.items() if id in found.arrays}, study)
+    design = Design(study, step_errors(study))
+    while request := design.next():
+        if absent := sum(case.id not in found.arrays for case in request.cases):
+            missing = f"{absent} of {len(request.cases)} samples of a round are missing"
+            return results.assign_attrs(answer=f"no answer yet: {missing}; a run of the study goes on")
+        design.add(found.arrays, surfaces_alone(request.surfaces))
+    return _with_answer(results, design)
+
+
+def _with_answer(results: Dataset, design: Design) -> Dataset:
+    """Return a dataset with the variables of an answer, and its sentences as the attribute ``answer``."""
+    for name, (dims, array) in answer.variables(design).items():
+        row = VARIABLES[name]
+        results[name] = (dims, np.asarray(array, dtype=DTYPES[row.kind]))
+        results[name].attrs = {"units": row.units, "long_name": row.long_name, "symbol": row.symbol}
+    return results.assign_attrs(answer="\n".join(answer.sentences(design)))
+
+
+def surfaces_alone(cases: Sequence[Case]) -> list[tuple[float, ...]]:
+    """Return the numbers of surfaces without a solve."""
+    with one_thread():
+        return [samples.numbers_of(surface_of(case)) for case in cases]
+
+
+def in_memory(cases: Sequence[Case], stopping: Callable[[], bool] = lambda: False) -> dict[str, Arrays]:
+    """Return the arrays of cases by id, without files."""
+    context, found = Context(), {}
+    for case in cases:
+        if stopping():
+            raise KeyboardInterrupt
+        found[case.id] = arrays_of_case(case, context)
+    return found
+
+
+def step_errors(study: Study, stopping: Callable[[], bool] = lambda: False) -> StepErrors:
+    """Return the errors between the steps of an ensemble, from trial surfaces."""
+    return step_error.measured(study, in_memory(step_error.trial(study), stopping))
+
+
+def expected(study: Study) -> list[Expected]:
+    """Return the expected samples and costs of an ensemble by D."""
+    prediction = Prediction(study)
+    return prediction.expected(in_memory(prediction.cases), surfaces_alone(prediction.surfaces))

@@ -19,7 +19,6 @@ its time, at least one half.
 
 from __future__ import annotations
 
-import itertools
 import time
 import tracemalloc
 from collections.abc import Callable, Iterable
@@ -27,13 +26,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from roughvol.campaign.one_case import FFT, surface_of
+from roughvol.campaign.one_case import FFT, one_thread, surface_of
 from roughvol.campaign.path import last_indentation
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import KERNELS
-from roughvol.contact.loading import Contact, sweep
+from roughvol.contact.loading import sweep
+from roughvol.contact.options import Options
 from roughvol.errors import ContactError
 from roughvol.gap import box_counting, free_volume
 from roughvol.store import provenance
@@ -64,6 +63,11 @@ class Rung:
     steps: int
     m: int
 
+    @property
+    def options(self) -> Options:
+        """Options of the solver."""
+        return Options(self.rtol, self.method, self.precision)
+
 
 @dataclass(frozen=True)
 class _Run:
@@ -91,16 +95,15 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
     cases = tuple(case for case in cases if (case.m or 0) == finest)
     if not cases or cases[0].sweep.steps == 0:
         raise ContactError("the study has no sweep; allowed: sweep.steps of at least 1")
-    if cases[0].plastic or len(cases[0].sweep.legs) > 1 or cases[0].sweep.legs[0].listed or cases[0].sweep.has_units:
+    sweep = cases[0].sweep
+    if cases[0].plastic or len(sweep.legs) > 1 or sweep.legs[0].listed or sweep.has_units:
         message = "a trade-off is measured on one elastic sweep; allowed: no list of legs or states, no hardness that "
-        message += "acts, an end without a unit"
-        raise ContactError(message)
+        raise ContactError(f"{message}acts, an end without a unit")
     if cases[0].periodic:
         message = "the surface is periodic; allowed: a free one, its ladders of m and kernel are those of a free patch"
         raise ContactError(message)
-    seeds = list(dict.fromkeys(case.seed for case in cases))
-    dimensions = {case.D for case in cases}
-    kept = seeds[: max(1, SURFACES // len(dimensions))]
+    seeds, dimensions = dict.fromkeys(case.seed for case in cases), {case.D for case in cases}
+    kept = list(seeds)[: max(1, SURFACES // len(dimensions))]
     return tuple(case for case in cases if case.seed in kept)
 
 
@@ -146,9 +149,9 @@ def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> 
     rungs = rungs_of(cases[0])
     values = {name: np.full((len(rungs), len(cases)), np.nan) for name, row in TABLE.items() if row.dims == EACH}
     held: dict[tuple[Any, ...], tuple[HalfSpace, float]] = {}
-    with threadpool_limits(1):
+    with one_thread():
         for column, case in enumerate(cases):
-            bench = _Bench(case, held)
+            bench = _Bench(case, {rung.m for rung in rungs}, held)
             for row, rung in enumerate(rungs):
                 for name, value in bench.compare(rung, memory=column == 0).items():
                     values[name][row, column] = value
@@ -171,29 +174,29 @@ def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> 
 
 
 class _Bench:
-    """One surface on its ladders; surfaces share half spaces."""
+    """One surface on its ladders, with the grids of all their m; surfaces share half spaces."""
 
-    def __init__(self, case: Case, held: dict[tuple[Any, ...], tuple[HalfSpace, float]]) -> None:
-        self.case, self._held = case, held
-        self._surfaces: dict[int, Surface] = {}
-        self._runs: dict[int, _Run] = {}
-        own = -1 if case.m is None else case.m
+    def __init__(self, case: Case, levels: set[int], held: dict[tuple[Any, ...], tuple[HalfSpace, float]]) -> None:
+        self._held, self._runs = held, dict[int, _Run]()
+        self._kernel, self._steps, self._finest = case.solver.kernel, case.sweep.steps, max(levels)
+        cases = {m: case if m < 0 else replace(case, m=m) for m in levels}
+        self._surfaces = {m: surface_of(one) for m, one in cases.items()}
+        swept = {self._finest, min(self._finest, PAPER_M)}
         # last indentation of the sweep, by m
-        self._ends = {m: self._end(m) for m in dict.fromkeys((own, min(own, PAPER_M)))}
+        self._ends = {m: last_indentation(cases[m], self._surfaces[m], self._half_space(m)[0]) for m in swept}
 
     def compare(self, rung: Rung, *, memory: bool) -> dict[str, float]:
         """Return the variables of one rung on this surface."""
-        surface = self._surface(rung.m)
-        half_space, ratio = self._half_space(surface, rung.kernel)
-        at = self._separations(rung) if rung.ladder == "resolution" else self._indentations(rung.m, rung.steps)
-        run = _swept(surface, half_space, at, rung)
-        finest = -1 if self.case.m is None else self.case.m
-        reference = self._reference(finest if rung.ladder == "resolution" else rung.m)
+        surface, (half_space, ratio) = self._surfaces[rung.m], self._half_space(rung.m, rung.kernel)
+        by_level = rung.ladder == "resolution"
+        m = self._finest if by_level else rung.m
+        # another level of the family has the separations d/σ of the finest
+        shift = surface.peak - self._surfaces[m].peak
+        at: Array = self._ends[m] * np.arange(1, rung.steps + 1) / rung.steps + shift
+        run, reference = _swept(surface, half_space, at, rung.options), self._reference(m)
         every = len(reference.numbers) // len(run.numbers)
         wanted = reference.numbers[every - 1 :: every]
-        change = np.abs(run.numbers - wanted)
-        touched = wanted[:, 1] > 0.0
-        states = max(len(run.numbers), 1)
+        change, touched, states = np.abs(run.numbers - wanted), wanted[:, 1] > 0.0, len(run.numbers)
         return {
             "contact_area_fraction_error": float(change[:, 0].max()),
             "mean_pressure_error": float((change[touched, 1] / wanted[touched, 1]).max(initial=0.0)),
@@ -206,57 +209,34 @@ class _Bench:
             "convolutions_fp32_per_step": run.counts[1] / states,
             "units": (run.counts[0] + ratio * run.counts[1]) / states,
             "seconds": run.seconds,
-            "memory": _peak(surface, at, rung) if memory else np.nan,
+            "memory": _peak(surface, at[-1], rung) if memory else np.nan,
         } | dict(zip(QUANTITIES, run.numbers[-1].tolist(), strict=True))
 
-    def _surface(self, m: int) -> Surface:
-        if m not in self._surfaces:
-            self._surfaces[m] = surface_of(self.case if m < 0 else replace(self.case, m=m))
-        return self._surfaces[m]
-
-    def _half_space(self, surface: Surface, kernel: str) -> tuple[HalfSpace, float]:
+    def _half_space(self, m: int, kernel: str = "") -> tuple[HalfSpace, float]:
         """Return the half space and the cost of a convolution in single precision, in units."""
-        key = (surface.shape, kernel)
+        shape = self._surfaces[m].shape
+        key = (shape, kernel or self._kernel)
         if key not in self._held:
-            half_space = HalfSpace(surface.shape, kernel=kernel)
+            half_space = HalfSpace(shape, kernel=key[1])
             assert half_space.total_compliance.size  # cost of the grid, not of the first sweep
             self._held[key] = half_space, max(0.5, _seconds(half_space, True) / _seconds(half_space, False))
         return self._held[key]
 
-    def _end(self, m: int) -> float:
-        case = self.case if m < 0 else replace(self.case, m=m)
-        surface = self._surface(m)
-        return last_indentation(case, surface, self._half_space(surface, case.solver.kernel)[0])
-
-    def _indentations(self, m: int, steps: int) -> Array:
-        return self._ends[m] * np.arange(1, steps + 1) / steps
-
-    def _separations(self, rung: Rung) -> Array:
-        """Return the indentations of a level with the separations d/σ of the finest."""
-        assert self.case.m is not None
-        finest, own = self._surface(self.case.m), self._surface(rung.m)
-        shifted: Array = self._indentations(self.case.m, rung.steps) + (own.peak - finest.peak)
-        return shifted
-
     def _reference(self, m: int) -> _Run:
-        rung = Rung("", REFERENCE_RTOL, "double", self.case.solver.kernel, "fast", self.case.sweep.steps, m)
         if m not in self._runs:
-            surface = self._surface(m)
-            half_space, _ = self._half_space(surface, rung.kernel)
-            self._runs[m] = _swept(surface, half_space, self._indentations(m, rung.steps), rung)
+            at = self._ends[m] * np.arange(1, self._steps + 1) / self._steps
+            exact = Options(REFERENCE_RTOL, precision="double")
+            self._runs[m] = _swept(self._surfaces[m], self._half_space(m)[0], at, exact)
         return self._runs[m]
 
 
-def _swept(surface: Surface, half_space: HalfSpace, indentations: Iterable[float], rung: Rung) -> _Run:
+def _swept(surface: Surface, half_space: HalfSpace, indentations: Iterable[float], options: Options) -> _Run:
     started = (half_space.convolutions, half_space.convolutions_fp32, time.process_time())
     numbers, residual, bound = [], 0.0, 0.0
-    last: Contact | None = None
-    options = {"rtol": rung.rtol, "method": rung.method, "precision": rung.precision}
-    for last in sweep(surface, half_space, indentations, **options):  # type: ignore[arg-type]
+    for last in sweep(surface, half_space, indentations, options):
         numbers.append([last.contact_area_fraction, last.mean_pressure, last.free_volume])
         residual, bound = max(residual, last.residual), max(bound, last.mean_pressure_bound)
     seconds = time.process_time() - started[2]
-    assert last is not None
     counts = half_space.convolutions - started[0], half_space.convolutions_fp32 - started[1]
     return _Run(np.array(numbers), last.gap(), last.contact(), residual, bound, counts, seconds)
 
@@ -296,14 +276,12 @@ def _seconds(half_space: HalfSpace, single: bool) -> float:
     return min(times)
 
 
-def _peak(surface: Surface, indentations: Array, rung: Rung) -> float:
+def _peak(surface: Surface, end: float, rung: Rung) -> float:
     """Return the peak memory in bytes of a half space and a sweep to the same end in six steps."""
-    few = indentations[-1] * np.arange(1, 7) / 6
     tracemalloc.start()
     try:
         half_space = HalfSpace(surface.shape, kernel=rung.kernel)
-        options = {"rtol": rung.rtol, "method": rung.method, "precision": rung.precision}
-        for _ in itertools.islice(sweep(surface, half_space, few, **options), 6):  # type: ignore[arg-type]
+        for _ in sweep(surface, half_space, end * np.arange(1, 7) / 6, rung.options):
             pass
         return float(tracemalloc.get_traced_memory()[1])
     finally:

@@ -1,61 +1,67 @@
 """Limits of the model: a linear elastic half space of small slopes, without yield or fluid pressure.
 
 Conventions: pressures are over E*, p/E* = p* Sq/L. s = Sdq/2 is the root mean square contact pressure over E* of a
-surface pressed flat (Persson 2001). Limits are choices of this module; validity.md has their sources and remedies.
+surface pressed flat (Persson 2001). The limits are rows of `validity.toml`; validity.md argues them and has remedies.
 
 Slopes and p/E* depend on the ratio of heights to L. A file, ``Sq``, or L with a unit gives it. Otherwise heights have
 the unit of L by convention alone, and slope and p/E* are not judged. A hardness is always judged. The rim of a free
 patch is judged in studies with a flow or units and without a region: their patch is a sample of a larger joint.
-
-Functions take plain numbers or a collected dataset.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
 from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from roughvol.campaign import path
+from roughvol.campaign.one_case import surface_of
 from roughvol.study import Level, MadeSurface, SpectralSurface, Study, convert
 from roughvol.study.values.units import in_unit, unit_of
+from roughvol.surfaces import texture
+from roughvol.surfaces.surface import Surface
+from roughvol.typing import Array, Mask
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
-STEEPEST = 0.3  # Sdq: the true area is then 4.4 % larger, and the mean contact pressure 0.19 E*
-HIGHEST = 0.1  # nominal pressure over E*: strains of ten per cent
-LARGEST_DROP = 0.1  # pressure drop over nominal pressure: a linear drop then carries 5 % of the load
+LOOKED_AT = 10  # largest m of a surface made for its slope alone
 ATMOSPHERE = 101325.0  # Pa: the ambient of a gas, whose pressures are absolute; other pressures are over the ambient
-PERSISTENT = 0.3  # nominal pressure over hardness: perfect plasticity has 1.3 times the area of persistent asperities
-ABOVE_HARDNESS = 0.01  # share of the load above the hardness; tolerates a few peaks of one element
-RIM = 0.8  # mean pressure in the central half of each side over that of the whole
-HIGH = 6.0  # highest point above the mean plane over Sq: of 10⁶ independent normal heights the highest is at 5
-METAL = 20.0  # GPa, E*: above polymers and rubber, below all structural metals
-SOFTEST = 1e-3  # contact pressure over E* at which the softest metals yield: H = 3 Y (Tabor 1951), Y/E of 1/3000
+STIFF = 20.0  # GPa, E*: above polymers and rubber, below all structural metals
 UNLOADED = 1e-12  # p*: an unloaded surface to rounding
 CLOSES_AT = 0.42  # A* at the closing of the last way (Persson & Yang 2008; Wang & Müser 2020)
 
-SMALL_SLOPES = "Al-Qudsi, De Lorenzis & Scaraggi 2022; Sdr ≈ Sdq²/2 (ISO 25178-2)"
-NORMAL_HEIGHTS = "extreme values of normal heights, docs/explanation/validity.md"
-SMALL_STRAINS = "Johnson 1985, section 4.1"
-HARDNESS = "Tabor 1951, H ≈ 3 Y"
-PERSISTENCE = "Williamson & Hunt 1972; Pullen & Williamson 1972: A* = (p/H)/(1 + p/H)"
-COUPLING = "Shvarts & Yastrebov 2018"
-FREE_PATCH = "configs/seal_region.yaml, docs/explanation/validity.md"
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit of the model, with the fields that `validity.toml` explains."""
+
+    key: str
+    value: float
+    source: str
+    found: str
+    expected: str = ""
+    kept: str = ""
+
+
+_TABLE = tomllib.loads(Path(__file__).with_name("validity.toml").read_text(encoding="utf-8"))
+LIMITS = {key: Limit(key, **row) for key, row in _TABLE.items()}
 
 
 @dataclass(frozen=True)
 class Extent:
-    """Cases and states beyond a limit."""
+    """Cases and states beyond a limit, among those compared."""
 
-    cases: int = 0  # beyond the limit
+    cases: int = 0
     of_cases: int = 0  # 0 before the computation
-    states: int = 0  # beyond the limit
-    of_states: int = 0  # compared; 0 for a limit of the surface
+    states: int = 0
+    of_states: int = 0  # 0 for a limit of the surface
     first: float = math.nan  # p* of the least loaded state beyond the limit
 
     def __str__(self) -> str:
@@ -68,10 +74,8 @@ class Extent:
 class Finding:
     """A limit of the model that a study exceeds."""
 
-    key: str  # peak, slope, nominal_pressure, hardness, persistence, metal, pressure_drop, fluid or rim
+    key: str  # of its row in `LIMITS`
     sentence: str  # quantity, amount and states beyond the limit
-    limit: float
-    source: str
     extent: Extent = Extent()
 
 
@@ -156,7 +160,29 @@ def _written(hardness: float | None, unit: str | None) -> str:
     return f"{hardness:g} {unit or ''}".strip()
 
 
-def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float) -> list[Finding]:
+@dataclass(frozen=True)
+class _States:
+    """Numbers of a study that are compared with the limits; arrays of states have a row for each case.
+
+    Expected are the end of the sweep alone, by Persson's theory, and no p*.
+    """
+
+    expected: bool
+    nominal: Array  # pressure p/E*
+    starred: Array  # pressure p*
+    flow: Mask  # states with a leak rate
+    peak: float  # highest point above the mean plane over Sq
+    slopes: Array  # of the surfaces
+    in_contact: float  # mean pressure of the contact over E* at the highest load
+    above: tuple[Array, Array] | None  # shares of the contact and of the load above the hardness
+    central: Array  # pressure in the centre over that of the patch, of each case
+
+    def highest(self, values: Array) -> float:
+        """Return the value at the state of highest load."""
+        return float(values.flat[int(np.argmax(np.nan_to_num(self.starred, nan=-1.0)))])
+
+
+def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float, peak: float = math.nan) -> list[Finding]:
     """Return the limits that a study will probably exceed, with pressures by Persson's theory.
 
     Persson (2001): A* = erf(√2 p/(E* Sdq)). At light load the density of the contact pressure over E* is
@@ -170,52 +196,34 @@ def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float) ->
         Last state of the sweep.
     Sq, Sdq, L : float
         Of the roughest surface: Sq and L [one length], Sdq [1]. Unused if ``given.scaled`` is False.
+    peak : float
+        Highest point above the mean plane over Sq.
 
     Returns
     -------
     list of Finding
         Expected excesses.
     """
-    findings = []
     scale = 0.5 * Sdq if given.scaled else math.nan
     end = _end(target, scale, Sq / L) if given.scaled else math.nan
-    if given.scaled:
-        findings += _slope(np.array([Sdq]))
-    if end > HIGHEST:
-        text = f"nominal pressure will be about {end:.2g} E* at the end (limit {HIGHEST}): strains are not small"
-        findings.append(Finding("nominal_pressure", text, HIGHEST, SMALL_STRAINS))
+    shares = None
     if given.hardness is not None and not given.yields and scale > 0.0:
         x = given.hardness / given.modulus / scale
         contact = math.exp(-0.5 * x * x)
         load = contact * x * math.sqrt(2.0 / math.pi) + math.erfc(x / math.sqrt(2.0))
-        if load > ABOVE_HARDNESS:
-            text = (
-                f"contact pressure will exceed the hardness {given.hardness_text} on about {_percent(contact)} of the "
-                f"contact, with {_percent(load)} of the load: yield is not computed"
-            )
-            findings.append(Finding("hardness", text, ABOVE_HARDNESS, HARDNESS))
-    if given.yields and given.hardness is not None and end > PERSISTENT * given.hardness / given.modulus:
-        text = (
-            f"nominal pressure will be about {end * given.modulus / given.hardness:.2g} of the hardness at the end "
-            f"(limit {PERSISTENT}): {_PERSIST}"
-        )
-        findings.append(Finding("persistence", text, PERSISTENT, PERSISTENCE))
-    findings += _metal(given, math.sqrt(0.5 * math.pi) * scale, "about ")
-    if 0.0 < end <= given.fluid:
-        text = (
-            f"the mean pressure of the fluid is {_pressure(given, given.fluid)} over the ambient ({given.fluid_text}), "
-            f"the nominal pressure expected at the end about {_pressure(given, end)}: {_OPENS}"
-        )
-        findings.append(Finding("fluid", text, 1.0, COUPLING))
-    if given.drop_text is not None and math.isnan(given.drop):
-        findings.append(_drop_unknown(given))
-    elif end > 0.0 and given.drop > LARGEST_DROP * end:
-        text = (
-            f"pressure_drop {given.drop_text} is {given.drop / end:.2g} of the nominal pressure expected at the end of "
-            f"the sweep, about {_pressure(given, end)} (limit {LARGEST_DROP}): the fluid would carry part of the load"
-        )
-        findings.append(Finding("pressure_drop", text, LARGEST_DROP, COUPLING))
-    return findings
+        shares = np.array([[contact]]), np.array([[load]])
+    expected = _States(
+        expected=True,
+        nominal=np.array([[end]]),
+        starred=np.ones((1, 1)),
+        flow=np.array([[end > 0.0]]),
+        peak=peak,
+        slopes=np.array([Sdq]),
+        in_contact=math.sqrt(0.5 * math.pi) * scale,
+        above=shares,
+        central=np.empty(0),
+    )
+    return _findings(given, expected)
 
 
 def after(given: Setting, results: Dataset) -> list[Finding]:
@@ -235,57 +243,85 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
     """
     if "mean_pressure" not in results:
         return []  # no contact
-    starred = results["mean_pressure"]
-    nominal = starred * results["Sq"].where(results["Sq"] > 0.0, 1.0) / results["L"].item()
-    # d/σ + Δ/σ: height of the first touch above the mean plane
-    findings = peak(given, float((results["separation"] + results["indentation"]).max()))
-    findings += _slope(results["Sdq"].values.ravel()) if given.scaled else []
-    if given.scaled:
-        findings += _nominal(nominal, starred)
-    if "load_above_hardness_fraction" in results:
-        findings += _hardness(given, results, starred, nominal)
-    else:
-        contact = (nominal / results["contact_area_fraction"]).where(starred > 0.0)
-        findings += _metal(given, _at_highest(contact, starred) if given.scaled else math.nan, "")
-    leaks = [results[name] for name in ("leak_rate", "gas_leak_rate") if name in results]
-    if given.yields and given.scaled:
-        findings += _persistence(given, starred, nominal)
-    if leaks:
-        leaking = starred.where(sum(leak.notnull().any("axis") for leak in leaks) > 0)
-        findings += [*_fluid(given, leaking, nominal), *_drop(given, leaking, nominal)]
-    if given.patch and "central_pressure_ratio" in results:
-        findings += _rim(results["central_pressure_ratio"].values.ravel())
-    return findings
+
+    def states(variable: DataArray) -> Array:
+        values = variable.transpose(..., "step").values
+        return np.reshape(values, (-1, values.shape[-1]))
+
+    starred, Sq = states(results["mean_pressure"]), results["Sq"].values.reshape(-1, 1)
+    nominal = starred * np.where(Sq > 0.0, Sq, 1.0) / results["L"].item()
+    above = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
+    leaks = [results[name].notnull().any("axis") for name in ("leak_rate", "gas_leak_rate") if name in results]
+    central = results["central_pressure_ratio"].values.ravel() if "central_pressure_ratio" in results else np.empty(0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        in_contact = np.where(starred > 0.0, nominal / states(results["contact_area_fraction"]), np.nan)
+    found = _States(
+        expected=False,
+        nominal=nominal,
+        starred=starred,
+        flow=np.any([states(leak) for leak in leaks], axis=0) if leaks else np.zeros(starred.shape, dtype=bool),
+        # d/σ + Δ/σ: height of the first touch above the mean plane
+        peak=float((results["separation"] + results["indentation"]).max()),
+        slopes=results["Sdq"].values.ravel() if given.scaled else np.empty(0),
+        in_contact=math.nan,
+        above=(states(results[above[0]]), states(results[above[1]])) if above[1] in results else None,
+        central=central,
+    )
+    return _findings(given, replace(found, in_contact=found.highest(in_contact)))
+
+
+def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
+    """Return the limits of the model that a study will exceed, as far as known before a run.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    surface : Surface, optional
+        The surface from its height file, as `check_surfaces` returns it. Default: read here.
+
+    Returns
+    -------
+    list of Finding
+        Of generated surfaces, the roughest of the first seed is judged, at m ≤ `LOOKED_AT`: its slope grows with m.
+    """
+    if study.axes:
+        found = (finding for variant in study.variants for finding in foreseen(variant.study))
+        return list({finding.sentence: finding for finding in found}.values())
+    case, made = study.cases()[0], study.surface
+    given = setting(study)
+    if case.sweep.steps == 0:
+        return []
+    if not given.scaled:
+        return before(given, case.sweep.legs[0].target, Sq=math.nan, Sdq=math.nan, L=case.L)
+    size = 1.0
+    if isinstance(made, MadeSurface):
+        m = min(max(made.m, default=case.m or 0), LOOKED_AT)
+        surface = surface_of(replace(case, D=max(made.dimensions), m=m))
+        size = (made.height or surface.Sq) / surface.Sq
+    surface = surface or surface_of(case)
+    target = path.starred(case, surface).sweep.legs[0].target
+    Sdq = size * texture.Sdq(surface.with_neighbours, surface.spacing)
+    return before(given, target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side, peak=surface.peak)
+
+
+def kept(given: Setting, results: Dataset) -> list[Limit]:
+    """Return the limits with words that are judged in a study and not exceeded by its states."""
+    judged = {
+        "slope": given.scaled,
+        "nominal_pressure": given.scaled,
+        "hardness": given.hardness is not None and not given.yields,
+        "pressure_drop": math.isfinite(given.drop) and not given.lifted,
+        "rim": given.patch,
+        "peak": given.measured,
+    }
+    beyond = {finding.key for finding in after(given, results)}
+    return [LIMITS[key] for key, is_judged in judged.items() if is_judged and key not in beyond]
 
 
 def sentences(findings: Iterable[Finding], notes: Iterable[str] = ()) -> list[str]:
     """Return notes and findings as sentences, without duplicates."""
     return list(dict.fromkeys([*notes, *(finding.sentence for finding in findings)]))
-
-
-def peak(given: Setting, height: float) -> list[Finding]:
-    """Return the excess of the highest point of a measured surface.
-
-    Parameters
-    ----------
-    given : Setting
-        See `setting`.
-    height : float
-        Highest point above the mean plane over Sq.
-
-    Returns
-    -------
-    list of Finding
-        Empty or one.
-    """
-    if not (given.measured and height > HIGH):
-        return []
-    remedy = "outliers were removed already" if given.cleaned else "see surface.outliers"
-    text = (
-        f"the highest point lies {height:.3g} Sq above the mean plane and touches first, alone; "
-        f"if it is dust or an error of the instrument, {remedy}"
-    )
-    return [Finding("peak", text, HIGH, NORMAL_HEIGHTS)]
 
 
 def _end(target: Level, scale: float, ratio: float) -> float:
@@ -298,140 +334,80 @@ def _end(target: Level, scale: float, ratio: float) -> float:
     return scale * NormalDist().inv_cdf(0.5 * (1.0 + area)) if area < 1.0 else math.nan
 
 
-def _slope(slopes: np.ndarray) -> list[Finding]:
-    slopes = slopes[np.isfinite(slopes)]
-    steep = int(np.sum(slopes > STEEPEST))
-    if not steep:
-        return []
-    where = f" on {steep} of {slopes.size} surfaces" if slopes.size > 1 else ""
-    text = f"rms slope Sdq is up to {slopes.max():.2g}{where} (limit {STEEPEST}): small-slope elasticity is inaccurate"
-    return [Finding("slope", text, STEEPEST, SMALL_SLOPES, Extent(steep, slopes.size))]
+def _findings(given: Setting, states: _States) -> list[Finding]:
+    """Return the limits exceeded by numbers."""
+    return [*_of_surfaces(given, states), *_of_states(given, states)]
 
 
-def _nominal(nominal: DataArray, starred: DataArray) -> list[Finding]:
-    beyond = nominal > HIGHEST
-    if not bool(beyond.any()):
-        return []
-    extent = _extent(beyond, starred)
-    text = (
-        f"nominal pressure is up to {float(nominal.max()):.2g} E* (limit {HIGHEST}), beyond it at {extent} "
-        f"from p* = {extent.first:.3g} on: strains are not small"
-    )
-    return [Finding("nominal_pressure", text, HIGHEST, SMALL_STRAINS, extent)]
+def _of_surfaces(given: Setting, states: _States) -> Iterator[Finding]:
+    """Yield the findings with one number for a study or for each surface."""
+    if given.measured and states.peak > LIMITS["peak"].value:
+        remedy = "outliers were removed already" if given.cleaned else "see surface.outliers"
+        yield _finding("peak", {"highest": f"{states.peak:.3g}", "remedy": remedy})
+    slopes = states.slopes[np.isfinite(states.slopes)]
+    if given.scaled and (steep := int(np.sum(slopes > LIMITS["slope"].value))):
+        surfaces = f" on {steep} of {slopes.size} surfaces" if slopes.size > 1 else ""
+        words = {"highest": f"{slopes.max():.2g}", "surfaces": surfaces}
+        yield _finding("slope", words, Extent(steep, slopes.size))
+    contact = states.in_contact if given.scaled else math.nan
+    if given.unit is not None and given.hardness is None and not contact < LIMITS["metal"].value:
+        modulus = convert(given.modulus, given.unit, "GPa")
+        if modulus >= STIFF:
+            mean = f" (mean in contact: {'about ' * states.expected}{_pressure(given, contact, 'GPa')})"
+            yield _finding("metal", {"modulus": f"{modulus:.3g}", "reached": "" if math.isnan(contact) else mean})
+    if given.drop_text is not None and math.isnan(given.drop) and (states.expected or states.flow.any()):
+        text = "cannot be compared with the contact pressure: the modulus has no unit"
+        yield Finding("pressure_drop", f"pressure_drop {given.drop_text} {text}")
+    ratios = states.central[np.isfinite(states.central)]
+    if given.patch and ratios.size and (median := np.median(ratios)) < LIMITS["rim"].value:
+        low = int(np.sum(ratios < LIMITS["rim"].value))
+        cases = f", median of {ratios.size} cases" if ratios.size > 1 else ""
+        yield _finding("rim", {"median": f"{median:.2f}", "cases": cases}, Extent(low, ratios.size))
 
 
-def _hardness(given: Setting, results: Dataset, starred: DataArray, nominal: DataArray) -> list[Finding]:
-    contact, load = results["contact_above_hardness_fraction"], results["load_above_hardness_fraction"]
-    beyond = load > ABOVE_HARDNESS
-    if not bool(beyond.any()):
-        return []
-    extent = _extent(beyond, starred)
-    at = _pressure(given, float(nominal.where(beyond).min())) if given.scaled and given.unit else ""
-    text = (
-        f"contact pressure exceeds the hardness {given.hardness_text} at {extent}, "
-        f"from {at or 'p* = ' + format(extent.first, '.3g')} on: {_percent(_at_highest(contact, starred))} of the "
-        f"contact and {_percent(_at_highest(load, starred))} of the load at the highest load; yield is not computed"
-    )
-    return [Finding("hardness", text, ABOVE_HARDNESS, HARDNESS, extent)]
+def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
+    """Yield the findings with a number for each state, NaN where it is not judged."""
+    nominal, compared = states.nominal, np.isfinite(states.starred)
+    flow, unknown = states.flow & compared, np.full_like(states.nominal, math.nan)
+    contact, load = states.above or (unknown, unknown)
+    yielding = given.modulus / given.hardness if given.yields and given.hardness is not None else math.nan
+    with np.errstate(divide="ignore", invalid="ignore"):
+        numbers = {
+            "nominal_pressure": (nominal if given.scaled else unknown, compared),
+            "hardness": (load, compared),
+            "persistence": (nominal * yielding if given.scaled else unknown, compared),
+            "fluid": (given.fluid / np.where(states.starred > UNLOADED, nominal, math.nan), flow),
+            "pressure_drop": (given.drop / nominal, flow),
+        }
+    words = {"contact": _percent(states.highest(contact)), "load": _percent(states.highest(load))}
+    words |= {"hardness": given.hardness_text, "fluid": _pressure(given, given.fluid), "sides": given.fluid_text}
+    remedy = "the leak at the states of record.fluid_pressure has it, the dry leak along the steps has not"
+    words |= {
+        "drop": str(given.drop_text),
+        "remedy": remedy if given.lifted else "record.fluid_pressure computes it",
+    }
+    for key, (number, among) in numbers.items():
+        beyond = (number >= LIMITS[key].value) & among
+        if not beyond.any():
+            continue
+        least, p = nominal[beyond].min(), states.starred[beyond].min()
+        words |= {
+            "highest": f"{np.nanmax(number[beyond]):.2g}",
+            "least": _pressure(given, least) if given.scaled and given.unit else f"p* = {p:.3g}",
+            "largest": _pressure(given, nominal[beyond].max()),
+        }
+        extent = None
+        if not states.expected:
+            cases, of_cases = int(beyond.any(-1).sum()), int(among.any(-1).sum())
+            extent = Extent(cases, of_cases, int(beyond.sum()), int(among.sum()), float(p))
+        yield _finding(key, words, extent, expected=states.expected)
 
 
-def _metal(given: Setting, contact: float, extent: str) -> list[Finding]:
-    """Return the lack of a hardness, unless the contact pressure over E* (NaN: unknown) is below any yield."""
-    if given.unit is None or given.hardness is not None or contact < SOFTEST:
-        return []
-    if convert(given.modulus, given.unit, "GPa") < METAL:
-        return []
-    modulus = f"{convert(given.modulus, given.unit, 'GPa'):.3g} GPa"
-    reached = "" if math.isnan(contact) else f" (mean in contact: {extent}{_pressure(given, contact, 'GPa')})"
-    text = f"contact modulus {modulus} is metal-like and no hardness is given: no yield limits the pressure{reached}"
-    return [Finding("metal", text, SOFTEST, HARDNESS)]
-
-
-def _drop_unknown(given: Setting) -> Finding:
-    text = f"pressure_drop {given.drop_text} cannot be compared with the contact pressure: the modulus has no unit"
-    return Finding("pressure_drop", text, LARGEST_DROP, COUPLING)
-
-
-def _drop(given: Setting, starred: DataArray, nominal: DataArray) -> list[Finding]:
-    """Return the states with a large pressure drop; ``starred`` is NaN without a leak rate."""
-    if math.isnan(given.drop):
-        return [_drop_unknown(given)]
-    beyond = (given.drop > LARGEST_DROP * nominal) & starred.notnull()
-    if not bool(beyond.any()):
-        return []
-    extent = _extent(beyond, starred)
-    highest = float(nominal.where(beyond).max())
-    text = (
-        f"pressure_drop {given.drop_text} is more than {LARGEST_DROP} of the nominal pressure at {extent}, "
-        f"up to {_pressure(given, highest)}: the fluid would carry part of the load there, and widen the gap; "
-        + (
-            "the leak at the states of record.fluid_pressure has it, the dry leak along the steps has not"
-            if given.lifted
-            else "record.fluid_pressure computes it"
-        )
-    )
-    return [Finding("pressure_drop", text, LARGEST_DROP, COUPLING, extent)]
-
-
-def _fluid(given: Setting, starred: DataArray, nominal: DataArray) -> list[Finding]:
-    """Return the states whose load the fluid carries alone; ``starred`` is NaN without a leak rate."""
-    beyond = (nominal <= given.fluid) & (starred > UNLOADED)
-    if not bool(beyond.any()):
-        return []
-    extent = _extent(beyond, starred)
-    text = (
-        f"the mean pressure of the fluid is {_pressure(given, given.fluid)} over the ambient ({given.fluid_text}), "
-        f"at least the nominal pressure at {extent}: {_OPENS}"
-    )
-    return [Finding("fluid", text, 1.0, COUPLING, extent)]
-
-
-def _persistence(given: Setting, starred: DataArray, nominal: DataArray) -> list[Finding]:
-    """Return the states of metal beyond the reach of perfect plasticity."""
-    assert given.hardness is not None
-    share = nominal * (given.modulus / given.hardness)
-    beyond = share > PERSISTENT
-    if not bool(beyond.any()):
-        return []
-    extent = _extent(beyond, starred)
-    text = (
-        f"nominal pressure is up to {float(share.max()):.2g} of the hardness (limit {PERSISTENT}), beyond it at "
-        f"{extent}: {_PERSIST}"
-    )
-    return [Finding("persistence", text, PERSISTENT, PERSISTENCE, extent)]
-
-
-_OPENS = "the fluid carries the whole load there and opens the joint; the dry leak does not hold"
-_PERSIST = "asperities persist, and perfect plasticity has too much contact and too small a leak"
-
-
-def _rim(ratios: np.ndarray) -> list[Finding]:
-    ratios = ratios[np.isfinite(ratios)]
-    middle = float(np.median(ratios)) if ratios.size else math.nan
-    if not middle < RIM:
-        return []
-    low = int(np.sum(ratios < RIM))
-    what = f", median of {ratios.size} cases" if ratios.size > 1 else ""
-    text = (
-        f"the rim carries more than the middle: the central half of each side has {middle:.2f} of the mean pressure at "
-        f"the last state{what} (limit {RIM}); record: {{region: interior}} leaves the rim out"
-    )
-    return [Finding("rim", text, RIM, FREE_PATCH, Extent(low, ratios.size))]
-
-
-def _at_highest(values: DataArray, starred: DataArray) -> float:
-    """Return the value at the state of highest load."""
-    load = starred.fillna(-1.0).values
-    return float(values.transpose(*starred.dims).values.ravel()[int(np.argmax(load))])
-
-
-def _extent(beyond: DataArray, starred: DataArray) -> Extent:
-    """Return the cases and states beyond a limit, among those with p*."""
-    compared = starred.notnull()
-    cases, of_cases, states, of_states = (
-        int(mask.sum()) for mask in (beyond.any("step"), compared.any("step"), beyond, compared)
-    )
-    return Extent(cases, of_cases, states, of_states, float(starred.where(beyond).min()))
+def _finding(key: str, words: Mapping[str, str], extent: Extent | None = None, *, expected: bool = False) -> Finding:
+    """Return a finding with the sentence of its limit."""
+    limit = LIMITS[key]
+    text = limit.expected if expected else limit.found
+    return Finding(key, text.format(limit=limit.value, extent=extent, **words), extent or Extent())
 
 
 def _pressure(given: Setting, over_modulus: float, unit: str | None = None) -> str:

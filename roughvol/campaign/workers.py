@@ -25,11 +25,10 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeVar
 
 from roughvol.campaign import signals
-from roughvol.campaign.cluster import Cluster
-from roughvol.campaign.task import Tell, end_at, stop_asked, thinned
+from roughvol.campaign.cluster import Cluster, Function
 from roughvol.errors import CampaignError
 
-__all__ = ["Lost", "Tell", "each", "in_this_process", "stop_asked"]
+__all__ = ["Lost", "each", "in_this_process"]
 
 Task = TypeVar("Task")
 
@@ -37,33 +36,35 @@ POLL = 0.1  # seconds between two looks at the messages
 LIVES = 2  # processes that may die of a task before it is given up
 
 _messages: Any = None  # of a worker process, set at its start: the queue to the parent
+_stop: Any = None  # and the event at which tasks are to end
 _computes_here: ContextVar[bool | None] = ContextVar("computes_here", default=None)  # set by in_this_process
 
 
 def each(
-    function: Callable[[Task, Tell], Any],
+    function: Function[Task],
     tasks: Sequence[Task],
     *,
     jobs: int,
-    on_message: Callable[[Any], None],
     on_end: Callable[[Task, Any, BaseException | None], None],
     on_begin: Callable[[Task], None] = lambda task: None,
+    on_message: Callable[[Any], None] = lambda message: None,
     stopping: Callable[[], bool] = lambda: False,
     scheduler: str | None = None,
     here: bool = False,
-) -> bool:
-    """Call ``function(task, tell)`` for every task in workers, in order; return whether all were begun.
+) -> None:
+    """Call ``function(task, tell, stopping)`` for every task in workers, in order.
 
     Parameters
     ----------
     function : callable of an importable module
-        Does one task. Its messages ``tell(message)`` arrive at ``on_message``, a few per second.
+        Does one task. Its messages ``tell(message)`` arrive at ``on_message``. Once ``stopping()`` is true, it may end
+        early.
     tasks : sequence
         Picklable.
     jobs : int
         Number of processes, ≥ 1. On a cluster, the number of its workers counts.
-    on_message, on_end, on_begin : callable
-        Called in this process: with a message; with a task, its result, and its exception or None; with a task.
+    on_end, on_begin, on_message : callable
+        Called in this process: with a task, its result, and its exception or None; with a task; with a message.
     stopping : callable
         Polled. Once it is true, no further task begins, and those begun are awaited. On a cluster, a task handed over
         and not begun ends with the result None.
@@ -82,68 +83,109 @@ def each(
     A process that dies costs only its own task. Tasks that ran with it run again, one at a time, to find the one that
     killed it. A task that has killed `LIVES` processes ends with `Lost`; on a cluster, with the exception of Dask.
     """
-    pool: _Processes | Cluster | _Here
-    if scheduler is not None:
-        pool = Cluster(scheduler)
-    else:
-        decided = _computes_here.get()
-        pool = _Here(stopping, on_message) if decided or (decided is None and here) else _Processes(jobs)
+    decided = _computes_here.get()
+    if scheduler is None and (here if decided is None else decided):
+        _each_here(function, tasks, on_end, on_begin, on_message, stopping)
+        return
+    pool: _Processes | Cluster = _Processes(jobs) if scheduler is None else Cluster(scheduler)
     waiting, suspects = deque(range(len(tasks))), deque[int]()
     deaths: Counter[int] = Counter()
     running: dict[Future[Any], int] = {}
-    all_begun, at_once = True, True
+    stopped, at_once = False, True
 
-    def begin(number: int) -> bool:
-        if isinstance(pool, _Here):
-            on_begin(tasks[number])  # before its messages
-            running[pool.submit(function, tasks[number])] = number
-            return True
+    def begin(numbers: deque[int]) -> bool:
+        task = tasks[numbers[0]]
         try:
-            running[pool.submit(function, tasks[number])] = number
+            future = pool.submit(function, task)
         except Lost:  # a process has died; the tasks that ran with it end with that error
             if running:
                 return False
             pool.renew()
-            running[pool.submit(function, tasks[number])] = number
-        on_begin(tasks[number])
+            future = pool.submit(function, task)
+        running[future] = numbers.popleft()
+        on_begin(task)
         return True
 
     try:
         while waiting or suspects or running:
-            if all_begun and stopping():
-                all_begun = not (waiting or suspects or running)
+            if not stopped and stopping():
+                stopped = True
                 waiting.clear()
                 suspects.clear()
                 pool.stop()
             if suspects and not running:
-                begin(suspects.popleft())
+                begin(suspects)
             elif not suspects and not any(deaths[number] for number in running.values()):
-                while waiting and len(running) < pool.width() and begin(waiting[0]):
-                    waiting.popleft()
+                while waiting and len(running) < pool.width() and begin(waiting):
+                    pass
             done, _ = wait(running, timeout=POLL, return_when=FIRST_COMPLETED)
-            pool.check()
             for message in pool.messages():
                 on_message(message)
             if any(_died(future) for future in done):
                 done, _ = wait(running, timeout=None if pool.fall_together else 0)
-                lost = [future for future in done if _died(future)]
                 pool.renew()
-                for future in lost:
-                    number = running.pop(future)
-                    deaths[number] += 1
-                    if deaths[number] >= LIVES:
-                        on_end(tasks[number], None, _error(future))
-                    elif all_begun:
-                        suspects.append(number)
-                done -= set(lost)
             for future in done:
-                error = _error(future)
-                task = tasks[running.pop(future)]
-                on_end(task, None if error else future.result(), error)
+                number, error = running.pop(future), _error(future)
+                deaths[number] += _died(future)
+                if not _died(future) or deaths[number] >= LIVES:
+                    on_end(tasks[number], None if error else future.result(), error)
+                elif not stopped:
+                    suspects.append(number)
         at_once = False
     finally:
         pool.close(at_once=at_once)
-    return all_begun
+
+
+def _each_here(
+    function: Function[Task],
+    tasks: Sequence[Task],
+    on_end: Callable[[Task, Any, BaseException | None], None],
+    on_begin: Callable[[Task], None],
+    on_message: Callable[[Any], None],
+    stopping: Callable[[], bool],
+) -> None:
+    """Do what `each` does in this process."""
+    refused: list[BaseException] = []  # what the caller raised at a message
+
+    def tell(message: Any) -> None:
+        try:
+            on_message(message)
+        except BaseException as error:
+            refused.append(error)
+            raise
+
+    for task in tasks:
+        if stopping():
+            return
+        on_begin(task)
+        result, failure = None, None
+        try:
+            result = function(task, tell, stopping)
+        except Exception as error:  # an interrupt is no error of the task: it ends all
+            if error in refused:
+                raise
+            failure = error
+        on_end(task, result, failure)
+
+
+@contextlib.contextmanager
+def in_this_process(here: bool = True) -> Iterator[None]:
+    """Let `each` call its function in this process, without workers, as long as the context lasts in this thread.
+
+    Starting a process takes about a second; many short tasks take less. A debugger stops in the tasks.
+    The price: a task that crashes takes the caller with it, and a task sees the state left by earlier ones.
+    A call with ``scheduler`` is not affected.
+
+    Parameters
+    ----------
+    here : bool
+        False: in processes again, inside such a context.
+    """
+    token = _computes_here.set(here)
+    try:
+        yield
+    finally:
+        _computes_here.reset(token)
 
 
 def _died(future: Future[Any]) -> bool:
@@ -191,7 +233,7 @@ class _Processes:
         """Return the number of tasks to hand over at once."""
         return self._jobs
 
-    def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
+    def submit(self, function: Function[Task], task: Task) -> Future[Any]:
         """Start a task."""
         with _without_main(), signals.blocked():
             return self._pool.submit(_call, function, task)
@@ -211,9 +253,6 @@ class _Processes:
         self._queue = self._context.SimpleQueue()  # a process that died while writing has left it locked
         self._pool = self._new()
 
-    def check(self) -> None:
-        """Raise `CampaignError` if no worker is left."""
-
     def close(self, *, at_once: bool) -> None:
         """End the workers, mid-task if at once."""
         if at_once:
@@ -223,87 +262,14 @@ class _Processes:
         self._queue.close()
 
 
-@contextlib.contextmanager
-def in_this_process(here: bool = True) -> Iterator[None]:
-    """Let `each` call its function in this process, without workers, as long as the context lasts in this thread.
-
-    Starting a process takes about a second; many short tasks take less. A debugger stops in the tasks.
-    The price: a task that crashes takes the caller with it, and a task sees the state left by earlier ones.
-    A call with ``scheduler`` is not affected.
-
-    Parameters
-    ----------
-    here : bool
-        False: in processes again, inside such a context.
-    """
-    token = _computes_here.set(here)
-    try:
-        yield
-    finally:
-        _computes_here.reset(token)
-
-
-class _Here:
-    """The caller's own process: a task has ended when `submit` returns, and its messages arrive meanwhile."""
-
-    fall_together = False
-
-    def __init__(self, stopping: Callable[[], bool], on_message: Callable[[Any], None]) -> None:
-        self._stopping, self._on_message = stopping, on_message
-        self._refused: BaseException | None = None  # what the caller raised at a message
-
-    def width(self) -> int:
-        return 1
-
-    def submit(self, function: Callable[[Task, Tell], Any], task: Task) -> Future[Any]:
-        future: Future[Any] = Future()
-        before = end_at(self)
-        try:
-            future.set_result(function(task, thinned(self._tell)))
-        except Exception as error:  # an interrupt is no error of the task: it ends `each`
-            if error is self._refused:
-                raise
-            future.set_exception(error)
-        finally:
-            end_at(before)
-        return future
-
-    def _tell(self, message: Any) -> None:
-        try:
-            self._on_message(message)
-        except BaseException as error:
-            self._refused = error
-            raise
-
-    def is_set(self) -> bool:
-        """Return whether the task is to end early: what `stop_asked` asks."""
-        return self._stopping()
-
-    def messages(self) -> Iterator[Any]:
-        yield from ()
-
-    def stop(self) -> None:
-        """Do nothing: the task asks by itself."""
-
-    def renew(self) -> None:
-        """Do nothing: no worker dies."""
-
-    def check(self) -> None:
-        """Do nothing: no worker is lost."""
-
-    def close(self, *, at_once: bool) -> None:
-        """Do nothing: no worker is left."""
-
-
-def _call(function: Callable[[Task, Tell], Any], task: Task) -> Any:
-    return function(task, thinned(_messages.put))
+def _call(function: Function[Task], task: Task) -> Any:
+    return function(task, _messages.put, _stop.is_set)
 
 
 def _begin(messages: Any, stop: Any) -> None:
     """Initialise a worker process."""
-    global _messages  # queues and events pass to a process only at its start
-    _messages = messages
-    end_at(stop)
+    global _messages, _stop  # queues and events pass to a process only at its start
+    _messages, _stop = messages, stop
     threading.Thread(target=_leave_with_parent, daemon=True).start()
 
 

@@ -32,7 +32,7 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: 
 
     A study beyond the memory or disk of this machine is an error. One of more than 30 days draws a warning.
     """
-    from roughvol.campaign import cost, understood
+    from roughvol.campaign import cost, interpretation
 
     found = roughvol.check(given(study, changes), jobs=jobs, changes=changes)
     picture = _look(found, out or Path()) if look or out is not None else None
@@ -42,7 +42,7 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: 
         cases = found.study.cases()
         say(found.study.to_yaml())
         if found.surface is not None:
-            say(understood.text(found.surface, cases[0], len(cases)))
+            say(interpretation.text(found.surface, cases[0], len(cases)))
         if picture is not None:
             say(f"# picture {picture}")
         say("\n".join(_expected(found) if found.expected else _cost(found)))
@@ -53,7 +53,8 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: 
                 f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {duration(choice.seconds)}; "
                 f"errors about {f'{area:.0e}' if area else '0'} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
             )
-    cost.check_study_fits(found.study, found.folder)
+    cases = found.study.cases()
+    cost.check_fits(cases, cases, found.folder)
 
 
 def _look(found: Checked, folder: Path) -> Path:

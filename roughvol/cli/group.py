@@ -12,7 +12,7 @@ from typing import Any
 import click
 
 from roughvol._version import __version__
-from roughvol.campaign import limits, signals
+from roughvol.campaign import machine, signals
 from roughvol.cli.options import examples
 from roughvol.cli.output import count, say, silence
 from roughvol.errors import CampaignError, ContactError, ConvergenceError, RoughvolError, StudyError
@@ -72,7 +72,7 @@ class _Commands(click.Group):
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         command = super().resolve_command(ctx, args)
-        if command[0] not in LIGHT and (message := limits.too_narrow()):
+        if command[0] not in LIGHT and (message := machine.too_narrow()):
             say(f"error: {message}", err=True)
             ctx.exit(FAILED)
         return command
@@ -95,7 +95,7 @@ class _Commands(click.Group):
             say(_message(error), err=True)
             ctx.exit(FAILED if isinstance(error, CampaignError | ContactError | ConvergenceError) else BAD_INPUT)
         except (MemoryError, ImportError, OSError, RuntimeError) as error:
-            if limits.is_lack_of_memory(error):
+            if machine.is_lack_of_memory(error):
                 first = str(error).strip().splitlines()
                 say(f"error: not enough memory ({first[0] if first else type(error).__name__})", err=True)
             elif reason := _of_system(error):

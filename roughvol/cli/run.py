@@ -62,7 +62,7 @@ def run(
     """
     started = time.monotonic()
     from roughvol import plotting
-    from roughvol.campaign import running, signals
+    from roughvol.campaign import execution, signals
     from roughvol.questions import study_of
 
     loaded, folder = study_of(given(study, changes), changes)
@@ -76,7 +76,7 @@ def run(
         draw(now)
 
     with _progress() as draw, signals.first_interrupt(_say_how_to_stop) as interrupted:
-        results = running.run(
+        results = execution.run(
             loaded,
             out=folder,
             jobs=jobs,

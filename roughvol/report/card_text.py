@@ -26,15 +26,6 @@ DIGITS = 16  # of a sha256 that are shown
 WHOLE = ("", "x/L_x 0 to 1, y/L_y 0 to 1")  # regions that leave nothing out
 SAME = 1e-3  # relative difference of loads that are shown as the same
 LEAST = 0.1  # amount that is said in figures a person reads
-KEPT = {
-    "slope": f"rms slope at most {validity.STEEPEST}",
-    "nominal_pressure": f"nominal pressure at most {validity.HIGHEST} E*",
-    "hardness": f"at most {validity.ABOVE_HARDNESS:.0%} of the load above the hardness",
-    "pressure_drop": f"pressure drop at most {validity.LARGEST_DROP} of the nominal pressure",
-    "rim": f"mean pressure in the centre at least {validity.RIM} of that of the patch",
-    "peak": f"highest point at most {validity.HIGH:g} Sq above the mean plane",
-}
-"""Limits of the model by the key of their finding, in words."""
 NOT_OF_A_CARD = ("File", "States", "Comment")  # facts of a run that a card leaves out, or has elsewhere
 FLUID = ("Leak rate", "Fluid pressure", "Gas")  # facts of the flow, which a terminal shows too
 OF_EACH = ("Nodes", "Size", "Treatment", "Missing heights")  # facts of several files that stand beside each other
@@ -217,7 +208,7 @@ def _size(table: Dataset, unit: str) -> str:
 def rests_on(fine: Sequence[Dataset]) -> tuple[list[tuple[str, str]], list[str], list[str]]:
     """Return size, treatment, material and fluid of the runs, and the limits of the model kept and exceeded."""
     found: dict[str, dict[str, None]] = {}
-    kept, exceeded = dict(KEPT), list[str]()
+    kept, exceeded = {limit.key: limit.kept for limit in validity.LIMITS.values() if limit.kept}, list[str]()
     for ds in fine:
         run = Run.of("", ds)
         own = facts(run)
@@ -226,8 +217,9 @@ def rests_on(fine: Sequence[Dataset]) -> tuple[list[tuple[str, str]], list[str],
                 found.setdefault(name, {})[value.replace(own.title, "the file")] = None
         label = f"{own.title}: " if len(fine) > 1 else ""
         exceeded += [f"{label}{line}" for line in own.warnings]
-        held = _kept(run)
-        kept = {key: words for key, words in kept.items() if key in held}
+        study = run.study
+        held = validity.kept(validity.setting(study), run.dataset) if study is not None else []
+        kept = {limit.key: limit.kept for limit in held if limit.key in kept}
     # the table of surfaces has what differs, but for sizes and treatments
     pairs = [(name, "; ".join(values)) for name, values in found.items() if len(values) == 1 or name in OF_EACH]
     return pairs, list(kept.values()), list(dict.fromkeys(exceeded))
@@ -238,23 +230,6 @@ def _material(run: Run) -> Iterator[tuple[str, str]]:
     given = run.study.material.model_dump(mode="json", exclude_none=True, exclude_defaults=True) if run.study else {}
     if run.study and list(given) != ["E_star"]:
         yield "Material", ", ".join(f"{name} {value}" for name, value in given.items()) or "E* 1"
-
-
-def _kept(run: Run) -> set[str]:
-    """Return the limits of the model that a run is compared with and keeps."""
-    if run.study is None:
-        return set()
-    given = validity.setting(run.study)
-    asked = {
-        "slope": given.scaled,
-        "nominal_pressure": given.scaled,
-        "hardness": given.hardness is not None and not given.yields,
-        "pressure_drop": math.isfinite(given.drop) and run.study.record.fluid_pressure is None,
-        "rim": given.patch,
-        "peak": given.measured,
-    }
-    beyond = {finding.key for finding in validity.after(given, run.dataset)}
-    return {key for key, is_asked in asked.items() if is_asked} - beyond
 
 
 def identity(fine: Sequence[Dataset], origin: Identity) -> list[tuple[str, str]]:

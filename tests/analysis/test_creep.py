@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
 from roughvol.analysis import creep
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.cli import main
 from roughvol.errors import StudyError
 from roughvol.store.dataset import Dataset
@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def run(folder: Path) -> Dataset:
-    return running.run(loads(TEXT), jobs=1, out=folder)
+    return execution.run(loads(TEXT), jobs=1, out=folder)
 
 
 # laws
@@ -107,7 +107,7 @@ def test_the_leak_at_a_time_is_that_of_a_new_run_with_its_modulus(seconds: float
     over_time = creep.history(run, law, pressure, [seconds])
     text = TEXT.replace("E_star: 10 MPa", f"E_star: {10 / law.ratio(seconds, MATERIAL)!r} MPa")
     text = text.replace("steps: 24, to: {pressure: 2.0}", f"steps: 2, to: {{pressure: {pressure} MPa}}")
-    end = running.run(loads(text), jobs=1, out=tmp_path / "then").isel(step=-1)
+    end = execution.run(loads(text), jobs=1, out=tmp_path / "then").isel(step=-1)
     for axis in ("x", "y"):
         leaks = end["leak_rate"].sel(axis=axis).values.ravel()
         read = over_time.leak[axis]
@@ -284,12 +284,12 @@ def test_a_law_names_the_body_where_the_study_has_two(tmp_path: Path) -> None:
 
 def test_the_leak_of_two_bodies_is_that_of_a_new_run_with_both_moduli(tmp_path: Path) -> None:
     text = TEXT.replace("material: {E_star: 10 MPa}", TWO).replace("m: 6", "m: 5")
-    run = running.run(loads(text), jobs=1, out=tmp_path / "at_once")
+    run = execution.run(loads(text), jobs=1, out=tmp_path / "at_once")
     law, pressure, J = _law("power: {exponent: 1, time: 1 s}\nbody: first", tmp_path), 0.01, 3.0
     over_time = creep.history(run, law, pressure, [2.0])
     later = text.replace("E: 8 MPa", f"E: {8.0 / J!r} MPa")
     later = later.replace("steps: 24, to: {pressure: 2.0}", f"steps: 2, to: {{pressure: {pressure} MPa}}")
-    end = running.run(loads(later), jobs=1, out=tmp_path / "later").isel(step=-1)
+    end = execution.run(loads(later), jobs=1, out=tmp_path / "later").isel(step=-1)
     for axis in "xy":
         leak = over_time.leak[axis]
         assert leak.low[0] * (1 - 1e-5) <= float(end["leak_rate"].sel(axis=axis).median()) <= leak.high[0] * (1 + 1e-5)

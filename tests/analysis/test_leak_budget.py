@@ -15,7 +15,7 @@ from roughvol.analysis.closing import Span
 from roughvol.analysis.leak_budget import card_of, check_reached
 from roughvol.analysis.leak_card import Card, Closing, Part, Way
 from roughvol.campaign import card as card_runs
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.errors import DatasetError, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.store.dataset import Dataset
@@ -70,7 +70,7 @@ def test_the_leak_is_that_of_the_state_in_the_unit_of_the_study(runs: CardRuns) 
 def _finest(text: str, at: Level, folder: Path) -> Card:
     """The card of the finest grid alone."""
     planned = card_runs.plan(loads(text), at).fine
-    fine = running.run(planned.study, jobs=1, out=folder)
+    fine = execution.run(planned.study, jobs=1, out=folder)
     return card_of([CardRuns(Pressed("", fine, planned.level))], "seal", at.label)
 
 
@@ -88,7 +88,7 @@ def test_the_part_of_the_grid_covers_the_median_on_a_finer_one(tmp_path: Path) -
     """Of 12 surfaces in groups of three: at least 9 of 10 medians on the finer grid lie within the part."""
     text, at = TEXT.replace("m: 7", "m: 6").replace("seeds: 3", "seeds: 12"), Level("pressure", 0.6)
     runs = card_runs.compute(loads(text), at, tmp_path / "card", jobs=1)
-    finer = running.run(
+    finer = execution.run(
         card_runs.plan(loads(text.replace("m: 6", "m: 7")), at).fine.study, jobs=1, out=tmp_path / "finer"
     )
     covered = []
@@ -148,7 +148,7 @@ VARIED = (
 def varied(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """Surfaces of different Sq that close at different loads."""
     study = card_runs.plan(loads(VARIED), Level("pressure", 0.6)).fine.study
-    return running.run(study, jobs=1, out=tmp_path_factory.mktemp("varied"))
+    return execution.run(study, jobs=1, out=tmp_path_factory.mktemp("varied"))
 
 
 @pytest.fixture(scope="module")
@@ -439,7 +439,7 @@ def test_the_part_of_the_solver_under_fluid_pressure_holds_an_exact_one(
     monkeypatch.setattr(coupling, "ACCURACY", 1e-9)
     monkeypatch.setattr(coupling, "ROUNDS", 200)
     exact = card_runs.plan(loads(LIFT + "solver: {rtol: 1.0e-10}\n"), parse("pressure=0.08 MPa")).fine.study
-    truth = running.run(exact, jobs=1, out=tmp_path)
+    truth = execution.run(exact, jobs=1, out=tmp_path)
     for axis, way in zip("xy", card_of([lifted], "lift", "").ways, strict=True):
         off = abs(math.log(truth["fluid_leak_rate"].sel(axis=axis).item() / way.leak.value))
         assert off <= math.log(_part(way, "solver").factor)
@@ -470,7 +470,7 @@ def test_the_gas_beside_fluid_pressure_is_named_dry(tmp_path: Path) -> None:
     text = text.replace("unit: mm^3/s}", "unit: mm^3/s}, gas_leak_rate: mbar*l/s")
     text += "fluid: {gas: helium, inlet: 2 bar, outlet: 1.5 bar}\n"
     planned = card_runs.plan(loads(text), Level("last")).fine
-    fine = running.run(planned.study, jobs=1, out=tmp_path)
+    fine = execution.run(planned.study, jobs=1, out=tmp_path)
     card = card_of([CardRuns(Pressed("", fine, planned.level))], "", "")
     named = {beside.words: beside for beside in card.beside}
     gas = next(words for words in named if "helium" in words)

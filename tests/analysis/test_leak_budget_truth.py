@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from roughvol.analysis.leak_budget import card_of
 from roughvol.analysis.leak_card import Part, Way
 from roughvol.campaign import card as card_runs
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.cli import main
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.study import Level, load, loads, parse
@@ -36,7 +36,7 @@ def test_quadrants_of_one_map_hold_the_mean_of_the_ensemble(tmp_path: Path) -> N
         "name: rolled\nsurface: {H: 0.8, rolloff: 6, n: 64, seeds: 8, L: 200 um, Sq: 0.4 um}\n"
         "material: {E_star: 10 MPa}\nsweep: {steps: 3, to: {pressure: 0.5}}" + RECORD
     )
-    fine = running.run(card_runs.plan(loads(text), AT).fine.study, jobs=1, out=tmp_path)
+    fine = execution.run(card_runs.plan(loads(text), AT).fine.study, jobs=1, out=tmp_path)
     every = [card_of([CardRuns(Pressed("", fine.isel(seed=[k]), AT))], "rolled", "") for k in range(8)]
     for axis in (0, 1):
         ways = [card.ways[axis] for card in every]

@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose
 from roughvol.analysis import read_off
 from roughvol.analysis.leak_curve import Curve, curves
 from roughvol.analysis.tables import rounded
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.cli import main
 from roughvol.errors import StudyError
 from roughvol.store.dataset import Dataset
@@ -42,7 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def swept(folder: Path) -> Dataset:
-    return running.run(loads(TEXT), jobs=1, out=folder)
+    return execution.run(loads(TEXT), jobs=1, out=folder)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def closes_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def closing(closes_in: Path) -> Dataset:
     """Four surfaces, each pressed until its own ways close."""
-    return running.run(loads(CLOSES), jobs=1, out=closes_in)
+    return execution.run(loads(CLOSES), jobs=1, out=closes_in)
 
 
 def _call(*arguments: str) -> Result:
@@ -86,7 +86,7 @@ def _refused(*arguments: str) -> str:
 def _leaks_at(text: str, pressure: float, tmp_path: Path) -> np.ndarray:
     """The leaks along x of a new run that ends at a nominal pressure [MPa], one for each surface."""
     text = text.replace("steps: 20, to: {pressure: 1.2}", f"steps: 2, to: {{pressure: {pressure!r} MPa}}")
-    end = running.run(loads(text), jobs=1, out=tmp_path).isel(step=-1)
+    end = execution.run(loads(text), jobs=1, out=tmp_path).isel(step=-1)
     assert_allclose(end.nominal_pressure, pressure, rtol=2e-6)  # the accuracy of the search for the end
     return np.asarray(end.leak_rate.sel(axis="x").values.ravel())
 
@@ -195,7 +195,9 @@ def test_a_closed_joint_without_units_is_asked_for_by_p_star(tmp_path: Path, mon
     )
     _said("run", "plain.yaml", "--jobs", "1")
     said = _said("ask", "plain", "--closed").splitlines()[1]
-    ds = running.run(loads(Path("plain.yaml").read_text(), "plain.yaml"), jobs=1, out=Path("runs/plain")).isel(D=0, m=0)
+    ds = execution.run(loads(Path("plain.yaml").read_text(), "plain.yaml"), jobs=1, out=Path("runs/plain")).isel(
+        D=0, m=0
+    )
     last = [np.flatnonzero(row)[-1] for row in ds.percolates.sel(axis="x").values > 0]
     low = max(float(p[k]) for p, k in zip(ds.mean_pressure.values, last, strict=True))
     assert said.startswith(f"along x: p* = {low:.4g} to ")
@@ -289,7 +291,7 @@ def test_questions_without_answer_are_refused(
 
 def test_several_kinds_of_surfaces_have_no_common_leak(tmp_path: Path) -> None:
     text = TEXT.replace("D: 2.2, m: 6, seeds: 2", "D: [2.2, 2.4], m: 3, seeds: 1").replace("steps: 20", "steps: 2")
-    run = running.run(loads(text.replace("rtol: 1.0e-9", "rtol: 1.0e-6")), jobs=1, out=tmp_path)
+    run = execution.run(loads(text.replace("rtol: 1.0e-9", "rtol: 1.0e-6")), jobs=1, out=tmp_path)
     with pytest.raises(StudyError, match=r"several D \(2.2, 2.4\)"):
         read_off.ask(run, 1.0, "pressure")
 
@@ -341,7 +343,7 @@ def test_of_a_path_the_first_leg_answers_and_says_so(tmp_path: Path, monkeypatch
     Path("seal.yaml").write_text(PATH)
     Path("law.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
     _said("run", "seal.yaml", "--jobs", "1")
-    rate = float(running.run(loads(PATH), jobs=1, out=Path("runs/seal")).leak_rate.sel(axis="x").values.ravel()[4])
+    rate = float(execution.run(loads(PATH), jobs=1, out=Path("runs/seal")).leak_rate.sel(axis="x").values.ravel()[4])
     question = ("ask", "seal", "--leak-rate", f"{rate} mm^3/s")
     assert _said(*question).splitlines()[0].startswith("seal, leg 1 of 2: ")
     assert json.loads(_said(*question, "--json"))["leg"] == 1

@@ -64,7 +64,7 @@ def cost(text: str, names: tuple[str, ...]) -> tuple[float, int, float]:
         for case in (case for case in cases if case.id in wanted):
             held: dict = {}
             path = Path(folder) / f"{case.id}.nc"
-            dataset.write(run_case(case, study=study.to_yaml(), context=Context(held)), path)
+            dataset.write(run_case(case, Context(held, study=study.to_yaml())), path)
             convolutions += sum(space.convolutions + space.convolutions_fp32 for space in held.values())
             written += path.stat().st_size
     return convolutions, written, time.process_time() - started

@@ -6,7 +6,7 @@ import sys
 import tempfile
 import time
 
-from roughvol.campaign import running, trials
+from roughvol.campaign import execution, rounds
 from roughvol.study import loads
 
 STUDIES = {
@@ -23,10 +23,10 @@ def main() -> None:
     """Print the expected and the computed samples and costs of each study, or of those named."""
     for name in sys.argv[1:] or STUDIES:
         study, started = loads(STUDIES[name]), time.process_time()
-        rows = trials.expected(study)
+        rows = rounds.expected(study)
         print(f"{name}: expected in {time.process_time() - started:.1f} s", flush=True)
         with tempfile.TemporaryDirectory() as folder:
-            results = running.run(study, out=folder, jobs=1)
+            results = execution.run(study, out=folder, jobs=1)
         for row in rows:
             one = results.sel(D=row.D)
             print(f"  D = {row.D}: {row.seconds:.2f} s {row.samples}, plain {row.plain:.1f} s")

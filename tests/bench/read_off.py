@@ -19,7 +19,7 @@ import numpy as np
 
 from roughvol.analysis import gas_leak
 from roughvol.analysis.leak_curve import Curve, curves
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.errors import CampaignError
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads
@@ -135,7 +135,7 @@ def measured(seeds: Iterable[int], out: Path) -> Iterator[Point]:
     """Yield the readings of random studies; a study whose flow is not solved is named and left out."""
     for seed in seeds:
         try:
-            run = running.run(loads(study(seed)), jobs=1, out=out / str(seed))
+            run = execution.run(loads(study(seed)), jobs=1, out=out / str(seed))
         except CampaignError as error:
             print(f"{seed}: left out, {error}")
             continue

@@ -23,7 +23,7 @@ import numpy as np
 from xarray import Dataset
 from xarray.backends import NetCDF4DataStore
 
-from roughvol.campaign import one_case, running
+from roughvol.campaign import execution, one_case
 from roughvol.store import dataset, run_status, stamped_file
 from roughvol.store.run_folder import case_file
 from roughvol.study import Study, loads
@@ -154,7 +154,7 @@ def folder_of_many(count: int) -> None:
             size += len(content)
         print(f"| {count} cases | processor | by the clock |\n|---|---|---|")
         print(f"| files, GB | {size / 1e9:.3f} | |")
-        actions = {"collect": running.collect, "run, all finished": running.run, "status": run_status.status}
+        actions = {"collect": execution.collect, "run, all finished": execution.run, "status": run_status.status}
         for words, action in actions.items():
             began = time.process_time(), time.perf_counter()
             action(study, out=out)

@@ -1,37 +1,49 @@
-"""Estimates: they count what a study has, grow with what it asks, and bound what it stores."""
+"""Cost of a study: counts, bounds and laws of growth; and too little memory, told in one line."""
 
 from __future__ import annotations
 
+import errno
+import subprocess
+import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import roughvol
-from roughvol.campaign.cost import START, estimate
+from roughvol.campaign import batch, cost, execution, machine
+from roughvol.campaign.batch import Forecast
+from roughvol.campaign.cost import START, choices, estimate
+from roughvol.cli import main
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.ensemble.cost import CASE, convolutions_per_step
+from roughvol.ensemble.cost import CASE, convolutions_per_step, expected_seconds
+from roughvol.errors import CampaignError
 from roughvol.observables import requests
-from roughvol.study import ACCURACY, Level, loads
-from roughvol.study.sections.record import Record
+from roughvol.study import ACCURACY, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
+from tests.campaign.kit import case_of
+
+PLAIN = "surface: {D: 2.2, m: 6, seeds: 4}\nsweep: {steps: 50}"
+TEXT = "name: s\nsurface: {D: 2.4, m: 3, seeds: 1}\nsweep: {steps: 2}\n"
 
 
 def test_counts_are_those_of_the_study() -> None:
-    cost = estimate(loads("surface: {D: [2.2, 2.8], m: [3, 4], seeds: 3}\nsweep: {steps: 7}"), jobs=100)
-    assert (cost.cases, cost.steps, cost.jobs) == (12, 84, 12)
+    found = estimate(loads("surface: {D: [2.2, 2.8], m: [3, 4], seeds: 3}\nsweep: {steps: 7}"), jobs=100)
+    assert (found.cases, found.steps, found.jobs) == (12, 84, 12)
 
 
-def test_cost_grows_with_what_is_asked() -> None:
-    plain = estimate(loads("surface: {D: 2.2, m: 6, seeds: 4}\nsweep: {steps: 50}"), jobs=1)
-    more_steps = estimate(loads("surface: {D: 2.2, m: 6, seeds: 4}\nsweep: {steps: 5000}"), jobs=1)
-    fields = estimate(loads("surface: {D: 2.2, m: 6, seeds: 4}\nsweep: {steps: 50}\nrecord: {fields_at: last}"), jobs=1)
-    larger = estimate(loads("surface: {D: 2.2, m: 8, seeds: 4}\nsweep: {steps: 50}"), jobs=1)
-    assert more_steps.seconds > plain.seconds
-    assert larger.seconds > plain.seconds
-    assert larger.memory > plain.memory
-    assert fields.disk > plain.disk
+@pytest.mark.parametrize(
+    ("old", "new", "names"),
+    [
+        ("steps: 50", "steps: 5000", ["seconds"]),
+        ("m: 6", "m: 8", ["seconds", "memory"]),
+        ("50}", "50}\nrecord: {fields_at: last}", ["disk"]),
+    ],
+)
+def test_cost_grows_with_what_is_asked(old: str, new: str, names: list[str]) -> None:
+    plain, more = (estimate(loads(text), jobs=1) for text in (PLAIN, PLAIN.replace(old, new)))
+    assert all(getattr(more, name) > getattr(plain, name) for name in names)
 
 
 def test_processes_share_the_time_but_not_that_of_one_case() -> None:
@@ -45,12 +57,7 @@ def test_cases_of_one_cost_are_estimated_once(monkeypatch: pytest.MonkeyPatch) -
     text = "surface: {D: [2.2, 2.5, 2.8], m: [3, 4], seeds: SEEDS}\nsweep: {steps: 7}\nrecord: {fields_at: last}"
     asked: list[object] = []
     find = requests.asked
-
-    def counted(record: Record) -> dict[str, dict[str, Level] | None]:
-        asked.append(record)
-        return find(record)
-
-    monkeypatch.setattr(requests, "asked", counted)
+    monkeypatch.setattr(requests, "asked", lambda record: asked.append(record) or find(record))
     one, many = (estimate(loads(text.replace("SEEDS", seeds)), jobs=2) for seeds in ("1", "100"))
     assert len(asked) < 50
     assert (many.cases, many.steps) == (100 * one.cases, 100 * one.steps)
@@ -65,17 +72,14 @@ def test_everything_that_is_recorded_has_its_cost() -> None:
         "record: {fields_at: last, box_counting: {}, volume_density: {}, "
         "transport: {transmissivity: STATES, flux_at: last}, region_widths: {shares: [1, 0.5], transmissivity: last}}"
     )
-    few = estimate(loads(text.replace("STATES", "last")), jobs=1).observables
-    many = estimate(loads(text.replace("STATES", "every-step")), jobs=1).observables
-    assert set(few) == {
-        *("fields_at", "box_counting", "volume_density", "transmissivity", "flux_at"),
-        *("region_widths", "region_transmissivity"),
-    }
+    few, many = (
+        estimate(loads(text.replace("STATES", states)), jobs=1).observables for states in ("last", "every-step")
+    )
+    names = {"fields_at", "box_counting", "volume_density", "transmissivity", "flux_at", "region_widths"}
+    assert set(few) == names | {"region_transmissivity"}
     assert many["transmissivity"] == pytest.approx(10 * few["transmissivity"], rel=1e-12)
-    assert (
-        few["transmissivity"] < few["region_transmissivity"] < 1.25 * few["transmissivity"]
-    )  # 1 + 0.5² of it, or less
-    assert estimate(loads(text.replace("STATES", "last").replace("record", "# record")), jobs=1).observables == {}
+    assert 1.0 < few["region_transmissivity"] / few["transmissivity"] < 1.25  # 1 + 0.5², or less
+    assert estimate(loads(text[: text.index("record")]), jobs=1).observables == {}
 
 
 @pytest.mark.parametrize("nodes", [9, 33, 129, 1025])
@@ -87,13 +91,13 @@ def test_a_step_takes_at_least_its_verification(nodes: int) -> None:
 
 def test_accuracies_are_as_far_apart_as_their_sweeps() -> None:
     """By counts, which do not depend on who else is using the machine."""
-    surface = random_midpoint_displacement(2.4, 7)
+    surface = random_midpoint_displacement(2.4, 6)
     half_space = HalfSpace(surface.shape)
     end = (surface.z_max - surface.mean_height) / surface.Sq
     for rtol in ACCURACY.values():
         before = half_space.convolutions + 0.6 * half_space.convolutions_fp32
-        list(sweep(surface, half_space, end * np.arange(1, 31) / 30, rtol=rtol))
-        taken = (half_space.convolutions + 0.6 * half_space.convolutions_fp32 - before) / 30
+        list(sweep(surface, half_space, [end * k / 12 for k in range(1, 13)], rtol=rtol))
+        taken = (half_space.convolutions + 0.6 * half_space.convolutions_fp32 - before) / 12
         assert taken / 2 <= convolutions_per_step(surface.shape, rtol) <= 2 * taken
 
 
@@ -107,10 +111,141 @@ def test_a_search_costs_less_than_a_sweep_of_sixty_steps(target: str) -> None:
     assert plain < searched < twice
 
 
+def test_work_grows_with_grid_searches_and_observables() -> None:
+    def total(text: str, m: int = 7) -> float:
+        return expected_seconds(case_of(f"surface: {{D: 2.3, m: {m}}}\n{text}"), (2**m + 1, 2**m + 1))
+
+    plain = total("sweep: {steps: 20}")
+    assert total("sweep: {steps: 40}") > plain
+    assert total("sweep: {steps: 20}", m=8) > 3.0 * plain
+    assert total("sweep: {steps: 20, to: percolation}") > 1.5 * plain
+    assert total("sweep: {steps: 20}\nrecord: {transport: {transmissivity: every-step}}") > 2.0 * plain
+    assert total("sweep: {pressures: [0.1, 0.2, 0.3]}") > plain
+    assert total("sweep: {steps: 0}") < 0.3 * plain
+
+
 def test_disk_is_an_upper_bound(tmp_path: Path) -> None:
-    study = loads(
-        "surface: {D: 2.5, m: 5, seeds: 2}\nsweep: {steps: 12}\n"
-        "record: {heights: true, fields_at: {step: [6, 12]}, box_counting: {}, volume_density: {}}"
-    )
+    record = "record: {heights: true, fields_at: {step: [3, 6]}, box_counting: {}, volume_density: {}}"
+    study = loads(f"surface: {{D: 2.5, m: 5, seeds: 2}}\nsweep: {{steps: 6}}\n{record}")
     roughvol.run(study, out=tmp_path)
     assert sum(path.stat().st_size for path in tmp_path.rglob("*.nc")) <= estimate(study).disk
+
+
+def test_check_has_the_cost_of_each_accuracy() -> None:
+    found = choices(loads("surface: {D: 2.6, m: 8, seeds: 4}"), jobs=1)
+    assert [one.name for one in found] == list(ACCURACY)
+    assert [one.seconds for one in found] == sorted(one.seconds for one in found)
+    assert choices(loads("surface: {D: 2.6, m: 8}\nsweep: {steps: 0}")) == []
+
+
+# The time left, with a clock that the test moves
+
+
+class _Clock:
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.mark.parametrize("processes", [1, 7])
+@pytest.mark.parametrize("slower", [0.7, 4.0])
+def test_the_time_left_is_that_of_the_work_left_at_the_mean_rate(processes: int, slower: float) -> None:
+    works = {f"fine{k}": 2.0 for k in range(21)} | {f"coarse{k}": 0.1 for k in range(210)}
+    clock = _Clock()
+    forecast = Forecast(works, dict.fromkeys(works, 60), clock=clock)
+    assert forecast.left() is None
+    whole = slower * sum(works.values()) / processes
+    for id, seconds in works.items():
+        clock.now += slower * seconds / processes
+        forecast.ended(id)
+        assert forecast.left() == pytest.approx(whole - clock.now, abs=1e-9)
+    assert forecast.share == pytest.approx(1.0)
+
+
+def test_steps_of_a_case_at_work_and_later_batches_count_as_their_share() -> None:
+    clock = _Clock()
+    forecast = Forecast({"long": 30.0, "none": 0.0}, {"long": 10, "none": 0}, 30.0, clock)
+    clock.now = 6.0
+    forecast.reached("long", 2)
+    assert (forecast.share, forecast.left()) == (pytest.approx(0.1), pytest.approx(54.0))
+    forecast.ended("long")
+    assert (forecast.share, forecast.left()) == (pytest.approx(0.5), pytest.approx(6.0))
+
+
+# Too little memory
+
+
+def _as_scipy_words_it() -> ImportError:
+    error = ImportError("the install seems to be broken, try reinstalling")
+    error.__cause__ = ImportError("_cyutility.so: failed to map segment from shared object")
+    return error
+
+
+LACKING = [MemoryError(), OSError(errno.ENOMEM, "Cannot allocate memory"), _as_scipy_words_it()]
+LACKING += [RuntimeError("can't start new thread")]
+OTHERS = [ImportError("no module named x"), OSError(errno.EIO, "x"), RuntimeError("x")]
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> str:
+    (tmp_path / "s.yaml").write_text(TEXT)
+    return str(tmp_path / "s.yaml")
+
+
+@pytest.mark.skipif(machine.resource is None, reason="this system limits no address space")
+def test_a_narrow_limit_is_told_in_one_line_before_any_library_is_loaded(study: str) -> None:
+    code = (
+        "import resource, sys\nresource.setrlimit(resource.RLIMIT_AS, (100_000 * 1024,) * 2)\n"
+        "from roughvol.cli import main\nmain(prog_name='roughvol')"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "run", study], capture_output=True, text=True, timeout=100)
+    assert (done.returncode, done.stdout) == (1, "")
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: not enough memory: the limit of address space is ")
+
+
+def test_a_limit_too_narrow_for_a_case_is_told_before_it_starts(
+    study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine, "address_space", lambda: machine.needed_space() + 1e6)
+    for call in (["check", study], ["run", study, "--out", str(tmp_path / "out")]):
+        refused = CliRunner().invoke(main, call)
+        (line,) = refused.stderr.splitlines()
+        assert refused.exit_code == 1
+        assert line.startswith("error: not enough memory: D = 2.40, m = 3, seed 0 needs about ")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("error", [*LACKING, *OTHERS], ids=lambda error: type(error).__name__)
+def test_memory_that_runs_out_is_one_line_and_no_other_error_is(
+    study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(execution, "run", fail)
+    done = CliRunner().invoke(main, ["run", study])
+    if error in OTHERS:
+        assert done.exception is error
+        return
+    (line,) = done.stderr.splitlines()
+    assert (done.exit_code, line.startswith("error: not enough memory (")) == (1, True)
+    monkeypatch.undo()
+    monkeypatch.setattr(batch, "file_of_case", fail)
+    with pytest.raises(CampaignError, match=r"1 of 1 cases failed\n.*: not enough memory$"):
+        execution.run(loads(TEXT), out=tmp_path / "out")
+
+
+def test_without_a_limit_nothing_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "address_space", lambda: None)
+    assert machine.too_narrow() == ""
+    cost.check_fits(loads(TEXT).cases(), [], tmp_path / "nowhere" / "yet")
+
+
+def test_a_folder_with_a_name_too_long_is_refused_in_one_line(study: str, tmp_path: Path) -> None:
+    folder = tmp_path / ("a" * 300)
+    assert machine.free_disk(folder / "b") == machine.free_disk(tmp_path)
+    shown = CliRunner().invoke(main, ["run", study, "--out", str(folder)])
+    assert shown.exit_code == 2
+    assert shown.output.strip().splitlines()[-1] == f"error: cannot write {folder}: File name too long"

@@ -1,41 +1,40 @@
-"""Limits of the model: each is held against laws and closed forms, said where it is passed, and silent elsewhere."""
+"""Limits of the model: each is held against laws and closed forms, named where it is passed, and silent elsewhere."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 
-from roughvol.campaign import checks, running, validity
+from roughvol.campaign import execution, validity
 from roughvol.campaign.one_case import run_case, surface_of
-from roughvol.campaign.validity import Finding, Setting
+from roughvol.campaign.validity import LIMITS, Finding, Setting
 from roughvol.cli import main
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve, sweep
 from roughvol.observables import pressures, reduction
 from roughvol.store import checkpoint, dataset, dimensional
 from roughvol.store.dataset import Dataset
-from roughvol.study import Level, loads
+from roughvol.study import Level, load, loads
 from roughvol.surfaces.surface import Surface
+from tests.campaign.kit import case_of, solved
 from tests.observables.kit import reduced
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = "surface: {D: 2.3, m: 4, seeds: 2, L: 50 um, Sq: 0.5 um}\nsweep: {steps: 4, to: {contact_area: 0.1}}\n"
+ONE = SMALL.replace("seeds: 2", "seeds: [1]").replace("contact_area: 0.1", "indentation: 2")
 METAL = "material: {E: 70 GPa, nu: 0.33, hardness: 1 GPa, plastic: false}\n"
-LEAK = """record:
-  transport: {{transmissivity: every-step}}
-  dimensional: {{leak_rate: {{pressure_drop: {}, viscosity: 1 mPa*s}}}}
-"""
+RUBBER = "surface: {D: 2.3, m: 4, seeds: 1, L: 500 um, Sq: 0.8 um}\nmaterial: {E_star: 10 MPa}\n"
+LEAK = "record: {{transport: {{transmissivity: every-step}}, dimensional: {{leak_rate: {{pressure_drop: {}, "
+LEAK += "viscosity: 1 mPa*s}}}}}}\n"
+GAS = "fluid: {{gas: helium, inlet: {}, outlet: {}}}\nrecord: {{transport: {{gas_flow: last}}}}"
 HARD = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
-
-
-def _call(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(main, [str(argument) for argument in arguments])
 
 
 def _collected(text: str) -> Dataset:
@@ -49,18 +48,22 @@ def _after(text: str) -> dict[str, Finding]:
 
 
 def _before(text: str) -> dict[str, Finding]:
-    return {found.key: found for found in checks.foreseen(loads(text))}
+    return {found.key: found for found in validity.foreseen(loads(text))}
 
 
-def _states(**values: list[float]) -> Dataset:
+def _states(*pressures: float, **values: list[float]) -> Dataset:
     """Make results of one surface from numbers."""
-    still = [0.0] * len(values["mean_pressure"])
-    given = {"Sq": [1.0], "Sdq": [0.01], "separation": still, "indentation": still} | values
-    made = {name: (("case", "step"), np.array([value])) for name, value in given.items() if name not in ("Sq", "Sdq")}
-    made |= {name: (("case",), np.array(given[name])) for name in ("Sq", "Sdq")}
+    still = [0.0] * len(pressures)
+    states = {
+        "mean_pressure": list(pressures),
+        "separation": still,
+        "indentation": still,
+        "contact_area_fraction": still,
+    }
+    made = {name: (("case", "step"), np.array([value])) for name, value in (states | values).items()}
     if "leak_rate" in made:
-        made["leak_rate"] = ("case", "step", "axis"), np.array([values["leak_rate"]])[..., np.newaxis]
-    return xr.Dataset(made, coords={"L": 100.0})
+        made["leak_rate"] = ("case", "step", "axis"), made["leak_rate"][1][..., np.newaxis]  # type: ignore[assignment]
+    return xr.Dataset(made | {"Sq": ("case", [1.0]), "Sdq": ("case", [0.01])}, coords={"L": 100.0})
 
 
 # Hardness
@@ -75,76 +78,63 @@ def test_shares_above_the_hardness_are_those_of_a_direct_count() -> None:
 
 @pytest.mark.parametrize("region", ["", "record: {region: interior}\n"])
 def test_shares_are_stored_for_every_step_from_the_pressure_field(region: str) -> None:
-    text = SMALL.replace("seeds: 2", "seeds: [1]").replace("contact_area: 0.1", "indentation: 2") + METAL + region
-    case = loads(text).cases()[0]
+    case = case_of(ONE + METAL + region)
     values, surface = run_case(case), surface_of(case)
-    states = list(sweep(surface, HalfSpace(surface.shape), 2.0 * np.arange(1, 5) / 4))
-    # by hand, in GPa: p* E* Sq/L with the Sq of the study
-    scale = 70 / (1 - 0.33**2) * 0.5 / 50
-    for name, expected in zip(
-        HARD,
-        np.transpose([pressures.above(scale * _seen(state.pressure(), region), 1.0) for state in states]),
-        strict=True,
-    ):
-        assert_allclose(values[name].values.ravel(), expected, rtol=1e-12)
+    part = slice(4, 13) if region else slice(None)
+    scale = 70 / (1 - 0.33**2) * 0.5 / 50  # p* E* Sq/L in GPa with the Sq of the study
+    states = sweep(surface, HalfSpace(surface.shape), 2.0 * np.arange(1, 5) / 4)
+    expected = np.transpose([pressures.above(scale * state.pressure()[part, part], 1.0) for state in states])
+    for name, shares in zip(HARD, expected, strict=True):
+        assert_allclose(values[name].values.ravel(), shares, rtol=1e-12)
     assert values[HARD[1]].max() > 0.5
 
 
-def _seen(pressure: np.ndarray, region: str) -> np.ndarray:
-    return pressure[4:13, 4:13] if region else pressure
-
-
 def test_a_harder_metal_yields_less_and_a_very_hard_one_nowhere() -> None:
-    shares = [
-        _collected(SMALL + METAL.replace("1 GPa", hardness))[HARD[0]].isel(step=-1).mean().item()
-        for hardness in ("0.1 GPa", "5 GPa", "15 GPa", "1000 GPa")
-    ]
+    hardnesses = ("0.1 GPa", "5 GPa", "1000 GPa")
+    shares = [float(solved(ONE + METAL.replace("1 GPa", hardness))[HARD[0]][-1]) for hardness in hardnesses]
     assert shares == sorted(shares, reverse=True)
-    assert shares[0] > 0.9
-    assert shares[-1] == 0.0
+    assert (shares[0] > 0.9, shares[-1]) == (True, 0.0)
     assert "hardness" not in _after(SMALL + METAL.replace("1 GPa", "1000 GPa"))
 
 
 def test_where_pressures_end_at_the_hardness_yield_is_stored_and_no_warning_given() -> None:
     text = SMALL + METAL.replace(", plastic: false", "")
-    assert "hardness" not in _before(text)
-    assert "hardness" not in _after(text)
+    assert "hardness" not in _before(text) | _after(text)
     results = _collected(text)
     assert not set(HARD) & set(results.data_vars)
     assert (results.plastic_volume.isel(step=-1) > 0.0).all()
     assert (results.plastic_area_fraction.isel(step=-1) <= results.contact_area_fraction.isel(step=-1)).all()
-    assert loads(text).cases()[0].id != loads(SMALL + METAL).cases()[0].id
+    assert case_of(text).id != case_of(SMALL + METAL).id
 
 
 def test_without_a_hardness_nothing_is_stored_of_it() -> None:
-    plain, hard = loads(SMALL), loads(SMALL + METAL)
+    plain, hard = loads(ONE), loads(ONE + METAL)
     assert not set(HARD) & set(run_case(plain.cases()[0]).data_vars)
     assert plain.cases()[0].id != hard.cases()[0].id
-    assert plain.cases()[0].key["material"] == {"hardness": None, "Sq": None}
     other = METAL.replace("70 GPa", "70000 MPa").replace("1 GPa", "10 kbar")
-    assert [case.id for case in loads(SMALL + other).cases()] == [case.id for case in hard.cases()]
+    assert [case.id for case in loads(ONE + other).cases()] == [case.id for case in hard.cases()]
 
 
 def test_shares_of_a_scaled_surface_are_those_of_one_that_has_these_heights(tmp_path: Path) -> None:
-    text = SMALL.replace("seeds: 2", "seeds: [1]") + METAL.replace("1 GPa", "8 GPa")
-    scaled = _collected(text + "record: {heights: true}")
-    np.save(tmp_path / "z.npy", scaled.heights.isel(D=0, m=0, seed=0).transpose("x", "y").values)
+    text = ONE + METAL.replace("1 GPa", "8 GPa")
+    scaled = _collected(text + "record: {heights: true}").isel(D=0, m=0, seed=0)
+    np.save(tmp_path / "z.npy", scaled.heights.transpose("x", "y").values)
     file = text.replace("D: 2.3, m: 4, seeds: [1],", "file: z.npy,").replace(", Sq: 0.5 um", "")
-    pressed = run_case(loads(file, tmp_path / "s.yaml").cases()[0])
+    pressed = run_case(case_of(file, tmp_path / "s.yaml"))
     for name in HARD:
-        assert_allclose(pressed[name].values.ravel(), scaled[name].values.ravel(), rtol=1e-5)
-    assert 0.0 < scaled[HARD[0]].isel(step=-1).item() < 1.0
+        assert_allclose(pressed[name].values.ravel(), scaled[name].values, rtol=1e-5)
+    assert 0.0 < scaled[HARD[0]].values[-1] < 1.0
 
 
-def test_run_says_which_share_of_contact_and_load_is_above_the_hardness() -> None:
+def test_a_run_names_the_shares_of_contact_and_load_above_the_hardness() -> None:
     found, results = _after(SMALL + METAL)["hardness"], _collected(SMALL + METAL)
-    highest = int(results.mean_pressure.values.ravel().argmax())
+    highest, beyond = int(results.mean_pressure.values.argmax()), results[HARD[1]] > LIMITS["hardness"].value
     for name in HARD:
         assert f"{100 * results[name].values.ravel()[highest]:.3g} %" in found.sentence
     assert "hardness 1 GPa" in found.sentence
-    assert found.extent.states == int((results[HARD[1]] > validity.ABOVE_HARDNESS).sum())
-    assert (found.extent.cases, found.extent.of_cases, found.extent.of_states) == (2, 2, 8)
-    assert found.extent.first == results.mean_pressure.where(results[HARD[1]] > validity.ABOVE_HARDNESS).min()
+    extent = found.extent
+    assert (extent.cases, extent.of_cases, extent.states, extent.of_states) == (2, 2, int(beyond.sum()), 8)
+    assert extent.first == results.mean_pressure.where(beyond).min()
 
 
 def test_the_share_foreseen_is_that_of_the_distribution_of_pressure() -> None:
@@ -158,7 +148,7 @@ def test_the_share_foreseen_is_that_of_the_distribution_of_pressure() -> None:
 
 
 def test_shares_survive_a_checkpoint() -> None:
-    case = loads(SMALL.replace("contact_area: 0.1", "indentation: 2") + METAL).cases()[0]
+    case = case_of(ONE + METAL)
     surface = surface_of(case)
     half_space = HalfSpace(surface.shape)
     states = list(sweep(surface, half_space, 2.0 * np.arange(1, 5) / 4))
@@ -175,28 +165,25 @@ def test_shares_survive_a_checkpoint() -> None:
             assert_array_equal(second.values()[name], whole[name])
 
 
-# A metal without a hardness
+# Which studies exceed which limit
 
 
 @pytest.mark.parametrize(
-    ("material", "speaks"),
+    ("material", "named"),
     [
         ("{E: 70 GPa, nu: 0.33}", True),
         ("{E_star: 2.1e+11 Pa}", True),
         ("{E: 3 GPa, nu: 0.4}", False),
-        ("{E: 210 GPa, nu: 0.3, against: {E: 10 MPa, nu: 0.49}}", False),  # the rubber is what yields last
+        ("{E: 210 GPa, nu: 0.3, against: {E: 10 MPa, nu: 0.49}}", False),  # the rubber yields last
         ("{E_star: 100}", False),  # of no unit
         ("{E: 70 GPa, nu: 0.33, hardness: 1 GPa}", False),
     ],
 )
-def test_a_metal_without_a_hardness_is_said(material: str, speaks: bool) -> None:
+def test_a_metal_without_a_hardness_is_named(material: str, named: bool) -> None:
     text = f"{SMALL}material: {material}\n"
-    assert ("metal" in _before(text), "metal" in _after(text)) == (speaks, speaks)
-
-
-def test_a_metal_polished_so_that_it_stays_elastic_is_not_said() -> None:
-    text = SMALL.replace("0.5 um", "0.1 nm") + "material: {E: 70 GPa, nu: 0.33}\n"
-    assert _before(text) == _after(text) == {}
+    assert ("metal" in _before(text), "metal" in _after(text)) == (named, named)
+    polished = text.replace("0.5 um", "0.1 nm")  # so that it stays elastic
+    assert not {"metal", "slope"} & (_before(polished) | _after(polished)).keys()
 
 
 def test_the_contact_pressure_foreseen_is_near_the_one_computed() -> None:
@@ -205,136 +192,123 @@ def test_the_contact_pressure_foreseen_is_near_the_one_computed() -> None:
     assert 0.7 < pressures[0] / pressures[1] < 1.4
 
 
-# Slope and nominal pressure
-
-
-def test_slope_is_judged_where_heights_and_lengths_have_one_scale(tmp_path: Path) -> None:
+def test_slope_is_judged_where_heights_and_lengths_have_one_scale() -> None:
     raw = "surface: {D: 2.6, m: 4, seeds: 3, L: 5}\nsweep: {steps: 2, to: {indentation: 1}}\n"
-    assert "slope" not in {**_before(raw), **_after(raw)}  # by convention alone the heights are in the unit of L
+    assert "slope" not in _before(raw) | _after(raw)  # by convention alone the heights are in the unit of L
     for changed in ("L: 5 um", "L: 5, Sq: 2", "L: 5 um, Sq: 2000 nm"):
         text = raw.replace("L: 5", changed)
-        assert "slope" in _before(text)
         found = _after(text)["slope"]
-        assert (found.extent.cases, found.extent.of_cases, found.limit) == (3, 3, validity.STEEPEST)
+        assert "slope" in _before(text)
+        assert (found.extent.cases, found.extent.of_cases) == (3, 3)
         assert f"{_collected(text).Sdq.max().item():.2g} on 3 of 3 surfaces" in found.sentence
     flat = raw.replace("L: 5", "L: 5 um, Sq: 10 nm")
-    assert "slope" not in {**_before(flat), **_after(flat)}
+    assert "slope" not in _before(flat) | _after(flat)
 
 
 def test_the_limit_of_the_slope_is_where_the_neglected_area_reaches_a_twentieth() -> None:
     x = np.arange(65) / 64
     wave = np.sin(2 * np.pi * (x[:, None] + 2 * x))
-    wave *= validity.STEEPEST / math.sqrt(0.5 * (4 * np.pi**2) * 5)  # of that rms gradient
+    wave *= LIMITS["slope"].value / math.sqrt(0.5 * (4 * np.pi**2) * 5)  # of that rms gradient
     gradient = np.gradient(wave, x, x)
-    area = np.sqrt(1 + gradient[0] ** 2 + gradient[1] ** 2).mean() - 1
-    assert 0.04 < area < 0.05
+    assert 0.04 < np.sqrt(1 + gradient[0] ** 2 + gradient[1] ** 2).mean() - 1 < 0.05
 
 
-def test_nominal_pressure_beyond_a_tenth_of_the_modulus_is_said_from_where() -> None:
-    states = _states(mean_pressure=[1.0, 5.0, 20.0, np.nan], contact_area_fraction=[0.1, 0.4, 1.0, np.nan])
-    (found,) = validity.after(Setting(1.0, scaled=True), states)
-    assert (found.key, found.extent.states, found.extent.of_states, found.extent.first) == (
-        "nominal_pressure",
-        1,
-        3,
-        20.0,
-    )
-    assert "0.2 E*" in found.sentence
-    assert validity.after(Setting(1.0), states) == []
+FLOW = {"unit": "GPa", "drop_text": "2 bar"}
+
+
+@pytest.mark.parametrize(
+    ("given", "states", "expected", "words"),
+    [
+        # p/E* = p*/100
+        ({"scaled": True}, _states(1.0, 5.0, 20.0, np.nan), [("nominal_pressure", 1, 3, 20.0)], "0.2 E*"),
+        ({}, _states(1.0, 5.0, 20.0, np.nan), [], ""),
+        # p = 0.1, 1, 10 MPa; 0.2 MPa is small at the last alone, and the first has no leak rate
+        (
+            FLOW | {"drop": 0.2e-3},
+            _states(0.01, 0.1, 1.0, leak_rate=[np.nan, 1.0, 0.5]),
+            [("pressure_drop", 1, 2, 0.1)],
+            "1 MPa",
+        ),
+        (FLOW | {"drop": 1e-7}, _states(0.01, 0.1, 1.0, leak_rate=[2.0, 1.0, 0.5]), [], ""),
+        *(
+            (
+                FLOW | {"drop": 1e-9, "fluid": mean},
+                _states(0.01, 0.1, 1.0, leak_rate=[2.0, 1.0, 0.5]),
+                [("fluid", opened, 3, 0.01)] * (opened > 0),
+                "opens the joint",
+            )
+            for mean, opened in ((0.05e-3, 0), (0.5e-3, 1), (2e-3, 2), (0.02, 3), (math.nan, 0))
+        ),
+        # an unloaded state is opened by no fluid
+        (
+            FLOW | {"drop": 1e-30, "fluid": 2e-3},
+            _states(1e-17, 0.1, 1.0, leak_rate=[2.0, 1.0, 0.5]),
+            [("fluid", 1, 3, 0.1)],
+            "",
+        ),
+    ],
+)
+def test_states_beyond_a_limit_are_counted_from_the_least_load(
+    given: dict[str, Any], states: Dataset, expected: list[tuple[str, int, int, float]], words: str
+) -> None:
+    found = validity.after(Setting(1.0, **given), states)
+    extents = [(one.key, one.extent.states, one.extent.of_states, one.extent.first) for one in found]
+    assert extents == expected
+    assert all(words in one.sentence for one in found)
+
+
+def test_a_load_foreseen_beyond_a_tenth_of_the_modulus_is_named() -> None:
     foreseen = validity.before(Setting(1.0, scaled=True), Level("pressure", 20.0), Sq=1.0, Sdq=0.01, L=100.0)
     assert [one.key for one in foreseen] == ["nominal_pressure"]
 
 
-# The pressure of the fluid
-
-
-def test_a_pressure_drop_is_compared_with_the_nominal_pressure_of_each_state() -> None:
-    # p = p* E* Sq/L = 0.1, 1, 10 MPa; a drop of 0.2 MPa is small at the last alone, and the first has no leak rate
-    states = _states(
-        mean_pressure=[0.01, 0.1, 1.0], contact_area_fraction=[0.01, 0.1, 0.2], leak_rate=[np.nan, 1.0, 0.5]
-    )
-    given = Setting(1.0, unit="GPa", drop_text="2 bar", drop=0.2e-3)
-    (found,) = validity.after(given, states)
-    assert (found.key, found.extent.states, found.extent.of_states, found.extent.first) == ("pressure_drop", 1, 2, 0.1)
-    assert "1 MPa" in found.sentence
-    small = Setting(1.0, unit="GPa", drop_text="1 mbar", drop=1e-7)
-    assert validity.after(small, states) == []
-
-
-def test_a_fluid_above_the_load_is_said_to_open_the_joint() -> None:
-    # p = 0.1, 1, 10 MPa
-    states = _states(mean_pressure=[0.01, 0.1, 1.0], contact_area_fraction=[0.01, 0.1, 0.2], leak_rate=[2.0, 1.0, 0.5])
-    for mean, opened in ((0.05e-3, 0), (0.5e-3, 1), (2e-3, 2), (0.02, 3), (math.nan, 0)):
-        found = validity.after(Setting(1.0, unit="GPa", drop_text="1 mbar", drop=1e-9, fluid=mean), states)
-        assert [(one.key, one.extent.states) for one in found] == ([("fluid", opened)] if opened else [])
-
-
-def test_an_unloaded_state_is_not_said_to_be_opened_by_the_fluid() -> None:
-    rounding = _states(
-        mean_pressure=[1e-17, 0.1, 1.0], contact_area_fraction=[0.01, 0.1, 0.2], leak_rate=[2.0, 1.0, 0.5]
-    )
-    found = validity.after(Setting(1.0, unit="GPa", drop_text="1 mbar", drop=1e-9, fluid=2e-3), rounding)
-    assert [one.extent.states for one in found if one.key == "fluid"] == [1]
-
-
-HELIUM = "fluid: {{gas: helium, inlet: {}, outlet: {}}}\nrecord: {{transport: {{gas_flow: last}}}}"
-
-
 @pytest.mark.parametrize(
-    ("fluid", "mean"),
+    ("fluid", "mean", "sides"),
     [
-        (LEAK.format("4 bar"), 2e5),
+        (LEAK.format("4 bar"), 2e5, "inlet 4 bar over the outlet at the ambient"),
+        (GAS.format("10 bar", "9.9 bar"), 9.95e5 - 101325.0, "inlet 10 bar, outlet 9.9 bar"),
+        (GAS.format("1 bar", "0 bar"), 0.5e5 - 101325.0, ""),
         (
-            "fluid: {gas: helium, inlet: 10 bar, outlet: 9.9 bar}\nrecord: {transport: {gas_flow: last}}",
-            9.95e5 - 101325.0,
+            "record: {fluid_pressure: {inlet: 10 bar, outlet: 9.9 bar, at: last}}",
+            9.95e5,
+            "inlet 10 bar, outlet 9.9 bar",
         ),
-        ("fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}\nrecord: {transport: {gas_flow: last}}", 0.5e5 - 101325.0),
-        ("record: {fluid_pressure: {inlet: 10 bar, outlet: 9.9 bar, at: last}}", 9.95e5),
     ],
 )
-def test_the_pressure_of_a_fluid_is_taken_over_the_ambient(fluid: str, mean: float) -> None:
-    rubber = "surface: {D: 2.3, m: 4, seeds: 1, L: 500 um, Sq: 0.8 um}\nmaterial: {E_star: 10 MPa}\n"
-    text = f"{rubber}sweep: {{steps: 2, to: {{pressure: 0.19 MPa}}}}\n{fluid}\n"
+def test_the_pressure_of_a_fluid_is_taken_over_the_ambient(fluid: str, mean: float, sides: str) -> None:
+    text = f"{RUBBER}sweep: {{steps: 2, to: {{pressure: 0.19 MPa}}}}\n{fluid}\n"
     assert validity.setting(loads(text)).fluid == pytest.approx(mean / 1e7)
-    assert ("fluid" in _before(text)) is (mean > 1.9e5)
-    if mean > 1.9e5:
-        sides = "inlet 4 bar over the outlet at the ambient" if "4 bar" in fluid else "inlet 10 bar, outlet 9.9 bar"
-        assert sides in _before(text)["fluid"].sentence
+    found = _before(text)
+    assert ("fluid" in found) is (mean > 1.9e5)
+    assert "fluid" not in found or sides in found["fluid"].sentence
 
 
-def test_metal_beyond_the_reach_of_perfect_plasticity_is_said() -> None:
+def test_metal_beyond_the_reach_of_perfect_plasticity_is_named() -> None:
     metal = "surface: {D: 2.3, m: 4, seeds: 1, L: 50 um, Sq: 0.5 um}\nmaterial: {E_star: 78 GPa, hardness: 1 GPa}\n"
-    for share, speaks in ((0.25, False), (0.35, True), (0.9, True)):
+    for share, named in ((0.25, False), (0.9, True)):
         text = f"{metal}sweep: {{steps: 3, to: {{pressure: {share} GPa}}}}\n"
-        assert ("persistence" in _before(text)) is speaks
-        assert ("persistence" in _after(text)) is speaks
+        assert ("persistence" in _before(text), "persistence" in _after(text)) == (named, named)
     assert "up to 0.9 of the hardness" in _after(text)["persistence"].sentence
 
 
-def test_the_shipped_metal_reaches_the_limit_of_perfect_plasticity() -> None:
-    (found,) = checks.foreseen(running.load(CONFIGS / "metal_seal.yaml"))
-    assert found.sentence.startswith("nominal pressure will be about 0.31 of the hardness")
-
-
-@pytest.mark.parametrize(("drop", "speaks"), [("1 bar", True), ("1 mbar", False)])
-def test_check_foresees_a_pressure_drop_that_lifts_the_joint(drop: str, speaks: bool) -> None:
-    rubber = "surface: {D: 2.3, m: 4, seeds: 1, L: 500 um, Sq: 0.8 um}\nmaterial: {E_star: 10 MPa}\n"
+@pytest.mark.parametrize(("drop", "named"), [("1 bar", True), ("1 mbar", False)])
+def test_check_foresees_a_pressure_drop_that_lifts_the_joint(drop: str, named: bool) -> None:
     for end in ("percolation", "{contact_area: 0.2}", "{pressure: 2}"):
-        assert ("pressure_drop" in _before(f"{rubber}sweep: {{to: {end}}}\n{LEAK.format(drop)}")) is speaks
-    assert "pressure_drop" not in _before(f"{rubber}sweep: {{to: mean-plane}}\n{LEAK.format(drop)}")  # not known
+        assert ("pressure_drop" in _before(f"{RUBBER}sweep: {{to: {end}}}\n{LEAK.format(drop)}")) is named
+    assert "pressure_drop" not in _before(f"{RUBBER}sweep: {{to: mean-plane}}\n{LEAK.format(drop)}")  # not known
+
+
+def test_a_drop_that_cannot_be_compared_is_named() -> None:
+    text = SMALL + LEAK.format("1 bar")
+    assert "has no unit" in _before(text)["pressure_drop"].sentence
+    assert "has no unit" in _after(text)["pressure_drop"].sentence
 
 
 def test_a_flat_map_is_looked_at_without_trouble(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", np.zeros((9, 9)))
     text = "surface: {file: z.npy, L: 1 mm}\nmaterial: {E: 210 GPa, nu: 0.3, hardness: 2 GPa}\n" + LEAK.format("1 bar")
     for end in ("{contact_area: 0.2}", "{indentation: 1}"):
-        assert checks.foreseen(loads(f"{text}sweep: {{to: {end}}}", tmp_path / "s.yaml")) == []
-
-
-def test_a_drop_that_cannot_be_compared_is_said() -> None:
-    text = SMALL + LEAK.format("1 bar")
-    assert "has no unit" in _before(text)["pressure_drop"].sentence
-    assert "has no unit" in _after(text)["pressure_drop"].sentence
+        assert validity.foreseen(loads(f"{text}sweep: {{to: {end}}}", tmp_path / "s.yaml")) == []
 
 
 # The rim of a free patch
@@ -350,90 +324,74 @@ def test_a_rigid_square_carries_its_load_at_the_rim_and_a_dome_in_its_middle() -
     assert math.isnan(pressures.central_pressure_ratio(solve(Surface(np.zeros((33, 33)), 1.0), half_space, 0.0)))
 
 
-def test_the_rim_is_told_of_in_studies_of_a_joint_alone() -> None:
-    states = _states(mean_pressure=[0.1], contact_area_fraction=[0.1])
-    states["central_pressure_ratio"] = ("case", [0.55])
-    surface = "surface: {D: 2.3, m: 4}\n"
-    for text, patch in {
-        surface: False,
-        surface + "record: {transport: {percolation: last}}": True,
-        surface + "material: {E_star: 3 MPa}": True,
-        surface.replace("m: 4", "m: 4, periodic: true") + "material: {E_star: 3 MPa}": False,
-        "surface: {H: 0.8, n: 16, periodic: true}\nrecord: {transport: {percolation: last}}": False,
-        surface + "record: {transport: {percolation: last}, region: interior}": False,
-        "surface: {D: 2.3, m: 4, periodic: true}\nrecord: {transport: {percolation: last}}": False,
-        surface + "record: {transport: {percolation: last}, region_widths: {}}": False,
-    }.items():
-        given = validity.setting(loads(text))
-        assert given.patch is patch
-        assert [found.key for found in validity.after(given, states)] == ["rim"] * patch
-    states["central_pressure_ratio"] = ("case", [0.9])
-    assert validity.after(Setting(1.0, patch=True), states) == []
+@pytest.mark.parametrize(
+    ("surface", "more", "patch"),
+    [
+        ("{D: 2.3, m: 4}", "", False),
+        ("{D: 2.3, m: 4}", "record: {transport: {percolation: last}}", True),
+        ("{D: 2.3, m: 4}", "material: {E_star: 3 MPa}", True),
+        ("{D: 2.3, m: 4, periodic: true}", "material: {E_star: 3 MPa}", False),
+        ("{H: 0.8, n: 16, periodic: true}", "record: {transport: {percolation: last}}", False),
+        ("{D: 2.3, m: 4}", "record: {transport: {percolation: last}, region: interior}", False),
+        ("{D: 2.3, m: 4}", "record: {transport: {percolation: last}, region_widths: {}}", False),
+    ],
+)
+def test_the_rim_is_judged_in_studies_of_a_joint_alone(surface: str, more: str, patch: bool) -> None:
+    given, states = validity.setting(loads(f"surface: {surface}\n{more}")), _states(0.1)
+    assert given.patch is patch
+    for ratio, named in ((0.55, patch), (0.9, False)):
+        states["central_pressure_ratio"] = ("case", [ratio])
+        assert [found.key for found in validity.after(given, states)] == ["rim"] * named
 
 
 def test_the_rim_is_judged_by_the_median_of_the_cases() -> None:
-    made = xr.concat([_states(mean_pressure=[0.1], contact_area_fraction=[0.1])] * 3, "case")
+    made = xr.concat([_states(0.1)] * 3, "case")
     made["central_pressure_ratio"] = ("case", [0.1, 0.7, 1.9])
     (found,) = validity.after(Setting(1.0, patch=True), made)
-    assert (found.extent.cases, found.extent.of_cases) == (2, 3)
-    assert "0.70" in found.sentence
+    assert (found.extent.cases, found.extent.of_cases, "0.70" in found.sentence) == (2, 3, True)
     made["central_pressure_ratio"] = ("case", [0.1, 0.9, 1.9])
     assert validity.after(Setting(1.0, patch=True), made) == []
-
-
-# What is stored and printed
-
-
-def test_a_run_stores_and_prints_what_it_finds_and_goes_well(tmp_path: Path) -> None:
-    (tmp_path / "metal.yaml").write_text(SMALL + METAL, encoding="utf-8")
-    for command in (("check",), ("run", "--jobs", "1", "--out", tmp_path / "out")):
-        told = _call(command[0], tmp_path / "metal.yaml", *command[1:])
-        assert told.exit_code == 0
-        lines = [line for line in told.stderr.splitlines() if line.startswith("warning: ")]
-        assert len(lines) == len(set(lines)) > 0
-        assert any("hardness 1 GPa" in line for line in lines)
-        assert "warning" not in told.stdout
-    stored = dataset.read(tmp_path / "out" / "study.nc").attrs["warnings"].splitlines()
-    assert [f"warning: {sentence}" for sentence in stored] == lines
-    assert _call("run", tmp_path / "metal.yaml", "--out", tmp_path / "out").stderr.splitlines()[-len(lines) :] == lines
-
-
-def test_a_run_within_the_model_stores_that_nothing_is_found(tmp_path: Path) -> None:
-    study = loads("surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 2, to: {indentation: 1}}\n")
-    results = running.run(study, out=tmp_path, jobs=1)
-    assert results.attrs["warnings"] == dataset.read(tmp_path / "study.nc").attrs["warnings"] == ""
-
-
-def test_notes_of_others_come_first_and_nothing_twice() -> None:
-    found = Finding("slope", "too steep", 0.3, "book")
-    assert validity.sentences([found, found], ["width is 160 m"]) == ["width is 160 m", "too steep"]
-
-
-ELASTIC_METAL = CONFIGS / "metal_seal_elastic.yaml"  # beside the same with yield, for comparison
-
-
-def test_the_elastic_metal_is_known_to_leave_the_model() -> None:
-    assert [found.key for found in checks.foreseen(running.load(ELASTIC_METAL))] == ["hardness"]
-
-
-@pytest.mark.parametrize(
-    "path", sorted({*CONFIGS.glob("*.yaml")} - {ELASTIC_METAL, CONFIGS / "metal_seal.yaml"}), ids=lambda path: path.stem
-)
-def test_no_shipped_study_is_known_to_leave_the_model_before_it_runs(path: Path) -> None:
-    assert checks.foreseen(running.load(path)) == []
-
-
-# Highest point
 
 
 @pytest.mark.parametrize(("cleaned", "word"), [("", "see surface.outliers"), (", outliers: {}", "removed already")])
 def test_the_highest_point_of_a_scan_alone_is_judged(tmp_path: Path, cleaned: str, word: str) -> None:
     np.save(tmp_path / "z.npy", np.zeros((4, 4)))
-    states = _states(mean_pressure=[0.1], contact_area_fraction=[0.1], separation=[4.0], indentation=[3.0])
+    states = _states(0.1, separation=[4.0], indentation=[3.0])
     scan = loads(f"surface: {{file: z.npy, L: 3{cleaned}}}", tmp_path / "study.yaml")
-    (found,) = (one for one in validity.after(validity.setting(scan), states) if one.key == "peak")
-    assert "7 Sq" in found.sentence
-    assert word in found.sentence
-    assert not [
-        one for one in validity.after(validity.setting(loads("surface: {D: 2.3, m: 3}")), states) if one.key == "peak"
-    ]
+    sentences = {found.key: found.sentence for found in validity.after(validity.setting(scan), states)}
+    assert "7 Sq" in sentences["peak"]
+    assert word in sentences["peak"]
+    made = validity.after(validity.setting(loads("surface: {D: 2.3, m: 3}")), states)
+    assert "peak" not in [found.key for found in made]
+
+
+# Stored and printed sentences
+
+
+def test_a_run_stores_and_prints_its_findings_and_goes_well(tmp_path: Path) -> None:
+    (tmp_path / "metal.yaml").write_text(SMALL + METAL, encoding="utf-8")
+    for command in (["check"], ["run", "--jobs", "1", "--out", str(tmp_path / "out")]):
+        told = CliRunner().invoke(main, [command[0], str(tmp_path / "metal.yaml"), *command[1:]])
+        lines = [line for line in told.stderr.splitlines() if line.startswith("warning: ")]
+        assert (told.exit_code, len(lines)) == (0, len(set(lines)))
+        assert any("hardness 1 GPa" in line for line in lines)
+        assert "warning" not in told.stdout
+    stored = dataset.read(tmp_path / "out" / "study.nc").attrs["warnings"].splitlines()
+    assert [f"warning: {sentence}" for sentence in stored] == lines
+
+
+def test_a_run_within_the_model_stores_no_sentence(tmp_path: Path) -> None:
+    study = loads("surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 2, to: {indentation: 1}}\n")
+    results = execution.run(study, out=tmp_path, jobs=1)
+    assert results.attrs["warnings"] == dataset.read(tmp_path / "study.nc").attrs["warnings"] == ""
+
+
+def test_notes_come_first_and_nothing_twice() -> None:
+    found = Finding("slope", "too steep")
+    assert validity.sentences([found, found], ["width is 160 m"]) == ["width is 160 m", "too steep"]
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_no_shipped_study_but_two_is_known_to_leave_the_model(path: Path) -> None:
+    known = {"metal_seal_elastic": ["hardness"], "metal_seal": ["persistence"]}  # elastic for comparison; at the limit
+    assert [found.key for found in validity.foreseen(load(path))] == known.get(path.stem, [])

@@ -1,183 +1,245 @@
-"""Worker processes: every task ends once and is told of, dead processes are noticed, callers are left in peace."""
+"""Workers: every task ends once, dead workers are noticed, the caller is left in peace."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import xarray as xr
 
-from roughvol.campaign import workers
+from roughvol.campaign import cluster, execution, workers
+from roughvol.errors import CampaignError
+from roughvol.store import run_status
+from roughvol.study import loads
+from tests.campaign import tasks
+from tests.campaign.kit import Events, values_of
 
-pytestmark = pytest.mark.processes
-
-
-def _task(number: int, tell: Callable[[Any], None]) -> None:
-    if number == 2:
-        raise ValueError("two is not wanted")
-    for value in range(100):  # far more than are passed on
-        tell((number, os.getpid(), value))
-
-
-def _die(number: int, tell: Callable[[Any], None]) -> None:
-    if number == 0:
-        os._exit(7)
-    time.sleep(0.05)
+# The client of Dask leaves its loop's sockets to the garbage collector.
+pytestmark = [
+    pytest.mark.processes,
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
+]
 
 
-def _die_once(task: tuple[int, Path], tell: Callable[[Any], None]) -> int:
-    number, died = task
-    if number == 0 and not died.exists():
-        died.touch()
-        os._exit(7)
-    return 10 * number
+class Ends(dict[Any, Any]):
+    """The result or the exception of each task."""
+
+    def __call__(self, task: Any, result: Any, error: BaseException | None) -> None:
+        """Take in the end of a task."""
+        assert task not in self
+        self[task] = result if error is None else error
 
 
-def _nap(number: int, tell: Callable[[Any], None]) -> int:
-    time.sleep(0.05)
-    return number
+@pytest.mark.parametrize("place", ["here", "processes", "cluster"])
+def test_every_task_ends_once_and_errors_come_back(place: str, request: pytest.FixtureRequest) -> None:
+    address = request.getfixturevalue("scheduler") if place == "cluster" else None
+    ended, told, begun, main = Ends(), list[Any](), list[int](), sys.modules["__main__"]
+    options = {"on_begin": begun.append, "on_message": told.append, "on_end": ended, "scheduler": address}
+    with workers.in_this_process(place == "here"):
+        workers.each(tasks.task, range(5), jobs=2, **options)  # type: ignore[arg-type]
+    assert sorted(ended) == begun == [0, 1, 2, 3, 4]
+    assert str(ended.pop(2)) == "two is not wanted"
+    assert set(told) <= set(begun)
+    assert [(number, stopped) for number, _, stopped in ended.values()] == [(number, False) for number in ended]
+    assert ({pid for _, pid, _ in ended.values()} == {os.getpid()}) == (place != "processes")
+    assert sys.modules["__main__"] is main
 
 
-def _sleep(number: int, tell: Callable[[Any], None]) -> None:
-    tell(number)
-    time.sleep(60)
-
-
-def test_every_task_ends_once_elsewhere_and_errors_come_back() -> None:
-    messages: list[tuple[int, int, int]] = []
-    ended: dict[int, BaseException | None] = {}
-    workers.each(
-        _task,
-        range(5),
-        jobs=2,
-        on_message=messages.append,
-        on_end=lambda task, result, error: ended.update({task: error}),
-    )
-    assert sorted(ended) == [0, 1, 2, 3, 4]
-    assert {task for task, error in ended.items() if error is not None} == {2}
-    assert str(ended[2]) == "two is not wanted"
-    assert os.getpid() not in {pid for _, pid, _ in messages}
-    assert 0 < len(messages) <= 10
-
-
-def test_a_task_that_kills_its_process_is_given_up_and_costs_no_other(tmp_path: Path) -> None:
-    ended: dict[int, BaseException | None] = {}
-    workers.each(
-        _die, range(6), jobs=3, on_message=print, on_end=lambda task, result, error: ended.update({task: error})
-    )
-    assert sorted(ended) == list(range(6))
-    assert isinstance(ended.pop(0), workers.Lost)
-    assert set(ended.values()) == {None}
-
-
-def test_a_process_killed_once_costs_nothing(tmp_path: Path) -> None:
-    tasks = [(number, tmp_path / "died") for number in range(4)]
-    results: dict[int, int] = {}
-    workers.each(
-        _die_once, tasks, jobs=2, on_message=print, on_end=lambda task, result, error: results.update({task[0]: result})
-    )
-    assert results == {0: 0, 1: 10, 2: 20, 3: 30}
-
-
-def test_a_stop_lets_end_what_has_begun_and_begins_no_more() -> None:
-    ended: list[int] = []
-    all_begun = workers.each(
-        _nap,
-        range(20),
-        jobs=2,
-        on_message=print,
-        on_end=lambda task, result, error: ended.append(result),
-        stopping=lambda: len(ended) >= 2,
-    )
-    assert not all_begun
+@pytest.mark.parametrize("here", [True, False])
+def test_a_stop_lets_end_what_has_begun_and_begins_no_more(here: bool) -> None:
+    ended = Ends()
+    with workers.in_this_process(here):
+        workers.each(tasks.nap, range(20), jobs=2, on_end=ended, stopping=lambda: len(ended) >= 2)
     assert 2 <= len(ended) <= 6
     assert sorted(ended) == list(range(len(ended)))
 
 
-def test_an_exception_here_ends_the_tasks_there() -> None:
+def test_a_task_that_kills_its_process_is_given_up_and_costs_no_other(tmp_path: Path) -> None:
+    ended = Ends()
+    workers.each(tasks.deadly, range(4), jobs=2, on_end=ended)
+    assert isinstance(ended.pop(0), workers.Lost)
+    assert ended == {1: 1, 2: 2, 3: 3}
+    once = Ends()
+    numbered = [(number, tmp_path / "died") for number in range(4)]
+    workers.each(tasks.die_once, numbered, jobs=2, on_end=once)
+    assert list(once.values()) == [10 * number for number, _ in once]
+
+
+def test_an_exception_of_the_caller_ends_the_tasks() -> None:
     def stop(message: Any) -> None:
         raise KeyboardInterrupt
 
     started = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
-        workers.each(_sleep, [0, 1, 2, 3], jobs=2, on_message=stop, on_end=lambda task, result, error: None)
+        workers.each(tasks.sleep, [0, 1, 2, 3], jobs=2, on_message=stop, on_end=Ends())
     assert time.monotonic() - started < 30  # the tasks sleep for 60
 
 
-def test_main_is_what_it_was() -> None:
-    main = sys.modules["__main__"]
-    workers.each(_task, [0], jobs=1, on_message=lambda message: None, on_end=lambda task, result, error: None)
-    assert sys.modules["__main__"] is main
-
-
-def _here(number: int, tell: Callable[[Any], None]) -> tuple[int, int, bool]:
-    tell(number)
-    if number == 2:
-        raise ValueError("two is not wanted")
-    return number, os.getpid(), workers.stop_asked()
-
-
-def test_in_this_process_the_same_is_told_in_the_same_order() -> None:
+def test_in_this_process_all_is_told_in_order_and_an_interrupt_ends_all() -> None:
     told: list[Any] = []
-    how: dict[str, Any] = {
-        "jobs": 3,
-        "on_begin": lambda task: told.append(("begin", task)),
-        "on_message": lambda message: told.append(("message", message)),
-        "on_end": lambda task, result, error: told.append((task, result, str(error or ""))),
-    }
+    how: dict[str, Any] = {"jobs": 3, "on_begin": lambda task: told.append(("begin", task)), "on_message": told.append}
     with workers.in_this_process():
-        assert workers.each(_here, range(4), **how)
-    for number in range(4):
-        end = (None, "two is not wanted") if number == 2 else ((number, os.getpid(), False), "")
-        assert told[3 * number : 3 * number + 3] == [("begin", number), ("message", number), (number, *end)]
-    assert not workers.stop_asked()
+        workers.each(tasks.task, range(3), on_end=lambda task, *_: told.append(("end", task)), **how)
+        assert told == [part for number in range(3) for part in (("begin", number), number, ("end", number))]
+        ended = Ends()
+        with pytest.raises(KeyboardInterrupt):
+            workers.each(tasks.interrupted, range(3), jobs=1, on_end=ended)
+        asked = iter([False, True])  # once before the first task, then by the task
+        workers.each(tasks.task, range(4), jobs=1, on_end=ended, stopping=lambda: next(asked, True))
+        assert ended == {0: (0, os.getpid(), True)}
 
+        def refuse(message: Any) -> None:
+            raise ValueError("refused")
 
-def test_in_this_process_a_stop_is_heard_by_the_task_and_by_the_next() -> None:
-    ended: list[Any] = []
-    asked = iter([False, True])  # once before the first task, then by the task
-    with workers.in_this_process():
-        all_begun = workers.each(
-            _here,
-            range(4),
-            jobs=1,
-            on_message=print,
-            on_end=lambda task, result, error: ended.append(result),
-            stopping=lambda: next(asked, True),
-        )
-    assert not all_begun
-    assert ended == [(0, os.getpid(), True)]
-
-
-def _interrupted(number: int, tell: Callable[[Any], None]) -> None:
-    raise KeyboardInterrupt
-
-
-def test_in_this_process_an_interrupt_of_a_task_ends_all() -> None:
-    ended: list[int] = []
-    with pytest.raises(KeyboardInterrupt), workers.in_this_process():
-        workers.each(
-            _interrupted, range(3), jobs=1, on_message=print, on_end=lambda task, result, error: ended.append(task)
-        )
-    assert ended == []
-    assert not workers.stop_asked()
-
-
-def test_a_context_inside_another_computes_in_processes_again() -> None:
-    pids: list[int] = []
-    with workers.in_this_process(), workers.in_this_process(False):
-        workers.each(_here, [0], jobs=1, on_message=print, on_end=lambda task, result, error: pids.append(result[1]))
-    assert pids != [os.getpid()]
+        with pytest.raises(ValueError, match="refused"):
+            workers.each(tasks.task, range(4), jobs=1, on_message=refuse, on_end=Ends())
 
 
 def test_a_plain_script_does_not_start_itself_again(tmp_path: Path) -> None:
-    (tmp_path / "study.yaml").write_text("surface: {D: 2.5, m: 2, seeds: 2}\nsweep: {steps: 2}\n")
     script = tmp_path / "script.py"
-    script.write_text("import roughvol\nprint('once')\nprint(dict(roughvol.run('study.yaml').sizes)['seed'])\n")
-    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True, timeout=100)
-    assert (done.stdout, done.returncode) == ("once\n2\n", 0), done.stderr
+    script.write_text(
+        "from roughvol.campaign import workers\nfrom tests.campaign import tasks\nprint('once')\n"
+        "workers.each(tasks.nap, range(2), jobs=2, on_end=lambda task, result, error: print(result + 2))\n"
+    )
+    there = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run([sys.executable, script], env=there, capture_output=True, text=True, timeout=100)
+    assert (sorted(done.stdout.split()), done.returncode) == (["2", "3", "once"], 0), done.stderr
+
+
+# A cluster
+
+
+class Dask:
+    """A scheduler and workers, each a process of this machine."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        self.address, self.folder = f"tcp://127.0.0.1:{port}", folder
+        self.processes: list[subprocess.Popen[bytes]] = []
+        self.start("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+
+    def start(self, *arguments: str) -> subprocess.Popen[bytes]:
+        """Start a scheduler or a worker."""
+        paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
+        environment = os.environ | {
+            "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
+            "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "2s",
+            "PYTHONPATH": os.pathsep.join(paths),  # for the tasks of this file
+        }
+        call = [sys.executable, "-m", f"distributed.cli.dask_{arguments[0]}", *arguments[1:]]
+        log = subprocess.DEVNULL
+        self.processes.append(subprocess.Popen(call, cwd=self.folder, env=environment, stdout=log, stderr=log))
+        return self.processes[-1]
+
+    def worker(self, *more: str) -> subprocess.Popen[bytes]:
+        """Start a worker; with ``--no-nanny`` it dies for good."""
+        return self.start("worker", self.address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", *more)
+
+    def end(self, processes: list[subprocess.Popen[bytes]]) -> None:
+        """End processes."""
+        for process in processes:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture(scope="module")
+def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
+    pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'roughvol[cluster]'")
+    started = Dask(tmp_path_factory.mktemp("dask"))
+    try:
+        yield started
+    finally:
+        started.end(started.processes)
+
+
+TEXT = "name: c\nsurface: {D: [2.3, 2.6], m: 4, seeds: 4}\nsweep: {steps: 60}\n"
+
+
+@pytest.mark.slow
+def test_a_cluster_survives_its_workers(dask: Dask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A killed worker changes no value, a task that kills workers is given up, and so is a scheduler without any."""
+    study, first = loads(TEXT), dask.worker("--no-nanny")
+    events = Events()
+
+    def follow(now: Any) -> None:
+        events(now)
+        if now.done == 2 and first.poll() is None:
+            dask.worker("--no-nanny")
+            first.kill()
+            first.wait()
+
+    there = execution.run(study, out=tmp_path / "there", scheduler=dask.address, on_event=follow)
+    assert first.poll() is not None
+    with workers.in_this_process():
+        here = execution.run(study, out=tmp_path / "here", jobs=1)
+    xr.testing.assert_identical(values_of(there), values_of(here))
+    dask.worker()  # with a nanny, which starts it again
+    dask.end(dask.processes[2:-1])
+    ended = Ends()
+    workers.each(tasks.deadly, range(3), jobs=1, scheduler=dask.address, on_end=ended)
+    assert "KilledWorker" in type(ended.pop(0)).__name__
+    assert ended == {1: 1, 2: 2}
+    monkeypatch.setattr(cluster, "GONE", 1.0)
+
+    def kill_all(now: Any) -> None:
+        if now.done == 1:
+            dask.processes[-1].terminate()  # its nanny ends it
+
+    with pytest.raises(CampaignError, match="has had no worker for 1 s, after it had some; what is finished is kept"):
+        execution.run(study, out=tmp_path / "left", scheduler=dask.address, on_event=kill_all)
+    assert run_status.status(study, tmp_path / "left").done
+
+
+@pytest.mark.slow
+def test_a_long_sweep_goes_on_elsewhere_where_the_folder_is_shared(dask: Dask, tmp_path: Path) -> None:
+    (dask.folder / "small.py").write_text(
+        "from roughvol.store import checkpoint\ncheckpoint.NODES, checkpoint.EVERY = 0, 0.1\n"
+    )
+    study = loads("name: c\nsurface: {D: 2.4, m: 6, seeds: 1}\nsweep: {steps: 3000}\nrecord: {fields_at: last}\n")
+    dask.end(dask.processes[1:])
+    first, others = dask.worker("--no-nanny", "--preload", "small.py"), list[subprocess.Popen[bytes]]()
+    steps: dict[bool, list[int]] = {False: [], True: []}
+
+    def replace(now: Any) -> None:
+        steps[bool(others)].append(now.steps_done)
+        if now.steps_done >= 800 and not others:
+            dask.end([first])
+            others.append(dask.worker("--no-nanny", "--preload", "small.py"))
+
+    there = execution.run(study, out=tmp_path / "there", scheduler=dask.address, on_event=replace)
+    assert len(steps[False]) > 2  # a worker reports its steps
+    assert min(steps[True]) > 200  # and the next does not begin with the first
+    assert not list((tmp_path / "there" / "cases").glob(".*"))
+    xr.testing.assert_identical(values_of(there), values_of(execution.run(study, out=tmp_path / "here", jobs=1)))
+
+
+@pytest.mark.parametrize(
+    ("address", "right"),
+    [
+        *((address, True) for address in ("tcp://127.0.0.1:8786", "localhost:8786", "tls://n-1.org:1/", "[::1]:8786")),
+        *((address, False) for address in ("127.0.0.1", "tcp://127.0.0.1", "127.0.0.1:port", "tcp://a:99999")),
+        *((address, False) for address in ("tcp://:1", "", "http://127.0.0.1:80")),
+    ],
+)
+def test_an_address_that_no_scheduler_can_have_is_refused(address: str, right: bool) -> None:
+    message = "allowed: host:port or protocol://host:port"
+    with contextlib.nullcontext() if right else pytest.raises(CampaignError, match=message):
+        cluster.check_address(address)
+
+
+def test_a_scheduler_that_does_not_answer_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster, "CONNECT", 1)
+    with pytest.raises(CampaignError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"):
+        execution.run(loads(TEXT), out=tmp_path, scheduler="tcp://127.0.0.1:9")

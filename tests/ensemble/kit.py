@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from roughvol.campaign import trials
+from roughvol.campaign import rounds
 from roughvol.ensemble.design import Design
 from roughvol.ensemble.step_error import StepErrors
 from roughvol.ensemble.targets import Arrays
@@ -18,13 +18,13 @@ Compute = Callable[[Sequence[Case]], Mapping[str, Arrays]]
 
 def driven(
     study: Study,
-    compute: Compute = trials.in_memory,
+    compute: Compute = rounds.in_memory,
     steps: StepErrors | None = None,
     seconds: Callable[[], float] = lambda: 0.0,
-    alone: Callable[[Sequence[Case]], Sequence[tuple[float, ...]]] = trials.surfaces_alone,
+    alone: Callable[[Sequence[Case]], Sequence[tuple[float, ...]]] = rounds.surfaces_alone,
 ) -> Design:
     """Return a design after its last round."""
-    design = Design(study, trials.step_errors(study) if steps is None else steps)
+    design = Design(study, rounds.step_errors(study) if steps is None else steps)
     while request := design.next(seconds()):
         design.add(compute(request.cases), alone(request.surfaces))
     return design

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.campaign import trials
+from roughvol.campaign import rounds
 from roughvol.ensemble import answer
 from roughvol.ensemble.design import Design, pilot
 from roughvol.ensemble.samples import SampleTable
@@ -150,14 +150,14 @@ def test_too_few_steps_are_named() -> None:
     assert not estimate.steps_suffice
     assert answer.variables(found)["free_volume_step_error_high"][1].all()
     assert "passes a tenth of the accuracy, 4 %: take more sweep.steps" in "\n".join(answer.sentences(found))
-    enough = trials.step_errors(_choosing("free_volume: 2 %", "sweep: {steps: 30}"))
+    enough = rounds.step_errors(_choosing("free_volume: 2 %", "sweep: {steps: 30}"))
     assert max(enough.errors) <= SHARE
 
 
 def test_the_last_step_and_listed_states_need_no_interpolation() -> None:
     last = loads("surface: {D: 2.3, m: 6}\nensemble: {accuracy: {free_volume: 1 %}}")
-    assert trials.step_errors(last) == StepErrors((0.0,), 0)
-    listed = trials.step_errors(_choosing("free_volume: 1 %", "sweep: {pressures: [0.1, 0.3]}"))
+    assert rounds.step_errors(last) == StepErrors((0.0,), 0)
+    listed = rounds.step_errors(_choosing("free_volume: 1 %", "sweep: {pressures: [0.1, 0.3]}"))
     assert listed.errors == (0.0,)
 
 

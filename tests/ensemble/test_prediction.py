@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from click.testing import CliRunner
 
-from roughvol.campaign import trials
+from roughvol.campaign import rounds
 from roughvol.cli import main
 from roughvol.ensemble import prediction
 from roughvol.study import loads
@@ -25,7 +25,7 @@ ASKED = {
 )
 def test_the_expected_cost_is_that_of_the_run_to_a_factor_of_two(name: str) -> None:
     study = loads(SURFACE + ASKED[name])
-    (row,) = trials.expected(study)
+    (row,) = rounds.expected(study)
     found = driven(study)
     cost, plain = found.table.cost(2.3), found.estimates[2.3][0].plain_cost
     assert 0.5 <= row.seconds / cost <= 2.0
@@ -36,7 +36,7 @@ def test_the_expected_cost_is_that_of_the_run_to_a_factor_of_two(name: str) -> N
 def test_finer_levels_need_fewer_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(prediction, "FINEST", 5)
     text = "surface: {D: [2.2, 2.8], m: 10}\nensemble: {accuracy: {free_volume: 1 %}, at: {pressure: 0.3}}"
-    smooth, rough = trials.expected(loads(text))
+    smooth, rough = rounds.expected(loads(text))
     counts = list(smooth.samples.values())
     assert list(smooth.samples) == [4, 5, 6, 7, 8, 9, 10]
     assert counts[2:] == sorted(counts[2:], reverse=True)  # beyond the pilot of the levels that are solved

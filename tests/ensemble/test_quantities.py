@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from roughvol.campaign.execution import run
 from roughvol.campaign.one_case import run_case
-from roughvol.campaign.running import run
 from roughvol.ensemble.targets import PERCOLATION, Series, error_at, series_of, targets_of, value_at
 from roughvol.errors import StudyError
 from roughvol.store import dataset

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.campaign import resources
+from roughvol.campaign import cost
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap import network
 from roughvol.gap.gas import conduction_of_gas
@@ -100,13 +100,13 @@ def test_without_pyamg_a_large_flow_is_refused_with_the_extra_to_install(
         conduction(gap_of(0.1), 0)
     case = loads(TEXT.replace("m: 11", "m: 4")).cases()[0]
     with pytest.raises(ContactError, match=r"roughvol\[large\]"):  # before anything is computed
-        resources.check_resources([case], [17**2], 0.0, tmp_path)
+        cost.check_fits([case], [], tmp_path)
     small = loads(TEXT.replace("m: 11", "m: 4").replace("record: {", "record: {region: interior, ")).cases()[0]
-    resources.check_resources([small], [17**2], 0.0, tmp_path)
+    cost.check_fits([small], [], tmp_path)
 
 
 def test_predicted_memory_knows_multigrid() -> None:
     direct, large = (loads(TEXT.replace("m: 11", f"m: {m}")).cases()[0] for m in (10, 12))
-    per_node = [resources.memory_of(case, n**2) / n**2 for case, n in ((direct, 1025), (large, 4097))]
+    per_node = [cost.memory_of(case, (n, n)) / n**2 for case, n in ((direct, 1025), (large, 4097))]
     assert per_node[1] < 0.8 * per_node[0]
-    assert resources.memory_of(large, 4097**2) < 24 * 2**30
+    assert cost.memory_of(large, (4097, 4097)) < 24 * 2**30

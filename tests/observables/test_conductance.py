@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from roughvol.analysis.derived import derived
 from roughvol.analysis.stored_run import Run
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.errors import ContactError, StudyError
@@ -59,7 +59,7 @@ def test_the_exponent_is_that_of_a_power_law() -> None:
 
 def test_a_run_shows_stiffness_and_conductance(tmp_path: Path) -> None:
     study = loads(TEXT)
-    results = running.run(study, jobs=1, out=tmp_path)
+    results = execution.run(study, jobs=1, out=tmp_path)
     ready = derived(results, study)
     stiffness = ready.interfacial_stiffness
     steps = -np.diff(results.mean_pressure.values) / np.diff(results.free_volume.values)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.campaign.one_case import one_thread
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, Trials
@@ -224,7 +224,7 @@ record:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    return running.run(loads(TEXT), jobs=1, out=tmp_path_factory.mktemp("lift"))
+    return execution.run(loads(TEXT), jobs=1, out=tmp_path_factory.mktemp("lift"))
 
 
 def test_a_study_stores_leaks_under_pressure_with_their_unit(run: Dataset) -> None:
@@ -239,7 +239,7 @@ def test_a_study_stores_leaks_under_pressure_with_their_unit(run: Dataset) -> No
 
 
 def test_the_lifted_gap_of_a_study_passes_its_leak(run: Dataset, tmp_path: Path) -> None:
-    again = running.run(loads(TEXT.replace("at: last", "at: last, fields: true")), jobs=1, out=tmp_path)
+    again = execution.run(loads(TEXT.replace("at: last", "at: last, fields: true")), jobs=1, out=tmp_path)
     state = again.isel(D=0, m=0, seed=0, fluid_at=0)
     for axis, name in enumerate("xy"):
         gap = state["fluid_gap"].sel(axis=name).transpose("x", "y").values
@@ -252,7 +252,7 @@ def test_the_lifted_gap_of_a_study_passes_its_leak(run: Dataset, tmp_path: Path)
 
 def test_a_pressure_in_the_unit_of_p_gives_the_same_state(run: Dataset, tmp_path: Path) -> None:
     text = TEXT.replace("inlet: 0.2 bar", "inlet: 0.4").split("  dimensional")[0]
-    again = running.run(loads(text), jobs=1, out=tmp_path)
+    again = execution.run(loads(text), jobs=1, out=tmp_path)
     assert_allclose(again.fluid_leak, run.fluid_leak, rtol=1e-9)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.campaign.cost import estimate
 from roughvol.campaign.one_case import run_case, surface_of
 from roughvol.contact.halfspace import HalfSpace
@@ -148,7 +148,7 @@ def test_a_measured_surface_has_its_texture(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", heights)
     text = "surface: {file: z.npy, L: 2 mm}\nsweep: {steps: 3}\nrecord: {texture: true, region: {x: [0, 0.8]}}"
     study = loads(text, tmp_path / "a.yaml")
-    stored = running.run(study, out=tmp_path / "run", jobs=1).squeeze("case")
+    stored = execution.run(study, out=tmp_path / "run", jobs=1).squeeze("case")
     assert stored.Svi == texture.Svi(heights[:16])
     assert stored.Sa.attrs == {"units": "mm", "long_name": VARIABLES["Sa"].long_name, "symbol": "Sa"}
     assert stored.Svi_loaded.sizes == {"texture_at": 1}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import ContactError, StudyError
 from roughvol.gap import clusters
@@ -101,6 +101,6 @@ def test_a_study_of_a_region_without_elements_is_refused_before_it_runs(
     np.save(tmp_path / "z.npy", np.random.default_rng(0).random((9, 4)))
     study = loads(f"surface: {surface}\nrecord: {recorded}", tmp_path / "s.yaml")
     with pytest.raises(StudyError, match="fewer than 2 × 2") as refused:
-        running.run(study, out=tmp_path / "run", jobs=1)
+        execution.run(study, out=tmp_path / "run", jobs=1)
     assert {problem.key for problem in refused.value.problems} == {key}
     assert not (tmp_path / "run").exists()

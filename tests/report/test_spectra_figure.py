@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from roughvol.campaign.one_case import run_case
-from roughvol.campaign.running import run
+from roughvol.campaign.execution import run
+from roughvol.campaign.one_case import Context, run_case
 from roughvol.errors import DatasetError
 from roughvol.plotting import needed
 from roughvol.report.figures.registry import FIGURES
@@ -26,7 +26,7 @@ sweep: {steps: 0}
 
 def results(text: str) -> dataset.Dataset:
     study = loads(text)
-    parts = [run_case(case, study=study.stored()) for case in study.cases()]
+    parts = [run_case(case, Context(study=study.stored())) for case in study.cases()]
     return dataset.combine(parts, parts[0].attrs)
 
 

@@ -9,7 +9,7 @@ import pages
 import pytest
 
 from roughvol.analysis.stored_run import Run
-from roughvol.campaign.running import run
+from roughvol.campaign.execution import run
 from roughvol.reproduction.claims.ensemble_means import HEAD, answers
 from roughvol.reproduction.judgement import judge
 from roughvol.store import dataset

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from roughvol.analysis.stored_run import Run
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.reproduction.claims import Evidence
 from roughvol.reproduction.claims.leak_estimates import ratios
 from roughvol.reproduction.judgement import judge
@@ -55,7 +55,7 @@ def test_the_report_says_how_wrong_they_are(tmp_path: Path) -> None:
         "{surface: {D: 2.2, m: 5, seeds: 2}, sweep: {steps: 12, to: {contact_area: 0.15}},"
         " record: {transport: {transmissivity: every-step, estimates: every-step}}}"
     )
-    ds = running.run(tmp_path / "leak.yaml", out=tmp_path / "leak", jobs=1)
+    ds = execution.run(tmp_path / "leak.yaml", out=tmp_path / "leak", jobs=1)
     page = judge([tmp_path / "leak" / "study.nc"])
     assert page.estimates
     first = page.estimates[0]

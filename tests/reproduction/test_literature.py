@@ -13,7 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.analysis.stored_run import Run
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.errors import ContactError
 from roughvol.report import page
 from roughvol.reproduction.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Claim, Evidence, assess
@@ -241,7 +241,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     (folder / "rough.yaml").write_text(ROUGH)
     (folder / "free.yaml").write_text(FREE)
     for name in ("rough", "free", "mirco"):
-        running.run(folder / f"{name}.yaml", out=folder / name, jobs=1)
+        execution.run(folder / f"{name}.yaml", out=folder / name, jobs=1)
     return {name: folder / name / "study.nc" for name in ("rough", "free", "mirco")}
 
 

@@ -8,7 +8,7 @@ import pages
 import pytest
 
 from roughvol.analysis.stored_run import Run
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.reproduction.figures.conditions import is_paper_surface
 from roughvol.reproduction.figures.registry import FIGURES
 from roughvol.reproduction.judgement import judge
@@ -32,7 +32,7 @@ SURFACES = {
 
 @pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
 def test_a_report_has_every_figure_but_that_of_the_recursion(surface: str, tmp_path: Path) -> None:
-    running.run(loads(surface + RECORD), out=tmp_path, jobs=1)
+    execution.run(loads(surface + RECORD), out=tmp_path, jobs=1)
     ds = dataset.read(tmp_path / "study.nc")
     assert "midpoint displacement of a free patch" in (FIGURES["fig01"].missing(ds) or "")
     assert not is_paper_surface(ds)

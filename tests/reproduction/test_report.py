@@ -15,7 +15,7 @@ import pages
 import pytest
 from click.testing import CliRunner
 
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.cli import main
 from roughvol.errors import DatasetError
 from roughvol.report import page as report_page
@@ -284,7 +284,7 @@ def test_runs_that_answer_little_are_reported_all_the_same(tmp_path: Path) -> No
     }
     for name, text in studies.items():
         (tmp_path / f"{name}.yaml").write_text(text)
-        running.run(tmp_path / f"{name}.yaml", out=tmp_path / name, jobs=1)
+        execution.run(tmp_path / f"{name}.yaml", out=tmp_path / name, jobs=1)
     heights.unlink()
     little = judge([tmp_path / name / "study.nc" for name in studies])
     assert {claim.verdict for claim in little.claims} == {ABSENT}
@@ -321,7 +321,7 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     texts = {"scan": SCAN.format(file=folder / "map.npy"), "sealing": SEALING}
     for name, text in texts.items():
         (folder / f"{name}.yaml").write_text(text)
-        running.run(folder / f"{name}.yaml", out=folder / name, jobs=1)
+        execution.run(folder / f"{name}.yaml", out=folder / name, jobs=1)
     stored = dataset.read(folder / "scan" / "study.nc").assign_attrs(
         warnings="the slope <0.9> is large\nthe pressure exceeds the hardness"
     )

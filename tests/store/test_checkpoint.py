@@ -21,7 +21,7 @@ from roughvol.contact.loading import sweep
 from roughvol.store import checkpoint, dataset, lock, run_folder, stamped_file
 from roughvol.store.checkpoint import Checkpoint, packed, unpacked
 from roughvol.store.dataset import Dataset
-from roughvol.study import Case, loads
+from roughvol.study import ANSWER_FORMAT, Case, loads
 
 TEXT = """
 name: long
@@ -124,11 +124,15 @@ def test_a_checkpoint_that_cannot_be_written_stops_nothing(case: Case, tmp_path:
 def test_a_worker_elsewhere_writes_checkpoints_only_into_the_folder_of_its_run(
     case: Case, tmp_path: Path, shared: bool
 ) -> None:
+    def run_task(path: Path, mark: str) -> None:
+        task = batch.Task(case, Context(checkpoint=path), mark, ANSWER_FORMAT)
+        batch.run_task(task, lambda message: None, lambda: False)
+
     with lock.opened(tmp_path):
         mark = lock.mark(tmp_path)
         path = run_folder.checkpoint_file(tmp_path, case.id)
-        batch.run_task((case, "", 1, path, mark if shared else mark.replace("2", "3"), None), lambda message: None)
-        batch.run_task((case, "", 1, path.with_name("other"), "", None), lambda message: None)
+        run_task(path, mark if shared else mark.replace("2", "3"))
+        run_task(path.with_name("other"), "")
     assert path.exists() is shared
     assert not path.with_name("other").exists()
 

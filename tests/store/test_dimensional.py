@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from roughvol.campaign import collected, running
+from roughvol.campaign import execution
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import StudyError
 from roughvol.observables.variables import HEIGHT_POWERS, VARIABLES
@@ -194,16 +194,16 @@ def test_every_stored_number_with_a_length_has_its_power_of_the_heights() -> Non
 
 def test_units_and_Sq_make_no_case_anew(tmp_path: Path) -> None:
     small = TEXT.replace("m: 4, seeds: 2", "m: 3, seeds: 1")
-    running.run(loads(small.replace(" um", "").replace(" GPa", "")), out=tmp_path, jobs=1)
+    execution.run(loads(small.replace(" um", "").replace(" GPa", "")), out=tmp_path, jobs=1)
     file = case_file(tmp_path, loads(small).cases()[0].id)
     before = file.stat().st_mtime_ns
     wanted = loads(small.replace("L: ", "Sq: 1 um, L: ") + WANTED)
-    stored = running.run(wanted, out=tmp_path, jobs=1)
+    stored = execution.run(wanted, out=tmp_path, jobs=1)
     assert file.stat().st_mtime_ns == before
     assert set(stored.data_vars) >= MADE
     assert stored.Sq.item() == pytest.approx(1.0, rel=1e-14)
     assert (stored.mean_gap.attrs["units"], stored.Sq.attrs["units"]) == ("um", "um")
-    assert_allclose(collected.collect(wanted, out=tmp_path).leak_rate, stored.leak_rate, rtol=1e-15)
+    assert_allclose(execution.collect(wanted, out=tmp_path).leak_rate, stored.leak_rate, rtol=1e-15)
 
 
 # What is refused
@@ -213,5 +213,5 @@ def test_lengths_of_a_file_that_tells_no_unit_cannot_be_given_one(tmp_path: Path
     np.save(tmp_path / "z.npy", np.random.default_rng(0).random((5, 5)))
     text = "surface: {file: z.npy, L: 4}\nrecord: {dimensional: {mean_gap: um}}"
     with pytest.raises(StudyError, match=r"dimensional\.mean_gap: needs the unit of length"):
-        running.run(loads(text, tmp_path / "s.yaml"), out=tmp_path / "run", jobs=1)
+        execution.run(loads(text, tmp_path / "s.yaml"), out=tmp_path / "run", jobs=1)
     assert not (tmp_path / "run").exists()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from roughvol.campaign import one_case, understood
+from roughvol.campaign import interpretation, one_case
 from roughvol.errors import StudyError
 from roughvol.study import Case, loads
 from roughvol.study.sections.agreement import resolve
@@ -188,14 +188,14 @@ def test_sides_of_both_axes_are_there_for_the_treatment(folder: Path) -> None:
 )
 def test_an_absurd_size_is_noted(folder: Path, surface: str, said: str) -> None:
     case = _case(folder, surface)
-    notes = understood.notes(case, one_case.surface_of(case))
+    notes = interpretation.notes(case, one_case.surface_of(case))
     assert [note for note in notes if re.search(said, note)]
 
 
 def test_a_sound_scan_draws_no_note(folder: Path) -> None:
     for surface in ("file: full.txt", "file: points.xyz, unit: um", "file: bare.npy, L: 7"):
         case = _case(folder, surface)
-        assert understood.notes(case, one_case.surface_of(case)) == ()
+        assert interpretation.notes(case, one_case.surface_of(case)) == ()
 
 
 def test_what_a_file_contradicts_is_placed_in_the_study(tmp_path: Path) -> None:

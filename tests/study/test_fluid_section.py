@@ -13,7 +13,7 @@ from roughvol.analysis import gas_leak
 from roughvol.analysis import read_off as ask
 from roughvol.analysis.leak_budget import card_of
 from roughvol.campaign import card as card_runs
-from roughvol.campaign import running
+from roughvol.campaign import execution
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import StudyError
 from roughvol.gap.gas import plate_flow
@@ -224,7 +224,7 @@ def test_the_card_has_the_leak_of_the_gas(tmp_path: Path) -> None:
     (gas,) = card_of([runs], "gas", "").beside
     assert gas.words.startswith("leak of helium, 2 bar to 1 bar")
     assert gas.unit == "mbar*l/s"
-    stored = running.run(study, jobs=1, out=tmp_path / "run").isel(D=0, m=0, seed=0)
+    stored = execution.run(study, jobs=1, out=tmp_path / "run").isel(D=0, m=0, seed=0)
     at = np.exp(np.interp(0.5, stored.mean_pressure, np.log(stored.gas_leak_rate.sel(axis="x"))))
     assert_allclose(gas.leaks[0].value, at, rtol=0.2)
     assert_allclose(gas.leaks[0].value, runs.fine.dataset.flux_at_gas_leak_rate.sel(axis="x").item(), rtol=1e-12)

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from roughvol.campaign import checks, cost, resources
+from roughvol.campaign import checks, cost
 from roughvol.campaign.one_case import run_case, surface_of
 from roughvol.cli import main
 from roughvol.errors import StudyError
@@ -233,8 +233,7 @@ def test_sizes_and_costs_are_those_of_its_nodes() -> None:
     free, *_ = cases(STUDY)
     periodic, *_ = cases("surface: {H: 0.8, rolloff: 4, n: 32, seeds: 2, periodic: true}\nsweep: {steps: 0}")
     assert (free.nodes_per_side, periodic.nodes_per_side) == (33, 32)
-    assert (resources.nodes_of(free, None), resources.nodes_of(periodic, None)) == (33**2, 32**2)
-    assert cost._shape(free) == (33, 33)
+    assert (cost.shape_of(free), cost.shape_of(periodic)) == ((33, 33), (32, 32))
     assert checks.check_surfaces(loads(STUDY)) is None
 
 

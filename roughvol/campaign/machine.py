@@ -1,12 +1,14 @@
-"""Limit of the address space of a process, checked before any large import.
+"""Cores, memory and disk of this machine, and the limit of the address space of a process.
 
-Under a limit too narrow for the libraries an import fails, or hangs in a library in C.
+The limit is checked before any large import: under a limit too narrow for the libraries an import fails, or hangs in a
+library in C.
 """
 
-from __future__ import annotations
-
+import contextlib
 import errno
 import os
+import shutil
+from pathlib import Path
 
 try:
     import resource
@@ -29,7 +31,7 @@ def address_space() -> float | None:
     return None if soft == resource.RLIM_INFINITY else float(soft)
 
 
-def needed(case: float = 0.0) -> float:
+def needed_space(case: float = 0.0) -> float:
     """Return the bytes of address space of a process, for its libraries and ``case`` bytes of a case."""
     libraries = LIBRARIES + PER_CORE * (os.cpu_count() or 1)
     return libraries + SPARE + AS_MUCH_AGAIN * case if case else libraries
@@ -38,11 +40,11 @@ def needed(case: float = 0.0) -> float:
 def too_narrow() -> str:
     """Return a message if the limit is too narrow for the libraries, else an empty one."""
     limit = address_space()
-    if limit is None or limit >= needed():
+    if limit is None or limit >= needed_space():
         return ""
     return (
         f"not enough memory: the limit of address space is {limit / 1e9:.2g} GB (ulimit -v), "
-        f"and the libraries alone need about {needed() / 1e9:.2g} GB"
+        f"and the libraries alone need about {needed_space() / 1e9:.2g} GB"
     )
 
 
@@ -58,3 +60,38 @@ def is_lack_of_memory(error: BaseException | None) -> bool:
             return True
         error = error.__cause__ or error.__context__
     return False
+
+
+def cores() -> int:
+    """Return the number of cores open to this process."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def available_memory() -> float | None:
+    """Return the bytes left by the system and by the control group, None if unknown."""
+    return min((value for value in (_memory_left(), _group_left()) if value is not None), default=None)
+
+
+def free_disk(folder: Path) -> float | None:
+    """Return the free bytes at a folder that exists or would be made, None if unknown."""
+    folder = folder.absolute()
+    for place in (folder, *folder.parents):
+        with contextlib.suppress(OSError):  # not there yet, or a name too long
+            return float(shutil.disk_usage(place).free)
+    return None
+
+
+def _memory_left() -> float | None:
+    with contextlib.suppress(OSError):
+        lines = (line.split() for line in Path("/proc/meminfo").read_text().splitlines())
+        return next((1024.0 * int(line[1]) for line in lines if line[0] == "MemAvailable:"), None)
+    return None
+
+
+def _group_left() -> float | None:
+    """Return the bytes left by the limit of the control group (a container, a batch job), None without one."""
+    with contextlib.suppress(OSError, ValueError):  # no groups, or no limit ("max")
+        group = Path("/proc/self/cgroup").read_text().strip().rsplit("::", 1)[-1].lstrip("/")
+        folder = Path("/sys/fs/cgroup") / group
+        return float((folder / "memory.max").read_text()) - float((folder / "memory.current").read_text())
+    return None

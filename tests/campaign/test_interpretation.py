@@ -11,12 +11,15 @@ import pytest
 from click.testing import CliRunner
 
 import roughvol
+from roughvol.campaign import interpretation
 from roughvol.cli import main
 from roughvol.errors import CampaignError, RoughvolWarning
 from roughvol.study import loads
+from tests.campaign.kit import noise
 
 UNITS = "surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}\nmaterial: {E_star: 10 MPa}\n"  # p = p* 0.1 MPa
 BARE = "surface: {D: 2.3, m: 4, seeds: 1, L: 100, Sq: 1}\n"
+HEIGHTS = 1e-6 * noise(0, 9, 9)
 
 
 @pytest.fixture(autouse=True)
@@ -24,21 +27,10 @@ def _empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def _doubts(text: str, command: str = "run") -> list[str]:
-    """Return the warnings of a command on numbers that may be meant in another way."""
-    Path("s.yaml").write_text(text, encoding="utf-8")
-    options = ["--jobs", "1", "--fresh"] if command == "run" else []
-    done = CliRunner().invoke(main, [command, "s.yaml", *options])
-    assert done.exit_code == 0, done.output
-    lines = re.findall(r"^warning: (.*)$", done.stderr, re.MULTILINE)
-    return [
-        line
-        for line in lines
-        if re.match(r"(fluid )?pressures? |separations? |indentations? |hardness |accuracy ", line)
-    ]
+def _doubts(text: str) -> list[str]:
+    return interpretation.doubts(loads(text))
 
 
-@pytest.mark.parametrize("command", ["check", "run"])
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -75,27 +67,34 @@ def _doubts(text: str, command: str = "run") -> list[str]:
             "record: {fluid_pressure: {inlet: 0.1, coupling: one-way}}",
             "fluid pressure 0.1 is p* = 0.1, that is 0.01 MPa; write '0.1 MPa' for a nominal pressure",
         ),
+        *(
+            (text, "")
+            for text in (
+                UNITS + "sweep: {steps: 2, to: {pressure: 0.01 MPa}}",
+                UNITS + "sweep: [{steps: 2, to: {pressure: 0.01 MPa}}, {steps: 1, to: {pressure: 0}}]",
+                UNITS + "sweep: {steps: 2, to: {separation: 0}}",
+                UNITS + "sweep: {steps: 2, to: {contact_area: 0.01}}\nrecord: {fields_at: {free_volume: 2}}",
+                BARE + "sweep: {steps: 2, to: {pressure: 0.2}}",
+                BARE + "material: {E_star: 1, hardness: 0.1}\nsweep: {steps: 2, to: {pressure: 0.2}}",
+                BARE + "material: {E: 7.5, nu: 0.5}\nsweep: {steps: 2, to: {indentation: 0.2}}",
+            )
+        ),
     ],
 )
-def test_a_bare_number_beside_units_is_given_in_both_readings(command: str, text: str, expected: str) -> None:
-    assert [line.replace("about ", "") for line in _doubts(text, command)] == [expected]
+def test_a_bare_number_beside_units_is_given_in_both_readings(text: str, expected: str) -> None:
+    assert [line.replace("about ", "") for line in _doubts(text)] == [expected] * bool(expected)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        UNITS + "sweep: {steps: 2, to: {pressure: 0.01 MPa}}",
-        UNITS + "sweep: [{steps: 2, to: {pressure: 0.01 MPa}}, {steps: 1, to: {pressure: 0}}]",
-        UNITS + "sweep: {steps: 2, to: {separation: 0}}",
-        UNITS + "sweep: {steps: 2, to: {contact_area: 0.01}}\nrecord: {fields_at: {free_volume: 2}}",
-        BARE + "sweep: {steps: 2, to: {pressure: 0.2}}",
-        BARE + "material: {E_star: 1, hardness: 0.1}\nsweep: {steps: 2, to: {pressure: 0.2}}",
-        BARE + "material: {E: 7.5, nu: 0.5}\nsweep: {steps: 2, to: {indentation: 0.2}}",
-    ],
-)
-def test_what_has_one_reading_raises_no_doubt(text: str) -> None:
-    assert _doubts(text) == []
-    assert _doubts(text, "check") == []
+def test_each_material_of_a_list_has_its_own_reading_in_check_and_run() -> None:
+    text = UNITS.replace("10 MPa", "[10 MPa, 20 MPa]") + "sweep: {steps: 2, to: {pressure: 0.1}}"
+    Path("s.yaml").write_text(text, encoding="utf-8")
+    for command in (["check", "s.yaml"], ["run", "s.yaml", "--jobs", "1"]):
+        done = CliRunner().invoke(main, command)
+        assert done.exit_code == 0, done.output
+        assert re.findall(r"^warning: .*pressure .* that is (?:about )?(\S+) MPa", done.stderr, re.M) == [
+            "0.01",
+            "0.02",
+        ]
 
 
 def test_several_surfaces_have_a_range() -> None:
@@ -107,25 +106,15 @@ def test_several_surfaces_have_a_range() -> None:
     assert f"that is {nominal.min():.3g} to {nominal.max():.3g} MPa" in line
 
 
-def test_each_material_of_a_list_has_its_own_reading() -> None:
-    text = UNITS.replace("10 MPa", "[10 MPa, 20 MPa]") + "sweep: {steps: 2, to: {pressure: 0.1}}"
-    found = _doubts(text)
-    assert [re.search(r"that is (\S+) MPa", line)[1] for line in found] == ["0.01", "0.02"]  # type: ignore[index]
-    assert all("E_star = " in line for line in found)
-
-
 def test_press_gives_both_readings_of_a_bare_pressure() -> None:
     """A map in metres with a modulus in Pa: the contact was full, where 0.1 MPa has A* = 0.13."""
-    heights = 1e-6 * np.random.default_rng(0).normal(size=(9, 9))
     options: dict[str, Any] = {"L": 100e-6, "nu": 0.5, "steps": 2}
-    starred = 1e5 * 10e6 / 0.75 * float(heights.std()) / 100e-6
+    starred = 1e5 * 10e6 / 0.75 * float(HEIGHTS.std()) / 100e-6
     with pytest.warns(RoughvolWarning, match=r"pressure 100000 is p\* = 100000, that is .* in the unit of E") as seen:
-        ds = roughvol.press(heights, E=10e6, to={"pressure": 1e5}, **options)
+        ds = roughvol.press(HEIGHTS, E=10e6, to={"pressure": 1e5}, **options)
     assert f"that is {starred:.3g} in" in next(str(one.message) for one in seen if "is p*" in str(one.message))
     assert "is p* = 100000" in ds.attrs["warnings"]
-    with pytest.warns(RoughvolWarning, match=r"pressure 0\.1 is p\* = 0\.1, that is \S+ MPa; write '0\.1 MPa'"):
-        roughvol.press(heights, E="10 MPa", to={"pressure": 0.1}, **options)
-    given = roughvol.press(heights, E="10 MPa", to={"pressure": "0.1 MPa"}, **options)
+    given = roughvol.press(HEIGHTS, E="10 MPa", to={"pressure": "0.1 MPa"}, **options)
     assert "p*" not in given.attrs["warnings"]
     assert float(given.nominal_pressure[-1]) == pytest.approx(0.1)
 
@@ -134,29 +123,28 @@ def test_press_gives_both_readings_of_a_bare_pressure() -> None:
     ("hardness", "doubtful"), [("0.0001 Pa", True), ("1 MPa", False), ("0.5 GPa", True), ("1e-5", True), ("2", False)]
 )
 def test_a_hardness_out_of_proportion_is_doubtful(hardness: str, doubtful: bool) -> None:
-    text = UNITS.replace("10 MPa", f"10 MPa, hardness: {hardness}, plastic: false") + "sweep: {steps: 2}"
-    for command in ("check", "run"):
-        found = _doubts(text, command)
-        assert bool(found) == doubtful
-        assert all(re.match(r"hardness .* of the contact modulus, .* is its unit right\?", line) for line in found)
+    found = _doubts(UNITS.replace("10 MPa", f"10 MPa, hardness: {hardness}, plastic: false") + "sweep: {steps: 2}")
+    assert bool(found) == doubtful
+    assert all(re.match(r"hardness .* of the contact modulus, .* is its unit right\?", line) for line in found)
 
 
 def test_an_accuracy_that_looks_like_a_percentage_is_doubtful() -> None:
     text = BARE.replace("seeds: 1, ", "") + "sweep: {to: {pressure: 0.2}}\nensemble: {accuracy: {free_volume: 1}}"
     expected = "accuracy of free_volume is 1 in units of free_volume itself, no share: write '1 %' for a percentage"
-    assert _doubts(text, "check") == [expected]
     assert _doubts(text) == [expected]
-    assert _doubts(text.replace("volume: 1", "volume: 50 %"), "check") == []
+    assert _doubts(text.replace("volume: 1", "volume: 50 %")) == []
 
 
 def test_a_run_that_fails_names_its_doubtful_numbers() -> None:
     """A load above the hardness by its other reading: 0.1 MPa is below it, p* = 0.1 is not reached."""
-    heights = 1e-6 * np.random.default_rng(0).normal(size=(9, 9))
     options: dict[str, Any] = {"L": 100e-6, "E": "10 MPa", "nu": 0.5, "hardness": "1.1 kPa", "steps": 2}
     with pytest.warns(RoughvolWarning, match=r"^pressure 0\.1 is p\* = 0\.1, that is "), pytest.raises(CampaignError):
-        roughvol.press(heights, to={"pressure": 0.1}, **options)
-    text = UNITS.replace("10 MPa", "10 MPa, hardness: 1.1 kPa") + "sweep: {steps: 2, to: {pressure: 0.1}}"
-    Path("s.yaml").write_text(text, encoding="utf-8")
-    done = CliRunner().invoke(main, ["run", "s.yaml", "--jobs", "1"])
-    assert done.exit_code == 1
-    assert len(re.findall(r"^warning: pressure 0\.1 is p\* = 0\.1", done.stderr, re.MULTILINE)) == 1
+        roughvol.press(HEIGHTS, to={"pressure": 0.1}, **options)
+
+
+def test_a_fine_generated_surface_is_shown_by_numbers_alone() -> None:
+    fine, coarse = (loads(f"surface: {{D: 2.3, m: {m}, L: 1 um, Sq: 2 nm}}") for m in (11, 4))
+    assert interpretation.shown(fine, None) is None
+    surface = interpretation.shown(coarse, None)
+    assert surface is not None
+    np.testing.assert_allclose(surface.Sq, 2e-3)

@@ -1,0 +1,120 @@
+"""Finished cases as one dataset, with provenance, dimensional values and warnings: ``study.nc``."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from roughvol.campaign import interpretation, validity
+from roughvol.campaign.one_case import FFT
+from roughvol.errors import DatasetError
+from roughvol.store import dataset, dimensional, provenance, run_folder, variants
+from roughvol.store.dataset import Arrays, Dataset
+from roughvol.store.run_folder import case_file
+from roughvol.study import Case, Study
+
+
+@dataclass
+class Finished:
+    """The arrays of finished cases by id, their versions, and the faults of unusable files by id."""
+
+    arrays: dict[str, Arrays] = field(default_factory=dict)
+    versions: Counter[str] = field(default_factory=Counter)
+    faults: dict[str, str] = field(default_factory=dict)
+
+
+def finished(folder: Path, cases: Mapping[str, Case], stopping: Callable[[], bool] = lambda: False) -> Finished:
+    """Return the finished cases of a folder; raise `KeyboardInterrupt` if it is to stop."""
+    found = Finished()
+    for id, case in cases.items():
+        if stopping():
+            raise KeyboardInterrupt
+        path = case_file(folder, id)
+        try:
+            arrays, labels = dataset.read_arrays(path)
+        except DatasetError as error:
+            if path.exists():
+                found.faults[id] = str(error)
+            continue
+        if fault := run_folder.mismatch(path, labels, run_folder.labels_for(case)):
+            found.faults[id] = fault
+        else:
+            found.arrays[id] = arrays
+            found.versions[labels.get("version", "")] += 1
+    return found
+
+
+def complete(folder: Path, cases: Mapping[str, Case], stopping: Callable[[], bool]) -> Finished:
+    """Return cases that are all finished, else raise `DatasetError`."""
+    found = finished(folder, cases, stopping)
+    absent = [id for id in cases if id not in found.arrays and id not in found.faults]
+    if absent or found.faults:
+        lines = [*found.faults.values(), *(f"{case_file(folder, id)} has vanished" for id in absent)]
+        raise DatasetError("\n".join(lines))
+    return found
+
+
+def stored(folder: Path, study: Study, ids: Iterable[str]) -> Dataset | None:
+    """Return ``study.nc`` if it has this study and these cases."""
+    with contextlib.suppress(DatasetError):
+        results = dataset.read(folder / "study.nc")
+        if results.attrs.get("study") == study.stored() and results.attrs.get("case_ids") == provenance.ids_text(ids):
+            return results
+    return None
+
+
+def of_run(
+    folder: Path, cases: Mapping[str, Case], study: Study, stopping: Callable[[], bool], *, again: bool
+) -> Dataset:
+    """Return ``study.nc``, made from the cases ``again`` or where it is not up to date."""
+    path = folder / "study.nc"
+    if not again and (results := stored(folder, study, cases)) is not None:
+        with contextlib.suppress(OSError):
+            os.utime(path)  # newer than the study file, for make
+        return results
+    dataset.write(combined(complete(folder, cases, stopping), cases, study), path)
+    return dataset.read(path)
+
+
+def combined(found: Finished, cases: Mapping[str, Case], study: Study) -> Dataset:
+    """Return the dataset of the finished cases of a study."""
+    if study.axes:
+        return _joined(found, cases, study)
+    case = next(iter(cases.values()))
+    attributes = provenance.provenance(
+        study.stored(),
+        fft=FFT,
+        ids=found.arrays,
+        region=case.record.region,
+        length_unit=case.length_unit,
+        bodies=[body for one in cases.values() for body in one.bodies],
+        versions=found.versions,
+        periodic=case.periodic,
+    )
+    if case.surface_text:
+        attributes["surface"] = case.surface_text
+    results = dataset.combine(list(found.arrays.values()), attributes)
+    results = dimensional.in_units(results, study, case.length_unit)
+    findings = validity.after(validity.setting(study), results)
+    doubts = interpretation.sentences(study, results["Sq"].values.ravel(), results["L"].item(), case.length_unit)
+    return results.assign_attrs(warnings="\n".join(validity.sentences(findings, (*case.notes, *doubts))))
+
+
+def _joined(found: Finished, cases: Mapping[str, Case], study: Study) -> Dataset:
+    """Return the dataset of a study with lists: each combination collected by itself, joined along the axes."""
+    parts = []
+    for variant in study.variants:
+        held = {case.id: case for case in variant.study.cases() if case.id in found.arrays and case.id in cases}
+        if held:
+            arrays = {id: found.arrays[id] for id in held}
+            parts.append((variant, combined(Finished(arrays, found.versions), held, variant.study)))
+    attributes = {str(name): str(text) for name, text in parts[0][1].attrs.items()}
+    for name in ("surface", "region"):
+        if len({part.attrs.get(name) for _, part in parts}) > 1:
+            attributes[name] = "; ".join(dict.fromkeys(filter(None, (part.attrs.get(name) for _, part in parts))))
+    attributes |= {"study": study.stored(), "case_ids": provenance.ids_text(found.arrays)}
+    return variants.joined(parts, study.axes, attributes | {"warnings": variants.warnings_of(parts)})

@@ -1,0 +1,138 @@
+"""The run of a study: all its missing cases in many processes, resumable, each stored as soon as it is finished.
+
+The results of a study lie in one folder (see `run_folder`). A case is done if every bit of its file is as written and
+its stamp names this case. Other files under its name are set aside, never trusted or merged. Values depend neither on
+the machine nor on the number of processes: one thread sums, and no state that changes an answer passes between cases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from roughvol.campaign import cluster, collection, cost, interpretation, inventory
+from roughvol.campaign.batch import Batch, Control, OnEvent, Progress
+from roughvol.campaign.checks import check_surfaces
+from roughvol.errors import CampaignError, DatasetError, FolderError
+from roughvol.store import lock, run_folder, same_study, sample_plan, stamped_file
+from roughvol.store.dataset import Dataset
+from roughvol.store.run_folder import folder_of
+from roughvol.study import Case, Study, load
+
+
+def run(
+    study: Study | str | Path,
+    *,
+    out: str | Path | None = None,
+    jobs: int | None = None,
+    fresh: bool = False,
+    on_event: OnEvent = lambda progress: None,
+    scheduler: str | None = None,
+    stopping: Callable[[], bool] = lambda: False,
+    only: Collection[str] | None = None,
+    made: Collection[Path] = (),
+) -> Dataset:
+    """Compute the missing cases of a study and return all; `python.run` is the form for users, with its parameters.
+
+    ``made`` has files of heights written for this run. They are kept beside its results.
+    """
+    study = study if isinstance(study, Study) else load(study)
+    if scheduler is not None:
+        cluster.check_address(scheduler)
+    if jobs is not None and jobs < 1:
+        raise CampaignError(f"jobs is {jobs}; allowed: 1 or more")
+    control = Control(jobs, scheduler, on_event, stopping)
+    surface = check_surfaces(study, made)
+    shape = surface.shape if surface is not None else None
+    folder = folder_of(study, out)
+    cases = sample_plan.cases_of(study, folder)
+    wanted = _wanted(study, cases, only)
+    again = wanted if fresh else set()
+    stored = run_folder.stored_ids(folder)
+    left = [case for id, case in cases.items() if id in again or id in wanted - stored]
+    cost.check_fits(left, cases.values(), folder, shape, here=scheduler is None)
+    with lock.opened(folder):
+        another = same_study.another_study(folder, study, cases)
+        if another and not fresh:
+            raise FolderError(another)
+        stamped_file.store(folder / "study.yaml", study.stored().encode())
+        for file in made:
+            stamped_file.store(folder / file.name, file.read_bytes())
+        notices, absent = inventory.sorted_out(folder, cases, fresh=again, another=another is not None)
+        if study.ensemble is not None:
+            from roughvol.campaign.rounds import Rounds  # scipy.stats: half a second, for ensembles alone
+
+            return Rounds(study, folder, cases.keys() - {case.id for case in absent}, control, notices).results()
+        changed = [case for case in absent if case.id in wanted]
+        taken = set() if fresh else {case.id for case in inventory.taken(folder, changed, stopping)}
+        missing = [case for case in changed if case.id not in taken]
+        kept = {case.id for case in absent} - wanted
+        cases = {id: case for id, case in cases.items() if id not in kept}
+        begin = Progress(cases=len(cases), kept=len(cases) - len(missing))
+        if taken:
+            notices.append(f"nothing to compute for {len(taken)} finished in other runs of this folder")
+        if scheduler is None and (long := cost.warning(missing, jobs, shape)):
+            notices.append(f"warning: {long}")
+        for notice in notices:
+            on_event(replace(begin, notice=notice))
+        if not missing:
+            on_event(replace(begin, work=1.0))
+            return collection.of_run(folder, cases, study, stopping, again=bool(changed))
+        alone = len(study.cases()) == 1
+        try:
+            Batch(folder, study.stored(), missing, begin.kept, control, surface=surface, alone=alone).compute()
+        except CampaignError:
+            for sentence in interpretation.doubts(
+                study, surface
+            ):  # a number that was meant otherwise may be the reason
+                on_event(replace(begin, notice=f"warning: {sentence}"))
+            raise
+        return collection.of_run(folder, cases, study, stopping, again=True)
+
+
+def _wanted(study: Study, cases: Mapping[str, Case], only: Collection[str] | None) -> set[str]:
+    """Return the ids of the cases to compute."""
+    if only is None:
+        return set(cases)
+    if study.ensemble is not None:
+        raise CampaignError("only: an ensemble decides itself which cases it needs")
+    if not only or (strange := set(only) - cases.keys()):
+        raise CampaignError(f"only: {', '.join(sorted(strange)) if only else 'nothing'} names no case of this study")
+    return set(only)
+
+
+def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset:
+    """Return the finished cases as one dataset, also of an unfinished run; nothing is written.
+
+    Damaged files are left out. `status` and the next run report them. Of an ensemble, the dataset has the means as well
+    if all samples are finished. Otherwise its attribute ``answer`` gives the number of the missing ones.
+
+    Parameters
+    ----------
+    study : Study or path of a study file
+        Study of the run.
+    out : path, optional
+        Folder of the results; default: ``runs/<name of the study>``.
+
+    Returns
+    -------
+    Dataset
+        Finished cases, as in ``study.nc``.
+
+    Raises
+    ------
+    DatasetError
+        If no case is finished.
+    """
+    study = study if isinstance(study, Study) else load(study)
+    folder = folder_of(study, out)
+    cases = sample_plan.cases_of(study, folder)
+    found = collection.finished(folder, cases)
+    if not found.arrays:
+        raise DatasetError(f"no case of {study.name} is finished in {folder}")
+    if study.ensemble is None:
+        return collection.combined(found, cases, study)
+    from roughvol.campaign import rounds  # scipy.stats: half a second, for ensembles alone
+
+    return rounds.collected(study, folder, cases, found)

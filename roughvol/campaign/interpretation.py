@@ -1,0 +1,249 @@
+"""Interpretation of a study: its surface in words, and numbers that may be meant in another way.
+
+A load or length of a state is starred unless it has a unit: p* = p L/(E* Sq), d/σ, Δ/σ. Beside a modulus or a length
+with a unit it may be meant in that unit, and a sentence gives both readings. So it does beside a modulus without a unit
+that is not 1: starred numbers do not depend on it, so its value must mean something. 0 is 0 in every unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+from roughvol.campaign.one_case import surface_of
+from roughvol.study import STARRED, Case, ContactModulus, Level, MadeSurface, Study
+from roughvol.study.sections import treatment
+from roughvol.study.sections.ensemble import WIDEST
+from roughvol.study.values.units import convert, unit_of
+from roughvol.study.yaml_text import number_text
+from roughvol.surfaces import length_units, measured, texture
+from roughvol.surfaces.body import Body
+from roughvol.surfaces.files import reading
+from roughvol.surfaces.surface import Surface
+
+LARGEST_M = 10  # of a generated surface made to show it: 2^20 nodes
+SOFT, HARD = 1e-4, 1.0  # hardness over E*: a tenth of that of the softest metals (`validity.SOFTEST`); of no solid
+SHOWN = 4  # values in a sentence
+SCATTER = 0.01  # relative difference of the largest and the smallest Sq from which both are shown
+
+
+def shown(study: Study, measured: Surface | None) -> Surface | None:
+    """Return the surface of the first case in the units of the study.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    measured : Surface or None
+        Its surface, if read from files.
+
+    Returns
+    -------
+    Surface or None
+        None if it is generated and finer than `LARGEST_M`.
+    """
+    if measured is not None or not isinstance(study.surface, MadeSurface):
+        return measured
+    return None if (study.cases()[0].m or 0) > LARGEST_M else _first_surface(study)
+
+
+def _first_surface(study: Study) -> Surface:
+    """Return the surface of the first case in the units of the study, with m ≤ `LARGEST_M` if it is generated."""
+    case = study.cases()[0]
+    surface = surface_of(case if case.m is None else replace(case, m=min(case.m, LARGEST_M)))
+    height = study.surface.height if isinstance(study.surface, MadeSurface) else None
+    return surface if height is None else surface.scaled(height)
+
+
+def text(surface: Surface, case: Case, cases: int = 1) -> str:
+    """Return a surface as comments of YAML: size, heights, readers, treatment.
+
+    Parameters
+    ----------
+    surface : Surface
+        The surface as pressed.
+    case : Case
+        Its case, the first of the study.
+    cases : int
+        Number of cases of the study.
+
+    Returns
+    -------
+    str
+        Lines that begin with ``#``.
+    """
+    unit = f" {case.length_unit}" if case.length_unit else ""
+    (rows, columns), spacing = surface.shape, surface.spacing
+    period, width = "one period of " if surface.periodic else "", spacing * surface.intervals[1]
+    lines = [
+        f"surface {period}{rows} x {columns} nodes, L = {surface.side:.6g}{unit} by {width:.6g}{unit}, "
+        f"spacing {spacing:.6g}{unit}"
+    ]
+    if case.file is None:
+        lines.append(case.label + f", the first of {cases} cases" * (cases > 1))
+    roughness = f"Sq = {surface.Sq:.6g}{unit}, Sdq = {texture.Sdq(surface.with_neighbours, spacing):.4g}"
+    if surface.Sq > 0.0:
+        roughness += f", z_max/Sq = {surface.peak:.3g}, z_min/Sq = {surface.pit:.3g} (from the mean plane)"
+    lines.append(roughness)
+    if case.file is not None:
+        lines += [_reading(body, case.length_unit) for body in case.bodies]
+        share = surface.filled / (rows * columns)
+        lines.append(f"missing {surface.filled} heights ({share:.2%})" + ", filled" * (surface.filled > 0))
+    if surface.peak_before is not None:
+        count = "1 outlier" if surface.outliers == 1 else f"{surface.outliers} outliers"
+        lines.append(f"{count} removed; z_max/Sq was {surface.peak_before:.3g} and is {surface.peak:.3g}")
+    steps = treatment.steps(case.treatment, case.length_unit)
+    lines += [f"step {number}: {step}" for number, step in enumerate(steps, 1)]
+    for body in case.bodies[1:]:
+        turned = f", its axis {body.mirror} reversed" * (body.mirror != "none")
+        lines.append(f"heights of {body.file.name} added{turned}")
+    first, *others = lines
+    return "\n".join([f"# {first}", *(f"#         {line}" for line in others)])
+
+
+def _reading(body: Body, wanted: str | None) -> str:
+    """Return file, reader and unit of a body."""
+    ignored = body.header == "ignore"
+    reader = reading.describe(body.file, body.variable, columns=body.columns, ignore_header=ignored).reader
+    unit = f"in {wanted}, the unit of the study" if wanted else "without a unit"
+    if body.numbers_in:
+        unit = f"of {body.numbers_in} a count" if length_units.is_count(body.numbers_in) else f"in {body.numbers_in}"
+        unit += f", converted to {wanted}" * (wanted is not None and body.numbers_in != wanted)
+    return f"{body.file.name} read by {reader}, heights {unit}"
+
+
+def notes(case: Case, surface: Surface) -> tuple[str, ...]:
+    """Return the doubts of a case, and of heights that are absurd for its length."""
+    return (*case.notes, *measured.notes(surface, case.length_unit))
+
+
+def doubts(study: Study, surface: Surface | None = None) -> list[str]:
+    """Return the numbers of a study that may be meant in another way.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    surface : Surface, optional
+        Surface of its first case, in the units of the study. Default: made or read here.
+
+    Returns
+    -------
+    list of str
+        Sentences.
+    """
+    if study.axes:
+        found = (sentence for variant in study.variants for sentence in doubts(variant.study, surface))
+        return list(dict.fromkeys(found))
+    surface = surface or _first_surface(study)
+    several = isinstance(study.surface, MadeSurface) or len(study.surface.each) > 1
+    return sentences(study, [surface.Sq], surface.side, study.cases()[0].length_unit, about="about " * several)
+
+
+def sentences(study: Study, Sq: Iterable[float], L: float, unit: str | None, *, about: str = "") -> list[str]:
+    """Return a sentence for each kind of number that may be meant in another way.
+
+    Parameters
+    ----------
+    study : Study
+        The study, without lists.
+    Sq : iterable of float
+        Root mean square heights of its surfaces, in the unit of L.
+    L : float
+        Length of the surfaces.
+    unit : str or None
+        Unit of L; None for an arbitrary one.
+    about : str
+        A word before converted numbers, as "about" where Sq is not that of all surfaces.
+
+    Returns
+    -------
+    list of str
+        The sentences; empty for a study without doubt.
+    """
+    found = [*_hardness(study), *_accuracies(study)]
+    heights = [float(height) for height in Sq if height > 0.0]
+    if not heights:
+        return found
+    ends = [min(heights), max(heights)]
+    material, fluid = study.material, study.record.fluid_pressure
+    modulus = "E_star" if isinstance(material, ContactModulus) else "E"
+    scales = [material.contact_modulus * end / L for end in ends]
+    pressures = _bare(study, "pressure")
+    if pressures and (material.unit is not None or getattr(material, modulus) != 1.0):
+        found.append(_pressures(study, "pressure", pressures, scales, about))
+    if fluid is not None and not fluid.has_units and material.unit is not None:
+        found.append(_pressures(study, "fluid pressure", [p for p in (fluid.outlet, fluid.inlet) if p], scales, about))
+    for kind in ("separation", "indentation") if unit is not None else ():
+        if values := _bare(study, kind):
+            text = f"{_listed(kind, values)}, that is {about}{_range(values, ends)} {unit}"
+            found.append(f"{text}; write '{number_text(values[0])} {unit}' for a length")
+    return found
+
+
+def _bare(study: Study, kind: str) -> list[float]:
+    """Return the values without a unit of the states of a kind: ends, lists, recorded levels, states of an ensemble."""
+    if not study.sweep.steps:
+        return []
+    states = [level for leg in study.sweep.legs for level in (leg.listed or (leg.target,))]
+    states += [Level("pressure", leg.first) for leg in study.sweep.legs]
+    states += [level for select in study.record.selects.values() for level in select.levels]
+    states += study.ensemble.at.levels if study.ensemble is not None else ()
+    return sorted({level.value for level in states if level.kind == kind and level.value and not unit_of(level.value)})
+
+
+def _pressures(study: Study, kind: str, values: Sequence[float], scales: Sequence[float], about: str) -> str:
+    """Return the sentence on pressures, with their nominal values: starred ones times E* Sq/L."""
+    text, unit, wanted = _listed(kind, values), study.material.unit, study.record.dimensional
+    if unit is None:
+        name = "E_star" if isinstance(study.material, ContactModulus) else "E"
+        return (
+            f"{text}, that is {about}{_range(values, scales)} in the unit of {name}; "
+            f"for a nominal pressure give both with units, as {name}: 10 MPa and 0.1 MPa"
+        )
+    shown = (wanted.pressure if wanted is not None else None) or "MPa"
+    nominal = _range(values, [convert(1.0, unit, shown) * scale for scale in scales])
+    written = f"'{number_text(values[0])} {shown}' for a nominal pressure"
+    return f"{text}, that is {about}{nominal} {shown}; write {written}"
+
+
+def _listed(kind: str, values: Sequence[float]) -> str:
+    """Return the first half of a sentence: the numbers, and their starred symbol."""
+    star = STARRED[kind.removeprefix("fluid ")].symbol
+    if len(values) == 1:
+        return f"{kind} {number_text(values[0])} is {star} = {number_text(values[0])}"
+    return f"{kind}s {_few(map(number_text, values))} are {star}"
+
+
+def _range(values: Sequence[float], scales: Sequence[float]) -> str:
+    """Return values times a scale; of several values and scales, the extremes."""
+    low, high = min(scales), max(scales)
+    if high <= low * (1.0 + SCATTER):
+        return _few(f"{value * high:.3g}" for value in values)
+    products = [value * scale for value in values for scale in scales]
+    return f"{min(products):.3g} to {max(products):.3g}"
+
+
+def _few(texts: Iterable[str]) -> str:
+    """Return the first texts, and the last of more."""
+    known = list(texts)
+    return ", ".join(known if len(known) <= SHOWN else [*known[: SHOWN - 2], "…", known[-1]])
+
+
+def _hardness(study: Study) -> Iterator[str]:
+    hardness = study.material.indentation_hardness
+    if hardness is None or SOFT <= (ratio := hardness / study.material.contact_modulus) <= HARD:
+        return
+    yield (
+        f"hardness {study.material.hardness} is {ratio:.2g} of the contact modulus, and that of solids lies between "
+        f"{SOFT:g} and {HARD:g} of it: is its unit right?"
+    )
+
+
+def _accuracies(study: Study) -> Iterator[str]:
+    named = study.ensemble.accuracy.named if study.ensemble is not None else {}
+    for name, width in named.items():
+        if not width.relative and width >= WIDEST:
+            number = number_text(float(width))
+            text = f"accuracy of {name} is {number} in units of {name} itself, no share"
+            yield f"{text}: write '{number} %' for a percentage"

@@ -1,0 +1,97 @@
+"""Studies, cases and runs for the tests of campaigns."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from roughvol.campaign.batch import Progress
+from roughvol.campaign.one_case import Context, Stopped, run_case
+from roughvol.store import dataset
+from roughvol.store.dataset import Dataset
+from roughvol.study import Case, loads
+
+DIMS = ("D", "m", "seed")
+
+
+def case_of(text: str, file: Path | str = "x.yaml") -> Case:
+    """Return the first case of a study."""
+    return loads(text, file).cases()[0]
+
+
+def solved(text: str, file: Path | str = "x.yaml") -> Dataset:
+    """Return the first case of a study, computed, without dimensions of length 1."""
+    result = run_case(case_of(text, file))
+    return result.squeeze([dim for dim in DIMS if dim in result.dims])
+
+
+def values_of(results: Dataset | Path) -> Dataset:
+    """Return all but what may differ between two runs: times and hosts."""
+    return dataset.answers(dataset.read(results / "study.nc") if isinstance(results, Path) else results)
+
+
+def files_of(folder: Path) -> dict[str, int]:
+    """Return the times of the files of finished cases by name."""
+    return {path.name: path.stat().st_mtime_ns for path in (folder / "cases").glob("*.nc")}
+
+
+def noise(seed: int, *shape: int) -> np.ndarray:
+    """Return independent normal heights."""
+    return np.random.default_rng(seed).normal(size=shape)
+
+
+def resumed(case: Case, stop: int, file: Path) -> tuple[Dataset, list[int]]:
+    """Return a case that was stopped after some steps and went on from its checkpoint, with the steps solved then."""
+    steps: list[int] = []
+    try:
+        run_case(case, Context(checkpoint=file, on_step=steps.append, stopping=lambda: len(steps) >= stop))
+    except Stopped:
+        rest: list[int] = []
+        return run_case(case, Context(checkpoint=file, on_step=rest.append)), rest
+    raise AssertionError("the case has not stopped")
+
+
+class Events(list[Progress]):
+    """The progress that a run reports."""
+
+    def __call__(self, progress: Progress) -> None:
+        """Take in a progress."""
+        self.append(progress)
+
+    @property
+    def notices(self) -> list[str]:
+        """Notices of the run."""
+        return [progress.notice for progress in self if progress.notice]
+
+
+def command(folder: Path, text: str, *arguments: str, before: str = "") -> subprocess.Popen[str]:
+    """Start ``roughvol run`` of a study in a process group of its own, with the results in ``folder/out``."""
+    (folder / "study.yaml").write_text(text)
+    code = f"{before}\nfrom roughvol.cli import main\nmain()"
+    call = [sys.executable, "-c", code, "run", "study.yaml", "--out", "out", *arguments]
+    return subprocess.Popen(call, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+def at_work(folder: Path, process: subprocess.Popen[str], number: int = 1) -> list[str]:
+    """Return the ids of the cases at work, once there are as many and a case is finished."""
+    deadline, note = time.monotonic() + 60, folder / "out" / "progress.json"
+    while process.poll() is None and time.monotonic() < deadline:
+        try:
+            ids: list[str] = json.loads(note.read_text())["running"]
+        except (OSError, ValueError):
+            ids = []
+        if len(ids) >= number and files_of(folder / "out"):
+            return ids
+        time.sleep(0.02)
+    raise AssertionError(process.communicate()[1])
+
+
+def problems_of(error: Any, key: str, words: str) -> list[Any]:
+    """Return the problems of a refused study at a key with certain words."""
+    return [one for one in error.problems if (one.key or "").startswith(key) and words in one.message]

@@ -1,0 +1,249 @@
+"""Several files and lists of values in one study: each is a case or an axis, as it is alone."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import roughvol
+from roughvol.cli import main
+from roughvol.errors import StudyError
+from roughvol.report.figures import content
+from roughvol.store import dataset
+from roughvol.store.variants import parts_of
+from roughvol.study import load, loads
+from roughvol.study.sections import height_file
+from tests.campaign.kit import files_of, problems_of
+
+MANY = """
+surface: {files: maps/*.npy, L: 100 um}
+material: {E: [5 MPa, 10 MPa], nu: 0.5}
+sweep: {pressures: [0.05 MPa, 0.1 MPa]}
+record: {dimensional: {pressure: MPa}}
+"""
+SEVERAL = MANY.replace("{E: [5 MPa, 10 MPa], nu: 0.5}", "{E_star: 10 MPa}")
+MADE = "surface: {D: 2.3, m: 4, seeds: 2, L: 100 um, Sq: 1 um}\n"
+
+
+@pytest.fixture(autouse=True)
+def _maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("maps").mkdir()
+    for k, shape in enumerate(((9, 9), (9, 9), (9, 12))):
+        np.save(f"maps/m{k}.npy", np.random.default_rng(k).random(shape))
+    Path("many.yaml").write_text(MANY, encoding="utf-8")
+    Path("several.yaml").write_text(SEVERAL, encoding="utf-8")
+
+
+def _said(*command: str) -> str:
+    done = CliRunner().invoke(main, command)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def test_each_file_is_the_case_that_it_is_alone() -> None:
+    alone = [loads(SEVERAL.replace("files: maps/*.npy", f"file: maps/m{k}.npy"), "one.yaml") for k in range(3)]
+    assert [case.id for case in load("several.yaml").cases()] == [study.cases()[0].id for study in alone]
+    ds = roughvol.run("several.yaml", jobs=1)
+    assert ds.case.values.tolist() == ["m0.npy", "m1.npy", "m2.npy"]
+    np.testing.assert_allclose(ds.mean_pressure * ds.Sq / 100.0 * 10.0, [[0.05, 0.1]] * 3, rtol=2e-5)
+    one = roughvol.run(alone[2], jobs=1)
+    assert (one.free_volume.sel(case="m2.npy") == ds.free_volume.sel(case="m2.npy")).all()
+    assert [entry["file"] for entry in json.loads(ds.attrs["height_files"])] == ds.case.values.tolist()
+    np.save("maps/m9.npy", np.random.default_rng(9).random((9, 9)))  # a further file is a further case
+    said = _said("run", "several.yaml", "--jobs", "1")
+    assert "4 cases in " in said
+    assert "3 of them finished before" in said
+    assert "4 of 4 cases finished, collected" in _said("status", "several")
+
+
+@pytest.mark.parametrize(
+    ("surface", "part"),
+    [
+        ("{files: nothing/*.npy, L: 1 um}", "no file matches"),
+        ("{files: '**/../**', L: 1 um}", "surface.files: has '..' behind"),
+        ("{files: 's*/../*.npy', L: 1 um}", "surface.files: has '..' behind"),
+        ("{files: [maps/m0.npy, maps/none.npy], L: 1 um}", "no such file"),
+        ("{files: maps/*.npy}", "does not give the length"),
+        ("{files: maps/*.npy, file: maps/other.npy, L: 1 um}", "give one of them"),
+        ("{files: [maps/m0.npy, maps/../maps/m0.npy], L: 1 um}", "two files have one name"),
+        ("{files: 3, L: 1 um}", "must be a pattern or a list of files"),
+        ("{files: '*/*.npy', L: 1 um}", "surface.files: matches more than 2 files"),
+    ],
+)
+def test_files_that_make_no_cases_are_refused(surface: str, part: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "more than" in part:
+        monkeypatch.setattr(height_file, "MOST_FILES", 2)
+    with pytest.raises(StudyError) as refused:
+        loads(f"surface: {surface}\nsweep: {{steps: 1}}\n", "several.yaml").cases()
+    assert part in str(refused.value)
+
+
+def test_a_pattern_may_begin_above_the_study() -> None:
+    Path("studies").mkdir()
+    study = loads("surface: {files: '../maps/m0*.npy', L: 1 um}", Path("studies/s.yaml"))
+    assert [Path(case.bodies[0].file).name for case in study.cases()] == ["m0.npy"]
+
+
+STRANGE = ("=cmd|calc.npy", "@SUM(A1).npy", "+1.npy", "<img src=x onerror=alert(1)>.npy", "<b>\\<i>.npy", "plain.npy")
+
+
+def test_names_of_files_are_neither_formulas_nor_elements_of_pages() -> None:
+    for number, name in enumerate(STRANGE):
+        np.save(name, np.random.default_rng(number).random((9, 9)))
+    surface = f"{{files: {json.dumps(list(STRANGE))}, L: 100 um}}"
+    roughvol.run(loads(f"name: strange\nsurface: {surface}\nsweep: {{steps: 2}}\n", "strange.yaml"), jobs=1)
+    rows = list(csv.DictReader(io.StringIO(_said("show", "strange", "--csv"))))
+    assert {row["case"] for row in rows} == {f"'{name}" if name[0] in "=@+" else name for name in STRANGE}
+    assert any(float(row["separation"]) < 0.0 for row in rows)  # negative numbers stay numbers
+    _said("report", "strange", "--out", "page")
+    for page in ("report.md", "report.html"):
+        text = Path("page", page).read_text(encoding="utf-8")
+        assert "onerror" in text
+        assert not re.search(r"(?<!\\)(?:\\\\)*<(?:img src=x|b>|i>\.npy)", text)
+
+
+# Lists
+
+
+def test_maps_materials_and_loads_make_one_dataset_and_one_figure() -> None:
+    assert "E = 10 MPa" in _said("run", "many.yaml", "--jobs", "1")
+    ds = dataset.read(Path("runs/many/study.nc"))
+    assert dict(ds.sizes) | {"E": 2, "case": 3, "step": 2} == dict(ds.sizes)
+    assert (ds.E.values.tolist(), ds.E.attrs["units"]) == ([5.0, 10.0], "MPa")
+    np.testing.assert_allclose(ds.nominal_pressure, np.broadcast_to([0.05, 0.1], (2, 3, 2)), rtol=2e-5)
+    assert bool((ds.free_volume.sel(E=10.0) > ds.free_volume.sel(E=5.0)).all())  # a stiffer body is pressed flat later
+    for material in (5, 10):
+        alone = roughvol.run(loads(MANY.replace("[5 MPa, 10 MPa]", f"{material} MPa"), f"alone{material}.yaml"), jobs=1)
+        assert (alone.free_volume.values == ds.free_volume.sel(E=material).values).all()
+    _said("plot", "many", "v_of_p", "--format", "csv")
+    with Path("runs/many/figures/v_of_p.csv").open() as stream:
+        assert {"E = 5 MPa", "E = 10 MPa"} == {row["curve"].partition(":")[0] for row in csv.DictReader(stream)}
+    rows = list(csv.DictReader(io.StringIO(_said("show", "many", "--csv"))))
+    assert (len(rows), {row["E"] for row in rows}) == (2 * 3 * 2, {"5.0", "10.0"})
+    assert "E = 5 MPa" in _said("show", "many", "--at", "pressure=0.07MPa")
+    assert "E = 10 MPa" in _said("compare", "many")
+    for command in (["status", "many"], ["check", "many.yaml"], ["report", "many"], ["plot", "many"]):
+        _said(*command)
+    assert Path("runs/many/figures/E_5_MPa").is_dir()
+
+
+def test_combinations_in_several_units_come_in_that_of_the_first() -> None:
+    text = MADE + "material: {E_star: [10 MPa, 200 bar]}\nsweep: {pressures: [0.1 MPa, 0.4 MPa]}"
+    roughvol.run(loads(text, "mixed.yaml"), jobs=1)
+    table = json.loads(_said("show", "mixed", "--json"))
+    assert table["units"]["nominal_pressure"] == "MPa"
+    np.testing.assert_allclose([row["nominal_pressure"] for row in table["rows"]], np.tile([0.1, 0.4], 4), rtol=1e-5)
+    assert "p [MPa]" in _said("compare", "mixed", "--at", "pressure=0.4 MPa")
+    _said("plot", "mixed", "v_of_p", "--format", "csv")
+    with Path("runs/mixed/figures/v_of_p.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert {row["x_label"] for row in rows} == {"nominal pressure p [MPa]"}
+    assert max(float(row["x"]) for row in rows) < 0.41
+
+
+def test_progress_names_combinations_and_an_unfinished_run_is_named() -> None:
+    text = MADE.replace("seeds: 2", "seeds: [5]") + "material: {E: [10 MPa, 20 MPa], nu: 0.3}\n"
+    Path("two.yaml").write_text(text + "sweep: {steps: 2, to: {mean_gap: 2.4 um}}", encoding="utf-8")
+    done = CliRunner().invoke(main, ["run", "two.yaml", "--jobs", "1"])
+    assert any(f"{case.id}: done · " in done.stderr for case in load("two.yaml").cases())
+    Path("runs/two/study.nc").unlink()
+    for name in ("two", "two.yaml", "runs/two"):
+        refused = CliRunner().invoke(main, ["show", name])
+        assert refused.exit_code == 2
+        assert "has no study.nc: its run has not ended; see: roughvol status runs/two" in refused.stderr
+
+
+def test_many_combinations_leave_room_for_their_figure() -> None:
+    text = "surface: {D: 2.3, m: 2, seeds: 1}\nmaterial: {E: [1, 2, 3, 4, 5, 6, 7, 8], nu: [0.3, 0.5]}\n"
+    text += "sweep: {steps: 2}\nrecord: {region: [none, {x: [0, 0.5], y: [0, 1]}]}"
+    roughvol.run(loads(text, "many.yaml"), jobs=1)
+    figure = content.draw("v_of_p", content.parts("many", dataset.read(Path("runs/many/study.nc")), alone=True))
+    figure.draw_without_rendering()  # a warning of matplotlib is an error of the test
+    box = figure.axes[0].get_window_extent()
+    assert box.height > 1.4 * figure.dpi
+    assert box.width > 0.5 * figure.bbox.width
+
+
+def test_equal_starred_loads_share_their_cases_and_a_further_item_computes_its_own() -> None:
+    study = loads(MADE + "material: {E: [5 MPa, 10 MPa], nu: [0.3, 0.5]}\nsweep: {pressures: [0.5, 1]}", "shared.yaml")
+    assert len(study.cases()) == 2
+    ds = roughvol.run(study, jobs=1)
+    assert ds.free_volume.dims == ("E", "nu", "D", "m", "seed", "step")
+    assert (ds.free_volume == ds.free_volume.isel(E=0, nu=0)).all()
+    text = MADE + "material: {E: [5 MPa, 10 MPa], nu: 0.5}\nsweep: {pressures: [0.1 MPa]}"
+    roughvol.run(loads(text, "x.yaml"), jobs=1)
+    before = files_of(Path("runs/x"))
+    more = roughvol.run(loads(text.replace("[5 MPa, ", "[5 MPa, 7 MPa, "), "x.yaml"), jobs=1)
+    assert more.E.values.tolist() == [5.0, 7.0, 10.0]
+    assert (len(before), len(files_of(Path("runs/x")))) == (4, 6)
+    assert before.items() <= files_of(Path("runs/x")).items()
+
+
+def test_ends_regions_materials_filters_and_hardness_are_axes() -> None:
+    text = (
+        "surface: {file: maps/m0.npy, L: 100 um, low_pass: [none, 30 um]}\n"
+        "material: [{E: 5 MPa, nu: 0.5}, {E_star: 10 MPa, hardness: 5 MPa}]\n"
+        "sweep: {steps: 2, to: {pressure: [0.05 MPa, 0.1 MPa]}}\nrecord: {region: [none, interior]}"
+    )
+    study = loads(text, "x.yaml")
+    assert loads(study.stored(), stored=True) == loads(loads(study.stored(), stored=True).stored(), stored=True)
+    ds = roughvol.run(study, jobs=1)
+    assert dict(ds.sizes) == {"low_pass": 2, "material": 2, "to": 2, "region": 2, "case": 1, "step": 2}
+    assert ds.material.values.tolist() == ["E = 5 MPa, nu = 0.5", "E_star = 10 MPa, hardness = 5 MPa"]
+    assert ds.to.values.tolist() == ["pressure=0.05 MPa", "pressure=0.1 MPa"]
+    assert ds.region.values.tolist() == ["whole", "interior"]
+    assert ds.low_pass.values.tolist() == [0.0, 30.0]
+    found = parts_of(ds)
+    assert len(found) == 16
+    assert all("low_pass" not in part.dataset.dims for part in found)
+    hard = loads(MADE + "material: {E_star: 10 MPa, hardness: [none, 5 MPa]}\nsweep: {steps: 1}", "hard.yaml")
+    assert np.isinf(roughvol.run(hard, jobs=1).hardness.values[-1])
+
+
+def test_cases_without_lists_keep_their_id() -> None:
+    plain = load("many.yaml").variants[0].study.cases()
+    text = MANY.replace("[5 MPa, 10 MPa]", "5 MPa")
+    assert [case.id for case in plain] == [case.id for case in loads(text, "many.yaml").cases()]
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "part"),
+    [
+        ("material: {E: [5 MPa, -1 MPa], nu: 0.5}", "material.E[1]", "must be > 0"),
+        ("material: {E: [], nu: 0.5}", "material.E", "must have at least one item, given an empty list"),
+        ("material: {E: [5 MPa, 5000 kPa], nu: 0.5}", "material.E[1]", "is item 1 of the list again, given '5000 kPa'"),
+        ("material: {E: 5 MPa, nu: 0.5, hardness: [none, null]}", "material.hardness[1]", "again, given nothing"),
+        ("material: {E: [5 MPa, 6], nu: 0.5}", "material.E[1]", "either all items have a unit, or none, given 6"),
+        (f"material: {{E: {list(range(1, 1002))}, nu: 0.5}}", "material.E", "make 1001 combinations"),
+        ("material: {E: 5 MPa, nu: [0.3, 0.9]}", "material.nu[1]", "must be <= 0.5"),
+        ("material: {E: 5 MPa, nu: 0.3, hardness: [1, 1 GPa]}", "material.hardness[0]", "either all items have a unit"),
+        ("material: [{E: 5 MPa, nu: 0.3}, {E: 5 MPa}]", "material[1].nu", "missing"),
+        (
+            "material: {E: [5 MPa, 6 MPa], nu: 0.5}\nsweep: {to: {pressure: 1}}\n"
+            "ensemble: {accuracy: {free_volume: 5 %}}",
+            "material.E",
+            "an ensemble takes one value",
+        ),
+    ],
+)
+def test_items_without_meaning_are_refused(text: str, key: str, part: str) -> None:
+    surface = MADE.replace("m: 4, seeds: 2", "m: auto") if "ensemble" in text else MADE
+    with pytest.raises(StudyError) as refused:
+        loads(f"{surface}{text}\n")
+    found = problems_of(refused.value, key, part)
+    assert found, refused.value
+    assert found[0].line == 2
+
+
+@pytest.mark.parametrize("key", ["level: [none, tilt]", "low_pass: [none, 5 um]"])
+def test_generated_surfaces_take_no_list_of_treatments(key: str) -> None:
+    with pytest.raises(StudyError, match=rf"surface\.{key.partition(':')[0]}: excluded by 'D'"):
+        loads(MADE.replace("m: 4", f"m: 4, {key}"))
