@@ -139,15 +139,7 @@ def single_element_pressure(indentation: float, spacing: float, E_star: float = 
 
 
 class Wave(NamedTuple):
-    """Contact of a rigid wave h cos(2π x/λ) over strips of width 2a, one a period.
-
-    Attributes
-    ----------
-    mean_pressure : float
-        Mean pressure [pressure].
-    pressure, gap : array
-        p [pressure] and g [length] at the places asked for.
-    """
+    """Contact of a rigid wave h cos(2π x/λ) over strips of width 2a: p [pressure] and g [length] at places."""
 
     mean_pressure: float
     pressure: Array

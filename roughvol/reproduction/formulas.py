@@ -22,23 +22,8 @@ def bearing_area_volume(
     V* = (1 - A*) ∫_{-∞}^{d/σ} (d/σ - ζ) Φ(ζ) dζ,   Gaussian: (1 - A*) [t Φ(t) + φ(t)], t = d/σ
 
     The integral counts open points only; the factor (1 - A*) of the paper counts them a second time. It is left out
-    unless ``area_fraction`` is given.
-
-    Parameters
-    ----------
-    separation : array_like
-        d/σ, height of the plane above the mean plane over σ.
-    heights : ndarray or "gaussian"
-        Heights z [length] whose own distribution is used, or the Gaussian one.
-    area_fraction : array_like, optional
-        A* in [0, 1], broadcast with ``separation``.
-
-    Raises
-    ------
-    SurfaceError
-        If the heights are flat or not finite.
-    ContactError
-        If A* lies outside [0, 1], or ``heights`` is another word.
+    unless ``area_fraction`` is given. ``separation`` is d/σ. ``heights`` are z [length] with their own distribution, or
+    "gaussian".
     """
     t = np.asarray(separation, dtype=np.float64)
     if isinstance(heights, str):
@@ -61,12 +46,7 @@ def bearing_area_volume(
 def boxes_of_dimension(dimension: ArrayLike, length: float, spacing: float) -> Array:
     """Return the number of elements in a domain of dimension 𝒟, N(δ) = (l/δ)^𝒟 (Eq. 6; Eq. 5 with r for δ, R for l).
 
-    Parameters
-    ----------
-    dimension : array_like
-        𝒟 [1].
-    length, spacing : float
-        l (a free parameter) and δ [length], positive.
+    l = ``length`` is a free parameter, δ = ``spacing`` [length].
     """
     check_positive(length=length, spacing=spacing)
     return (length / spacing) ** np.asarray(dimension, dtype=np.float64)
@@ -89,23 +69,8 @@ def volume_from_dimension(
         weight "width":   w_k = v_{k+1} - v_k          as printed; tends to 0 with growing K
         weight "volume":  w_k = (v_{k+1} + v_k) / 2    the volume of an element in the bin; converges
 
-    Parameters
-    ----------
-    thresholds : ndarray, shape (K + 1,)
-        Thresholds v_th [length³], not decreasing.
-    dimensions : ndarray, shape (K + 1,)
-        Dimensions 𝒟 of the domains D(v ≤ v_th) [1].
-    length, spacing : float
-        l (a free parameter) and δ [length], positive.
-    Sq, area : float
-        σ [length] and A_n [length²], positive.
-    weight : {"width", "volume"}
-        What each element of a bin contributes.
-
-    Raises
-    ------
-    ContactError
-        If the shapes differ, the thresholds decrease, or an argument lies outside its interval.
+    Thresholds v_th [length³] do not decrease; ``dimensions`` are those of the domains v ≤ v_th. l = ``length`` is free,
+    δ = ``spacing``, σ = ``Sq`` [length], A_n = ``area`` [length²].
     """
     check_positive(Sq=Sq, area=area)
     if thresholds.shape != dimensions.shape or thresholds.ndim != 1 or thresholds.size < 2:
@@ -124,15 +89,7 @@ def persson_area(mean_pressure: ArrayLike, Sdq: float, *, Sq: float, side: float
     """Return the area fraction of Persson's theory, A* = erf(√2 p / (E* h')), p / E* = p* σ / L (Persson 2001).
 
     Linear at first, A* ≈ √(8/π) p / (E* h'). With h' ~ δ^{-(D-2)} it gives A*/p* ~ δ^{D-2} (Section 3.1).
-
-    Parameters
-    ----------
-    mean_pressure : array_like
-        p* = p L / (E* σ) [1].
-    Sdq : float
-        Root mean square slope h' [1], positive.
-    Sq, side : float
-        σ and L [length], positive.
+    p* = p L/(E* σ), h' = ``Sdq``, σ = ``Sq`` and L = ``side`` [length].
     """
     check_positive(Sdq=Sdq, Sq=Sq, side=side)
     return np.asarray(erf(math.sqrt(2.0) * np.asarray(mean_pressure, dtype=np.float64) * Sq / (side * Sdq)))
@@ -143,16 +100,7 @@ def area_of_pressure(pressure: ArrayLike, slope: float, kappa: float = 2.0) -> A
 
     κ = √(8/π) is Persson's theory, erf(√2 p/(E* h')) (Persson 2001, as `persson_area`). κ = 2 gives erf(√π p/(E* h')),
     the form with the light-load limit of numerical solutions: N. Prodanov, W. B. Dapp & M. H. Müser, Tribology Letters
-    53 (2014) 433-448.
-
-    Parameters
-    ----------
-    pressure : array_like
-        p/E* [1].
-    slope : float
-        Root mean square slope h' [1], positive.
-    kappa : float
-        κ [1], positive.
+    53 (2014) 433-448. ``pressure`` is p/E*, and h' = ``slope``.
     """
     check_positive(slope=slope, kappa=kappa)
     return np.asarray(erf(0.5 * math.sqrt(math.pi) * kappa / slope * np.asarray(pressure, dtype=np.float64)))
@@ -163,16 +111,6 @@ def westergaard_mean_gap(ratio: ArrayLike) -> Array:
 
     The integral of -dp/K: strips of width 2a, one a period λ, yield by (2λ/(π E*)) ln(1/s) under a mean pressure
     (Johnson 1985, Section 13.2), and dp = (2π E* h/λ) s ds (`closed_forms.westergaard`).
-
-    Parameters
-    ----------
-    ratio : array_like
-        a/λ, 0 < a/λ ≤ 1/2.
-
-    Raises
-    ------
-    ContactError
-        If a ratio lies outside its interval.
     """
     a = np.asarray(ratio, dtype=np.float64)
     if not np.all((a > 0.0) & (a <= 0.5)):

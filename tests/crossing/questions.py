@@ -102,6 +102,12 @@ class Made:
         return 20.0 if self.name and self.kind.name == "study-changed" else self.kind.modulus
 
     @cached_property
+    def stored(self) -> xr.Dataset:
+        """Its dataset."""
+        with xr.open_dataset(self.file, engine="netcdf4") as stored:
+            return stored.load()
+
+    @cached_property
     def groups(self) -> list[Group]:
         """Its surfaces, as the oracle reads them."""
         return oracle.groups(self.file, self.modulus, self.kind.lists, self.kind.ends)
@@ -335,12 +341,12 @@ def run(made: Made) -> int:
     """The table after `roughvol run STUDY`, its closing loads, and the number of cases."""
     text = call(made, "run", made.kind.file, "--jobs", "1")
     assert text.startswith(f"{_cases(made)} case")
-    with xr.open_dataset(made.file, engine="netcdf4") as stored:
-        if "residual" in stored:
-            states = re.search(r"^(\d+) states?, .*\nlargest residual η/σ (.*)$", text, re.MULTILINE)
-            assert states
-            assert int(states[1]) == int(stored["residual"].notnull().sum())
-            close(float(states[2]), float(stored["residual"].max()), "largest residual", within=0.06)
+    stored = made.stored
+    if "residual" in stored:
+        states = re.search(r"^(\d+) states?, .*\nlargest residual η/σ (.*)$", text, re.MULTILINE)
+        assert states
+        assert int(states[1]) == int(stored["residual"].notnull().sum())
+        close(float(states[2]), float(stored["residual"].max()), "largest residual", within=0.06)
     return 1 + check_means(made, text) + sum(check_table(made, table) for table in tables(text))
 
 
@@ -351,17 +357,15 @@ def check_means(made: Made, text: str) -> int:
     )
     assert bool(found) == (made.kind.name == "ensemble")
     for kind, load, D, value, share in found:
-        with xr.open_dataset(made.file, engine="netcdf4") as stored:
-            state = stored.sel(D=float(D), ensemble_at=f"{kind}={load}")
-            mean, low, high = float(state["free_volume_mean"]), *state["free_volume_interval"].values.tolist()
+        state = made.stored.sel(D=float(D), ensemble_at=f"{kind}={load}")
+        mean, low, high = float(state["free_volume_mean"]), *state["free_volume_interval"].values.tolist()
         close(float(value), mean, "mean V*")
         close(float(share), 50.0 * (high - low) / mean, "half width of the interval", within=0.02)
     return 2 * len(found)
 
 
 def _cases(made: Made) -> int:
-    with xr.open_dataset(made.file, engine="netcdf4") as stored:
-        return len(json.loads(stored.attrs["case_ids"]))
+    return len(json.loads(made.stored.attrs["case_ids"]))
 
 
 def show(made: Made) -> int:
@@ -465,11 +469,11 @@ def open_python(made: Made) -> int:
 
 def check_dataset(made: Made, found: Any) -> int:
     """Compare a dataset with study.nc, bit for bit."""
-    with xr.open_dataset(made.file, engine="netcdf4") as stored:
-        assert set(found.data_vars) == set(stored.data_vars)
-        for name, variable in stored.data_vars.items():
-            np.testing.assert_array_equal(found[name].transpose(*variable.dims).values, variable.values, str(name))
-        return sum(variable.size for variable in stored.data_vars.values())
+    stored = made.stored
+    assert set(found.data_vars) == set(stored.data_vars)
+    for name, variable in stored.data_vars.items():
+        np.testing.assert_array_equal(found[name].transpose(*variable.dims).values, variable.values, str(name))
+    return sum(variable.size for variable in stored.data_vars.values())
 
 
 def at_python(made: Made) -> int:
@@ -645,7 +649,7 @@ def _leak_at(x: np.ndarray, load: np.ndarray, leak: np.ndarray) -> np.ndarray:
 
 def report(made: Made) -> int:
     """The tables of claims.json and report.md, `roughvol report RUN`."""
-    with mock.patch("roughvol.report.html.render", return_value=""):  # report.html holds the same and the figures
+    with mock.patch("roughvol.report.page.drawings_of", return_value=()):  # figures are questions of their own
         call(made, "report", made.kind.asked)
     data = json.loads((made.file.parent / "claims.json").read_text(encoding="utf-8"))
     alike(made, data, lambda: roughvol.report_on([made.kind.asked]).plain())
@@ -657,15 +661,15 @@ def report(made: Made) -> int:
             assert all(f"| {' | '.join(row)} |" in text for row in table["rows"])
             found = Table(f"{run['name']}, {table['title'].removeprefix('States, ')}", table["head"], rows)
             count += _check_part(made, found)
-    with xr.open_dataset(made.file, engine="netcdf4") as stored:
-        parts = 1 if not made.kind.lists else stored.sizes[made.kind.lists[0]]
-        assert sum(run["cases"] for run in data["runs"]) == int(stored["Sq"].notnull().sum())
-        assert len(data["surfaces"]) == parts
-        if "residual" in stored:
-            solved = [re.match(r"(\d+) of (\d+) converged", part["loading"]["States"]) for part in data["surfaces"]]
-            assert sum(int(one[1]) for one in solved if one) == int(stored["residual"].notnull().sum())
-        if "case" in stored.dims:
-            count += _check_map(data["surfaces"][0]["surface"], stored)
+    stored = made.stored
+    parts = 1 if not made.kind.lists else stored.sizes[made.kind.lists[0]]
+    assert sum(run["cases"] for run in data["runs"]) == int(stored["Sq"].notnull().sum())
+    assert len(data["surfaces"]) == parts
+    if "residual" in stored:
+        solved = [re.match(r"(\d+) of (\d+) converged", part["loading"]["States"]) for part in data["surfaces"]]
+        assert sum(int(one[1]) for one in solved if one) == int(stored["residual"].notnull().sum())
+    if "case" in stored.dims:
+        count += _check_map(data["surfaces"][0]["surface"], stored)
     moduli = sorted(_numbers(part["loading"]["Contact modulus E*"])[0] for part in data["surfaces"])
     expected = [made.kind.modulus] * parts if isinstance(made.kind.modulus, float) else made.kind.modulus.values()
     if np.isfinite(list(expected)).all():
@@ -678,17 +682,17 @@ def _check_part(made: Made, table: Table) -> int:
         return _check_path(made, table)
     if "Sdq" not in table.head:
         return check_table(made, table)
-    with xr.open_dataset(made.file, engine="netcdf4") as stored:
-        count = 0
-        for row in table.rows:
-            where = {"case": row["file"]} if "file" in row else {"D": float(row["D"]), "m": int(row["m"])}
-            for head, cell in row.items():
-                if head.startswith(("Sq", "Sdq")):
-                    values = stored[head.partition(" ")[0]].sel(where).values.ravel()
-                    values = values[np.isfinite(values)]
-                    numbers = _numbers(cell)
-                    close(numbers, [values.mean(), values.min(), values.max()][: len(numbers)], f"{head}: {cell}")
-                    count += len(numbers)
+    stored = made.stored
+    count = 0
+    for row in table.rows:
+        where = {"case": row["file"]} if "file" in row else {"D": float(row["D"]), "m": int(row["m"])}
+        for head, cell in row.items():
+            if head.startswith(("Sq", "Sdq")):
+                values = stored[head.partition(" ")[0]].sel(where).values.ravel()
+                values = values[np.isfinite(values)]
+                numbers = _numbers(cell)
+                close(numbers, [values.mean(), values.min(), values.max()][: len(numbers)], f"{head}: {cell}")
+                count += len(numbers)
     return count
 
 
@@ -738,9 +742,9 @@ def check(made: Made) -> int:
     """Sq and Sdq of the first surface, and the numbers of cases and states, `roughvol check STUDY`."""
     text = call(made, "check", made.kind.file)
     (found,) = re.findall(r"Sq = ([\d.]+)(?: um)?, Sdq = ([\d.]+)", text)
-    with xr.open_dataset(made.file, engine="netcdf4") as stored:
-        expected = [stored[name].values.ravel()[0] for name in ("Sq", "Sdq")]
-        states = int(stored["residual"].notnull().sum()) if "residual" in stored else 0
+    stored = made.stored
+    expected = [stored[name].values.ravel()[0] for name in ("Sq", "Sdq")]
+    states = int(stored["residual"].notnull().sum()) if "residual" in stored else 0
     if made.kind.name == "file-changed":  # the numbers are those of the file as it is now
         expected[0] = np.load(made.folder / "worn.npy").std()
         assert float(found[0]) == pytest.approx(expected[0], rel=DIGITS)
@@ -764,8 +768,7 @@ def press(made: Made) -> int:
     options |= {name: study[name] for name in ("sweep", "record", "solver", "fluid", "ensemble") if name in study}
     further = {name: value for name, value in study["surface"].items() if name in ("periodic", "against")}
     options |= {"surface": further} if further else {}
-    with xr.open_dataset(made.file, engine="netcdf4") as stored:
-        ds = stored.load()
+    ds = made.stored
     with python(made):
         if made.kind.name == "files":
             roughvol.press(study["surface"]["files"], **options)

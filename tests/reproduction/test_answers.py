@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import pages
 import pytest
 
 from roughvol.analysis.stored_run import Run
@@ -15,12 +14,13 @@ from roughvol.reproduction.judgement import judge
 from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads
+from tests.reproduction import kit
 
 TEXT = """
 name: trial
-surface: {D: [2.1, 2.9], m: 4}
-sweep: {steps: 8, to: {separation: -0.1}}
-ensemble: {accuracy: {free_volume: 4 %, contact_area: 10 %}, at: {pressure: 0.1, separation: 0}}
+surface: {D: [2.1, 2.9], m: 3}
+sweep: {steps: 6, to: {separation: -0.1}}
+ensemble: {accuracy: {free_volume: 8 %, contact_area: 20 %}, at: {pressure: 0.1, separation: 0}}
 """
 
 
@@ -62,6 +62,6 @@ def test_a_run_of_seeds_has_no_such_section(results: Dataset) -> None:
 
 
 def test_the_page_of_an_ensemble_has_the_section(folder: Path) -> None:
-    page = pages.to_html(judge([folder / "study.nc"]))
+    page = kit.to_html(judge([folder / "study.nc"]))
     assert "Ten seeds and the ensemble (" in page
     assert "verdicts change when ten seeds become the ensemble" in page

@@ -17,8 +17,8 @@ from roughvol.study import load, loads
 
 TEXT = """
 name: some
-surface: {D: [2.1, 2.3, 2.7], m: [3, 4, 5], seeds: 2}
-sweep: {steps: 5}
+surface: {D: [2.1, 2.3, 2.7], m: [2, 3, 4], seeds: 2}
+sweep: {steps: 3}
 record:
   heights: true
   fields_at: last

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pages
 import pytest
 import xarray as xr
 
@@ -14,6 +13,7 @@ from roughvol.campaign import execution
 from roughvol.reproduction.claims import Evidence
 from roughvol.reproduction.claims.leak_estimates import ratios
 from roughvol.reproduction.judgement import judge
+from tests.reproduction import kit
 
 STATES = ("seed", "step", "axis")
 
@@ -52,7 +52,7 @@ def test_a_run_without_estimates_or_with_few_states_says_nothing() -> None:
 
 def test_the_report_says_how_wrong_they_are(tmp_path: Path) -> None:
     (tmp_path / "leak.yaml").write_text(
-        "{surface: {D: 2.2, m: 5, seeds: 2}, sweep: {steps: 12, to: {contact_area: 0.15}},"
+        "{surface: {D: 2.2, m: 4, seeds: 2}, sweep: {steps: 12, to: {contact_area: 0.15}},"
         " record: {transport: {transmissivity: every-step, estimates: every-step}}}"
     )
     ds = execution.run(tmp_path / "leak.yaml", out=tmp_path / "leak", jobs=1)
@@ -63,6 +63,6 @@ def test_the_report_says_how_wrong_they_are(tmp_path: Path) -> None:
     both = [ds.estimate_medium_transmissivity / ds["transmissivity"].sel(axis=axis) for axis in "xy"]
     every = np.concatenate([ratio.where(inside).values.ravel() for ratio in both])
     assert first.median == pytest.approx(np.nanmedian(every))
-    for text in (pages.to_markdown(page), pages.to_html(page)):
+    for text in (kit.to_markdown(page), kit.to_html(page)):
         assert "How wrong the quick estimates of leakage are" in text
         assert f"{first.median:.2f}" in text

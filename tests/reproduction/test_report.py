@@ -11,7 +11,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
-import pages
 import pytest
 from click.testing import CliRunner
 
@@ -21,7 +20,7 @@ from roughvol.errors import DatasetError
 from roughvol.report import page as report_page
 from roughvol.report import run_facts
 from roughvol.report.figures.registry import TRADEOFF
-from roughvol.reproduction import judgement, sections
+from roughvol.reproduction import judgement
 from roughvol.reproduction.claims import ABSENT, FAILS, HOLDS, Evidence, Lacking
 from roughvol.reproduction.figures.registry import ALL, COMPARISONS
 from roughvol.reproduction.judgement import Judgement, judge
@@ -29,6 +28,7 @@ from roughvol.reproduction.sections import report_of
 from roughvol.store import dataset
 from roughvol.store.run import names_of
 from roughvol.surfaces.midpoint import random_midpoint_displacement
+from tests.reproduction import kit
 
 EXPECTED = Path(__file__).parents[1] / "regression" / "expected_small.json"
 UNUSABLE = ["", "[]", "{}", '{"numbers": {"4.exponent": 1}}', '{"verdict": {"1": "holds"}}', '{"verdicts": {"x": ""}}']
@@ -68,15 +68,13 @@ def answered(small_study: Path) -> Judgement:
 
 
 @pytest.fixture(scope="module")
-def html(answered: Judgement) -> str:
-    return pages.to_html(answered)
+def report(answered: Judgement) -> report_page.Report:
+    return report_of(answered)
 
 
-@pytest.fixture
-def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave the figures out of the page: they take seconds and are tested once."""
-    monkeypatch.setattr(sections, "drawings", lambda _: iter(()))
-    monkeypatch.setattr(report_page, "drawings_of", lambda *_: iter(()))
+@pytest.fixture(scope="module")
+def html(report: report_page.Report) -> str:
+    return kit.to_html(report)
 
 
 @pytest.fixture(scope="module")
@@ -84,38 +82,22 @@ def page(html: str) -> Page:
     return Page(html)
 
 
-def test_page_is_well_formed(page: Page) -> None:
-    assert page.wrong == []
-    assert page.open == []
+def test_page_is_well_formed_and_stands_alone(page: Page, html: str) -> None:
+    assert page.wrong == page.open == []
     assert len(page.ids) == len(set(page.ids))
-
-
-def test_page_stands_alone(page: Page, html: str) -> None:
-    assert "script" not in page.tags
-    assert "link" not in page.tags
+    assert {"script", "link"} & page.tags == set()
     assert all(link.startswith("#") for link in page.links)
+    assert {link[1:] for link in page.links} <= set(page.ids)
     assert all(source.startswith("data:image/png;base64,") for source in page.images)
     assert not re.search(r"@import|url\(|https?://|<base|srcset", html)
 
 
-def test_every_link_leads_somewhere(page: Page) -> None:
-    assert {link[1:] for link in page.links} <= set(page.ids)
-
-
-def test_page_is_light_and_dark_and_prints(html: str) -> None:
-    for rule in ("prefers-color-scheme: dark", "@media print", "figure.plot:target"):
-        assert rule in html
-
-
 def test_every_claim_is_on_the_page_with_its_verdict(answered: Judgement, page: Page, html: str) -> None:
+    absent = html.split("class='verdicts absent-claims'")[1].split("</table>")[0]
+    for claim in answered.absent:
+        assert escape(claim.lacking or claim.untested) in absent
     for claim in answered.computed:
         assert f"claim-{claim.id}" in page.ids
-    for claim in answered.absent:
-        assert (
-            escape(claim.lacking or claim.untested)
-            in html.split("class='verdicts absent-claims'")[1].split("</table>")[0]
-        )
-    for claim in answered.computed:
         section = html.split(f"id='claim-{claim.id}'")[1].split("</section>")[0]
         assert f">{claim.verdict}<" in section
         assert section.count("class='met'") == sum(check.met is True for check in claim.checks)
@@ -130,18 +112,17 @@ def test_figures_are_png_and_each_is_there_once(page: Page, html: str) -> None:
         assert base64.b64decode(source.split(",")[1])[:8] == b"\x89PNG\r\n\x1a\n"
 
 
-@pytest.mark.usefixtures("no_figures")
 def test_what_comes_from_outside_is_escaped(answered: Judgement) -> None:
     evil = "<img src=x onerror='alert(1)'>&"
     run = dataclasses.replace(answered.runs[0], name=evil)
     claim = dataclasses.replace(answered.claims[1], source=(evil,), why=evil, sentence=evil, figures=())
-    text = pages.to_html(dataclasses.replace(answered, runs=(run,), claims=(claim,)))
+    text = kit.to_html(dataclasses.replace(answered, runs=(run,), claims=(claim,)))
     assert "<img src=x" not in text
     assert "&lt;img src=x onerror=&#x27;alert(1)&#x27;&gt;&amp;" in text
 
 
-def test_json_says_what_the_claims_say(answered: Judgement) -> None:
-    data = json.loads(pages.to_json(answered))
+def test_json_says_what_the_claims_say(answered: Judgement, report: report_page.Report) -> None:
+    data = json.loads(report_page.to_json(report))
     assert sum(data["counts"].values()) == 24
     assert data["counts"][HOLDS] == sum(claim.verdict == HOLDS for claim in answered.claims)
     assert [claim["verdict"] for claim in data["claims"]] == [claim.verdict for claim in answered.claims]
@@ -152,27 +133,32 @@ def test_json_says_what_the_claims_say(answered: Judgement) -> None:
     assert facts["residual"] <= 1e-6
 
 
-def test_markdown_has_every_verdict_in_tables_of_equal_width(answered: Judgement) -> None:
-    text = pages.to_markdown(answered)
+def test_markdown_has_every_verdict_in_tables_of_equal_width(answered: Judgement, report: report_page.Report) -> None:
+    text = kit.to_markdown(report)
     for claim in answered.computed:
         assert f"### {claim.id}. {claim.title}: {claim.verdict}" in text
     for claim in answered.absent:
         assert f"| {claim.id} | {claim.title} ({claim.place}) |" in text
-    for table in re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE):
-        assert len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) == 1
+    assert _widths_of_tables(text) == {1}
 
 
-def test_summary_counts_all_claims(answered: Judgement) -> None:
-    lines = pages.summary(answered).splitlines()
+def _widths_of_tables(markdown: str) -> set[int]:
+    """Return how many different widths the rows of a table have, over all tables."""
+    tables = re.findall(r"(?:^\|.*\n)+", markdown, flags=re.MULTILINE)
+    return {len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) for table in tables}
+
+
+def test_summary_counts_all_claims(report: report_page.Report) -> None:
+    lines = report_page.summary(report).splitlines()
     assert len(lines) == 25
     assert lines[-1].startswith("24 claims: ")
     assert sum(map(int, re.findall(r"(\d+) (?:holds|does|not)", lines[-1]))) == 24
 
 
-@pytest.mark.parametrize("name", sorted(COMPARISONS))
-def test_figures_say_what_they_lack(name: str) -> None:
-    with pytest.raises(Lacking):
-        COMPARISONS[name](Evidence(()))
+def test_figures_say_what_they_lack() -> None:
+    for comparison in COMPARISONS.values():
+        with pytest.raises(Lacking):
+            comparison(Evidence(()))
 
 
 def test_a_figure_of_theory_shows_computed_numbers(answered: Judgement) -> None:
@@ -224,26 +210,18 @@ def test_small_study_answers_as_stored(answered: Judgement) -> None:
 
 @pytest.mark.usefixtures("no_figures")
 def test_command_writes_the_report_and_checks(small_study: Path, tmp_path: Path) -> None:
-    arguments = ["report", str(small_study), "--out", str(tmp_path / "out")]
-    right = tmp_path / "right.json"
+    dataset.write(dataset.read(small_study), tmp_path / "copy" / "study.nc")
+    arguments = ["report", str(tmp_path / "copy")]
+    right, wrong = tmp_path / "right.json", tmp_path / "wrong.json"
     right.write_text('{"verdicts": {"2": "not computed"}}')  # the surfaces are too coarse, and too few
     done = CliRunner().invoke(main, [*arguments, "--check", str(right)])
     assert done.exit_code == 0, done.output
-    assert done.stdout.splitlines()[-1] == str(tmp_path / "out" / "report.html")
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"report.html", "report.md", "claims.json"}
-    wrong = tmp_path / "wrong.json"
+    assert done.stdout.splitlines()[-1] == str(tmp_path / "copy" / "report.html")
     wrong.write_text('{"verdicts": {"2": "does not hold"}}')
-    failed = CliRunner().invoke(main, [*arguments, "--check", str(wrong)])
+    failed = CliRunner().invoke(main, [*arguments, "--out", str(tmp_path / "out"), "--check", str(wrong)])
     assert failed.exit_code == 1
     assert "claim 2: not computed, expected does not hold" in failed.stderr
-
-
-@pytest.mark.usefixtures("no_figures")
-def test_one_run_has_its_report_beside_it(small_study: Path, tmp_path: Path) -> None:
-    run = tmp_path / "copy"
-    dataset.write(dataset.read(small_study), run / "study.nc")
-    assert CliRunner().invoke(main, ["report", str(run)]).exit_code == 0
-    assert (run / "report.html").is_file()
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"report.html", "report.md", "claims.json"}
 
 
 def test_no_run_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -273,7 +251,6 @@ def test_a_report_that_cannot_be_written_is_an_error(answered: Judgement, tmp_pa
         report_page.write(report_of(answered), tmp_path / "file")
 
 
-@pytest.mark.usefixtures("no_figures")
 def test_runs_that_answer_little_are_reported_all_the_same(tmp_path: Path) -> None:
     """Surfaces alone, and a surface from a file that is gone since: nothing fails, and little is claimed."""
     heights = tmp_path / "hills.npy"
@@ -289,8 +266,8 @@ def test_runs_that_answer_little_are_reported_all_the_same(tmp_path: Path) -> No
     little = judge([tmp_path / name / "study.nc" for name in studies])
     assert {claim.verdict for claim in little.claims} == {ABSENT}
     assert [run.name for run in little.own] == list(studies)
-    assert "hills" in pages.to_html(little)
-    assert Page(pages.to_html(little)).wrong == []
+    assert "hills" in kit.to_html(little)
+    assert Page(kit.to_html(little)).wrong == []
 
 
 # a run of one's own
@@ -331,7 +308,7 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def scan_page(own: dict[str, Path]) -> str:
-    return pages.to_html(judge([own["warned"]]))
+    return kit.to_html(judge([own["warned"]]))
 
 
 def _text(html: str) -> str:
@@ -349,7 +326,6 @@ def test_a_scan_gets_a_page_about_its_surface(own: dict[str, Path], scan_page: s
     assert f"{1 / (17 * 13):.2%} of the nodes, 1 node, filled" in text
     assert "13.16 MPa" in text
     assert Page(scan_page).wrong == []
-    assert Page(scan_page).images
 
 
 def test_a_scan_is_not_asked_about_the_paper(scan_page: str) -> None:
@@ -384,21 +360,19 @@ def test_closing_lies_between_neighbouring_loads(own: dict[str, Path]) -> None:
 
 def test_warnings_are_shown_one_a_line(scan_page: str, own: dict[str, Path]) -> None:
     assert "<li>the slope &lt;0.9&gt; is large</li><li>the pressure exceeds the hardness</li>" in scan_page
-    assert "Warnings" not in pages.to_html(judge([own["scan"]]))
+    assert "Warnings" not in kit.to_html(judge([own["scan"]]))
 
 
-@pytest.mark.usefixtures("no_figures")
 def test_a_study_of_ones_own_gets_its_facts_and_no_claims(own: dict[str, Path]) -> None:
-    text = _text(pages.to_html(judge([own["sealing"]])))
+    text = _text(kit.to_html(judge([own["sealing"]])))
     assert "4 generated surfaces, D = 2.2, 2.4, m = 4" in text
     assert "Where it closes" in text
     assert "not computed" not in text
 
 
-@pytest.mark.usefixtures("no_figures")
 def test_runs_of_the_paper_and_scans_have_a_section_each(small_study: Path, own: dict[str, Path]) -> None:
     both = judge([small_study, own["scan"]], any_size=True)
-    html = pages.to_html(both)
+    html = kit.to_html(both)
     assert [run.name for run in both.own] == ["scan"]
     assert "Does the paper hold?" in html
     assert "<section id='run-1' class='run'>" in html
@@ -406,27 +380,25 @@ def test_runs_of_the_paper_and_scans_have_a_section_each(small_study: Path, own:
     assert dict(both.claims[2].refused) == {"scan": "heights from a file"}
 
 
-@pytest.mark.usefixtures("no_figures")
 def test_each_row_names_its_run_and_those_refused(answered: Judgement, small_study: Path, tmp_path: Path) -> None:
     dataset.write(dataset.read(small_study), tmp_path / "toy" / "study.nc")
     refused = judge([tmp_path / "toy" / "study.nc"])
     assert not refused.computed
     assert dict(refused.claims[2].refused)["toy"].startswith("D = 2.1, 2.3, 2.9, needs")
-    row = pages.to_html(answered).split("href='#claim-3'")[1].split("</tr>")[0]
+    row = kit.to_html(answered).split("href='#claim-3'")[1].split("</tr>")[0]
     assert "data-head='Run'>small" in row
     claim = dataclasses.replace(answered.claims[2], refused=(("toy", "m = 4, needs m >= 8; 1 surface"),))
     some = dataclasses.replace(answered, claims=(claim,))
-    assert "<li>toy: m = 4, needs m &gt;= 8; 1 surface</li>" in pages.to_html(some).split("</table>")[0]
-    assert "1 run refused: toy: m = 4, needs m >= 8; 1 surface |" in pages.to_markdown(some)
-    assert json.loads(pages.to_json(some))["claims"][0]["refused"] == dict(claim.refused)
+    assert "<li>toy: m = 4, needs m &gt;= 8; 1 surface</li>" in kit.to_html(some).split("</table>")[0]
+    assert "1 run refused: toy: m = 4, needs m >= 8; 1 surface |" in kit.to_markdown(some)
+    assert json.loads(report_page.to_json(kit.bare(some)))["claims"][0]["refused"] == dict(claim.refused)
 
 
 def test_facts_are_in_json_markdown_and_on_the_terminal(own: dict[str, Path]) -> None:
     scan = judge([own["warned"]])
-    assert json.loads(pages.to_json(scan))["surfaces"][0]["surface"]["Nodes"].startswith("17 x 13")
-    markdown, lines = pages.to_markdown(scan), pages.summary(scan)
-    for table in re.findall(r"(?:^\|.*\n)+", markdown, flags=re.MULTILINE):
-        assert len({len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()}) == 1
+    assert json.loads(report_page.to_json(kit.bare(scan)))["surfaces"][0]["surface"]["Nodes"].startswith("17 x 13")
+    markdown, lines = kit.to_markdown(scan), report_page.summary(kit.bare(scan))
+    assert _widths_of_tables(markdown) == {1}
     for words in ("17 x 13", "the pressure exceeds the hardness", "Where it closes"):
         assert words in markdown
         assert words in lines
@@ -464,8 +436,10 @@ def test_a_single_surface_has_no_band_and_a_measured_one_no_D() -> None:
     assert "dimension D" not in text
 
 
-def test_tables_fit_a_phone(html: str) -> None:
+def test_the_page_is_light_and_dark_prints_and_fits_a_phone(html: str) -> None:
     """Every table scrolls in its own box, but for those that turn into cards, whose cells name their columns."""
+    for rule in ("prefers-color-scheme: dark", "@media print", "figure.plot:target"):
+        assert rule in html
     for before, table in re.findall(r"(.{0,20})<table([^>]*)>", html):
         assert "class='box'>" in before or "verdicts" in table
     assert "table.verdicts td[data-head]::before" in html

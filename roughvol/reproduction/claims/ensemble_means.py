@@ -16,6 +16,7 @@ from xarray import Dataset
 from roughvol.analysis.stored_run import Run
 from roughvol.reproduction.claims.statistics import student_quantile
 from roughvol.reproduction.claims.verdict import Number, above
+from roughvol.study.values.state_kinds import STATE_KINDS
 
 SEEDS = 10  # surfaces of the paper's Monte Carlo
 V, A = "free_volume", "contact_area_fraction"
@@ -146,5 +147,5 @@ def _student(samples: float) -> float:
 def _words(at: str) -> str:
     """Return a state in symbols."""
     kind, _, value = at.partition("=")
-    symbol = {"pressure": "p*", "separation": "d/σ", "contact_area": "A*", "indentation": "Δ/σ"}.get(kind, kind)
+    symbol = STATE_KINDS[kind].symbol if kind in STATE_KINDS else kind
     return f"{symbol} = {value}" if value else symbol

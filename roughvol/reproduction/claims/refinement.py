@@ -12,10 +12,8 @@ from roughvol.reproduction.claims.area_and_volume import SMALL
 from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, at, claim, common, require
 from roughvol.reproduction.claims.statistics import exact, mean, slope
 from roughvol.reproduction.claims.verdict import Check, Number
-from roughvol.reproduction.needs import BY_M, PAPER_D, Needs
+from roughvol.reproduction.needs import BY_M, PAPER_D, PRESSED
 from roughvol.typing import Array
-
-_PRESSED = Needs((V, A, P), finest=5, seeds=10, steps=60, rtol=1e-6)  # to any end
 
 
 @claim(8, needs=BY_M.of(V, P))
@@ -91,8 +89,8 @@ def volume_at_area_depends_on_m(given: Given) -> Outcome:
 @claim(
     10,
     needs={
-        "pressed": _PRESSED.of(V, A, P, D=(PAPER_D,), law=""),
-        "far": _PRESSED.of(V, A, P, D=(2.1, 2.3, 2.9), separation=-10.0),
+        "pressed": PRESSED.of(V, A, P, D=(PAPER_D,), law=""),
+        "far": PRESSED.of(V, A, P, D=(2.1, 2.3, 2.9), separation=-10.0),
     },
 )
 def limits(given: Given) -> Outcome:

@@ -16,6 +16,7 @@ from roughvol.reproduction.claims.statistics import exact, mean, single, slope, 
 from roughvol.reproduction.claims.verdict import Check, Number
 from roughvol.reproduction.needs import BOXES, BY_D, FIELD, ONE_D, PAPER_A, PAPER_D, PAPER_M
 from roughvol.store.dataset import at_state
+from roughvol.study.values.state_kinds import STATE_KINDS
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array, Index, Mask
 
@@ -322,9 +323,8 @@ def contact_dimension(given: Given) -> Outcome:
 
 
 def _words(label: str) -> str:
-    symbols = {"pressure": "p*", "contact_area": "A*", "separation": "d/σ"}
     name, _, value = label.partition("=")
-    return f"{symbols[name]} = {float(value):g}" if name in symbols else label
+    return f"{STATE_KINDS[name].symbol} = {float(value):g}" if name in STATE_KINDS else label
 
 
 def _level(label: str) -> float:

@@ -19,34 +19,19 @@ from roughvol.study import GeneratedSurface
 
 WORK = "Paggi and He (2015)"
 SIDE = 100.0  # L of the paper's surfaces
-LAST = ("mean-plane", "summit-plane")  # Section 3 ends on the one, Section 4 on the other
 NEAR = 0.25  # relative: "A* ~ 0.1"
 
 
 @dataclass(frozen=True)
 class PaperFigure(Figure):
-    """A figure of the paper, with the paper's conditions.
+    """A figure of the paper, with the paper's conditions."""
 
-    Attributes
-    ----------
-    by : {"", "D", "m", "recursion"}
-        What the figure compares.
-    D, m : tuple of float
-        Values that the paper shows; None where it gives none.
-    surfaces : int
-        Surfaces of each D and m.
-    end : tuple of str
-        Kinds of the last state.
-    area : float
-        A* of the state.
-    """
-
-    by: str = ""
-    D: tuple[float, ...] | None = None
+    by: str = ""  # what the figure compares: "", "D", "m" or "recursion"
+    D: tuple[float, ...] | None = None  # values that the paper shows; None where it gives none
     m: tuple[int, ...] | None = None
-    surfaces: int | None = None
-    end: tuple[str, ...] = ()
-    area: float | None = None
+    surfaces: int | None = None  # of each D and m
+    end: tuple[str, ...] = ()  # kinds of the last state
+    area: float | None = None  # A* of the state
 
     def missing(self, ds: Dataset) -> str | None:
         """Return why the figure cannot be drawn from a dataset, or None if it can."""

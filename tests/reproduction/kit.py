@@ -1,0 +1,44 @@
+"""Forms of a report, and a report without figures: they take seconds, and are tested once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from unittest import mock
+
+from roughvol.report import html, markdown, page
+from roughvol.report.page import Report
+from roughvol.reproduction import sections
+from roughvol.reproduction.judgement import Judgement
+
+
+@contextmanager
+def without_figures() -> Iterator[None]:
+    """Leave the figures out of reports."""
+    with (
+        mock.patch.object(sections, "drawings", return_value=()),
+        mock.patch.object(page, "drawings_of", return_value=()),
+    ):
+        yield
+
+
+def bare(judgement: Judgement) -> Report:
+    """Return the report of what was judged, without figures."""
+    with without_figures():
+        return sections.report_of(judgement)
+
+
+def to_html(report: Report | Judgement) -> str:
+    return _rendered(report, html)
+
+
+def to_markdown(report: Report | Judgement) -> str:
+    return _rendered(report, markdown)
+
+
+def _rendered(report, form) -> str:
+    """Return a report with the figures that it has; one of what was judged has none."""
+    if isinstance(report, Report):
+        return form.render(page.document(report))
+    with without_figures():
+        return form.render(page.document(sections.report_of(report)))

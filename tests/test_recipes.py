@@ -1,0 +1,145 @@
+"""The recipes of CONTRIBUTING.md, carried out on a copy of the package: their text cannot go stale."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+BLOCK = re.compile(r"^( *)```\w+\n\1# ([\w/.]+), ([^\n]+)\n(.*?)^\1```", re.MULTILINE | re.DOTALL)
+FILES = {"An observable": 3, "A figure": 2, "A claim": 2}
+STUDY = """
+name: recipe
+surface: {D: 2.3, m: 3, L: 100 um, Sq: 1 um, seeds: 2}
+material: {E_star: 10 MPa}
+sweep: {steps: 3, to: {pressure: 0.1 MPa}}
+"""
+USE = """
+import json
+import numpy as np, xarray as xr
+from click.testing import CliRunner
+import roughvol
+from roughvol.campaign import workers
+from roughvol.cli import main
+
+def call(*words):
+    done = CliRunner().invoke(main, list(words), catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+with workers.in_this_process():
+    call("run", "recipe.yaml", "--jobs", "1")
+ds = roughvol.open("recipe")
+from roughvol.reproduction.judgement import judge
+(claim,) = (claim for claim in judge(["runs/recipe/study.nc"], any_size=True).claims if claim.id == 25)
+drawn = {name: roughvol.plot("recipe", name).axes[0] for name in ("depth_of_p", "seal_depth")}
+print(json.dumps({
+    "unit": ds.largest_gap.attrs["units"],
+    "stored": ds.largest_gap.values.ravel().tolist(),
+    "gap": (ds.free_volume * ds.Sq).values.ravel().tolist(),
+    "mean": ds.roughvol.mean("seed").largest_gap.values.ravel().tolist(),
+    "show": call("show", "recipe"),
+    "lines": {name: [line.get_ydata().tolist() for line in ax.lines] for name, ax in drawn.items()},
+    "labels": {name: ax.get_ylabel() for name, ax in drawn.items()},
+    "claim": [claim.title, claim.verdict, claim.all_numbers["smallest"].value],
+}))
+"""
+
+
+def blocks(recipe: str) -> list[tuple[str, str, str]]:
+    """Return file, place and text of the examples of a recipe."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    part = text.split(f"**{recipe}.**")[1].split("\n**")[0]
+    return [(file, place, textwrap.dedent(body)) for _, file, place, body in BLOCK.findall(part)]
+
+
+def written(text: str, place: str, block: str) -> str:
+    """Return the text of a file with a block at its place."""
+    if place == "new":
+        return block
+    if place == "at the end":
+        return f"{text}\n\n{block}"
+    lines, tree = text.splitlines(keepends=True), ast.parse(text)
+    if place == "after the imports":
+        last = max(node.end_lineno or 0 for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom))
+        return "".join([*lines[:last], block, *lines[last:]])
+    name = place.removeprefix("in ")
+    (node,) = (node for node in tree.body if name in _names(node))
+    end = node.end_lineno or 0
+    if isinstance(node, ast.ClassDef):
+        fields = [part for part in node.body if isinstance(part, ast.AnnAssign)]
+        end = fields[-1].end_lineno or 0
+        return "".join([*lines[:end], textwrap.indent(block, "    "), *lines[end:]])
+    inside, bracket = "".join(lines[:end]).rstrip(), lines[end:]
+    comma = "" if inside[:-1].rstrip().endswith((",", "(", "[", "{")) else ", "
+    return "".join([inside[:-1], comma, block.strip(), "\n", inside[-1], "\n", *bracket])
+
+
+def _names(node: ast.stmt) -> list[str]:
+    """Return the names that a statement at the top of a module defines."""
+    if isinstance(node, ast.ClassDef):
+        return [node.name]
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+    return [target.id for target in targets if isinstance(target, ast.Name)]
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a copy of the package in which the recipes were carried out."""
+    folder = tmp_path_factory.mktemp("recipes")
+    shutil.copytree(ROOT / "roughvol", folder / "roughvol", ignore=shutil.ignore_patterns("__pycache__"))
+    for recipe in FILES:
+        for name, place, block in blocks(recipe):
+            file = folder / "roughvol" / name
+            assert file.exists() != (place == "new"), name
+            text = file.read_text(encoding="utf-8") if file.exists() else ""
+            file.write_text(written(text, place, block), encoding="utf-8")
+    (folder / "recipe.yaml").write_text(STUDY, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(package: Path) -> Any:
+    """Return what the copy answers about a small study."""
+    environment = os.environ | {"PYTHONPATH": str(package)}
+    done = subprocess.run(
+        [sys.executable, "-c", USE], cwd=package, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize(("recipe", "files"), FILES.items())
+def test_a_recipe_touches_few_files(recipe: str, files: int) -> None:
+    assert 0 < len({file for file, _, _ in blocks(recipe)}) <= files
+
+
+def test_an_observable_is_stored_with_its_unit_and_has_column_mean_and_figure(found: Any) -> None:
+    assert found["unit"] == "um"
+    assert all(largest > mean > 0.0 for largest, mean in zip(found["stored"], found["gap"], strict=True))
+    assert "g_max [um]" in found["show"]
+    first, second = found["stored"][:3], found["stored"][3:]
+    assert found["mean"][:3] == pytest.approx([(a + b) / 2.0 for a, b in zip(first, second, strict=True)])
+    assert found["lines"]["depth_of_p"]
+    assert "largest gap" in found["labels"]["depth_of_p"]
+
+
+def test_a_figure_is_drawn_by_its_name(found: Any) -> None:
+    assert found["lines"]["seal_depth"] == [pytest.approx(found["stored"][:3])]
+    assert found["labels"]["seal_depth"] == "largest gap [µm]"
+
+
+def test_a_claim_has_a_verdict(found: Any) -> None:
+    title, verdict, smallest = found["claim"]
+    assert (title, verdict) == ("Some void is left", "holds")
+    assert smallest > 0.0
