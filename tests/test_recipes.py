@@ -13,16 +13,23 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^( *)```\w+\n\1# ([\w/.]+), ([^\n]+)\n(.*?)^\1```", re.MULTILINE | re.DOTALL)
-FILES = {"An observable": 3, "A figure": 2, "A claim": 2}
+FILES = {"An observable": 3, "A figure": 2, "A claim": 2, "A kernel": 4}
 STUDY = """
 name: recipe
 surface: {D: 2.3, m: 3, L: 100 um, Sq: 1 um, seeds: 2}
 material: {E_star: 10 MPa}
 sweep: {steps: 3, to: {pressure: 0.1 MPa}}
+"""
+BED = """
+surface: {D: 2.3, m: 3, seeds: 1, periodic: true}
+sweep: {steps: 2, to: {contact_area: 0.5}}
+solver: {kernel: springs}
+record: {heights: true, fields_at: last}
 """
 USE = """
 import json
@@ -39,7 +46,9 @@ def call(*words):
 
 with workers.in_this_process():
     call("run", "recipe.yaml", "--jobs", "1")
-ds = roughvol.open("recipe")
+    call("run", "bed.yaml", "--jobs", "1")
+ds, bed = roughvol.open("recipe"), roughvol.open("bed").squeeze()
+touching = bed.pressure.values > 0.0
 from roughvol.reproduction.judgement import judge
 (claim,) = (claim for claim in judge(["runs/recipe/study.nc"], any_size=True).claims if claim.id == 25)
 drawn = {name: roughvol.plot("recipe", name).axes[0] for name in ("depth_of_p", "seal_depth")}
@@ -49,6 +58,8 @@ print(json.dumps({
     "gap": (ds.free_volume * ds.Sq).values.ravel().tolist(),
     "mean": ds.roughvol.mean("seed").largest_gap.values.ravel().tolist(),
     "show": call("show", "recipe"),
+    "pressure": bed.pressure.values[touching].tolist(),
+    "height": bed.heights.values[touching].tolist(),
     "lines": {name: [line.get_ydata().tolist() for line in ax.lines] for name, ax in drawn.items()},
     "labels": {name: ax.get_ylabel() for name, ax in drawn.items()},
     "claim": [claim.title, claim.verdict, claim.all_numbers["smallest"].value],
@@ -104,7 +115,8 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
             assert file.exists() != (place == "new"), name
             text = file.read_text(encoding="utf-8") if file.exists() else ""
             file.write_text(written(text, place, block), encoding="utf-8")
-    (folder / "recipe.yaml").write_text(STUDY, encoding="utf-8")
+    for name, text in (("recipe", STUDY), ("bed", BED)):
+        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
     return folder
 
 
@@ -143,3 +155,10 @@ def test_a_claim_has_a_verdict(found: Any) -> None:
     title, verdict, smallest = found["claim"]
     assert (title, verdict) == ("Some void is left", "holds")
     assert smallest > 0.0
+
+
+def test_a_kernel_is_offered_and_solved(found: Any) -> None:
+    """Independent springs yield in proportion: the pressure is linear in the height."""
+    pressure, height = np.array(found["pressure"]), np.array(found["height"])
+    assert pressure.size > 10
+    assert np.corrcoef(pressure, height)[0, 1] == pytest.approx(1.0, abs=1e-6)
