@@ -334,30 +334,6 @@ def test_a_scan_is_not_asked_about_the_paper(scan_page: str) -> None:
     assert "Wear 336-337" in scan_page
 
 
-def test_the_table_of_states_has_the_stored_numbers(own: dict[str, Path]) -> None:
-    stored = dataset.read(own["scan"])
-    facts = run_facts.facts(judge([own["scan"]]).runs[0])
-    states = next(table for table in facts.tables if table.title == "States")
-    columns = dict(zip(states.head, zip(*states.rows, strict=True), strict=True))
-    assert columns["p [kPa]"][-1] == run_facts.number(float(stored.nominal_pressure[0, -1]))
-    assert columns["A*"] == tuple(run_facts.number(float(value)) for value in stored.contact_area_fraction[0])
-    gap = float(stored.free_volume[0, -1] * stored.Sq[0])
-    assert columns["g_mean [um]"][-1] == run_facts.number(gap)
-    assert columns["open along x"][0] == "open"
-    assert columns["open along x"][-1] == "closed"
-
-
-def test_closing_lies_between_neighbouring_loads(own: dict[str, Path]) -> None:
-    stored = dataset.read(own["scan"])
-    facts = run_facts.facts(judge([own["scan"]]).runs[0])
-    closing = next(table for table in facts.tables if table.title == run_facts.CLOSING)
-    for row, axis in zip(closing.rows, "xy", strict=True):
-        is_open = stored["percolates"].sel(axis=axis)[0].values > 0
-        last = int(np.flatnonzero(is_open)[-1])
-        loads = stored.nominal_pressure[0].values
-        assert row[1:4] == (axis, run_facts.number(loads[last]), run_facts.number(loads[last + 1]))
-
-
 def test_warnings_are_shown_one_a_line(scan_page: str, own: dict[str, Path]) -> None:
     assert "<li>the slope &lt;0.9&gt; is large</li><li>the pressure exceeds the hardness</li>" in scan_page
     assert "Warnings" not in kit.to_html(judge([own["scan"]]))
