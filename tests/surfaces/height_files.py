@@ -148,21 +148,18 @@ def nms(heights: np.ndarray, dx: float, dy: float) -> bytes:
     return bytes(head) + counts.tobytes() + bytes(heights.size)
 
 
-def wsxm(heights: np.ndarray, kind: str, size: tuple[float, float]) -> bytes:
+def wsxm(heights: np.ndarray, size: tuple[float, float]) -> bytes:
     """WSxM: rows in the order of rising y, the numbers of a row in the order of falling x; sizes in um, heights in nm.
 
     https://spmimages.ftmc.uam.es/file-specifications; y falls with the index of an image, so it is that of the caller.
     """
     numbers = 1e3 * heights.T[:, ::-1]
-    low, high = float(numbers.min()), float(numbers.max())
-    if kind == "short":
-        numbers, low, high = np.rint(30000 * (numbers - low) / (high - low)), 0, 30000
     text = (
         "WSxM file copyright Nanotec Electronica\r\nSxM Image file\r\nImage header size: 0\r\n\r\n"
         f"[Control]\r\n\r\n    X Amplitude: {size[0]} µm\r\n    Y Amplitude: {size[1]} µm\r\n\r\n"
-        f"[General Info]\r\n\r\n    Image Data Type: {kind}\r\n"
+        f"[General Info]\r\n\r\n    Image Data Type: double\r\n"
         f"    Number of columns: {heights.shape[0]}\r\n    Number of rows: {heights.shape[1]}\r\n"
-        f"    Z Amplitude: {1e3 * float(np.ptp(heights))} nm\r\n\r\n"
-        f"[Miscellaneous]\r\n\r\n    Maximum: {high}\r\n    Minimum: {low}\r\n\r\n[Header end]\r\n"
+        f"    Z Amplitude: {float(np.ptp(numbers))} nm\r\n\r\n"
+        f"[Miscellaneous]\r\n\r\n    Maximum: {numbers.max()}\r\n    Minimum: {numbers.min()}\r\n\r\n[Header end]\r\n"
     )
-    return text.encode("latin-1") + numbers.astype({"double": "<f8", "float": "<f4", "short": "<i2"}[kind]).tobytes()
+    return text.encode("latin-1") + numbers.astype("<f8").tobytes()

@@ -11,39 +11,31 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.io
-from height_files import HEIGHTS, HOLED, HOLES, PIXEL, SDF, case_of, library, nms, put, refused, rows, same, wsxm
+from height_files import HEIGHTS, HOLED, HOLES, PIXEL, SDF, case_of, library, nms, put, refused, rows, same
 
 from roughvol.campaign import one_case
 from roughvol.errors import RoughvolError, StudyError
-from roughvol.surfaces import treatment
+from roughvol.surfaces import length_units, treatment
 from roughvol.surfaces.files import instrument, reading
 
 pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")
 
 ISO = SDF + rows(HEIGHTS.T) + "*\nend\n*\n"
-SIDES = pytest.approx((2.5, 2.0), rel=1e-12)
 
 
-@pytest.mark.parametrize("suffix", [".x3p", ".gwy"])
-@pytest.mark.parametrize("heights", [HEIGHTS, np.ma.masked_array(HEIGHTS, HOLES)], ids=["whole", "holed"])
-def test_heights_size_and_unit_come_back(tmp_path: Path, suffix: str, heights: np.ndarray) -> None:
-    path = library(tmp_path / f"scan{suffix}", heights)
+@pytest.mark.parametrize(("suffix", "unit"), [(".x3p", "m"), (".gwy", "m"), (".sdf", "um")])
+def test_heights_size_unit_and_holes_come_back(tmp_path: Path, suffix: str, unit: str) -> None:
+    path = tmp_path / f"scan{suffix}"
+    if suffix == ".sdf":
+        put(path, SDF + rows(HOLED.T, hole="BAD") + "*\nend\n*\n")
+    else:
+        library(path, np.ma.masked_array(HEIGHTS, HOLES))
     found = reading.describe(path)
-    assert (found.unit, found.heights_unit, found.shape) == ("m", "m", (6, 5))  # metres in both formats
-    assert [1e6 * side for side in found.sides or ()] == SIDES
-    expected = np.ma.filled(heights, np.nan)
-    read = reading.read(path, found.channel, holes=True)
-    np.testing.assert_allclose(1e6 * read, expected, rtol=0.0, atol=1e-14)
-    same(path, read, holes=True)
-    if np.isnan(expected).any():
-        refused(path, "3 heights are missing or not finite, the first in row 1, column 2")
-
-
-def test_a_text_of_iso_25178_is_read_with_its_holes(tmp_path: Path) -> None:
-    found = reading.describe(put(tmp_path / "scan.sdf", ISO))
-    assert (found.shape, found.unit, found.sides) == ((6, 5), "um", SIDES)
-    put(tmp_path / "scan.sdf", SDF + rows(HOLED.T, hole="BAD") + "*\nend\n*\n")
-    np.testing.assert_allclose(reading.read(tmp_path / "scan.sdf", holes=True), HOLED, rtol=0.0, atol=1e-14)
+    assert (found.unit, found.heights_unit, found.shape) == (unit, unit, (6, 5))
+    scale = length_units.factor(unit, "um")
+    assert [scale * side for side in found.sides or ()] == pytest.approx((2.5, 2.0), rel=1e-12)
+    np.testing.assert_allclose(scale * reading.read(path, holes=True), HOLED, rtol=0.0, atol=1e-14)
+    refused(path, "3 heights are missing or not finite, the first in row 1, column 2")
 
 
 def test_text_that_the_library_would_join_or_cut_is_refused(tmp_path: Path) -> None:
@@ -56,11 +48,11 @@ def test_text_that_the_library_would_join_or_cut_is_refused(tmp_path: Path) -> N
         refused(put(tmp_path / "z.txt", text), r"line 1 is not understood: '# Breite: 3 µm'")
 
 
-@pytest.mark.parametrize("suffix", [".al3d", ".sur", ".x3p", ".png", ".hgt", ".nms", ""])
-@pytest.mark.parametrize("size", [0, 1, 2, 512, 18, 20_000])
+@pytest.mark.parametrize("suffix", [".al3d", ".sur", ".x3p", ".hgt", ".nms", ""])
+@pytest.mark.parametrize("size", [0, 2, 512])
 def test_what_no_instrument_wrote_is_refused_by_name(tmp_path: Path, suffix: str, size: int) -> None:
     path = put(tmp_path / f"noise{suffix}", np.random.default_rng(size).bytes(size))
-    if suffix == ".hgt" and size in (18, 512, 20_000):  # a square of 16-bit numbers is all that this format is
+    if suffix == ".hgt" and size == 512:  # a square of 16-bit numbers is all that this format is
         assert reading.describe(path).shape == (round((size / 2) ** 0.5),) * 2
         return
     refused(path, r"^.{1,400}$")
@@ -72,7 +64,7 @@ def test_a_damaged_file_is_read_or_refused(tmp_path: Path, suffix: str) -> None:
     whole = (put(path, ISO) if suffix == ".sdf" else library(path)).read_bytes()
     chance = random.Random(7)
     read = 0
-    for _ in range(60):
+    for _ in range(25):
         damaged = bytearray(whole)
         if chance.random() < 0.3:
             del damaged[chance.randrange(len(damaged)) :]
@@ -84,7 +76,7 @@ def test_a_damaged_file_is_read_or_refused(tmp_path: Path, suffix: str) -> None:
             heights = reading.read(path, holes=True)
             assert (heights.dtype, heights.ndim) == (np.float64, 2)
             read += 1
-    assert read < 60
+    assert read < 25
 
 
 # In a study
@@ -95,7 +87,7 @@ def _refused(folder: Path, surface: str, pattern: str) -> None:
         case_of(folder, surface)
 
 
-@pytest.mark.parametrize("off", [1.0006, 0.9994, 2.0, 0.5])
+@pytest.mark.parametrize("off", [1.0006, 0.5])
 def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_path: Path, off: float) -> None:
     library(tmp_path / "oblong.x3p", pixel=(PIXEL, off * PIXEL))
     file = "file: oblong.x3p, unit: um"
@@ -153,11 +145,6 @@ def test_two_bodies_must_fit(tmp_path: Path) -> None:
     assert (case.length_unit, case.L) == ("nm", pytest.approx(2500.0, rel=1e-12))
 
 
-def test_a_broken_file_is_a_problem_of_the_study(tmp_path: Path) -> None:
-    put(tmp_path / "scan.sur", b"DIGITAL SURF" + bytes(10))
-    _refused(tmp_path, "file: scan.sur, L: 1", r"surface\.file: .*scan\.sur: is damaged, or in none of the formats")
-
-
 # Several arrays or channels
 
 
@@ -181,14 +168,6 @@ def test_of_several_arrays_one_must_be_named(tmp_path: Path, name: str, write: A
     write(path, {"dx": np.full((1, 1), 0.5)})
     refused(path, r"holds no map of at least 3 x 3 nodes; arrays in the file: dx \(1, 1\)")
     refused(path, r"dx has nodes \(1, 1\); allowed: a map of equidistant nodes, at least 3 x 3", "dx")
-
-
-def test_a_data_set_in_a_group_is_named_by_its_path(tmp_path: Path) -> None:
-    path = tmp_path / "scan.h5"
-    _hdf5(path, {"Channel_000/Error": np.zeros((64, 4)), "Channel_000/Height": HEIGHTS})
-    refused(path, r"Channel_000/Error \(64, 4\), Channel_000/Height \(6, 5\)")
-    same(path, HEIGHTS, "Channel_000/Height")
-    refused(path, "Channel_000/Error holds no heights, by its name", "Channel_000/Error")
 
 
 def _gwyddion(path: Path, *titles: str) -> Path:
@@ -259,12 +238,3 @@ def test_the_size_in_nms_has_no_unit_and_is_that_of_the_study(tmp_path: Path, dy
     assert not case.notes
     if keys:
         _refused(tmp_path, "file: scan.nms, L: 1.5625 um", r"resample: missing: .*pixels of 0\.3125 by 0\.25 um")
-
-
-@pytest.mark.parametrize("kind", ["double", "float", "short"])
-def test_wsxm_stores_falling_x_and_rising_y(tmp_path: Path, kind: str) -> None:
-    """The library turns the image by 180 degrees, as the description of the format has it and Gwyddion does."""
-    path = put(tmp_path / "scan.stp", wsxm(HEIGHTS[:, ::-1], kind, (3.0, 2.5)))  # lines of the image run down y
-    assert [1e-3 * side for side in reading.describe(path).sides or ()] == SIDES
-    heights = 1e-3 * reading.read(path)
-    assert np.abs(heights - heights.mean() - (HEIGHTS - HEIGHTS.mean())).max() < 1e-3

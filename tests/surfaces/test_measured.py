@@ -69,11 +69,6 @@ def test_holes_of_both_bodies_are_counted_once(folder: Path) -> None:
     assert surface.filled == pickle.loads(pickle.dumps(surface)).filled == (HOLES | HOLES[::-1]).sum()
 
 
-def test_a_body_pressed_on_its_own_negative_is_flat(folder: Path) -> None:
-    np.save(folder / "cast.npy", -FIRST[::-1])
-    assert not _heights(folder, "file: a.npy, against: {file: cast.npy, mirror: x}").any()
-
-
 @pytest.mark.parametrize(
     ("surface", "said"),
     [
@@ -123,15 +118,11 @@ def test_the_cut_off_is_told_in_the_unit_of_the_study(folder: Path, keys: str, c
     assert told.startswith(f"waves shorter than {cut_off} removed")
 
 
-def test_without_a_unit_lengths_are_arbitrary(folder: Path) -> None:
-    stored = one_case.run_case(_case(folder, "file: a.npy", "sweep: {steps: 1}"))
-    assert stored["Sq"].units == "length"
-    assert not {"length_unit", "surface"} & stored.attrs.keys()
-    assert "filled_fraction" not in stored
-
-
 def test_the_unit_changes_no_number(folder: Path) -> None:
     plain, named = (
         one_case.run_case(_case(folder, f"file: a.npy{unit}", "sweep: {steps: 2}")) for unit in ("", ", unit: nm")
     )
     xr.testing.assert_equal(dataset.answers(plain), dataset.answers(named))
+    assert plain["Sq"].units == "length"
+    assert not {"length_unit", "surface"} & plain.attrs.keys()
+    assert "filled_fraction" not in plain

@@ -27,7 +27,7 @@ def test_a_single_wave_has_its_power_in_its_ring() -> None:
     np.testing.assert_allclose(found.rms_slope_below[3:], found.rms_slope)
 
 
-@pytest.mark.parametrize("shape", [(16, 16), (15, 16), (16, 15), (15, 17), (9, 30)])
+@pytest.mark.parametrize("shape", [(15, 16), (16, 15), (9, 30)])
 def test_the_density_is_the_mean_over_directions_of_a_plain_sum(shape: tuple[int, int]) -> None:
     heights = np.random.default_rng(1).standard_normal(shape)
     surface, spacing = Surface(heights, 0.25, periodic=True), 0.25

@@ -123,7 +123,7 @@ CONVERTED: dict[str, tuple[Content, str]] = {
     "hw.txt": ("h=5 w=6\npixel size = 5e-7 m\nheight conversion factor (-> m) = 1e-9\n" + rows(NANOMETRES.T), ""),
     "points.csv": ("X [µm];Y [µm];Z [nm]\n" + rows(SHUFFLED * [1, 1, 1e3], ";"), ""),
     "yx.nc": (_gridded("nm"), ""),
-    "image.stp": (wsxm(HEIGHTS[:, ::-1], "double", (6 * PIXEL, 5 * PIXEL)), ""),
+    "image.stp": (wsxm(HEIGHTS[:, ::-1], (6 * PIXEL, 5 * PIXEL)), ""),
     "image.nms": (nms(HEIGHTS, 500.0, 500.0), L),
     "library.nc": (library, ""),
     "library.x3p": (library, ""),
@@ -137,34 +137,26 @@ CONVERTED: dict[str, tuple[Content, str]] = {
     ),
 }
 FORMATS = PLAIN | CONVERTED
+PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "measured.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", list(FORMATS))
 def test_one_scan_is_one_surface_in_every_format(tmp_path: Path, name: str) -> None:
     content, keys = FORMATS[name]
-    put(tmp_path / name, content)
+    path, variable = put(tmp_path / name, content), keys.partition("variable: ")[2] or None
     surface = one_case.surface_of(case_of(tmp_path, f"file: {name}, unit: um{keys}"))
     assert surface.spacing == pytest.approx(PIXEL, rel=1e-9)
     error = np.abs(surface.heights - surface.mean_height - (HEIGHTS - HEIGHTS.mean())).max()
     assert error < 2e-5 * np.ptp(HEIGHTS)  # counts of 16 bits
+    found, heights = reading.describe(path, variable), reading.read(path, variable)
+    assert found.shape == HEIGHTS.shape
+    assert found.reader.split(",")[0].removeprefix("SurfaceTopography ") in PAGE
+    assert (heights.dtype, heights.flags.c_contiguous) == (np.float64, True)
+    assert name in CONVERTED or np.array_equal(heights, HEIGHTS)
 
 
-@pytest.mark.parametrize("name", list(PLAIN))
-def test_heights_come_back_bit_for_bit(tmp_path: Path, name: str) -> None:
-    content, keys = PLAIN[name]
-    heights = reading.read(put(tmp_path / name, content), keys.partition("variable: ")[2] or None)
-    assert np.array_equal(heights, HEIGHTS)
-    assert heights.dtype == np.float64
-    assert heights.flags.c_contiguous
-
-
-def test_every_format_is_described_by_the_reader_that_the_docs_name(tmp_path: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "how-to" / "measured.md").read_text(encoding="utf-8")
+def test_every_ending_of_a_study_has_a_file() -> None:
     assert {Path(name).suffix.lower() for name in FORMATS} >= set(HEIGHT_FORMATS)
-    for name, (content, keys) in FORMATS.items():
-        found = reading.describe(put(tmp_path / name, content), keys.partition("variable: ")[2] or None)
-        assert found.shape == HEIGHTS.shape
-        assert found.reader.split(",")[0].removeprefix("SurfaceTopography ") in page, name
 
 
 @pytest.mark.parametrize("kind", ["i2", "u1", "f4", "f2", "longdouble"])
@@ -310,7 +302,7 @@ def _changed(draw: st.DrawFn) -> tuple[str, bytes]:
     return name, content[: draw(st.integers(0, len(content)))] if draw(st.integers(0, 9)) == 0 else content
 
 
-@settings(derandomize=True, max_examples=60, deadline=None)
+@settings(derandomize=True, max_examples=30, deadline=None)
 @given(_changed())
 @example(("text.grd", b"DSAA"))
 @example(("surfer-7.grd", surfer_7(HEIGHTS)[:12]))
@@ -319,7 +311,7 @@ def test_a_changed_header_is_read_or_refused_in_one_message(file: tuple[str, byt
     name, content = file
     with tempfile.TemporaryDirectory() as folder:
         path = put(Path(folder, name), content)
-        for keys in ("", ", L: 3 um, heights_unit: nm", ", L: 3 um, heights_unit: nm, header: ignore"):
+        for keys in ("", ", L: 3 um, heights_unit: nm, header: ignore"):
             said = name
             try:
                 heights = reading.read(path, holes=True, ignore_header="header" in keys)

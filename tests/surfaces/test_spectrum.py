@@ -33,7 +33,7 @@ def waves_of(surface: Surface) -> dict[tuple[int, int], complex]:
     return {(i, j): complex(transform[i, j]) for i in numbers for j in numbers}
 
 
-def law_of(i: int, j: int, spectrum: Spectrum, hurst: float) -> float:
+def law_of(i: float, j: float, spectrum: Spectrum, hurst: float) -> float:
     """The law in words of its docstring, of one wave, in units of its plateau."""
     k = math.sqrt((spectrum.anisotropy * i) ** 2 + j**2)
     if (i, j) == (0, 0) or k >= spectrum.cut:
@@ -91,6 +91,7 @@ def test_the_slope_is_the_integral_of_the_density() -> None:
         assert found.rms_slope == pytest.approx(by_rings, rel=0.01)
         at = [power_law.density(spectrum, hurst, SIDE, float(k)) for k in found.wave[20:120]]
         np.testing.assert_allclose(found.psd[20:120], at, rtol=0.03)
+        assert found.nayak == pytest.approx(power_law.nayak(spectrum, hurst), rel=0.01)
 
 
 @pytest.mark.parametrize("Ssk", [None, -0.8])
@@ -123,10 +124,10 @@ def test_the_stream_of_a_seed_does_not_change() -> None:
     np.testing.assert_allclose(waves[0, 1] / waves[1, 0], drawn[1] / drawn[3], rtol=1e-12)
 
 
-@pytest.mark.parametrize("Ssk", [-1.0, -0.3, 0.0, 0.5, 1.0])
+@pytest.mark.parametrize("Ssk", [-1.0, 0.0, 0.5])
 def test_the_skewness_is_met_and_the_spectrum_is_kept(Ssk: float) -> None:
     kurtosis = []
-    for seed in range(5):
+    for seed in range(3):
         plain = made(replace(LAW, rolloff=8.0, cut=64.0), n=128, seed=seed)
         surface = made(replace(LAW, rolloff=8.0, cut=64.0, Ssk=Ssk), n=128, seed=seed)
         assert texture.Ssk(surface.heights) == pytest.approx(Ssk, abs=1e-8)
@@ -134,11 +135,6 @@ def test_the_skewness_is_met_and_the_spectrum_is_kept(Ssk: float) -> None:
         np.testing.assert_allclose(*moduli, atol=1e-13)
         kurtosis.append(texture.Sku(surface.heights))
     assert np.mean(kurtosis) == pytest.approx(3.0 + 1.5 * Ssk**2, rel=0.1)  # Pearson's type III
-
-
-def test_a_finer_grid_has_nearly_the_skewness() -> None:
-    spectrum = Spectrum(rolloff=8.0, cut=32.0, Ssk=-1.0)
-    assert texture.Ssk(made(spectrum, n=256).heights) == pytest.approx(-1.0, abs=0.02)
 
 
 def test_a_skewness_out_of_reach_is_refused_with_what_is_possible() -> None:
@@ -190,16 +186,14 @@ def test_exponent_nodes_and_seed_are_checked(hurst: float, n: int, seed: int) ->
 # Closed forms
 
 
-def law(k: float, spectrum: Spectrum, hurst: float) -> float:
-    return max(k / spectrum.rolloff, 1.0) ** (-2.0 - 2.0 * hurst)
-
-
-@pytest.mark.parametrize("hurst", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("hurst", [0.2, 0.5])
 @pytest.mark.parametrize("rolloff", [1.0, 6.0])
 def test_moments_are_the_integrals_of_the_law(rolloff: float, hurst: float) -> None:
     spectrum = Spectrum(rolloff=rolloff, cut=40.0, Sq=3.0)
     for order in (0, 2, 4):
-        wanted = integrate.quad(lambda k, p=order: k ** (p + 1) * law(k, spectrum, hurst), 1.0, 40.0, points=[rolloff])
+        wanted = integrate.quad(
+            lambda k, p=order: k ** (p + 1) * law_of(0, k, spectrum, hurst), 1.0, 40.0, points=[rolloff]
+        )
         assert power_law.moment(spectrum, hurst, order) == pytest.approx(wanted[0], rel=1e-8)
 
     def height(k: float) -> float:
@@ -207,11 +201,6 @@ def test_moments_are_the_integrals_of_the_law(rolloff: float, hurst: float) -> N
 
     total = integrate.quad(height, 1.0, 40.0, points=[rolloff])[0]
     assert math.sqrt(total) == pytest.approx(3.0, rel=1e-8)
-
-
-def test_moments_are_continuous_where_a_power_vanishes() -> None:
-    values = [power_law.moment(LAW, hurst, 1) for hurst in (0.5 - 1e-7, 0.5, 0.5 + 1e-7)]
-    np.testing.assert_allclose(values, values[1], rtol=1e-5)
 
 
 def test_nayaks_parameter_of_one_ring_is_three_halves_and_that_of_a_power_law_is_known() -> None:
@@ -222,10 +211,3 @@ def test_nayaks_parameter_of_one_ring_is_three_halves_and_that_of_a_power_law_is
         m0, m2, m4 = (zeta ** (order - 2 * H) - 1 for order in (0, 2, 4))
         known = 1.5 * (1 - H) ** 2 / (H * (H - 2)) * m0 * m4 / m2**2
         assert power_law.nayak(Spectrum(rolloff=1.0, cut=zeta), H) == pytest.approx(known, rel=1e-10)
-
-
-def test_nayaks_parameter_of_a_surface_is_that_of_its_law() -> None:
-    spectrum = Spectrum(rolloff=8.0, cut=128.0, phases="random")
-    for hurst in (0.3, 0.8):
-        found = spectral(made(spectrum, hurst, n=256)).nayak
-        assert found == pytest.approx(power_law.nayak(spectrum, hurst), rel=0.01)

@@ -72,9 +72,6 @@ def test_Sq_scales_exactly_with_powers_of_two_and_to_rounding_otherwise() -> Non
         scaled = Surface(ROUGH * factor, 1.0)
         assert scaled.Sq / factor == pytest.approx(surface.Sq, rel=1e-14)
         assert scaled.mean_height / factor == pytest.approx(surface.mean_height, rel=1e-13)
-
-
-def test_Sq_does_not_feel_an_offset() -> None:
     level = np.round(ROUGH * 2**20) / 2**20
     assert Surface(level + 2.0**30, 1.0).Sq == pytest.approx(Surface(level, 1.0).Sq, rel=1e-15)
 

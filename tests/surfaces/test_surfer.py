@@ -17,7 +17,7 @@ WRITERS: dict[str, Callable[..., bytes]] = {"text": surfer_text, "Surfer 6": sur
 
 
 @pytest.mark.parametrize("kind", list(WRITERS))
-@pytest.mark.parametrize("suffix", [".GRD", ".dat", ""])
+@pytest.mark.parametrize("suffix", [".GRD", ""])
 def test_a_grid_has_its_axes_and_limits(tmp_path: Path, kind: str, suffix: str) -> None:
     path = put(tmp_path / f"z{suffix}", WRITERS[kind](HOLED, (2.0, 4.5), (-1.0, 3.0)))
     found = reading.describe(path)
@@ -35,9 +35,10 @@ def test_coordinates_that_count_nodes_are_no_lengths(tmp_path: Path, kind: str) 
     assert np.abs(surface.heights - 1e-3 * HEIGHTS).max() < 1e-15
 
 
-@pytest.mark.parametrize("between", [b" ", b"\r\n"])
-def test_numbers_of_a_text_may_run_over_lines_at_will(tmp_path: Path, between: bytes) -> None:
-    same(put(tmp_path / "z.grd", between.join(surfer_text(HEIGHTS).split())), HEIGHTS)
+def test_numbers_of_a_text_may_run_over_lines_and_unknown_sections_are_passed_over(tmp_path: Path) -> None:
+    same(put(tmp_path / "text.grd", b"\r\n".join(surfer_text(HEIGHTS).split())), HEIGHTS)
+    content = surfer_7(HEIGHTS, between=struct.pack("<4si7s", b"FLTI", 7, b"faults.")) + b"TAIL\3\0\0\0end"
+    same(put(tmp_path / "z.grd", content), HEIGHTS)
 
 
 @pytest.mark.parametrize(("version", "high"), [(1, np.nan), (2, 9.0)])
@@ -46,11 +47,6 @@ def test_the_blank_of_surfer_7_is_that_of_the_grid(tmp_path: Path, version: int,
     heights = np.where(np.arange(30).reshape(6, 5) == 0, 9.0, np.minimum(HOLED, 3.0))
     path = put(tmp_path / "z.grd", surfer_7(heights, version=version, blank=5.0))
     same(path, np.where(heights == 9.0, high, heights), holes=True)
-
-
-def test_unknown_sections_of_surfer_7_are_passed_over(tmp_path: Path) -> None:
-    content = surfer_7(HEIGHTS, between=struct.pack("<4si7s", b"FLTI", 7, b"faults.")) + b"TAIL\3\0\0\0end"
-    same(put(tmp_path / "z.grd", content), HEIGHTS)
 
 
 NO_GRID = r"no Surfer grid.*allowed in \.grd: Surfer"

@@ -16,8 +16,8 @@ TURNED = rows(HEIGHTS.T)
 INSIST = r".*surface\.columns: heights"
 
 
-@pytest.mark.parametrize("hole", ["***", "BAD", "nan", "NaN", "-", "--", "n/a", "#N/A", "inf", "-9999", "1e38"])
-@pytest.mark.parametrize("between", [" ", ";", "\t", ","])
+@pytest.mark.parametrize("hole", ["***", "BAD", "NaN", "--", "#N/A", "inf", "-9999", "1e38"])
+@pytest.mark.parametrize("between", [" ", ";", ","])
 def test_marks_of_missing_heights_are_holes(tmp_path: Path, hole: str, between: str) -> None:
     path = put(tmp_path / "z.txt", rows(HOLED, between, hole))
     same(path, HOLED, holes=True)
@@ -32,7 +32,7 @@ def test_empty_cells_are_holes_also_at_the_ends_of_a_line(tmp_path: Path, betwee
     same(put(tmp_path / "z.csv", lines), HOLED, holes=True)
 
 
-@pytest.mark.parametrize("suffix", [".txt", ".csv", ".xyz", ".dat", ".asc", ""])
+@pytest.mark.parametrize("suffix", [".txt", ""])
 def test_three_columns_that_are_no_grid_are_refused_unless_the_user_insists(tmp_path: Path, suffix: str) -> None:
     path = put(tmp_path / f"z{suffix}", rows(HEIGHTS[:, :3]))
     refused(path, f"looks like x y z points, but {INSIST}")
@@ -131,14 +131,3 @@ def test_each_size_may_have_a_prefix_of_its_own(tmp_path: Path, width: str, heig
 def test_names_of_columns_may_carry_units(tmp_path: Path, head: str) -> None:
     found = reading.describe(put(tmp_path / "z.csv", f"{head}\n{rows(POINTS, ';')}".encode("latin-1")))
     assert (found.sides, found.unit, found.heights_unit) == ((2.5, 2.0), "um", "nm")
-
-
-def test_the_library_would_lose_lines(tmp_path: Path) -> None:
-    """The reason for a reader of text of our own."""
-    topography = pytest.importorskip("SurfaceTopography")
-    path = put(tmp_path / "z.txt", rows(HOLED, " ", "***"))
-    assert topography.read_topography(str(path), physical_sizes=(1, 1)).nb_grid_pts == (5, 3)  # of 6 lines
-    same(path, HOLED, holes=True)
-    path = put(tmp_path / "z.asc", "ncols 6\nnrows 5\ncellsize 2\nNODATA_value -1\n" + rows(np.full((5, 6), -1.0)))
-    assert topography.read_topography(str(path), physical_sizes=(1, 1)).heights().min() == -1.0
-    same(path, np.full((6, 5), np.nan), holes=True)

@@ -47,19 +47,13 @@ def test_height_parameters_ignore_position(name):
     assert number(rough().T[::-1]) == pytest.approx(number(rough()), rel=1e-12)
 
 
-def test_upside_down_swaps_peaks_and_pits():
-    z = rough()
-    assert (texture.Sp(-z), texture.Sv(-z)) == pytest.approx((texture.Sv(z), texture.Sp(z)), rel=1e-14)
-    assert texture.Ssk(-z) == pytest.approx(-texture.Ssk(z), rel=1e-12)
-    assert texture.Sku(-z) == pytest.approx(texture.Sku(z), rel=1e-14)
-
-
 def test_flat_field():
     assert [getattr(texture, name)(FLAT) for name in ("Sq", "Sa", "Sp", "Sv", "Sz")] == [0.0] * 5
     assert texture.Sdq(FLAT, 1.0) == 0.0
     assert all(math.isnan(getattr(texture, name)(FLAT)) for name in ("Ssk", "Sku", "Svi", "Sbi"))
     assert math.isnan(texture.hurst_structure(FLAT, 1.0))
     assert math.isnan(texture.hurst_spectrum(np.zeros((40, 40)), 1.0))
+    assert math.isnan(texture.hurst_spectrum(rough(m=4), 1.0))  # too small
 
 
 def test_slope_is_exact_for_planes_and_scales():
@@ -67,10 +61,7 @@ def test_slope_is_exact_for_planes_and_scales():
     slope = texture.Sdq(rough(), 0.5)
     assert texture.Sdq(rough(), 1.0) == pytest.approx(slope / 2, rel=1e-15)
     assert texture.Sdq(rough() * 1e-250, 0.5) == pytest.approx(slope * 1e-250, rel=1e-14)
-
-
-def test_slope_is_blind_to_the_lattice_wave():
-    assert texture.Sdq((-1.0) ** (X + Y), 1.0) == 0.0
+    assert texture.Sdq((-1.0) ** (X + Y), 1.0) == 0.0  # blind to the wave of the lattice
 
 
 def test_slope_of_a_resolved_wave():
@@ -128,13 +119,6 @@ def test_indices_of_a_gaussian_field():
     assert texture.Sbi(gaussian()) == pytest.approx(1 / 1.6448536, abs=8e-3)
 
 
-def test_indices_of_a_ramp():
-    # Heights uniform on [0, 1]: Svi = 0.2²/2 · √12, Sbi = 1/(√12 · 0.45).
-    z = np.linspace(0.0, 1.0, 10201).reshape(101, 101)
-    assert texture.Svi(z) == pytest.approx(0.02 * math.sqrt(12.0), rel=1e-3)
-    assert texture.Sbi(z) == pytest.approx(1.0 / (math.sqrt(12.0) * 0.45), rel=1e-3)
-
-
 @pytest.mark.parametrize("shape", [(3, 3), (3, 50), (33, 40)])
 def test_structure_of_a_plane_has_exponent_one(shape):
     plane = np.add.outer(np.arange(shape[0]), 2.0 * np.arange(shape[1]))
@@ -142,8 +126,8 @@ def test_structure_of_a_plane_has_exponent_one(shape):
 
 
 def test_exponents_of_white_noise():
-    # S does not depend on the lag (H = 0) and C not on q (H = -1); standard errors of the means 1.5e-4 and 1.1e-2.
-    fields = [gaussian(seed, 300) for seed in range(10)]
+    # S does not depend on the lag (H = 0) and C not on q (H = -1); standard errors of the means 2e-4 and 1.4e-2.
+    fields = [gaussian(seed, 300) for seed in range(6)]
     assert np.mean([texture.hurst_structure(z, 1.0) for z in fields]) == pytest.approx(0.0, abs=6e-4)
     assert np.mean([texture.hurst_spectrum(z, 1.0) for z in fields]) == pytest.approx(-1.0, abs=3.5e-2)
 
@@ -154,19 +138,14 @@ def test_exponents_ignore_units(function):
     assert function(z * 1e-250, 100.0) == pytest.approx(function(z, 1.0), rel=1e-10)
 
 
-def test_spectrum_of_a_small_field_is_unknown():
-    assert math.isnan(texture.hurst_spectrum(rough(m=4), 1.0))
-    assert math.isfinite(texture.hurst_spectrum(rough(m=5), 1.0))
-
-
 @pytest.mark.parametrize(("law", "share"), [("std", 1.0), ("variance", 0.5)])
 @pytest.mark.parametrize("D", [2.2, 2.5])
 def test_midpoint_surfaces_have_the_exponent_of_their_law(D, law, share):
-    """Mean over 8 seeds at m = 8; the wrong law would be off by 0.25 (D = 2.5) or 0.4 (D = 2.2).
+    """Mean over 6 seeds at m = 8; the wrong law would be off by 0.25 (D = 2.5) or 0.4 (D = 2.2).
 
-    Spectrum: bias -0.05, standard error 0.014. Structure function: the bias is -0.13 at H = 0.8 and less below.
+    Spectrum: bias -0.05, standard error 0.016. Structure function: the bias is -0.13 at H = 0.8 and less below.
     """
-    fields = [rough(seed, 8, D, law) for seed in range(8)]
+    fields = [rough(seed, 8, D, law) for seed in range(6)]
     hurst = share * (3.0 - D)
     assert np.mean([texture.hurst_spectrum(z, 1.0) for z in fields]) == pytest.approx(hurst, abs=0.09)
     assert np.mean([texture.hurst_structure(z, 1.0) for z in fields]) == pytest.approx(hurst, abs=0.15)

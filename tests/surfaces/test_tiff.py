@@ -38,7 +38,6 @@ def test_a_tiff_without_heights_is_refused(tmp_path: Path, name: str) -> None:
         ({}, None, None),
         ({"resolution": (300, 300), "resolutionunit": "INCH"}, None, None),
         ({"resolution": (5e3, 5e3), "resolutionunit": "CENTIMETER"}, (1e-3, 8e-4), "cm"),
-        ({"resolution": (5e3, 5e3), "resolutionunit": "NONE"}, None, None),
         ({"resolution": (2, 4), "imagej": True, "metadata": {"unit": "um"}}, (2.5, 1.0), "um"),
         ({"resolution": (2, 4), "imagej": True, "metadata": {"unit": "pixel"}}, None, None),
         ({"description": OME % 'PhysicalSizeXUnit="nm"'}, (2.5, 1.0), "nm"),
@@ -69,13 +68,10 @@ def test_a_page_is_named_by_its_number(tmp_path: Path) -> None:
     ("kind", "text", "stored"),
     [
         ("f4", "-3.4028234663852886e+38", -3.4028234663852886e38),
-        ("f4", "-3.40282346638529e+38", -3.4028234663852886e38),
         ("f4", "-3.40282e+38", -3.4028234663852886e38),  # as written with six digits
         ("f4", "-9.9999", -9.9999),
         ("f4", "1e+39", np.inf),  # beyond the type of the image
         ("f4", "nan", np.nan),
-        ("f8", "-9.9999", -9.9999),
-        ("u2", "65535", 65535),
         ("i4", "-2147483648", -2147483648),
     ],
 )
