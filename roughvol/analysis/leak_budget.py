@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy import special
 from xarray import Dataset
 
 from roughvol.analysis.at import at
@@ -485,7 +485,7 @@ def _window(fine: Sequence[_Loaded], axis: str) -> Part:
 
 def _half_width(logs: Array) -> float:
     """Return half the interval of the mean of logarithms."""
-    quantile = stats.t.ppf(0.5 + 0.5 * CONFIDENCE, logs.size - 1)
+    quantile = special.stdtrit(logs.size - 1, 0.5 + 0.5 * CONFIDENCE)
     return float(quantile * logs.std(ddof=1) / math.sqrt(logs.size))
 
 

@@ -156,7 +156,7 @@ def _with_reliable_bases(
     for level, number in enumerate(samples):
         if number < RELIABLE and (level, -1) in links:
             base, nearest = links[level, -1], multilevel.nearest_chain(links, level)
-            variance = multilevel.level_variance(links, nearest, None if base.gains else alone)
+            variance = multilevel.level_variance(links, nearest, multilevel.NONE_ALONE if base.gains else alone)
             reliable[level, -1] = replace(base, variance=variance)
     return reliable
 

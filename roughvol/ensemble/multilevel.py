@@ -44,13 +44,12 @@ s² (1 + stopping/ν)/n. The choice among chains has the same effect. It is ther
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student
+from scipy import special
 
 from roughvol.typing import Array
 
@@ -62,6 +61,7 @@ FREE_PARENT = 60  # fewest samples of a level with a choice of its parent
 CONTROLLED = 24  # fewest samples of a level that is regressed on surfaces alone
 FEWEST = 2  # fewest samples of a level with a variance
 FEWEST_PAIRS = 3  # fewest seeds in common for a correlation
+NONE_ALONE = np.zeros((0, 0))  # numbers of no surfaces alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,13 +102,12 @@ class Mean:
         return quantile(self.freedom) * math.sqrt(self.variance)
 
 
-@functools.lru_cache(maxsize=4096)
 def quantile(freedom: float) -> float:
     """Return Student's quantile of 97.5 %, also for fractional degrees of freedom."""
-    return float(student.ppf(0.5 * (1.0 + COVERAGE), freedom))
+    return float(special.stdtrit(freedom, 0.5 * (1.0 + COVERAGE)))
 
 
-def links_of(values: Sequence[Array], alone: Array | None = None) -> dict[tuple[int, int], Link]:
+def links_of(values: Sequence[Array], alone: Array = NONE_ALONE) -> dict[tuple[int, int], Link]:
     """Return the links of all pairs (level, parent) that a chain may use; parent -1 where a chain begins.
 
     ``values[l][s]`` is of level l, coarsest first, and seed s; ``alone`` are numbers of surfaces alone, shape (N, k).
@@ -135,7 +134,7 @@ def nearest_chain(links: Mapping[tuple[int, int], Link], level: int) -> tuple[in
     return tuple(levels)
 
 
-def level_variance(links: Mapping[tuple[int, int], Link], levels: Sequence[int], alone: Array | None = None) -> float:
+def level_variance(links: Mapping[tuple[int, int], Link], levels: Sequence[int], alone: Array = NONE_ALONE) -> float:
     """Return the variance over surfaces on the finest level of a chain, from the samples of all levels.
 
     It is r_l + g_l·Cov(X)·g_l, with r_l = s_l² + b_l² r_parent.
@@ -148,9 +147,9 @@ def level_variance(links: Mapping[tuple[int, int], Link], levels: Sequence[int],
     return total + variance_alone(used, alone)
 
 
-def variance_alone(links: Sequence[Link], alone: Array | None) -> float:
+def variance_alone(links: Sequence[Link], alone: Array) -> float:
     """Return the part of the variance of the last level that surfaces alone explain, g·Cov(X)·g."""
-    if alone is None or len(alone) < FEWEST:
+    if len(alone) < FEWEST:
         return 0.0
     total = np.zeros(alone.shape[1])
     for link in links:
@@ -163,7 +162,7 @@ def chain(
     levels: Sequence[int],
     links: Mapping[tuple[int, int], Link] | None = None,
     stopping: float = 0.0,
-    alone: Array | None = None,
+    alone: Array = NONE_ALONE,
 ) -> Mean:
     """Return the mean of the finest level of a chain from nested seeds; ``stopping`` as in the module's docstring."""
     links = links_of(values, alone) if links is None else links
@@ -173,7 +172,7 @@ def chain(
     for level in levels:
         link, fine = links[level, parent], values[level]
         shift = [] if parent < 0 else [mean - float(values[parent][: fine.size].mean())]
-        if alone is not None and link.gains:
+        if link.gains:
             shift += [float(x) for x in alone.mean(axis=0) - alone[: fine.size].mean(axis=0)]
         slopes = [link.slope] * (parent >= 0) + list(link.gains)
         mean = float(fine.mean()) + sum(slope * each for slope, each in zip(slopes, shift, strict=True))
@@ -182,22 +181,22 @@ def chain(
         terms.append(((1.0 + stopping / link.freedom) * link.mean_variance, link.freedom))
         used.append(link)
         parent = level
-    if alone is not None and len(alone) >= FEWEST:
+    if len(alone) >= FEWEST:
         terms.append((variance_alone(used, alone) / len(alone), len(alone) - 1.0))
     return Mean(mean, *_summed(terms), tuple(used))
 
 
-def _base(level: int, values: Array, alone: Array | None = None) -> Link:
+def _base(level: int, values: Array, alone: Array) -> Link:
     """Return the level at which a chain begins: its plain mean, or its regression on surfaces alone."""
     n = values.size
-    variance = float(values.var(ddof=1)) if n > 1 else math.inf
-    if alone is not None and n >= CONTROLLED:
+    variance = float(values.var(ddof=1))
+    if len(alone) >= n >= CONTROLLED:
         gains, residual, freedom, leverage = _regression(values, alone[:n])
         return Link(level, -1, n, 0.0, residual, freedom, tuple(gains), variance, leverage)
-    return Link(level, -1, n, 0.0, variance, max(n - 1.0, 1.0), alone=variance)
+    return Link(level, -1, n, 0.0, variance, n - 1.0, alone=variance)
 
 
-def _link(level: int, parent: int, fine: Array, coarse: Array, coarser_link: Link | None, alone: Array | None) -> Link:
+def _link(level: int, parent: int, fine: Array, coarse: Array, coarser_link: Link | None, alone: Array) -> Link:
     """Return the regression of a level on its parent; measures 1 and 3 of the module's docstring."""
     n = fine.size
     x, y = coarse[:n] - coarse[:n].mean(), fine - fine.mean()
@@ -209,7 +208,7 @@ def _link(level: int, parent: int, fine: Array, coarse: Array, coarser_link: Lin
         slope, freedom = coarser_link.slope if coarser_link else 1.0, n - 1.0
     residual = y - slope * x
     variance = float(residual @ residual) / freedom
-    if alone is not None and n >= CONTROLLED and spread > 0.0:
+    if len(alone) >= n >= CONTROLLED and spread > 0.0:
         slopes, controlled, freedom, leverage = _regression(fine, np.column_stack([coarse[:n], alone[:n]]))
         return Link(level, parent, n, slopes[0], controlled, freedom, tuple(slopes[1:]), variance, leverage)
     pooled = variance

@@ -109,17 +109,6 @@ def test_pixels_nearly_square_are_square_and_too_oblong_ones_are_refused_whateve
         _refused(tmp_path, f"file: oblong.x3p{keys}", r"surface\.resample: .*allowed: one side up to 2 times the other")
 
 
-def test_two_bodies_on_oblong_pixels_are_resampled_each(tmp_path: Path) -> None:
-    for name, heights in (("one", HEIGHTS), ("other", 2.0 * HEIGHTS), ("both", HEIGHTS + 2.0 * HEIGHTS[::-1])):
-        library(tmp_path / f"{name}.x3p", heights, pixel=(1.5 * PIXEL, PIXEL))
-    added, both = (
-        one_case.surface_of(case_of(tmp_path, f"{keys}, unit: um, resample: square"))
-        for keys in ("file: one.x3p, against: {file: other.x3p, mirror: x}", "file: both.x3p")
-    )
-    assert added.shape == both.shape == (8, 5)
-    assert np.abs(added.heights - both.heights).max() < 1e-13
-
-
 def test_a_crop_in_lengths_counts_oblong_pixels(tmp_path: Path) -> None:
     library(tmp_path / "oblong.x3p", np.random.default_rng(0).normal(size=(21, 21)), pixel=(0.25, 0.5))
     case = case_of(tmp_path, "file: oblong.x3p, crop: {x: [1 um, 3 um], y: [1 um, 3 um]}, resample: square")
@@ -222,19 +211,18 @@ def test_kind_unit_and_name_tell_heights_from_other_channels(kind: str, unit: An
 # Formats whose library is at odds with other readers
 
 
-@pytest.mark.parametrize(("dy", "keys", "rows"), [(312.5, "", 6), (250.0, ", resample: square", 7)])
-def test_the_size_in_nms_has_no_unit_and_is_that_of_the_study(tmp_path: Path, dy: float, keys: str, rows: int) -> None:
+def test_the_size_in_nms_has_no_unit_and_is_that_of_the_study(tmp_path: Path) -> None:
     matlab = bytes.fromhex("02000000010000000000000000ff0000")  # also the first bytes of a MATLAB file of version 4
-    path = put(tmp_path / "scan.nms", matlab + nms(HEIGHTS, 312.5, dy)[16:])
+    path = put(tmp_path / "scan.nms", matlab + nms(HEIGHTS, 312.5, 250.0)[16:])
     found = reading.describe(path)
     assert (found.shape, found.unit, found.heights_unit) == ((6, 5), None, "um")
     assert found.reader == "SurfaceTopography nms"
     for more in ("", ", unit: um", ", unit: nm"):
-        _refused(tmp_path, f"file: scan.nms{more}{keys}", r"surface\.L: missing: .* are 312\.5 by .*unknown unit")
-    case = case_of(tmp_path, f"file: scan.nms, L: 1.5625 um{keys}")
+        _refused(
+            tmp_path, f"file: scan.nms{more}, resample: square", r"surface\.L: missing: .* are 312\.5 by .*unknown unit"
+        )
+    case = case_of(tmp_path, "file: scan.nms, L: 1.5625 um, resample: square")
     surface = one_case.surface_of(case)
-    assert surface.spacing == pytest.approx(1e-3 * dy, rel=1e-12)
-    assert surface.shape == (rows, 5)
-    assert not case.notes
-    if keys:
-        _refused(tmp_path, "file: scan.nms, L: 1.5625 um", r"resample: missing: .*pixels of 0\.3125 by 0\.25 um")
+    assert surface.spacing == pytest.approx(0.25, rel=1e-12)
+    assert (surface.shape, case.notes) == ((7, 5), ())
+    _refused(tmp_path, "file: scan.nms, L: 1.5625 um", r"resample: missing: .*pixels of 0\.3125 by 0\.25 um")

@@ -70,8 +70,9 @@ def test_levelling_is_least_squares_on_the_known_heights(kind: str, degree: int,
         *(lambda z, kind=kind: level(z, kind) for kind in LEVELS),
         *(lambda z, rule=rule: fill(_without(z, HOLE), rule) for rule in FILLS),
         lambda z: low_pass(z, 1.0, 4.0),
+        lambda z: np.where(outliers(z, 3.0), 0.0, z),
     ],
-    ids=[*LEVELS, *FILLS, "low pass"],
+    ids=[*LEVELS, *FILLS, "low pass", "outliers"],
 )
 def test_any_scale_of_heights_is_treated_alike(treated: Callable[[Heights], Heights], power: int) -> None:
     expected = np.ldexp(treated(ROUGH + PLANE), power)
@@ -246,11 +247,6 @@ def test_white_noise_is_cut_as_if_it_deviated_by_a_tenth_more(window: int) -> No
     assert math.erfc(3.3 / math.sqrt(2.0)) < share < math.erfc(3.0 / 1.1 / math.sqrt(2.0))
 
 
-def test_ordinary_texture_beside_a_smooth_part_stays() -> None:
-    heights = np.where(ALONG_X < 120.0, 1e-3 * CORRELATED, CORRELATED) + 0.5 * DEVIATION * np.sin(ALONG_X / 9.0)
-    assert not outliers(heights, 6.0).any()
-
-
 @pytest.mark.parametrize("tilt", [0.0, 0.5], ids=["level", "tilted"])
 @pytest.mark.parametrize("height", [40.0, -40.0, 9.0])
 @pytest.mark.parametrize("window", [3, 5, 9])
@@ -296,13 +292,6 @@ def test_fast_and_slow_agree(seed: int, window: int, holes: float) -> None:
     expected = _slow(heights, 4.0, window)
     if expected.sum() <= 0.05 * np.isfinite(heights).sum():
         assert np.array_equal(outliers(heights, 4.0, window), expected)
-
-
-@pytest.mark.parametrize("power", [-600, 600])
-def test_the_unit_of_the_heights_does_not_matter(power: int) -> None:
-    heights = WHITE.copy()
-    heights[7, 7] = 50.0
-    assert np.array_equal(outliers(np.ldexp(heights, power), 4.0), outliers(heights, 4.0))
 
 
 NOTHING = np.full((4, 4), np.nan)
