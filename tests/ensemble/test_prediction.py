@@ -35,6 +35,7 @@ def test_the_expected_cost_is_that_of_the_run_to_a_factor_of_two(name: str) -> N
 
 def test_finer_levels_need_fewer_samples(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(prediction, "FINEST", 5)
+    monkeypatch.setattr(prediction, "SEEDS", 24)
     text = "surface: {D: [2.2, 2.8], m: 10}\nensemble: {accuracy: {free_volume: 1 %}, at: {pressure: 0.3}}"
     smooth, rough = rounds.expected(loads(text))
     counts = list(smooth.samples.values())
