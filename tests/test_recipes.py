@@ -18,7 +18,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^( *)```\w+\n\1# ([\w/.]+), ([^\n]+)\n(.*?)^\1```", re.MULTILINE | re.DOTALL)
-FILES = {"An observable": 3, "A figure": 3, "A claim": 2, "A kernel": 4}
+FILES = {"An observable": 3, "A figure": 2, "A claim": 2, "A kernel": 4}
 STUDY = """
 name: recipe
 surface: {D: 2.3, m: 3, L: 100 um, Sq: 1 um, seeds: 2}

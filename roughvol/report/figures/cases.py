@@ -8,6 +8,7 @@ later.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import TypeVar
 
 from roughvol.study import Case
@@ -59,5 +60,21 @@ def single(cases: Sequence[Case]) -> list[Case]:
     return [cases[nearest_surface({k: (case.D, case.m) for k, case in enumerate(cases)})]]
 
 
+def one_family(cases: Sequence[Case]) -> list[Case]:
+    """Return the cases of the largest m at the D nearest to that of the single surface."""
+    return by_m(by_D(cases))
+
+
 def _distance(value: float, wish: float) -> tuple[float, float]:
     return abs(value - wish), -value
+
+
+CASES: Mapping[str, Rule] = {
+    "by_D": by_D,
+    "by_D_at_7": partial(by_D, wish=SHOWN_M),
+    "by_m": by_m,
+    "one_family": one_family,
+    "single": single,
+    "all": list,
+}
+"""Rules by their names in tables of figures."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import matplotlib as mpl
@@ -11,7 +14,7 @@ from xarray import Dataset
 
 from roughvol.analysis.legs import first_leg
 from roughvol.errors import DatasetError
-from roughvol.report.figures.cases import Rule, by_D
+from roughvol.report.figures.cases import CASES, Rule, by_D
 from roughvol.report.figures.origin import dry_note, lacking, origin, written
 from roughvol.report.figures.style import STYLE, Drawing
 
@@ -81,6 +84,23 @@ class Figure:
             return figure
 
 
-def table(*figures: Figure) -> dict[str, Figure]:
-    """Return figures by name."""
-    return {figure.name: figure for figure in figures}
+def figures_of(
+    file: Path,
+    modules: Sequence[ModuleType],
+    kind: type[Figure] = Figure,
+    refusals: Mapping[str, Refusal] | None = None,
+) -> dict[str, Any]:
+    """Return the figures that modules draw, by name; a file has their rows under the names of module and function."""
+    tables = tomllib.loads(file.read_text(encoding="utf-8"))
+    found = {}
+    for module in modules:
+        for name, row in tables[module.__name__.rpartition(".")[2]].items():
+            sentences = [row.pop("caption"), *(tables["shared"][key] for key in row.pop("shared", ()))]
+            caption = " ".join(sentences) + (BAND if row.pop("band", False) else "")
+            given: dict[str, Any] = {
+                key: tuple(value) if isinstance(value, list) else value for key, value in row.items()
+            }
+            given["cases"] = CASES[given.get("cases", "by_D")]
+            refuse = (refusals or {}).get(name, none_refused)
+            found[name] = kind(getattr(module, name), caption, refuse=refuse, **given)
+    return found

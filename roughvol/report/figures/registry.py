@@ -1,24 +1,17 @@
-"""The tables of figures, one row a figure: drawing, cases, refusals; captions and variables in ``registry.toml``.
+"""The tables of figures, ``figures.toml``, one row a figure: drawing, caption, variables, cases; and what is refused.
 
 `FIGURES` are drawn from a stored run by ``roughvol plot`` and ``roughvol report``, `TRADEOFF` by ``roughvol tradeoff``.
 """
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from xarray import Dataset
 
 from roughvol.analysis import leak
 from roughvol.report.figures import ensembles, seal, spectra, work_precision, yielding
-from roughvol.report.figures.cases import Rule, by_D, by_m, single
-from roughvol.report.figures.figure import Figure, Refusal, none_refused, table
-from roughvol.report.figures.style import Drawing
-
-_FILE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+from roughvol.report.figures.figure import Figure, Refusal, figures_of
 
 
 def _lifted(name: str, ds: Dataset) -> str | None:
@@ -45,35 +38,17 @@ def _ladder(ladder: str) -> Refusal:
     return refuse
 
 
-_ENSEMBLE = _without("ensemble_samples", "a study with a section 'ensemble'")
-_PATH = _without("leg", "a path, as sweep: [{steps: 30, to: {pressure: 1}}, {steps: 30, to: {pressure: 0}}]")
-_PSD = _without("psd", "the power spectral density: add record: {psd: true}")
-
-
-def _row(draw: Callable[[Any], Drawing], cases: Rule = by_D, refuse: Refusal = none_refused) -> Figure:
-    """Return the row of a figure, with its caption and its variables from the file beside this module."""
-    row = dict(_FILE["figures"][draw.__name__])
-    caption = " ".join([row.pop("caption"), *(_FILE["shared"][name] for name in row.pop("shared", ()))])
-    return Figure(draw, caption, tuple(row.pop("needs", ())), cases, refuse, **row)
-
-
-FIGURES = table(
-    _row(seal.seal_volume),
-    _row(seal.seal_percolation),
-    _row(seal.seal_transmissivity, refuse=_lifted),
-    _row(seal.seal_diffusivity),
-    _row(seal.seal_leak_rate, refuse=_lifted),
-    _row(seal.seal_region, lambda cases: by_m(by_D(cases))),
-    _row(seal.seal_estimates),
-    _row(seal.seal_map, single),
-    _row(yielding.path_loops, refuse=_PATH),
-    _row(yielding.yielded_map, single),
-    _row(ensembles.ensemble_cost, list, _ENSEMBLE),
-    _row(spectra.psd, refuse=_PSD),
-)
-
-TRADEOFF = table(
-    _row(work_precision.tradeoff_precision, refuse=_ladder("tolerance")),
-    _row(work_precision.tradeoff_resolution, refuse=_ladder("resolution")),
-    _row(work_precision.tradeoff_settings, refuse=_ladder("steps")),
-)
+REFUSALS = {
+    "seal_transmissivity": _lifted,
+    "seal_leak_rate": _lifted,
+    "path_loops": _without("leg", "a path, as sweep: [{steps: 30, to: {pressure: 1}}, {steps: 30, to: {pressure: 0}}]"),
+    "ensemble_cost": _without("ensemble_samples", "a study with a section 'ensemble'"),
+    "psd": _without("psd", "the power spectral density: add record: {psd: true}"),
+    "tradeoff_precision": _ladder("tolerance"),
+    "tradeoff_resolution": _ladder("resolution"),
+    "tradeoff_settings": _ladder("steps"),
+}
+"""Why a dataset cannot be drawn, beside a variable that it lacks, by figure."""
+_FILE = Path(__file__).with_name("figures.toml")
+FIGURES: dict[str, Figure] = figures_of(_FILE, (seal, yielding, ensembles, spectra), refusals=REFUSALS)
+TRADEOFF: dict[str, Figure] = figures_of(_FILE, (work_precision,), refusals=REFUSALS)

@@ -6,11 +6,8 @@ drawn from the runs of a report.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import matplotlib as mpl
@@ -18,15 +15,11 @@ import matplotlib as mpl
 from roughvol.analysis.stored_run import Run
 from roughvol.report.document import Drawing as Shown
 from roughvol.report.figures import registry
-from roughvol.report.figures.cases import Rule, by_D, by_m, single
-from roughvol.report.figures.figure import BAND, Figure, table
+from roughvol.report.figures.figure import Figure, figures_of
 from roughvol.report.figures.style import STYLE, Drawing
 from roughvol.reproduction.claims import CLAIMS, Evidence, Lacking
 from roughvol.reproduction.figures import paper, theory
 from roughvol.reproduction.figures.conditions import PaperFigure
-from roughvol.reproduction.needs import PAPER_M
-
-CASES: dict[str, Rule] = {"by_D": by_D, "by_D_at_7": partial(by_D, wish=PAPER_M), "by_m": by_m, "single": single}
 
 
 class Comparison(Figure):
@@ -38,17 +31,9 @@ class Comparison(Figure):
             return self.draw(evidence)
 
 
-def _figure(kind: type[Figure], module: ModuleType, name: str, row: dict[str, Any]) -> Figure:
-    """Return the figure of a row of `figures.toml`."""
-    caption = row.pop("caption") + (BAND if row.pop("band", False) else "")
-    cases = CASES[row.pop("cases", "by_D")]
-    conditions: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
-    return kind(getattr(module, name), caption, cases=cases, **conditions)
-
-
-_TABLE = tomllib.loads(Path(__file__).with_name("figures.toml").read_text(encoding="utf-8"))
-FIGURES: dict[str, Any] = table(*(_figure(PaperFigure, paper, *row) for row in _TABLE["paper"].items()))
-COMPARISONS = table(*(_figure(Comparison, theory, *row) for row in _TABLE["comparison"].items()))
+_FILE = Path(__file__).with_name("figures.toml")
+FIGURES = figures_of(_FILE, (paper,), PaperFigure)
+COMPARISONS = figures_of(_FILE, (theory,), Comparison)
 ALL: dict[str, Figure] = FIGURES | registry.FIGURES
 """The figures of one run, those of the paper first."""
 
