@@ -98,7 +98,7 @@ def indentation_for(
     if not 0 < value < np.inf or (area and value > 1):
         allowed = {"contact_area": "0 < A* <= 1", "pressure": "p* > 0", "free_volume": "V* > 0"}[target]
         raise ContactError(f"{target} is {value}; allowed: {allowed}")
-    trials = _elastic(Trials(surface, half_space, options, **changed))
+    trials = Trials(surface, half_space, options, **changed)
     if target == "free_volume":
         most = (surface.z_max - surface.mean_height) / surface.unit
         if value >= min(most, float(trials.untouched.gap().mean())):  # the two differ by rounding
@@ -160,17 +160,9 @@ def first_indentation(
     0.57
     """
     options = replace(options, search=replace(options.search, accuracy=accuracy))
-    trials = _elastic(Trials(surface, half_space, options, **changed))
     target = Target(lambda contact: float(reached(contact)), 1.0, elements=True, power=False)
+    trials = Trials(surface, half_space, options, **changed)
     return _search(trials, target, _mean_plane(surface), brink=True).approach
-
-
-def _elastic(trials: Trials) -> Trials:
-    """Return trials of elastic contact; refuse a hardness, for which the straight lines are no bounds."""
-    if trials.options.hardness is not None:
-        hardness = trials.options.hardness
-        raise ContactError(f"hardness is {hardness}; allowed: none. This search takes elastic contact")
-    return trials
 
 
 def state_reaching(trials: Trials, target: Target, between: list[Contact], *, below: bool = False) -> Contact:
@@ -194,7 +186,9 @@ def _search(trials: Trials, target: Target, start: float, *, brink: bool, betwee
     With `brink`, elements on the brink of contact do not count. States on either side (`between`) replace the start.
     States without contact may be among them.
     """
-    tuning = trials.options.search
+    tuning, hardness = trials.options.search, trials.options.hardness
+    if hardness is not None:  # the straight lines are no bounds
+        raise ContactError(f"hardness is {hardness}; allowed: none. This search takes elastic contact")
     margin = tuning.sure * trials.options.rtol if brink else 0.0
 
     def holds(line: Line, indentation: float, noise: float = 0.0) -> bool:

@@ -8,8 +8,6 @@ A period has no first index. Its boxes go around it, and N(r) is the mean over a
 is rows · columns/r² times the share of all boxes of side r that hold a part of the domain. Nothing is cropped.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 Conventions are those of `transport`: void is 4-connected, contact 8-connected. Opposite sides of a period are joined.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -136,15 +134,19 @@ def labelled(mask: Mask, structure: NDArray[Any], joined: tuple[bool, bool]) -> 
         return labels, int(count)
     margin = [(int(join), int(join)) for join in joined]
     labels, count = ndimage.label(np.pad(mask, margin, mode="wrap"), structure)
-    inside = labels[
-        tuple(slice(before, size - after) for (before, after), size in zip(margin, labels.shape, strict=True))
-    ]
+    inside = labels[tuple(slice(join, size - join) for join, size in zip(map(int, joined), labels.shape, strict=True))]
     same = np.pad(inside, margin, mode="wrap")  # an element and its image
     pairs = np.unique(np.stack([labels.ravel(), same.ravel()])[:, (labels != same).ravel()], axis=1)
     graph = sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(count + 1, count + 1))
     _, number = csgraph.connected_components(graph, directed=False)
     found, numbers = np.unique(number[1:], return_inverse=True)  # 0 is the closed rest, joined to none
     return np.concatenate([[0], numbers + 1])[inside], found.size
+
+
+def spanned(void: Mask, periodic: bool) -> Mask:
+    """Return the void that leads from side to side along axis 0."""
+    labels, _ = labelled(void, SIDES, joined(0, periodic))
+    return np.isin(labels, spanning(labels, 0))
 
 
 def spanning_period(labels: NDArray[np.integer], void: Mask, axis: int) -> NDArray[np.integer]:
@@ -163,10 +165,8 @@ def spanning(labels: NDArray[np.integer], axis: int) -> NDArray[np.integer]:
 def check_gap(gap: Array) -> None:
     """Refuse a gap that is no 2-D field of finite numbers ≥ 0."""
     if gap.ndim != 2 or gap.size == 0 or not np.all((gap >= 0.0) & np.isfinite(gap)):
-        message = f"gap must be a 2-D field of finite numbers >= 0, got shape {gap.shape}"
-        if gap.size and np.isfinite(gap).all():
-            message += f" with minimum {gap.min():g}"
-        raise ContactError(message)
+        least = f" with minimum {gap.min():g}" if gap.size and np.isfinite(gap).all() else ""
+        raise ContactError(f"gap must be a 2-D field of finite numbers >= 0, got shape {gap.shape}{least}")
 
 
 def check_exponent(exponent: float) -> None:

@@ -16,8 +16,6 @@ P is the sum of two numbers. In a wide pocket P is uniform to 16 digits, and the
 from the differences that are left: the second number has them.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -79,9 +77,7 @@ class FluidField:
         columns = k.shape[1]
         self._shape, size = k.shape, k.size
         number = np.arange(size).reshape(k.shape)
-        across = [np.roll(number, -1, axis=1), number]
-        if not periodic:
-            across = [beside[:, : columns - 1] for beside in across]
+        across = [beside[:, : columns - (not periodic)] for beside in (np.roll(number, -1, axis=1), number)]
         # the joints between elements, then those to the reservoirs: nodes `size` (inlet) and `size + 1` (outlet)
         self._inner = size - columns + across[0].size
         self._tail = np.concatenate([number[:-1].ravel(), across[1].ravel(), number[0], number[-1]])

@@ -5,8 +5,6 @@ node [length³], exactly 0 in contact. Contact is the active set (p > 0) handed 
 floats.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

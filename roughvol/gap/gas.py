@@ -20,15 +20,13 @@ solves it by iteration: each turn is a linear problem in s = p²/2 + β p, where
 throughput at the last pressures over its drop of s. A fixed point has the exact throughputs.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
 
 from roughvol.errors import ContactError, ConvergenceError
-from roughvol.gap.clusters import SIDES, check_gap, joined, labelled, spanning
+from roughvol.gap.clusters import check_gap, spanned
 from roughvol.gap.network import flow_through, harmonic
 from roughvol.gap.transport import constriction
 from roughvol.typing import Array, Mask
@@ -126,10 +124,8 @@ def conduction_of_gas(
     """
     check_gap(gap)
     if law not in LAWS or not 0.0 <= outlet < 1.0 or not 0.0 <= path < math.inf or (law == "kinetic" and path == 0.0):
-        message = (
-            f"law {law!r}, mean free path {path}, outlet {outlet}; allowed: {', '.join(LAWS)}, > 0, 0 <= outlet < 1"
-        )
-        raise ContactError(message)
+        given = f"law {law!r}, mean free path {path}, outlet {outlet}"
+        raise ContactError(f"{given}; allowed: {', '.join(LAWS)}, > 0, 0 <= outlet < 1")
     critical = constriction(gap, axis, periodic=periodic).gap
     if critical == 0.0:
         return GasFlow(0.0, math.inf, 0.0, 0)
@@ -139,24 +135,18 @@ def conduction_of_gas(
     at_critical = float(local_flow(law, 1.0, middle, free))
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(wide > 0.0, local_flow(law, wide, middle, free), 0.0) / at_critical
-    labels, _ = labelled(share >= 1.0 / WINDOW, SIDES, joined(0, periodic))
-    flowing = np.isin(labels, spanning(labels, 0))
-    solved = _iterated(np.where(flowing, wide, 0.0), flowing, law, free, outlet, periodic)
-    rows, columns = along.shape
-    largest = float(gap.max())
+    flowing = spanned(share >= 1.0 / WINDOW, periodic)
+    throughput, error, turns = _iterated(np.where(flowing, wide, 0.0), flowing, law, free, outlet, periodic)
+    (rows, columns), largest = along.shape, float(gap.max())
     mean = largest / critical * float(np.mean(gap / largest))
     plates = mean**3 * 0.5 * (1.0 - outlet**2) * columns / rows
-    return GasFlow(solved.throughput / plates, free / middle, solved.conservation_error, solved.turns)
+    return GasFlow(throughput / plates, free / middle, error, turns)
 
 
-class _Solved(NamedTuple):
-    throughput: float
-    conservation_error: float
-    turns: int
-
-
-def _iterated(gap: Array, flowing: Mask, law: str, path: float, outlet: float, periodic: bool) -> _Solved:
-    """Return the throughput along axis 0 times 12 μ; lengths are over the critical constriction."""
+def _iterated(
+    gap: Array, flowing: Mask, law: str, path: float, outlet: float, periodic: bool
+) -> tuple[float, float, int]:
+    """Return the throughput along axis 0 times 12 μ, its error, and iterations; lengths are over the constriction."""
     slip = {"viscous": 0.0, "slip": SLIP, "kinetic": 1.5 * SLIP}[law] * path
     inlet_s, outlet_s = 0.5 + slip, outlet * (0.5 * outlet + slip)
     drop = inlet_s - outlet_s
@@ -192,8 +182,12 @@ def _iterated(gap: Array, flowing: Mask, law: str, path: float, outlet: float, p
         total = front + back
         own = np.divide(front * p[0] + back * p[1], total, out=0.5 * (p[0] + p[1]), where=total > 0.0)
         front, back = between(beyond, p[0], own), between(behind, p[1], own)
-        through = harmonic(front, back) / np.maximum(0.5 * (p[0] + p[1]) + slip, 1e-300)
-        return np.clip(through, np.where(through > 0.0, 1.0 / WINDOW, 0.0), WINDOW), own
+        return in_window(harmonic(front, back), 0.5 * (p[0] + p[1]), WINDOW), own
+
+    def in_window(flow: Array, mean: Array, most: float) -> Array:
+        """Return the conductance for s of a flow at a mean pressure."""
+        through = flow / np.maximum(mean + slip, 1e-300)
+        return np.clip(through, np.where(through > 0.0, 1.0 / WINDOW, 0.0), most)
 
     rows = gap.shape[0]
     share = np.repeat((1.0 - (np.arange(rows) + 0.5) / rows)[:, None], gap.shape[1], axis=1)
@@ -208,14 +202,13 @@ def _iterated(gap: Array, flowing: Mask, law: str, path: float, outlet: float, p
         sides = np.stack([p[:, :columns], np.roll(p, -1, axis=1)[:, :columns]])
         across, across_faces = conductances(sides, across_faces, gap[:, :columns], beside)
         outer = [
-            2.0 * between(gap[line], end, p[line]) / np.maximum(0.5 * (end + p[line]) + slip, 1e-300)
+            in_window(2.0 * between(gap[line], end, p[line]), 0.5 * (end + p[line]), 2.0 * WINDOW)
             for line, end in zip((0, -1), ends, strict=True)
         ]
-        outer = [np.clip(one, np.where(one > 0.0, 1.0 / WINDOW, 0.0), 2.0 * WINDOW) for one in outer]
         flow = flow_through(np.vstack([outer[0], inner, outer[1]]), across, flowing)
         if abs(flow.dissipation - before) <= CHANGE * flow.dissipation:
             unequal = max(abs(float(flow.down[line].sum()) - flow.dissipation) for line in (0, -1))
-            return _Solved(flow.dissipation * drop, unequal / flow.dissipation, turn)
+            return flow.dissipation * drop, unequal / flow.dissipation, turn
         before = flow.dissipation
         p = pressure_of(np.where(flowing, flow.pressure, 0.5))
     message = f"the flow of the gas still changes after {TURNS} iterations"

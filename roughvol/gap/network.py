@@ -6,8 +6,6 @@ aggregation (pyamg, an optional dependency), in memory proportional to the unkno
 memory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -23,11 +21,7 @@ EXTRA = "pip install 'roughvol[large]'"
 REDUCTION = 1e-8  # of the residual in one solve with multigrid; callers refine
 ITERATIONS = 400  # of conjugate gradients; a solve without convergence is an error
 # an M-matrix needs no pivoting, so the order may follow the sparsity alone
-_SPLU: dict[str, Any] = {
-    "permc_spec": "MMD_AT_PLUS_A",
-    "diag_pivot_thresh": 0.0,
-    "options": {"SymmetricMode": True},
-}
+_SPLU: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
 
 
 def inverse(tail: Index, head: Index, weight: Array, nodes: int, free: int) -> Callable[[Array], Array]:
@@ -62,11 +56,8 @@ def _pyamg(unknowns: int) -> Any:
     try:
         import pyamg
     except ImportError as error:
-        message = (
-            f"a flow through {unknowns} elements needs pyamg, the direct solver takes up to {DIRECT}: {EXTRA}, "
-            "or record a smaller region"
-        )
-        raise ContactError(message) from error
+        needs = f"a flow through {unknowns} elements needs pyamg, the direct solver takes up to {DIRECT}"
+        raise ContactError(f"{needs}: {EXTRA}, or record a smaller region") from error
     return pyamg
 
 
@@ -86,9 +77,8 @@ def _multigrid(tail: Index, head: Index, weight: Array, diagonal: Array) -> Call
 
     def solve(inflow: Array) -> Array:
         residuals: list[float] = []
-        pressure: Array = hierarchy.solve(
-            inflow[:free], tol=REDUCTION, accel="cg", maxiter=ITERATIONS, residuals=residuals
-        )
+        options = {"tol": REDUCTION, "accel": "cg", "maxiter": ITERATIONS, "residuals": residuals}
+        pressure: Array = hierarchy.solve(inflow[:free], **options)
         left = residuals[-1] / residuals[0] if residuals[0] > 0.0 else 0.0
         if not left <= 10 * REDUCTION:
             message = f"the flow through {free} open elements did not converge, residual {left:.1e} of the first"

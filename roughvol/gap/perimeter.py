@@ -4,8 +4,6 @@ The elements in contact overestimate the contact area, since an element counts a
 it. The excess is proportional to the length of the edges and to the spacing.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 Conventions are those of `transport`. Neither solves a field.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import optimize
 

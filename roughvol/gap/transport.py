@@ -30,24 +30,13 @@ dissipation Σ k (δP)², because the error of P enters it squared. P is solved 
 two reservoirs. The flow in wide waters before and behind a constriction then keeps its digits.
 """
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from roughvol.gap.clusters import (
-    SIDES,
-    check_exponent,
-    check_gap,
-    endless,
-    joined,
-    labelled,
-    percolates,
-    spanning,
-)
+from roughvol.gap.clusters import SIDES, check_exponent, check_gap, endless, labelled, percolates, spanned
 from roughvol.gap.network import SOLVES, flow_through, harmonic, inverse
 from roughvol.typing import Array, Mask
 
@@ -141,18 +130,13 @@ def conduction(gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool =
     if critical == 0.0:
         return Conduction(0.0, 0.0, np.zeros((2, *gap.shape)))
     along = gap if axis == 0 else gap.T
-    log_k = _log_conductance(along, critical, exponent)
-    labels, _ = labelled(log_k >= -np.log(_WINDOW), SIDES, joined(0, periodic))
-    flowing = np.isin(labels, spanning(labels, 0))
-    k = np.where(flowing, np.exp(np.clip(log_k, -np.log(_WINDOW), np.log(_WINDOW))), 0.0)
+    flowing, k = _conductance(along, critical, exponent, functools.partial(spanned, periodic=periodic))
     down = np.vstack([2.0 * k[:1], harmonic(k[:-1], k[1:]), 2.0 * k[-1:]])
     across = harmonic(k, np.roll(k, -1, axis=1))[:, : k.shape[1] - (not periodic)]
     flow = flow_through(down, across, flowing)
     inflow, outflow = float(flow.down[0].sum()), float(flow.down[-1].sum())
     # over the flux between the plates, as many elements apart, under the same drop of pressure
-    largest = gap.max()
-    log_mean = np.log(largest) - np.log(critical) + np.log(np.mean(gap / largest))
-    over_plates = float(np.exp(-exponent * log_mean)) * along.shape[0]
+    over_plates = _over_plates(gap, critical, exponent) * along.shape[0]
     aside = np.pad(flow.across, ((0, 0), (1, 0)), mode="wrap") if periodic else np.pad(flow.across, ((0, 0), (1, 1)))
     flux = 0.5 * over_plates * np.stack([flow.down[1:] + flow.down[:-1], aside[:, 1:] + aside[:, :-1]])
     return Conduction(
@@ -174,26 +158,21 @@ def cell_conduction(gap: Array, axis: int, exponent: float = 3.0) -> float:
     critical = _critical(along, 0, endless).gap
     if critical == 0.0:
         return 0.0
-    log_k = _log_conductance(along, critical, exponent)
-    flowing = log_k >= -np.log(_WINDOW)
+    flowing, k = _conductance(along, critical, exponent)
     labels, _ = labelled(flowing, SIDES, (True, True))
-    k = np.where(flowing, np.exp(np.clip(log_k, -np.log(_WINDOW), np.log(_WINDOW))), 0.0)
     size = int(flowing.sum())
     first = np.zeros(along.shape, dtype=np.bool_)  # P is free to a constant in every cluster: its first element is held
     first.ravel()[np.unique(labels, return_index=True)[1][int(not flowing.all()) :]] = True
     number = np.full(along.shape, -1)
-    number[flowing & ~first] = np.arange(size - int(first.sum()))
-    number[first] = np.arange(size - int(first.sum()), size)
-    tails, heads, weights, imposed = [], [], [], []
+    free = size - int(first.sum())
+    number[flowing & ~first], number[first] = np.arange(free), np.arange(free, size)
+    joints = []
     for shift in (0, 1):
         w = harmonic(k, np.roll(k, -1, axis=shift))
         joins = w > 0.0
-        tails.append(number[joins])
-        heads.append(np.roll(number, -1, axis=shift)[joins])
-        weights.append(w[joins])
-        imposed.append(np.full(weights[-1].size, 1.0 - shift))
-    tail, head, w, drop = (np.concatenate(parts) for parts in (tails, heads, weights, imposed))
-    free = size - int(first.sum())
+        beside = np.roll(number, -1, axis=shift)
+        joints.append((number[joins], beside[joins], w[joins], np.full(np.count_nonzero(joins), 1.0 - shift)))
+    tail, head, w, drop = (np.concatenate(parts) for parts in zip(*joints, strict=True))
     solve = inverse(tail, head, w, size, free)
     p = np.zeros(size)
     for _ in range(SOLVES):
@@ -201,13 +180,24 @@ def cell_conduction(gap: Array, axis: int, exponent: float = 3.0) -> float:
         surplus: Any = np.bincount(head, flux, size) - np.bincount(tail, flux, size)
         p[:free] += solve(surplus)
     drops = drop + p[tail] - p[head]
+    return float((w * drops) @ drops / gap.size * _over_plates(gap, critical, exponent))
+
+
+def _conductance(
+    gap: Array, critical: float, exponent: float, connected: Callable[[Mask], Mask] = np.asarray
+) -> tuple[Mask, Array]:
+    """Return the connected elements of the window of conductances, and k over its critical value, 0 elsewhere.
+
+    Logarithms: powers of a ratio of gaps can leave the range of doubles.
+    """
+    with np.errstate(divide="ignore"):
+        log_k = exponent * (np.log(gap) - np.log(critical))
+    flowing = connected(log_k >= -np.log(_WINDOW))
+    return flowing, np.where(flowing, np.exp(np.clip(log_k, -np.log(_WINDOW), np.log(_WINDOW))), 0.0)
+
+
+def _over_plates(gap: Array, critical: float, exponent: float) -> float:
+    """Return the critical conductance over that of the mean gap."""
     largest = gap.max()
     log_mean = np.log(largest) - np.log(critical) + np.log(np.mean(gap / largest))
-    return float((w * drops) @ drops / gap.size * np.exp(-exponent * log_mean))
-
-
-def _log_conductance(gap: Array, critical: float, exponent: float) -> Array:
-    """Return log k over its critical value: powers of a ratio of gaps can leave the range of doubles."""
-    with np.errstate(divide="ignore"):
-        log_k: Array = exponent * (np.log(gap) - np.log(critical))
-    return log_k
+    return float(np.exp(-exponent * log_mean))

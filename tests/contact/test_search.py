@@ -10,7 +10,6 @@ import pytest
 
 from roughvol.contact.bracket import Target
 from roughvol.contact.loading import Trials, solve, sweep
-from roughvol.contact.options import SearchTuning
 from roughvol.contact.search import first_indentation, indentation_for, state_crossing, state_reaching, state_under
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
@@ -83,16 +82,6 @@ def test_search_for_a_free_volume_next_to_that_of_the_first_touch(periodic):
         found = indentation_for(surface, space, "free_volume", value)
         assert found >= 0.1 * (most - value)
         assert solve(surface, space, found).free_volume == pytest.approx(value, abs=2e-15)
-
-
-@pytest.mark.parametrize(("target", "value", "D"), [("contact_area", 0.1, 2.9), ("pressure", 1.5, 2.1)])
-def test_where_it_is_does_not_depend_on_how_it_is_looked_for(target, value, D):
-    surface = fractal(5, D)
-    usual = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8)
-    for first, later in ((0.5, 0.5), (1e-8, 1e-8)):  # rough states must not decide, good ones need not
-        steering = SearchTuning(first=first, following=later)
-        other = indentation_for(surface, half_space(surface.shape), target, value, rtol=1e-8, search=steering)
-        assert other == pytest.approx(usual, rel=3e-6)
 
 
 @pytest.mark.parametrize(("rtol", "kernel"), [(1e-3, "love"), (1e-6, "love"), (1e-6, "punch")])
@@ -210,15 +199,6 @@ def test_what_is_found_for_a_condition_is_where_it_begins():
     at, short = (solve(surface, space, found * f, rtol=1e-10) for f in (1.0, 1.0 - 1e-4))
     assert touched(at)
     assert not touched(short)
-
-
-@pytest.mark.parametrize("noise", [0.0, 1e-17])
-def test_a_flat_surface_closes_at_once(noise):
-    surface, space = Surface(noise * random(1).standard_normal((9, 9)), 1.0), half_space((9, 9))
-    closed = first_indentation(surface, space, lambda contact: contact.contact_area_fraction == 1.0)
-    assert solve(surface, space, closed).contact_area_fraction == 1.0
-    if not noise:
-        assert closed < 1e-3  # pressure beyond the brink everywhere, and no more
 
 
 # ---- on a leg of a path
