@@ -69,7 +69,7 @@ def indentation_for(
     Returns
     -------
     float
-        Δ/σ, right to a relative 10⁻⁶ and to the residual. On a periodic surface the approach Δ'/σ, see `periodic`.
+        Δ/σ, right to a relative 10⁻⁶ and to the residual. On a periodic surface the approach Δ'/σ, see `kernels`.
 
     Raises
     ------

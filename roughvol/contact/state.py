@@ -62,7 +62,7 @@ class Contact:
     separation : float
         d/σ = (z_max - mean(z) - Δ)/σ, rigid and far-field. On a periodic surface the mean gap, less the plastic volume.
     approach : float
-        Δ'/σ, the number that `sweep` takes: Δ/σ. On a periodic surface (Δ + mean(u))/σ, see `periodic`.
+        Δ'/σ, the number that `sweep` takes: Δ/σ. On a periodic surface (Δ + mean(u))/σ, see `kernels`.
     contact_area_fraction : float
         A*, elements with p > 0 over all elements.
     mean_pressure : float

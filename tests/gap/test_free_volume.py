@@ -45,12 +45,6 @@ def test_density_integrates_to_one_and_counts(bins, include_contact, upper):
         assert value * (higher - lower) * v.size == pytest.approx(number, abs=1e-9)
 
 
-def test_density_has_the_mean_of_the_volumes():
-    density = volume_density(VOLUMES, CONTACT, 400)
-    mean = (density.density * density.widths) @ density.centres
-    assert mean == pytest.approx(VOLUMES[~CONTACT].mean(), abs=0.5 * density.widths[0])
-
-
 def test_density_of_scaled_volumes_is_scaled():
     one, other = volume_density(VOLUMES, CONTACT), volume_density(1e-9 * VOLUMES, CONTACT)
     np.testing.assert_allclose(other.edges, 1e-9 * one.edges, rtol=1e-13)
@@ -80,10 +74,6 @@ def test_domains_grow_from_the_contact_to_everything():
         assert not np.any(small & ~large)
     assert np.count_nonzero(domains[4]) == sum(v <= thresholds[4] for v in VOLUMES.flat)
     assert domains[-1].all()
-
-
-def test_domain_is_not_the_mask_itself():
-    assert not np.shares_memory(domain(VOLUMES, 0.0, CONTACT), CONTACT)
 
 
 @pytest.mark.parametrize(
