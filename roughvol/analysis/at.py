@@ -27,7 +27,7 @@ from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
 from roughvol.observables.variables import AXES, OF_STATE, STATES, VARIABLES
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, convert
-from roughvol.study.level import REACHED, slack
+from roughvol.study.values.state_kinds import REACHED, slack
 from roughvol.typing import Array
 
 P, V = "mean_pressure", "free_volume"

@@ -32,7 +32,7 @@ from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES
 from roughvol.store import stamped_file
 from roughvol.study import Creep, loads
-from roughvol.study.level import REACHED
+from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
 
 

@@ -13,7 +13,7 @@ from roughvol.analysis.average import average
 from roughvol.analysis.leak import counted
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, spread
-from roughvol.study.level import slack
+from roughvol.study.values.state_kinds import slack
 from roughvol.typing import Array
 
 P = "mean_pressure"

@@ -28,7 +28,7 @@ from roughvol.analysis.derived import groups
 from roughvol.analysis.legs import first_leg
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import LISTED
-from roughvol.study.level import REACHED
+from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
 
 

@@ -30,7 +30,7 @@ from roughvol.analysis.stored_run import Run
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.variables import AXES, LISTED
 from roughvol.study import Level, Quantity, Study, convert, loads
-from roughvol.study.level import REACHED
+from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
 
 UNKNOWNS = ("pressure", "modulus", "Sq")

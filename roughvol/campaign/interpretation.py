@@ -12,10 +12,10 @@ from dataclasses import replace
 
 from roughvol.campaign.one_case import surface_of
 from roughvol.study import STARRED, Case, ContactModulus, Level, MadeSurface, Study
+from roughvol.study.plain_data import number_text
 from roughvol.study.sections import treatment
 from roughvol.study.sections.ensemble import WIDEST
 from roughvol.study.values.units import convert, unit_of
-from roughvol.study.yaml_text import number_text
 from roughvol.surfaces import length_units, measured, texture
 from roughvol.surfaces.body import Body
 from roughvol.surfaces.files import reading

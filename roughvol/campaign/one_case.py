@@ -127,7 +127,7 @@ def _recorded(case: Case, context: Context) -> Values:
         surface = context.surface or surface_of(case)
         values = undeformed(case, surface)
         if case.sweep.steps > 0:
-            half_space = half_space_of(surface, kernel_of(case.solver.kernel), context.threads, context.half_spaces)
+            half_space = half_space_of(surface, kernel_on(surface, case), context.threads, context.half_spaces)
             large = math.prod(surface.shape) >= checkpoints.NODES
             kept = Checkpoint(file, case, checkpoints.numerics()) if file is not None and large else None
             values |= _swept(path.starred(case, surface), surface, half_space, kept, context)
@@ -234,6 +234,12 @@ def surface_of(case: Case) -> Surface:
     return random_midpoint_displacement(
         case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law, periodic=case.periodic
     )
+
+
+def kernel_on(surface: Surface, case: Case) -> Kernel:
+    """Return the kernel of a case on the lattice of its surface."""
+    lengths = {name: length / surface.spacing for name, length in case.kernel.lengths}
+    return kernel_of(case.kernel.name, **lengths, **dict(case.kernel.numbers))
 
 
 def half_space_of(surface: Surface, kernel: Kernel, threads: int, held: HalfSpaces) -> HalfSpace:

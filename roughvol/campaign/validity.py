@@ -121,7 +121,7 @@ def setting(study: Study) -> Setting:
         shown=(wanted.pressure if wanted is not None else None) or "MPa",
         hardness=material.indentation_hardness,
         hardness_text=_written(material.hardness, unit),
-        yields=material.hardness is not None and material.plastic,
+        yields=material.yields,
         drop_text=drop_text,
         drop=math.nan if drop is None else drop / material.contact_modulus,
         fluid=math.nan if unit is None else convert(mean, "Pa", unit) / material.contact_modulus,

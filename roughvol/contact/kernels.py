@@ -166,14 +166,18 @@ LOVE = Kernel("love", coefficients=love_kernel, m_matrix=True)
 PUNCH = Kernel("punch", coefficients=punch_kernel)
 FOURIER = Kernel("fourier", spectrum=_fourier)
 KERNELS = {kernel.name: kernel for kernel in (LOVE, PUNCH, FOURIER)}
+MADE: dict[str, Callable[..., Kernel]] = {"layer": layer}
+"""Kernels with a length by name: lengths in spacings and numbers ↦ kernel."""
 
 
-def kernel_of(kernel: Kernel | str) -> Kernel:
-    """Return a kernel, or the kernel of a name."""
+def kernel_of(kernel: Kernel | str, **made_of: float) -> Kernel:
+    """Return a kernel, the kernel of a name, or the kernel made of lengths in spacings and numbers."""
     if isinstance(kernel, Kernel):
         return kernel
+    if kernel in MADE:
+        return MADE[kernel](**made_of)
     if kernel not in KERNELS:
-        raise ContactError(f"kernel is {kernel!r}; allowed: {', '.join(KERNELS)}")
+        raise ContactError(f"kernel is {kernel!r}; allowed: {', '.join((*KERNELS, *MADE))}")
     return KERNELS[kernel]
 
 

@@ -28,7 +28,7 @@ from roughvol.ensemble.targets import Arrays
 from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.study import Case, MadeSurface, Study
 from roughvol.study.sections.ensemble import AUTO_TO
-from roughvol.study.sections.spectral import SpectralSurface, first_finest, holds_all_waves
+from roughvol.study.sections.surface import SpectralSurface, first_finest, holds_all_waves
 
 ROUNDS = 40  # largest number of rounds
 MOST_SAMPLES = 1_000_000  # largest number of samples for one mean without a budget

@@ -20,7 +20,7 @@ from roughvol.ensemble.multilevel import Link
 from roughvol.ensemble.samples import SampleTable
 from roughvol.ensemble.targets import SMALLEST, Arrays
 from roughvol.study import MadeSurface, Study, levels_below
-from roughvol.study.sections.spectral import first_finest
+from roughvol.study.sections.surface import first_finest
 from roughvol.typing import Array
 
 FINEST = 6  # finest level solved

@@ -19,9 +19,8 @@ from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
 from roughvol.observables.variables import AXES, OF_STATE, VARIABLES
 from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level
-from roughvol.study.level import defined_step, step_at
-from roughvol.study.values.state_kinds import stored_name
-from roughvol.study.yaml_text import number_text
+from roughvol.study.plain_data import number_text
+from roughvol.study.values.state_kinds import step_at, stored_name
 from roughvol.typing import Array
 
 PERCOLATION = Level("percolation")  # state of the closing pressures, which belong to no state of the study
@@ -136,7 +135,7 @@ def _step(along: Array, state: Level, case: Case) -> int | None:
     """Return the index in a series of the step that is a state, None for a state between steps."""
     if state.value is None:
         return len(along) - 1
-    step = defined_step(state, case.sweep)
+    step = case.sweep.legs[0].step_of(state)
     if step is None:
         step = step_at(state, along[1:])
     return None if step is None else step + 1

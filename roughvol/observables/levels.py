@@ -17,7 +17,7 @@ from roughvol.observables import void
 from roughvol.observables.plastic import largest_pressure
 from roughvol.observables.regions import State, within
 from roughvol.study import STARRED, Case, Level
-from roughvol.study.level import slack
+from roughvol.study.values.state_kinds import slack
 from roughvol.surfaces.surface import Surface
 
 LAST = Level("last")

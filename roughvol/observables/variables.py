@@ -116,7 +116,7 @@ QUANTITIES = _variables(_TABLE["group"])
 VARIABLES = {name: row for name, row in QUANTITIES.items() if row.stored}
 OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 """Numbers that every state has, between two steps as well."""
-STATES = tuple(name for name, row in VARIABLES.items() if row.source == "study.sections.select.Select.levels")
+STATES = tuple(name for name, row in VARIABLES.items() if row.source == "study.sections.sweep.Select.levels")
 """Dimensions along which recorded states are stored."""
 FIELDS = frozenset(name for name, row in VARIABLES.items() if row.dims.endswith(" x y"))
 """The large variables, compressed on disk."""
@@ -129,7 +129,7 @@ ALONG: dict[str, str] = {}
 for _name, _row in VARIABLES.items():
     if _row.observable and " step" in _row.dims:
         ALONG.setdefault(_row.observable, _name)
-LISTED = tuple(name for name, row in VARIABLES.items() if row.source == "study.axes.axes_of")
+LISTED = tuple(name for name, row in VARIABLES.items() if row.source == "study.axes.read")
 """Coordinates of the axes that the lists of a study make."""
 DTYPES = {"real": np.float64, "count": np.float64, "index": np.int64, "flag": np.bool_, "text": object}
 MISSING: dict[str, Any] = {"real": np.nan, "count": np.nan, "index": -1, "flag": False, "text": ""}

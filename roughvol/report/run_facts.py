@@ -246,8 +246,8 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
         acts = "pressures end there" if material.plastic else "for comparison alone, no yield is computed"
         hardness = f"{number(material.indentation_hardness)}{unit}, {acts}"
     if sweep.steps:
-        solving = study.solving
-        solver = f"{solving.method}, residual η/σ at most {solving.tolerance:g}, kernel {solving.kernel}"
+        solving, kernel = study.solving, study.kernel(study.surface.length_unit).label
+        solver = f"{solving.method}, residual η/σ at most {solving.tolerance:g}, kernel {kernel}"
     legs = ", ".join(f"{leg.steps} steps to {leg.target.label}" for leg in sweep.legs)
     return [
         ("Comment", study.comment or ""),

@@ -114,8 +114,8 @@ class Needs:
     def _of_solver(self, run: Run) -> Iterable[str]:
         if run.steps and run.rtol > self.rtol * (1.0 + SAME):
             yield f"residual up to {run.rtol:g}, needs {self.rtol:g}"
-        if self.kernel and run.study is not None and run.study.solver.kernel != self.kernel:
-            yield f"kernel {run.study.solver.kernel}, needs {self.kernel}"
+        if self.kernel and run.study is not None and run.study.kernel().name != self.kernel:
+            yield f"kernel {run.study.kernel().name}, needs {self.kernel}"
 
     def _compares_any(self) -> bool:
         """Return whether values of ``by`` are compared without being named."""

@@ -1,20 +1,18 @@
 """What is asked: one YAML file in, a frozen `Study` and its `Case` list out.
 
-Room of the study. It loads without numpy, except `level`. One `StudyError` has all problems of a file in its order,
-each with line, key, given value and allowed values.
+Room of the study. It loads without numpy. One `StudyError` has all problems of a file in its order, each with line,
+key, given value and allowed values.
 
 ============  =======================================================================
 `reading`     from a file to a `Study`, or to all its problems
-`yaml_text`   YAML to plain data, and the place of every key
-`plain_data`  objects of Python as plain data
+`plain_data`  YAML and objects of Python as plain data, and the place of every key
+`file`        the keys of a study file
 `study`       the study as a whole, and its cases
 `case`        one case: all that determines its stored answer
-`level`       a level beside stored states: tolerance, and the step that has it
 `sections`    the sections of a study file, one module each
-`values`      numbers with units, levels of a state, words in place of values
+`values`      numbers with units, states of a sweep, words in place of values
 `rules`       rules across the sections
-`messages`    errors of pydantic in plain words
-`validation`  faults of sections and broken rules, all together
+`validation`  faults of sections and broken rules, all together, in plain words
 `axes`        lists in keys that take one value
 `reference`   the keys in words
 ============  =======================================================================

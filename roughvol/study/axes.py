@@ -15,14 +15,14 @@ from typing import Any, Generic, TypeVar
 from pydantic import ValidationError
 from pydantic_core import InitErrorDetails
 
+from roughvol.study.plain_data import KeyPath, number_text, show
 from roughvol.study.sections.record import INTERIOR
 from roughvol.study.sections.strict import refuse_at
 from roughvol.study.validation import details_of
 from roughvol.study.values.units import Quantity, convert
-from roughvol.study.yaml_text import KeyPath, number_text, show
 
 S = TypeVar("S")  # `study.Study`
-Places = dict[str, int]
+T = TypeVar("T")
 
 AXES: dict[str, tuple[str, ...]] = {
     "level": ("surface", "level"),
@@ -114,37 +114,30 @@ def _ends(to: Any) -> Any:
     return to
 
 
-def combinations(data: dict[str, Any]) -> Iterator[tuple[Places, dict[str, Any]]]:
-    """Yield the places on all axes and the plain data of each combination; the data themselves without a list."""
-    items = lists(data)
-    for places in itertools.islice(itertools.product(*(range(len(values)) for values in items.values())), MOST):
-        chosen = dict(zip(items, places, strict=True))
-        one = data
-        for name, place in chosen.items():
-            item = items[name][place]
-            one = _with(one, AXES[name], None if item == NONE and name in OPTIONAL else item)
-        yield chosen, one
-
-
 def _with(data: dict[str, Any], path: tuple[str, ...], value: Any) -> dict[str, Any]:
     """Return plain data with another value at a path."""
     first, *rest = path
     return {**data, first: _with(data[first], tuple(rest), value) if rest else value}
 
 
-def indexed(path: KeyPath, places: Mapping[str, int]) -> KeyPath:
+def _indexed(path: KeyPath, places: Mapping[str, int]) -> KeyPath:
     """Return a key path of a combination as one of the whole study, with the place in each list."""
     for name, place in places.items():
         keys = [index for index, part in enumerate(path) if not str(part).startswith("<")]
-        plain = tuple(path[index] for index in keys)
-        if plain[: len(AXES[name])] == AXES[name]:
+        if tuple(path[index] for index in keys)[: len(AXES[name])] == AXES[name]:
             end = keys[len(AXES[name]) - 1] + 1
             path = (*path[:end], place, *path[end:])
     return path
 
 
-def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> list[tuple[Places, S]]:
-    """Return the studies of all combinations.
+def _along(combinations: Sequence[T], sizes: Sequence[int]) -> list[list[T]]:
+    """Return, for each axis, the combinations with the first item of all other axes; the last axis is fastest."""
+    strides = [math.prod(sizes[k + 1 :]) for k in range(len(sizes))]
+    return [[combinations[k * stride] for k in range(size)] for size, stride in zip(sizes, strides, strict=True)]
+
+
+def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> tuple[tuple[Axis, ...], list[S]]:
+    """Return the axes of plain data with lists, and the studies of all combinations, the last axis fastest.
 
     Parameters
     ----------
@@ -152,11 +145,6 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> list[tuple[Place
         Plain data with lists.
     read_one : callable
         Plain data without lists ↦ study.
-
-    Returns
-    -------
-    list of (dict, Study)
-        Places on the axes, and the study there.
 
     Raises
     ------
@@ -176,36 +164,37 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> list[tuple[Place
             number=str(number),
             most=str(MOST),
         )
-    made: list[tuple[Places, S]] = []
+    made: list[S] = []
     wrong: dict[Any, InitErrorDetails] = {}
-    for places, one in combinations(data):
+    for places in itertools.product(*(range(len(values)) for values in items.values())):
+        one = data
+        for (name, values), place in zip(items.items(), places, strict=True):
+            item = values[place]
+            one = _with(one, AXES[name], None if item == NONE and name in OPTIONAL else item)
         try:
-            made.append((places, read_one(one)))
+            made.append(read_one(one))
         except ValidationError as error:
-            for item in error.errors(include_url=False):
-                where = indexed(item["loc"], places)
-                wrong.setdefault((where, item["msg"]), details_of(item, where))
+            for fault in error.errors(include_url=False):
+                where = _indexed(fault["loc"], dict(zip(items, places, strict=True)))
+                wrong.setdefault((where, fault["msg"]), details_of(fault, where))
     if wrong:
         raise ValidationError.from_exception_data("Study", list(wrong.values()))
-    return made
+    along = _along(made, [len(values) for values in items.values()])
+    return tuple(_axis(name, items[name], studies) for name, studies in zip(items, along, strict=True)), made
 
 
-def axes_of(made: Sequence[tuple[Places, Any]], given: Mapping[str, Sequence[Any]]) -> tuple[Axis, ...]:
-    """Return the axes of the combinations of a study, whose lists are given as plain data."""
-    found = []
-    for name in made[0][0]:
-        items = [_item(name, next(study for places, study in made if places[name] == k)) for k in _places(made, name)]
-        units = [item.unit for item in items if isinstance(item, Quantity)]
-        for k, item in enumerate(items):
-            if units and isinstance(item, float) and not isinstance(item, Quantity):
-                refuse_at((*AXES[name], k), given[name][k], "either all items have a unit, or none")
-        unit = units[0] if units else None
-        labels = [_label(name, item, unit) for item in items]
-        for k, label in enumerate(labels):
-            if (first := labels.index(label)) < k:
-                refuse_at((*AXES[name], k), given[name][k], "is item {first} of the list again", first=str(first + 1))
-        found.append(Axis(name, tuple(labels), unit))
-    return tuple(found)
+def _axis(name: str, given: Sequence[Any], studies: Sequence[Any]) -> Axis:
+    """Return the axis of a list, given as plain data, from the study of each item."""
+    items = [_item(name, study) for study in studies]
+    unit = next((item.unit for item in items if isinstance(item, Quantity)), None)
+    for k, item in enumerate(items):
+        if unit is not None and isinstance(item, float) and not isinstance(item, Quantity):
+            refuse_at((*AXES[name], k), given[k], "either all items have a unit, or none")
+    labels = [_label(name, item, unit) for item in items]
+    for k, label in enumerate(labels):
+        if (first := labels.index(label)) < k:
+            refuse_at((*AXES[name], k), given[k], "is item {first} of the list again", first=str(first + 1))
+    return Axis(name, tuple(labels), unit)
 
 
 def _label(name: str, item: Any, unit: str | None) -> Label:
@@ -217,10 +206,6 @@ def _label(name: str, item: Any, unit: str | None) -> Label:
     if not isinstance(item, Quantity) or unit is None:
         return float(item)
     return float(f"{convert(float(item), item.unit, unit):.12g}")
-
-
-def _places(made: Sequence[tuple[Places, Any]], name: str) -> list[int]:
-    return sorted({places[name] for places, _ in made})
 
 
 def _item(name: str, study: Any) -> Any:
@@ -274,10 +259,9 @@ def _or_list(schema: dict[str, Any], *, optional: bool) -> dict[str, Any]:
 
 def write_lists(data: dict[str, Any], of: Sequence[Axis], sections: Sequence[Mapping[str, Any]], context: Any) -> None:
     """Put the lists of a study in place of their first items, in its plain data."""
-    strides = [math.prod(len(axis.labels) for axis in of[k + 1 :]) for k in range(len(of))]
-    for axis, stride in zip(of, strides, strict=True):
+    for axis, along in zip(of, _along(sections, [len(axis.labels) for axis in of]), strict=True):
         section, *key = AXES[axis.name]
-        chosen = [sections[k * stride][section] for k in range(len(axis.labels))]
+        chosen = [changed[section] for changed in along]
         items = [one.model_dump(mode="json", context=context) for one in chosen]
         if key:
             data[section][key[0]] = [item.get(key[0]) for item in items]

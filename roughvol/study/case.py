@@ -6,13 +6,13 @@ import functools
 import hashlib
 import json
 import re
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
 from roughvol.study.sections.fluid import Gas
 from roughvol.study.sections.record import Record
-from roughvol.study.sections.solver import Solver
+from roughvol.study.sections.solver import NamedKernel, Solver
 from roughvol.study.sections.sweep import Legs, Sweep
 from roughvol.study.sections.treatment import steps
 from roughvol.study.values.units import convert
@@ -20,6 +20,7 @@ from roughvol.surfaces.body import UNTREATED, Body, Treatment
 from roughvol.surfaces.power_law import Spectrum
 
 ANSWER_FORMAT = 4  # part of every case id: raise it when equal settings no longer give equal stored numbers
+OF_SURFACE = ("L", "D", "m", "seed", "midpoint_law", "periodic")
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class Case:
     E_star: float
     sweep: Sweep | Legs
     solver: Solver
+    kernel: NamedKernel
     record: Record
     D: float | None = None
     m: int | None = None
@@ -43,13 +45,13 @@ class Case:
     bodies: tuple[Body, ...] = ()  # whose heights come from files: none, one, or two facing each other
     treatment: Treatment = UNTREATED
     length_unit: str | None = None  # of L, the heights and all stored lengths; None for an arbitrary one
-    modulus_unit: str | None = None  # of E*, where the sweep has states with units
+    modulus_unit: str | None = None  # of E*; None for an arbitrary one
     hardness: float | None = None  # over E*
     plastic: bool = False  # pressures end at the hardness
-    height: float | None = None  # Sq of the heights, where there is a hardness to compare with
+    height: float | None = None  # Sq of the heights, where the study gives it
     notes: tuple[str, ...] = ()  # on size and units of the files, for the user
     periodic: bool = False  # one period of a plane
-    drive: float | None = None  # ΔP/μ of the fluid [1/s], where a state of the sweep is one of a leak rate
+    drive: float | None = None  # ΔP/μ of the fluid [1/s]
     gas: Gas | None = None  # whose flow is recorded
 
     def __getstate__(self) -> dict[str, Any]:
@@ -58,64 +60,42 @@ class Case:
 
     @property
     def key(self) -> dict[str, Any]:
-        """Everything that changes the stored answer, as plain data.
+        """Everything that changes the stored answer, as plain data; equal answers in other units have equal keys.
 
-        Names and E* are absent: no starred number depends on them. So is ``record.dimensional``: its values are made
-        when the cases are collected.
+        Names are absent. So is ``record.dimensional``: its values are made when the cases are collected. Without steps
+        nothing is solved: sweep, kernel, solver and material change nothing.
         """
-        surface: dict[str, Any]
-        if self.bodies:
-            # Heights with a unit of their own are converted to that of the study.
-            unit = self.length_unit if any(body.numbers_in for body in self.bodies) else None
-            surface = {"bodies": [body.key for body in self.bodies], "treatment": self.treatment.key, "unit": unit}
-        elif self.spectrum is not None:
-            surface = {"D": self.D, "m": self.m, "seed": self.seed, "spectrum": self.spectrum.key}
-        else:
-            surface = {"D": self.D, "m": self.m, "seed": self.seed, "midpoint_law": self.midpoint_law}
-        if self.periodic and self.spectrum is None:  # cases without it keep their id
-            surface["periodic"] = True
-        if self.periodic:  # its estimators join opposite sides
-            surface["joined"] = True
-        key: dict[str, Any] = {
-            "format": ANSWER_FORMAT,
-            "surface": {"L": self.L, **surface},
-            "record": self.record.key(legs=isinstance(self.sweep, Legs)),
-        }
-        if self.sweep.steps == 0:  # nothing is solved: target, solver and material change nothing
-            return key | {"sweep": {"steps": 0}}
-        solver, hardness = self.solver, self.hardness
-        if self.sweep.has_units or self.record.has_units:  # cases without them keep their id
-            modulus = convert(self.E_star, self.modulus_unit, "Pa") if self.modulus_unit else self.E_star
-            key["units"] = {"E_star": float(f"{modulus:.12g}"), "length": self.length_unit}
-            if self.drive is not None:
-                key["units"]["drive"] = float(f"{self.drive:.12g}")
-        if self.gas is not None:  # cases without it keep their id
-            key["gas"] = self.gas.key
-        if self._ends_by_elements:  # cases without it keep their id
-            key["ends"] = "first"
-        return key | {
-            "sweep": self.sweep.key,
-            "solver": {
-                "rtol": solver.tolerance,
-                "pressure_error": solver.pressure_error,
-                "kernel": solver.kernel,
-                "method": solver.method,
-            },
-            # Rounded: the same in any unit.
-            "material": {
-                "hardness": None if hardness is None else float(f"{hardness:.12g}"),
-                "Sq": self.height,
-                **({"plastic": True} if self.plastic else {}),  # cases without it keep their id
-            },
-        }
+        surface: dict[str, Any] = {name: getattr(self, name) for name in OF_SURFACE}
+        surface["spectrum"] = None if self.spectrum is None else self.spectrum.key
+        surface["bodies"] = [body.key for body in self.bodies]
+        surface["treatment"] = self.treatment.key
+        # Heights with a unit of their own are converted to that of the study.
+        surface["unit"] = self.length_unit if any(body.numbers_in for body in self.bodies) else None
+        record = self.record.model_dump(mode="json", exclude={"dimensional"})
+        record["all_legs"] = self.record.all_legs and len(self.sweep.legs) > 1
+        pressed = self._pressed if self.sweep.steps > 0 else None
+        return {"format": ANSWER_FORMAT, "surface": surface, "record": record, "pressed": pressed}
 
     @property
-    def _ends_by_elements(self) -> bool:
-        """Whether a leg ends at an area, closed ways or a plane of a period, where the surface yields or turns."""
-        ends = [leg.target for leg in self.sweep.legs[not self.plastic :]]
-        planes = [end.kind == "mean-plane" or (end.kind == "separation" and end.value == 0.0) for end in ends]
-        areas = [end.kind == "contact_area" or end.kind.startswith("percolation") for end in ends]
-        return any(areas) or (self.periodic and any(planes))
+    def _pressed(self) -> dict[str, Any]:
+        """The part of the key that belongs to the sweep. E* and the unit of length enter where a state has a unit."""
+        units = self.sweep.has_units or self.record.has_units
+        sized = units or self.hardness is not None or self.gas is not None
+        modulus = convert(self.E_star, self.modulus_unit, "Pa") if units and self.modulus_unit else None
+        return {
+            "sweep": self.sweep.model_dump(mode="json"),
+            "kernel": self.kernel.key,
+            "solver": {
+                "rtol": self.solver.tolerance,
+                "pressure_error": self.solver.pressure_error,
+                "method": self.solver.method,
+            },
+            "material": {"E_star": _rounded(modulus), "hardness": _rounded(self.hardness), "plastic": self.plastic},
+            "length": self.length_unit if units else None,
+            "Sq": self.height if sized else None,
+            "drive": _rounded(self.drive) if self.sweep.follows_leak else None,
+            "gas": None if self.gas is None else asdict(self.gas),
+        }
 
     @property
     def file(self) -> Path | None:
@@ -168,3 +148,8 @@ class Case:
         sentences += [f"sizes and units in {body.file.name} ignored" for body in self.bodies if body.header]
         sentences += [f"numbers of {name} are in {unit}" for name, unit in units.items()]
         return "; ".join(filter(None, sentences))
+
+
+def _rounded(value: float | None) -> float | None:
+    """Return a number with 12 digits: it is the same in any unit."""
+    return None if value is None else float(f"{value:.12g}")

@@ -1,4 +1,6 @@
-"""Objects of Python as plain data of a study: text, numbers, lists and mappings.
+"""YAML text and objects of Python to plain data (text, numbers, lists, mappings), and values to text for messages.
+
+The rules are those of YAML 1.2: ``1e-8`` is a number, ``on`` is text. Anchors, aliases and tags are refused.
 
 Numbers of numpy, decimals and fractions are numbers, arrays are lists, paths are text. A quantity of pint is the text
 of its number and unit, as ``10 MPa``. A number of xarray has the unit of its attribute ``units``. Attributes tell these
@@ -7,27 +9,177 @@ types apart: no library is imported.
 
 from __future__ import annotations
 
+import math
 import numbers
 import os
+import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NoReturn
 
-from roughvol.study.values.units import Quantity
-from roughvol.study.yaml_text import KeyPath, number_text
+import yaml
+
+from roughvol.errors import Problem
+
+MAX_BYTES, MAX_DEPTH = 1 << 20, 20
+
+TOO_LARGE = f"larger than {MAX_BYTES // 1024} KiB: heights belong in a file of their own (surface.file)"
 
 ALLOWED = "text, a number, a path, a list or a mapping"
 LONGEST = 1024  # bits of a whole number; floats end there
 NO_UNIT = ("", "1", "length")  # attributes `units` of numbers without a unit
+
+KeyPath = tuple[str | int, ...]
+
+
+class UnreadableError(Exception):
+    """Text without data; ``line`` is the line at which reading ended, None if unknown."""
+
+    def __init__(self, message: str, line: int | None = None) -> None:
+        self.line = line
+        super().__init__(message)
+
+
+class Reading:
+    """Line and column of every key path of a text, and its problems."""
+
+    def __init__(self, form: str = "a study is a mapping (key: value) with at least the key 'surface'") -> None:
+        self.form = form
+        self.marks: dict[KeyPath, tuple[int, int]] = {}
+        self.problems: dict[KeyPath, str] = {}
+
+    def read(self, text: str) -> dict[str, Any]:
+        """Return the data of a text; raise UnreadableError unless it is a mapping."""
+        if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
+            raise UnreadableError(TOO_LARGE)
+        try:
+            node = _Loader(text).get_single_node()
+        except yaml.YAMLError as error:
+            mark, position = getattr(error, "problem_mark", None), getattr(error, "position", 0)
+            parts = [getattr(error, name, None) for name in ("context", "problem", "reason")]
+            message = f"not YAML: {', '.join(filter(None, parts)) or error}"
+            raise UnreadableError(message, (mark.line if mark else text.count("\n", 0, position)) + 1) from error
+        except (ValueError, OverflowError, LookupError) as error:  # PyYAML does not check escapes and directives
+            raise UnreadableError(f"not YAML: {error}") from error
+        data = None if node is None else self._build(node, ())
+        if not isinstance(data, dict):
+            message = f"{self.form}, given {show(data)}"
+            raise UnreadableError(message, None if node is None else node.start_mark.line + 1)
+        return data
+
+    def places(self, file: str, arguments: Arguments | None = None) -> Places:
+        """Return the place of every key."""
+        return Places(file, {key_text(key): line for key, (line, _) in self.marks.items()}, arguments)
+
+    def _build(self, node: Any, path: KeyPath) -> Any:
+        self.marks.setdefault(path, (node.start_mark.line + 1, node.start_mark.column))
+        kind = node.tag.removeprefix("tag:yaml.org,2002:")
+        if isinstance(node, yaml.SequenceNode) and kind == "seq":
+            return [self._build(item, (*path, index)) for index, item in enumerate(node.value)]
+        if isinstance(node, yaml.MappingNode) and kind == "map":
+            return self._mapping(node, path)
+        if isinstance(node, yaml.ScalarNode) and kind in ("null", "bool", "str", "int", "float"):
+            return self._scalar(node.value, kind, path)
+        self.problems[path] = f"the tag {show(node.tag)} is not allowed: a study is plain data"
+        return None
+
+    def _mapping(self, node: Any, path: KeyPath) -> dict[str, Any]:
+        data: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            is_word = isinstance(key_node, yaml.ScalarNode) and key_node.value.isprintable()
+            key = key_node.value if is_word else "?"
+            key_path, first = (*path, key), self.marks.get((*path, key))
+            self.marks[key_path] = (key_node.start_mark.line + 1, key_node.start_mark.column)
+            if not is_word:
+                self.problems[key_path] = "a key must be a word"
+            elif first:
+                self.problems[key_path] = f"duplicate key, first in line {first[0]}"
+            else:
+                data[key] = self._build(value_node, key_path)
+        return data
+
+    def _scalar(self, text: str, kind: str, path: KeyPath) -> Any:
+        value: Any = {"null": None, "bool": text.lower() == "true"}.get(kind, text)
+        if kind in ("int", "float"):
+            try:
+                value = int(text) if kind == "int" else float(text)
+                sound = math.isfinite(value)
+            except (ValueError, OverflowError):  # other text after an explicit tag, or too many digits
+                sound = False
+        else:
+            sound = text.encode("utf-8", "ignore").decode() == text  # False for half of a surrogate pair
+        if not sound:
+            allowed = "a finite number" if kind in ("int", "float") else "text in UTF-8"
+            self.problems[path] = f"must be {allowed}, given {_short(printable(text))}"
+        return value if sound else None
+
+
+def write(data: dict[str, Any]) -> str:
+    """Return plain data as YAML; `Reading` gives equal data."""
+    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
+
+
+def number_text(value: float) -> str:
+    """Return the shortest exact text of a number: ``0.1``, ``60``, ``1e-09``."""
+    if isinstance(value, int):
+        return str(value)
+    return f"{value:g}" if float(f"{value:g}") == value else repr(value)
+
+
+def printable(text: str) -> str:
+    """Return a text with escapes for characters that cannot be printed."""
+    return text if text.isprintable() else repr(text)[1:-1]
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def show(value: Any) -> str:
+    """Return a value as in a study file, at most 60 characters."""
+    if isinstance(value, dict | list | tuple):
+        return ("a " if value else "an empty ") + ("mapping" if isinstance(value, dict) else "list")
+    if value is None or isinstance(value, bool):
+        return "nothing" if value is None else str(value).lower()
+    return _short(number_text(value) if isinstance(value, int | float) else repr(value))
+
+
+def key_text(path: KeyPath) -> str:
+    """Return a key path as text: ``surface.D[1]``."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{_short(printable(part))}" for part in path)
+    return "".join(parts).removeprefix(".")
+
+
+def key_path(text: str) -> KeyPath:
+    """Return the key path of a text, as of ``surface.D[1]``; empty if it is none."""
+    parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text.strip())
+    path = tuple(int(index) if index else word.strip() for index, word in parts)
+    return path if key_text(path) == text.strip() else ()
+
+
+def put(data: Any, path: KeyPath, value: Any) -> None:
+    """Set a key of plain data; mappings on its path are made. ValueError: the path leads through another value."""
+    for place, key in enumerate(path):
+        inside = isinstance(data, list) and isinstance(key, int) and key < len(data)
+        if not inside and not (isinstance(data, dict) and isinstance(key, str)):
+            where = key_text(path[:place]) or "a study"
+            beyond = isinstance(data, list) and isinstance(key, int)
+            kind = f"has {len(data)} items" if beyond else f"is no {'list' if isinstance(key, int) else 'mapping'}"
+            raise ValueError(f"{where} {kind} in the study")
+        if place == len(path) - 1:
+            data[key] = value
+        else:
+            data = data.setdefault(key, {}) if isinstance(data, dict) else data[key]
 
 
 def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
     """Return an object of Python as plain data; ``problems`` receives a message for each that is none."""
     if value is None or isinstance(value, bool):
         return value
-    if isinstance(value, str | Quantity):
+    if isinstance(value, str) or (isinstance(value, float) and hasattr(value, "unit")):
         return str(value)
     if isinstance(value, Mapping) and not hasattr(value, "coords"):
-        return _mapping(value, problems, path)
+        return _plain_mapping(value, problems, path)
     number, unit = measured(value)
     if unit:
         return _with_unit(plain(number, problems, path), unit)
@@ -66,7 +218,7 @@ def measured(value: Any) -> tuple[Any, str]:
     return value, unit
 
 
-def _mapping(value: Mapping[Any, Any], problems: dict[KeyPath, str], path: KeyPath) -> dict[str, Any]:
+def _plain_mapping(value: Mapping[Any, Any], problems: dict[KeyPath, str], path: KeyPath) -> dict[str, Any]:
     data: dict[str, Any] = {}
     for key, inner in value.items():
         if isinstance(key, str):
@@ -82,3 +234,106 @@ def _with_unit(number: Any, unit: str) -> Any:
         return [_with_unit(item, unit) for item in number]
     is_number = isinstance(number, int | float) and not isinstance(number, bool)
     return f"{number_text(number)} {unit}" if is_number else number
+
+
+_SCALARS = (
+    ("null", r"(?:~|null|Null|NULL|)\Z", ("~", "n", "N", "")),
+    ("bool", r"(?:true|True|TRUE|false|False|FALSE)\Z", "tTfF"),
+    ("int", r"[-+]?[0-9]+\Z", "-+0123456789"),
+    ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?\Z", "-+.0123456789"),
+    ("float", r"(?:[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z", "-+."),
+)
+_RESOLVERS: dict[str, list[tuple[str, re.Pattern[str]]]] = {
+    character: [
+        (f"tag:yaml.org,2002:{kind}", re.compile(pattern))
+        for kind, pattern, first in _SCALARS
+        if character in tuple(first)
+    ]
+    for character in ("", *"~nNtTfF-+.0123456789")
+}
+
+
+def _stop(message: str, event: Any) -> NoReturn:
+    raise UnreadableError(message, event.start_mark.line + 1)
+
+
+class _Loader(yaml.SafeLoader):
+    """A loader with the scalars of YAML 1.2, limited depth, and no references."""
+
+    yaml_implicit_resolvers = _RESOLVERS
+    depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()
+        if getattr(event, "anchor", None) is not None:
+            _stop("anchors (&) and aliases (*) are not allowed: repeat the value", event)
+        if self.depth >= MAX_DEPTH:
+            _stop(f"nested more than {MAX_DEPTH} levels deep", event)
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+
+class _Dumper(yaml.SafeDumper):
+    """A dumper with quotes where `_Loader` needs them, and without aliases."""
+
+    yaml_implicit_resolvers = _RESOLVERS
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """The arguments of a call from Python, for messages: each stands for a part of a study.
+
+    Attributes
+    ----------
+    call : str
+        Name of the function.
+    names : mapping of str to str
+        Argument for a key, as "E" for "material.E"; the empty key is the study.
+    """
+
+    call: str
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    def of(self, key: str) -> str:
+        """Return the argument that holds a key, as ``run: study["surface"]["L"]``."""
+        parts = [int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|([^.\[\]]+)", key)]
+        for end in range(len(parts), -1, -1):
+            name = self.names.get(key_text(tuple(parts[:end])))
+            if name is not None:
+                items = "".join(f'["{part}"]' if isinstance(part, str) else f"[{part}]" for part in parts[end:])
+                return f"{self.call}: {name}{items}"
+        return f"{self.call}: {key}"
+
+
+class Places:
+    """Where the keys of a study stand: lines of a file, or arguments of a call.
+
+    All are equal: they are no part of the identity of a study.
+    """
+
+    def __init__(self, file: str = "", lines: dict[str, int] | None = None, arguments: Arguments | None = None) -> None:
+        self.file, self.lines, self.arguments = file, lines or {}, arguments
+
+    def __eq__(self, other: object) -> bool:
+        """Return True for any two."""
+        return isinstance(other, Places)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def of(self, problem: Problem) -> Problem:
+        """Return a problem with its place. A missing key gets the line of its mapping."""
+        if problem.file or problem.argument:
+            return problem
+        if self.arguments is not None:
+            return replace(problem, argument=self.arguments.of(problem.key))
+        if not self.file:
+            return problem
+        key = problem.key
+        while key and key not in self.lines:
+            key = key.rpartition(".")[0]
+        return replace(problem, line=self.lines.get(key), file=self.file)

@@ -1,6 +1,6 @@
 """From a study file to a `Study`, or to all its problems.
 
-Text becomes plain data with line numbers (`yaml_text`), then records (pydantic). `validation` adds the
+Text becomes plain data with line numbers (`plain_data`), then records (pydantic). `validation` adds the
 broken rules across sections. All problems are sorted by line.
 """
 
@@ -14,10 +14,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.messages import translated
-from roughvol.study.plain_data import plain
-from roughvol.study.study import Places, Study
-from roughvol.study.yaml_text import (
+from roughvol.study.plain_data import (
     MAX_BYTES,
     TOO_LARGE,
     Arguments,
@@ -26,11 +23,14 @@ from roughvol.study.yaml_text import (
     UnreadableError,
     key_path,
     key_text,
+    plain,
     printable,
     put,
     show,
     write,
 )
+from roughvol.study.study import Study
+from roughvol.study.validation import translated
 
 NO_FILES = ("<string>", "<stdin>")
 SET = "--set"  # the option, in place of a file
@@ -67,28 +67,29 @@ def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
     (4,)
     """
     file = printable(str(path))
-    content = b""
+    content, text, line, message = b"", "", None, ""
     try:
         with Path(path).open("rb") as stream:
             content = stream.read(MAX_BYTES + 1)
         if len(content) > MAX_BYTES:
-            raise StudyError([Problem(TOO_LARGE, "", None, file)])
-        text = content.decode("utf-8-sig")
+            message = TOO_LARGE
+        else:
+            text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        line, message = content[: error.start].count(b"\n") + 1, "not text in UTF-8"
         if Path(path).suffix in RESULTS:
-            raise StudyError([Problem(_holds_results(path), "", None, file)]) from error
-        line = content[: error.start].count(b"\n") + 1
-        raise StudyError([Problem("not text in UTF-8", "", line, file)]) from error
-    except StudyError:
-        raise
+            line, message = None, _holds_results(path)
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
-        reason = getattr(error, "strerror", None) or error
-        is_run = isinstance(error, FileNotFoundError | IsADirectoryError) and any(
-            (Path(folder) / path / "study.yaml").is_file() for folder in RUNS
-        )
-        message = _holds_results(path) if is_run else f"cannot read the study: {reason}"
-        raise StudyError([Problem(message, "", None, file)]) from error
+        message = f"cannot read the study: {getattr(error, 'strerror', None) or error}"
+        if isinstance(error, FileNotFoundError | IsADirectoryError):
+            message = _holds_results(path) if any(map(_is_run, (Path(run) / path for run in RUNS))) else message
+    if message:
+        raise StudyError([Problem(message, "", line, file)])
     return _study(text, file, Path(path), changes=changes)
+
+
+def _is_run(folder: Path) -> bool:
+    return (folder / "study.yaml").is_file()
 
 
 def _holds_results(path: str | Path) -> str:
@@ -181,24 +182,13 @@ def _study(
             problems.setdefault(key, message)
         if not problems:  # a rule broken by rounding alone, as of 9007199254740993
             problems[()] = error.errors()[0]["msg"]
+    places = reading.places(file, arguments)
     if problems:
-        # A missing key has the line of its mapping.
-        marks = {key: _mark(reading.marks, key) for key in problems}
-        ordered = sorted(problems, key=lambda key: marks[key])
-        if arguments is not None:
-            found = [(problems[key], key_text(key)) for key in ordered]
-            raise StudyError([Problem(text, key, argument=arguments.of(key)) for text, key in found])
-        set_here = {key for key in ordered if any(key[: len(path)] == path for path in changed)}
-        raise StudyError(
-            [
-                Problem(problems[key], key_text(key), file=SET)
-                if key in set_here
-                else Problem(problems[key], key_text(key), marks[key][0], file)
-                for key in ordered
-            ]
-        )
-    lines = {key_text(key): line for key, (line, _) in reading.marks.items()}
-    study._places = Places(file, lines, arguments)
+        in_order = sorted(problems, key=lambda key: _mark(reading.marks, key))
+        set_here = {key for key in in_order if any(key[: len(path)] == path for path in changed)}
+        found = [Problem(problems[key], key_text(key), file=SET if key in set_here else "") for key in in_order]
+        raise StudyError([places.of(problem) for problem in found])
+    study._places = places
     return study
 
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from roughvol.study.plain_data import number_text, write
 from roughvol.study.study import json_schema
-from roughvol.study.yaml_text import number_text, write
 
 
 @dataclass(frozen=True)

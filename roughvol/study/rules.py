@@ -1,4 +1,4 @@
-"""Rules across the sections of a study: keys that exclude each other, and values that do not fit together.
+"""Rules across the sections of a study: keys that need or exclude each other, and values that do not fit together.
 
 pydantic checks each section. A rule reads validated sections. A study with a faulty key is checked without this key:
 the rules that read the key are left out, and all other problems are reported beside the fault.
@@ -11,43 +11,101 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, get_args
 
+from pydantic import BaseModel
+
+from roughvol.study.file import StudyFile
+from roughvol.study.plain_data import KeyPath, number_text
+from roughvol.study.sections.dimensional import Dimensional
 from roughvol.study.sections.ensemble import AUTO_TO, CLOSING, FEWEST_LEVELS, RECORDED_BY
-from roughvol.study.sections.height_file import BARE_FORMATS, HEIGHT_FORMATS, CounterBody, HeightFile
+from roughvol.study.sections.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.sections.material import YoungPoisson
 from roughvol.study.sections.record import EVERY_STEP, Record
-from roughvol.study.sections.solver import PAPER_MAX_M, FreeKernel, PeriodicKernel
-from roughvol.study.sections.spectral import FEWEST, SpectralSurface
-from roughvol.study.sections.spectral import OWN as SPECTRAL
-from roughvol.study.sections.surface import GeneratedSurface
+from roughvol.study.sections.solver import PAPER_MAX_M, FreeKernel, NamedKernel
+from roughvol.study.sections.surface import FEWEST, SPECTRAL, GeneratedSurface, SpectralSurface
 from roughvol.study.sections.sweep import Legs, Sweep
-from roughvol.study.validation import Problems, Rule, Sections
+from roughvol.study.validation import Problems, Rule
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
 from roughvol.study.values.units import unit_of
-from roughvol.study.yaml_text import KeyPath, number_text
+from roughvol.surfaces.length_units import METRES
 
 MAX_CASES = 100_000  # cases of a study
 UNPRESSED = ("heights", "residual_heights", "region", "texture", "psd", "all_legs")  # records that need no contact
 PERIODIC_LEAST_M = 3  # smallest m of a periodic midpoint surface
-BREAK_PERIOD = ("crop", "downsample", "resample", "low_pass")  # keys that change a period
 SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")  # formats of files with several arrays
 LISTS_OF_NUMBERS = ("D", "H", "m", "n", "seeds")  # of a surface
-NEEDED_BY_UNIT = {"leak_rate": "transmissivity", "critical_gap": "constriction", "gas_leak_rate": "gas_flow"}
 
 
+IN_LENGTHS = [name for name in Dimensional.model_fields if name != "pressure"]  # have a unit that holds a length
+_ELASTIC = "needs elastic contact: material.plastic is true and a hardness given"
+_FLUID = "needs the section fluid, as fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}"
+_PERIOD = "changes or cuts the period of a periodic surface: treat the file beforehand, or omit it"
+_LENGTH = "needs the unit of length, as surface: {L: 100 um}"
+_PLANE = "needs surface.periodic: true and no record.region: a part of a plane is no period"
+_NO_DISPLACEMENT = "no plastic displacement: give material.hardness"
+NEEDS = (  # key, the key or property it needs, message
+    ("record.transport.gas_flow", "fluid", _FLUID),
+    ("record.transport.cell_transmissivity", "surface.periodic", _PLANE),
+    ("record.dimensional.pressure", "material.unit", "needs the modulus with its unit, as material: {E_star: 100 GPa}"),
+    *(
+        (f"record.dimensional.{name}", "surface.has_length", _LENGTH)
+        for name in Dimensional.model_fields.keys() - {"pressure"}
+    ),
+    ("record.dimensional.leak_rate", "record.transport.transmissivity", "needs record.transport.transmissivity"),
+    ("record.dimensional.critical_gap", "record.transport.constriction", "needs record.transport.constriction"),
+    ("record.dimensional.gas_leak_rate", "record.transport.gas_flow", "needs record.transport.gas_flow"),
+    ("record.residual_heights", "material.yields", _NO_DISPLACEMENT),
+    ("fluid", "surface.has_length", _LENGTH),
+    ("fluid", "record.transport.gas_flow", "needs record.transport.gas_flow, which records the flow of the gas"),
+)
+EXCLUDES = (  # key, the key or property that excludes it, message
+    ("record.transport.cell_transmissivity", "record.region", _PLANE),
+    (
+        "record.fluid_pressure",
+        "material.yields",
+        "needs elastic contact: material.plastic is true and a hardness given",
+    ),
+    ("surface.D", "surface.H", "excluded by 'H': give one of them"),
+    ("surface.shortest", "surface.cut", "excluded by 'cut': give one of them"),
+    ("surface.slope", "surface.Sq", "excluded by 'Sq': give one of them"),
+    ("surface.crop", "surface.periodic", _PERIOD),
+    ("surface.downsample", "surface.periodic", _PERIOD),
+    ("surface.resample", "surface.periodic", _PERIOD),
+    ("surface.low_pass", "surface.periodic", _PERIOD),
+)
+KEYS_OF = {  # of properties
+    "surface.has_length": ("surface.L", "surface.unit"),
+    "material.unit": ("material",),
+    "material.yields": ("material",),
+}
 RULES: list[Rule] = []
 
 
-def _rule(*reads: str) -> Callable[[Callable[[Sections], Problems]], Callable[[Sections], Problems]]:
+def _rule(*reads: str) -> Callable[[Callable[[StudyFile], Problems]], Callable[[StudyFile], Problems]]:
     """Register a function as a rule that reads these keys."""
 
-    def register(problems: Callable[[Sections], Problems]) -> Callable[[Sections], Problems]:
-        RULES.append(Rule(tuple(tuple(key.split(".")) for key in reads), problems))
+    def register(problems: Callable[[StudyFile], Problems]) -> Callable[[StudyFile], Problems]:
+        RULES.append(Rule(_paths(reads), problems))
         return problems
 
     return register
 
 
+def _paths(keys: Iterable[str]) -> tuple[KeyPath, ...]:
+    return tuple(tuple(key.split(".")) for key in keys)
+
+
 # What rules read.
+
+
+def _given(study: StudyFile, key: str) -> bool:
+    """Return whether a key has another value than its default, or a property is true."""
+    *sections, name = key.split(".")
+    here: Any = study
+    for section in sections:
+        here = getattr(here, section, None)
+    field = type(here).model_fields.get(name) if isinstance(here, BaseModel) else None
+    value = getattr(here, name, None)
+    return bool(value) and (field is None or value != field.default)
 
 
 def _numbers(path: KeyPath, values: Iterable[float]) -> Iterator[tuple[KeyPath, float]]:
@@ -55,14 +113,7 @@ def _numbers(path: KeyPath, values: Iterable[float]) -> Iterator[tuple[KeyPath, 
     yield from (((*path, k), value) for k, value in enumerate(values) if unit_of(value) is None)
 
 
-def _legs(sweep: Sweep | Legs) -> list[tuple[KeyPath, Sweep]]:
-    """Return the legs of a sweep, each with its place."""
-    if isinstance(sweep, Legs):
-        return [(("sweep", k), leg) for k, leg in enumerate(sweep.legs)]
-    return [(("sweep",), sweep)]
-
-
-def _levels(study: Sections) -> Iterator[tuple[KeyPath, str, tuple[float, ...]]]:
+def _levels(study: StudyFile) -> Iterator[tuple[KeyPath, str, tuple[float, ...]]]:
     """Yield place, kind and values of the levels of a record and of an ensemble."""
     chosen = {("record", *path): select.named for path, select in study.record.selects.items()}
     if study.ensemble is not None:
@@ -70,11 +121,29 @@ def _levels(study: Sections) -> Iterator[tuple[KeyPath, str, tuple[float, ...]]]
     yield from (((*path, kind), kind, values) for path, named in chosen.items() for kind, values in named.items())
 
 
+def _may_have_units(surface: HeightFile) -> bool:
+    """Return whether the files of a section are of formats with size and unit."""
+    return bool(surface.files) or any(Path(body.file).suffix.lower() not in BARE_FORMATS for body in surface.bodies)
+
+
 # The rules.
 
 
+def _of_pair(key: str, other: str, message: str, *, needs: bool) -> Rule:
+    """Return the rule of a key that needs another, or is excluded by it."""
+
+    def problems(study: StudyFile) -> Problems:
+        if _given(study, key) and _given(study, other) != needs:
+            yield tuple(key.split(".")), message
+
+    return Rule(_paths((key, *KEYS_OF.get(other, (other,)))), problems)
+
+
+RULES += [_of_pair(*row, needs=needs) for rows, needs in ((NEEDS, True), (EXCLUDES, False)) for row in rows]
+
+
 @_rule("surface")
-def _cases(study: Sections) -> Problems:
+def _cases(study: StudyFile) -> Problems:
     surface = study.surface
     if isinstance(surface, HeightFile):
         return
@@ -84,18 +153,13 @@ def _cases(study: Sections) -> Problems:
 
 
 @_rule()
-def _duplicates(study: Sections) -> Problems:
-    lists: list[tuple[KeyPath, Any]] = [
-        (("surface", name), getattr(study.surface, name))
-        for name in LISTS_OF_NUMBERS
-        if name in type(study.surface).model_fields
-    ]
-    record = study.record
+def _duplicates(study: StudyFile) -> Problems:
+    record, lists = study.record, [(path, values) for path, _, values in _levels(study)]
+    lists += [(("surface", name), values) for name, values in study.surface if name in LISTS_OF_NUMBERS]
     if record.box_counting is not None:
         lists.append((("record", "box_counting", "thresholds"), record.box_counting.thresholds))
     if record.region_widths is not None:
         lists.append((("record", "region_widths", "shares"), record.region_widths.shares))
-    lists += [(path, values) for path, _, values in _levels(study)]
     for path, values in lists:
         seen: set[float] = set()
         for where, number in _numbers(path, values):
@@ -105,7 +169,7 @@ def _duplicates(study: Sections) -> Problems:
 
 
 @_rule()
-def _dense(study: Sections) -> Problems:
+def _dense(study: StudyFile) -> Problems:
     if study.solver.method != "paper" or isinstance(study.surface, HeightFile):
         return
     dense = "solver method 'paper' is dense and takes"
@@ -119,69 +183,44 @@ def _dense(study: Sections) -> Problems:
 
 
 @_rule("material")
-def _hardness(study: Sections) -> Problems:
-    if study.record.residual_heights and not study.yields:
-        yield ("record", "residual_heights"), "no plastic displacement: give material.hardness"
-    if study.yields and study.solver.method == "paper":
+def _hardness(study: StudyFile) -> Problems:
+    if study.material.yields and study.solver.method == "paper":
         yield ("solver",), "solver method 'paper' takes no hardness; allowed: material.plastic: false"
-    if study.yields and study.record.fluid_pressure is not None:
-        yield ("record", "fluid_pressure"), "needs elastic contact: material.plastic is true and a hardness given"
 
 
 @_rule("surface.L", "surface.unit")
-def _files(study: Sections) -> Problems:
+def _files(study: StudyFile) -> Problems:
     surface = study.surface
     if not isinstance(surface, HeightFile):
         return
-    bodies: list[tuple[KeyPath, HeightFile | CounterBody]] = [] if surface.files else [(("surface",), surface)]
-    if surface.against is not None:
-        bodies.append((("surface", "against"), surface.against))
-    suffixes = [Path(body.file).suffix.lower() for _, body in bodies]
-    for (path, body), suffix in zip(bodies, suffixes, strict=True):
-        if body.variable is not None and suffix in HEIGHT_FORMATS and suffix not in SEVERAL_ARRAYS:
-            yield (*path, "variable"), f"a {suffix} file holds one array without a name: omit 'variable'"
-    if surface.files or not {*suffixes} <= {*BARE_FORMATS}:
-        return  # other formats may have sizes and units
-    if surface.L is None:
+    for place, body in zip((("surface",), ("surface", "against")), surface.bodies, strict=False):
+        suffix = Path(body.file).suffix.lower()
+        single = suffix in HEIGHT_FORMATS and suffix not in SEVERAL_ARRAYS and not (surface.files and body is surface)
+        if single and body.variable is not None:
+            yield (*place, "variable"), f"a {suffix} file holds one array without a name: omit 'variable'"
+    if surface.L is None and not _may_have_units(surface):
         yield ("surface", "L"), f"missing, and the file has no size ({HeightFile.model_fields['L'].description})"
-    if surface.length_unit is not None:
-        return
-    lengths: list[tuple[KeyPath, Any]] = [(("low_pass",), surface.low_pass)]
-    if surface.crop is not None:
-        lengths += [(("crop", axis), position) for axis in ("x", "y") for position in getattr(surface.crop, axis)]
-    for key, length in lengths:
-        if unit_of(length):
-            yield ("surface", *key), f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
 
 
 @_rule("surface.periodic")
-def _periodic(study: Sections) -> Problems:
-    surface, record = study.surface, study.record
-    cell = record.transport is not None and record.transport.cell_transmissivity is not None
-    if cell and (not surface.periodic or record.region is not None):
-        message = "needs surface.periodic: true and no record.region: a part of a plane is no period"
-        yield ("record", "transport", "cell_transmissivity"), message
-    if not surface.periodic:
-        if (kernel := study.solver.kernel) in get_args(PeriodicKernel):
-            allowed = ", ".join(get_args(FreeKernel))
-            yield ("solver", "kernel"), f"{kernel!r} needs surface.periodic: true; allowed on a free patch: {allowed}"
-        return
-    if isinstance(surface, GeneratedSurface):
+def _periodic(study: StudyFile) -> Problems:
+    surface = study.surface
+    own = study.material.kernel(None)
+    kernel = own or NamedKernel(study.solver.kernel)
+    if not surface.periodic and kernel.name not in get_args(FreeKernel):
+        allowed = f"needs surface.periodic: true; allowed on a free patch: {', '.join(get_args(FreeKernel))}"
+        yield ("material",) if own else ("solver", "kernel"), f"{kernel.name!r} {allowed}"
+    if surface.periodic and isinstance(surface, GeneratedSurface):
         for path, m in _numbers(("surface", "m"), surface.m):
             if m < PERIODIC_LEAST_M:
                 yield path, f"a periodic surface takes m >= {PERIODIC_LEAST_M} (8 x 8 elements), given {number_text(m)}"
-    if isinstance(surface, HeightFile):
-        for key in BREAK_PERIOD:
-            if getattr(surface, key) != HeightFile.model_fields[key].default:
-                message = "changes or cuts the period of a periodic surface: treat the file beforehand, or omit it"
-                yield ("surface", key), message
-        if surface.level not in ("none", "mean"):
-            yield ("surface", "level"), "a tilted or curved surface is not periodic; allowed with periodic: none, mean"
+    if surface.periodic and isinstance(surface, HeightFile) and surface.level not in ("none", "mean"):
+        yield ("surface", "level"), "a tilted or curved surface is not periodic; allowed with periodic: none, mean"
 
 
 @_rule("material")
-def _beyond_full_contact(study: Sections) -> Problems:
-    if not study.surface.periodic or study.yields:
+def _beyond_full_contact(study: StudyFile) -> Problems:
+    if not study.surface.periodic or study.material.yields:
         return
     for path, level in study.sweep.states():
         if level.kind == "separation" and (value := level.value or 0.0) < 0.0:
@@ -190,18 +229,13 @@ def _beyond_full_contact(study: Sections) -> Problems:
 
 
 @_rule(*(f"surface.{key}" for key in (*SPECTRAL, "D", "L", "unit")))
-def _spectrum(study: Sections) -> Problems:
+def _spectrum(study: StudyFile) -> Problems:
     surface = study.surface
     if not isinstance(surface, SpectralSurface):
         return
     if not surface.H and not surface.D:
         yield ("surface", "H"), "missing: give the Hurst exponent H, or D = 3 - H"
-    for name, other in (("D", "H"), ("shortest", "cut"), ("slope", "Sq")):
-        if getattr(surface, name) and getattr(surface, other):
-            yield ("surface", name), f"excluded by '{other}': give one of them"
     if unit_of(surface.shortest) and surface.length_unit is None:
-        message = f"has a unit ({surface.shortest}) and L has none: give L with its unit, as L: 100 um"
-        yield ("surface", "shortest"), message
         return
     given = next((name for name in ("shortest", "cut") if getattr(surface, name) is not None), "n")
     if not surface.n and given == "n":
@@ -219,17 +253,24 @@ def _spectrum(study: Sections) -> Problems:
 
 
 @_rule("surface.L", "surface.unit")
-def _units(study: Sections) -> Problems:
-    surface, Sq = study.surface, getattr(study.surface, "Sq", None)
-    own = unit_of(surface.L)
+def _units(study: StudyFile) -> Problems:
+    surface, own = study.surface, unit_of(study.surface.L)
     if own is not None and surface.unit not in (None, own):
         yield ("surface", "unit"), f"L has a unit already ({surface.L}): omit 'unit'"
-    if unit_of(Sq) and surface.length_unit is None:
-        yield ("surface", "Sq"), f"has a unit ({Sq}) and L has none: give L with its unit, as L: 100 um"
+    if surface.length_unit is not None or (isinstance(surface, HeightFile) and _may_have_units(surface)):
+        return
+    lengths: list[tuple[KeyPath, Any]] = []
+    for section in ("surface", "material"):
+        lengths += [((section, name), value) for name, value in getattr(study, section)]
+    for axis, positions in getattr(surface, "crop", None) or ():
+        lengths += [(("surface", "crop", axis), position) for position in positions]
+    for path, length in lengths:
+        if unit_of(length) in METRES:
+            yield path, f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
 
 
 @_rule("material")
-def _moduli(study: Sections) -> Problems:
+def _moduli(study: StudyFile) -> Problems:
     if study.material.unit is not None:
         return
     if unit_of(study.material.hardness):
@@ -243,46 +284,18 @@ def _moduli(study: Sections) -> Problems:
             yield ("record", "fluid_pressure", name), "has a unit and the modulus has none: give both with units"
 
 
-@_rule("surface.L", "surface.unit", "material", "record.transport")
-def _dimensional(study: Sections) -> Problems:
-    record = study.record
-    for name in record.dimensional.named if record.dimensional is not None else ():
-        place = ("record", "dimensional", name)
-        if name == "pressure" and study.material.unit is None:
-            yield place, "needs the modulus with its unit, as material: {E_star: 100 GPa}"
-        if name != "pressure" and study.length_unit is None:
-            yield place, "needs the unit of length, as surface: {L: 100 um}"
-        needed = NEEDED_BY_UNIT.get(name)
-        if needed and (record.transport is None or getattr(record.transport, needed) is None):
-            yield place, f"needs record.transport.{needed}"
-
-
-@_rule("surface.L", "surface.unit", "fluid", "record.transport")
-def _gas(study: Sections) -> Problems:
-    wanted = study.record.transport is not None and study.record.transport.gas_flow is not None
-    if study.fluid is None:
-        if wanted:
-            message = "needs the section fluid, as fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}"
-            yield ("record", "transport", "gas_flow"), message
-        return
-    if not wanted:
-        yield ("fluid",), "needs record.transport.gas_flow, which records the flow of the gas"
-    if study.length_unit is None:
-        yield ("fluid",), "needs the unit of length, as surface: {L: 100 um}"
-
-
 @_rule("surface.L", "surface.unit", "material")
-def _units_of_states(study: Sections) -> Problems:
+def _units_of_states(study: StudyFile) -> Problems:
     for path, level in (*study.sweep.states(), *study.record.levels()):
-        if message := level.lacking(study.material.unit, study.length_unit):
+        if message := level.lacking(study.material.unit, "m" if study.surface.has_length else None):
             yield path, message
         if level.kind == "load" and study.record.region is not None:
             yield path, "is a load on the whole surface, and states are those of record.region: give a pressure"
 
 
 @_rule("record.dimensional")
-def _leak_rates(study: Sections) -> Problems:
-    if study.record.dimensional is None or study.record.dimensional.leak_rate is None:
+def _leak_rates(study: StudyFile) -> Problems:
+    if study.record.leak_rate is None:
         for path, level in study.sweep.states():
             if level.kind.startswith("leak_rate"):
                 fluid = "{dimensional: {leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}}"
@@ -290,8 +303,9 @@ def _leak_rates(study: Sections) -> Problems:
 
 
 @_rule("sweep")
-def _path(study: Sections) -> Problems:
-    legs = _legs(study.sweep)
+def _path(study: StudyFile) -> Problems:
+    path_of = isinstance(study.sweep, Legs)
+    legs = [(("sweep", k) if path_of else ("sweep",), leg) for k, leg in enumerate(study.sweep.legs)]
     for path, leg in legs:
         if leg.equal == "log pressure" and (leg.steps == 0 or leg.target == Level("pressure", 0.0)):
             yield (*path, "equal"), "equal ratios of pressure need steps, and an end > 0"
@@ -308,7 +322,7 @@ def _path(study: Sections) -> Problems:
 
 
 @_rule("surface", "ensemble", "sweep")
-def _ensemble(study: Sections) -> Problems:
+def _ensemble(study: StudyFile) -> Problems:
     surface, ensemble = study.surface, study.ensemble
     made = not isinstance(surface, HeightFile)
     resolution = "n" if isinstance(surface, SpectralSurface) else "m"
@@ -343,7 +357,7 @@ def _ensemble(study: Sections) -> Problems:
 
 
 @_rule("ensemble", "sweep", "record.transport")
-def _means(study: Sections) -> Problems:
+def _means(study: StudyFile) -> Problems:
     """Yield means without scatter, and means of numbers that are not recorded."""
     if study.ensemble is None or isinstance(study.surface, HeightFile):
         return
@@ -367,7 +381,7 @@ def _means(study: Sections) -> Problems:
 
 
 @_rule("sweep")
-def _contact(study: Sections) -> Problems:
+def _contact(study: StudyFile) -> Problems:
     """Yield records without contact, and levels beyond the end of a sweep."""
     record, steps = study.record, study.sweep.steps
     if steps == 0:

@@ -8,14 +8,11 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from pydantic import (
-    Discriminator,
-    Field,
     PrivateAttr,
     SerializationInfo,
-    Tag,
     ValidationError,
     ValidationInfo,
     model_serializer,
@@ -26,81 +23,27 @@ from roughvol.errors import Problem, StudyError
 from roughvol.study import axes
 from roughvol.study.axes import Axis, Variant
 from roughvol.study.case import Case
-from roughvol.study.messages import translated
-from roughvol.study.plain_data import plain
+from roughvol.study.file import StudyFile
+from roughvol.study.plain_data import KeyPath, Places, key_path, key_text, plain, put, write
 from roughvol.study.rules import RULES
 from roughvol.study.sections import ensemble as ensembles
-from roughvol.study.sections import spectral
+from roughvol.study.sections import surface as surfaces
 from roughvol.study.sections.agreement import resolve
-from roughvol.study.sections.ensemble import Ensemble
-from roughvol.study.sections.fluid import Fluid, Gas
-from roughvol.study.sections.height_file import HeightFile
-from roughvol.study.sections.material import ContactModulus, YoungPoisson, tag_material
+from roughvol.study.sections.fluid import Gas
 from roughvol.study.sections.record import Record
-from roughvol.study.sections.solver import Solver
-from roughvol.study.sections.spectral import MadeSurface, SpectralSurface
-from roughvol.study.sections.strict import Strict, refuse_at
-from roughvol.study.sections.surface import GeneratedSurface
-from roughvol.study.sections.sweep import Legs, Sweep, tag_sweep
-from roughvol.study.validation import validated
-from roughvol.study.values.words import Word
-from roughvol.study.yaml_text import KeyPath, Places, key_path, key_text, put, write
+from roughvol.study.sections.solver import NamedKernel, Solver
+from roughvol.study.sections.strict import refuse_at
+from roughvol.study.sections.surface import GeneratedSurface, MadeSurface, SpectralSurface
+from roughvol.study.sections.sweep import Legs, Sweep
+from roughvol.study.validation import translated, validated
 
 
-class Study(Strict):
+class Study(StudyFile):
     """A study: surfaces, material, end of the sweep, accuracy, and stored quantities."""
-
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", max_length=100)] = Field(
-        default="study",
-        description="letters, digits, _, - and dots, at most 100, a letter, digit or _ first; "
-        "default: that of the study file",
-    )
-    surface: Annotated[
-        Annotated[GeneratedSurface, Tag("<generated>")]
-        | Annotated[SpectralSurface, Tag("<spectrum>")]
-        | Annotated[HeightFile, Tag("<file>")],
-        Discriminator(spectral.tag_surface),
-    ] = Field(
-        description="{D, m, L, seeds, midpoint_law} for generated surfaces, {H, n, rolloff, cut, L, seeds} for those "
-        "with a spectrum, or {file, L, variable}"
-    )
-    material: Annotated[
-        Annotated[ContactModulus, Tag("<modulus>")] | Annotated[YoungPoisson, Tag("<young>")],
-        Discriminator(tag_material),
-    ] = Field(default=ContactModulus(), description="{E_star} or {E, nu}, optionally hardness")
-    sweep: Annotated[Annotated[Sweep, Tag("<sweep>")] | Annotated[Legs, Tag("<path>")], Discriminator(tag_sweep)] = (
-        Field(
-            default=Sweep(),
-            description="{steps, to}: number of steps and last state; or a list of these, legs up and down",
-        )
-    )
-    solver: Annotated[Solver, Word("paper", (("method", "paper"),))] = Field(
-        default=Solver(),
-        description="{accuracy, rtol or max_error, kernel, method}; 'paper' is short for {method: paper}",
-    )
-    record: Record = Field(
-        default=Record(),
-        description=f"{{{', '.join(Record.model_fields)}}}",
-    )
-
-    ensemble: Ensemble | None = Field(
-        default=None, description="{accuracy, at, budget, first_seed}: accuracy of the mean over all surfaces"
-    )
-
-    fluid: Fluid | None = Field(
-        default=None, description="{gas, inlet, outlet, temperature, law}: the gas of record.transport.gas_flow"
-    )
-
-    comment: str | None = Field(default=None, description="any text for readers; it changes no answer")
 
     _places: Places = PrivateAttr(default_factory=Places)
     _axes: tuple[Axis, ...] = PrivateAttr(default=())
     _sections: tuple[dict[str, Any], ...] = PrivateAttr(default=())  # that differ, for each combination of the lists
-
-    @model_validator(mode="before")
-    @classmethod
-    def _steps_of_an_ensemble(cls, data: Any) -> Any:
-        return ensembles.with_default_steps(data)
 
     @model_validator(mode="wrap")
     @classmethod
@@ -108,14 +51,13 @@ class Study(Strict):
         """Check the rules across sections; take lists as axes. The study is that of their first items."""
         if not isinstance(data, dict) or not axes.lists(data):
             return validated(data, handler, RULES, info.context)
-        made = axes.read(data, lambda one: validated(one, handler, RULES, info.context))
-        first: Study = made[0][1]
+        found, made = axes.read(data, lambda one: validated(one, handler, RULES, info.context))
+        first: Study = made[0]
         if first.ensemble is not None:
             for name, items in axes.lists(data).items():
                 refuse_at(axes.AXES[name], items, "an ensemble takes one value")
-        first._axes = axes.axes_of(made, axes.lists(data))
-        names = {axes.AXES[axis.name][0] for axis in first._axes}
-        first._sections = tuple({name: getattr(study, name) for name in names} for _, study in made)
+        first._axes, names = found, {axes.AXES[axis.name][0] for axis in found}
+        first._sections = tuple({name: getattr(study, name) for name in names} for study in made)
         return first
 
     @model_serializer(mode="wrap")
@@ -123,9 +65,7 @@ class Study(Strict):
         """Write lists; leave out the seeds and the tolerance where an ensemble decides them."""
         data: dict[str, Any] = handler(self)
         axes.write_lists(data, self._axes, self._sections, info.context)
-        for name in ("comment", "fluid"):
-            if data[name] is None:
-                del data[name]
+        data = {name: value for name, value in data.items() if value is not None or name == "ensemble"}
         if self.ensemble is not None:
             data["surface"].pop("seeds", None)
             if self.solving != self.solver:  # its tolerance follows from the accuracy, when this is read again as well
@@ -163,74 +103,71 @@ class Study(Strict):
         if self._axes:
             each = (case for variant in self.variants for case in variant.study.cases())
             return tuple({case.id: case for case in each}.values())
-        surface, sweep, record = self.surface, self.sweep, self.record
-        hard, E_star = self.material.indentation_hardness, self.material.contact_modulus
-        hardness = None if hard is None else hard / E_star
-        has_units = sweep.has_units or (sweep.steps > 0 and record.has_units)
-        wanted = record.dimensional
-        drive = wanted.leak_rate.rate if sweep.follows_leak and wanted is not None and wanted.leak_rate else None
+        surface, material = self.surface, self.material
+        hard, E_star, leak = material.indentation_hardness, material.contact_modulus, self.record.leak_rate
         case = functools.partial(
             Case,
             E_star=E_star,
-            sweep=sweep,
+            modulus_unit=material.unit,
+            hardness=None if hard is None else hard / E_star,
+            plastic=material.yields,
+            sweep=self.sweep,
             solver=self.solving,
-            record=record,
-            modulus_unit=self.material.unit if has_units else None,
-            hardness=hardness,
-            plastic=hardness is not None and self.material.plastic,
-            drive=drive,
+            record=self.record,
+            periodic=surface.periodic,
+            drive=None if leak is None else leak.rate,
         )
         if isinstance(surface, MadeSurface):
             unit = surface.length_unit
-            height = surface.height if hardness is not None or has_units or self.gas_flow else None
-            product = itertools.product(surface.dimensions, surface.m, surface.seeds)
-            if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
-                finest = spectral.first_finest(surface)
-                product = itertools.product(
-                    surface.dimensions, ensembles.levels_below(finest), [self.ensemble.first_seed]
-                )
             made = case(
                 L=float(surface.L),
                 length_unit=unit,
-                height=height,
-                periodic=surface.periodic,
+                height=surface.height,
+                kernel=self.kernel(unit),
                 gas=self._gas(unit),
                 midpoint_law=surface.midpoint_law if isinstance(surface, GeneratedSurface) else None,
                 spectrum=surface.spectrum if isinstance(surface, SpectralSurface) else None,
             )
+            levels, seeds = surface.m, surface.seeds
+            if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
+                levels, seeds = ensembles.levels_below(surfaces.first_finest(surface)), (self.ensemble.first_seed,)
+            product = itertools.product(surface.dimensions, levels, seeds)
             return tuple(replace(made, D=D, m=m, seed=seed) for D, m, seed in product)
         found: list[Case] = []
         for one in surface.each:
             with self.placing():
                 measured = resolve(one)
-                if measured.unit is None:
-                    _need_length(sweep, record, str(one.file))
-                if found and (found[0].length_unit, found[0].L) != (measured.unit, measured.L):
-                    own, first = (
-                        f"{L:.9g} {unit or ''}".strip()
-                        for L, unit in ((measured.L, measured.unit), (found[0].L, found[0].length_unit))
-                    )
+                unit = measured.length_unit
+                if unit is None:
+                    _need_length(self.sweep, self.record, str(one.file))
+                if found and (found[0].length_unit, found[0].L) != (unit, measured.L):
+                    first = f"{found[0].L:.9g} {found[0].length_unit or ''}".strip()
+                    own = f"{measured.L:.9g} {unit or ''}".strip()
                     message = f"the files differ in L: {found[0].label} has {first}, {Path(one.file).name} has {own}"
                     raise StudyError([Problem(message, "surface.files")])
-            found.append(
-                case(
-                    L=measured.L,
-                    bodies=measured.bodies,
-                    treatment=measured.treatment,
-                    length_unit=measured.unit,
-                    notes=measured.notes,
-                    periodic=one.periodic,
-                    gas=self._gas(measured.unit),
-                )
-            )
+                made = case(kernel=self.kernel(unit), gas=self._gas(unit), **vars(measured))
+            found.append(made)
         return tuple(found)
+
+    def kernel(self, unit: str | None = None) -> NamedKernel:
+        """Return the kernel of the contact.
+
+        Parameters
+        ----------
+        unit : str, optional
+            Unit of its lengths. Default: those of the study.
+
+        Returns
+        -------
+        NamedKernel
+            Kernel of the material if it has a length, else that of the solver.
+        """
+        return self.material.kernel(unit) or NamedKernel(self.solver.kernel)
 
     @property
     def gas_flow(self) -> bool:
         """Whether the flow of a gas is recorded."""
-        return (
-            self.fluid is not None and self.record.transport is not None and self.record.transport.gas_flow is not None
-        )
+        return self.fluid is not None and self.record.gas_flow
 
     def _gas(self, unit: str | None) -> Gas | None:
         """Return the gas whose flow is recorded, its mean free path in a unit of length."""

@@ -88,15 +88,6 @@ def test_what_changes_the_surface_changes_the_id(change: str) -> None:
     assert first != second
 
 
-def test_cases_without_a_spectrum_keep_their_keys() -> None:
-    (case,) = cases("surface: {D: 2.3, m: 4, seeds: 1}")
-    assert set(case.key["surface"]) == {"L", "D", "m", "seed", "midpoint_law"}
-    assert "psd" not in case.key["record"]
-    (asking,) = cases("surface: {D: 2.3, m: 4, seeds: 1}\nrecord: {psd: true}")
-    assert asking.key["record"]["psd"] is True
-    assert asking.id != case.id
-
-
 @pytest.mark.parametrize(
     ("keys", "key", "message"),
     [

@@ -10,12 +10,12 @@ import functools
 import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
-from roughvol.errors import DatasetError, Problem, StudyError, SurfaceError
+from roughvol.errors import DatasetError, SurfaceError
+from roughvol.study.plain_data import number_text
 from roughvol.study.sections.height_file import BARE_FORMATS, CounterBody, HeightFile
-from roughvol.study.sections.treatment import File, settled
-from roughvol.study.yaml_text import number_text
+from roughvol.study.sections.treatment import settled, wrong
 from roughvol.surfaces.body import Body, Treatment
 from roughvol.surfaces.length_units import METRES, factor
 
@@ -34,23 +34,20 @@ class Measured:
     ----------
     L : float
         Length of the first axis as pressed, after crop and resampling.
-    unit : str or None
+    length_unit : str or None
         Unit of all lengths.
     bodies : tuple of Body
         One or two bodies with the units of their heights.
     treatment : Treatment
         Treatment of each body.
-    sides : (float, float) or None
-        Lengths of both axes of the whole map in the first file, in ``unit``; None without size in the file.
     notes : tuple of str
         Doubts for the user.
     """
 
     L: float
-    unit: str | None
+    length_unit: str | None
     bodies: tuple[Body, ...]
     treatment: Treatment
-    sides: tuple[float, float] | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -66,29 +63,29 @@ def resolve(surface: HeightFile) -> Measured:
         bodies.append(_body(surface, section, sha256, descriptions[-1], key))
     for description, section in zip(descriptions, surface.bodies, strict=False):
         if surface.L is None and description and description.unsized:
-            _wrong(f"missing: {section.file} does not give the length of its axes: {description.unsized}", "surface.L")
+            wrong(f"missing: {section.file} does not give the length of its axes: {description.unsized}", "surface.L")
     unit = _unit(surface, descriptions, bodies)
     sides = [_sides(surface.L, description, unit, surface.periodic) for description in descriptions]
     L = surface.L if surface.L is not None else next((side[0] for side in sides if side), None)
     if L is None:
-        _wrong(f"missing: {surface.file} does not give the length of its first axis", "surface.L")
+        wrong(f"missing: {surface.file} does not give the length of its first axis", "surface.L")
     if surface.L is not None:
         for description, body, side in zip(descriptions, bodies, sides, strict=True):
             _agrees(surface.L, unit, description, body, side, surface.periodic)
     first, other = sides[0], sides[-1]
     if first and other and any(abs(a - b) > SAME * a for a, b in zip(first, other, strict=True)):
         sizes = " and ".join(" x ".join(f"{side:.6g}" for side in pair) for pair in (first, other))
-        _wrong(f"the files differ in size, {sizes} {unit or ''}".rstrip(), "surface.against.file")
+        wrong(f"the files differ in size, {sizes} {unit or ''}".rstrip(), "surface.against.file")
 
     def shape(index: int) -> tuple[int, int]:
         description = descriptions[index]
         return description.shape if description else _shape(bodies[index], _KEYS[index])
 
     notes = _notes(float(L), unit, descriptions, bodies)
-    files = [File(body.file, text.sides if text else None) for body, text in zip(bodies, descriptions, strict=True)]
-    treatment, left, ratios = settled(surface, files, shape, float(L), unit)
+    own = [description.sides if description else None for description in descriptions]
+    treatment, left, ratios = settled(surface, own, shape, float(L), unit)
     bodies = [replace(body, pixel_ratio=ratio) for body, ratio in zip(bodies, ratios, strict=True)]
-    return Measured(left, unit, tuple(bodies), treatment, first, notes)
+    return Measured(left, unit, tuple(bodies), treatment, notes)
 
 
 def _body(
@@ -99,10 +96,10 @@ def _body(
     given = body.heights_unit or surface.heights_unit
     own = description.heights_unit if description else None
     if own and body.heights_unit and own != body.heights_unit:
-        _wrong(f"is {body.heights_unit}, but {path} has heights in {own}", f"{key}.heights_unit")
+        wrong(f"is {body.heights_unit}, but {path} has heights in {own}", f"{key}.heights_unit")
     if description and description.unit and not own and not given:
         message = f"missing: {path} has coordinates in {description.unit}, and no unit of its heights"
-        _wrong(message, f"{key}.heights_unit")
+        wrong(message, f"{key}.heights_unit")
     return Body(
         path,
         sha256,
@@ -124,16 +121,16 @@ def _unit(surface: HeightFile, descriptions: list[Description | None], bodies: l
     named = next((body for body in bodies if body.numbers_in), None)
     unknown = next((body for body in bodies if body.numbers_in is None), None)
     if named and unknown:
-        _wrong(
+        wrong(
             f"missing: {unknown.file} does not give its unit, the other file is in {named.numbers_in}", "surface.unit"
         )
     if named and unit is None and surface.L is not None:
-        _wrong(
+        wrong(
             f"has no unit, and the heights of {named.file.name} are in {named.numbers_in}: add the unit, as L: 100 um",
             "surface.L",
         )
     if named and unit is None and any(text and text.sides for text in descriptions):
-        _wrong(
+        wrong(
             f"missing: {named.file} has no unit of its coordinates, heights are in {named.numbers_in}", "surface.unit"
         )
     return unit
@@ -173,7 +170,7 @@ def _agrees(
         message += f" between its outer nodes, so a period of {number_text(float(f'{sides[0]:.6g}'))}"
     elif abs(L - sides[0] * nodes / (nodes - 1)) <= SAME * L:
         message += f": L is the length between the outer of its {nodes} nodes, {nodes - 1} pixels"
-    _wrong(f"{message}; omit L, or give header: ignore if the file is wrong", "surface.L")
+    wrong(f"{message}; omit L, or give header: ignore if the file is wrong", "surface.L")
 
 
 def _notes(L: float, unit: str | None, descriptions: list[Description | None], bodies: list[Body]) -> tuple[str, ...]:
@@ -201,7 +198,7 @@ def _digest(path: Path, key: str) -> str:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
-        _wrong(f"cannot read {path}: {error.strerror}", key)
+        wrong(f"cannot read {path}: {error.strerror}", key)
 
 
 def _described(body: HeightFile | CounterBody, sha256: str, key: str) -> Description | None:
@@ -213,7 +210,7 @@ def _described(body: HeightFile | CounterBody, sha256: str, key: str) -> Descrip
     try:
         description = _description(path, sha256, body.variable, body.columns, ignored)
     except (DatasetError, SurfaceError) as error:
-        _wrong(str(error), f"{key}.file")
+        wrong(str(error), f"{key}.file")
     return replace(description, sides=None, unit=None, heights_unit=None) if ignored else description
 
 
@@ -222,7 +219,7 @@ def _shape(body: Body, key: str) -> tuple[int, int]:
     try:
         return _description(body.file, body.sha256, body.variable, body.columns, ignored=True).shape
     except (DatasetError, SurfaceError) as error:
-        _wrong(str(error), f"{key}.file")
+        wrong(str(error), f"{key}.file")
 
 
 @functools.lru_cache(maxsize=64)
@@ -231,7 +228,3 @@ def _description(path: Path, sha256: str, variable: str | None, columns: str | N
     from roughvol.surfaces.files import reading
 
     return reading.describe(path, variable, columns=columns, ignore_header=ignored)
-
-
-def _wrong(message: str, key: str) -> NoReturn:
-    raise StudyError([Problem(message, key)])

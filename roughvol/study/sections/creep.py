@@ -21,22 +21,19 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.messages import in_words
+from roughvol.study.plain_data import KeyPath, Reading, UnreadableError, key_text
 from roughvol.study.sections.material import ContactModulus, YoungPoisson
 from roughvol.study.sections.strict import Strict
-from roughvol.study.values.numbers import Positive
+from roughvol.study.validation import in_words
+from roughvol.study.values.types import Positive, refuse
 from roughvol.study.values.units import In, convert, in_unit, read, unit_of
-from roughvol.study.values.words import refuse
-from roughvol.study.yaml_text import KeyPath, Reading, UnreadableError, key_text
 
-SECOND = "s"
 Time = Annotated[Positive, In("time", needed=True)]
 Modulus = Annotated[Positive, In("pressure", needed=True)]
 _PER_DECADE = 4  # times of a range, each decade
@@ -82,7 +79,7 @@ class Table(Strict):
             refuse("times must rise")
         if self.ratios is not None and self.ratios[0] < 1.0:
             refuse("ratios are J(t)/J(0), which is 1 at once; allowed: >= 1")
-        values = given if self.ratios is not None else [-(in_unit(value, "Pa") or 0.0) for value in given]
+        values = given if self.ratios is not None else [-in_unit(value, "Pa") for value in given]
         if any(later < one for one, later in itertools.pairwise(values)):
             refuse("the compliance must not fall: the contact would recede")
         return self
@@ -165,7 +162,7 @@ class Creep(Strict):
             ratios = [float(value) for value in table.ratios]
         else:
             own = self._modulus_at_once(material)
-            ratios = [own / (in_unit(value, "Pa") or math.nan) for value in table.moduli or ()]
+            ratios = [own / in_unit(value, "Pa") for value in table.moduli or ()]
         k = max(1, next((n for n, time in enumerate(times) if time >= seconds), len(times) - 1))
         share = math.log(max(seconds, times[0]) / times[k - 1]) / math.log(times[k] / times[k - 1])
         return math.exp((1.0 - share) * math.log(ratios[k - 1]) + share * math.log(ratios[k]))
@@ -204,18 +201,18 @@ def load_creep(path: Path) -> Creep:
         If it cannot be read, or is no creep law.
     """
     reading = Reading("a creep law is a mapping (key: value) with one of prony, power, table")
+    problems: dict[KeyPath, str] = {}
     try:
-        data = reading.read(path.read_text(encoding="utf-8"))
-        law = Creep.model_validate(data)
+        law = Creep.model_validate(reading.read(path.read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError([Problem(f"cannot read the creep law: {error}", file=str(path))]) from error
     except UnreadableError as error:
         raise StudyError([Problem(str(error), line=error.line, file=str(path))]) from error
     except ValidationError as error:
-        found = {item["loc"]: _message(item) for item in error.errors(include_url=False)} | reading.problems
-        raise StudyError(_placed(found, reading, path)) from error
-    if reading.problems:
-        raise StudyError(_placed(reading.problems, reading, path))
+        problems = {item["loc"]: _message(item) for item in error.errors(include_url=False)}
+    if problems := problems | reading.problems:
+        places = reading.places(str(path))
+        raise StudyError([places.of(Problem(text, key_text(key))) for key, text in problems.items()])
     return law
 
 
@@ -225,12 +222,6 @@ def _message(item: Any) -> str:
         return in_words(item)
     form: Any = {"prony": Prony, "power": Power, "table": Table}.get(item["loc"][0], Creep)
     return f"unknown key; allowed: {', '.join((form if item['loc'][1:] else Creep).model_fields)}"
-
-
-def _placed(problems: Mapping[KeyPath, str], reading: Reading, path: Path) -> list[Problem]:
-    """Return messages by key path as problems with their lines."""
-    lines = {key: reading.marks.get(key, reading.marks.get(key[:-1], (None, 0)))[0] for key in problems}
-    return [Problem(text, key_text(key), lines[key], str(path)) for key, text in problems.items()]
 
 
 def read_times(text: str) -> list[float]:
@@ -268,4 +259,4 @@ def read_times(text: str) -> list[float]:
 
 def _seconds(time: float) -> float:
     """Return a time in seconds; a plain number is one already."""
-    return convert(float(time), unit_of(time) or SECOND, SECOND)
+    return float(in_unit(time, "s"))

@@ -10,11 +10,10 @@ from pydantic import (
     model_validator,
 )
 
-from roughvol.study.sections.select import IN_WORDS, Select, Selector
 from roughvol.study.sections.strict import Choice, Strict
-from roughvol.study.values.numbers import Positive
-from roughvol.study.values.units import In, UnitOf, convert, in_unit, unit_of
-from roughvol.study.values.words import refuse
+from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
+from roughvol.study.values.types import Positive, refuse
+from roughvol.study.values.units import In, convert, in_unit, unit_name, unit_of
 
 
 class LeakRate(Strict):
@@ -26,7 +25,7 @@ class LeakRate(Strict):
     viscosity: Annotated[Positive, In("viscosity", needed=True)] = Field(
         description="dynamic viscosity, > 0, with its unit as 1 mPa*s"
     )
-    unit: Annotated[str, UnitOf("flow")] = Field(default="mm^3/s", description="unit of the leak rate, as mm^3/s")
+    unit: Annotated[str, unit_name("flow")] = Field(default="mm^3/s", description="unit of the leak rate, as mm^3/s")
 
     @property
     def drive(self) -> float:
@@ -36,10 +35,7 @@ class LeakRate(Strict):
     @property
     def rate(self) -> float:
         """ΔP/μ [1/s]."""
-        drop, viscosity = in_unit(self.pressure_drop, "Pa"), in_unit(self.viscosity, "Pa*s")
-        assert drop is not None
-        assert viscosity is not None
-        return drop / viscosity
+        return in_unit(self.pressure_drop, "Pa") / in_unit(self.viscosity, "Pa*s")
 
 
 class Dimensional(Choice):
@@ -47,25 +43,25 @@ class Dimensional(Choice):
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
-    pressure: Annotated[str, UnitOf("pressure")] | None = Field(
+    pressure: Annotated[str, unit_name("pressure")] | None = Field(
         default=None, description="store the nominal contact pressure p* E* Sq/L in this unit, as MPa"
     )
-    free_volume: Annotated[str, UnitOf("volume per area")] | None = Field(
+    free_volume: Annotated[str, unit_name("volume per area")] | None = Field(
         default=None, description="store the free volume over the nominal area in this unit, as mm^3/m^2"
     )
-    mean_gap: Annotated[str, UnitOf("length")] | None = Field(
+    mean_gap: Annotated[str, unit_name("length")] | None = Field(
         default=None, description="store the mean gap V* Sq in this unit, as um"
     )
-    separation: Annotated[str, UnitOf("length")] | None = Field(
+    separation: Annotated[str, unit_name("length")] | None = Field(
         default=None, description="store the separation d of the mean planes in this unit, as um"
     )
-    critical_gap: Annotated[str, UnitOf("length")] | None = Field(
+    critical_gap: Annotated[str, unit_name("length")] | None = Field(
         default=None, description="store the critical gaps along x and y in this unit, as um"
     )
     leak_rate: LeakRate | None = Field(
         default=None, description="store the leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
     )
-    gas_leak_rate: Annotated[str, UnitOf("throughput")] | None = Field(
+    gas_leak_rate: Annotated[str, unit_name("throughput")] | None = Field(
         default=None,
         description="store the leak rates of the gas (section fluid) in this unit, as mbar*l/s or sccm",
     )
@@ -97,12 +93,9 @@ class FluidPressure(Strict):
     @model_validator(mode="after")
     def _falls(self) -> FluidPressure:
         units = {unit_of(self.inlet) is None, unit_of(self.outlet) is None}
-        outlet: float | None = self.outlet
         if len(units) > 1 and self.outlet != 0.0:
             refuse("inlet and outlet: give both with a unit, or none")
-        if unit_of(self.outlet) is not None:
-            outlet = in_unit(self.outlet, unit_of(self.inlet))
-        if outlet is not None and outlet >= self.inlet:
+        if in_unit(self.outlet, unit_of(self.inlet)) >= self.inlet:
             refuse("the outlet must be below the inlet")
         return self
 

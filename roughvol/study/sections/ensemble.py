@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_serializer, model_validator
-from pydantic_core import core_schema
+from pydantic import (
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    WithJsonSchema,
+    model_serializer,
+    model_validator,
+)
 
+from roughvol.study.plain_data import number_text
 from roughvol.study.sections.strict import Choice, refuse_at
-from roughvol.study.values.numbers import AreaFraction, Positive, Seed
 from roughvol.study.values.state_kinds import LISTS, STARRED, Level
-from roughvol.study.values.words import Many, Word, refuse
-from roughvol.study.yaml_text import number_text
+from roughvol.study.values.types import AreaFraction, Many, Positive, Seed, Word, refuse
+from roughvol.study.values.units import Written
 
 CLOSING = {  # end of a sweep that gives each quantity without a state
     "percolation_pressure": "percolation-both",
@@ -32,6 +38,7 @@ RECORDED_BY = {
 
 SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "days": 86400.0}
 """Units of a budget in seconds."""
+PERCENT = ("%",)
 TIGHTEST = 1e-5  # smallest relative accuracy
 WIDEST = 0.5  # largest relative accuracy
 RTOL_SHARE = 1e-2  # residual of the solver over the accuracy
@@ -42,26 +49,6 @@ FEWEST_LEVELS = 3  # levels that show whether a mean converges
 AUTO_FROM = 7  # smallest finest level of `m: auto`
 AUTO_TO = 12  # largest finest level of `m: auto`
 STEPS = 20  # steps of an ensemble that gives none
-
-
-class Written(float):
-    """A number with its text in the study."""
-
-    text: str
-
-    def __new__(cls, value: float, text: str) -> Self:
-        """Return the number with its text."""
-        new = super().__new__(cls, value)
-        new.text = text
-        return new
-
-    def __getnewargs__(self) -> tuple[Any, ...]:
-        """Survive pickling."""
-        return float(self), self.text
-
-    def __str__(self) -> str:
-        """Return the text of a study."""
-        return self.text
 
 
 class Budget(Written):
@@ -86,65 +73,54 @@ def plain_form(value: Written) -> Any:
     return float(value) if isinstance(value, Accuracy) and not value.relative else value.text
 
 
-@dataclass(frozen=True)
-class _Text:
-    """A number, or text of a number and a unit, for pydantic and the JSON schema."""
+def _parts(value: Any, units: tuple[str, ...]) -> tuple[float, str]:
+    """Return number and unit of a text; refuse others."""
+    parts = re.fullmatch(r"([0-9]+\.?[0-9]*(?:e[-+]?[0-9]+)?)\s*(\S+)", value.strip() if isinstance(value, str) else "")
+    if parts is None or parts[2] not in units:
+        plain = "a number > 0, or " if units == PERCENT else ""
+        refuse("must be {plain}a number > 0 with {units} behind it", plain=plain, units=" or ".join(units))
+    return float(parts[1]), parts[2]
 
-    units: tuple[str, ...]
-    bare: bool
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(
-            self._read, serialization=core_schema.plain_serializer_function_ser_schema(plain_form)
-        )
+def _above_zero(number: float) -> float:
+    if not (math.isfinite(number) and number > 0.0):
+        refuse("must be > 0")
+    return number
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        text = {"type": "string", "pattern": rf"^[0-9.]+(e-?[0-9]+)? *({'|'.join(self.units)})$"}
-        return {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, text]} if self.bare else text
 
-    def _parts(self, value: Any) -> tuple[float, str | None]:
-        if self.bare and isinstance(value, int | float) and not isinstance(value, bool):
-            return float(value), None
-        text = value.strip() if isinstance(value, str) else ""
-        parts = re.fullmatch(r"([0-9]+\.?[0-9]*(?:e[-+]?[0-9]+)?)\s*(\S+)", text)
-        if parts is None or parts[2] not in self.units:
-            refuse("must be {form}", form=self._form)
-        return float(parts[1]), parts[2]
-
-    @property
-    def _form(self) -> str:
-        units = f"a number > 0 with {' or '.join(self.units)} behind it"
-        return f"a number > 0, or {units}" if self.bare else units
-
-    def _read(self, value: Any) -> Any:
+def _accuracy(value: Any) -> Accuracy:
+    """Return the accuracy of a number, or of the text of a number and %."""
+    if isinstance(value, Accuracy):
         return value
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return Accuracy(_above_zero(float(value)), number_text(float(value)))
+    share = round(_parts(value, PERCENT)[0] / 100.0, 15)
+    if not TIGHTEST <= share <= WIDEST:
+        refuse("must be {low} % to {high} %", low=number_text(100 * TIGHTEST), high=number_text(100 * WIDEST))
+    return Accuracy(share, f"{number_text(round(100.0 * share, 12))} %")
 
 
-class _AccuracyText(_Text):
-    def _read(self, value: Any) -> Accuracy:
-        if isinstance(value, Accuracy):
-            return value
-        number, unit = self._parts(value)
-        if unit is not None:
-            number = round(number / 100.0, 15)
-            if not TIGHTEST <= number <= WIDEST:
-                refuse("must be {low} % to {high} %", low=number_text(100 * TIGHTEST), high=number_text(100 * WIDEST))
-        if not (math.isfinite(number) and number > 0.0):
-            refuse("must be > 0")
-        return Accuracy(number, number_text(number) if unit is None else f"{number_text(round(100.0 * number, 12))} %")
+def _budget(value: Any) -> Budget:
+    """Return the seconds of the text of a number and a unit of time."""
+    if isinstance(value, Budget):
+        return value
+    number, unit = _parts(value, tuple(SECONDS))
+    return Budget(_above_zero(number) * SECONDS[unit], f"{number_text(number)} {unit}")
 
 
-class _BudgetText(_Text):
-    def _read(self, value: Any) -> Budget:
-        if isinstance(value, Budget):
-            return value
-        number, unit = self._parts(value)
-        if not (math.isfinite(number) and number > 0.0):
-            refuse("must be > 0")
-        return Budget(number * SECONDS[str(unit)], f"{number_text(number)} {unit}")
+def _text_schema(units: tuple[str, ...]) -> dict[str, Any]:
+    return {"type": "string", "pattern": rf"^[0-9.]+(e-?[0-9]+)? *({'|'.join(units)})$"}
 
 
-HalfWidth = Annotated[Accuracy, _AccuracyText(("%",), bare=True)]
+HalfWidth = Annotated[
+    Accuracy,
+    PlainValidator(_accuracy),
+    PlainSerializer(plain_form),
+    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _text_schema(PERCENT)]}),
+]
+Time = Annotated[
+    Budget, PlainValidator(_budget), PlainSerializer(plain_form), WithJsonSchema(_text_schema(tuple(SECONDS)))
+]
 _HOW = "half-width of the 95 % interval of its mean, relative as 1 % or absolute as 0.01"
 
 
@@ -231,9 +207,7 @@ class Ensemble(Choice):
         default=States(),
         description="'last', or levels of pressure, separation, contact_area, indentation at which the means are taken",
     )
-    budget: Annotated[Budget, _BudgetText(tuple(SECONDS), bare=False)] | None = Field(
-        default=None, description="time after which no further samples begin, as 10 min"
-    )
+    budget: Time | None = Field(default=None, description="time after which no further samples begin, as 10 min")
     first_seed: Seed = Field(default=0, description="first seed; another one gives an independent answer")
 
     @model_serializer

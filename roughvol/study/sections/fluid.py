@@ -14,11 +14,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
+from roughvol.study.plain_data import number_text
 from roughvol.study.sections.strict import Strict
-from roughvol.study.values.numbers import Positive
-from roughvol.study.values.units import In, convert, counts_substance, in_unit, unit_of
-from roughvol.study.values.words import refuse
-from roughvol.study.yaml_text import number_text
+from roughvol.study.values.types import Positive, refuse
+from roughvol.study.values.units import In, convert, counts_substance, in_unit
 from roughvol.surfaces.length_units import METRES
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact since 2019
@@ -63,7 +62,7 @@ class OwnGas(Strict):
 
 
 def _above_zero(temperature: float) -> float:
-    if not (kelvin := convert(float(temperature), unit_of(temperature) or "K", "K")) > 0.0:
+    if not (kelvin := in_unit(temperature, "K")) > 0.0:
         refuse("must be above 0 K, is {kelvin} K", kelvin=number_text(kelvin))
     return temperature
 
@@ -118,25 +117,18 @@ class Fluid(Strict):
     @property
     def pressures(self) -> tuple[float, float]:
         """Absolute pressures of inlet and outlet [Pa]."""
-        inlet, outlet = in_unit(self.inlet, "Pa"), in_unit(self.outlet, "Pa")
-        assert inlet is not None
-        assert outlet is not None
-        return float(inlet), float(outlet)
+        return in_unit(self.inlet, "Pa"), in_unit(self.outlet, "Pa")
 
     @property
     def kelvin(self) -> float:
         """Temperature [K]."""
-        kelvin = in_unit(self.temperature, "K")
-        assert kelvin is not None
-        return float(kelvin)
+        return in_unit(self.temperature, "K")
 
     @property
     def viscosity(self) -> float:
         """Dynamic viscosity at the temperature [Pa s]."""
         if isinstance(self.gas, OwnGas):
-            own = in_unit(self.gas.viscosity, "Pa*s")
-            assert own is not None
-            return float(own)
+            return in_unit(self.gas.viscosity, "Pa*s")
         one = SUBSTANCES[self.gas]
         ratio = self.kelvin / one.reference
         return one.viscosity * ratio**1.5 * (one.reference + one.sutherland) / (self.kelvin + one.sutherland)
@@ -145,9 +137,7 @@ class Fluid(Strict):
     def molar_mass(self) -> float:
         """Molar mass [kg/mol]."""
         if isinstance(self.gas, OwnGas):
-            own = in_unit(self.gas.molar_mass, "kg/mol")
-            assert own is not None
-            return float(own)
+            return in_unit(self.gas.molar_mass, "kg/mol")
         return SUBSTANCES[self.gas].molar_mass
 
     def mean_free_path(self, pressure: float) -> float:
@@ -181,11 +171,6 @@ class Gas:
     law: str
     mean_free_path: float
     outlet: float
-
-    @property
-    def key(self) -> dict[str, Any]:
-        """The same as plain data."""
-        return {"law": self.law, "mean_free_path": self.mean_free_path, "outlet": self.outlet}
 
 
 def throughput(value: float, given: str, wanted: str, kelvin: float) -> float:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Field,
     SerializationInfo,
@@ -22,12 +23,11 @@ from pydantic import (
     model_validator,
 )
 
+from roughvol.study.plain_data import number_text, printable
 from roughvol.study.sections.strict import Strict, refuse_at
-from roughvol.study.sections.surface import UNIT
-from roughvol.study.sections.treatment import Crop, Outliers
-from roughvol.study.values.units import HeightsUnit, Length, LengthUnit, unit_of
-from roughvol.study.values.words import refuse
-from roughvol.study.yaml_text import printable
+from roughvol.study.sections.surface import UNIT, Sized
+from roughvol.study.values.types import as_tuple, refuse, two
+from roughvol.study.values.units import HeightsUnit, In, Length, LengthUnit, unit_of
 from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, Resampling
 
 BARE_FORMATS = (".npy", ".npz")  # formats without size and unit
@@ -97,10 +97,6 @@ def is_absent(error: Mapping[str, Any]) -> bool:
     return "path" in error.get("ctx", {}) and error["msg"] == NO_FILE.format(**error["ctx"])
 
 
-def _as_tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
 def _matching(value: Any, info: ValidationInfo) -> list[str]:
     """Return the files of a list, or those that a pattern matches, by name; relative to the study file."""
     context = info.context or {}
@@ -141,6 +137,53 @@ def _number(value: Any) -> Any:
 Variable = Annotated[str, BeforeValidator(_number)]
 
 
+def _alike(value: tuple[float, float]) -> tuple[float, float]:
+    units = [unit_of(position) for position in value]
+    for position, unit in zip(value, units, strict=True):
+        number = number_text(position)
+        if unit is None and position > 1:
+            refuse("{number} is no share of the side, 0 to 1; a length has a unit", number=number)
+        if unit is None and any(units) and position not in (0.0, 1.0):
+            refuse("{number} has no unit and the other position has one", number=number)
+    if units[0] == units[1] and value[0] >= value[1]:
+        refuse("must rise, from < to")
+    return value
+
+
+def _odd(value: int) -> int:
+    if value % 2 == 0:
+        refuse("must be odd: the node is in the middle")
+    return value
+
+
+Position = Annotated[float, Field(ge=0), In("length")]
+Part = Annotated[tuple[Position, Position], two("positions"), AfterValidator(_alike)]
+
+
+class Crop(Strict):
+    """A rectangle of a measured map, as shares of its sides or lengths with a unit."""
+
+    x: Part = Field(
+        default=(0.0, 1.0),
+        description="[from, to] along the first axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]",
+    )
+    y: Part = Field(
+        default=(0.0, 1.0),
+        description="[from, to] along the second axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]",
+    )
+
+
+class Outliers(Strict):
+    """Single heights far from the median of their neighbourhood."""
+
+    sigma: Annotated[float, Field(ge=3, le=1000)] = Field(
+        default=6.0, description="distance from the local median in robust standard deviations of the map, 3 to 1000"
+    )
+    window: Annotated[int, Field(ge=3, le=101), AfterValidator(_odd)] = Field(
+        default=5, description="nodes a side of the neighbourhood, odd, 3 to 101"
+    )
+
+
 class CounterBody(Strict):
     """The second of two rough bodies, on the same lattice as the first."""
 
@@ -159,11 +202,11 @@ class CounterBody(Strict):
     _text = field_serializer("file")(_path_text)
 
 
-class HeightFile(Strict):
+class HeightFile(Sized):
     """A surface from a height file, or the sum of two that face each other."""
 
     file: str = Field(description=_FILE)
-    files: Annotated[tuple[str, ...], BeforeValidator(_as_tuple)] = Field(
+    files: Annotated[tuple[str, ...], BeforeValidator(as_tuple)] = Field(
         default=(),
         description="instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
         "one length and unit",
@@ -263,9 +306,9 @@ class HeightFile(Strict):
         return tuple(self.model_copy(update={"file": file, "files": ()}) for file in self.files)
 
     @property
-    def length_unit(self) -> str | None:
-        """Unit of all lengths in the study; None without one."""
-        return unit_of(self.L) or self.unit
+    def has_length(self) -> bool:
+        """True: a file may have its own unit."""
+        return True
 
     @property
     def bodies(self) -> tuple[HeightFile | CounterBody, ...]:

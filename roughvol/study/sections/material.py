@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
+from roughvol.study.sections.solver import NamedKernel
 from roughvol.study.sections.strict import Strict
 from roughvol.study.values.units import Conductivity, Pressure, in_unit, unit_of
 
@@ -17,7 +18,34 @@ Conductivities = Annotated[list[Conductivity], Field(min_length=2, max_length=2)
 _CONDUCTIVITY = "[k1, k2]: heat conductivities of both bodies, > 0, as [50 W/m/K, 15 W/m/K]: shows the conductance"
 
 
-class ContactModulus(Strict):
+class Material(Strict):
+    """What both forms of the section have in common."""
+
+    if TYPE_CHECKING:  # fields of both forms, which follow their moduli
+        hardness: float | None = None
+        plastic: bool = True
+
+    @property
+    def unit(self) -> str | None:
+        """Unit of the modulus, None for an arbitrary one."""
+        raise NotImplementedError
+
+    @property
+    def indentation_hardness(self) -> float | None:
+        """The hardness in the unit of the modulus."""
+        return None if self.hardness is None else in_unit(self.hardness, self.unit)
+
+    @property
+    def yields(self) -> bool:
+        """Whether pressures end at a hardness."""
+        return self.hardness is not None and self.plastic
+
+    def kernel(self, length_unit: str | None) -> NamedKernel | None:
+        """Return the kernel of a material that has a length, this length in a unit; None for a half space."""
+        return None
+
+
+class ContactModulus(Material):
     """The material by its contact modulus E*; starred results of elastic contact do not depend on it."""
 
     E_star: Pressure = Field(default=1.0, description="contact modulus E/(1-nu^2), > 0, as 1 or 100 GPa")
@@ -32,13 +60,8 @@ class ContactModulus(Strict):
 
     @property
     def unit(self) -> str | None:
-        """Unit of the contact modulus, None for an arbitrary one."""
+        """Unit of the modulus, None for an arbitrary one."""
         return unit_of(self.E_star)
-
-    @property
-    def indentation_hardness(self) -> float | None:
-        """The hardness in the unit of the modulus."""
-        return in_unit(self.hardness, self.unit)
 
 
 class CounterMaterial(Strict):
@@ -48,7 +71,7 @@ class CounterMaterial(Strict):
     nu: PoissonRatio = Field(description="Poisson's ratio of the other body, -1 < nu <= 0.5")
 
 
-class YoungPoisson(Strict):
+class YoungPoisson(Material):
     """The material by Young's modulus and Poisson's ratio, against a rigid plane or another elastic body."""
 
     E: Pressure = Field(description="Young's modulus, > 0, as 1 or 210 GPa")
@@ -66,20 +89,13 @@ class YoungPoisson(Strict):
         own = float(self.E) / (1 - self.nu**2)
         if self.against is None:
             return own
-        E, nu = in_unit(self.against.E, self.unit), self.against.nu
-        assert E is not None
-        other = float(E) / (1 - nu**2)
+        other = float(in_unit(self.against.E, self.unit)) / (1 - self.against.nu**2)
         return 1 / (1 / own + 1 / other)
 
     @property
     def unit(self) -> str | None:
-        """Unit of the contact modulus, None for an arbitrary one."""
+        """Unit of the modulus, None for an arbitrary one."""
         return unit_of(self.E)
-
-    @property
-    def indentation_hardness(self) -> float | None:
-        """The hardness in the unit of the modulus."""
-        return in_unit(self.hardness, self.unit)
 
 
 def tag_material(value: Any) -> str:

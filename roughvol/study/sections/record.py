@@ -6,25 +6,24 @@ from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
     Discriminator,
     Field,
     Tag,
-    field_validator,
     model_serializer,
     model_validator,
 )
 
-from roughvol.study.sections.dimensional import Dimensional, FluidPressure
-from roughvol.study.sections.select import IN_WORDS, Select, Selector
+from roughvol.study.plain_data import KeyPath, number_text
+from roughvol.study.sections.dimensional import Dimensional, FluidPressure, LeakRate
 from roughvol.study.sections.strict import Choice, Strict, models_in
-from roughvol.study.values.numbers import AreaFraction, Fraction, Whole
+from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
+from roughvol.study.values.types import AreaFraction, Fraction, Many, Switch, Whole, Word, refuse, two
 from roughvol.study.values.units import in_unit, unit_of
-from roughvol.study.values.words import Many, Switch, Word, refuse
-from roughvol.study.yaml_text import KeyPath, number_text
 
 
 class BoxCounting(Strict):
@@ -114,29 +113,24 @@ class Transport(Choice):
         return self
 
 
+def _rising(value: tuple[float, float]) -> tuple[float, float]:
+    if value[0] >= value[1]:
+        refuse("must rise, from < to")
+    return value
+
+
+Span = Annotated[tuple[Fraction, Fraction], two("numbers"), AfterValidator(_rising)]
+
+
 class Region(Strict):
     """A rectangle of the surface, as shares of its sides."""
 
-    x: tuple[Fraction, Fraction] = Field(
+    x: Span = Field(
         default=(0.0, 1.0), description="[from, to] along the first axis over its length, 0 <= from < to <= 1"
     )
-    y: tuple[Fraction, Fraction] = Field(
+    y: Span = Field(
         default=(0.0, 1.0), description="[from, to] along the second axis over its length, 0 <= from < to <= 1"
     )
-
-    @field_validator("x", "y", mode="before")
-    @classmethod
-    def _two(cls, value: Any) -> Any:
-        if not isinstance(value, list | tuple) or len(value) != 2:
-            refuse("must be two numbers, [from, to]")
-        return tuple(value)
-
-    @field_validator("x", "y")
-    @classmethod
-    def _rising(cls, value: tuple[float, float]) -> tuple[float, float]:
-        if value[0] >= value[1]:
-            refuse("must rise, from < to")
-        return value
 
     @property
     def label(self) -> str:
@@ -213,15 +207,25 @@ class Record(Strict):
 
     @model_validator(mode="after")
     def _one_drop(self) -> Record:
-        fluid, leak = self.fluid_pressure, self.dimensional.leak_rate if self.dimensional else None
+        fluid, leak = self.fluid_pressure, self.leak_rate
         if fluid is not None and leak is not None and fluid.has_units:
             inlet, outlet, drop = (in_unit(value, "Pa") for value in (fluid.inlet, fluid.outlet, leak.pressure_drop))
-            if abs((inlet or 0.0) - (outlet or 0.0) - (drop or 0.0)) > 1e-6 * (drop or 0.0):
+            if abs(inlet - outlet - drop) > 1e-6 * drop:
                 refuse(
                     "fluid_pressure: inlet - outlet must equal dimensional.leak_rate.pressure_drop, {drop}",
                     drop=str(leak.pressure_drop),
                 )
         return self
+
+    @property
+    def leak_rate(self) -> LeakRate | None:
+        """The liquid whose leak rates are stored."""
+        return None if self.dimensional is None else self.dimensional.leak_rate
+
+    @property
+    def gas_flow(self) -> bool:
+        """Whether the flow of a gas is recorded."""
+        return self.transport is not None and self.transport.gas_flow is not None
 
     @property
     def selects(self) -> dict[tuple[str, ...], Select]:
@@ -234,20 +238,6 @@ class Record(Strict):
             if isinstance(here, Select):
                 found[path] = here
         return found
-
-    def key(self, *, legs: bool) -> dict[str, Any]:
-        """Return everything that changes a stored case, as plain data; later keys only where they are set."""
-        record = self.model_dump(mode="json", exclude={"dimensional"})
-        for name in ("residual_heights", "psd", "contact_perimeter", "fluid_pressure"):
-            if not record[name]:
-                del record[name]
-        if self.psd is not None and self.region is not None:  # it was of the whole surface before
-            record["psd"] = {"at": self.psd.at and record["psd"]["at"]}
-        if self.fluid_pressure is not None and not self.fluid_pressure.fields:
-            del record["fluid_pressure"]["fields"]
-        if not record["all_legs"] or not legs:
-            del record["all_legs"]
-        return record
 
     @property
     def has_units(self) -> bool:

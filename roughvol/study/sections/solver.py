@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
+from roughvol.study.plain_data import number_text
 from roughvol.study.sections.strict import Choice, Strict
-from roughvol.study.values.words import refuse
+from roughvol.study.values.types import refuse
 
 ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
 """Bound of the residual η/σ for each accuracy."""
@@ -41,6 +43,34 @@ class MaxError(Choice):
 
 FreeKernel = Literal["love", "punch"]  # with influence coefficients: on a free patch and on a periodic surface
 PeriodicKernel = Literal["fourier"]
+
+
+@dataclass(frozen=True)
+class NamedKernel:
+    """A kernel of `contact.kernels` by its name, with what it is made of.
+
+    Attributes
+    ----------
+    name : str
+        Name of the kernel.
+    lengths : pairs of name and length in the unit of L.
+    numbers : pairs of name and number without a unit.
+    """
+
+    name: str
+    lengths: tuple[tuple[str, float], ...] = ()
+    numbers: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {"name": self.name, **dict(self.lengths), **dict(self.numbers)}
+
+    @property
+    def label(self) -> str:
+        """The kernel in words, as ``layer (thickness = 50)``."""
+        made_of = ", ".join(f"{name} = {number_text(value)}" for name, value in (*self.lengths, *self.numbers))
+        return f"{self.name} ({made_of})" if made_of else self.name
 
 
 class Solver(Strict):

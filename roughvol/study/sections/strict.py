@@ -9,8 +9,8 @@ from typing import Any, NoReturn, get_args
 from pydantic import BaseModel, ConfigDict, RootModel, ValidationError, model_serializer
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from roughvol.study.values.units import Quantity
-from roughvol.study.yaml_text import KeyPath
+from roughvol.study.plain_data import KeyPath
+from roughvol.study.values.units import text_of
 
 
 def refuse_at(path: KeyPath, given: Any, message: str, **context: str) -> NoReturn:
@@ -58,4 +58,4 @@ class Choice(Strict):
 
     @model_serializer
     def _plain(self) -> Any:
-        return {name: str(value) if isinstance(value, Quantity) else value for name, value in self.named.items()}
+        return {name: text_of(value) for name, value in self.named.items()}

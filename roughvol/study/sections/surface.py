@@ -1,27 +1,37 @@
-"""The section ``surface`` of surfaces by random midpoint displacement."""
+"""The section ``surface`` of surfaces that are made: by random midpoint displacement, or with a power-law spectrum.
+
+The spectrum has a roll-off and a cut-off wavelength.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+import math
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_serializer
+from pydantic import AfterValidator, BeforeValidator, Field, model_serializer
 
+from roughvol.study.sections.ensemble import AUTO_FROM, AUTO_TO
 from roughvol.study.sections.strict import Strict, nearest
-from roughvol.study.values.numbers import Dimension, Refinement, Seed, whole
+from roughvol.study.values.types import Auto, Dimension, Many, Positive, Refinement, Seed, Whole, refuse, whole
 from roughvol.study.values.units import Length, LengthUnit, unit_of
-from roughvol.study.values.words import Auto, Many, refuse
 from roughvol.surfaces.length_units import factor
+from roughvol.surfaces.power_law import Spectrum
 
 MAX_SEEDS = 10_000
 UNIT = "unit of L, of the heights and of stored lengths; default: none"
+SPECTRAL = ("H", "n", "rolloff", "cut", "shortest", "slope", "Ssk", "anisotropy", "phases")  # keys of no other surface
+FEWEST, MOST = 8, 8192  # nodes per side
+STEEPEST = 3.0  # skewness
+ROLLOFF_NODES = 8  # elements of λ_r on the first grid of `n: auto`: the power law has two octaves
+CUT_NODES = 16  # elements of λ_s from which a mean that changes with n has no limit: the three below have all waves
 
 
-def count_in_schema(schema: dict[str, Any]) -> None:
+def _count_in_schema(schema: dict[str, Any]) -> None:
     """Write the bounds of a number of seeds into a JSON schema."""
     schema["anyOf"][0] = {"type": "integer", "minimum": 1, "maximum": MAX_SEEDS}  # a number of seeds
 
 
-def counted(value: Any) -> Any:
+def _counted(value: Any) -> Any:
     """Return the seeds 0 … n - 1 for a number n of seeds, other values unchanged."""
     value = whole(value)
     if not isinstance(value, int) or isinstance(value, bool):
@@ -31,7 +41,55 @@ def counted(value: Any) -> Any:
     return tuple(range(value))
 
 
-class GeneratedSurface(Strict):
+def _power_of_two(value: int) -> int:
+    if value & (value - 1):
+        refuse("must be a power of two, {low} to {high}", low=str(FEWEST), high=str(MOST))
+    return value
+
+
+Hurst = Annotated[float, Field(gt=0, lt=1)]
+Nodes = Annotated[Whole, Field(ge=FEWEST, le=MOST), AfterValidator(_power_of_two)]
+
+
+Seeds = Annotated[
+    Many[Seed],
+    BeforeValidator(_counted),
+    Field(
+        validate_default=True,
+        json_schema_extra=_count_in_schema,
+        description=f"number of seeds, 1 to {MAX_SEEDS} (10: seeds 0 to 9), or a list of seeds >= 0",
+    ),
+]
+
+
+class Sized(Strict):
+    """A surface with a length L, in a unit or none."""
+
+    if TYPE_CHECKING:  # fields, in the order of each section
+        L: float | None
+        unit: str | None
+
+    @property
+    def length_unit(self) -> str | None:
+        """Unit of all lengths; None for an arbitrary one."""
+        return unit_of(self.L) or self.unit
+
+    @property
+    def has_length(self) -> bool:
+        """Whether lengths have a unit; of a file that may have its own, true."""
+        return self.length_unit is not None
+
+    def in_own_unit(self, length: float) -> float:
+        """Return a length in the unit of L; a plain number is in that unit."""
+        given = unit_of(length)
+        return (
+            float(length)
+            if given is None or self.length_unit is None
+            else float(length) * factor(given, self.length_unit)
+        )
+
+
+class GeneratedSurface(Sized):
     """Surfaces by random midpoint displacement; every combination of D, m and seed is a case."""
 
     D: Many[Dimension] = Field(description="fractal dimension of the generated surface, 2 < D < 3; a number or a list")
@@ -39,12 +97,7 @@ class GeneratedSurface(Strict):
         description="2^m + 1 nodes per side, whole, 1 <= m <= 13; a number or a list; 'auto' for an ensemble"
     )
     L: Length = Field(default=100.0, description="lateral size, L > 0, as 100 or 100 um")
-    seeds: Many[Seed] = Field(
-        default=10,
-        validate_default=True,
-        json_schema_extra=count_in_schema,
-        description=f"number of seeds, 1 to {MAX_SEEDS} (10: seeds 0 to 9), or a list of seeds >= 0",
-    )
+    seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
     midpoint_law: Literal["std", "variance"] = Field(
         default="std", description="quantity divided by 2^((3-D)/2) in each half step: 'std' or 'variance'"
     )
@@ -60,17 +113,9 @@ class GeneratedSurface(Strict):
     )
 
     @property
-    def length_unit(self) -> str | None:
-        """Unit of all lengths; None for an arbitrary one."""
-        return unit_of(self.L) or self.unit
-
-    @property
     def height(self) -> float | None:
         """Sq of the scaled heights in the unit of L; None if they are not scaled."""
-        given = unit_of(self.Sq)
-        if self.Sq is None or given is None or self.length_unit is None:
-            return self.Sq
-        return float(self.Sq) * factor(given, self.length_unit)
+        return None if self.Sq is None else self.in_own_unit(self.Sq)
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
@@ -83,12 +128,133 @@ class GeneratedSurface(Strict):
         """All D."""
         return self.D
 
-    _count = field_validator("seeds", mode="before")(counted)
+
+class SpectralSurface(Sized):
+    """Random surfaces with a power-law spectrum; every combination of H, n and seed is a case."""
+
+    H: Many[Hurst] = Field(default=(), description="Hurst exponent, 0 < H < 1; a number or a list")
+    D: Many[Dimension] = Field(default=(), description="fractal dimension instead of H, D = 3 - H, 2 < D < 3")
+    n: Annotated[Many[Nodes], Auto()] = Field(
+        description=f"nodes per side of the period, a power of two, {FEWEST} to {MOST}; a number or a list; "
+        "'auto' for an ensemble, with cut or shortest"
+    )
+    rolloff: Annotated[float, Field(ge=1)] = Field(
+        default=1.0, description="L over the roll-off wavelength λ_r, >= 1; 1: a power law up to L"
+    )
+    cut: Annotated[float, Field(gt=1)] | None = Field(
+        default=None,
+        description="L over the short cut-off wavelength λ_s, > rolloff, at most half the largest n; "
+        "default: half the largest n",
+    )
+    shortest: Length | None = Field(
+        default=None, description="λ_s instead of cut: a share of L as 0.01, or a length with its unit as 1 um"
+    )
+    Sq: Length | None = Field(
+        default=None,
+        description="root mean square height of the period, > 0, with its unit or in that of L; default: 1",
+    )
+    slope: Positive | None = Field(default=None, description="root mean square slope of the period instead of Sq, > 0")
+    Ssk: Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)] | None = Field(
+        default=None, description=f"skewness of the heights, -{STEEPEST:g} to {STEEPEST:g}; default: Gaussian heights"
+    )
+    anisotropy: Annotated[float, Field(ge=1)] = Field(
+        default=1.0, description="wavelengths along x over those along y, >= 1 and < cut"
+    )
+    phases: Literal["gaussian", "random"] = Field(
+        default="gaussian",
+        description="'gaussian': random amplitudes and phases; 'random': amplitudes as the spectrum, random phases",
+    )
+    L: Length = Field(default=100.0, description="length of the period, L > 0, as 100 or 100 um")
+    seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
+    unit: LengthUnit | None = Field(default=None, description=UNIT)
+    periodic: bool = Field(
+        default=False,
+        description="true: one period, n x n elements without an edge; false: a free patch, the period with its edge "
+        "repeated, (n + 1) x (n + 1) nodes",
+    )
+
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> dict[str, Any]:
+        """Leave out the keys that were not given and have no default; write 'auto' where an ensemble chooses n."""
+        data: dict[str, Any] = handler(self)
+        left_out = ("H", "D", "cut", "shortest", "Sq", "slope", "Ssk")
+        data = {name: value for name, value in data.items() if name not in left_out or value not in (None, (), [])}
+        return data if self.n else data | {"n": "auto"}
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """All D, 3 - H."""
+        return self.D or tuple(round(3.0 - H, 12) for H in self.H)  # the same surface by either name
+
+    @property
+    def m(self) -> tuple[int, ...]:
+        """Levels, log2 n."""
+        return tuple(n.bit_length() - 1 for n in self.n)
+
+    @property
+    def height(self) -> float | None:
+        """None: the heights are made with their Sq and not scaled afterwards."""
+        return None
+
+    @property
+    def shortest_ratio(self) -> float:
+        """L over λ_s."""
+        if self.cut is not None:
+            return float(self.cut)
+        if self.shortest is None:
+            return max(self.n) / 2.0
+        if unit_of(self.shortest) is None:
+            return 1.0 / float(self.shortest)
+        length = self.in_own_unit(self.shortest)
+        return float(self.L) / length if length > 0.0 else math.inf  # too small for a float in the unit of L
+
+    @property
+    def spectrum(self) -> Spectrum:
+        """The spectrum of all cases."""
+        return Spectrum(
+            rolloff=float(self.rolloff),
+            cut=self.shortest_ratio,
+            Sq=1.0 if self.Sq is None else self.in_own_unit(self.Sq),
+            slope=self.slope,
+            Ssk=self.Ssk,
+            anisotropy=float(self.anisotropy),
+            phases=self.phases,
+            periodic=self.periodic,
+        )
+
+
+MadeSurface = GeneratedSurface | SpectralSurface
+"""Surfaces that are made and not measured."""
+
+
+def first_finest(surface: MadeSurface) -> int:
+    """Return m or log2 n of the finest level with which an ensemble begins.
+
+    Of 'auto': the smallest, with a spectrum the smallest whose elements show the power law.
+    """
+    if surface.m:
+        return surface.m[0]
+    if not isinstance(surface, SpectralSurface):
+        return AUTO_FROM
+    return min(max(AUTO_FROM, math.ceil(math.log2(ROLLOFF_NODES * surface.rolloff))), AUTO_TO)
+
+
+def holds_all_waves(surface: MadeSurface, m: int) -> bool:
+    """Return whether a level and the three below hold all waves, so that a limit would show.
+
+    True of midpoint surfaces, which have no shortest wave.
+    """
+    return not isinstance(surface, SpectralSurface) or 2**m >= CUT_NODES * surface.shortest_ratio or m >= AUTO_TO
 
 
 def tag_surface(value: Any) -> str:
-    """Return the tag of `height_file.HeightFile` for keys of a file, else that of `GeneratedSurface`."""
+    """Return the tag of the form of a section: of a spectrum, a file, or else of midpoint displacement."""
     if not isinstance(value, dict):
-        return "<generated>" if isinstance(value, GeneratedSurface) else "<file>"
+        forms = ((SpectralSurface, "<spectrum>"), (GeneratedSurface, "<generated>"))
+        return next((tag for form, tag in forms if isinstance(value, form)), "<file>")
+    if {"file", "files"} & value.keys():
+        return "<file>"
+    if not {"m", "midpoint_law"} & value.keys() and {*SPECTRAL} & value.keys():
+        return "<spectrum>"
     hints = not {"D", "m"} & value.keys() and any(nearest(key, ["file", "variable"]) for key in value)
-    return "<file>" if {"file", "files"} & value.keys() or hints else "<generated>"
+    return "<file>" if hints else "<generated>"

@@ -1,4 +1,4 @@
-"""The section ``sweep`` of a study: the last state, listed states, and paths of legs.
+"""The section ``sweep`` of a study: the last state, listed states, and paths of legs; and states selected of a sweep.
 
 Levels are dimensionless, or have a unit: ``indentation`` Δ/σ, ``separation`` d/σ, ``contact_area`` A*, ``free_volume``
 V*, ``pressure`` p* = mean(p) L/(E* σ); ``mean_gap`` and ``load`` always have one.
@@ -7,7 +7,7 @@ V*, ``pressure`` p* = mean(p) L/(E* σ); ``mean_gap`` and ``load`` always have o
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -21,13 +21,62 @@ from pydantic import (
     model_validator,
 )
 
+from roughvol.study.plain_data import KeyPath
 from roughvol.study.sections.strict import Choice, Strict, refuse_at
-from roughvol.study.values.numbers import AreaFraction, Positive, Whole
-from roughvol.study.values.scale import OF_ALL
-from roughvol.study.values.state_kinds import LISTS, STATE_KINDS, Level
-from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, Quantity, convert, unit_of
-from roughvol.study.values.words import Many, Word, refuse
-from roughvol.study.yaml_text import KeyPath
+from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level, Starred
+from roughvol.study.values.types import AreaFraction, Many, Positive, StepNumber, Whole, Word, as_tuple, refuse
+from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, convert, text_of, unit_of
+
+
+class Select(Choice):
+    """States to record: the last one, steps, or levels.
+
+    Fields, densities and box counts are those of the state at the level, solved for them. Quantities along the steps
+    are those of the first step at the level or beyond it.
+    """
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
+    step: Many[StepNumber] = Field(default_factory=tuple, description="step numbers, from 1 to sweep.steps")
+    contact_area: Many[AreaFraction] = Field(default_factory=tuple, description="levels of A*, 0 < A* <= 1")
+    pressure: Many[Pressure] = Field(default_factory=tuple, description="levels of p* > 0, or of p as 0.5 MPa")
+    separation: Many[Position] = Field(
+        default_factory=tuple, description="levels of d/σ, reached from above, or of d as 0.5 um"
+    )
+    indentation: Many[Length] = Field(default_factory=tuple, description="levels of Δ/σ > 0, or of Δ as 2 um")
+    free_volume: Many[Positive] = Field(default_factory=tuple, description="levels of V* > 0, reached from above")
+    mean_gap: Many[Gap] = Field(
+        default_factory=tuple, description="levels of the mean gap, as 1 um, reached from above"
+    )
+    load: Many[Load] = Field(
+        default_factory=tuple, description=f"levels of the load on the whole surface, as 20 N; {OF_ALL}"
+    )
+
+    @model_serializer
+    def _plain(self) -> Any:
+        written = {kind: [text_of(value) for value in values] for kind, values in self.named.items()}
+        return written or "last"
+
+    @property
+    def levels(self) -> tuple[Level, ...]:
+        """Levels, kind by kind; ``Level("last")`` without any."""
+        levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
+        return tuple(levels) or (Level("last"),)
+
+    def starred(self, of: Callable[[Level], Level]) -> Select:
+        """Return the same states as starred numbers, each with its label in the study."""
+        values: dict[str, tuple[float, ...]] = {}
+        for level in self.levels:
+            if level.value is None:
+                return self
+            new = of(level)
+            value = new.value if unit_of(level.value) is None else Starred(new.value or 0.0, level.label)
+            values[new.kind] = (*values.get(new.kind, ()), value or 0.0)
+        return type(self).model_construct(None, **values)
+
+
+Selector = Annotated[Select, Word("last")]
+IN_WORDS = "'last', or levels of step, contact_area, pressure, separation, indentation, free_volume, mean_gap, load"
 
 
 class Target(Choice):
@@ -64,10 +113,6 @@ class Target(Choice):
 
 def _tag_to(value: Any) -> str:
     return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
-
-
-def _as_tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
 
 
 def _number_of_steps(value: Any) -> Any:
@@ -171,7 +216,7 @@ class Sweep(Strict):
             if index is None:
                 refuse_at((name,), list(getattr(self, name)), "{reason}", reason=reason)
             value = self.listed[index].value
-            refuse_at((name, index), str(value) if isinstance(value, Quantity) else value, "{reason}", reason=reason)
+            refuse_at((name, index), text_of(value), "{reason}", reason=reason)
         if self.first is not None and self.equal != "log pressure":
             refuse("'first' needs equal: log pressure")
         return self
@@ -184,14 +229,6 @@ class Sweep(Strict):
         if given:
             return {given[0]: data[given[0]]}
         return {name: value for name, value in data.items() if name not in LISTS}
-
-    @property
-    def key(self) -> Any:
-        """The plain data that a case is identified by."""
-        data = self.model_dump(mode="json")
-        if self.equal == "indentation":  # cases without it keep their id
-            data = {name: value for name, value in data.items() if name not in ("equal", "first")}
-        return data
 
     @property
     def listed(self) -> tuple[Level, ...] | None:
@@ -230,6 +267,20 @@ class Sweep(Strict):
     def legs(self) -> tuple[Sweep, ...]:
         """The legs of the path: this one."""
         return (self,)
+
+    def step_of(self, level: Level) -> int | None:
+        """Return the index of the step that is defined as a state: a listed state, or the end; None for other states.
+
+        The solve of such a step may miss the state by more than `REACHED` where the residual asked for is large.
+
+        Examples
+        --------
+        >>> Sweep(pressures=[0.1, 0.2]).step_of(Level("pressure", 0.2))
+        1
+        """
+        if self.listed is not None:
+            return self.listed.index(level) if level in self.listed else None
+        return self.steps - 1 if level == self.target else None
 
 
 Fallen = Annotated[float, Field(ge=0)]
@@ -274,7 +325,7 @@ class Legs(RootModel[tuple[Leg, ...]]):
     """A path of legs, up and down."""
 
     model_config = ConfigDict(strict=True, frozen=True)
-    root: Annotated[tuple[Leg, ...], BeforeValidator(_as_tuple), Field(min_length=1, max_length=100)] = Field(
+    root: Annotated[tuple[Leg, ...], BeforeValidator(as_tuple), Field(min_length=1, max_length=100)] = Field(
         description="list of legs {steps, to}, each from the end of the one before"
     )
 
@@ -297,11 +348,6 @@ class Legs(RootModel[tuple[Leg, ...]]):
         """Yield the states with a value of all legs, each with its place in the study."""
         for number, leg in enumerate(self.root):
             yield from leg.states(("sweep", number))
-
-    @property
-    def key(self) -> Any:
-        """The plain data that a case is identified by."""
-        return [leg.key for leg in self.root]
 
     @property
     def steps(self) -> int:

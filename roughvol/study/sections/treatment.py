@@ -12,77 +12,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated, Any, NoReturn, Protocol
-
-from pydantic import Field, field_validator
+from typing import NoReturn
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.sections.strict import Strict
-from roughvol.study.values.units import In, Length, unit_of
-from roughvol.study.values.words import refuse
-from roughvol.study.yaml_text import number_text
-from roughvol.surfaces.body import Levelling, Missing, Nodes, Resampling, Treatment
+from roughvol.study.plain_data import number_text
+from roughvol.study.sections.height_file import Crop, HeightFile
+from roughvol.study.values.units import Length, unit_of
+from roughvol.surfaces.body import Nodes, Resampling, Treatment
 from roughvol.surfaces.length_units import factor
 
 SQUARE = 1e-4  # relative difference of the sides of a square pixel: a tenth of a pixel over a thousand
 MOST_OBLONG = 2.0  # largest ratio of the sides of a pixel for resampling
 FEWEST = 3  # nodes along an axis
 ROUNDING = 1e-9  # of a position over the length of its axis
-
-Position = Annotated[float, Field(ge=0), In("length")]
-
-
-class Crop(Strict):
-    """A rectangle of a measured map, as shares of its sides or lengths with a unit."""
-
-    x: tuple[Position, Position] = Field(
-        default=(0.0, 1.0),
-        description="[from, to] along the first axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]",
-    )
-    y: tuple[Position, Position] = Field(
-        default=(0.0, 1.0),
-        description="[from, to] along the second axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]",
-    )
-
-    @field_validator("x", "y", mode="before")
-    @classmethod
-    def _two(cls, value: Any) -> Any:
-        if not isinstance(value, list | tuple) or len(value) != 2:
-            refuse("must be two positions, [from, to]")
-        return tuple(value)
-
-    @field_validator("x", "y")
-    @classmethod
-    def _alike(cls, value: tuple[float, float]) -> tuple[float, float]:
-        units = [unit_of(position) for position in value]
-        for position, unit in zip(value, units, strict=True):
-            number = number_text(position)
-            if unit is None and position > 1:
-                refuse("{number} is no share of the side, 0 to 1; a length has a unit", number=number)
-            if unit is None and any(units) and position not in (0.0, 1.0):
-                refuse("{number} has no unit and the other position has one", number=number)
-        if units[0] == units[1] and value[0] >= value[1]:
-            refuse("must rise, from < to")
-        return value
-
-
-class Outliers(Strict):
-    """Single heights far from the median of their neighbourhood."""
-
-    sigma: Annotated[float, Field(ge=3, le=1000)] = Field(
-        default=6.0, description="distance from the local median in robust standard deviations of the map, 3 to 1000"
-    )
-    window: Annotated[int, Field(ge=3, le=101)] = Field(
-        default=5, description="nodes a side of the neighbourhood, odd, 3 to 101"
-    )
-
-    @field_validator("window")
-    @classmethod
-    def _odd(cls, value: int) -> int:
-        if value % 2 == 0:
-            refuse("must be odd: the node is in the middle")
-        return value
 
 
 @dataclass(frozen=True)
@@ -101,26 +43,6 @@ class Lattice:
     def L(self) -> float:
         """Length of the first axis."""
         return self.pixel[0] * (self.shape[0] - 1)
-
-
-@dataclass(frozen=True)
-class File:
-    """A height file, and the lengths of its axes x and y in any one unit; None without."""
-
-    path: Path
-    sides: tuple[float, float] | None
-
-
-class Keys(Protocol):
-    """Keys of the section ``surface`` for the treatment."""
-
-    level: Levelling
-    missing: Missing
-    low_pass: Length | None
-    crop: Crop | None
-    outliers: Outliers | None
-    downsample: int
-    resample: Resampling
 
 
 def steps(treatment: Treatment, unit: str | None) -> list[str]:
@@ -155,36 +77,41 @@ def steps(treatment: Treatment, unit: str | None) -> list[str]:
 
 
 def settled(
-    surface: Keys, files: Sequence[File], shape: Callable[[int], tuple[int, int]], L: float, unit: str | None
+    surface: HeightFile,
+    sides: Sequence[tuple[float, float] | None],
+    shape: Callable[[int], tuple[int, int]],
+    L: float,
+    unit: str | None,
 ) -> tuple[Treatment, float, list[float | None]]:
-    """Return the treatment in nodes, the remaining length, and the pixel ratio of each file."""
+    """Return the treatment in nodes, the remaining length, and the pixel ratio of each file.
+
+    ``sides`` are the lengths of both axes of each file in any one unit, None without; ``shape`` returns its nodes.
+    """
     low_pass = None if surface.low_pass is None else in_unit_of_study(surface.low_pass, unit, "surface.low_pass")
     outliers = None if surface.outliers is None else (surface.outliers.sigma, surface.outliers.window)
     plain = Treatment(surface.level, surface.missing, low_pass, outliers=outliers)
-    changed = surface.crop is not None or surface.downsample != 1 or surface.resample != "none"
+    downsample, resample = surface.downsample, surface.resample
+    changed = surface.crop is not None or downsample != 1 or resample != "none"
     lattices = []
-    for index, file in enumerate(files):
-        if file.sides is None and surface.resample != "none":
-            wrong(f"{file.path} does not give the sides of its pixels", _RESAMPLE)
-        if file.sides is None and not changed:
+    for index, (body, lengths) in enumerate(zip(surface.bodies, sides, strict=True)):
+        if lengths is None and resample != "none":
+            wrong(f"{body.file} does not give the sides of its pixels", _RESAMPLE)
+        if lengths is None and not changed:
             continue
         nodes = shape(index)
-        x, y = (1.0, 1.0) if file.sides is None else (file.sides[axis] / (nodes[axis] - 1) for axis in (0, 1))
+        x, y = (1.0, 1.0) if lengths is None else (length / (n - 1) for length, n in zip(lengths, nodes, strict=True))
         pixel = L / (nodes[0] - 1)
         lattices.append(Lattice(nodes, (pixel, pixel * (y / x))))
-        check_pixels(lattices[-1], surface.resample, str(file.path), unit)
+        check_pixels(lattices[-1], resample, body.file, unit)
         if changed and nodes != lattices[0].shape:
-            message = f"{file.path} has {nodes} nodes; allowed: {lattices[0].shape}, as in {files[0].path}"
+            message = f"{body.file} has {nodes} nodes; allowed: {lattices[0].shape}, as in {surface.file}"
             wrong(message, "surface.against.file")
-    if not changed:
-        return plain, L, [None] * len(files)
-    kept = nodes_kept(surface.crop, surface.downsample, lattices[0], unit)
-    if kept is None and surface.downsample == 1 and surface.resample == "none":
-        return plain, L, [None] * len(files)  # L exactly as without a crop
-    left = after(lattices[0], kept, surface.downsample, surface.resample)
-    treatment = replace(plain, crop=kept, downsample=surface.downsample, resample=surface.resample)
-    ratios = [lattice.ratio if surface.resample != "none" else None for lattice in lattices]
-    return treatment, left.L, ratios
+    kept = nodes_kept(surface.crop, downsample, lattices[0], unit) if changed else None
+    if kept is None and downsample == 1 and resample == "none":
+        return plain, L, [None] * len(sides)  # L exactly as without a crop
+    left = after(lattices[0], kept, downsample, resample)
+    treatment = replace(plain, crop=kept, downsample=downsample, resample=resample)
+    return treatment, left.L, [lattice.ratio if resample != "none" else None for lattice in lattices]
 
 
 def nodes_kept(crop: Crop | None, downsample: int, lattice: Lattice, unit: str | None) -> Nodes | None:

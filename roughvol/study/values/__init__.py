@@ -1,1 +1,1 @@
-"""Values of a study: numbers with units, levels of a state, words in place of values, times as text."""
+"""Values of a study: numbers with units, states of a sweep, words in place of values."""

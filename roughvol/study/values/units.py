@@ -10,13 +10,15 @@ import contextlib
 import functools
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, Self
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import AfterValidator, GetCoreSchemaHandler
 from pydantic_core import PydanticCustomError, core_schema
 
-from roughvol.study.yaml_text import number_text, printable
+from roughvol.study.plain_data import number_text, printable
+from roughvol.study.values.types import Form, Positive, refuse
 from roughvol.surfaces.length_units import METRES, named
 
 # Dimension in pint's notation, and units for messages.
@@ -49,20 +51,33 @@ _STANDARD = re.compile(r"(?:sccm|sccs|standard_liter_per_minute)\b")  # pint's f
 _NOT_KNOWN = (AttributeError, ValueError, TypeError, AssertionError)  # bases of pint's errors beside PintError
 
 
-class Quantity(float):
-    """A number with the unit given in the study; a plain float in sums and comparisons."""
+class Written(float):
+    """A number with a text beside it; a plain float in sums and comparisons."""
 
-    unit: str
+    text: str
 
-    def __new__(cls, value: float, unit: str) -> Quantity:
-        """Return the number with its unit."""
+    def __new__(cls, value: float, text: str) -> Self:
+        """Return the number with its text."""
         new = super().__new__(cls, value)
-        new.unit = unit
+        new.text = text
         return new
 
     def __getnewargs__(self) -> tuple[Any, ...]:
-        """Pickle the unit too."""
-        return float(self), self.unit
+        """Pickle the text too."""
+        return float(self), self.text
+
+    def __str__(self) -> str:
+        """Return the text."""
+        return self.text
+
+
+class Quantity(Written):
+    """A number with the unit given in the study."""
+
+    @property
+    def unit(self) -> str:
+        """The unit."""
+        return self.text
 
     def __str__(self) -> str:
         """Return number and unit as in a study."""
@@ -95,10 +110,10 @@ def convert(value: float, given: str, wanted: str) -> float:
     return float(registry.Quantity(value, _spelled(given)).to(_spelled(wanted)).magnitude)
 
 
-def in_unit(value: float | None, wanted: str | None) -> float | None:
+def in_unit(value: float, wanted: str | None) -> float:
     """Return a number of a study in a unit; a plain number is in that unit already."""
     given = unit_of(value)
-    return value if value is None or given is None or wanted is None else convert(float(value), given, wanted)
+    return value if given is None or wanted is None else convert(float(value), given, wanted)
 
 
 def counts_substance(unit: str) -> bool:
@@ -153,68 +168,61 @@ def read(text: str, kind: str) -> float:
 
 
 @dataclass(frozen=True)
-class In:
+class In(Form):
     """Accept a number with a unit of a kind, and a plain number unless the unit is ``needed``."""
 
     kind: str
     needed: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        written = core_schema.plain_serializer_function_ser_schema(_written)
-        return core_schema.no_info_wrap_validator_function(self._read, handler(source), serialization=written)
+        schema: Any = super().__get_pydantic_core_schema__(source, handler)
+        return {**schema, "serialization": core_schema.plain_serializer_function_ser_schema(text_of)}
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def _forms(self, inner: Any) -> list[Any]:
+        """Return the schema of a plain number, and of text with a unit."""
         text = {"type": "string", "examples": [EXAMPLES[self.kind]]}
-        return text if self.needed else {"anyOf": [handler(schema["schema"]), text]}
+        return [text] if self.needed else [inner, text]
 
-    def _read(self, value: Any, number: Any) -> Any:
-        if isinstance(value, Quantity):
-            return value
-        if not isinstance(value, str):
-            if self.needed:
-                _refuse(f"must be a number with a unit of {self.kind}, as in {EXAMPLES[self.kind]}")
-            return number(value)
-        match = _NUMBER.fullmatch(value.strip())
+    def _read(self, value: Any, inner: Callable[[Any], Any]) -> Any:
+        """Return a `Quantity`, or a plain number."""
+        if isinstance(value, Quantity) or not (isinstance(value, str) or self.needed):
+            return value if isinstance(value, Quantity) else inner(value)
+        match = _NUMBER.fullmatch(value.strip()) if isinstance(value, str) else None
         if match is None:
             plain = "" if self.needed else "a number, or "
-            _refuse(f"must be {plain}a number with a unit of {self.kind}, as in {EXAMPLES[self.kind]}")
-        return Quantity(number(float(match[1])), _checked(match[2], self.kind))
+            refuse(f"must be {plain}a number with a unit of {self.kind}, as in {EXAMPLES[self.kind]}")
+        return Quantity(inner(float(match[1])), _checked(match[2], self.kind))
 
 
-@dataclass(frozen=True)
-class UnitOf:
-    """Accept the name of a unit of a kind; with ``counts`` also a number before it, the size of a count."""
+def text_of(value: Any) -> Any:
+    """Return a number with its unit as text, other values unchanged."""
+    return str(value) if isinstance(value, Quantity) else value
 
-    kind: str
-    counts: bool = False
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_after_validator_function(self._read, handler(source))
+def unit_name(kind: str, *, counts: bool = False) -> AfterValidator:
+    """Return a validator of units of a kind; with ``counts`` also of a number before it, the size of a count."""
 
-    def _read(self, text: str) -> str:
-        match = _NUMBER.fullmatch(text.strip()) if self.counts else None
+    def read(text: str) -> str:
+        match = _NUMBER.fullmatch(text.strip()) if counts else None
         if match is None:
-            return _checked(text, self.kind)
-        number, unit = float(match[1]), _checked(match[2], self.kind)
+            return _checked(text, kind)
+        number, unit = float(match[1]), _checked(match[2], kind)
         if not 0.0 < number < math.inf:
-            _refuse(f"must be a unit, or a count of positive size, as in 0.95 {unit}")
+            refuse("must be a unit, or a count of positive size, as in 0.95 {unit}", unit=unit)
         return unit if number == 1.0 else f"{number_text(number)} {unit}"
 
+    return AfterValidator(read)
 
-_Positive = Annotated[float, Field(gt=0)]
-Conductivity = Annotated[_Positive, In("conductivity", needed=True)]
-Length = Annotated[_Positive, In("length")]
-Pressure = Annotated[_Positive, In("pressure")]
+
+Conductivity = Annotated[Positive, In("conductivity", needed=True)]
+Length = Annotated[Positive, In("length")]
+Pressure = Annotated[Positive, In("pressure")]
 Position = Annotated[float, In("length")]
-Gap = Annotated[_Positive, In("length", needed=True)]
-Load = Annotated[_Positive, In("force", needed=True)]
-Flow = Annotated[_Positive, In("flow", needed=True)]
-LengthUnit = Annotated[str, UnitOf("length")]
-HeightsUnit = Annotated[str, UnitOf("length", counts=True)]
-
-
-def _written(value: Any) -> Any:
-    return str(value) if isinstance(value, Quantity) else value
+Gap = Annotated[Positive, In("length", needed=True)]
+Load = Annotated[Positive, In("force", needed=True)]
+Flow = Annotated[Positive, In("flow", needed=True)]
+LengthUnit = Annotated[str, unit_name("length")]
+HeightsUnit = Annotated[str, unit_name("length", counts=True)]
 
 
 def _checked(unit: str, kind: str) -> str:
@@ -227,12 +235,12 @@ def _checked(unit: str, kind: str) -> str:
         return unit  # without pint, whose registry takes a quarter of a second
     measured = _dimension(unit)
     if measured is None:
-        _refuse(f"'{printable(unit)[:40]}' is no known unit; allowed for a {kind}: {allowed}")
+        refuse(f"'{printable(unit)[:40]}' is no known unit; allowed for a {kind}: {allowed}")
     if measured != _registry().get_dimensionality(dimension):
         other = next((name for name, (of, _) in KINDS.items() if _registry().get_dimensionality(of) == measured), None)
-        _refuse(f"'{unit}' is a unit of {other or 'another quantity'}, not of {kind}; allowed: {allowed}")
+        refuse(f"'{unit}' is a unit of {other or 'another quantity'}, not of {kind}; allowed: {allowed}")
     if kind == "length":
-        _refuse(f"'{unit}' is no unit of length of a study; allowed: {allowed}")
+        refuse(f"'{unit}' is no unit of length of a study; allowed: {allowed}")
     return unit
 
 
@@ -260,8 +268,3 @@ def _registry() -> Any:
     for name, time in (("sccm", "minute"), ("sccs", "second")):  # at 0 °C; see `fluid.throughput`
         registry.define(f"{name} = 101325 * pascal * centimeter**3 / {time}")
     return registry
-
-
-def _refuse(reason: str) -> NoReturn:
-    kind, message = "refused", "{reason}"
-    raise PydanticCustomError(kind, message, {"reason": reason})

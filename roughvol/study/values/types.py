@@ -1,4 +1,4 @@
-"""Types of a study that take a word, or a single item, in place of a value."""
+"""Types of a study: numbers in their intervals; a word, or a single item, in place of a value."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn, TypeVar
 
-from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import BaseModel, BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import PydanticCustomError, core_schema
 
 T = TypeVar("T")
@@ -17,14 +17,46 @@ def refuse(message: str, **context: str) -> NoReturn:
     raise PydanticCustomError("refused", message, context)
 
 
-class _Form:
-    """Take another form of a value, also in the JSON schema."""
+def whole(value: Any) -> Any:
+    """Return a number like 8.0 as an integer, other values unchanged."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def as_tuple(value: Any) -> Any:
+    """Return a list as a tuple, other values unchanged."""
+    return tuple(value) if isinstance(value, list) else value
+
+
+def two(what: str) -> BeforeValidator:
+    """Return a validator that takes a list of two as a tuple."""
+
+    def read(value: Any) -> Any:
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            refuse("must be two {what}, [from, to]", what=what)
+        return tuple(value)
+
+    return BeforeValidator(read)
+
+
+Whole = Annotated[int, BeforeValidator(whole)]
+Dimension = Annotated[float, Field(gt=2, lt=3)]
+Refinement = Annotated[Whole, Field(ge=1, le=13)]
+Seed = Annotated[Whole, Field(ge=0, lt=2**63)]
+Positive = Annotated[float, Field(gt=0)]
+AreaFraction = Annotated[float, Field(gt=0, le=1)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+StepNumber = Annotated[Whole, Field(ge=1)]
+
+
+class Form:
+    """Take other forms of a value, also in the JSON schema."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_wrap_validator_function(self._read, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": self._forms(handler(schema["schema"]))}
+        forms: list[dict[str, Any]] = self._forms(handler(schema["schema"]))
+        return {"anyOf": forms} if len(forms) > 1 else forms[0]
 
     def _read(self, value: Any, inner: Callable[[Any], Any]) -> Any:
         """Return the value of any form."""
@@ -35,7 +67,7 @@ class _Form:
         raise NotImplementedError
 
 
-class _OneOrMany(_Form):
+class _OneOrMany(Form):
     """Take a value or a list of values."""
 
     def _forms(self, inner: Any) -> list[Any]:
@@ -50,7 +82,7 @@ class _OneOrMany(_Form):
 
 
 @dataclass(frozen=True)
-class Word(_Form):
+class Word(Form):
     """Take a word as short for a mapping."""
 
     word: str
@@ -67,7 +99,7 @@ class Word(_Form):
         return inner(value)
 
 
-class Auto(_Form):
+class Auto(Form):
     """Take the word 'auto', which is read as no number at all."""
 
     def _forms(self, inner: Any) -> list[Any]:
@@ -77,7 +109,7 @@ class Auto(_Form):
         return () if value in ("auto", ()) else inner(value)
 
 
-class Switch(_Form):
+class Switch(Form):
     """Take true for the defaults of a mapping, and false for nothing."""
 
     def _forms(self, inner: Any) -> list[Any]:
