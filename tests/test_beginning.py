@@ -86,9 +86,9 @@ def test_explain_gives_values_default_and_meaning_of_a_key() -> None:
 
 
 def test_explain_gives_units_and_meaning_of_a_variable() -> None:
-    shown = call("explain", "leak_rate_x").stdout
+    shown = call("explain", "leak_rate").stdout
     assert "length^3/time" in shown
-    assert "volume flow along x" in shown
+    assert "volume flow along the axis" in shown
     for name in VARIABLES:
         assert call("explain", name).exit_code == 0
 

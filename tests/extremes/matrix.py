@@ -152,7 +152,7 @@ def over_D(D):
     return Found(max(found.residual, small.residual), found.states + small.states, "dense solution (m = 3)")
 
 
-@cells("m", {f"{m}": m for m in range(1, 13)}, quick=[f"{m}" for m in range(1, 8)])
+@cells("m", {f"{m}": m for m in range(1, 13)}, quick=[f"{m}" for m in range(1, 7)])
 def over_m(m):
     surface = fractal(2.3, m, seed=2)
     if m <= 10:
