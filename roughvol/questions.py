@@ -84,31 +84,12 @@ class ReadOff:
     narrower: tuple[str, ...]
 
     def command(self, run: str = "", changes: Sequence[str] = ()) -> str:
-        """Return the command that narrows the interval, empty without one.
-
-        Parameters
-        ----------
-        run : str
-            The run as the user names it. Default: its name.
-        changes : sequence of str
-            Changes of the study that the user has made.
-
-        Returns
-        -------
-        str
-            ``roughvol run …``.
-        """
+        """Return the command that narrows the interval, empty without one."""
         every = [word for change in (*changes, *self.narrower) for word in ("--set", change)]
         return shlex.join(["roughvol", "run", run or self.run.name, *every]) if self.narrower else ""
 
     def plain(self) -> dict[str, Any]:
-        """Return the read-offs as ``ask --json`` prints them.
-
-        Returns
-        -------
-        dict
-            Run, leak, load, and the answers with their intervals.
-        """
+        """Return the read-offs as ``ask --json`` prints them."""
         from roughvol.analysis import read_off
 
         unit = "" if self.pressure is None else self.run.dataset["nominal_pressure"].attrs["units"]
@@ -306,13 +287,7 @@ class Cards:
         return {words: card_of(list(runs.values()), self.study.name, self.load) for words, runs in self.runs.items()}
 
     def plain(self) -> dict[str, Any]:
-        """Return the cards as ``card --json`` prints them.
-
-        Returns
-        -------
-        dict
-            ``surfaces``, ``load`` and ``ways``; of a study with lists, a dict of dicts by combination.
-        """
+        """Return the cards as ``card --json`` prints them."""
         data = {words: card.plain() for words, card in self.cards.items()}
         return data if self.study.axes else data[""]
 
@@ -455,13 +430,7 @@ class Reported:
     refused: tuple[str, ...] = ()
 
     def plain(self) -> dict[str, Any]:
-        """Return numbers and provenance, the content of claims.json.
-
-        Returns
-        -------
-        dict
-            Claims, surfaces and runs.
-        """
+        """Return numbers and provenance, the content of claims.json."""
         import json
 
         from roughvol.report import page
@@ -547,13 +516,7 @@ class Checked:
     warnings: tuple[str, ...]
 
     def plain(self) -> dict[str, Any]:
-        """Return the study and its cost as ``check --json`` prints them.
-
-        Returns
-        -------
-        dict
-            Study with all defaults, surface, cost, units and warnings.
-        """
+        """Return the study and its cost as ``check --json`` prints them."""
         surface = None
         if (made := self.surface) is not None:
             surface = {"nodes": list(made.shape), "side": made.side, "spacing": made.spacing, "Sq": made.Sq}

@@ -1,0 +1,19 @@
+"""Units that messages name are accepted without pint; pint agrees with them."""
+
+from __future__ import annotations
+
+import pint
+import pytest
+
+from roughvol.study import read
+from roughvol.study.values.units import KINDS, unit_of
+
+REGISTRY = pint.UnitRegistry()
+NAMED = [(kind, unit) for kind, (_, words) in KINDS.items() for unit in words.removesuffix(" and the like").split(", ")]
+
+
+@pytest.mark.parametrize(("kind", "unit"), NAMED)
+def test_a_named_unit_is_of_its_kind(kind: str, unit: str) -> None:
+    assert unit_of(read(f"2 {unit}", kind)) == unit
+    if unit != "sccm":  # defined by this package
+        assert REGISTRY.parse_units(unit).dimensionality == REGISTRY.get_dimensionality(KINDS[kind][0])
