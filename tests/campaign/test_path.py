@@ -505,7 +505,7 @@ WORKS = {
     "void": MIDPOINT + HALF + f"record: {{{FLOWS}}}",
     "region": MIDPOINT + HALF + f"record: {{region: interior, region_widths: {{}}, {TEXTURE}}}",
     "plastic region": MIDPOINT + UP_AND_DOWN + HARD + "record: {region: interior, psd: true}",
-    "ensemble": "surface: {D: 2.4, m: 5, periodic: true}\nsweep: {steps: 3, to: {pressure: 0.4}}\n" + ENSEMBLE,
+    "ensemble": "surface: {D: 2.4, m: 5, periodic: true}\nsweep: {pressures: [0.2, 0.4]}\n" + ENSEMBLE,
 }
 
 

@@ -23,6 +23,7 @@ from tests.campaign.kit import Events, files_of, values_of
 TEXT = """
 name: mean
 surface: {D: 2.3, m: 4}
+sweep: {pressures: [0.1, 0.3]}
 ensemble: {accuracy: {free_volume: 8 %}, at: {pressure: [0.1, 0.3]}}
 """
 STUDY = loads(TEXT)
