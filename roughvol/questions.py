@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from roughvol.store import Status, StoredRun
     from roughvol.store.card_runs import CardRuns
     from roughvol.store.dataset import Dataset
-    from roughvol.store.runs import Listed
+    from roughvol.store.run_status import Listed
     from roughvol.study import Study
     from roughvol.surfaces.surface import Surface
 
@@ -651,9 +651,9 @@ def runs(folder: str | Path = "runs") -> list[Listed]:
     >>> [(run.name, run.state) for run in roughvol.runs() if run.name == "tiny"]
     [('tiny', 'finished')]
     """
-    from roughvol.store import runs
+    from roughvol.store import run_status
 
-    return runs.listed(folder)
+    return run_status.listed(folder)
 
 
 def tradeoff(

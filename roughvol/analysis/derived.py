@@ -11,8 +11,7 @@ from xarray import Dataset
 from roughvol.analysis.leak import counted, is_open
 from roughvol.analysis.legs import first_leg
 from roughvol.errors import ContactError, DatasetError
-from roughvol.observables.conductance import contact_conductance, harmonic_conductivity
-from roughvol.observables.stiffness import interfacial_stiffness
+from roughvol.observables.stiffness import contact_conductance, harmonic_conductivity, interfacial_stiffness
 from roughvol.observables.variables import QUANTITIES
 from roughvol.study import Study, convert
 from roughvol.study.values.units import in_unit

@@ -35,7 +35,7 @@ def finished(folder: Path, cases: Mapping[str, Case], stopping: Callable[[], boo
             raise KeyboardInterrupt
         path = case_file(folder, id)
         try:
-            arrays, labels = dataset.read_arrays(path)
+            arrays, _, labels = dataset.read_arrays(path)
         except DatasetError as error:
             if path.exists():
                 found.faults[id] = str(error)
@@ -85,18 +85,8 @@ def combined(found: Finished, cases: Mapping[str, Case], study: Study) -> Datase
     if study.axes:
         return _joined(found, cases, study)
     case = next(iter(cases.values()))
-    attributes = provenance.provenance(
-        study.stored(),
-        fft=FFT,
-        ids=found.arrays,
-        region=case.record.region,
-        length_unit=case.length_unit,
-        bodies=[body for one in cases.values() for body in one.bodies],
-        versions=found.versions,
-        periodic=case.periodic,
-    )
-    if case.surface_text:
-        attributes["surface"] = case.surface_text
+    every = list(cases.values())
+    attributes = provenance.provenance(study.stored(), fft=FFT, cases=every, ids=found.arrays, versions=found.versions)
     results = dataset.combine(list(found.arrays.values()), attributes)
     results = dimensional.in_units(results, study, case.length_unit)
     findings = validity.after(validity.setting(study), results)

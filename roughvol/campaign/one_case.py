@@ -21,7 +21,7 @@ from roughvol.contact.loading import Compliance, sweep
 from roughvol.observables import reduction
 from roughvol.observables.levels import options_of
 from roughvol.observables.reduction import Reduction
-from roughvol.observables.view import Values
+from roughvol.observables.regions import Values
 from roughvol.store import checkpoint as checkpoints
 from roughvol.store import dataset, provenance, small_file
 from roughvol.store.checkpoint import Checkpoint
@@ -81,7 +81,7 @@ class Context:
 
     def provenance(self, case: Case) -> dict[str, str]:
         """Return the provenance of the file of a case."""
-        return provenance.provenance(self.study, fft=FFT | {"threads": str(self.threads)}, case=case)
+        return provenance.provenance(self.study, fft=FFT | {"threads": str(self.threads)}, cases=[case])
 
 
 def run_case(case: Case, context: Context | None = None) -> Dataset:

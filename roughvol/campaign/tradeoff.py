@@ -165,7 +165,7 @@ def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> 
     result = Dataset(
         {name: (EACH.split(), array) for name, array in values.items()},
         coords=coords,
-        attrs=provenance.provenance(study.stored(), fft=FFT, ids=[case.id for case in cases]),
+        attrs=provenance.provenance(study.stored(), fft=FFT, cases=cases, ids=[case.id for case in cases]),
     )
     for name, variable in TABLE.items():
         result[name].attrs = {"units": variable.units, "long_name": variable.long_name, "symbol": variable.symbol}

@@ -9,19 +9,14 @@ an observable.
 `variables`        the table of observables and stored variables, `variables.toml`
 `reduction`        each state of a sweep reduced to stored values
 `requests`         what a study asks for: states, costs
-`view`             a state as an observable sees it
 `levels`           the states at which an observable is taken
-`deformed`         texture before load and under load
-`waves`            power spectral density of the undeformed surface
-`plastic`          hardness in the unit of p*, the residual surface and its texture
-`pressures`        shares above the hardness, the pressure in the middle
+`deformed`         texture and spectrum before load, under load, and of the surface left by yield
+`pressures`        hardness in the unit of p*, shares above it, yield, the pressure in the middle
 `coupling`         contact and flow together: fluid pressure that lifts a seal
-`stiffness`        pressure per separation along a loading
-`conductance`      contact conductance from the stiffness
+`stiffness`        pressure per separation along a loading, and the contact conductance
 `void`             percolation, constriction, and flow through the void
-`fields`           gap and pressure; density and box counting of element volumes
-`central`          area, pressure, volume and flow of central squares
-`regions`          a part of the surface
+`fields`           gap and pressure; density and box counting of element volumes; numbers of central squares
+`regions`          a part of the surface, and a state as an observable sees it
 `at_state`         quantities of a sweep at a given state, between its steps
 =================  ===================================================================
 """

@@ -32,6 +32,7 @@ Nothing else is said to open. States above that inlet may exist for a joint pres
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
@@ -42,9 +43,8 @@ from roughvol.contact.search import state_under
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap.fluid_pressure import LEAST, FluidField
 from roughvol.gap.transport import conduction
-from roughvol.observables.regions import window
+from roughvol.observables.regions import Values, View, window
 from roughvol.observables.variables import AXES
-from roughvol.observables.view import Values, View
 from roughvol.study import Scale
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
@@ -87,11 +87,6 @@ class Lifted:
     def fluid_share(self) -> float:
         """Share of the load that the fluid on open elements carries."""
         return float(np.where(self.gap > 0.0, self.fluid, 0.0).sum() / self.pressure.sum())
-
-    @property
-    def contact_area_fraction(self) -> float:
-        """Elements in contact over all."""
-        return float(np.count_nonzero(self.gap == 0.0) / self.gap.size)
 
 
 def of_state(view: View) -> Values:
@@ -143,35 +138,6 @@ class Opening(ContactError):
     """The fluid carries the whole load, so contact is lost."""
 
 
-@dataclass(frozen=True, eq=False)
-class Round:
-    """A contact under a fluid pressure, and the fluid pressure of the flow through its gap.
-
-    Attributes
-    ----------
-    state : Lifted
-        The contact under P.
-    field : FluidField
-        The flow through its gap.
-    left : array (rows, columns)
-        F(P) - P, in the unit of p*.
-    """
-
-    state: Lifted
-    field: FluidField
-    left: Array
-
-    @property
-    def size(self) -> float:
-        """Largest |F(P) - P|."""
-        return float(np.abs(self.left).max())
-
-    @property
-    def norm(self) -> float:
-        """Root of the sum of the squares of F(P) - P."""
-        return float(np.linalg.norm(self.left))
-
-
 class Coupling:
     """Contact and flow of one surface along one axis.
 
@@ -201,11 +167,12 @@ class Coupling:
             raise ContactError(f"inlet {inlet:g}, outlet {outlet:g}; allowed: inlet > outlet >= 0")
         self.surface, self.half_space, self.axis = surface, half_space, axis
         self.inlet, self.outlet, self.rtol = inlet, outlet, rtol
+        self.drop = inlet - outlet
 
     def fluid_in(self, gap: Array) -> Array:
         """Return P of the flow through a gap, in the unit of p*."""
         shape = FluidField(gap, self.axis, periodic=self.surface.periodic).pressure
-        return self.outlet + (self.inlet - self.outlet) * shape
+        return self.outlet + self.drop * shape
 
     def under(self, fluid: Array, load: float, near: Contact) -> Lifted:
         """Return the contact under a fluid pressure [p*], at a load that is the mean of the total pressure.
@@ -232,27 +199,28 @@ class Coupling:
         """Return the contact under the fluid pressure of the dry gap, to first order in the fluid pressure."""
         return self.under(self.fluid_in(dry.gap()), load, dry)
 
-    def solve(self, load: float, near: Contact, fluid: Array | None = None) -> Lifted:
+    def solve(self, load: float, near: Contact) -> Lifted:
         """Return the coupled state of a joint that is pressed first and pressurised then.
 
-        The contact near it is that without fluid at this load. From the fluid pressure of another state, that of a
-        joint pressed under pressure, the state at the inlet follows in a single step; without, the inlet rises from
-        zero. A joint that opens is a `ContactError`; no state, and no proof of opening, a `ConvergenceError`.
+        The contact near it is that without fluid at this load. The inlet rises from zero. A joint that opens is a
+        `ContactError`; no state, and no proof of opening, a `ConvergenceError`.
         """
-        if fluid is not None:
-            try:
-                return self._relaxed(fluid, load, near)
-            except ConvergenceError:
-                return self._softened(fluid, load, near)
         fluid, reached, rounds, first = self.fluid_in(near.gap()), 0.0, 0, 0
         while reached < 1.0:
             for number, (rise, settle) in enumerate(RISES[first:], start=first):
                 share = min(reached + rise * STEP * load / self.inlet, 1.0)
-                at, start = self._at(share), fluid * (share / (reached or 1.0))
+                inlet, outlet = share * self.inlet, share * self.outlet
+                at = Coupling(self.surface, self.half_space, self.axis, inlet, outlet, self.rtol)
                 try:
-                    state = settle(at, start, load, near)
+                    state = settle(at, fluid * (share / (reached or 1.0)), load, near)
                 except Opening as opening:
-                    raise ContactError(at._opens(load, reached * self.inlet)) from opening
+                    last = f"has a state at an inlet of p* = {reached * self.inlet:.6g}"
+                    message = (
+                        f"the joint opens: pressed to p* = {load:.6g} and pressurised then, it "
+                        f"{last if reached else 'is closed without fluid'}, and at an inlet of p* = {inlet:.6g} the "
+                        "fluid carries the whole load. Allowed: a lower inlet, or a higher load"
+                    )
+                    raise ContactError(message) from opening
                 except ConvergenceError as error:
                     rounds, unsettled = rounds + ROUNDS, error
                     continue
@@ -261,19 +229,6 @@ class Coupling:
             else:
                 raise unsettled
         return replace(state, rounds=rounds)
-
-    def _at(self, share: float) -> Coupling:
-        """Return the coupling at a share of the pressures of inlet and outlet."""
-        inlet, outlet = share * self.inlet, share * self.outlet
-        return Coupling(self.surface, self.half_space, self.axis, inlet, outlet, self.rtol)
-
-    def _opens(self, load: float, last: float) -> str:
-        """Return what is said of a joint that opens at this inlet, with the inlet of the last state."""
-        before = f"has a state at an inlet of p* = {last:.6g}" if last else "is closed without fluid"
-        return (
-            f"the joint opens: pressed to p* = {load:.6g} and pressurised then, it {before}, and at an inlet of p* = "
-            f"{self.inlet:.6g} the fluid carries the whole load. Allowed: a lower inlet, or a higher load"
-        )
 
     def _softened(self, fluid: Array, load: float, near: Contact) -> Lifted:
         """Return the state to which a fluid pressure relaxes as closed elements conduct less from step to step.
@@ -297,42 +252,34 @@ class Coupling:
 
     def _relaxed(self, fluid: Array, load: float, near: Contact, least: float = LEAST) -> Lifted:
         """Return the state to which a fluid pressure relaxes, closed elements having a given conductance."""
-        drop = self.inlet - self.outlet
         mean = float(fluid.mean())
         if mean >= load:  # the fluid alone carries the load: damped back
             fluid = fluid * ((1.0 - OPENS) * load / mean)
-        here, drag = self._round(fluid, load, near, least), 0.0
-        linear = _Linear(self, here)
+        here, drag = Round(self, self.under(fluid, load, near), least), 0.0
         for rounds in range(1, ROUNDS):
             state, fluid = here.state, here.state.fluid
-            if here.size <= ACCURACY * drop:
-                return replace(state, rounds=rounds, residual=max(state.residual, here.size / drop))
-            change, expected = linear.step(drag)
+            if here.size <= ACCURACY * self.drop:
+                return replace(state, rounds=rounds, residual=max(state.residual, here.size / self.drop))
+            change, expected = here.step(drag)
             trial = fluid + change
             error = np.inf
             if trial.mean() < load:
-                there = self._round(trial, load, near, least)
+                there = Round(self, self.under(trial, load, near), least)
                 error = float(np.linalg.norm(there.left - expected)) / here.norm
             elif load - fluid.mean() <= OPENS * load and (fluid + here.left).mean() >= load:
                 raise Opening(f"contact is lost at an inlet of p* = {self.inlet:.6g}")
             if error > TRUST or (drag == 0.0 and there.norm >= here.norm):
                 drag = max(1.0, 4.0 * drag)
                 continue
-            here, linear = there, _Linear(self, there)
+            here = there
             if error < 0.5 * TRUST:
                 drag = drag / 8.0 if drag > 0.2 else 0.0
         message = (
             f"no state of contact and flow is found at p* = {load:.6g} and an inlet of p* = {self.inlet:.6g}: the "
-            f"fluid pressure still changes by {here.size / drop:.2g} of the drop, and it is not shown that the joint "
-            "opens"
+            f"fluid pressure still changes by {here.size / self.drop:.2g} of the drop, and it is not shown that the "
+            "joint opens"
         )
-        raise ConvergenceError(message, indentation=near.indentation, iterations=ROUNDS, residual=here.size / drop)
-
-    def _round(self, fluid: Array, load: float, near: Contact, least: float) -> Round:
-        state = self.under(fluid, load, near)
-        field = FluidField(state.gap, self.axis, periodic=self.surface.periodic, least=least)
-        left = self.outlet + (self.inlet - self.outlet) * field.pressure - fluid
-        return Round(state, field, left)
+        raise ConvergenceError(message, indentation=near.indentation, iterations=ROUNDS, residual=here.size / self.drop)
 
     def displacement(self, pressure: Array) -> Array:
         """Return u over σ under a scaled pressure on every element, both flat."""
@@ -340,18 +287,35 @@ class Coupling:
         return self.half_space.displacement_above(np.zeros(pressure.size), elements, pressure)
 
 
-class _Linear:
-    """The linear F about a round, and the steps that follow from it. Fluid in contact has no effect on the gap."""
+class Round:
+    """A contact under a fluid pressure P, the flow through its gap, and the linear F about P.
 
-    def __init__(self, coupling: Coupling, at: Round) -> None:
-        self._coupling, self._at = coupling, at
-        gap = at.state.gap.ravel()
+    Attributes
+    ----------
+    state : Lifted
+        The contact under P. Fluid in contact has no effect on its gap.
+    left : array (rows, columns)
+        F(P) - P, in the unit of p*.
+    size, norm : float
+        Largest |F(P) - P|, and the root of the sum of its squares.
+    """
+
+    def __init__(self, coupling: Coupling, state: Lifted, least: float) -> None:
+        self._coupling, self.state = coupling, state
+        self._field = FluidField(state.gap, coupling.axis, periodic=coupling.surface.periodic, least=least)
+        self.left = coupling.outlet + coupling.drop * self._field.pressure - state.fluid
+        self.size, self.norm = float(np.abs(self.left).max()), float(np.linalg.norm(self.left))
+        gap = state.gap.ravel()
         self._open, self._closed = np.flatnonzero(gap > 0.0), np.flatnonzero(gap == 0.0)
-        self._response = Response(coupling.half_space, self._closed)
+
+    @cached_property
+    def _response(self) -> Response:
+        """The linear response of the contact."""
+        return Response(self._coupling.half_space, self._closed)
 
     def step(self, drag: float) -> tuple[Array, Array]:
         """Return the change x of P with (1 + drag) x - F' x = F(P) - P, and F(P) - P after it by the linear F."""
-        left, open_ = self._at.left.ravel(), self._open
+        left, open_ = self.left.ravel(), self._open
 
         def apply(change: Array) -> Array:
             result: Array = (1.0 + drag) * change - self._change(change)[open_]
@@ -362,7 +326,7 @@ class _Linear:
         of_flow = self._change(inside)
         change = (left + of_flow) / (1.0 + drag)
         change[open_] = inside
-        shape = self._at.left.shape
+        shape = self.left.shape
         return change.reshape(shape), (left - change + of_flow).reshape(shape)
 
     def _change(self, fluid: Array) -> Array:
@@ -376,8 +340,7 @@ class _Linear:
         q[closed] += indentation * rates
         gap = coupling.displacement(q) - indentation
         gap[closed] = 0.0
-        field = self._at.field.change(gap.reshape(self._at.left.shape))
-        change: Array = ((coupling.inlet - coupling.outlet) * field).ravel()
+        change: Array = (coupling.drop * self._field.change(gap.reshape(self.left.shape))).ravel()
         return change
 
 

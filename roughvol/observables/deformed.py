@@ -1,4 +1,4 @@
-"""Texture of a surface before load, and of the deformed surface under load.
+"""Texture and spectrum of a surface before load, of the deformed surface under load, and of the surface left by yield.
 
 Conventions: heights z [length] are positive up, u ≥ 0 is the displacement, Δ the indentation, σ the root mean square
 height of the whole surface before load. The gap is g = u - Δ + z_max - z, so the deformed surface is
@@ -14,20 +14,30 @@ E* is composite, and u is the sum of both deformations. If the smooth body defor
 Numbers are those of `texture`, each normalised by the heights it is given. Svi under load is over the Sq under load.
 Times Sq under load over Sq it is the retained volume over σ, comparable with the free volume V*. Everything is of the
 region of the study, before load as well, so both are of the same nodes.
+
+The waves q of a spectrum are multiples of 2π over the length of the first axis of the region. A whole period has its
+waves exactly. A patch, and a part of a period, are multiplied by a window (`surfaces.psd`).
+
+The residual surface is z - u_pl, the heights without load less the plastic displacement u_pl ≥ 0. Elastic displacements
+are gone there.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import fields
+
 import numpy as np
 
-from roughvol.observables.regions import is_period, window
-from roughvol.observables.view import Values, View
+from roughvol.observables.regions import Values, View, is_period, window
 from roughvol.study import Case
-from roughvol.surfaces import texture
+from roughvol.surfaces import psd, texture
 from roughvol.surfaces.surface import Surface, intervals, with_neighbours
 from roughvol.typing import Array, Index
 
 LEVELS = np.arange(-50, 51) / 10.0  # of the material ratio, from the mean plane over σ
+STORED_AS = {"nayak": "nayak_parameter"}
+"""Names of stored variables where they differ from those of `surfaces.psd.Spectral`."""
 STORED_ANYWAY = ("Sq", "Sdq", "hurst_measured")  # of the whole surface, whatever a study asks for
 
 
@@ -75,3 +85,46 @@ def under_load(view: View) -> Values:
     z, periodic = -view.gap, view.periodic
     found = numbers(z * view.surface.unit, view.surface.spacing, periodic=periodic) | curves(z, periodic=periodic)
     return {f"{name}_loaded": value for name, value in found.items()}
+
+
+def residual(view: View) -> Values:
+    """Return the residual heights and their texture, with the suffix ``_residual``, where a study asks for them."""
+    case, surface = view.case, view.surface
+    if not case.plastic:
+        return {}
+    values: Values = {}
+    heights = surface.heights - view.whole.plastic_displacement() * surface.unit
+    if case.record.residual_heights:
+        values["residual_heights"] = heights
+    if case.record.texture is not None:
+        inside = heights[window(case, surface.shape)]
+        z = (inside - heights.mean()) / surface.unit
+        periodic = is_period(case)
+        found = numbers(inside, surface.spacing, periodic=periodic) | curves(z, periodic=periodic)
+        values |= {f"{name}_residual": value for name, value in found.items()}
+    return values
+
+
+def spectrum_before_load(case: Case, surface: Surface) -> Values:
+    """Return the spectrum of the undeformed surface in the region of the study."""
+    part = _part(case, surface, surface.heights[window(case, surface.shape)])
+    values = _spectrum(part)
+    if case.record.region is not None:  # else L gives them
+        values["wave_number"] = 2.0 * math.pi * values["wave"] / part.side
+    return values
+
+
+def spectrum_under_load(view: View) -> Values:
+    """Return the spectrum of the deformed surface at a state, by stored name with the suffix ``_loaded``."""
+    values = _spectrum(_part(view.case, view.surface, -view.gap * view.surface.unit))
+    del values["wave"]
+    return {f"{name}_loaded": value for name, value in values.items()}
+
+
+def _part(case: Case, surface: Surface, heights: Array) -> Surface:
+    return Surface(heights, surface.spacing, periodic=is_period(case))
+
+
+def _spectrum(surface: Surface) -> Values:
+    found = psd.spectral(surface)
+    return {STORED_AS.get(field.name, field.name): getattr(found, field.name) for field in fields(found)}

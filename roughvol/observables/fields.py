@@ -1,12 +1,12 @@
-"""Observables of fields: gap and pressure themselves, and density and box counting of the element volumes."""
+"""Observables of fields: gap and pressure, density and box counting of element volumes, numbers of central squares."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from roughvol.gap import box_counting, free_volume
-from roughvol.observables.regions import window
-from roughvol.observables.view import Values, View
+from roughvol.gap import box_counting, free_volume, transport
+from roughvol.observables.regions import Values, View, Window, central, window, window_of
+from roughvol.observables.variables import AXES
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
@@ -55,3 +55,32 @@ def box_sides(case: Case, surface: Surface) -> Values:
     empty = box_counting.box_counts(np.zeros(surface.shape, dtype=np.bool_)[window(case, surface.shape)])
     dimension = box_counting.local_dimension(empty)
     return {"r": empty.r, "r_mid": dimension.r_mid, "threshold": list(case.record.box_counting.thresholds)}
+
+
+def widths(case: Case, surface: Surface) -> Values:
+    """Return the widths over that of the surface."""
+    assert case.record.region_widths is not None
+    return {"region_width": list(case.record.region_widths.shares)}
+
+
+def _windows(view: View) -> list[Window]:
+    shares = widths(view.case, view.surface)["region_width"]
+    return [window_of(central(share), view.whole.shape, periodic=view.case.periodic) for share in shares]
+
+
+def means(view: View) -> Values:
+    """Return A*, p* and V* inside each square."""
+    contact, pressure, gap = view.whole.contact(), view.whole.pressure(), view.whole.gap()
+    return {
+        "contact_area_fraction_within": [contact[inside].mean() for inside in _windows(view)],
+        "mean_pressure_within": [pressure[inside].mean() for inside in _windows(view)],
+        "free_volume_within": [gap[inside].mean() for inside in _windows(view)],
+    }
+
+
+def transmissivity_within(view: View) -> Values:
+    """Return the flow with g³ through each square over that of plates."""
+    gap = view.whole.gap()
+    axes = range(len(AXES))
+    flows = [[transport.conduction(gap[inside], axis).coefficient for axis in axes] for inside in _windows(view)]
+    return {"transmissivity_within": flows}

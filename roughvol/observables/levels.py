@@ -14,7 +14,7 @@ from roughvol.contact.options import Options
 from roughvol.contact.search import TARGETS, state_crossing, state_reaching
 from roughvol.errors import ContactError
 from roughvol.observables import void
-from roughvol.observables.plastic import largest_pressure
+from roughvol.observables.pressures import largest_pressure
 from roughvol.observables.regions import State, within
 from roughvol.study import STARRED, Case, Level
 from roughvol.study.values.state_kinds import slack
@@ -46,33 +46,19 @@ def reached(level: Level, step: int, contact: State, case: Case, before: Mapping
     if level.value is None:
         return False
     near = slack(level.kind, level.value, ROUNDING)
-    match level.kind:
-        case "step":
-            return step == level.value
-        case "separation":
-            return contact.separation <= level.value + near
-        case "free_volume":
-            return contact.free_volume <= level.value + near
-        case "indentation":
-            return contact.indentation >= level.value - near
-        case "contact_area":
-            return contact.contact_area_fraction >= level.value - near
-        case "pressure":
-            return contact.mean_pressure >= level.value - near
-    raise ValueError(f"no such level: {level.label}")
+    if level.kind == "step":
+        return step == level.value
+    kind = STARRED[level.kind]
+    found = float(getattr(contact, kind.stored))
+    return found <= level.value + near if kind.falls else found >= level.value - near
 
 
 def on_legs(by_label: Mapping[str, Level], case: Case) -> dict[str, Level]:
     """Return levels by label, on every leg of the path where the study asks for that."""
-    levels = dict(by_label)
-    if not case.record.all_legs:
-        return levels
-    for leg in range(2, len(case.sweep.legs) + 1):
-        for level in by_label.values():
-            if level.value is not None and level.kind != "step":
-                further = replace(level, leg=leg)
-                levels[further.label] = further
-    return levels
+    legs = range(2, len(case.sweep.legs) + 1) if case.record.all_legs else ()
+    states = [level for level in by_label.values() if level.value is not None and level.kind != "step"]
+    further = [replace(level, leg=leg) for leg in legs for level in states]
+    return {**by_label, **{level.label: level for level in further}}
 
 
 def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping[str, float]) -> bool:

@@ -1,4 +1,4 @@
-"""Observables of a pressure field: the shares above the hardness, and the pressure in the middle."""
+"""Observables of a pressure field: hardness in the unit of p*, shares above it, yield, the pressure in the middle."""
 
 from __future__ import annotations
 
@@ -7,14 +7,32 @@ import math
 import numpy as np
 
 from roughvol.contact.loading import Contact
-from roughvol.observables import plastic, regions
-from roughvol.observables.view import Values, View
+from roughvol.observables import regions
+from roughvol.observables.regions import Values, View
+from roughvol.study import Case
+from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
+
+
+def starred_hardness(case: Case, surface: Surface) -> float | None:
+    """Return the hardness in the unit of p*, H L/(E* σ); None without one."""
+    return None if case.hardness is None else case.hardness * surface.side / (case.height or surface.unit)
+
+
+def largest_pressure(case: Case, surface: Surface) -> float | None:
+    """Return the largest pressure of a contact that yields, in the unit of p*; None in elastic contact."""
+    return starred_hardness(case, surface) if case.plastic else None
+
+
+def shares(view: View) -> Values:
+    """Return plastic volume and yielded area."""
+    names = ("plastic_volume", "plastic_area_fraction") if view.case.plastic else ()
+    return {name: getattr(view.state, name) for name in names}
 
 
 def above_hardness(view: View) -> Values:
     """Return the shares above a hardness that is given for comparison alone."""
-    hardness = None if view.case.plastic else plastic.starred_hardness(view.case, view.surface)
+    hardness = None if view.case.plastic else starred_hardness(view.case, view.surface)
     if hardness is None:
         return {}
     contact, load = above(view.state.pressure(), hardness)

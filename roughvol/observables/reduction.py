@@ -14,22 +14,16 @@ import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact
 from roughvol.observables.levels import at_level, is_end, on_legs, reached
+from roughvol.observables.regions import Values, View
 from roughvol.observables.requests import asked, fields_of, value_of
 from roughvol.observables.variables import AXES, OBSERVABLES, OF_STATE, VARIABLES, function
-from roughvol.observables.view import Values, View
 from roughvol.study import Case, Legs, Level
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
-PER_STEP = (
-    *OF_STATE,
-    "iterations",
-    "convolutions",
-    "convolutions_fp32",
-    "residual",
-    "mean_pressure_bound",
-    "converged",
-)
+OF_SOLVER = ("iterations", "convolutions", "convolutions_fp32", "residual", "mean_pressure_bound", "converged")
+PER_STEP = (*OF_STATE, *OF_SOLVER)
+CONTENT = ("steps", "_values", "_kept", "_seconds", "_convolutions")  # of a reduction, beside its last two states
 
 
 def numbers(view: View) -> Values:
@@ -63,9 +57,9 @@ class Reduction:
         self.states: list[Mapping[str, Any]] = []  # the last two, as `Contact.state` returns them
         levels = {name: by and on_legs(by, case) for name, by in asked(case.record).items()}
         self._along = {name: by for name, by in levels.items() if not OBSERVABLES[name].dim}
-        self._at = {name: by for name, by in levels.items() if by is not None and OBSERVABLES[name].dim}
+        self._at = {name: by or {} for name, by in levels.items() if OBSERVABLES[name].dim}
         self._values: Values = {}
-        self._kept: dict[str, dict[str, tuple[int, Values]]] = {name: {} for name in self._at}
+        self._kept: dict[str, dict[str, tuple[int, Values]]] = {name: {} for name in levels}  # by label; once reached
         self._seconds = {name: 0.0 for name in levels if OBSERVABLES[name].seconds}
         self._convolutions = 0.0
 
@@ -87,19 +81,26 @@ class Reduction:
         step, before = self.steps + 1, {name: self._last(name) for name in OF_STATE} if self.steps else None
         view = self._view(whole)
         void = self._of_void()
+
+        def first(name: str, label: str, level: Level) -> bool:
+            """Return whether this state is the first to reach a level."""
+            return label not in self._kept[name] and reached(level, step, view.state, self._case, before)
+
         for name, levels in self._along.items():
-            hit = [
-                label for label, level in (levels or {}).items() if reached(level, step, view.state, self._case, before)
-            ]
-            for label in hit:
-                del (levels or {})[label]
+            hit = [label for label, level in (levels or {}).items() if first(name, label, level)]
             if levels is None or hit:
+                self._kept[name] |= dict.fromkeys(hit, (step, {}))
                 self._store(step, self._taken(name, view))
         if (spent := self._of_void() - void) > 0.0:
             self._store(step, {"transport_time": spent})
-        for level, wanted in self._reached(step, view, before).items():
+        wanted: dict[Level, list[tuple[str, str]]] = {}
+        for name, by_label in self._at.items():
+            for label, level in by_label.items():
+                if first(name, label, level):
+                    wanted.setdefault(level, []).append((name, label))
+        for level, places in wanted.items():
             there = self._view(self._solved(level, step, whole))
-            for name, label in wanted:
+            for name, label in places:
                 dim = OBSERVABLES[name].dim
                 own = {f"{dim}_{number}": getattr(there.state, number) for number in OF_STATE}
                 self._kept[name][label] = step, own | self._taken(name, there)
@@ -128,16 +129,6 @@ class Reduction:
                 self._values.setdefault(name, absent)[step - 1] = value
             else:
                 self._values[name] = value
-
-    def _reached(self, step: int, view: View, before: Mapping[str, float] | None) -> dict[Level, list[tuple[str, str]]]:
-        """Return the levels that this state is the first to reach, each with its observables and labels."""
-        hits: dict[Level, list[tuple[str, str]]] = {}
-        for name, by_label in self._at.items():
-            left = {label: level for label, level in by_label.items() if label not in self._kept[name]}
-            for label, level in left.items():
-                if level in hits or reached(level, step, view.state, self._case, before):
-                    hits.setdefault(level, []).append((name, label))
-        return hits
 
     def _solved(self, level: Level, step: int, whole: Contact) -> Contact:
         """Return the state at a level between this step and the step before."""
@@ -173,21 +164,13 @@ class Reduction:
 
     def state(self) -> Values:
         """Return the content without the last two states, as plain data and arrays, for `restore`."""
-        left = {name: None if levels is None else list(levels) for name, levels in self._along.items()}
-        numbers = {"steps": self.steps, "level_convolutions": self._convolutions}
-        return {**numbers, "values": self._values, "left": left, "kept": self._kept, "seconds": self._seconds}
+        return {name: getattr(self, name) for name in CONTENT}
 
     def restore(self, state: Values, states: list[Mapping[str, Any]]) -> None:
         """Take the content of another reduction, from its `state` and `states`."""
-        self.steps, self._convolutions = state["steps"], state["level_convolutions"]
-        self._values, self._seconds, self.states = state["values"], state["seconds"], list(states)
-        for name, labels in state["left"].items():
-            for label in set(self._along[name] or ()) - set(labels or ()):
-                del (self._along[name] or {})[label]
-        self._kept = {
-            name: {label: (step, values) for label, (step, values) in by_label.items()}
-            for name, by_label in state["kept"].items()
-        }
+        for name in CONTENT:
+            setattr(self, name, state[name])
+        self.states = list(states)
 
 
 def _stacked(labels: list[str], kept: Mapping[str, Values]) -> Values:

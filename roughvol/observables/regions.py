@@ -1,4 +1,4 @@
-"""Parts of a surface: a contact seen through a window of its elements, and central squares of several widths.
+"""Parts of a surface: a contact seen through a window of its elements, and a state as an observable sees it.
 
 A window holds the elements whose centres lie in a region. Observables of a window are those of the loaded surface, cut
 out there. Lengths stay over the Sq of the whole surface, pressures over its E* Sq/L.
@@ -7,16 +7,27 @@ out there. Lengths stay over the Sq of the whole surface, pressures over its E* 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from roughvol.contact.loading import Contact
+from roughvol.contact.loading import Compliance, Contact
 from roughvol.errors import ContactError, Problem, StudyError
 from roughvol.study import Case, Region
-from roughvol.surfaces.surface import intervals
+from roughvol.surfaces.surface import Surface, intervals
 from roughvol.typing import Array, Mask
 
 Window = tuple[slice, slice]
+Values = dict[str, Any]
+"""Numbers and arrays by stored name."""
+MEANS = {
+    "contact_area_fraction": "contact",
+    "mean_pressure": "pressure",
+    "free_volume": "gap",
+    "plastic_volume": "plastic_displacement",
+    "plastic_area_fraction": "yielded",
+}
+"""Numbers of a contact that are means of its fields."""
 ROUNDING = 1e-9  # of a position over the length of its axis
 
 
@@ -38,37 +49,16 @@ class Within:
         """Return where p > 0 inside."""
         return self.whole.contact()[self._window]
 
-    @cached_property
-    def contact_area_fraction(self) -> float:
-        """A* of the elements inside."""
-        return float(self.contact().mean())
-
-    @cached_property
-    def mean_pressure(self) -> float:
-        """Mean pressure p* of the elements inside, L and σ of the whole."""
-        return float(self.pressure().mean())
-
-    @cached_property
-    def free_volume(self) -> float:
-        """V* of the elements inside, σ of the whole."""
-        return float(self.gap().mean())
-
-    @cached_property
-    def plastic_volume(self) -> float:
-        """Mean plastic displacement of the elements inside, σ of the whole."""
-        return float(self.whole.plastic_displacement()[self._window].mean())
-
-    @cached_property
-    def plastic_area_fraction(self) -> float:
-        """Elements inside that have yielded, over all inside."""
-        return float(self.whole.yielded()[self._window].mean())
-
     periodic = False  # a part of a period is none
     mean_pressure_bound = math.nan  # only the pressure on the whole surface is certified
 
     def __getattr__(self, name: str) -> Any:
-        """Return what does not depend on the window."""
-        return getattr(self.whole, name)
+        """Return the mean of a field inside, L and σ of the whole; of the whole what does not depend on the window."""
+        if name not in MEANS:
+            return getattr(self.whole, name)
+        value = float(getattr(self.whole, MEANS[name])()[self._window].mean())
+        setattr(self, name, value)  # once
+        return value
 
 
 State = Contact | Within
@@ -130,3 +120,41 @@ def central(share: float) -> Region:
     """Return the region in the middle whose sides are a share of those of the surface."""
     sides = (0.5 - 0.5 * share, 0.5 + 0.5 * share)
     return Region(x=sides, y=sides)
+
+
+@dataclass(frozen=True)
+class View:
+    """One state of a sweep.
+
+    Attributes
+    ----------
+    case : what to record, and of which region.
+    surface : the whole surface; its Sq is the unit of lengths.
+    whole : the state on the whole surface.
+    half_space : on which the state was solved.
+    """
+
+    case: Case
+    surface: Surface
+    whole: Contact
+    half_space: Compliance
+
+    @cached_property
+    def state(self) -> State:
+        """The state in the region."""
+        return within(self.whole, self.case)
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the region is one period of a plane."""
+        return self.state.periodic
+
+    @cached_property
+    def gap(self) -> Array:
+        """Gap g/σ in the region, exactly 0 in contact."""
+        return self.state.gap()
+
+    @cached_property
+    def contact(self) -> Mask:
+        """Where p > 0 in the region."""
+        return self.state.contact()

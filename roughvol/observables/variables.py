@@ -36,6 +36,7 @@ class Variable:
     column: int = 0
     tables: str = "short steps states"
     label: str = ""
+    key: str = ""
     averaged: str = "mean"
     lifted_by: str = ""
     touch: float = math.nan
@@ -65,7 +66,7 @@ def function(name: str) -> Callable[..., dict[str, Any]]:
     return found
 
 
-def _variables(groups: Iterable[Mapping[str, Any]]) -> dict[str, Variable]:
+def variables(groups: Iterable[Mapping[str, Any]]) -> dict[str, Variable]:
     """Return the variables of all groups."""
     table: dict[str, Variable] = {}
     for group in groups:
@@ -112,7 +113,7 @@ def _filled(value: Any, words: Mapping[str, Any]) -> Any:
 _TABLE = tomllib.loads(Path(__file__).with_name("variables.toml").read_text(encoding="utf-8"))
 
 OBSERVABLES = {name: Observable(**row) for name, row in _TABLE["observable"].items()}
-QUANTITIES = _variables(_TABLE["group"])
+QUANTITIES = variables(_TABLE["group"])
 VARIABLES = {name: row for name, row in QUANTITIES.items() if row.stored}
 OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 """Numbers that every state has, between two steps as well."""

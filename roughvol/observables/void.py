@@ -11,9 +11,8 @@ import numpy as np
 from roughvol.gap import clusters, quick_estimates, transport
 from roughvol.gap.gas import conduction_of_gas
 from roughvol.gap.perimeter import contact_perimeter
-from roughvol.observables.regions import window
+from roughvol.observables.regions import Values, View, window
 from roughvol.observables.variables import AXES
-from roughvol.observables.view import Values, View
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array, Index

@@ -18,8 +18,7 @@ from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, spread
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
-from roughvol.observables.conductance import stiffness_exponent
-from roughvol.observables.stiffness import without_every_second
+from roughvol.observables.stiffness import stiffness_exponent, without_every_second
 from roughvol.observables.variables import STATES
 from roughvol.report.run_facts import closing
 from roughvol.report.states import P, Row, States, every_step

@@ -83,26 +83,21 @@ def combine(cases: Sequence[Dataset | Arrays], attributes: Mapping[str, str]) ->
     names = [name for name in VARIABLES if name in held]
     dims = {dim: _union([part[dim][1] for part in parts if dim in part]) for dim in names if _is_dim(dim)}
     positions = {dim: {label: index for index, label in enumerate(dims[dim].tolist())} for dim in dims}
-    study = Dataset(coords={"L": sides[0]} | {dim: (dim, labels) for dim, labels in dims.items()})
-    study.attrs = dict(attributes)
-    wholes: dict[str, NDArray[Any]] = {}
-    shaped: dict[str, tuple[str, ...]] = {}
+    wholes: Arrays = {}
     for part in parts:
         index = {dim: [positions[dim][label] for label in part[dim][1].tolist()] for dim in part if dim in dims}
         slots: dict[tuple[str, ...], Any] = {}
         for name, (along, values) in part.items():
-            if name in study.coords:
+            if name == "L" or name in dims:
                 continue
             if name not in wholes:  # equal dimensions in all cases, by the table
                 kind, shape = VARIABLES[name].kind, tuple(len(dims[dim]) for dim in along)
-                wholes[name], shaped[name] = np.full(shape, MISSING[kind], dtype=DTYPES[kind]), along
+                wholes[name] = along, np.full(shape, MISSING[kind], dtype=DTYPES[kind])
             if along not in slots:
                 slots[along] = np.ix_(*(index[dim] for dim in along))
-            wholes[name][slots[along]] = values
-    for name in names:
-        if name in wholes:
-            study[name] = (shaped[name], wholes[name])
-    return _described(study)
+            wholes[name][1][slots[along]] = values
+    coords = {"L": sides[0]} | {dim: (dim, labels) for dim, labels in dims.items()}
+    return _described(Dataset({name: wholes[name] for name in names if name in wholes}, coords, attributes))
 
 
 def arrays_of(dataset: Dataset) -> Arrays:
@@ -202,8 +197,8 @@ def _opened(content: bytes) -> Dataset:
     return dataset.assign(short)  # netCDF-3 has no longer integers
 
 
-def read_arrays(path: Path) -> tuple[Arrays, stamped_file.Labels]:
-    """Return the variables of a file as plain arrays, and its labels; quicker than `read`.
+def read_arrays(path: Path) -> tuple[Arrays, dict[str, str], stamped_file.Labels]:
+    """Return the variables of a file as plain arrays, its attributes and its labels; quicker than `read`.
 
     Variables outside the table are left out: a later version may have stored them beside the same answers.
 
@@ -212,24 +207,6 @@ def read_arrays(path: Path) -> tuple[Arrays, stamped_file.Labels]:
     DatasetError
         As for `read`.
     """
-    arrays, _, labels = _read(path)
-    return arrays, labels
-
-
-def read_case(path: Path) -> tuple[Arrays, dict[str, str]]:
-    """Return the variables of a case and its attributes, every bit checked.
-
-    Raises
-    ------
-    DatasetError
-        As for `read`.
-    """
-    arrays, attributes, _ = _read(path)
-    return arrays, attributes
-
-
-def _read(path: Path) -> tuple[Arrays, dict[str, str], stamped_file.Labels]:
-    """Return the variables of a file, its attributes and its labels."""
     content, labels = stamped_file.verified(path)
     _check_format(labels, path)
     try:

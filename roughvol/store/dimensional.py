@@ -63,12 +63,13 @@ def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset
     surface = study.surface
     if isinstance(surface, GeneratedSurface) and surface.height is not None:
         results = scaled(results, surface.height)
-    made = {name: (values, unit) for name, values, unit in _made(results, study, length_unit)}
-    results = results.assign({name: values for name, (values, _) in made.items()})
-    for name, (_, unit) in made.items():
+    made = {}
+    for name, values, unit in _made(results, study, length_unit):
         row = VARIABLES[name]
         dry = ", without fluid pressure" if study.record.fluid_pressure is not None and name in LEAKS else ""
-        results[name].attrs = {"units": unit, "long_name": row.long_name + dry, "symbol": row.symbol}
+        values.attrs = {"units": unit, "long_name": row.long_name + dry, "symbol": row.symbol}
+        made[name] = values
+    results = results.assign(made)
     wanted = study.record.dimensional
     if wanted is not None and (leak := wanted.leak_rate) is not None and "leak_rate" in made:
         of_liquid = {"pressure_drop": str(leak.pressure_drop), "viscosity": str(leak.viscosity)}

@@ -87,9 +87,8 @@ def holder(folder: Path) -> Holder | None:
         return None
     try:
         named = _named(handle)
-        if named is None or named.host != platform.node():
-            return named
-        return named if _is_held(handle, named) else None
+        ours = named is not None and named.host == platform.node()
+        return None if ours and _take(handle, named, shared=True) else named
     finally:
         os.close(handle)
 
@@ -100,10 +99,14 @@ def _acquire(path: Path) -> int:
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             named = _named(handle)
-            if _lock(handle, named) and _same_file(handle, path):
-                _refuse_foreign(named, path)
+            if _take(handle, named) and _same_file(handle, path):
+                if named is not None and named.host != platform.node():
+                    message = f"{path.parent} is in use by {named}; if that process is no more, remove {path}"
+                    raise FolderError(message)
+                now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+                own = Holder(platform.node(), os.getpid(), now, _birth(os.getpid()))
                 os.ftruncate(handle, 0)
-                os.pwrite(handle, json.dumps(vars(_this_process())).encode(), 0)
+                os.pwrite(handle, json.dumps(vars(own)).encode(), 0)
                 os.fsync(handle)
                 return handle
         except BaseException:
@@ -119,31 +122,20 @@ def _acquire(path: Path) -> int:
     raise FolderError(message)
 
 
-def _lock(handle: int, named: Holder | None) -> bool:
+def _take(handle: int, named: Holder | None, *, shared: bool = False) -> bool:
     """Take the lock unless another process has it."""
     if fcntl:
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except BlockingIOError:
             return False
         except OSError:  # a file system without locks
             pass
         else:
             return True
-    return named is None or named.host != platform.node() or not _lives(named)
-
-
-def _is_held(handle: int, named: Holder) -> bool:
-    if fcntl:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-        except OSError:
-            pass
-        else:
-            return False
-    return _lives(named)
+    if named is None or named.host != platform.node():
+        return True
+    return not (stamped_file.alive(named.pid) and (not named.birth or _birth(named.pid) == named.birth))
 
 
 def _same_file(handle: int, path: Path) -> bool:
@@ -152,11 +144,6 @@ def _same_file(handle: int, path: Path) -> bool:
         return os.path.samestat(os.fstat(handle), path.stat())
     except FileNotFoundError:
         return False
-
-
-def _refuse_foreign(named: Holder | None, path: Path) -> None:
-    if named is not None and named.host != platform.node():
-        raise FolderError(f"{path.parent} is in use by {named}; if that process is no more, remove {path}")
 
 
 def _named(handle: int) -> Holder | None:
@@ -168,15 +155,6 @@ def _named(handle: int) -> Holder | None:
     texts = (named.host, named.started, named.birth)
     valid = type(named.pid) is int and 0 < named.pid < 1 << 31 and all(type(text) is str for text in texts)
     return named if valid else None
-
-
-def _this_process() -> Holder:
-    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    return Holder(platform.node(), os.getpid(), now, _birth(os.getpid()))
-
-
-def _lives(named: Holder) -> bool:
-    return stamped_file.alive(named.pid) and (not named.birth or _birth(named.pid) == named.birth)
 
 
 def _birth(pid: int) -> str:

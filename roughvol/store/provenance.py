@@ -8,14 +8,13 @@ import importlib.metadata
 import json
 import os
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import netCDF4
 
 from roughvol._version import __version__
 from roughvol.store.stamped_file import FORMAT
 from roughvol.study import Case, Region
-from roughvol.surfaces.body import Body
 
 REFERENCE = (
     "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, "
@@ -39,13 +38,9 @@ def provenance(
     study: str,
     *,
     fft: Mapping[str, str],
-    case: Case | None = None,
+    cases: Sequence[Case],
     ids: Iterable[str] = (),
-    region: Region | None = None,
-    length_unit: str | None = None,
-    bodies: Iterable[Body] = (),
     versions: Mapping[str, int] | None = None,
-    periodic: bool | None = None,
 ) -> dict[str, str]:
     """Return the global attributes: study, code, machine, date, and the paper to cite.
 
@@ -55,29 +50,20 @@ def provenance(
         The resolved study as YAML text, every default written out.
     fft : mapping
         Library version, planner and threads of the transforms.
-    case : Case, optional
-        The one case in the file.
+    cases : sequence of Case
+        The one case in the file, or those of a study, with the files of their heights.
     ids : iterable of str
         The cases in the file of a whole study.
-    region : Region, optional
-        Part of the surface for the observables. Default: that of the case, or the whole.
-    length_unit : str, optional
-        Unit of all lengths in the file. Default: that of the case, or none.
-    bodies : iterable of Body, optional
-        The files of heights, stored by name and sha256. Default: those of the case.
     versions : mapping, optional
         Number of cases of a study by version of roughvol.
-    periodic : bool, optional
-        Whether surfaces are one period of a plane. Default: as that of the case.
     """
-    if periodic is None:
-        periodic = case is not None and case.periodic
+    case, ids = cases[0], list(ids)
     attributes = {
         "title": "Free volume between rough surfaces in elastic contact",
         "format": FORMAT,
         "roughvol_version": __version__,
         "study": study,
-        "conventions": PERIODIC_CONVENTIONS if periodic else CONVENTIONS,
+        "conventions": PERIODIC_CONVENTIONS if case.periodic else CONVENTIONS,
         "references": REFERENCE,
         "libraries": _libraries(),
         "fft": json.dumps(dict(fft)),
@@ -85,25 +71,19 @@ def provenance(
         "platform": platform.platform(),
         "cpu_count": str(os.cpu_count()),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "region": (case.record.region or Region()).label,
     }
-    if periodic:
+    if case.periodic:
         attributes["periodic"] = "true"
-    region = region or (case.record.region if case is not None else None)
-    attributes["region"] = region.label if region is not None else Region().label
-    if unit := length_unit or (case.length_unit if case is not None else None):
-        attributes["length_unit"] = unit
-    if case is not None and case.surface_text:
+    if case.length_unit:
+        attributes["length_unit"] = case.length_unit
+    if case.surface_text:
         attributes["surface"] = case.surface_text
-    if files := [
-        {"file": body.file.name, "sha256": body.sha256} for body in bodies or (case.bodies if case is not None else ())
-    ]:
+    if files := [{"file": body.file.name, "sha256": body.sha256} for one in cases for body in one.bodies]:
         attributes["height_files"] = json.dumps(files)
     if versions is not None:
         attributes["case_versions"] = json.dumps(dict(sorted(versions.items())))
-    if case is not None:
-        attributes |= {"case_id": case.id, "case": case.key_text}
-    if ids := list(ids):
-        attributes["case_ids"] = ids_text(ids)
+    attributes |= {"case_ids": ids_text(ids)} if ids else {"case_id": case.id, "case": case.key_text}
     return attributes
 
 

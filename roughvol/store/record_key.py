@@ -2,19 +2,8 @@
 
 from __future__ import annotations
 
-from roughvol.observables.variables import OBSERVABLES, VARIABLES
+from roughvol.observables.variables import OBSERVABLES, QUANTITIES
 from roughvol.study import Record
-
-IN_UNITS = {  # variables of the section ``dimensional``
-    "nominal_pressure": "pressure",
-    "free_volume_per_area": "free_volume",
-    "mean_gap": "mean_gap",
-    "mean_plane_separation": "separation",
-    "critical_opening": "critical_gap",
-    "leak_rate": "leak_rate",
-    "gas_leak_rate": "gas_leak_rate",
-    "fluid_leak_rate": "leak_rate",
-}
 
 
 def record_key(variable: str) -> str:
@@ -22,11 +11,8 @@ def record_key(variable: str) -> str:
 
     The variable is in the table or follows from a variable of the table.
     """
-    base = variable.replace("_dry", "")
-    if base in IN_UNITS:
-        return f"record.dimensional.{IN_UNITS[base]}"
-    row = VARIABLES.get(variable)
-    name = row.observable if row is not None and row.observable else base
-    if name in OBSERVABLES and OBSERVABLES[name].key:
-        return f"record.{OBSERVABLES[name].key.removesuffix('.at')}"
-    return f"record.{name}" if name in Record.model_fields else ""
+    name = variable.replace("_dry", "") if variable.endswith("_dry") else variable
+    row = QUANTITIES.get(name)
+    observable = OBSERVABLES.get(row.observable if row is not None and row.observable else name)
+    key = (row.key if row is not None else "") or (observable.key.removesuffix(".at") if observable is not None else "")
+    return f"record.{key or name}" if key or name in Record.model_fields else ""

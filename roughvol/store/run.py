@@ -300,12 +300,8 @@ def _check(file: Path, results: Dataset, given: Study | None, run: str, call: st
 
 def _of_another_study(file: Path, results: Dataset, stored: str, given: Study) -> list[str]:
     """Return how the study and the height files of results differ from those of a study; a line each."""
-    if stored != given.stored():
-        try:
-            if lines := same_study.changed_keys(loads(stored, file, stored=True), given):
-                return lines
-        except StudyError as error:
-            return [f"its study cannot be read by this version: {error}"]
+    if lines := _changes(file, stored, given.stored()):
+        return lines
     cases = sample_plan.cases_of(given, file.parent)
     now = {(body.file.name, body.sha256) for case in cases.values() for body in case.bodies}
     lines = [
@@ -321,14 +317,18 @@ def _of_another_folder(file: Path, results: Dataset, stored: str) -> list[str]:
     text = run_folder.stored_study(file.parent) if file.name == RESULTS else None
     if text is None:
         return []
-    if text != stored:
-        try:
-            old, new = (loads(one, file.with_name("study.yaml"), stored=True) for one in (stored, text))
-            if lines := same_study.changed_keys(old, new):
-                return lines
-        except StudyError as error:
-            return [f"one of both studies cannot be read by this version: {error}"]
-    return _of_other_cases(results, run_folder.stored_ids(file.parent))
+    return _changes(file, stored, text) or _of_other_cases(results, run_folder.stored_ids(file.parent))
+
+
+def _changes(file: Path, stored: str, text: str) -> list[str]:
+    """Return the keys that differ between the study of results and another study, both as stored; a line each."""
+    if text == stored:
+        return []
+    try:
+        old, new = (loads(one, file.with_name("study.yaml"), stored=True) for one in (stored, text))
+    except StudyError as error:
+        return [f"one of both studies cannot be read by this version: {error}"]
+    return same_study.changed_keys(old, new)
 
 
 def _of_other_cases(results: Dataset, ids: Collection[str]) -> list[str]:

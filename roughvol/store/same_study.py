@@ -65,7 +65,7 @@ def _other_heights(folder: Path, id: str, case: Case) -> bool:
     from roughvol.store import dataset  # xarray: a second, for this question alone
 
     try:
-        key = json.loads(dataset.read_case(case_file(folder, id))[1].get("case", "{}"))
+        key = json.loads(dataset.read_arrays(case_file(folder, id))[1].get("case", "{}"))
     except (DatasetError, ValueError):
         return True
     return bool(key.get("surface", {}).get("bodies") != json.loads(case.key_text)["surface"]["bodies"])

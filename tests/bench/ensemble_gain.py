@@ -46,7 +46,7 @@ def measure(folder: Path, m: int, D: float, quantity: str, accuracy: str, pressu
             path = folder / f"{case.id}.nc"
             began = time.process_time()
             stamped_file.store(path, file_of_case(case, Context(own, study=text)))
-            found[case.id], _ = dataset.read_arrays(path)
+            found[case.id], *_ = dataset.read_arrays(path)
             seconds[case.m] += time.process_time() - began
             samples[case.m] += 1
             path.unlink()

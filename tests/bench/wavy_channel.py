@@ -40,12 +40,12 @@ class Channel:
         both = Coupling(self.surface, self.half_space, 0, inlet * self.closed, outlet * self.closed)
         fluid = np.full(self.surface.shape, inlet * self.closed)
         last, step = 0.9 + 0.4 * inlet, 0.08
-        state = both.solve(last * self.closed, self.near, fluid)
+        state = self._pressed(both, last, fluid)
         if not is_open(state):
             raise ValueError(f"closed at the first load, {last}")
         while step > accuracy:
             try:
-                tried = both.solve((last + step) * self.closed, self.near, state.fluid)
+                tried = self._pressed(both, last + step, state.fluid)
             except ConvergenceError:  # next to the closing
                 step *= 0.5
                 continue
@@ -54,6 +54,13 @@ class Channel:
             else:
                 step *= 0.5
         return last
+
+    def _pressed(self, both: Coupling, load: float, fluid: np.ndarray) -> Lifted:
+        """Return the state of a joint that is pressed farther under the fluid pressure of another state."""
+        try:
+            return both._relaxed(fluid, load * self.closed, self.near)
+        except ConvergenceError:
+            return both._softened(fluid, load * self.closed, self.near)
 
 
 def is_open(state: Lifted) -> bool:

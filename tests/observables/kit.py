@@ -10,7 +10,7 @@ from roughvol.campaign.one_case import surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, sweep
 from roughvol.observables.reduction import Reduction
-from roughvol.observables.view import Values
+from roughvol.observables.regions import Values
 from roughvol.study import Case, loads
 
 SURFACE = "surface: {D: 2.4, m: 4, seeds: [7], L: 3.0}\n"

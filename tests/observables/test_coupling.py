@@ -110,7 +110,7 @@ def test_the_load_is_kept_and_pressures_balance(surface: Surface, half_space: Ha
     misfit = state.gap - u + surface.heights / surface.unit
     assert np.ptp(misfit) < 1e-6
     assert 0.0 < state.fluid_share < 0.5
-    assert state.contact_area_fraction < dry.contact_area_fraction
+    assert (state.gap == 0.0).mean() < dry.contact_area_fraction
     assert _flow(state.gap) > _flow(dry.gap())
 
 
@@ -148,9 +148,10 @@ def test_a_fluid_that_carries_the_whole_load_is_refused(surface: Surface, half_s
         Coupling(surface, half_space, 0, 3.0).solve(LOAD, dry)
 
 
-@pytest.mark.parametrize("periodic", [True, False])
-@pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("load", [1.0, 4.0])
+@pytest.mark.parametrize(
+    ("periodic", "seed", "load"),
+    [(True, 1, 1.0), (False, 2, 1.0), (True, 1, 4.0), pytest.param(True, 2, 4.0, marks=pytest.mark.slow)],
+)
 def test_a_joint_pressed_first_and_pressurised_then_has_a_state(periodic: bool, seed: int, load: float) -> None:
     surface = random_midpoint_displacement(2.2, 4, seed=seed, periodic=periodic)
     half_space = HalfSpace(surface.shape, periodic=periodic)
@@ -171,14 +172,15 @@ def test_an_inlet_above_the_load_may_leave_a_joint_in_contact() -> None:
     coupled = Coupling(surface, half_space, 0, 4.8)
     state = coupled.solve(4.0, dry)  # an iterate of a plain fixed point carries the whole load
     assert state.fluid.mean() < 4.0
-    assert 0.0 < state.contact_area_fraction < dry.contact_area_fraction
+    assert 0.0 < (state.gap == 0.0).mean() < dry.contact_area_fraction
     assert np.abs(coupled.fluid_in(state.gap) - state.fluid).max() <= 2e-6 * 4.8
 
 
-def test_what_does_not_settle_is_an_error(
-    surface: Surface, half_space: HalfSpace, dry: Contact, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_does_not_settle_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    surface = random_midpoint_displacement(2.2, 3, seed=3, periodic=True)
+    half_space = HalfSpace(surface.shape, periodic=True)
     monkeypatch.setattr(coupling, "ROUNDS", 2)
+    dry = state_under(Trials(surface, half_space, rtol=1e-9), LOAD, 1.0)
     with pytest.raises(ConvergenceError, match="not shown that the joint opens"):
         Coupling(surface, half_space, 0, 0.5).solve(LOAD, dry)
 

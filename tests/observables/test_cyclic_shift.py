@@ -15,7 +15,7 @@ from roughvol.contact.loading import sweep
 from roughvol.errors import SurfaceError
 from roughvol.gap import box_counting, clusters, free_volume, transport
 from roughvol.observables import deformed
-from roughvol.observables.view import View
+from roughvol.observables.regions import View
 from roughvol.study import loads
 from roughvol.surfaces import psd, texture, treatment
 from roughvol.surfaces.power_law import Spectrum

@@ -82,11 +82,6 @@ def test_fluxes_outside_the_region_are_missing() -> None:
     assert known.sum() == 81
 
 
-def test_a_region_without_elements_is_refused() -> None:
-    with pytest.raises(ContactError, match="fewer than 2 × 2"):
-        regions.window(case_of("record: {region: {x: [0.51, 0.55]}}"), (17, 17))
-
-
 @pytest.mark.parametrize(
     ("surface", "recorded", "key"),
     [

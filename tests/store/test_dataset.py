@@ -63,7 +63,11 @@ def _values(m: int, seed: int = 0) -> dict[str, Any]:
 
 def _build(D: float = 2.3, m: int = 3, seed: int = 0, L: float = 100.0) -> Dataset:
     case = _case(D, m, seed, L)
-    return dataset.build(case, _values(m, seed), provenance.provenance("name: x\n", fft=FFT, case=case))
+    return dataset.build(case, _values(m, seed), provenance.provenance("name: x\n", fft=FFT, cases=[case]))
+
+
+def _of_study() -> dict[str, str]:
+    return provenance.provenance("", fft=FFT, cases=[_case()], ids=["a"])
 
 
 def test_table_is_complete_and_names_differ_by_more_than_case() -> None:
@@ -86,7 +90,10 @@ def test_round_trip(tmp_path: Path) -> None:
 
 
 def test_whatever_is_stored_is_described_for_plain_xarray(tmp_path: Path) -> None:
-    dataset.write(dataset.combine([_build(), _build(m=2)], provenance.provenance("", fft=FFT)), tmp_path / "a.nc")
+    dataset.write(
+        dataset.combine([_build(), _build(m=2)], _of_study()),
+        tmp_path / "a.nc",
+    )
     with xr.open_dataset(tmp_path / "a.nc") as opened:
         for name, variable in opened.variables.items():
             row = VARIABLES[str(name)]
@@ -152,7 +159,7 @@ def test_only_what_the_table_knows_is_built(values: dict[str, Any], message: str
 
 def test_provenance_names_study_case_code_machine_and_reference() -> None:
     case = _case()
-    attributes = provenance.provenance("name: x\n", fft=FFT, case=case)
+    attributes = provenance.provenance("name: x\n", fft=FFT, cases=[case])
     assert json.loads(attributes["case"]) == json.loads(json.dumps(case.key))
     assert set(json.loads(attributes["libraries"])) >= {"python", "numpy", "scipy", "pyfftw", "xarray", "netCDF4"}
     assert json.loads(attributes["fft"]) == FFT
@@ -215,7 +222,7 @@ def test_plain_arrays_are_those_of_the_dataset(tmp_path: Path, monkeypatch: pyte
         monkeypatch.setattr(dataset, "SMALL", 0)
     dataset.write(_build(), tmp_path / "a.nc")
     assert (tmp_path / "a.nc").read_bytes().startswith(b"\x89HDF" if large else b"CDF")
-    (arrays, _), stored = dataset.read_arrays(tmp_path / "a.nc"), dataset.read(tmp_path / "a.nc")
+    (arrays, _, _), stored = dataset.read_arrays(tmp_path / "a.nc"), dataset.read(tmp_path / "a.nc")
     xr.testing.assert_identical(dataset.combine([arrays], stored.attrs), dataset.combine([stored], stored.attrs))
     xr.testing.assert_identical(dataset.combine([arrays], stored.attrs), stored)
 
@@ -226,7 +233,7 @@ def test_texts_and_seeds_of_any_size_are_stored(tmp_path: Path) -> None:
     for built in (dataset.build(case, values, {"case_id": "a"}), dataset.build(_case(), values, {"case_id": "a"})):
         built.attrs["format"] = dataset.FORMAT
         dataset.write(built, tmp_path / "a.nc")
-        arrays, _ = dataset.read_arrays(tmp_path / "a.nc")
+        arrays, _, _ = dataset.read_arrays(tmp_path / "a.nc")
         assert arrays["seed"][1].tolist() == built.seed.values.tolist()
         assert arrays["field_at"][1].tolist() == ["höhe = 1 µm", "a"]
         xr.testing.assert_identical(dataset.read(tmp_path / "a.nc"), built)
@@ -244,7 +251,10 @@ def test_the_stamp_names_the_case_in_full(tmp_path: Path) -> None:
     found = stamped_file.labels(tmp_path / "case.nc")
     assert found == run_folder.labels_for(_case())
     assert found["key"] != run_folder.labels_for(_case(seed=1))["key"]
-    dataset.write(dataset.combine([_build()], provenance.provenance("", fft=FFT)), tmp_path / "study.nc")
+    dataset.write(
+        dataset.combine([_build()], _of_study()),
+        tmp_path / "study.nc",
+    )
     assert stamped_file.labels(tmp_path / "study.nc")["case"] == ""
 
 
@@ -293,7 +303,7 @@ def test_a_small_file_is_what_xarray_would_write(tmp_path: Path) -> None:
 
 
 def test_the_file_of_a_case_does_not_need_a_dataset(monkeypatch: pytest.MonkeyPatch) -> None:
-    case, attributes = _case(), provenance.provenance("name: x\n", fft=FFT, case=_case())
+    case, attributes = _case(), provenance.provenance("name: x\n", fft=FFT, cases=[_case()])
     for most in (dataset.SMALL, 0):
         monkeypatch.setattr(dataset, "SMALL", most)
         built = dataset.to_bytes(dataset.build(case, _values(3), attributes))

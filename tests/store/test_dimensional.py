@@ -124,7 +124,7 @@ def test_what_is_asked_for_at_a_state_that_no_case_reaches_is_missing_and_told()
     made = _made(never + WANTED)
     for name in ("leak_rate", "critical_opening"):
         assert made[name].isnull().all()
-        assert made[name].sizes == made.free_volume.sizes | {"axis": 2}
+        assert made[name].sizes == {**made.free_volume.sizes, "axis": 2}
     assert made.mean_gap.notnull().all()
     assert dataset.unreached(made) == {"transmissivity": 2, "constriction": 2}
 

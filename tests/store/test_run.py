@@ -21,14 +21,7 @@ record:
   transport: {transmissivity: every-step}
   dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
 """
-SCAN = """
-surface: {file: heights.txt, L: 100 um, heights_unit: um}
-material: {E: 10 MPa, nu: 0.5}
-sweep: {pressures: [0.1 MPa, 0.2 MPa]}
-record:
-  transport: {transmissivity: every-step}
-  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
-"""
+SCAN = TEXT.replace("{D: 2.3, m: 5, seeds: 1, L: 100 um, Sq: 1 um}", "{file: heights.txt, L: 100 um, heights_unit: um}")
 COMMANDS = (
     ["show"],
     ["show", "--at", "pressure=0.15 MPa"],
@@ -72,15 +65,17 @@ def _refused(command: list[str], run: str) -> str:
     return done.stderr
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+CHANGES = (
+    ("m: 5", "m: 4", "surface.m: 5 → 4"),
+    ("E: 10 MPa", "E: 20 GPa", 'material.E: "10 MPa" → "20 GPa"'),
+    ("seeds: 1", "seeds: 2", "surface.seeds: [0] → [0, 1]"),
+    ("1 mPa*s", "2 mPa*s", '→ "2 mPa*s"'),
+)
+
+
 @pytest.mark.parametrize(
-    ("old", "new", "difference"),
-    [
-        ("m: 5", "m: 4", "surface.m: 5 → 4"),
-        ("E: 10 MPa", "E: 20 GPa", 'material.E: "10 MPa" → "20 GPa"'),
-        ("seeds: 1", "seeds: 2", "surface.seeds: [0] → [0, 1]"),
-        ("1 mPa*s", "2 mPa*s", '→ "2 mPa*s"'),
-    ],
+    ("command", "old", "new", "difference"),
+    [(command, *CHANGES[0]) for command in COMMANDS] + [(COMMANDS[0], *change) for change in CHANGES[1:]],
 )
 def test_a_changed_study_file_does_not_get_the_numbers_of_the_old_one(
     place: Path, command: list[str], old: str, new: str, difference: str
@@ -92,10 +87,9 @@ def test_a_changed_study_file_does_not_get_the_numbers_of_the_old_one(
     assert "runs/tiny" in message
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_a_changed_height_file_does_not_get_the_numbers_of_the_old_one(place: Path, command: list[str]) -> None:
+def test_a_changed_height_file_does_not_get_the_numbers_of_the_old_one(place: Path) -> None:
     np.savetxt("heights.txt", _heights(1))
-    message = _refused(command, "scan.yaml")
+    message = _refused(["compare"], "scan.yaml")
     assert "surface.file: the content of heights.txt" in message
     assert "roughvol run scan.yaml" in message
 
@@ -120,13 +114,10 @@ def test_an_interrupted_extension_is_not_shown_as_finished(
     assert "roughvol run" in message
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 @pytest.mark.parametrize("run", ["tiny", "runs/tiny", "runs/tiny/study.nc", "tiny.yaml"])
-def test_the_results_of_another_run_are_not_shown_as_those_of_this_one(
-    place: Path, command: list[str], run: str
-) -> None:
+def test_the_results_of_another_run_are_not_shown_as_those_of_this_one(place: Path, run: str) -> None:
     shutil.copy("runs/scan/study.nc", "runs/tiny/study.nc")
-    message = _refused(command, run)
+    message = _refused(["show"], run)
     assert "surface.file" in message
     assert "runs/tiny" in message
 

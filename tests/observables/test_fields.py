@@ -6,7 +6,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from roughvol.campaign.one_case import run_case
-from roughvol.errors import ContactError
 from roughvol.gap import transport
 from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
@@ -46,7 +45,7 @@ def test_a_region_holds_what_its_elements_do(result: Dataset) -> None:
         assert_allclose(found.transmissivity_within.sel(axis="y"), flow, rtol=1e-5)
 
 
-@pytest.mark.parametrize("width", [0.25, 0.5, 0.9])
+@pytest.mark.parametrize("width", [0.25, 0.9])
 def test_a_central_region_is_that_of_its_corners(width: float) -> None:
     corner = f"[{0.5 - width / 2}, {0.5 + width / 2}]"
     named = run_case(_case(f"record: {{region: {{x: {corner}, y: {corner}}}}}"))
@@ -62,11 +61,6 @@ def test_regions_do_not_change_what_is_solved(result: Dataset) -> None:
         assert_array_equal(plain[name], result[name])
 
 
-def test_a_region_of_fewer_than_two_elements_is_refused() -> None:
-    with pytest.raises(ContactError, match="fewer than 2 × 2"):
-        run_case(_case("record: {region_widths: {shares: [0.05]}}"))
-
-
 # What was recorded, and what it took
 
 
@@ -78,17 +72,13 @@ def test_the_seconds_of_everything_recorded_are_told(result: Dataset) -> None:
     assert float(taken.sel(observable="transmissivity")) == pytest.approx(float(result.transport_time.sum()), rel=1e-9)
 
 
-def test_nothing_is_told_where_nothing_was_asked_for() -> None:
-    assert "observable" not in run_case(_case("")).variables
-
-
-def test_each_observable_has_its_name() -> None:
+def test_each_observable_that_was_asked_for_has_its_name() -> None:
     text = (
         "record: {fields_at: last, box_counting: {}, volume_density: {}, transport: {flux_at: last, percolation: last}}"
     )
-    assert set(run_case(_case(text)).observable.values) == {
-        *("fields_at", "box_counting", "volume_density", "flux_at", "percolation"),
-    }
+    names = ["fields_at", "box_counting", "volume_density", "flux_at", "percolation"]
+    assert sorted(run_case(_case(text)).observable.values) == sorted(names)
+    assert "observable" not in run_case(_case("")).variables
 
 
 def test_two_equal_runs_differ_in_nothing_but_times() -> None:
