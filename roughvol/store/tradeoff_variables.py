@@ -1,4 +1,4 @@
-"""The variables of the dataset that a trade-off study stores: `tradeoff.toml`, read once."""
+"""The variables of the dataset that a trade-off study stores: `tradeoff_variables.toml`, read once."""
 
 from __future__ import annotations
 
@@ -10,6 +10,6 @@ from roughvol.observables.variables import Variable, variables
 QUANTITIES = {"contact_area_fraction": "A*", "mean_pressure": "p*", "free_volume": "V*"}
 RUNG, EACH = "rung", "rung surface"
 TABLE: dict[str, Variable] = variables(
-    tomllib.loads(Path(__file__).with_name("tradeoff.toml").read_text(encoding="utf-8"))["group"]
+    tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["group"]
 )
 RUNG_VARIABLES = {name: row for name, row in TABLE.items() if row.dims == RUNG}

@@ -185,6 +185,7 @@ def test_levels_are_by_quantity() -> None:
     }
 
 
+@pytest.mark.slow
 def test_the_corrected_medium_is_nearer_to_the_flow_than_that_of_bruggeman_beyond_a_tenth_of_contact() -> None:
     text = (
         "surface: {D: [2.2, 2.4], m: 6, seeds: 2}\nsweep: {steps: 12, to: percolation}\nsolver: {accuracy: draft}\n"

@@ -127,42 +127,30 @@ def test_without_locks_of_the_system_the_process_decides(
 # Sound files only
 
 
-def test_status_finds_a_flipped_bit_in_a_file_of_the_same_size_and_time(study: Study, place: Path) -> None:
+def test_a_flipped_bit_is_found_named_set_aside_and_computed_again(study: Study, place: Path, finished: Path) -> None:
+    """In a file of the same size and time, as a disk alters a bit."""
     id = study.cases()[1].id
     path = run_folder.case_file(place, id)
-    before = path.stat()
-    content = bytearray(path.read_bytes())
+    before, content = path.stat(), bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
-    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))  # as a disk alters a bit
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
     (place / "study.nc").unlink()
     found = run_status.status(study, place)
     assert list(found.damaged) == [id]
     assert "has been altered" in found.damaged[id]
     assert execution.collect(study, place).converged.sum() == 12
-    assert sum("has been altered" in notice for notice in _notices(study, place)) == 1
-    assert execution.collect(study, place).converged.sum() == 16
+    (told,) = _notices(study, place)
+    assert "has been altered" in told
+    assert path.name in told
+    assert (place / "cases" / "set_aside" / path.name).read_bytes() == content
+    xr.testing.assert_identical(_values(execution.collect(study, place)), _values(execution.collect(study, finished)))
 
 
 def test_status_reads_only_the_stamp_of_large_files(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_folder, "QUICK_BYTES", 0)
     monkeypatch.setattr(stamped_file, "verified", lambda path: pytest.fail("every bit is read"))
     assert len(run_status.status(study, place).done) == 4
-
-
-def test_a_flipped_bit_is_found_named_set_aside_and_computed_again(study: Study, place: Path, finished: Path) -> None:
-    path = next((place / "cases").glob("*.nc"))
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 4
-    path.write_bytes(content)
-    notices: list[str] = []
-    again = execution.run(study, out=place, jobs=1, on_event=lambda now: notices.append(now.notice))
-    told = [notice for notice in notices if notice]
-    assert len(told) == 1
-    assert "has been altered" in told[0]
-    assert path.name in told[0]
-    assert (place / "cases" / "set_aside" / path.name).read_bytes() == content
-    xr.testing.assert_identical(_values(again), _values(execution.collect(study, finished)))
 
 
 def _relabelled(path: Path, **changed: str) -> None:
@@ -420,11 +408,12 @@ def test_a_study_nc_that_is_not_as_written_is_never_parsed_but_made_again(
         patch.setattr(netCDF4, "Dataset", None)  # nothing can be parsed
         with pytest.raises(DatasetError, match=r"study\.nc (has been altered|does not end with a checksum)"):
             dataset.read(place / "study.nc")
-    notices: list[str] = []
-    again = execution.run(study, out=place, jobs=1, on_event=lambda now: notices.append(now.notice))
-    assert [("study.nc" in told, "made again from the cases" in told) for told in notices if told] == [(True, True)]
+    (told,) = _notices(study, place)
+    assert "study.nc" in told
+    assert "made again from the cases" in told
     assert (place / "set_aside" / "study.nc").read_bytes() == content
-    xr.testing.assert_identical(_values(again), _values(dataset.read(finished / "study.nc")))
+    again, before = (dataset.read(folder / "study.nc") for folder in (place, finished))
+    xr.testing.assert_identical(_values(again), _values(before))
 
 
 def test_many_files_set_aside_are_told_of_in_few_lines(tmp_path: Path) -> None:
@@ -433,9 +422,7 @@ def test_many_files_set_aside_are_told_of_in_few_lines(tmp_path: Path) -> None:
     for path in (tmp_path / "cases").glob("*.nc"):
         content, labels = stamped_file.verified(path)
         stamped_file.store(path, stamped_file.stamped(content, labels | {"key": "0"}))
-    notices: list[str] = []
-    execution.run(many, out=tmp_path, jobs=1, on_event=lambda now: notices.append(now.notice))
-    told = [notice for notice in notices if notice]
+    told = _notices(many, tmp_path)
     assert len(told) == inventory.NAMED + 1
     assert "is of another study: '0'" in told[0]
     assert "it is computed again" in told[0]
@@ -671,7 +658,7 @@ def test_a_folder_that_vanishes_is_told_and_not_made_again(study: Study, tmp_pat
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize("crash", [True, False])
+@pytest.mark.parametrize("crash", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_a_broken_netcdf_file_of_heights_is_an_error_even_if_the_library_crashes(tmp_path: Path, crash: bool) -> None:
     xr.Dataset({"z": (("x", "y"), np.random.default_rng(1).normal(size=(9, 9)))}).to_netcdf(tmp_path / "z.nc")
     content = bytearray((tmp_path / "z.nc").read_bytes())
