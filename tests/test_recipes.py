@@ -18,7 +18,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^( *)```\w+\n\1# ([\w/.]+), ([^\n]+)\n(.*?)^\1```", re.MULTILINE | re.DOTALL)
-FILES = {"An observable": 3, "A figure": 2, "A claim": 2, "A kernel": 4}
+FILES = {"An observable": 3, "A section of the study file": 4, "A figure": 2, "A claim": 2, "A kernel": 4}
 STUDY = """
 name: recipe
 surface: {D: 2.3, m: 3, L: 100 um, Sq: 1 um, seeds: 2}
@@ -35,7 +35,7 @@ USE = """
 import json
 import numpy as np, xarray as xr
 from click.testing import CliRunner
-import roughvol
+import roughvol, roughvol.errors, roughvol.study
 from roughvol.campaign import workers
 from roughvol.cli import main
 
@@ -52,7 +52,22 @@ touching = bed.pressure.values > 0.0
 from roughvol.reproduction.judgement import judge
 (claim,) = (claim for claim in judge(["runs/recipe/study.nc"], any_size=True).claims if claim.id == 25)
 drawn = {name: roughvol.plot("recipe", name).axes[0] for name in ("depth_of_p", "seal_depth")}
+
+np.save("worn.npy", np.eye(5))
+
+def answer(surface, specimen):
+    try:
+        return roughvol.study.loads(f"{{surface: {surface}, specimen: {specimen}}}").specimen.cycles
+    except roughvol.errors.RoughvolError as error:
+        return str(error)
+
 print(json.dumps({
+    "schema": call("schema"),
+    "sections": [
+        answer("{file: worn.npy, L: 1}", "{label: seat, cycles: 3}"),
+        answer("{file: worn.npy, L: 1}", "{label: seat, cycles: -1}"),
+        answer("{D: 2.3, m: 3}", "{label: seat}"),
+    ],
     "unit": ds.largest_gap.attrs["units"],
     "stored": ds.largest_gap.values.ravel().tolist(),
     "gap": (ds.free_volume * ds.Sq).values.ravel().tolist(),
@@ -144,6 +159,15 @@ def test_an_observable_is_stored_with_its_unit_and_has_column_mean_and_figure(fo
     assert found["mean"][:3] == pytest.approx([(a + b) / 2.0 for a, b in zip(first, second, strict=True)])
     assert found["lines"]["depth_of_p"]
     assert "largest gap" in found["labels"]["depth_of_p"]
+
+
+def test_a_section_is_in_the_schema_and_obeys_its_rule(found: Any) -> None:
+    assert "loadings before the measurement, >= 0" in found["schema"]
+    cycles, negative, generated = found["sections"]
+    assert cycles == 3
+    assert "specimen.cycles" in negative
+    assert ">= 0" in negative
+    assert "needs surface.file" in generated
 
 
 def test_a_figure_is_drawn_by_its_name(found: Any) -> None:
