@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ import tifffile
 from roughvol.campaign import interpretation, one_case
 from roughvol.errors import StudyError
 from roughvol.study import Case, loads
-from roughvol.study.sections.agreement import resolve
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
 HEIGHTS = random_midpoint_displacement(2.3, 2, seed=1).heights  # 5 x 5
@@ -163,11 +161,6 @@ def test_a_number_names_a_channel(folder: Path) -> None:
     cases = [_case(folder, f"file: two.npz, L: 1, variable: {name}") for name in ("1", "'1'", "b")]
     assert [case.bodies[0].variable for case in cases] == ["1", "1", "b"]
     assert all(np.array_equal(one_case.surface_of(case).heights, 2.0 * HEIGHTS) for case in cases)
-
-
-def test_sides_of_both_axes_are_there_for_the_treatment(folder: Path) -> None:
-    measured: Any = loads("surface: {file: full.txt, unit: mm}", folder / "study.yaml").surface
-    assert resolve(measured).sides == pytest.approx((0.1, 0.1))
 
 
 # What the user should look at

@@ -13,46 +13,11 @@ import roughvol
 from roughvol.cli import main
 from roughvol.errors import StudyError
 from roughvol.study import loads
+from roughvol.study.rules import RULES
 from roughvol.study.sections.fluid import SUBSTANCES
+from tests.study.kit import problems_of
 
 SURFACE = "surface: {D: 2.3, m: 4}\n"
-
-
-def _problems(text: str) -> list[str]:
-    with pytest.raises(StudyError) as caught:
-        loads(SURFACE + text, "s.yaml")
-    return [str(problem) for problem in caught.value.problems]
-
-
-@pytest.mark.parametrize(
-    ("text", "start", "part"),
-    [
-        (
-            "record: {transport: {transmissivity: every_step}}",
-            "s.yaml:2: record.transport.transmissivity: must be 'every-step', 'last', or levels",
-            "given 'every_step'; did you mean 'every-step'?",
-        ),
-        ("record: {transport: {percolation: 3}}", "s.yaml:2: record.transport.percolation", "must be 'every-step'"),
-        ("record: {fields_at: lst}", "s.yaml:2: record.fields_at: must be the word 'last'", "did you mean 'last'?"),
-        ("solver: papr", "s.yaml:2: solver", "did you mean 'paper'?"),
-        (
-            "sweep: {to: {pressures: [0.1, 0.2]}}",
-            "s.yaml:2: sweep.to.pressures",
-            "'pressures' stands in place of 'to', as sweep: {pressures: [...]}",
-        ),
-        ("sweep: [{}, {to: {mean_gaps: [1 um]}}]", "s.yaml:2: sweep[1].to.mean_gaps", "as sweep: {mean_gaps: [...]}"),
-        ("sweep: {pressures: [0.1, x]}", "s.yaml:2: sweep.pressures[1]", "given 'x'"),
-        ("sweep: {pressures: [0.1, -1]}", "s.yaml:2: sweep.pressures[1]: must be > 0", "p* > 0"),
-        ("sweep: {contact_areas: [0.1, 4]}", "s.yaml:2: sweep.contact_areas[1]", "must be <= 1, given 4"),
-        ("sweep: [{pressures: [0.1, x]}, {to: mean-plane}]", "s.yaml:2: sweep[0].pressures[1]", "given 'x'"),
-        ("sweep: {to: {pressure: [1, -2]}}", "s.yaml:2: sweep.to.pressure: must be > 0, given -2", "p* > 0"),
-        ("sweep: [{to: {pressure: -2}}]", "s.yaml:2: sweep[0].to.pressure: must be >= 0, given -2", "p* >= 0"),
-    ],
-)
-def test_one_mistake_has_one_message_with_what_is_meant(text: str, start: str, part: str) -> None:
-    (message,) = _problems(text)
-    assert message.startswith(start)
-    assert part in message
 
 
 def test_missing_files_of_a_list_are_named_once(tmp_path: Path) -> None:
@@ -101,3 +66,23 @@ def test_a_load_is_the_nominal_pressure_times_the_area_of_all_elements(
     )
     ds = roughvol.run(loads(text, "s.yaml"), out=tmp_path / "run", jobs=1)
     assert_allclose(0.02 / ds.nominal_pressure.values.ravel()[-1], excess, rtol=1e-5)  # mm^2, over L^2 = 1 mm^2
+
+
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        ("surface: {D: 2.3, m: 4}\nsweep: {steps: []}\nrecord: {fields_at: last}", "sweep.steps"),
+        ("surface: {D: 2.3, m: 4, periodic: 1}\nsolver: {kernel: fourier}", "surface.periodic"),
+        ("surface: {D: [2.3, 9, 2.3], m: 4}\nsolver: {kernel: fourier}", "solver.kernel surface.D[1] surface.D[2]"),
+        ("surface: {D: 2.3}\nmaterial: {E_star: 1, hardness: 1 GPa}", "material.hardness surface.m"),
+        ("surface: {file: no.npy, variable: z}", "surface.L surface.file surface.variable"),
+        ("surface: {D: 2.3, m: 4}\nsweep: [{to: {pressure: 1}, steps: x}, {to: {pressure: 1}}]", "sweep[0].steps"),
+    ],
+)
+def test_a_faulty_key_hides_the_rules_that_need_it_and_no_others(text: str, keys: str) -> None:
+    assert sorted(problem.key for problem in problems_of(text)) == keys.split()
+
+
+def test_a_rule_needs_keys_of_a_study() -> None:
+    sections = {"surface", "material", "sweep", "solver", "record", "ensemble", "fluid"}
+    assert {key[0] for rule in RULES for key in rule.reads} <= sections

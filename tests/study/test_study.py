@@ -170,7 +170,7 @@ def test_a_length_has_one_name_for_its_unit(text: str, unit: str) -> None:
     assert loads(study.to_yaml()).surface.length_unit == unit
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     st.text(alphabet="aAbcdegGhkKlmMnNPsuµ*/^ ·²³0123456789.-{}%", max_size=12),
     st.sampled_from(["surface: {D: 2.3, m: 4, L: '1 @'}", SURFACE + "material: {E_star: '1 @'}"]),
@@ -432,300 +432,6 @@ def test_two_elastic_bodies_are_as_soft_as_both_together() -> None:
     assert equal.unit == "GPa"
 
 
-# What is refused: text, line, key path, and what the message must say
-
-BAD: dict[str, tuple[str, int, str, str]] = {
-    "unknown section": (SURFACE + "materal: {}", 2, "materal", "did you mean 'material'?"),
-    "unknown key": ("surface: {D: 2.3, m: 4,\n  seed: 2}", 2, "surface.seed", "did you mean 'seeds'?"),
-    "other case": ("surface:\n  d: 2.3\n  m: 4", 2, "surface.d", "did you mean 'D'?"),
-    "misspelt file": ("surface: {fil: a.npy, L: 1}", 1, "surface.fil", "did you mean 'file'?"),
-    "misplaced key": (SURFACE + "steps: 3", 2, "steps", "a key of 'sweep'"),
-    "unrelated key": (SURFACE + "qqq: 3", 2, "qqq", "allowed: name, surface, material, sweep, solver, record"),
-    "deep key": (
-        SURFACE + "record:\n  box_counting:\n    at:\n      presure: 1",
-        5,
-        "record.box_counting.at.presure",
-        "did you mean 'pressure'?",
-    ),
-    "key that is no word": (SURFACE + "? [a]\n: 1", 2, "?", "a key must be a word"),
-    "missing section": ("name: a", 1, "surface", "missing"),
-    "missing key": ("name: a\nsurface:\n  m: 3", 2, "surface.D", "missing (fractal dimension"),
-    "missing nu": (SURFACE + "material:\n  E: 3", 2, "material.nu", "missing (Poisson's ratio, -1 < nu <= 0.5)"),
-    "missing L": ("surface: {file: a.npy}", 1, "surface.L", "missing"),
-    "twice": (SURFACE + "name: a\nname: b", 3, "name", "duplicate key, first in line 2"),
-    "twice deep": ("surface:\n  D: 2.3\n  m: 4\n  D: 2.4", 4, "surface.D", "duplicate key, first in line 2"),
-    "D": ("surface: {D: 3, m: 4}", 1, "surface.D", "must be < 3, given 3 (fractal dimension"),
-    "D in a list": ("surface:\n  D:\n  - 2.1\n  - 1.9\n  m: 4", 4, "surface.D[1]", "must be > 2, given 1.9"),
-    "no D": ("surface: {D: [], m: 4}", 1, "surface.D", "at least one item, given an empty list"),
-    "D twice": ("surface:\n  D: [2.1, 2.2,\n   2.10]\n  m: 4", 3, "surface.D[2]", "duplicate value 2.1"),
-    "text for a number": ("surface: {D: x, m: 4}", 1, "surface.D", "must be a number, given 'x'"),
-    "quoted number": ("surface: {D: '2.3', m: 4}", 1, "surface.D", "must be a number, given '2.3'"),
-    "mapping for a number": ("surface: {D: {a: 1}, m: 4}", 1, "surface.D", "must be a number, given a mapping"),
-    "boolean for a number": ("surface: {D: [2.3, true], m: 4}", 1, "surface.D[1]", "must be a number, given true"),
-    "boolean for m": ("surface: {D: 2.3, m: true}", 1, "surface.m", "must be a whole number, given true"),
-    "boolean for seeds": ("surface: {D: 2.3, m: 4, seeds: true}", 1, "surface.seeds", "whole number, given true"),
-    "fraction": ("surface: {D: 2.3, m: 4.5}", 1, "surface.m", "must be a whole number, given 4.5"),
-    "m": ("surface: {D: 2.3, m: 14}", 1, "surface.m", "must be <= 13, given 14"),
-    "nan": (SURFACE + "material: {E_star: .nan}", 2, "material.E_star", "must be a finite number, given .nan"),
-    "inf": ("surface: {D: 2.3, m: 4, L: .inf}", 1, "surface.L", "must be a finite number, given .inf"),
-    "overflow": ("surface: {D: 2.3, m: 4, L: 1e999}", 1, "surface.L", "must be a finite number, given 1e999"),
-    "long number": (f"surface: {{D: 2.3, m: 4, L: {'9' * 5000}}}", 1, "surface.L", "must be a finite number, given 99"),
-    "seeds": ("surface: {D: 2.3, m: 4, seeds: 0}", 1, "surface.seeds", "must be 1 to 10000"),
-    "negative seed": ("surface: {D: 2.3, m: 4, seeds: [0, -1]}", 1, "surface.seeds[1]", "must be >= 0, given -1"),
-    "too many cases": ("surface: {D: [2.1, 2.2], m: [3, 4, 5, 6, 7, 8], seeds: 9999}", 1, "surface", "119988 cases"),
-    "name": (SURFACE + "name: a/b", 2, "name", "allowed: letters, digits, _, - and dots"),
-    "name too long": (SURFACE + "name: " + "a" * 101, 2, "name", "must have at most 100 characters"),
-    "name a number": (SURFACE + "name: 12", 2, "name", "must be text (in quotes if it looks like a number), given 12"),
-    "surrogate": (SURFACE + 'name: "\\ud800"', 2, "name", "must be text in UTF-8"),
-    "word": (SURFACE + "solver: {kernel: lov}", 2, "solver.kernel", "given 'lov'; did you mean 'love'?"),
-    "accuracy": (SURFACE + "solver: {accuracy: best}", 2, "solver.accuracy", "'draft', 'standard' or 'reference'"),
-    "rtol": (SURFACE + "solver: {rtol: 1e-13}", 2, "solver.rtol", "must be >= 1e-12, given 1e-13"),
-    "solver word": (SURFACE + "solver: quick", 2, "solver", "must be the word 'paper' or a mapping"),
-    "section empty": (SURFACE + "record:", 2, "record", "must be a mapping (key: value), given nothing"),
-    "section a list": (SURFACE + "record: [1]", 2, "record", "must be a mapping (key: value), given a list"),
-    "yes": (SURFACE + "record: {heights: yes}", 2, "record.heights", "must be true or false, given 'yes'"),
-    "to a word": (SURFACE + "sweep: {to: mean_plane}", 2, "sweep.to", "did you mean 'mean-plane'?"),
-    "to a number": (
-        SURFACE + "sweep: {to: 5}",
-        2,
-        "sweep.to",
-        "given 5 (last state: mean-plane, summit-plane",
-    ),
-    "to two": (SURFACE + "sweep: {to: {pressure: 1, indentation: 1}}", 2, "sweep.to", "must name exactly one of"),
-    "to none": (SURFACE + "sweep: {to: {}}", 2, "sweep.to", "must name exactly one of"),
-    "to too far": (SURFACE + "sweep: {to: {contact_area: 1.5}}", 2, "sweep.to.contact_area", "must be <= 1, given 1.5"),
-    "at a word": (
-        SURFACE + "record: {fields_at: first}",
-        2,
-        "record.fields_at",
-        "must be the word 'last' or a mapping",
-    ),
-    "at none": (SURFACE + "record: {fields_at: {}}", 2, "record.fields_at", "given an empty mapping"),
-    "step 0": (SURFACE + "record: {fields_at: {step: 0}}", 2, "record.fields_at.step", "must be >= 1, given 0"),
-    "threshold": (
-        SURFACE + "record: {box_counting: {thresholds: [0, 2]}}",
-        2,
-        "record.box_counting.thresholds[1]",
-        "must be <= 1, given 2",
-    ),
-    "level twice": (
-        SURFACE + "record: {fields_at: {pressure: [1, 1.0]}}",
-        2,
-        "record.fields_at.pressure[1]",
-        "duplicate value 1",
-    ),
-    "file beside D": ("surface: {file: a.npy, L: 1,\n  D: 2.3}", 2, "surface.D", "excluded by 'file'"),
-    "variable beside D": ("surface: {D: 2.3, m: 4, variable: z}", 1, "surface.variable", "excluded by 'D' and 'm'"),
-    "E beside E_star": (
-        SURFACE + "material: {E: 1, nu: 0, E_star: 1}",
-        2,
-        "material.E_star",
-        "excluded by 'E' and 'nu'",
-    ),
-    "L of another dimension": (
-        "surface: {D: 2.3, m: 4,\n L: 100 GPa}",
-        2,
-        "surface.L",
-        "'GPa' is a unit of pressure, not of length; allowed: pm, angstrom, nm, um, mm, cm, m, km, given '100 GPa'",
-    ),
-    "unknown unit": ("surface: {D: 2.3, m: 4, L: 1 um2x}", 1, "surface.L", "'um2x' is no known unit; allowed for a"),
-    "L without its unit": ("surface: {D: 2.3, m: 4, L: '100'}", 1, "surface.L", "as in 100 um, given '100'"),
-    "negative with a unit": ("surface: {D: 2.3, m: 4, L: -1 um}", 1, "surface.L", "must be > 0, given -1"),
-    "overflow with a unit": ("surface: {D: 2.3, m: 4, L: 1e999 um}", 1, "surface.L", "must be a finite number"),
-    "two units of L": (
-        "surface: {D: 2.3, m: 4, L: 1 um, unit: mm}",
-        1,
-        "surface.unit",
-        "L has a unit already (1 um)",
-    ),
-    "Sq with a unit alone": ("surface: {D: 2.3, m: 4, Sq: 1 um}", 1, "surface.Sq", "L has none: give L"),
-    "Sq of a file": ("surface: {file: a.npy, L: 1, Sq: 1}", 1, "surface.Sq", "excluded by 'file'"),
-    "modulus of another dimension": (
-        SURFACE + "material: {E_star: 1 mm}",
-        2,
-        "material.E_star",
-        "'mm' is a unit of length",
-    ),
-    "hardness with a unit alone": (
-        SURFACE + "material: {hardness: 2 GPa}",
-        2,
-        "material.hardness",
-        "the modulus has none",
-    ),
-    "arithmetic as a unit": (SURFACE + "material: {E_star: 1 9**9**9}", 2, "material.E_star", "'9**9**9' is no known"),
-    "braces as a unit": (SURFACE + "material: {E_star: '1 {x}'}", 2, "material.E_star", "'{x}' is no known unit"),
-    "code as a unit": (SURFACE + "material: {E_star: 1 f()}", 2, "material.E_star", "'f()' is no known unit"),
-    "pressure without a modulus": (
-        SURFACE + "record: {dimensional: {pressure: MPa}}",
-        2,
-        "record.dimensional.pressure",
-        "needs the modulus with its unit, as material: {E_star: 100 GPa}",
-    ),
-    "gap without a length": (
-        SURFACE + "record: {dimensional: {mean_gap: um}}",
-        2,
-        "record.dimensional.mean_gap",
-        "needs the unit of length, as surface: {L: 100 um}",
-    ),
-    "leak without transmissivity": (
-        "surface: {D: 2.3, m: 4, L: 1 um}\n"
-        "record: {dimensional: {leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}}",
-        2,
-        "record.dimensional.leak_rate",
-        "needs record.transport.transmissivity",
-    ),
-    "drop without a unit": (
-        "surface: {D: 2.3, m: 4, L: 1 um}\n"
-        "record: {transport: {transmissivity: last}, dimensional: {leak_rate: {pressure_drop: 1, viscosity: 1 mPa*s}}}",
-        2,
-        "record.dimensional.leak_rate.pressure_drop",
-        "must be a number with a unit of pressure",
-    ),
-    "nothing in units": (
-        SURFACE + "record: {dimensional: {}}",
-        2,
-        "record.dimensional",
-        "must name at least one of",
-    ),
-    "width twice": (
-        SURFACE + "record: {region_widths: {shares: [1, 0.5, 1]}}",
-        2,
-        "record.region_widths.shares[2]",
-        "duplicate value 1",
-    ),
-    "no file": ("surface: {file: nowhere.npy, L: 1}", 1, "surface.file", "no such file"),
-    "file not there": ("surface: {file: a.asc, L: 1}", 1, "surface.file", "no such file"),
-    "no L, no size": ("surface: {file: a.npy}", 1, "surface.L", "missing, and the file has no size"),
-    "level": ("surface: {file: a.asc, L: 1, level: plane}", 1, "surface.level", "must be 'none', 'mean', 'tilt' or"),
-    "low pass": ("surface: {file: a.asc, L: 1, low_pass: 0}", 1, "surface.low_pass", "must be > 0"),
-    "low pass um": (
-        "surface: {file: a.npy, L: 1, low_pass: 3 um}",
-        1,
-        "surface.low_pass",
-        "L has none: give L",
-    ),
-    "missing": ("surface: {file: a.asc, L: 1, missing: zero}", 1, "surface.missing", "must be 'refuse', 'nearest' or"),
-    "unit": ("surface: {file: a.asc, L: 1, unit: kg}", 1, "surface.unit", "allowed: pm, angstrom, nm, um"),
-    "against": ("surface: {file: a.asc, L: 1, against: b.asc}", 1, "surface.against", "must be a mapping"),
-    "mirror": (
-        "surface: {file: a.asc, L: 1, against: {file: b.asc, mirror: z}}",
-        1,
-        "surface.against.mirror",
-        "must be 'none', 'x' or 'y', given 'z'",
-    ),
-    "variable against": (
-        "surface: {file: a.asc, L: 1, against: {file: b.asc, variable: z}}",
-        1,
-        "surface.against.variable",
-        "a .asc file holds one array",
-    ),
-    "level of a generated one": (
-        SURFACE[:-2] + ", level: tilt}",
-        1,
-        "surface.level",
-        "excluded by 'D' and 'm'",
-    ),
-    "other modulus in GPa": (
-        SURFACE + "material: {E: 1, nu: 0, against: {E: 3 GPa, nu: 0}}",
-        2,
-        "material.against.E",
-        "that of the first body has none",
-    ),
-    "file with a null": ('surface: {file: "\\0.npy", L: 1}', 1, "surface.file", "no such file"),
-    "heights unit": (
-        "surface: {file: a.npy, L: 1, heights_unit: kg}",
-        1,
-        "surface.heights_unit",
-        "a unit of another quantity",
-    ),
-    "columns": ("surface: {file: a.npy, L: 1, columns: xyz}", 1, "surface.columns", "must be 'heights'"),
-    "header": ("surface: {file: a.npy, L: 1, header: no}", 1, "surface.header", "must be 'ignore'"),
-    "variable of npy": ("surface: {file: a.npy, L: 1, variable: z}", 1, "surface.variable", "omit 'variable'"),
-    "paper beyond m = 6": (
-        "surface: {D: 2.3, m: [6,\n 7]}\nsolver: paper",
-        2,
-        "surface.m[1]",
-        "takes m <= 6, given 7",
-    ),
-    "step beyond the end": (
-        SURFACE + "sweep: {steps: 9}\nrecord: {fields_at: {step: [9, 10]}}",
-        3,
-        "record.fields_at.step[1]",
-        "10 is not reached: the sweep ends at step 9",
-    ),
-    "step beyond the default": (
-        SURFACE + "record: {fields_at: {step: 61}}",
-        2,
-        "record.fields_at.step",
-        "ends at step 60",
-    ),
-    "level beyond the end": (
-        SURFACE + "sweep: {to: {contact_area: 0.1}}\nrecord: {volume_density: {at: {contact_area: 0.2}}}",
-        3,
-        "record.volume_density.at.contact_area",
-        "0.2 is not reached",
-    ),
-    "separation beyond the end": (
-        SURFACE + "sweep: {to: {separation: 1}}\nrecord: {fields_at: {separation: [3, 0]}}",
-        3,
-        "record.fields_at.separation[1]",
-        "0 is not reached",
-    ),
-    "nothing to record": (
-        SURFACE + "sweep: {steps: 0}\nrecord: {volume_density: {}}",
-        3,
-        "record.volume_density",
-        "no contact to record",
-    ),
-    "tag": (
-        "surface: !!python/object:os.system {}",
-        1,
-        "surface",
-        "the tag 'tag:yaml.org,2002:python/object:os.system'",
-    ),
-    "alias": ("a: &a 1\nb: *a", 1, "", "anchors (&) and aliases (*) are not allowed"),
-    "depth": ("a:\n " + "[" * 5000, 2, "", "nested more than 20 levels deep"),
-    "no YAML": ("a: [1\nb: 2", 2, "", "not YAML"),
-    "control character": ("a: 1\nb: \x07", 2, "", "not YAML"),
-    "bad escape": (f"{SURFACE}name: '' \n" + 'x: "\\UFFFFFFFF"', 0, "", "not YAML"),
-    "two documents": ("a: 1\n---\nb: 2", 2, "", "expected a single document"),
-    "list": ("\n- 1\n", 2, "", "a study is a mapping (key: value) with at least the key 'surface', given a list"),
-    "text": ("hello", 1, "", "given 'hello'"),
-    "nothing": ("", 0, "", "given nothing"),
-    "comment": ("# soon\n", 0, "", "given nothing"),
-    "too large": (SURFACE + "#" * (1 << 20), 0, "", "larger than 1024 KiB"),
-}
-
-
-@pytest.mark.parametrize(("text", "line", "key", "said"), BAD.values(), ids=BAD.keys())
-def test_a_bad_study_is_refused_with_place_and_advice(text: str, line: int, key: str, said: str) -> None:
-    problems = problems_of(text)
-    found = [problem for problem in problems if problem.key == key]
-    assert len(found) == 1, problems
-    assert said in found[0].message
-    assert found[0].line == (line or None)
-    assert found[0].file == "a.yaml"
-    jargon = ("Input should", "pydantic", "Value error", "validation", "<", "Literal", "float_type")
-    assert not [word for word in jargon if word in found[0].message.replace("<=", "").replace(" < ", "")]
-
-
-def test_one_mistake_is_one_problem() -> None:
-    # Neither the branches of an alternative nor a rule that follows from another add to the list.
-    several = {
-        "missing key",
-        "missing L",
-        "file beside D",
-        "variable of npy",
-        "nothing to record",
-        "key that is no word",
-    }
-    several |= {"unknown key", "Sq of a file"}
-    several |= {"no L, no size", "level", "low pass", "low pass um", "missing", "unit", "against", "mirror"}
-    several |= {"variable against", "heights unit", "columns", "header"}  # and their files are not there
-    for name, (text, *_) in BAD.items():
-        assert len(problems_of(text)) == 1 or name in several, name
-
-
 def test_all_problems_come_together_in_the_order_of_the_file() -> None:
     text = """\
 name: a b
@@ -813,13 +519,13 @@ def _study_or_error(text: str) -> None:
     assert lines == sorted(lines)
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=80, deadline=None, derandomize=True)
 @given(st.text(st.characters() | st.sampled_from(list(":{}[]-#&*!|>'\"%@`,?\n ")), max_size=60))
 def test_any_text_is_a_study_or_a_study_error(text: str) -> None:
     _study_or_error(text)
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(st.data())
 def test_a_damaged_study_is_a_study_or_a_study_error(data: st.DataObject) -> None:
     text = FULL
@@ -846,7 +552,7 @@ PLACES = st.sampled_from(
 )
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(st.lists(st.tuples(PLACES, TREES), min_size=1, max_size=3))
 def test_any_value_anywhere_is_a_study_or_a_study_error(changes: list[tuple[tuple[str, ...], Any]]) -> None:
     study = yaml.safe_load(FULL)
@@ -912,22 +618,6 @@ def test_whole_numbers_may_be_written_with_a_point() -> None:
     assert study.to_yaml() == same.to_yaml()
     assert type(study.sweep.steps) is int
     assert loads("surface: {D: 2.3, m: 3, seeds: [1.0, 4]}").surface.seeds == (1, 4)
-
-
-@pytest.mark.parametrize(
-    ("key", "text"),
-    [
-        ("surface.m", "surface: {D: 2.3, m: 8.5}"),
-        ("surface.seeds", "surface: {D: 2.3, m: 3, seeds: 2.5}"),
-        ("surface.seeds[0]", "surface: {D: 2.3, m: 3, seeds: [1.5, 2]}"),
-        ("sweep.steps", "surface: {D: 2.3, m: 3}\nsweep: {steps: 10.25}"),
-        ("surface.m", "surface: {D: 2.3, m: true}"),
-    ],
-)
-def test_numbers_that_are_not_whole_are_refused_where_they_must_be(key: str, text: str) -> None:
-    found = [problem for problem in problems_of(text) if problem.key.startswith(key.split("[")[0])]
-    assert found
-    assert all("must be a whole number" in problem.message for problem in found)
 
 
 @pytest.mark.parametrize("name", ["v1.2_run", "1.0", "_a.b-c", "a."])

@@ -1,11 +1,12 @@
-"""The section ``surface`` with a spectrum: what is read, what is refused, which cases come out, and what they store."""
+"""The section ``surface`` with a spectrum or a period: what is read, which cases come out, and what they store."""
 
 from __future__ import annotations
 
 import contextlib
 import itertools
 import json
-from typing import Any
+from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -17,12 +18,14 @@ from hypothesis import strategies as st
 from roughvol.campaign import checks, cost
 from roughvol.campaign.one_case import run_case, surface_of
 from roughvol.cli import main
+from roughvol.contact.kernels import KERNELS
 from roughvol.errors import StudyError
 from roughvol.store import same_study
 from roughvol.study import Case, SpectralSurface, json_schema, loads
+from roughvol.study.sections.solver import FreeKernel, PeriodicKernel
 from roughvol.surfaces import texture
 from roughvol.surfaces.power_law import Spectrum
-from tests.study.kit import problems_of
+from tests.study.kit import problems_of, refused
 
 STUDY = "surface: {H: 0.8, rolloff: 4, n: 32, seeds: 2}\n"
 
@@ -88,45 +91,11 @@ def test_what_changes_the_surface_changes_the_id(change: str) -> None:
     assert first != second
 
 
-@pytest.mark.parametrize(
-    ("keys", "key", "message"),
-    [
-        ("rolloff: 2, n: 32", "surface.H", "missing: give the Hurst exponent H, or D = 3 - H"),
-        ("H: 0.8, D: 2.2, n: 32", "surface.D", "excluded by 'H'"),
-        ("H: 1, n: 32", "surface.H", "must be < 1, given 1"),
-        ("H: 0.8, cut: 8", "surface.n", "missing"),
-        ("H: 0.8, n: 100", "surface.n", "must be a power of two, 8 to 8192, given 100"),
-        ("H: 0.8, n: 4", "surface.n", "must be >= 8"),
-        ("H: 0.8, n: [32, 32]", "surface.n[1]", "duplicate value 32"),
-        ("H: [0.8, 0.8], n: 32", "surface.H[1]", "duplicate value 0.8"),
-        ("H: 0.8, n: 32, cut: 8, shortest: 0.1", "surface.shortest", "excluded by 'cut'"),
-        ("H: 0.8, n: 32, Sq: 1, slope: 0.1", "surface.slope", "excluded by 'Sq'"),
-        ("H: 0.8, n: 32, cut: 17", "surface.cut", "L/λ_s is 17; allowed: at most half the largest n, 16"),
-        ("H: 0.8, n: 32, shortest: 0.01", "surface.shortest", "L/λ_s is 100; allowed: at most half the largest n, 16"),
-        ("H: 0.8, n: 32, shortest: 1 um", "surface.shortest", "has a unit (1 um) and L has none"),
-        ("H: 0.8, n: 32, Sq: 1 um", "surface.Sq", "has a unit (1 um) and L has none"),
-        ("H: 0.8, n: 32, rolloff: 16", "surface.n", "L/λ_s is 16; allowed: more than rolloff, 16"),
-        ("H: 0.8, n: 32, rolloff: 0.5", "surface.rolloff", "must be >= 1"),
-        ("H: 0.8, n: 32, anisotropy: 16", "surface.anisotropy", "must be less than L/λ_s, 16"),
-        ("H: 0.8, n: 32, Ssk: 5", "surface.Ssk", "must be <= 3"),
-        ("H: 0.8, n: 32, phases: fixed", "surface.phases", "must be 'gaussian' or 'random'"),
-        ("H: 0.8, n: 32, rollof: 4", "surface.rollof", "did you mean 'rolloff'?"),
-        ("H: 0.8, n: 32, m: 5", "surface.H", "excluded by 'm'"),
-        ("H: 0.8, n: 32, file: a.npy", "surface.n", "excluded by"),
-        ("H: 0.8, n: 32, midpoint_law: std", "surface.H", "excluded by"),
-        ("H: 0.8, n: 32, seeds: 0", "surface.seeds", "a number of seeds must be 1 to"),
-    ],
-)
-def test_each_fault_is_one_message_at_its_place(keys: str, key: str, message: str) -> None:
-    found = problems(f"name: a\nsurface: {{{keys}}}\n")
-    assert message in found[key]
-
-
 VALUES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just("1e-320 pm")
 KEYS = st.sampled_from([*SpectralSurface.model_fields, "m", "file", "midpoint_law", "x"])
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=80, deadline=None, derandomize=True)
 @given(st.dictionaries(KEYS, VALUES | st.lists(VALUES, max_size=2), max_size=5))
 def test_any_value_is_a_study_or_a_study_error(changes: dict[str, Any]) -> None:
     with contextlib.suppress(StudyError):
@@ -250,3 +219,55 @@ def test_the_commands_work_with_a_spectrum(tmp_path: Any) -> None:
     report = runner.invoke(main, ["report", str(tmp_path / "run"), "--out", str(tmp_path / "report")])
     assert report.exit_code == 0
     assert "power-law spectrum" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+
+
+# Periods
+
+GENERATED = "surface: {D: 2.3, m: 4, seeds: 1, periodic: true}\n"
+
+
+def test_ids_change_where_a_surface_is_periodic_and_nowhere_else() -> None:
+    free, periodic = cases("surface: {D: 2.3, m: 4, seeds: 1}")[0], cases(GENERATED)[0]
+    assert free.id == cases("surface: {D: 2.3, m: 4, seeds: 1, periodic: false}")[0].id
+    assert periodic.id != free.id
+    assert periodic.periodic
+    assert periodic.id != cases(GENERATED + "solver: {kernel: fourier}")[0].id
+
+
+def test_a_periodic_study_reads_back_equal() -> None:
+    study = loads(GENERATED + "solver: {kernel: fourier}\nsweep: {to: {free_volume: 0.5}}")
+    assert loads(study.to_yaml()) == study
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("surface: {file: z.npy, L: 1, periodic: true, level: tilt}", "allowed with periodic: none, mean"),
+        ("surface: {file: z.npy, L: 1, periodic: true, downsample: 2}", "surface.downsample: changes or cuts"),
+        ("surface: {file: z.npy, L: 1, periodic: true, low_pass: 0.5}", "surface.low_pass: changes or cuts"),
+        ("surface: {file: z.npy, L: 1, periodic: true, crop: {x: [0, 0.5]}}", "surface.crop: changes or cuts"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_key(
+    text: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.save("z.npy", np.random.default_rng(0).random((12, 12)))
+    assert words in refused(text, tmp_path / "study.yaml")
+
+
+def test_a_period_is_one_pixel_longer_than_its_nodes(tmp_path: Path) -> None:
+    """A text with coordinates gives the length between the outer nodes."""
+    z = np.random.default_rng(0).random((6, 6))
+    rows = [f"{0.5 * i} {0.5 * j} {z[i, j]}" for i in range(6) for j in range(6)]
+    (tmp_path / "z.xyz").write_text("\n".join(rows))
+    text = "surface: {{file: z.xyz, periodic: {}}}"
+    assert pytest.approx(2.5) == loads(text.format("false"), tmp_path / "s.yaml").cases()[0].L
+    assert pytest.approx(3.0) == loads(text.format("true"), tmp_path / "s.yaml").cases()[0].L
+    with pytest.raises(StudyError, match="a period of 3"):
+        loads("surface: {file: z.xyz, L: 2.5, periodic: true}", tmp_path / "s.yaml").cases()
+
+
+def test_the_kernels_of_a_study_are_those_of_the_half_spaces():
+    assert set(get_args(FreeKernel) + get_args(PeriodicKernel)) == set(KERNELS)
+    assert set(get_args(FreeKernel)) == {name for name, kernel in KERNELS.items() if kernel.coefficients}

@@ -80,30 +80,3 @@ def test_stored_names_of_quantities_are_understood() -> None:
     assert loads(SURFACE + ASKED.replace("free_volume", "contact_area_fraction")).ensemble == (
         loads(SURFACE + ASKED.replace("free_volume", "contact_area")).ensemble
     )
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (SURFACE.replace("7", "7, seeds: 3") + ASKED, "a.yaml:1: surface.seeds: cannot be given beside 'ensemble'"),
-        (SURFACE.replace("7", "[6, 7]") + ASKED, "a.yaml:1: surface.m: must be one number"),
-        (SURFACE.replace("7", "auto"), "a.yaml:1: surface.m: 'auto' needs the section 'ensemble'"),
-        (SURFACE + ASKED.replace("free_volume", "free_volum"), "did you mean 'free_volume'?"),
-        (
-            SURFACE + ASKED.replace("1 %", "1 percent"),
-            "a.yaml:2: ensemble.accuracy.free_volume: must be a number > 0",
-        ),
-        (SURFACE + ASKED.replace("1 %", "60 %"), "must be 0.001 % to 50 %, given '60 %'"),
-        (SURFACE + ASKED.replace("1 %", "0"), "must be > 0, given 0"),
-        (SURFACE + ASKED.replace("free_volume", "pressure"), "is given by ensemble.at.pressure"),
-        (SURFACE + "ensemble: {accuracy: {separation: 1 %}}", "is the same on every surface at the last step"),
-        (SURFACE + "ensemble: {at: last}", "ensemble.accuracy: missing"),
-        (SURFACE + "ensemble: {accuracy: {}}", "names no quantity: free_volume, contact_area"),
-        (SURFACE + ASKED.replace("}}", "}, budget: 10}"), "ensemble.budget: must be a number > 0 with s or min"),
-        (SURFACE + ASKED + "sweep: {steps: 0}", "there is no contact to average"),
-        (SURFACE + ASKED + "sweep: {to: {pressure: 0.2}}", "ensemble.at.pressure[1]: 0.3 is not reached"),
-        ("surface: {file: x.npy, L: 1}\n" + ASKED, "ensemble: needs generated surfaces"),
-    ],
-)
-def test_what_does_not_go_together_is_refused_with_its_place(text: str, words: str) -> None:
-    assert words in refused(text)
