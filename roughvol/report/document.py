@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
-
-import matplotlib.figure
+from typing import TYPE_CHECKING, NamedTuple
 
 from roughvol.analysis.tables import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Pairs = tuple[tuple[str, str], ...]
 
@@ -18,7 +19,7 @@ class Drawing(NamedTuple):
     name: str
     caption: str
     source: str
-    figure: matplotlib.figure.Figure
+    figure: Figure
 
 
 class Cell(str):
