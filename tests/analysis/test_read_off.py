@@ -120,7 +120,7 @@ def test_the_leakiest_surface_leaks_the_value_within_the_interval(
 
 def test_one_surface_answers_as_before(swept: Dataset) -> None:
     one = swept.isel(seed=[0])
-    pressures, leaks = (one[name].values.ravel() for name in ("nominal_pressure", "leak_rate_x"))
+    pressures, leaks = one["nominal_pressure"].values.ravel(), one["leak_rate"].sel(axis="x").values.ravel()
     middle = float(np.sqrt(leaks[9] * leaks[10]))
     answer = read_off.ask(one, middle, "pressure")[0]
     assert pressures[9] < answer.low < answer.value < answer.high < pressures[10]

@@ -54,7 +54,9 @@ def test_press_takes_a_gas() -> None:
     options |= {"record": {"transport": {"gas_flow": "every-step"}}, "surface": {"heights_unit": "um"}}
     found = roughvol.press(_heights(), fluid={"gas": "helium", "inlet": "2 bar", "outlet": "1 bar"}, **options)
     wider = roughvol.press(_heights(), fluid={"gas": "helium", "inlet": "4 bar", "outlet": "1 bar"}, **options)
-    assert (wider.gas_transmissivity < found.gas_transmissivity).all()  # less slip at the larger mean pressure
+    assert (
+        (wider.gas_transmissivity < found.gas_transmissivity).sel(axis="x").all()
+    )  # less slip at the larger mean pressure
     with pytest.raises(StudyError, match=r'press: argument fluid\["inlet"\]: missing'):
         roughvol.press(_heights(), fluid={"gas": "helium"}, **options)
 
