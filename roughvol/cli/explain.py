@@ -43,7 +43,7 @@ def _names() -> list[str]:
 @click.argument("name", required=False, shell_complete=_names_with)
 def explain(name: str | None) -> None:
     """Describe NAME: a key of a study, a section, a stored variable, or a gas."""
-    from roughvol.observables.variables import VARIABLES
+    from roughvol.observables.variables import VARIABLES, columns_of
     from roughvol.study.reference import keys
     from roughvol.study.sections.fluid import SUBSTANCES
 
@@ -60,12 +60,13 @@ def explain(name: str | None) -> None:
     if name in SUBSTANCES:
         _say_gas(name)
         return
-    if not exact and not other and name not in VARIABLES:
+    variable = next((stored for stored in VARIABLES if name in (stored, *columns_of(stored))), "")
+    if not exact and not other and not variable:
         near = difflib.get_close_matches(name, _names(), n=3, cutoff=0.5)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
         raise click.UsageError(f"no key and no variable {name!r}; {hint}roughvol explain lists the sections")
-    if name in VARIABLES:
-        _say_variable(name)
+    if variable:
+        _say_variable(variable)
     for key in exact:
         _say_key(key)
     listed: dict[str, str] = {}

@@ -84,6 +84,7 @@ def test_the_part_of_the_solver_holds_the_leak_of_an_exact_solution(tmp_path: Pa
         assert 1.0 / part.factor <= truth.leak.value / one.leak.value <= part.factor
 
 
+@pytest.mark.slow
 def test_the_part_of_the_grid_covers_the_median_on_a_finer_one(tmp_path: Path) -> None:
     """Of 12 surfaces in groups of three: at least 9 of 10 medians on the finer grid lie within the part."""
     text, at = TEXT.replace("m: 7", "m: 6").replace("seeds: 3", "seeds: 12"), Level("pressure", 0.6)

@@ -18,7 +18,7 @@ from numpy.testing import assert_allclose
 
 import roughvol
 from roughvol.cli import main
-from roughvol.errors import FolderError, StudyError
+from roughvol.errors import FolderError, StudyError, SurfaceError
 from roughvol.store import lock
 from roughvol.study import load, loads, of_data
 
@@ -59,6 +59,14 @@ def test_press_takes_a_gas() -> None:
     )  # less slip at the larger mean pressure
     with pytest.raises(StudyError, match=r'press: argument fluid\["inlet"\]: missing'):
         roughvol.press(_heights(), fluid={"gas": "helium"}, **options)
+
+
+@pytest.mark.parametrize("rows", [[[1.0, 2.0, 3.0], [1.0, 2.0]], [np.zeros((5, 5)), np.zeros((9, 9))]])
+def test_rows_of_different_lengths_are_named(rows: list[Any]) -> None:
+    shapes = " and ".join(str(np.shape(row)) for row in rows)
+    with pytest.raises(SurfaceError) as refused:
+        roughvol.press(rows, L=1)
+    assert f"press: argument heights: heights make no array: its rows have the shapes {shapes}" in str(refused.value)
 
 
 def test_a_dict_is_a_study() -> None:

@@ -4,10 +4,23 @@ from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Iterator
 
 import pytest
 
 from roughvol.campaign import signals
+
+
+@pytest.fixture(autouse=True)
+def handled() -> Iterator[None]:
+    """Signals as Python handles them: a shell ignores SIGINT in a job in the background, and so do its children."""
+    before = {number: signal.getsignal(number) for number in signals.ALL}
+    for number in signals.ALL:
+        signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
 
 NUMBERS = pytest.mark.parametrize("number", signals.ALL, ids=lambda number: number.name)
 

@@ -90,13 +90,24 @@ def _numbers(heights: Any) -> tuple[Array, Text]:
     try:
         array: NDArray[Any] = np.ma.asarray(heights) if np.ma.isMaskedArray(heights) else np.asarray(heights)
     except (TypeError, ValueError) as error:  # rows of unequal length
-        raise SurfaceError(f"heights make no array: {error}; allowed: rows of one length") from error
+        raise SurfaceError(
+            f"heights make no array: {_ragged(heights) or error}; allowed: rows of one length"
+        ) from error
     if array.dtype.kind not in "fiu":
         kind = KINDS.get(array.dtype.kind, str(array.dtype))
         raise SurfaceError(f"heights are of the type {array.dtype} ({kind}); allowed: real numbers")
     if array.ndim != 2:
         raise SurfaceError(f"heights have shape {array.shape}; allowed: two axes")
     return np.ma.filled(array.astype(np.float64), np.nan), unit
+
+
+def _ragged(heights: Any) -> str:
+    """Return that rows have different lengths in words; empty if the rows are not the fault."""
+    try:
+        shapes = list(dict.fromkeys(np.shape(row) for row in heights))
+    except (TypeError, ValueError):
+        return ""
+    return f"its rows have the shapes {shapes[0]} and {shapes[1]}" if len(shapes) > 1 else ""
 
 
 def _name(dim: Any) -> str:
