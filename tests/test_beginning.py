@@ -91,7 +91,8 @@ def test_explain_gives_units_and_meaning_of_a_variable() -> None:
     assert "volume flow along the axis" in shown
     for name in VARIABLES:
         assert call("explain", name).exit_code == 0
-    assert call("explain", "transmissivity_x").stdout == call("explain", "transmissivity").stdout  # a column of tables
+    column = call("explain", "transmissivity_x").stdout  # of the tables
+    assert call("explain", "transmissivity").stdout.startswith(column)
 
 
 def test_explain_of_an_unknown_name_proposes_others() -> None:
