@@ -573,7 +573,7 @@ def check(
     surface = interpretation.shown(loaded, checks.check_surfaces(loaded))
     estimate, case, rows = cost.estimate(loaded, jobs), loaded.cases()[0], []
     if loaded.ensemble is not None:
-        from roughvol.campaign import rounds  # scipy.stats: half a second
+        from roughvol.campaign import rounds  # for ensembles alone
 
         rows = rounds.expected(loaded)
     notes = interpretation.notes(case, surface) if surface is not None and case.file is not None and not rows else ()

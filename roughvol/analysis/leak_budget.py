@@ -16,7 +16,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special
 from xarray import Dataset
 
 from roughvol.analysis.at import at
@@ -28,6 +27,7 @@ from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SurfaceAtLo
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
+from roughvol.ensemble.multilevel import COVERAGE, quantile
 from roughvol.errors import DatasetError
 from roughvol.gap.transport import conduction
 from roughvol.observables.coupling import ACCURACY, RTOL
@@ -37,7 +37,6 @@ from roughvol.study import HeightFile, Quantity
 from roughvol.typing import Array
 
 SHRINKS = 0.9  # largest ratio of two steps of refinement that is extrapolated
-CONFIDENCE = 0.95
 # standard error of the median of many normal numbers over that of their mean; of few numbers it is less
 OF_MEDIAN = math.sqrt(0.5 * math.pi)
 FLOW, SWEEP = "leak_rate", "the sweep"
@@ -464,7 +463,7 @@ def _window(fine: Sequence[_Loaded], axis: str) -> Part:
             )
             return Part("window", math.inf, f"{reason}: no interval of their median")
         wider = OF_MEDIAN if open_.size > 2 else 1.0  # the median of two is their mean
-        words = f"{CONFIDENCE:.0%} interval of the median over {open_.size} surfaces, of logarithms by t".replace(
+        words = f"{COVERAGE:.0%} interval of the median over {open_.size} surfaces, of logarithms by t".replace(
             "%", " %"
         )
         return Part("window", math.exp(wider * _half_width(open_)), words)
@@ -485,8 +484,7 @@ def _window(fine: Sequence[_Loaded], axis: str) -> Part:
 
 def _half_width(logs: Array) -> float:
     """Return half the interval of the mean of logarithms."""
-    quantile = special.stdtrit(logs.size - 1, 0.5 + 0.5 * CONFIDENCE)
-    return float(quantile * logs.std(ddof=1) / math.sqrt(logs.size))
+    return quantile(logs.size - 1) * float(logs.std(ddof=1)) / math.sqrt(logs.size)
 
 
 def _halves(middle: int) -> tuple[slice, slice]:

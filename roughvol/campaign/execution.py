@@ -61,7 +61,7 @@ def run(
             stamped_file.store(folder / file.name, file.read_bytes())
         notices, absent = inventory.sorted_out(folder, cases, fresh=again, another=another is not None)
         if study.ensemble is not None:
-            from roughvol.campaign.rounds import Rounds  # scipy.stats: half a second, for ensembles alone
+            from roughvol.campaign.rounds import Rounds  # for ensembles alone
 
             return Rounds(study, folder, cases.keys() - {case.id for case in absent}, control, notices).results()
         changed = [case for case in absent if case.id in wanted]
@@ -133,6 +133,6 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
         raise DatasetError(f"no case of {study.name} is finished in {folder}")
     if study.ensemble is None:
         return collection.combined(found, cases, study)
-    from roughvol.campaign import rounds  # scipy.stats: half a second, for ensembles alone
+    from roughvol.campaign import rounds  # for ensembles alone
 
     return rounds.collected(study, folder, cases, found)

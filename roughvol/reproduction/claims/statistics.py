@@ -12,10 +12,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from roughvol.ensemble.multilevel import COVERAGE, quantile
 from roughvol.reproduction.claims.verdict import Number
 from roughvol.typing import Array, Index
 
-COVERAGE = 0.95
 RESAMPLES = 2000
 BOOTSTRAP_SEED = 336  # any number, fixed: the report must not change from one run to the next
 
@@ -83,13 +83,6 @@ def _known(values: ArrayLike) -> Array:
     return numbers[np.isfinite(numbers)]
 
 
-def student_quantile(n: int) -> float:
-    """Return t(0.975; n - 1)."""
-    from scipy.stats import t as student  # half a second: imported where it is used
-
-    return float(student.ppf(0.5 * (1.0 + COVERAGE), n - 1))
-
-
 def _with_interval(
     key: str, name: str, values: ArrayLike, method: str, scaled: Callable[[float, int], float]
 ) -> Number:
@@ -98,5 +91,5 @@ def _with_interval(
     value = float(finite.mean()) if n else math.nan
     if n < 2:
         return Number(key, name, value, value, value, n)
-    half = scaled(student_quantile(n) * float(finite.std(ddof=1)), n)
+    half = scaled(quantile(n - 1) * float(finite.std(ddof=1)), n)
     return Number(key, name, value, value - half, value + half, n, method)
