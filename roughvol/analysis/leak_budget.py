@@ -27,7 +27,7 @@ from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SurfaceAtLo
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
-from roughvol.ensemble.multilevel import COVERAGE, quantile
+from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.errors import DatasetError
 from roughvol.gap.transport import conduction
 from roughvol.observables.coupling import ACCURACY, RTOL
@@ -466,7 +466,7 @@ def _window(fine: Sequence[_Loaded], axis: str) -> Part:
         words = f"{COVERAGE:.0%} interval of the median over {open_.size} surfaces, of logarithms by t".replace(
             "%", " %"
         )
-        return Part("window", math.exp(wider * _half_width(open_)), words)
+        return Part("window", math.exp(wider * half_width(float(open_.std(ddof=1)), open_.size)), words)
     gap, _ = _gap(fine[0], axis, lifted=is_lifted(fine[0].table))
     if gap.size == 0:
         return Part("window", math.inf, "closed before this load: other windows of the joint may be open")
@@ -479,12 +479,7 @@ def _window(fine: Sequence[_Loaded], axis: str) -> Part:
         return Part("window", math.inf, f"{count}: the map is too small, other windows of the joint may be open")
     left_out = f", {4 - logs.size} closed" if logs.size < 4 else ""
     words = f"scatter of {logs.size} open quadrants of the map{left_out}, 95 % by t; {MEASURED}"
-    return Part("window", math.exp(_half_width(logs)), words)
-
-
-def _half_width(logs: Array) -> float:
-    """Return half the interval of the mean of logarithms."""
-    return quantile(logs.size - 1) * float(logs.std(ddof=1)) / math.sqrt(logs.size)
+    return Part("window", math.exp(half_width(float(logs.std(ddof=1)), logs.size)), words)
 
 
 def _halves(middle: int) -> tuple[slice, slice]:

@@ -47,12 +47,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy import special
 
 from roughvol.typing import Array
 
+Scatter = TypeVar("Scatter", float, Array)
 COVERAGE = 0.95  # probability that an interval contains the mean
 OWN_SLOPE = 8  # fewest samples of a level with a slope of its own
 POOLED_BELOW = 12  # degrees of freedom below which a variance is pooled; t(0.975; 12) = 2.18
@@ -105,6 +107,11 @@ class Mean:
 def quantile(freedom: float) -> float:
     """Return Student's quantile of 97.5 %, also for fractional degrees of freedom."""
     return float(special.stdtrit(freedom, 0.5 * (1.0 + COVERAGE)))
+
+
+def half_width(scatter: Scatter, samples: float) -> Scatter:
+    """Return Student's half-width of the 95 % interval of a mean, from the standard deviation of its samples."""
+    return quantile(samples - 1) * scatter / math.sqrt(samples)
 
 
 def links_of(values: Sequence[Array], alone: Array = NONE_ALONE) -> dict[tuple[int, int], Link]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from xarray import Dataset
 
 from roughvol.analysis.stored_run import Run
-from roughvol.ensemble.multilevel import quantile
+from roughvol.ensemble.multilevel import half_width
 from roughvol.reproduction.claims.verdict import Number, above
 from roughvol.study.values.state_kinds import STATE_KINDS
 
@@ -128,7 +128,7 @@ def _mean_of(state: Dataset, name: str) -> _Mean:
     interval = state[f"{name}_interval"]
     half = 0.5 * float(interval.sel(bound="upper") - interval.sel(bound="lower"))
     scatter = math.sqrt(float(state[f"{name}_level_variance"].isel(m=-1)))
-    return _Mean(float(state[f"{name}_mean"]), quantile(SEEDS - 1) * scatter / math.sqrt(SEEDS), half)
+    return _Mean(float(state[f"{name}_mean"]), half_width(scatter, SEEDS), half)
 
 
 def _of_step(state: Dataset, name: str) -> tuple[float, float]:
@@ -136,8 +136,7 @@ def _of_step(state: Dataset, name: str) -> tuple[float, float]:
     residual = float(state[f"{name}_level_residual"].isel(m=-1))
     samples = max(float(state["ensemble_samples"].isel(m=-1)), 2.0)
     scatter = math.sqrt(residual)
-    ten = quantile(SEEDS - 1) * scatter / math.sqrt(SEEDS)
-    return ten, quantile(int(samples) - 1) * scatter / math.sqrt(samples)
+    return half_width(scatter, SEEDS), half_width(scatter, samples)
 
 
 def _words(at: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roughvol.analysis.stored_run import Run
-from roughvol.ensemble.multilevel import quantile
+from roughvol.ensemble.multilevel import half_width
 from roughvol.report.figures.cases import nearest
 from roughvol.reproduction.claims import statistics
 from roughvol.reproduction.claims.area_and_volume import exponents
@@ -109,7 +108,7 @@ def _spread(key: str, name: str, values: Array, sets: np.ndarray) -> Spread:
     many = statistics.mean(key, name, values)
     drawn = values[sets]
     means = drawn.mean(axis=1)
-    half_widths = quantile(FEW - 1) * drawn.std(axis=1, ddof=1) / math.sqrt(FEW)
+    half_widths = half_width(drawn.std(axis=1, ddof=1), FEW)
     missed = np.abs(means - many.value) > half_widths
     return Spread(key, name, many, _middle(values), _middle(means), float(missed.mean()))
 

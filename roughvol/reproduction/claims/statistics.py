@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from roughvol.ensemble.multilevel import COVERAGE, quantile
+from roughvol.ensemble.multilevel import COVERAGE, half_width, quantile
 from roughvol.reproduction.claims.verdict import Number
 from roughvol.typing import Array, Index
 
@@ -22,12 +22,16 @@ BOOTSTRAP_SEED = 336  # any number, fixed: the report must not change from one r
 
 def mean(key: str, name: str, values: ArrayLike) -> Number:
     """Return the mean over surfaces with its t interval, x̄ ± t(0.975; n-1) s/√n; NaN are left out."""
-    return _with_interval(key, name, values, "t", lambda half, n: half / math.sqrt(n))
+    return _with_interval(key, name, values, "t", half_width)
 
 
 def single(key: str, name: str, values: ArrayLike) -> Number:
     """Return the interval in which one more surface falls, x̄ ± t(0.975; n-1) s √(1 + 1/n), for a paper with one."""
-    return _with_interval(key, name, values, "t, one surface", lambda half, n: half * math.sqrt(1.0 + 1.0 / n))
+
+    def of_one(scatter: float, n: float) -> float:
+        return quantile(n - 1) * scatter * math.sqrt(1.0 + 1.0 / n)
+
+    return _with_interval(key, name, values, "t, one surface", of_one)
 
 
 def ratio(key: str, name: str, values: ArrayLike) -> Number:
@@ -84,12 +88,12 @@ def _known(values: ArrayLike) -> Array:
 
 
 def _with_interval(
-    key: str, name: str, values: ArrayLike, method: str, scaled: Callable[[float, int], float]
+    key: str, name: str, values: ArrayLike, method: str, half_of: Callable[[float, float], float]
 ) -> Number:
     finite = _known(values)
     n = int(finite.size)
     value = float(finite.mean()) if n else math.nan
     if n < 2:
         return Number(key, name, value, value, value, n)
-    half = scaled(quantile(n - 1) * float(finite.std(ddof=1)), n)
+    half = half_of(float(finite.std(ddof=1)), n)
     return Number(key, name, value, value - half, value + half, n, method)
