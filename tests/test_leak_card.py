@@ -38,6 +38,11 @@ def _printed(*arguments: str) -> str:
     return said("card", *arguments, "--jobs", "1")
 
 
+def _pairs(printed: str) -> str:
+    """Return lines in columns as ``name: value``."""
+    return re.sub(r"(?<=\S) {2,}", ": ", printed)
+
+
 def _maps(*heights: float, m: int = 4) -> None:
     for k, height in enumerate(heights):
         z = random_midpoint_displacement(2.2, m, seed=k).heights
@@ -53,7 +58,7 @@ def test_some_closed_surfaces_are_counted_as_0_with_a_median() -> None:
     line = next(line for line in printed.splitlines() if line.startswith("along x: "))
     assert re.search(r"[0-2] of 3 surfaces open", line)
     assert "its error is not known (grid, window)" in line
-    assert "together: unknown" in printed
+    assert "together: unknown" in _pairs(printed)
 
 
 def test_a_closed_joint_says_what_it_does_not_know() -> None:
@@ -64,10 +69,10 @@ def test_a_closed_joint_says_what_it_does_not_know() -> None:
         assert "closed on this grid, 0 mm³/s; its error is not known" in line
         assert "no leak" not in line
     assert "a bracket of two steps of the sweep, without the errors of grid and window" in printed
-    assert "at twice the spacing: between " in printed
+    assert "At twice the spacing: between " in printed
     assert "on a finer grid the way may be open" in printed
     for part in ("solver", "grid", "window"):
-        assert f"  {part}: unknown" in printed
+        assert f"  {part}: unknown" in _pairs(printed)
     page = Path("runs/seal_card/card_last.html").read_text()
     assert page.count("<figure") == 3  # closing loads in the place of an empty budget
     assert "Closing loads on this grid" in page
@@ -123,7 +128,7 @@ def test_several_maps_have_a_card_each_one_together_and_a_table() -> None:
     _maps(0.3, 0.6)
     text = SEAL.replace("{D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: 3}", '{files: "face*.txt", L: 100 um}')
     study = _study(text.replace("to: percolation", "to: {pressure: 0.1 MPa}"))
-    printed = _printed(study, "--at", "pressure=0.02 MPa")
+    printed = _pairs(_printed(study, "--at", "pressure=0.02 MPa"))
     for k, height in enumerate((0.3, 0.6)):
         assert f"Surface: face{k}.txt, Sq {height} um" in printed
     assert "of 2 surfaces open" in printed
@@ -207,10 +212,10 @@ def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
     for way in card["ways"]:
         assert way["leak"] == pytest.approx(stored["fluid_leak_rate"].sel(axis=way["axis"]).item(), rel=1e-9)
         assert way["closing_pressure"] is None
-    printed = _printed(study)
+    printed = _pairs(_printed(study))
     dry = card_text.short(stored["leak_rate"].sel(axis="x").isel(step=-1).item())
     assert f"Leak of the dry gap, without fluid pressure: x {dry}" in printed
-    assert "closes: without fluid pressure " in printed
+    assert "Closes: without fluid pressure " in printed
     assert "Leak rate: pressure drop 0.4 bar, viscosity 1 mPa*s" in printed
     assert "Fluid pressure: inlet 0.4 bar" in printed
     assert "warning: the mean pressure of the fluid is " in printed

@@ -38,6 +38,11 @@ class Span:
         """Whether the way closes within the stored states."""
         return math.isfinite(self.closed_from)
 
+    @property
+    def middle(self) -> float:
+        """Load half way between the two; NaN unless the way is open first and closes."""
+        return 0.5 * (self.open_up_to + self.closed_from) if self.open_up_to > 0.0 and self.closes else math.nan
+
 
 def load_of(group: Dataset) -> str:
     """Return the name of the load of a table: the nominal pressure where it is known, else p*."""
@@ -66,11 +71,11 @@ def spans(group: Dataset, axis: str, load: str = "") -> list[Span]:
         return []
     along = (group[name].sel(axis=axis), group[load or load_of(group)])
     rows, loads = (values.transpose("seed", "step").values for values in along)
-    return [found for way, at in zip(rows, loads, strict=True) if (found := _span(way, at)) is not None]
+    return [found for way, at in zip(rows, loads, strict=True) if (found := span_of(way, at)) is not None]
 
 
-def _span(way: Array, loads: Array) -> Span | None:
-    """Return the span of one surface, None without a computed state."""
+def span_of(way: Array, loads: Array) -> Span | None:
+    """Return where a way closes that is open where it is > 0, along rising loads; None without a computed state."""
     known = np.isfinite(way) & np.isfinite(loads)
     if not known.any():
         return None

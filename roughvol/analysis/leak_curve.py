@@ -24,6 +24,7 @@ import numpy as np
 from scipy import optimize
 from xarray import Dataset
 
+from roughvol.analysis.closing import Span, span_of
 from roughvol.analysis.derived import groups
 from roughvol.analysis.legs import first_leg
 from roughvol.observables.at_state import at_state
@@ -50,13 +51,19 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Bracket:
+class LoadReading:
     """A load, and the loads between which it lies; infinite beyond the last step, 0 below the first one."""
 
     value: float
     low: float
     high: float
     closing: bool = False  # the way closes inside
+
+    @classmethod
+    def of(cls, span: Span) -> LoadReading:
+        """Return the load at which a way closes: that of the first closed step, 0 without an open step."""
+        is_open = span.open_up_to > 0.0
+        return cls(span.closed_from if is_open else 0.0, span.open_up_to, span.closed_from, is_open and span.closes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,15 +90,12 @@ class Curve:
     starred: Array
     Sq: float
 
-    @property
-    def open_up_to(self) -> float:
-        """Nominal pressure of the last open step; 0 without an open step."""
-        return float(self.pressure[self._last]) if self._last >= 0 else 0.0
-
-    @property
-    def closed_from(self) -> float:
-        """Nominal pressure of the step after the last open one; infinite where the last step is open."""
-        return float(self.pressure[self._last + 1]) if self._last + 1 < self.pressure.size else math.inf
+    @cached_property
+    def closing(self) -> Span:
+        """Nominal pressures between which the last way closes."""
+        span = span_of(self.leak, self.pressure)
+        assert span is not None
+        return span
 
     @property
     def begins(self) -> float:
@@ -101,7 +105,7 @@ class Curve:
     @property
     def ends(self) -> float:
         """Largest nominal pressure with a known leak: infinite for a surface that is closed at its last step."""
-        return math.inf if math.isfinite(self.closed_from) else float(self.pressure[-1])
+        return math.inf if self.closing.closes else float(self.pressure[-1])
 
     def at(self, pressures: Array) -> Reading:
         """Return the leaks at nominal pressures.
@@ -118,11 +122,13 @@ class Curve:
         """
         logs = np.log(pressures)
         value, low, high = (np.full(len(logs), np.nan) for _ in range(3))
-        if self._last >= 0:
-            closing = (logs > math.log(self.open_up_to)) & (pressures < self.closed_from)
-            if math.isfinite(self.closed_from):
-                share = (self.closed_from - pressures[closing]) / (self.closed_from - self.open_up_to)
-                value[closing], low[closing], high[closing] = share * self.leak[self._last], 0.0, self.leak[self._last]
+        open_up_to, closed_from = self.closing.open_up_to, self.closing.closed_from
+        if open_up_to > 0.0:
+            between = (logs > math.log(open_up_to)) & (pressures < closed_from)
+            if self.closing.closes:
+                last = self.leak[self.leak > 0.0][-1]
+                share = (closed_from - pressures[between]) / (closed_from - open_up_to)
+                value[between], low[between], high[between] = share * last, 0.0, last
             cubic, error = self._read(logs)
             known = np.isfinite(cubic)
             least, most = self._of_steps(logs[known])
@@ -130,10 +136,10 @@ class Curve:
             low[known] = np.maximum(np.exp(cubic[known] - error[known]), least)
             high[known] = np.minimum(np.exp(cubic[known] + error[known]), most)
         for array in (value, low, high):
-            array[pressures >= self.closed_from * (1.0 - REACHED)] = 0.0
+            array[pressures >= closed_from * (1.0 - REACHED)] = 0.0
         return Reading(value, low, high)
 
-    def load_where(self, log_wanted: Callable[[Array], Array]) -> Bracket:
+    def load_where(self, log_wanted: Callable[[Array], Array]) -> LoadReading:
         """Return the nominal pressure from which the leak is at most a value.
 
         Parameters
@@ -143,16 +149,16 @@ class Curve:
 
         Returns
         -------
-        Bracket
+        LoadReading
             The load and the interval of the reading. At a closing: the first closed step, and the last open one.
         """
         x, y = self._logs
         above = np.flatnonzero(y > log_wanted(x) + REACHED)  # a step that misses the value by less has it
         if not above.size:
-            return Bracket(0.0, 0.0, self.begins)
+            return LoadReading(0.0, 0.0, self.begins)
         k = int(above[-1])
         if k == x.size - 1:
-            return Bracket(self.closed_from, self.open_up_to, self.closed_from, math.isfinite(self.closed_from))
+            return LoadReading.of(self.closing)
 
         def crossing(shift: float) -> float:
             """Return where the cubic, moved by an error, has the value; an end of the step if it is beyond."""
@@ -169,13 +175,7 @@ class Curve:
 
         found = crossing(0.0)
         error = float(self._read(np.array([found]))[1][0])
-        return Bracket(math.exp(found), math.exp(crossing(-error)), math.exp(crossing(error)))
-
-    @cached_property
-    def _last(self) -> int:
-        """Index of the last open step, -1 without one."""
-        open_ = np.flatnonzero(self.leak > 0.0)
-        return int(open_[-1]) if open_.size else -1
+        return LoadReading(math.exp(found), math.exp(crossing(-error)), math.exp(crossing(error)))
 
     @cached_property
     def _logs(self) -> tuple[Array, Array]:

@@ -25,7 +25,7 @@ from xarray import Dataset
 from roughvol.analysis import closing, leak
 from roughvol.analysis.at import legs_of, scales
 from roughvol.analysis.derived import derived
-from roughvol.analysis.leak_curve import Bracket, curves, surfaces
+from roughvol.analysis.leak_curve import LoadReading, curves, surfaces
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.variables import AXES, LISTED
@@ -53,7 +53,7 @@ class Answer:
         Interval of the reading. Of a way that closes: the last open step and the first closed one.
     unit : str
         Unit of the study.
-    nominal : Bracket
+    nominal : LoadReading
         Pressure p₀ of the same p* at the E* and Sq of the study.
     times : float
         Value over the E* or Sq of the study; 1 for a pressure.
@@ -70,7 +70,7 @@ class Answer:
     low: float
     high: float
     unit: str
-    nominal: Bracket
+    nominal: LoadReading
     times: float
     between: tuple[float, float]
     surface: str
@@ -87,7 +87,7 @@ class _Needed:
     """The load that one surface needs, and what turns it into an answer."""
 
     surface: str
-    bracket: Bracket
+    load: LoadReading
     pressure: Array  # nominal, of the steps with a leak or a known way
     starred: Array
     Sq: float
@@ -381,11 +381,9 @@ def _closing(run: Dataset, axis: str) -> list[_Needed]:
     load, found = closing.load_of(run), []
     for name, surface in surfaces(run):
         for span in closing.spans(surface.expand_dims("seed"), axis, load):
-            low, high = span.open_up_to, span.closed_from
-            bracket = Bracket(high if low > 0.0 else 0.0, low, high, low > 0.0 and span.closes)
             known = np.isfinite(surface[load].values)
             pressure, starred = (surface[key].values[known] for key in (load, "mean_pressure"))
-            found.append(_Needed(name, bracket, pressure, starred, float(surface["Sq"])))
+            found.append(_Needed(name, LoadReading.of(span), pressure, starred, float(surface["Sq"])))
     return found
 
 
@@ -393,9 +391,9 @@ def _answer(run: Dataset, axis: str, needed: list[_Needed], unknown: str, pressu
     """Return the answer of the surface that needs the largest load."""
     if not needed:
         refuse(f"the run has no stored leak along {axis}")
-    decides = max(needed, key=lambda one: (one.bracket.value, one.bracket.low, one.bracket.high))
-    low, high = (max(getattr(one.bracket, end) for one in needed) for end in ("low", "high"))
-    nominal = Bracket(decides.bracket.value, low, high, decides.bracket.closing)
+    decides = max(needed, key=lambda one: (one.load.value, one.load.low, one.load.high))
+    low, high = (max(getattr(one.load, end) for one in needed) for end in ("low", "high"))
+    nominal = LoadReading(decides.load.value, low, high, decides.load.closing)
     between = _around(decides, nominal.value)
     rest = (decides.surface, len(needed))
     if unknown == "pressure":

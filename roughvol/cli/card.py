@@ -9,7 +9,7 @@ import click
 
 import roughvol
 from roughvol.cli.options import JOBS, JSON, SET, STUDY, at, examples, given, out
-from roughvol.cli.output import aligned, say, say_json
+from roughvol.cli.output import say, say_json, say_table
 
 
 @click.command(
@@ -43,7 +43,7 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None, as_json: b
         return
     from roughvol.analysis.leak_budget import card_of
     from roughvol.campaign.card import slug
-    from roughvol.report import card_page
+    from roughvol.report import card_page, terminal
     from roughvol.report.card_text import Identity
 
     command = ["roughvol", "card", str(study), "--at", state]
@@ -58,10 +58,9 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None, as_json: b
             fine = tuple(one.fine.dataset for one in some)
             pages.append(card_page.Page(card_of(some, title, found.load), fine, origin, stem))
     if len(found.runs) == 1:
-        say("\n".join(card_page.lines_of(pages[0])))
+        say("\n".join(terminal.lines(card_page.brief(pages[0]))))
     if len(pages) > 1:
-        table = card_page.table_of(pages)
-        say(aligned(table.head, table.rows))
+        say_table(card_page.table_of(pages))
     paths = [card_page.write(page, folder) for page in pages]
     if len(pages) > 1:
         stem = "_".join(map(slug, ("cards", found.load, *varied)))

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from roughvol.cli.options import examples
-from roughvol.cli.output import aligned, say
+from roughvol.cli.output import say
+from roughvol.report import terminal
 
 if TYPE_CHECKING:
     from roughvol.study.reference import Key
@@ -73,7 +74,7 @@ def explain(name: str | None) -> None:
     for key in inside or other:
         listed.setdefault(key.path, textwrap.shorten(key.description, WIDTH - 20, placeholder=" …"))
     if listed:
-        say(textwrap.indent(aligned(("key", "meaning"), list(listed.items())), "  "))
+        say(textwrap.indent(terminal.aligned(("key", "meaning"), list(listed.items())), "  "))
 
 
 def _say_facts(head: str, facts: Iterable[tuple[str, str]]) -> None:

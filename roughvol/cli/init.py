@@ -13,8 +13,9 @@ import click
 from click.shell_completion import CompletionItem
 
 from roughvol.cli.options import SET, Completed, examples
-from roughvol.cli.output import aligned, say
+from roughvol.cli.output import say
 from roughvol.errors import FolderError, StudyError
+from roughvol.report import terminal
 from roughvol.store import stamped_file
 
 SCAN = "scan.txt"
@@ -50,7 +51,7 @@ def init(example: str | None, listing: bool, changes: tuple[str, ...]) -> None:
     known = _examples()
     if example is None or listing:
         titles = [(name, text.splitlines()[0].removeprefix("# ")) for name, text in known.items()]
-        say(aligned(("example", "content"), titles))
+        say(terminal.aligned(("example", "content"), titles))
         say("write one with: roughvol init EXAMPLE; the study of a height map with: roughvol init FILE")
         return
     if example not in known and Path(example).is_file():

@@ -8,7 +8,8 @@ import click
 
 import roughvol
 from roughvol.cli.options import JSON, examples
-from roughvol.cli.output import aligned, say, say_json, size
+from roughvol.cli.output import say, say_json, size
+from roughvol.report import terminal
 from roughvol.study.values.durations import duration
 
 
@@ -26,4 +27,4 @@ def ls(folder: Path, as_json: bool) -> None:
         say(f"no run in {folder}; start one with: roughvol run STUDY")
         return
     lines = [(one.name, one.state, size(one.size), f"{duration(one.age)} ago") for one in found]
-    say(aligned(("run", "state", "size", "changed"), lines))
+    say(terminal.aligned(("run", "state", "size", "changed"), lines))

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
+from roughvol.report import terminal
 from roughvol.store import stamped_file
 
 if TYPE_CHECKING:
@@ -66,22 +67,7 @@ def _is_device(stream: TextIO) -> bool:
 
 def say_table(table: Table) -> None:
     """Print a table with its title above and its note below."""
-    note = f"  {table.note}" if table.note else ""
-    say("\n".join(filter(None, [table.title, aligned(table.head, table.rows), note])))
-
-
-def aligned(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table in aligned columns; text to the left, numbers to the right."""
-    columns = list(zip(head, *rows, strict=True))
-    lines = zip(*map(_aligned, columns), strict=True)
-    return "\n".join("  ".join(line).rstrip() for line in lines)
-
-
-def _aligned(column: Sequence[str]) -> list[str]:
-    """Return the cells of a column in its width; the first cell is the head."""
-    width = max(map(len, column))
-    words = len(column) == 1 or any(cell[:1].isalpha() for cell in column[1:])
-    return [cell.ljust(width) if words else cell.rjust(width) for cell in column]
+    say("\n".join(terminal.table_lines(table)))
 
 
 def say_numbers(

@@ -109,22 +109,19 @@ def _most(lines: list[str]) -> list[str]:
     return [*lines[:MOST], f"and {left} more, on the page of HTML"] if left > 0 else lines
 
 
-def lines_of(page: Page) -> list[str]:
-    """Return a card as lines for a terminal."""
+def brief(page: Page) -> Section:
+    """Return a card for a terminal: load, leaks with their errors, and warnings."""
     card = page.card
     length = f" {card.length_unit}" if card.length_unit else ""
-    lines = [
-        f"Surface: {one.name}, Sq {card_text.short(one.Sq)}{length}, Sdq {card_text.short(one.Sdq)}"
+    surfaces = (
+        ("Surface", f"{one.name}, Sq {card_text.short(one.Sq)}{length}, Sdq {card_text.short(one.Sdq)}")
         for one in card.surfaces
-    ]
-    lines += [f"{name}: {value}" for name, value in card_text.load_facts(card)]
-    facts, _, exceeded = card_text.rests_on(page.fine)
-    lines += [f"{name}: {value}" for name, value in facts if name in card_text.FLUID]
-    for way in card.ways:
-        first, *others = card_text.closes(card, way)
-        lines += [f"along {way.axis}: {card_text.answer(way)}", f"  {first}", *(f"    {line}" for line in others)]
-        lines += [f"  {name}: {factor} ({words})" for name, factor, words in card_text.budget(way)]
-    return [*lines, card_text.patch(card), *(f"warning: {line}" for line in exceeded)]
+    )
+    found, _, exceeded = card_text.rests_on(page.fine)
+    facts = (*surfaces, *card_text.load_facts(card), *(fact for fact in found if fact[0] in card_text.FLUID))
+    ways = (replace(_way(card, way), title=f"along {way.axis}: {card_text.answer(way)}") for way in card.ways)
+    warnings = tuple(f"warning: {line}" for line in exceeded)
+    return Section(facts=facts, sections=(*ways, Section(notes=(card_text.patch(card),), items=warnings)))
 
 
 def table_of(pages: Sequence[Page]) -> Table:

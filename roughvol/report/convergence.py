@@ -7,9 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roughvol.analysis.tables import Table
+from roughvol.report import terminal
+from roughvol.report.document import Section
 from roughvol.store.dataset import Dataset
 from roughvol.store.tradeoff_variables import QUANTITIES, RUNG
 
+HEAD = ("η/σ asked", "error of A*", "of p*", "of V*", "bound of p*", "units a step", "seconds")
+FORMATS = (".0e", *[".1e"] * 4, ".1f", ".2f")  # of the columns
 CONVERGED = 0.02  # largest change still to come, relative, of a quantity that is converged in m
 
 
@@ -81,24 +86,20 @@ def time_saved(ds: Dataset) -> float:
 
 
 def summary(ds: Dataset) -> str:
-    """Return the ladder of tolerances, the cost of a digit, and the convergence in m, as lines of text."""
+    """Return the ladder of tolerances, the cost of a digit, and the convergence in m, as lines for a terminal."""
     ladder = rungs(ds, "tolerance", "mixed")
     names = ("contact_area_fraction_error", "mean_pressure_error", "free_volume_error", "mean_pressure_bound")
     worst = [ladder[name].max("surface").values for name in names]
     work = [ladder[name].mean("surface").values for name in ("units", "seconds")]
-    lines = ["η/σ asked   error of A*   of p*     of V*     bound of p*   units a step   seconds"]
-    for rtol, area, pressure, volume, bound, units, seconds in zip(ladder["rtol"].values, *worst, *work, strict=True):
-        lines.append(
-            f"{rtol:.0e}       {area:.1e}       {pressure:.1e}   {volume:.1e}   {bound:.1e}       "
-            f"{units:5.1f}          {seconds:.2f}"
-        )
-    lines.append(f"ten times less accuracy costs {100 * time_saved(ds):.0f} per cent less time")
+    rungs_of = zip(ladder["rtol"].values, *worst, *work, strict=True)
+    rows = tuple(tuple(map(format, rung, FORMATS)) for rung in rungs_of)
+    sentences = [f"ten times less accuracy costs {100 * time_saved(ds):.0f} per cent less time"]
     for part in convergence(ds):
         verdict = "converged" if part.converged else "NOT converged"
         to_come = f"{100 * part.remaining:.1f} %" if np.isfinite(part.remaining) else "no limit in sight"
         seeds = f", scatter of seeds {100 * part.scatter:.1f} %" if np.isfinite(part.scatter) else ""
-        lines.append(
+        sentences.append(
             f"D = {part.D:g}: {QUANTITIES[part.quantity]} {verdict} in m (last change {100 * part.change:.1f} %, "
             f"ratio {part.ratio:.2f}, still to come {to_come}{seeds})"
         )
-    return "\n".join(lines)
+    return "\n".join(terminal.lines(Section(tables=(Table("", HEAD, rows),), items=tuple(sentences))))

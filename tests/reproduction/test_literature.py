@@ -143,7 +143,7 @@ def test_a_framework_case_needs_its_iteration_area_and_pressure() -> None:
 def test_closing_lies_between_the_last_open_state_and_the_next() -> None:
     area = np.array([[0.3, 0.4, 0.5, 0.6]] * 3)
     ways = np.array([[1, 1, 0, 0], [1, 0, 1, 0], [1, 1, 1, 1]])
-    assert_allclose(rough.closing_area(area, ways), [0.45, 0.55, np.nan])
+    assert_allclose(rough.closing_areas(area, ways), [0.45, 0.55, np.nan])
 
 
 def test_exponents_are_those_of_the_states_in_the_range() -> None:

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from roughvol.analysis.closing import span_of
 from roughvol.analysis.stored_run import Run
 from roughvol.gap.perimeter import corrected_area
 from roughvol.observables.at_state import at_state
@@ -144,19 +145,15 @@ def _areas(run: Run) -> tuple[Array, Array]:
 def closings(run: Run, area: Array) -> Array:
     """Return the area at which the void closes, mean over both axes, for each surface of the finest grid."""
     ways = np.moveaxis(run.values("percolates", D=run.D[0], m=max(run.m)), -1, 0)
-    found: Array = np.mean([closing_area(area, way) for way in ways], axis=0)
+    found: Array = np.mean([closing_areas(area, way) for way in ways], axis=0)
     require(np.isfinite(found).all(), "a sweep in which the void of every surface closes along both axes")
     return found
 
 
-def closing_area(area: Array, is_open: Array) -> Array:
-    """Return the area half way between the last open state and the next, NaN where there is no next."""
-    found = np.full(len(area), np.nan)
-    for surface, (values, ways) in enumerate(zip(area, is_open, strict=True)):
-        last = np.flatnonzero(ways > 0.0)
-        if last.size and last[-1] + 1 < values.size:
-            found[surface] = 0.5 * (values[last[-1]] + values[last[-1] + 1])
-    return found
+def closing_areas(areas: Array, ways: Array) -> Array:
+    """Return the area of each surface half way between the last open state and the next; NaN where there is no next."""
+    found = [span_of(way, area) for way, area in zip(ways, areas, strict=True)]
+    return np.array([math.nan if span is None else span.middle for span in found])
 
 
 @cited(8, needs=LOAD)
