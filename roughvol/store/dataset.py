@@ -268,7 +268,7 @@ def answers(dataset: Dataset) -> Dataset:
     return dataset.drop_vars(TIMES, errors="ignore").drop_attrs(deep=False)
 
 
-def at_state(case: Dataset, dim: str, index: int) -> Dataset:
+def recorded_state(case: Dataset, dim: str, index: int) -> Dataset:
     """Return one case at a recorded state, with the numbers of that state in place of those of its step.
 
     Parameters

@@ -11,8 +11,10 @@ from __future__ import annotations
 import itertools
 import re
 import textwrap
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -57,25 +59,15 @@ from roughvol.report.figures.ways import (
 )
 from roughvol.store.variants import parts_of
 
-VARIABLES_OF = {  # the first one that all runs have is drawn
-    "p": ("nominal_pressure", "mean_pressure"),
-    "a": ("contact_area_fraction",),
-    "v": ("free_volume",),
-    "d": ("separation",),
-    "i": ("indentation",),
-    "gap": ("mean_gap",),
-    "leak": ("leak_rate",),
-    "flow": ("transmissivity_dry", "transmissivity"),
-    "stiffness": ("interfacial_stiffness",),
-    "conductance": ("contact_conductance",),
-}
-BELOW = ("p", "a", "v", "d", "i", "gap")
-DRAWN = ("v_of_p", "a_of_p", "v_of_a", "v_of_d", "gap_of_p", "leak_of_p")
+_TABLE = tomllib.loads(Path(__file__).with_name("figures.toml").read_text(encoding="utf-8"))["content"]
+DRAWN: tuple[str, ...] = tuple(_TABLE["drawn"])
 """The figures of several runs, without a name."""
+VARIABLES_OF: dict[str, list[str]] = {key: row["variables"] for key, row in _TABLE["quantities"].items()}
+BELOW, POWERS, LOGARITHMIC = (
+    [key for key, row in _TABLE["quantities"].items() if flag in row] for flag in ("below", "power", "logarithmic")
+)
 COLUMNS = ("panel", "curve", "D", "m", "seed", "case", "axis", "x", "y", "x_label", "y_label")
 """Columns of the points of a figure."""
-POWERS = ("stiffness", "conductance")  # that go about with a power of the pressure: both axes are logarithmic
-LOGARITHMIC = ("leak", "flow", *POWERS)
 MANY = 6  # height files of a run that have a curve each; more are one family
 LINE = 0.19  # inches that each further line of a legend adds
 KEY = 6  # characters of the line beside a name of a legend

@@ -18,10 +18,10 @@ from matplotlib.lines import Line2D
 from xarray import DataArray, Dataset
 
 from roughvol.gap.free_volume import element_volumes
-from roughvol.observables import at_state as interpolation
+from roughvol.observables.at_state import at_state
 from roughvol.report.figures.cases import FINEST, SHOWN_D, nearest, nearest_state, nearest_surface
 from roughvol.report.figures.style import A, Drawing, P, looks
-from roughvol.store.dataset import at_state
+from roughvol.store.dataset import recorded_state
 from roughvol.typing import Array, Mask
 
 Curve = tuple[Array, Array]
@@ -126,7 +126,8 @@ def file_text(name: str) -> str:
 def state(ds: Dataset, at: str, *variables: str) -> tuple[Dataset, str, str]:
     """Return the single case at its recorded state (along `at`) nearest to A* = 0.1, and both in words."""
     case, name = single(ds, *variables)
-    reached = {k: at_state(case, at, k) for k in np.flatnonzero(case[f"{at}_step"].values > 0).tolist()}  # -1: never
+    places = np.flatnonzero(case[f"{at}_step"].values > 0).tolist()  # -1: never reached
+    reached = {k: recorded_state(case, at, k) for k in places}
     chosen = reached[nearest_state({k: float(candidate[A]) for k, candidate in reached.items()})]
     return chosen, name, rf"$A^{{\ast}} = {float(chosen[A]):.3f}$, $p^{{\ast}} = {float(chosen[P]):.2f}$"
 
@@ -159,7 +160,7 @@ def mean_and_band(members: Sequence[Curve], points: int) -> tuple[Array, Array, 
     """Return even points over the range that all curves reach, their mean there and their standard deviation."""
     low, high = max(x[0] for x, _ in members), min(x[-1] for x, _ in members)
     abscissa = np.linspace(low, high, points if high > low else 0)
-    rows = np.array([interpolation.at_state(x, y, abscissa, straight=True) for x, y in members])
+    rows = np.array([at_state(x, y, abscissa, straight=True) for x, y in members])
     return abscissa, rows.mean(axis=0), rows.std(axis=0, ddof=1)
 
 

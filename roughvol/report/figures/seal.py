@@ -27,7 +27,7 @@ from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import Family, curves, families, own, several, single
 from roughvol.report.figures.style import GREY, LABELS, PAGE, A, Drawing, P, V, canvas, looks, plain_ticks, unit_of
 from roughvol.report.figures.ways import LINES, closed_handles, direction_legend, draw_flow, flow_axis, look_of
-from roughvol.store.dataset import at_state
+from roughvol.store.dataset import recorded_state
 
 NOMINAL = "nominal_pressure"
 STATES = 4  # of a surface, in a figure of its regions
@@ -280,7 +280,7 @@ def seal_map(ds: Dataset) -> Drawing:
     fig = canvas(PAGE, 2.9)
     axes = fig.subplots(1, len(labels), sharey=True, squeeze=False)[0]
     for ax, label in zip(axes, labels, strict=True):
-        state = at_state(case, "flux_at", case["flux_at"].values.tolist().index(label))
+        state = recorded_state(case, "flux_at", case["flux_at"].values.tolist().index(label))
         flux = own(state["flux"])
         x, y, half = flux["x"].values, flux["y"].values, flux["x"].values[1] / 2
         gap = state["gap"].sel(field_at=label, x=flux["x"], y=flux["y"]).transpose("x", "y").values

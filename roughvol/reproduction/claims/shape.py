@@ -15,7 +15,7 @@ from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P,
 from roughvol.reproduction.claims.statistics import exact, mean, single, slope, straightness
 from roughvol.reproduction.claims.verdict import Check, Number
 from roughvol.reproduction.needs import BOXES, BY_D, FIELD, ONE_D, PAPER_A, PAPER_D, PAPER_M
-from roughvol.store.dataset import at_state
+from roughvol.store.dataset import recorded_state
 from roughvol.study.values.state_kinds import STATE_KINDS
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array, Index, Mask
@@ -42,7 +42,7 @@ def field(run: Run) -> Field:
     case = run.dataset.sel(D=D, m=m).isel(seed=0)
     recorded = np.flatnonzero(case["field_at_step"].values > 0).tolist()
     require(recorded, "no recorded field")
-    states = {k: at_state(case, "field_at", k) for k in recorded}
+    states = {k: recorded_state(case, "field_at", k) for k in recorded}
     index = nearest_state({k: float(state[A]) for k, state in states.items()})
     field_ = case["gap"].isel(field_at=index).dropna("x", how="all").dropna("y", how="all")
     gap = field_.transpose("x", "y").values
@@ -159,7 +159,7 @@ def state_of_boxes(run: Run) -> tuple[float, int, str]:
     areas = {}
     for place, label in enumerate(case["box_at"].values.tolist()):
         steps = case["box_at_step"].sel(box_at=label).values
-        reached = [float(at_state(case.isel(seed=k), "box_at", place)[A]) for k in np.flatnonzero(steps > 0)]
+        reached = [float(recorded_state(case.isel(seed=k), "box_at", place)[A]) for k in np.flatnonzero(steps > 0)]
         if len(reached) == run.seeds:
             areas[label] = float(np.mean(reached))
     require(areas, "a box-counted state that every surface reaches")

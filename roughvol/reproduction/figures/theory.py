@@ -34,7 +34,7 @@ from roughvol.reproduction.claims.evidence import D_SIGMA, A, P, V, area_slopes,
 from roughvol.reproduction.claims.many_seeds import FEW
 from roughvol.reproduction.figures.conditions import is_paper_surface
 from roughvol.reproduction.needs import PAPER_D, PAPER_M, Needs
-from roughvol.store.dataset import at_state
+from roughvol.store.dataset import recorded_state
 from roughvol.surfaces import texture
 from roughvol.typing import Array
 
@@ -148,7 +148,7 @@ def theory_dimension(evidence: Evidence) -> Drawing:
             dimensions = shape.fitted_dimension(r, counts[:, 0])
             steps = run.dataset["box_at_step"].sel(D=D, m=m, box_at=label).values
             for k in np.flatnonzero(steps > 0):
-                state = at_state(run.dataset.sel(D=D, m=m).isel(seed=k), "box_at", place)
+                state = recorded_state(run.dataset.sel(D=D, m=m).isel(seed=k), "box_at", place)
                 points.append((float(state[P]), float(state[A]), dimensions[k]))
         p, a, dimension = np.array(points).T
         for ax, x in zip(panels, (p, a), strict=True):
