@@ -3,6 +3,17 @@
 A question opens a run and joins rooms that do not know each other: a card computes with `campaign`, and its error is
 that of `analysis`. So this module is above the rooms, beside `plotting`, and below `cli`, which prints the answers.
 The rooms are imported in the functions: `roughvol ask` needs no solver.
+
+==========  ============================================================================
+`run`       a run by name or path, a `StoredRun`, or a dataset; None is the latest run
+`study`     a study file, a run by name or path, a mapping with the keys of a file, or a `Study`
+`changes`   other values of keys of the study file, as ``("surface.m=6",)``
+`jobs`      number of processes; None for all cores
+`plain()`   the content of ``--json``
+==========  ============================================================================
+
+A name without a run is a `DatasetError`, a folder of another study is a `FolderError`, and a study that cannot be used
+is a `StudyError`. Functions name further errors alone.
 """
 
 from __future__ import annotations
@@ -58,30 +69,14 @@ def study_of(study: Study | Mapping[str, Any] | str | Path, changes: Sequence[st
 
 @dataclass(frozen=True, eq=False)
 class ReadOff:
-    """Read-offs of a stored sweep.
-
-    Attributes
-    ----------
-    run : StoredRun
-        The run.
-    leak_rate : str
-        Largest leak with its unit; empty for a closed joint.
-    unknown : str
-        The quantity found: pressure, modulus or Sq.
-    pressure : float or None
-        Nominal pressure of a modulus or an Sq, in the unit of the study.
-    answers : tuple of Answer
-        Along x and y.
-    narrower : tuple of str
-        Changes of the study that solve states around the answers; empty where there are none.
-    """
+    """Read-offs of a stored sweep."""
 
     run: StoredRun
-    leak_rate: str
-    unknown: str
-    pressure: float | None
-    answers: tuple[Answer, ...]
-    narrower: tuple[str, ...]
+    leak_rate: str  # largest leak with its unit; empty for a closed joint
+    unknown: str  # quantity found: pressure, modulus or Sq
+    pressure: float | None  # nominal pressure of a modulus or an Sq, in the unit of the study
+    answers: tuple[Answer, ...]  # along x and y
+    narrower: tuple[str, ...]  # changes of the study that solve states around the answers
 
     def command(self, run: str = "", changes: Sequence[str] = ()) -> str:
         """Return the command that narrows the interval, empty without one."""
@@ -118,21 +113,21 @@ def ask(
 
     Parameters
     ----------
-    run : Dataset, path or name, optional
-        A run. Default: the latest.
+    run
+        A run.
     leak_rate : str, optional
         Largest leak with its unit, as ``"1e-6 mm^3/s"``. Default: no open way.
     unknown : {"pressure", "modulus", "Sq"}
         Quantity to find.
     at : str, optional
         Load of a modulus or an Sq, as ``"pressure=0.05 MPa"``.
-    changes : sequence of str
-        Other values of keys of a study file, as ``surface.m=6``.
+    changes
+        Changes of the study of the run.
 
     Returns
     -------
     ReadOff
-        ``answers`` along x and y: ``value``, ``low``, ``high`` and ``unit``. ``plain()`` is the content of ``--json``.
+        ``answers`` along x and y, with ``value``, ``low``, ``high`` and ``unit``.
 
     Raises
     ------
@@ -202,16 +197,16 @@ def creep(
 
     Parameters
     ----------
-    run : Dataset, StoredRun, path or name, or None
-        A run; None is the latest.
+    run
+        A run.
     law : path
         YAML file of the creep law J(t)/J(0), as ``power: {exponent: 0.1, time: 1 s}``.
     at : str
         The constant load, as ``"pressure=0.1 MPa"``.
     times : str
         Times under load with units, as ``"1 s..30 day"`` or ``"1 min, 1 h"``.
-    changes : sequence of str
-        Other values of keys of a study file.
+    changes
+        Changes of the study of the run.
 
     Returns
     -------
@@ -261,22 +256,13 @@ def creep(
 class Cards:
     """The leak cards of a study at one load.
 
-    Attributes
-    ----------
-    study : Study
-        The study.
-    load : str
-        The load in words.
-    varied : tuple of str
-        Changes of the study, but for its name.
-    runs : mapping
-        The runs behind the cards, by combination of the lists of the study, then by height file. A study without lists
-        has the combination ``""``, generated surfaces have the file ``""``.
+    The runs behind the cards are named by combination of the lists of the study, then by height file. A study without
+    lists has the combination ``""``, generated surfaces have the file ``""``.
     """
 
     study: Study
-    load: str
-    varied: tuple[str, ...]
+    load: str  # in words
+    varied: tuple[str, ...]  # changes of the study, but for its name
     runs: Mapping[str, Mapping[str, CardRuns]]
 
     @cached_property
@@ -306,21 +292,19 @@ def card(
 
     Parameters
     ----------
-    study : Study, mapping, path or name
-        A study file, or a run.
+    study
+        A study.
     at : str
         The load, as ``"pressure=0.5 MPa, leg 2"``. Default: the end of the sweep.
     out : path, optional
         Folder of the runs. Default: ``runs/<name of the study>_card``.
-    jobs : int, optional
-        Number of processes. Default: all cores.
-    changes : sequence of str
-        Other values of keys of a study file; runs in a folder of their own.
+    jobs, changes
+        Processes, and changes of the study, which run in a folder of their own.
 
     Returns
     -------
     Cards
-        ``cards[""]`` of a study without lists; ``plain()`` is the content of ``--json``.
+        ``cards[""]`` of a study without lists.
 
     Raises
     ------
@@ -366,12 +350,12 @@ def compare(runs: Sequence[Dataset | str | Path], at: Sequence[str] = (), *, cha
 
     Parameters
     ----------
-    runs : sequence of Dataset, path or name
+    runs
         Two runs or more; a run with lists counts as its combinations.
     at : sequence of str
         Loads, as ``"pressure=0.5 MPa"``. Default: pressures that all runs reach.
-    changes : sequence of str
-        Other values of keys of study files.
+    changes
+        Changes of the studies of the runs.
 
     Returns
     -------
@@ -410,24 +394,12 @@ def compare(runs: Sequence[Dataset | str | Path], at: Sequence[str] = (), *, cha
 
 @dataclass(frozen=True, eq=False)
 class Reported:
-    """A report on runs.
+    """A report on runs."""
 
-    Attributes
-    ----------
-    judgement : Judgement
-        Claims of the paper and the literature, answered from the runs.
-    report : Report
-        The page: a section for each run, claims, figures.
-    runs : tuple of StoredRun
-        The runs.
-    refused : tuple of str
-        Why other runs are left out.
-    """
-
-    judgement: Judgement
-    report: Report
+    judgement: Judgement  # claims of the paper and the literature, answered from the runs
+    report: Report  # the page: a section for each run, claims, figures
     runs: tuple[StoredRun, ...]
-    refused: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()  # why other runs are left out
 
     def plain(self) -> dict[str, Any]:
         """Return numbers and provenance, the content of claims.json."""
@@ -446,15 +418,13 @@ def report_on(runs: Sequence[str | Path] = (), *, changes: Sequence[str] = ()) -
 
     Parameters
     ----------
-    runs : sequence of path or name
-        Runs. Default: all under ``runs`` that hold the results of their study.
-    changes : sequence of str
-        Other values of keys of study files.
+    runs, changes
+        Runs, and changes of their studies. Default: all under ``runs`` that hold the results of their study.
 
     Returns
     -------
     Reported
-        ``plain()`` is the content of ``--json``.
+        ``judgement`` of the claims, and the ``report``.
 
     Raises
     ------
@@ -490,30 +460,14 @@ def report_on(runs: Sequence[str | Path] = (), *, changes: Sequence[str] = ()) -
 
 @dataclass(frozen=True, eq=False)
 class Checked:
-    """A study with its first surface and its cost.
-
-    Attributes
-    ----------
-    study : Study
-        The study.
-    folder : Path
-        Folder of its results.
-    surface : Surface or None
-        Surface of the first case; None for a generated surface of more than 2^20 nodes.
-    estimate : Estimate
-        Cases, memory, disk and time.
-    expected : tuple of Expected
-        Samples and time of an ensemble by D; empty without an ensemble.
-    warnings : tuple of str
-        Limits of the model that the study will exceed, and doubtful input.
-    """
+    """A study with its first surface and its cost."""
 
     study: Study
-    folder: Path
-    surface: Surface | None
-    estimate: Estimate
-    expected: tuple[Expected, ...]
-    warnings: tuple[str, ...]
+    folder: Path  # of the results
+    surface: Surface | None  # of the first case; None for a generated surface of more than 2^20 nodes
+    estimate: Estimate  # cases, memory, disk and time
+    expected: tuple[Expected, ...]  # samples and time of an ensemble by D; empty without an ensemble
+    warnings: tuple[str, ...]  # limits of the model that the study will exceed, and doubtful input
 
     def plain(self) -> dict[str, Any]:
         """Return the study and its cost as ``check --json`` prints them."""
@@ -539,22 +493,18 @@ def check(
 
     Parameters
     ----------
-    study : Study, mapping, path or name
-        A study file, or a run.
-    jobs : int, optional
-        Number of processes. Default: all cores.
-    changes : sequence of str
-        Other values of keys of a study file.
+    study, jobs, changes
+        A study, processes, and changes of the study.
 
     Returns
     -------
     Checked
-        ``surface``, ``estimate`` and ``warnings``; ``plain()`` is the content of ``--json``.
+        ``surface``, ``estimate`` and ``warnings``.
 
     Raises
     ------
-    StudyError, SurfaceError
-        If the study or its heights cannot be used.
+    SurfaceError
+        If the heights cannot be used.
 
     See Also
     --------
@@ -589,20 +539,13 @@ def status(study: Study | Mapping[str, Any] | str | Path, *, changes: Sequence[s
 
     Parameters
     ----------
-    study : Study, mapping, path or name
-        A study file, or a run.
-    changes : sequence of str
-        Other values of keys of a study file.
+    study, changes
+        A study, and changes of it.
 
     Returns
     -------
     Status
         Ids of the cases by their state.
-
-    Raises
-    ------
-    FolderError
-        If the folder of the results holds another study.
 
     See Also
     --------
@@ -666,10 +609,8 @@ def tradeoff(
 
     Parameters
     ----------
-    study : Study, mapping, path or name
-        A study file, or a run.
-    changes : sequence of str
-        Other values of keys of a study file.
+    study, changes
+        A study, and changes of it.
     on_sweep : callable, optional
         Called with the number of finished sweeps, and of all.
 
