@@ -113,7 +113,7 @@ def ask(
 
     Parameters
     ----------
-    run
+    run : Dataset, StoredRun, path or name
         A run.
     leak_rate : str, optional
         Largest leak with its unit, as ``"1e-6 mm^3/s"``. Default: no open way.
@@ -121,7 +121,7 @@ def ask(
         Quantity to find.
     at : str, optional
         Load of a modulus or an Sq, as ``"pressure=0.05 MPa"``.
-    changes
+    changes : sequence of str
         Changes of the study of the run.
 
     Returns
@@ -197,7 +197,7 @@ def creep(
 
     Parameters
     ----------
-    run
+    run : Dataset, StoredRun, path or name
         A run.
     law : path
         YAML file of the creep law J(t)/J(0), as ``power: {exponent: 0.1, time: 1 s}``.
@@ -205,7 +205,7 @@ def creep(
         The constant load, as ``"pressure=0.1 MPa"``.
     times : str
         Times under load with units, as ``"1 s..30 day"`` or ``"1 min, 1 h"``.
-    changes
+    changes : sequence of str
         Changes of the study of the run.
 
     Returns
@@ -292,13 +292,13 @@ def card(
 
     Parameters
     ----------
-    study
+    study : Study, mapping, path or name
         A study.
     at : str
         The load, as ``"pressure=0.5 MPa, leg 2"``. Default: the end of the sweep.
     out : path, optional
         Folder of the runs. Default: ``runs/<name of the study>_card``.
-    jobs, changes
+    jobs, changes : int, sequence of str
         Processes, and changes of the study, which run in a folder of their own.
 
     Returns
@@ -350,11 +350,11 @@ def compare(runs: Sequence[Dataset | str | Path], at: Sequence[str] = (), *, cha
 
     Parameters
     ----------
-    runs
+    runs : sequence of Dataset, path or name
         Two runs or more; a run with lists counts as its combinations.
     at : sequence of str
         Loads, as ``"pressure=0.5 MPa"``. Default: pressures that all runs reach.
-    changes
+    changes : sequence of str
         Changes of the studies of the runs.
 
     Returns
@@ -418,7 +418,7 @@ def report_on(runs: Sequence[str | Path] = (), *, changes: Sequence[str] = ()) -
 
     Parameters
     ----------
-    runs, changes
+    runs, changes : sequence of path or name, sequence of str
         Runs, and changes of their studies. Default: all under ``runs`` that hold the results of their study.
 
     Returns
@@ -493,7 +493,7 @@ def check(
 
     Parameters
     ----------
-    study, jobs, changes
+    study, jobs, changes : Study, mapping, path or name; int; sequence of str
         A study, processes, and changes of the study.
 
     Returns
@@ -539,7 +539,7 @@ def status(study: Study | Mapping[str, Any] | str | Path, *, changes: Sequence[s
 
     Parameters
     ----------
-    study, changes
+    study, changes : Study, mapping, path or name, and sequence of str
         A study, and changes of it.
 
     Returns
@@ -609,7 +609,7 @@ def tradeoff(
 
     Parameters
     ----------
-    study, changes
+    study, changes : Study, mapping, path or name, and sequence of str
         A study, and changes of it.
     on_sweep : callable, optional
         Called with the number of finished sweeps, and of all.

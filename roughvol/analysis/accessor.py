@@ -33,15 +33,16 @@ class Accessor:
     ds : Dataset
         A study with states, as `roughvol.open` returns it.
 
+    See Also
+    --------
+    roughvol.open, roughvol.run, roughvol.press : Return datasets with the accessor.
+
     Examples
     --------
-    >>> import numpy as np
     >>> import roughvol
-    >>> heights = np.random.default_rng(0).normal(size=(20, 30))
-    >>> ds = roughvol.press(heights, L=1.0, E_star=1.0, to={"contact_area": 0.3})
-    >>> at_area = ds.roughvol.at(contact_area=0.1)
-    >>> bool(at_area["free_volume"] > ds["free_volume"].isel(step=-1))
-    True
+    >>> ds = roughvol.run({"name": "two", "surface": {"D": 2.3, "m": 3, "seeds": 2}, "sweep": {"steps": 3}}, jobs=1)
+    >>> ds.roughvol.at("last").roughvol.mean()["free_volume"].dims
+    ('D', 'm')
     """
 
     def __init__(self, ds: Dataset) -> None:
@@ -69,6 +70,15 @@ class Accessor:
         ------
         DatasetError
             If nothing was pressed, no surface reaches the level, or the arguments name no level or several.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import roughvol
+        >>> heights = np.random.default_rng(0).normal(size=(8, 10))
+        >>> ds = roughvol.press(heights, L=1.0, E_star=1.0, to={"contact_area": 0.3}, steps=4)
+        >>> bool(ds.roughvol.at(contact_area=0.1)["free_volume"] > ds["free_volume"].isel(step=-1))
+        True
         """
         wanted = parse(_text(state, level, leg))
         check_pressed(self._ds, f"the {NAME}")
@@ -98,6 +108,14 @@ class Accessor:
         -------
         Dataset
             The same with further variables.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import roughvol
+        >>> ds = roughvol.press(np.eye(5), L="1 mm", E_star="1 MPa", steps=2)
+        >>> ds.roughvol.derived()["mean_gap"].attrs["units"]
+        'mm'
         """
         return self._by_part(lambda part: derived(part, Run.of(NAME, part).study))
 
@@ -118,6 +136,15 @@ class Accessor:
         ------
         DatasetError
             If there is no such variable, or its unit cannot be converted.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import roughvol
+        >>> ds = roughvol.press(np.eye(5), L="1 mm", E_star="1 MPa", steps=2).roughvol.derived()
+        >>> in_kPa = ds.roughvol.in_units(nominal_pressure="kPa")
+        >>> (in_kPa["nominal_pressure"] / ds["nominal_pressure"]).values.round(6).tolist()
+        [1000.0, 1000.0]
         """
         if absent := [name for name in wanted if name not in self._ds]:
             raise DatasetError(f"no variable {absent[0]!r}; ds.roughvol.derived() adds nominal pressure and mean gap")
@@ -144,6 +171,14 @@ class Accessor:
         ------
         DatasetError
             If the dataset has no such dimension.
+
+        Examples
+        --------
+        >>> import roughvol
+        >>> study = {"name": "three", "surface": {"D": 2.3, "m": 3, "seeds": 3}, "sweep": {"steps": 2}}
+        >>> ds = roughvol.run(study, jobs=1).roughvol.mean()
+        >>> ds["free_volume"].dims, ds["free_volume_count"].values.ravel().tolist()
+        (('D', 'm', 'step'), [3, 3])
         """
         if over not in self._ds.dims:
             raise DatasetError(f"no dimension {over!r}; allowed: {', '.join(map(str, self._ds.dims))}")

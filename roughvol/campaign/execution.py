@@ -124,6 +124,19 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
     ------
     DatasetError
         If no case is finished.
+
+    See Also
+    --------
+    roughvol.open : Opens the results of a run, with the accessor.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> from roughvol.campaign import collect
+    >>> study = roughvol.study.loads("{name: tiny, surface: {D: 2.5, m: 3, seeds: 2}, sweep: {steps: 2}}")
+    >>> ds = roughvol.run(study, jobs=1)
+    >>> collect(study).equals(ds)
+    True
     """
     study = study if isinstance(study, Study) else load(study)
     folder = folder_of(study, out)

@@ -105,6 +105,18 @@ def run_case(case: Case, context: Context | None = None) -> Dataset:
         If it ended because it was asked to, its steps kept.
     SurfaceError, ContactError, ConvergenceError
         If there is no surface, no problem or no solution; nothing is returned of a sweep that broke off.
+
+    See Also
+    --------
+    roughvol.run : Computes and stores all cases of a study.
+
+    Examples
+    --------
+    >>> from roughvol.campaign import run_case
+    >>> from roughvol.study import loads
+    >>> study = loads("{surface: {D: [2.2, 2.5], m: 3, seeds: 2}, sweep: {steps: 3}}")
+    >>> run_case(study.cases()[0])["free_volume"].sizes["step"]
+    3
     """
     context = context or Context()
     return dataset.build(case, _recorded(case, context), context.provenance(case))

@@ -94,6 +94,20 @@ class HalfSpace:
     ------
     ContactError
         If the shape is too small, the kernel unknown, or K not positive definite.
+
+    See Also
+    --------
+    roughvol.contact.solve : Returns the contact of a rough surface with a half space.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from roughvol.contact import HalfSpace
+    >>> one_element = np.zeros((9, 9))
+    >>> one_element[4, 4] = 1.0
+    >>> u = HalfSpace(one_element.shape).displacement(one_element)
+    >>> (u[4, 6:] * [2, 3, 4]).round(2).tolist()  # far away u goes with 1/r
+    [1.01, 1.0, 1.0]
     """
 
     def __init__(

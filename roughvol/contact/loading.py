@@ -65,6 +65,11 @@ def solve(
     ConvergenceError
         If the residual is not reached.
 
+    See Also
+    --------
+    roughvol.contact.sweep : Yields the contacts along rising indentations.
+    roughvol.contact.indentation_for : Returns the indentation of an area or a pressure.
+
     Examples
     --------
     >>> import numpy as np

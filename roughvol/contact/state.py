@@ -88,6 +88,19 @@ class Contact:
         Elements that have yielded, now or before, over all elements.
     periodic : bool
         Whether the surface is one period of a plane.
+
+    See Also
+    --------
+    roughvol.contact.solve : Returns the contact at one indentation.
+
+    Examples
+    --------
+    >>> from roughvol.contact import HalfSpace, solve
+    >>> from roughvol.surfaces import random_midpoint_displacement
+    >>> surface = random_midpoint_displacement(2.3, 4, seed=1)
+    >>> contact = solve(surface, HalfSpace(surface.shape), indentation=1.0)
+    >>> round(float(contact.gap().mean()) / contact.free_volume, 6), contact.converged
+    (1.0, True)
     """
 
     indentation: float

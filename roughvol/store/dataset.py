@@ -136,6 +136,16 @@ def write(dataset: Dataset, path: Path) -> None:
     ------
     FolderError
         If the folder cannot be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import roughvol
+    >>> from roughvol.store import dataset
+    >>> ds = roughvol.run({"name": "one", "surface": {"D": 2.3, "m": 3, "seeds": 1}, "sweep": {"steps": 2}}, jobs=1)
+    >>> dataset.write(ds, Path("copy.nc"))
+    >>> dataset.read(Path("copy.nc")).equals(ds)
+    True
     """
     stamped_file.write(path, to_bytes(dataset))
 

@@ -78,6 +78,17 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     ------
     FolderError
         If the folder holds another study, as `campaign.run` does.
+
+    See Also
+    --------
+    roughvol.status : Returns the same of a study or a run by name.
+
+    Examples
+    --------
+    >>> from roughvol.store import status
+    >>> from roughvol.study import loads
+    >>> len(status(loads("{name: begun, surface: {D: 2.5, m: 3, seeds: 2}}")).missing)
+    2
     """
     study = study if isinstance(study, Study) else load(study)
     folder = folder_of(study, out)

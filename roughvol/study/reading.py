@@ -58,6 +58,11 @@ def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
     StudyError
         With all problems of the file in its order, or if the file cannot be read.
 
+    See Also
+    --------
+    roughvol.study.loads : Reads a study from text.
+    roughvol.run : Computes a study.
+
     Examples
     --------
     >>> import pathlib
@@ -150,6 +155,17 @@ def loads(text: str, file: str | Path = "<string>", *, stored: bool = False, cha
     ------
     StudyError
         With all problems of the text in its order.
+
+    See Also
+    --------
+    roughvol.load : Reads a study file.
+
+    Examples
+    --------
+    >>> from roughvol.study import loads
+    >>> study = loads("surface: {D: [2.2, 2.5], m: 3, seeds: 2}", changes=["sweep.steps=5"])
+    >>> len(study.cases()), study.sweep.steps
+    (4, 5)
     """
     path = Path("study" if file in NO_FILES else file)
     return _study(text, printable(str(file)), path, stored=stored, changes=changes)

@@ -34,6 +34,18 @@ class Spectrum:
     anisotropy : wavelengths along x over those along y, ≥ 1.
     phases : "gaussian": amplitudes and phases are random. "random": the phases alone, amplitudes follow C(q).
     periodic : one period without a repeated edge; else a patch with it.
+
+    See Also
+    --------
+    roughvol.surfaces.power_law_surface : Returns a surface with the spectrum.
+
+    Examples
+    --------
+    >>> from roughvol.surfaces import Spectrum, power_law_surface
+    >>> spectrum = Spectrum(rolloff=2.0, cut=8.0, Sq=0.5)
+    >>> surface = power_law_surface(spectrum, hurst=0.8, n=16)
+    >>> surface.shape, round(surface.Sq, 6)
+    ((16, 16), 0.5)
     """
 
     rolloff: float

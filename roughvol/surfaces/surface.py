@@ -42,6 +42,18 @@ class Surface:
     SurfaceError
         If the heights are not a real, finite 2-D array of at least 3 × 3 nodes. If their range is no float, or between
         0 and `SMALLEST_RANGE`. If δ is not finite and positive.
+
+    See Also
+    --------
+    roughvol.surfaces.random_midpoint_displacement, roughvol.surfaces.power_law_surface : Return random surfaces.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from roughvol.surfaces import Surface
+    >>> waves = Surface(np.cos(np.arange(8) * np.pi / 4) * np.ones((8, 1)), spacing=0.5, periodic=True)
+    >>> waves.side, round(waves.Sq, 4), round(waves.peak, 4)
+    (4.0, 0.7071, 1.4142)
     """
 
     heights: Array
