@@ -105,5 +105,5 @@ def test_a_card_from_the_file_of_an_instrument(suffix: str, tmp_path: Path, monk
     assert re.search(r"Load +0\.03 MPa", done.output)
     assert re.search(rf"Surface +scan{re.escape(suffix)}, Sq ", done.output)
     for part in ("solver", "grid", "window", "levelling"):
-        assert f"  {part}: " in done.output
+        assert f"\n  {part} " in done.output
     assert (tmp_path / "runs" / "seal_card" / "card_pressure=0.03_MPa.pdf").stat().st_size > 10_000
