@@ -86,8 +86,8 @@ def drawings(runs: Sequence[Named], wanted: Sequence[str], *, alone: bool) -> tu
     from roughvol.report.figures import content
 
     table, found, refused = figures(), Draws(), list[str]()
-    every = [name for name in content.DRAWN if content.missing(name, runs) is None]
-    for name in wanted or (every if len(runs) > 1 else ()):
+    every = content.DRAWN if len(runs) > 1 else ()
+    for name in wanted or [name for name in every if content.missing(name, runs) is None]:
         if name in content.NAMES:
             reason = content.missing(name, runs)
             if reason is None:

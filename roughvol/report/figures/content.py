@@ -14,6 +14,7 @@ import textwrap
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import matplotlib as mpl
@@ -83,6 +84,11 @@ class Named:
     name: str
     dataset: Dataset
 
+    @cached_property
+    def ready(self) -> Dataset:
+        """The dataset with derived numbers."""
+        return derived(self.dataset, study_of(self.dataset)) if "mean_pressure" in self.dataset else self.dataset
+
 
 def parts(name: str, ds: Dataset, *, alone: bool) -> list[Named]:
     """Return the runs to overlay of a dataset: one for each combination of the lists of its study."""
@@ -95,9 +101,8 @@ def parts(name: str, ds: Dataset, *, alone: bool) -> list[Named]:
 def missing(name: str, runs: Sequence[Named]) -> str | None:
     """Return why a figure cannot be drawn from runs, None if it can."""
     for run in runs:
-        ready = derived(run.dataset, study_of(run.dataset)) if "mean_pressure" in run.dataset else run.dataset
         for key in name.split("_of_"):
-            reasons = [lacking(name, ready, (variable,)) for variable in VARIABLES_OF[key]]
+            reasons = [lacking(name, run.ready, (variable,)) for variable in VARIABLES_OF[key]]
             if all(reasons):
                 return f"{run.name}: {reasons[-1]}"
     return None
@@ -109,7 +114,7 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
         raise DatasetError(reason)
     y_key, x_key = name.split("_of_")
     common: dict[str, str] = {}
-    ready = [Named(run.name, in_units(first_leg(derived(run.dataset, study_of(run.dataset))), common)) for run in runs]
+    ready = [Named(run.name, in_units(first_leg(run.ready), common)) for run in runs]
     x, y = _variable(x_key, ready), _variable(y_key, ready)
     flows = average.is_flow(y)
     height, few = (3.2, 2) if flows else (3.0, 4)  # inches, and lines of a legend that fit them
