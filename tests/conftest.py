@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from roughvol.campaign import execution, workers
+from roughvol.report.figures.style import Drawing
+
+SAVED = Drawing.savefig
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -21,6 +25,18 @@ def _in_this_process() -> Iterator[None]:
 def _in_processes_where_marked(request: pytest.FixtureRequest) -> Iterator[None]:
     with workers.in_this_process(request.node.get_closest_marker("processes") is None):
         yield
+
+
+@pytest.fixture(autouse=True)
+def _quick_figures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Save figures coarsely and without a layout, which takes most of their time, but where a test is about these."""
+    if request.node.get_closest_marker("layout") is None:
+        monkeypatch.setattr(Drawing, "savefig", _saved_quickly)
+
+
+def _saved_quickly(figure: Drawing, file: Any, **options: Any) -> None:
+    figure.set_layout_engine("none")
+    SAVED(figure, file, **options | {"dpi": 40})
 
 
 @pytest.fixture(scope="session")

@@ -171,6 +171,7 @@ def test_runs_are_overlaid_by_name_and_their_points_are_written() -> None:
     assert "[MPa]" in rows[0]["x_label"]
 
 
+@pytest.mark.layout
 def test_a_figure_by_content_has_the_size_and_the_scale_asked_for() -> None:
     drawn = call("plot", "wet", "leak_of_p", "--size", "127x50.8mm", "--log", "x", "--out", "sized")
     assert drawn.exit_code == 0, drawn.output

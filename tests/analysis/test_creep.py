@@ -142,6 +142,7 @@ def test_a_contact_that_recedes_is_refused(run: Dataset, tmp_path: Path) -> None
         creep.history(run.assign(plastic_volume=run.free_volume), _law(PRONY, tmp_path), 0.01, [1.0])
 
 
+@pytest.mark.layout
 def test_the_command_writes_a_table_and_a_figure(run: Dataset, folder: Path, tmp_path: Path) -> None:
     _law(PRONY, tmp_path)
     arguments = [str(folder), "--law", str(tmp_path / "creep.yaml"), "--at", "pressure=10 kPa", "--times", "1 s, 1 h"]

@@ -87,6 +87,7 @@ def _levelled(heights: np.ndarray) -> np.ndarray:
     return heights - fit.reshape(heights.shape)
 
 
+@pytest.mark.layout
 @pytest.mark.parametrize("suffix", [".x3p", ".gwy"])
 def test_a_card_from_the_file_of_an_instrument(suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     topography = pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")

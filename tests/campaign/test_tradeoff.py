@@ -76,6 +76,7 @@ def test_convergence_in_m_is_that_of_a_geometric_series(measured: dataset.Datase
     assert convergence.time_saved(ds) == pytest.approx(0.2)
 
 
+@pytest.mark.layout
 @pytest.mark.parametrize("name", TRADEOFF)
 def test_figures_are_drawn(name: str, measured: dataset.Dataset, tmp_path: Path) -> None:
     TRADEOFF[name](measured).savefig(tmp_path / "figure.png")

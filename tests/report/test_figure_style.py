@@ -15,6 +15,8 @@ from roughvol.report.figures import style
 from roughvol.report.figures.style import ACCENT, CONTACT, GREY, SECOND, STYLE, lightness, looks, luminance, unit_text
 from roughvol.reproduction.figures.registry import FIGURES
 
+pytestmark = pytest.mark.layout  # every figure is saved once with its layout
+
 LEAST_CONTRAST = 3.0  # WCAG 2.2, 1.4.11
 # Machado, Oliveira and Fernandes (2009), severity 1, on linear RGB
 BLIND = {

@@ -34,6 +34,8 @@ from roughvol.store.dataset import Dataset
 from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
+pytestmark = pytest.mark.layout  # every figure is saved once with its layout
+
 TEXT = """
 name: tiny_seal
 surface: {D: [2.2, 2.5], m: 4, seeds: 3, L: 100 um, Sq: 0.5 um}

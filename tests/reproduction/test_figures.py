@@ -29,6 +29,8 @@ from roughvol.store.record_key import record_key
 from roughvol.study import Study, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
+pytestmark = pytest.mark.layout  # every figure is saved once with its layout
+
 NAMES = list(FIGURES)
 CURVES = {
     "fig04a": ("D", "mean_pressure", "contact_area_fraction"),

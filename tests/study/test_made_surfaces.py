@@ -206,6 +206,7 @@ def test_another_spectrum_is_another_study() -> None:
     assert lines[0] == "surface.H: no longer 0.8"
 
 
+@pytest.mark.layout
 def test_the_commands_work_with_a_spectrum(tmp_path: Any) -> None:
     (tmp_path / "s.yaml").write_text(STUDY + "sweep: {steps: 1, to: {pressure: 0.1}}\nrecord: {psd: true}\n")
     runner = CliRunner()
