@@ -27,11 +27,18 @@ def _in_processes_where_marked(request: pytest.FixtureRequest) -> Iterator[None]
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _quick_figures() -> Iterator[None]:
+    """Save figures coarsely and without a layout, which takes most of their time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Drawing, "savefig", _saved_quickly)
+        yield
+
+
 @pytest.fixture(autouse=True)
-def _quick_figures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Save figures coarsely and without a layout, which takes most of their time, but where a test is about these."""
-    if request.node.get_closest_marker("layout") is None:
-        monkeypatch.setattr(Drawing, "savefig", _saved_quickly)
+def _figures_with_layout_where_marked(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if request.node.get_closest_marker("layout") is not None:
+        monkeypatch.setattr(Drawing, "savefig", SAVED)
 
 
 def _saved_quickly(figure: Drawing, file: Any, **options: Any) -> None:

@@ -269,7 +269,7 @@ def test_a_coarser_grid_that_closes_before_the_load_leaves_the_error_unknown(tmp
 
 def test_a_closed_way_shows_what_coarser_grids_say_of_a_finer_one(tmp_path: Path) -> None:
     """Of this surface the finer grid closes later, which the card of the coarser grids says."""
-    text = VARIED.replace("seeds: 3", "seeds: [0]").replace("m: 5", "m: 7").replace("steps: 8", "steps: 12")
+    text = VARIED.replace("seeds: 3", "seeds: [0]").replace("m: 5", "m: 6").replace("steps: 8", "steps: 12")
     runs = card_runs.compute(loads(text), Level("last"), tmp_path, jobs=1)
     for way in card_of([runs], "s", "").ways:
         assert way.leak.value == 0.0
@@ -283,8 +283,8 @@ def test_a_closed_way_shows_what_coarser_grids_say_of_a_finer_one(tmp_path: Path
 
 
 def test_a_card_of_a_file_has_levelling_and_quadrants_at_one_nominal_pressure(tmp_path: Path) -> None:
-    heights = random_midpoint_displacement(2.2, 7, side=100.0, seed=5).heights
-    tilted = heights / heights.std() * 0.4 + np.linspace(0, 0.3, 129)
+    heights = random_midpoint_displacement(2.2, 6, side=100.0, seed=5).heights
+    tilted = heights / heights.std() * 0.4 + np.linspace(0, 0.3, 65)
     np.savetxt(tmp_path / "scan.txt", tilted, header="heights in um")
     text = TEXT.replace("{D: 2.2, m: 7, seeds: 3, L: 200 um, Sq: 0.4 um}", "{file: scan.txt, L: 200 um, level: tilt}")
     (tmp_path / "s.yaml").write_text(text)
@@ -364,7 +364,7 @@ def test_surfaces_of_different_heights_have_one_nominal_pressure(tmp_path: Path)
 
 def test_each_leg_of_a_path_has_its_own_leak(tmp_path: Path) -> None:
     text = f"""name: metal
-surface: {{D: 2.2, m: 5, L: 100 um, Sq: 0.4 um, seeds: [1]}}
+surface: {{D: 2.2, m: 4, L: 100 um, Sq: 0.4 um, seeds: [1]}}
 material: {{E: 200 GPa, nu: 0.3, hardness: 5 GPa}}
 sweep: [{{steps: 4, to: {{pressure: 1.0}}}}, {{steps: 4, to: {{pressure: 0.1}}}}]
 record: {{transport: {{transmissivity: every-step}}, {DIMENSIONAL}}}
@@ -447,7 +447,7 @@ def test_the_part_of_the_solver_under_fluid_pressure_holds_an_exact_one(
 
 
 def test_a_fluid_pressure_without_units_keeps_its_nominal_value_on_other_grids(tmp_path: Path) -> None:
-    heights = random_midpoint_displacement(2.2, 6, side=100.0, seed=5).heights
+    heights = random_midpoint_displacement(2.2, 5, side=100.0, seed=5).heights
     np.save(tmp_path / "scan.npy", heights)
     (tmp_path / "s.yaml").write_text(
         "surface: {file: scan.npy, L: 100, level: tilt}\nsweep: {steps: 3, to: {pressure: 1.0}}\n"

@@ -213,6 +213,7 @@ def test_a_leak_rate_or_a_closed_joint(folder: Path, swept: Dataset) -> None:
 # one curve
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_reading_contains_the_truth_in_95_percent(tmp_path: Path) -> None:
     found = [point for point in measured([0, 1, 3, 6, 9, 10, 13], tmp_path) if point.kind == "liquid"]
     assert len({point.way for point in found}) > 10
