@@ -42,7 +42,7 @@ def _figures_with_layout_where_marked(request: pytest.FixtureRequest, monkeypatc
 
 
 def _saved_quickly(figure: Drawing, file: Any, **options: Any) -> None:
-    figure.set_layout_engine("none")
+    figure._layout_engine = None  # "none" would leave a placeholder, for which matplotlib draws a figure twice
     SAVED(figure, file, **options | {"dpi": 40})
 
 
