@@ -123,7 +123,8 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
     low, high = np.floor(places).astype(int), np.ceil(places).astype(int)
     between_steps = np.array(places) - low
     values: dict[str, Any] = {}
-    for name, variable in group.data_vars.items():
+    for name in group.data_vars:
+        variable = group.variables[name]  # quicker than the array with its coordinates
         if set(variable.dims) == {"seed"}:
             values[str(name)] = ("seed", variable.values[rows], variable.attrs)
         along = [dim for dim in variable.dims if dim not in ("seed", "step")]
@@ -348,11 +349,13 @@ def _take(data: Dataset, own: dict[str, Array], group: Dataset, reached: list[in
             ratio = beyond[name].values / beyond[of].values
             own[name] = np.full(group.sizes["seed"], np.nan)
             own[name][reached] = ratio * own[of][reached]
+    taken = {}
     for name, numbers in own.items():
         values = data[name].values.copy()
         there = numbers[reached]
         values[: len(reached)] = np.where(np.isfinite(there), there, values[: len(reached)])
-        data[name] = ("seed", values, data[name].attrs)
+        taken[name] = ("seed", values, data[name].attrs)
+    data.update(taken)
 
 
 def _close(data: Dataset, reached: int, shut: Array) -> None:

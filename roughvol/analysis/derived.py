@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from xarray import Dataset
+from xarray import DataArray, Dataset
 
 from roughvol.analysis.leak import counted, is_open
 from roughvol.analysis.legs import first_leg
@@ -36,22 +36,22 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     Dataset
         The same with further variables.
     """
-    ds = _with_stiffness(ds, study)
+    found = _stiffness(ds, study)
     if "mean_gap" not in ds and {"Sq", V} <= set(ds):
         gap = ds[V] * ds["Sq"]
-        ds = ds.assign(mean_gap=gap.assign_attrs(units=ds.attrs.get("length_unit", "length"), symbol="g_mean"))
-    if "nominal_pressure" not in ds and {"Sq", P} <= set(ds) and study is not None and study.material.unit:
-        pressure = ds[P] * ds["Sq"] * (study.material.contact_modulus / float(ds["L"]))
-        ds = ds.assign(nominal_pressure=pressure.assign_attrs(units=study.material.unit, symbol="p"))
-    if "nominal_pressure" in ds:  # an unloaded surface has p* of rounding
-        nominal = ds["nominal_pressure"]
-        ds = ds.assign(nominal_pressure=nominal.where(abs(ds[P]) > ROUNDING, 0.0 * nominal).assign_attrs(nominal.attrs))
+        found["mean_gap"] = gap.assign_attrs(units=ds.attrs.get("length_unit", "length"), symbol="g_mean")
+    nominal = ds.get("nominal_pressure")
+    if nominal is None and {"Sq", P} <= set(ds) and study is not None and study.material.unit:
+        nominal = ds[P] * ds["Sq"] * (study.material.contact_modulus / float(ds["L"]))
+        nominal = nominal.assign_attrs(units=study.material.unit, symbol="p")
+    if nominal is not None:  # an unloaded surface has p* of rounding
+        found["nominal_pressure"] = nominal.where(abs(ds[P]) > ROUNDING, 0.0 * nominal).assign_attrs(nominal.attrs)
     # any of them is 0 where the way is closed; the first one stored is taken
     for name in ("percolates", "critical_gap", "transmissivity"):
         if name in ds and bool(ds[name].notnull().any()):
-            ds = ds.assign(open=is_open(ds[name]))
+            found["open"] = is_open(ds[name])
             break
-    return counted(ds)
+    return counted(ds.assign(found))
 
 
 def _attributes(name: str) -> dict[str, str]:
@@ -59,23 +59,22 @@ def _attributes(name: str) -> dict[str, str]:
     return {"units": row.units, "symbol": row.symbol, "long_name": row.long_name}
 
 
-def _with_stiffness(ds: Dataset, study: Study | None) -> Dataset:
-    """Return a dataset with the interfacial stiffness on the first leg, and the conductance that follows."""
+def _stiffness(ds: Dataset, study: Study | None) -> dict[str, DataArray]:
+    """Return the interfacial stiffness on the first leg, and the conductance that follows."""
     first = first_leg(ds)
     try:
         pressure, gap = (first[name].transpose(..., "step") for name in (P, V))
         stiffness = pressure.copy(data=interfacial_stiffness(pressure.values, gap.values)).reindex(step=ds["step"])
     except (ContactError, KeyError):  # pressures that do not rise throughout, as those of a region may
-        return ds
-    ds = ds.assign(interfacial_stiffness=stiffness.assign_attrs(_attributes("interfacial_stiffness")))
+        return {}
+    found = {"interfacial_stiffness": stiffness.assign_attrs(_attributes("interfacial_stiffness"))}
     unit, bodies = ds.attrs.get("length_unit"), study.material.conductivity if study is not None else None
     if unit and bodies:
         first_body, second = (in_unit(value, CONDUCTIVITY) or math.nan for value in bodies)
         length = convert(float(ds["L"]), unit, "m")
         value = contact_conductance(stiffness.values, harmonic_conductivity(first_body, second), length)
-        conductance = stiffness.copy(data=value).assign_attrs(_attributes("contact_conductance"))
-        ds = ds.assign(contact_conductance=conductance)
-    return ds
+        found["contact_conductance"] = stiffness.copy(data=value).assign_attrs(_attributes("contact_conductance"))
+    return found
 
 
 def is_pressed(ds: Dataset) -> bool:
