@@ -29,7 +29,7 @@ def _in_processes_where_marked(request: pytest.FixtureRequest) -> Iterator[None]
 
 @pytest.fixture(scope="session", autouse=True)
 def _quick_figures() -> Iterator[None]:
-    """Save figures coarsely and without a layout, which takes most of their time."""
+    """Save figures coarsely, without a layout, and PDF blank: layout and fonts take most of their time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Drawing, "savefig", _saved_quickly)
         yield
@@ -42,6 +42,8 @@ def _figures_with_layout_where_marked(request: pytest.FixtureRequest, monkeypatc
 
 
 def _saved_quickly(figure: Drawing, file: Any, **options: Any) -> None:
+    if str(file).endswith(".pdf"):
+        figure = Drawing()  # the fonts of a PDF take a second
     figure._layout_engine = None  # "none" would leave a placeholder, for which matplotlib draws a figure twice
     SAVED(figure, file, **options | {"dpi": 40})
 

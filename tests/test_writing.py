@@ -106,17 +106,11 @@ def _shell(place: Path, line: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["bash", "-c", line], cwd=place, env=there, capture_output=True, text=True, timeout=120)
 
 
-@pytest.mark.parametrize(
-    ("line", "made"),
-    [
-        ("roughvol plot tiny v_of_p a_of_p | true", "runs/tiny/figures/a_of_p.png"),
-        (f"roughvol {' '.join(map(repr, CREEP))} | true", "runs/tiny/creep.png"),
-    ],
-)
-def test_a_closed_pipe_does_not_keep_a_command_from_its_files(place: Path, line: str, made: str) -> None:
-    (place / made).unlink(missing_ok=True)
-    done = _shell(place, line)
-    assert (place / made).is_file(), done
+def test_a_closed_pipe_does_not_keep_a_command_from_its_files(place: Path) -> None:
+    made = place / "runs" / "tiny" / "creep.png"
+    made.unlink()
+    done = _shell(place, f"roughvol {' '.join(map(repr, CREEP))} | true")
+    assert made.is_file(), done
     assert done.stderr == ""
 
 
@@ -132,7 +126,10 @@ def test_an_output_that_cannot_be_written_is_one_message(place: Path, command: s
 
 @pytest.mark.parametrize(
     ("files", "command"),
-    [(8, "report tiny"), (12, "run tiny.yaml --set name=many --set surface.seeds=3 --jobs 2")],
+    [
+        pytest.param(8, "report tiny", marks=pytest.mark.slow),
+        (12, "run tiny.yaml --set name=many --set surface.seeds=3 --jobs 2"),
+    ],
 )
 def test_too_few_open_files_are_one_message_or_enough(place: Path, files: int, command: str) -> None:
     done = _shell(place, f"ulimit -n {files}; roughvol {command}")

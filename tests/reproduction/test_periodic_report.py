@@ -9,7 +9,7 @@ import pytest
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign import execution
 from roughvol.reproduction.figures.conditions import is_paper_surface
-from roughvol.reproduction.figures.registry import FIGURES
+from roughvol.reproduction.figures.registry import ALL, FIGURES
 from roughvol.reproduction.judgement import judge
 from roughvol.reproduction.needs import Needs
 from roughvol.reproduction.sections import report_of
@@ -27,6 +27,11 @@ record:
 """
 
 
+def _run(surface: str, folder: Path) -> Run:
+    execution.run(loads(f"surface: {{{surface}}}\n{RECORD}"), out=folder, jobs=1)
+    return Run.of("other", dataset.read(folder / "study.nc"))
+
+
 @pytest.mark.parametrize(
     ("surface", "origin"),
     [
@@ -34,12 +39,16 @@ record:
         ("H: 0.7, n: 8, rolloff: 1, cut: 3, seeds: 2", "surfaces with a spectrum"),
     ],
 )
-def test_a_report_has_every_figure_but_that_of_the_recursion(surface: str, origin: str, tmp_path: Path) -> None:
-    execution.run(loads(f"surface: {{{surface}}}\n{RECORD}"), out=tmp_path, jobs=1)
-    ds = dataset.read(tmp_path / "study.nc")
-    assert "midpoint displacement of a free patch" in (FIGURES["fig01"].missing(ds) or "")
-    assert not is_paper_surface(ds)
-    assert Needs().unfit(Run.of("other", ds)) == (origin,)
+def test_surfaces_of_another_origin_are_none_of_the_paper(surface: str, origin: str, tmp_path: Path) -> None:
+    run = _run(surface, tmp_path)
+    assert "midpoint displacement of a free patch" in (FIGURES["fig01"].missing(run.dataset) or "")
+    assert not is_paper_surface(run.dataset)
+    assert Needs().unfit(run) == (origin,)
+
+
+def test_a_report_has_every_figure_but_that_of_the_recursion(tmp_path: Path) -> None:
+    run = _run("D: [2.3, 2.6], m: 3, seeds: 2, periodic: true", tmp_path)
     page = kit.to_html(report_of(judge([tmp_path / "study.nc"])))
-    assert "id='run-1'" in page
-    assert "<figure" in page
+    drawn = {name for name, figure in ALL.items() if figure.missing(run.dataset) is None}
+    assert "fig01" not in drawn
+    assert {name for name in ALL if f"id='run-1-{name}'" in page} == drawn
