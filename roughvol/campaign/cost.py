@@ -20,7 +20,6 @@ from roughvol.campaign.one_case import surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.ensemble.cost import expected_seconds, observable_seconds
 from roughvol.errors import CampaignError, ResourceError
-from roughvol.gap.network import check_multigrid, needs_multigrid
 from roughvol.observables import requests
 from roughvol.observables.variables import OBSERVABLES
 from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
@@ -86,8 +85,8 @@ def memory_of(case: Case, shape: Shape) -> float:
         per_node = SURFACE_BYTES + SKEWED_BYTES * skewed
     else:
         per_node = NODE_BYTES + CHANNEL_BYTES * any("percolation" in leg.target.kind for leg in case.sweep.legs)
-        if (elements := flow_elements(case, shape)) > 0:
-            per_node += LARGE_FLOW_BYTES if needs_multigrid(elements) else FLOW_BYTES
+        if flow_elements(case, shape) > 0:
+            per_node += FLOW_BYTES
             per_node += GAS_BYTES * (case.gas is not None)
     return PROCESS_BYTES + nodes * (per_node + FIELD_BYTES * requests.fields_of(case.record))
 
@@ -124,8 +123,6 @@ def check_fits(
     ------
     ResourceError
         If a case needs more memory than is available, or the files more disk than is free.
-    ContactError
-        If a flow needs pyamg, and it is not installed.
     CampaignError
         If the limit of a process on its memory is too small (``ulimit -v``).
     """
@@ -134,7 +131,6 @@ def check_fits(
         return
     problems = []
     if here:
-        check_multigrid(max(flow_elements(case, nodes) for case, nodes, _ in computed))
         need, label = max((memory_of(case, nodes), case.label) for case, nodes, _ in computed)
         available, limit = machine.available_memory(), machine.address_space()
         if available is not None and need > max(available, SMALL):

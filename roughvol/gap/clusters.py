@@ -146,7 +146,9 @@ def labelled(mask: Mask, structure: NDArray[Any], joined: tuple[bool, bool]) -> 
 def spanned(void: Mask, periodic: bool) -> Mask:
     """Return the void that leads from side to side along axis 0."""
     labels, _ = labelled(void, SIDES, joined(0, periodic))
-    return np.isin(labels, spanning(labels, 0))
+    leads = np.zeros(int(labels.max()) + 1, dtype=np.bool_)
+    leads[spanning(labels, 0)] = True
+    return leads[labels]
 
 
 def spanning_period(labels: NDArray[np.integer], void: Mask, axis: int) -> NDArray[np.integer]:

@@ -16,14 +16,13 @@ P is the sum of two numbers. In a wide pocket P is uniform to 16 digits, and the
 from the differences that are left: the second number has them.
 """
 
-from typing import Any
-
 import numpy as np
 
 from roughvol.errors import ConvergenceError
 from roughvol.gap.clusters import check_gap
-from roughvol.gap.network import harmonic, inverse
-from roughvol.gap.transport import constriction
+from roughvol.gap.multigrid import Conductances
+from roughvol.gap.network import Network, differences, joints, surplus
+from roughvol.gap.constriction import constriction
 from roughvol.typing import Array
 
 LEAST = 1e-8  # conductance of a closed element over that of the gap h
@@ -31,6 +30,7 @@ MOST = 1e6  # largest conductance over that of the gap h: the pressure drop in a
 NARROW = 1e-3  # least h over the widest gap
 ACCURACY = 1e-12  # of P, the last correction
 CORRECTIONS = 50
+DIRECT = 2_000_000  # elements that are factorised: digits of P count, not of the flow alone
 
 
 class FluidField:
@@ -71,61 +71,55 @@ class FluidField:
         self._at = narrowest.element if flows else np.unravel_index(int(gap.argmax()), gap.shape)
         relative = self._along(gap) / self._reference
         cube = relative**3
-        self._wide = (cube >= MOST).ravel()
-        self._rate, self._cube = 3.0 * (relative**2).ravel() / self._reference, cube.ravel()
-        k = np.minimum(cube, MOST) + least
-        columns = k.shape[1]
-        self._shape, size = k.shape, k.size
-        number = np.arange(size).reshape(k.shape)
-        across = [beside[:, : columns - (not periodic)] for beside in (np.roll(number, -1, axis=1), number)]
-        # the joints between elements, then those to the reservoirs: nodes `size` (inlet) and `size + 1` (outlet)
-        self._inner = size - columns + across[0].size
-        self._tail = np.concatenate([number[:-1].ravel(), across[1].ravel(), number[0], number[-1]])
-        self._head = np.concatenate([number[1:].ravel(), across[0].ravel(), np.repeat((size, size + 1), columns)])
-        self._k = k.ravel()
-        inner_tail, inner_head = self._tail[: self._inner], self._head[: self._inner]
-        ends = 2.0 * self._k[self._tail[self._inner :]]
-        self._weight = np.concatenate([harmonic(self._k[inner_tail], self._k[inner_head]), ends])
-        self._solve = inverse(self._tail, self._head, self._weight, size + 2, size)
-        self._drops = self._solved(size)
+        self._wide = cube >= MOST
+        self._rate, self._cube = 3.0 * relative**2 / self._reference, cube
+        self._k = np.minimum(cube, MOST) + least
+        self._periodic = periodic
+        self._south, self._east = joints(self._k, 0, periodic=False), joints(self._k, 1, periodic)
+        own = np.zeros(self._k.shape)
+        own[0] = 2.0 * self._k[0]
+        own[-1] += 2.0 * self._k[-1]
+        self._network = Network(Conductances(self._south, self._east, own), direct=DIRECT)
+        self._falls = self._solved()
 
-    def _solved(self, size: int) -> Array:
-        """Set the pressure, and return its drop along each joint."""
-        coarse, fine = np.zeros(size + 2), np.zeros(size + 2)
-        coarse[size] = 1.0
+    def _solved(self) -> tuple[Array, Array]:
+        """Set the pressure, and return its falls from row to row, ends included, and from column to column."""
+        coarse, fine = np.zeros(self._k.shape), np.zeros(self._k.shape)
+        down = np.concatenate([2.0 * self._k[:1], self._south[:-1], 2.0 * self._k[-1:]])
         for correction in range(CORRECTIONS):
-            drops = (coarse[self._tail] - coarse[self._head]) + (fine[self._tail] - fine[self._head])
-            more = self._solve(self._inflow(self._weight * drops))
-            (fine if correction else coarse)[:size] += more
+            falls = differences(coarse, 1.0) + differences(fine, 0.0)
+            across = (coarse - np.roll(coarse, -1, axis=1)) + (fine - np.roll(fine, -1, axis=1))
+            more = self._network.solve(surplus(down * falls, self._east * across))
+            whole = fine if correction else coarse
+            whole += more
             last = float(np.abs(more).max())
             if last <= ACCURACY:
-                self.pressure = self._turned(np.clip(coarse + fine, 0.0, 1.0)[:size])
-                return drops
+                self.pressure = self._turned(np.clip(coarse + fine, 0.0, 1.0))
+                return falls, across
         message = f"the pressure of the fluid is not found: its last correction is {last:.2g}, allowed {ACCURACY:g}"
         raise ConvergenceError(message, indentation=np.nan, iterations=CORRECTIONS, residual=last)
 
     def change(self, gap_change: Array) -> Array:
         """Return the change of the pressure with a small change of the gap, to first order."""
         relative = self._share * float(gap_change[self._at]) / self._reference
-        rate = self._rate * self._along(gap_change).ravel() - 3.0 * relative * self._cube
+        rate = self._rate * self._along(gap_change) - 3.0 * relative * self._cube
         rate[self._wide] = 0.0
-        tail, head = self._k[self._tail[: self._inner]], self._k[self._head[: self._inner]]
-        both = 2.0 / (tail + head) ** 2
-        inner = both * (head**2 * rate[self._tail[: self._inner]] + tail**2 * rate[self._head[: self._inner]])
-        weight = np.concatenate([inner, 2.0 * rate[self._tail[self._inner :]]])
-        return self._turned(self._solve(self._inflow(weight * self._drops)))
+        falls, across = self._falls
+        south, east = self._rate_between(rate, 0), self._rate_between(rate, 1)
+        down = np.concatenate([2.0 * rate[:1], south[:-1], 2.0 * rate[-1:]])
+        if not self._periodic:
+            east[:, -1] = 0.0
+        return self._turned(self._network.solve(surplus(down * falls, east * across)))
 
-    def _inflow(self, flow: Array) -> Array:
-        """Return the sum of the flows into each node."""
-        nodes = self._k.size + 2
-        inflow: Any = np.bincount(self._head, flow, nodes) - np.bincount(self._tail, flow, nodes)
-        return np.asarray(inflow, dtype=np.float64)
+    def _rate_between(self, rate: Array, axis: int) -> Array:
+        """Return the change of the conductances between successive lines, the last to the first included."""
+        k, beyond = self._k, np.roll(self._k, -1, axis=axis)
+        return 2.0 / (k + beyond) ** 2 * (beyond**2 * rate + k**2 * np.roll(rate, -1, axis=axis))
 
     def _along(self, field: Array) -> Array:
-        return field if self._axis == 0 else field.T
+        return field if self._axis == 0 else np.ascontiguousarray(field.T)
 
     def _turned(self, field: Array) -> Array:
-        field = field.reshape(self._shape)
         return field if self._axis == 0 else np.ascontiguousarray(field.T)
 
 

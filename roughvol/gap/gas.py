@@ -27,13 +27,14 @@ import numpy as np
 
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap.clusters import check_gap, spanned
-from roughvol.gap.network import flow_through, harmonic
-from roughvol.gap.transport import constriction
-from roughvol.typing import Array, Mask
+from roughvol.gap.network import ACCURACY, flow_through, harmonic
+from roughvol.gap.constriction import constriction
+from roughvol.typing import Array
 
 LAWS = ("kinetic", "slip", "viscous")
 WINDOW = 1e7  # of conductances over that of the critical constriction, as in `transport`
-TURNS, CHANGE = 60, 1e-11  # largest number of iterations; relative change of the flow at the last one
+TURNS = 60  # largest number of iterations
+LAST, INNER = 0.1, 0.01  # over the accuracy: relative change of the flow at the last turn; error of the flow of a turn
 SLIP = 6.0  # of Maxwell's slip velocity λ du/dz, walls of diffuse reflection
 # Q = a D + b + c/D + d/D² from each D on (Fukui & Kaneko 1990)
 FREE = 0.01
@@ -114,13 +115,13 @@ def plate_flow(law: str, gap: Array | float, inlet: Array | float, outlet: Array
 
 
 def conduction_of_gas(
-    gap: Array, axis: int, law: str, path: float, outlet: float, *, periodic: bool = False
+    gap: Array, axis: int, law: str, path: float, outlet: float, *, periodic: bool = False, accuracy: float = ACCURACY
 ) -> GasFlow:
     """Return the throughput of a gas along an axis over that of viscous flow between plates at the mean gap.
 
     Equations, sources and validity as at the top of this module; elements, faces and reservoirs as in `transport`. The
     path is the mean free path at the inlet, and the outlet a pressure over that of the inlet, 0 ≤ outlet < 1. A flow
-    that still changes after `TURNS` iterations is a `ConvergenceError`.
+    that still changes by a tenth of the accuracy after `TURNS` iterations is a `ConvergenceError`.
     """
     check_gap(gap)
     if law not in LAWS or not 0.0 <= outlet < 1.0 or not 0.0 <= path < math.inf or (law == "kinetic" and path == 0.0):
@@ -129,14 +130,14 @@ def conduction_of_gas(
     critical = constriction(gap, axis, periodic=periodic).gap
     if critical == 0.0:
         return GasFlow(0.0, math.inf, 0.0, 0)
-    along, free = (gap if axis == 0 else gap.T), path / critical
+    along, free = (gap if axis == 0 else np.ascontiguousarray(gap.T)), path / critical
     wide = np.minimum(along / critical, math.sqrt(WINDOW))  # in free molecular flow g² counts
     middle = 0.5 * (1.0 + outlet)
     at_critical = float(local_flow(law, 1.0, middle, free))
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(wide > 0.0, local_flow(law, wide, middle, free), 0.0) / at_critical
     flowing = spanned(share >= 1.0 / WINDOW, periodic)
-    throughput, error, turns = _iterated(np.where(flowing, wide, 0.0), flowing, law, free, outlet, periodic)
+    throughput, error, turns = _iterated(np.where(flowing, wide, 0.0), law, free, outlet, periodic, accuracy)
     (rows, columns), largest = along.shape, float(gap.max())
     mean = largest / critical * float(np.mean(gap / largest))
     plates = mean**3 * 0.5 * (1.0 - outlet**2) * columns / rows
@@ -144,7 +145,7 @@ def conduction_of_gas(
 
 
 def _iterated(
-    gap: Array, flowing: Mask, law: str, path: float, outlet: float, periodic: bool
+    gap: Array, law: str, path: float, outlet: float, periodic: bool, accuracy: float
 ) -> tuple[float, float, int]:
     """Return the throughput along axis 0 times 12 μ, its error, and iterations; lengths are over the constriction."""
     slip = {"viscous": 0.0, "slip": SLIP, "kinetic": 1.5 * SLIP}[law] * path
@@ -191,25 +192,25 @@ def _iterated(
 
     rows = gap.shape[0]
     share = np.repeat((1.0 - (np.arange(rows) + 0.5) / rows)[:, None], gap.shape[1], axis=1)
-    beside = np.roll(gap, -1, axis=1)[:, : gap.shape[1] - (not periodic)]
-    columns = beside.shape[1]
+    beside = np.roll(gap, -1, axis=1)
     p = pressure_of(share)
-    down_faces, across_faces = 0.5 * (p[:-1] + p[1:]), 0.5 * (p + np.roll(p, -1, axis=1))[:, :columns]
+    down_faces, across_faces = 0.5 * (p[:-1] + p[1:]), 0.5 * (p + np.roll(p, -1, axis=1))
     ends = (np.ones(gap.shape[1]), np.full(gap.shape[1], outlet))
     before = math.nan
     for turn in range(1, TURNS + 1):
         inner, down_faces = conductances(np.stack([p[:-1], p[1:]]), down_faces, gap[:-1], gap[1:])
-        sides = np.stack([p[:, :columns], np.roll(p, -1, axis=1)[:, :columns]])
-        across, across_faces = conductances(sides, across_faces, gap[:, :columns], beside)
+        across, across_faces = conductances(np.stack([p, np.roll(p, -1, axis=1)]), across_faces, gap, beside)
+        if not periodic:
+            across[:, -1] = 0.0
         outer = [
             in_window(2.0 * between(gap[line], end, p[line]), 0.5 * (end + p[line]), 2.0 * WINDOW)
             for line, end in zip((0, -1), ends, strict=True)
         ]
-        flow = flow_through(np.vstack([outer[0], inner, outer[1]]), across, flowing)
-        if abs(flow.dissipation - before) <= CHANGE * flow.dissipation:
+        flow = flow_through(np.vstack([outer[0], inner, outer[1]]), across, INNER * accuracy, share)
+        if abs(flow.dissipation - before) <= LAST * accuracy * flow.dissipation:
             unequal = max(abs(float(flow.down[line].sum()) - flow.dissipation) for line in (0, -1))
             return flow.dissipation * drop, unequal / flow.dissipation, turn
-        before = flow.dissipation
-        p = pressure_of(np.where(flowing, flow.pressure, 0.5))
+        before, share = flow.dissipation, flow.pressure
+        p = pressure_of(np.where(gap > 0.0, share, 0.5))
     message = f"the flow of the gas still changes after {TURNS} iterations"
     raise ConvergenceError(message, indentation=math.nan, iterations=TURNS, residual=math.nan)

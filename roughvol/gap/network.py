@@ -1,94 +1,98 @@
-"""The linear problem of a flow: pressures on nodes that are joined by conductances, some of them held.
+"""Pressures and flows on a grid of elements that are joined by conductances, to an accuracy that the caller asks for.
 
-Σ w (P_i - P_j) over the neighbours j of node i = b_i: a symmetric M-matrix. Up to `DIRECT` unknowns it is factorised
-(SuperLU). Its memory grows faster than the unknowns. Beyond, conjugate gradients are preconditioned by smoothed
-aggregation (pyamg, an optional dependency), in memory proportional to the unknowns. gas-leak.md has the measured
-memory.
+The pressures of the least dissipation Σ w (δP)² are those of the flow, and that dissipation is the flow. Any other
+pressures with the same ends dissipate more (Dirichlet). Their excess is the square of their error in the norm of
+energy, and it is the error of the flow. Conjugate gradients, preconditioned by multigrid, lower the dissipation step by
+step; each step knows by how much. The sum of the falls that are still to come is estimated from the last ones
+(Strakoš & Tichý, Electronic Transactions on Numerical Analysis 13 (2002) 56-80; Meurant & Tichý, Acta Numerica 33
+(2024) 487-696). It is an estimate; flow.md compares it with exact flows.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import linalg as sparse_linalg
 
-from roughvol.errors import ContactError, ConvergenceError
-from roughvol.typing import Array, Index, Mask
+from roughvol.errors import ConvergenceError
+from roughvol.gap.multigrid import DIRECT, Conductances, Multigrid
+from roughvol.typing import Array
 
-DIRECT = 2_000_000  # unknowns
-EXTRA = "pip install 'roughvol[large]'"
-REDUCTION = 1e-8  # of the residual in one solve with multigrid; callers refine
-ITERATIONS = 400  # of conjugate gradients; a solve without convergence is an error
-# an M-matrix needs no pivoting, so the order may follow the sparsity alone
-_SPLU: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-
-
-def inverse(tail: Index, head: Index, weight: Array, nodes: int, free: int) -> Callable[[Array], Array]:
-    """Return the function from the inflow of every node to the pressures of the free nodes.
-
-    The first ``free`` nodes are free, the others held at 0. A joint leads from its tail to its head with a conductance
-    > 0. More than `DIRECT` unknowns without pyamg are a `ContactError`.
-    """
-    diagonal: Any = np.bincount(tail, weight, nodes) + np.bincount(head, weight, nodes)
-    if free > DIRECT:
-        return _multigrid(tail, head, weight, diagonal[:free])
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))  # a held node may have no neighbour
-    off, own = -weight * scale[tail] * scale[head], np.arange(nodes)
-    places = np.concatenate([own, tail, head]), np.concatenate([own, head, tail])
-    matrix = sparse.csc_matrix((np.concatenate([np.ones(nodes), off, off]), places))[:free, :free]
-    factor = sparse_linalg.splu(matrix, **_SPLU)
-    return lambda inflow: scale[:free] * factor.solve((scale * inflow)[:free])
-
-
-def needs_multigrid(unknowns: float) -> bool:
-    """Return whether a flow of that many unknowns is beyond the direct solver."""
-    return unknowns > DIRECT
-
-
-def check_multigrid(unknowns: int) -> None:
-    """Refuse a flow beyond the direct solver where pyamg is not installed."""
-    if needs_multigrid(unknowns):
-        _pyamg(unknowns)
-
-
-def _pyamg(unknowns: int) -> Any:
-    try:
-        import pyamg
-    except ImportError as error:
-        needs = f"a flow through {unknowns} elements needs pyamg, the direct solver takes up to {DIRECT}"
-        raise ContactError(f"{needs}: {EXTRA}, or record a smaller region") from error
-    return pyamg
-
-
-def _multigrid(tail: Index, head: Index, weight: Array, diagonal: Array) -> Callable[[Array], Array]:
-    free = diagonal.size
-    pyamg = _pyamg(free)
-    inner = (tail < free) & (head < free)
-    one, other, off = tail[inner].astype(np.int32), head[inner].astype(np.int32), -weight[inner]
-    del inner
-    upper = sparse.csr_matrix((off, (one, other)), shape=(free, free))
-    del one, other, off
-    matrix = sparse.csr_matrix(upper + upper.T + sparse.dia_matrix((diagonal[None], [0]), shape=(free, free)))
-    del upper
-    # conductances of one element spread over decades: weak joints (below 0.03) must not be aggregated
-    strength = ("symmetric", {"theta": 0.03})
-    hierarchy = pyamg.smoothed_aggregation_solver(matrix, strength=strength, max_coarse=500)
-
-    def solve(inflow: Array) -> Array:
-        residuals: list[float] = []
-        options = {"tol": REDUCTION, "accel": "cg", "maxiter": ITERATIONS, "residuals": residuals}
-        pressure: Array = hierarchy.solve(inflow[:free], **options)
-        left = residuals[-1] / residuals[0] if residuals[0] > 0.0 else 0.0
-        if not left <= 10 * REDUCTION:
-            message = f"the flow through {free} open elements did not converge, residual {left:.1e} of the first"
-            raise ConvergenceError(message, indentation=np.nan, iterations=len(residuals) - 1, residual=left)
-        return pressure
-
-    return solve
-
-
+ACCURACY = 1e-4  # of a flow, relative, unless a study asks for another
+STEPS = 1000  # of conjugate gradients; a solve without convergence is an error
+REFINED = 1e-7  # accuracy from which on residuals are taken from the flows, and P from the nearer reservoir
+LOST = 1e5  # fall of a dissipation, after which residuals have lost digits that count
 SOLVES = 3  # the first solves, the second gives u the digits that P has not, the third takes rounding off
+DIGITS = 1e-26  # of the energy of pressures that are wanted to 12 digits and more
+
+
+class Network:
+    """Elements with conductances, and the pressures that bring the flow into them to 0.
+
+    Parameters
+    ----------
+    conductances : Conductances
+        Of shape (rows, columns).
+    direct : int
+        Grids of up to so many elements are factorised.
+    """
+
+    def __init__(self, conductances: Conductances, direct: int = DIRECT) -> None:
+        self._shape = conductances.own.shape
+        self._matrix = conductances.matrix()
+        self._inverse = Multigrid(conductances, self._matrix, direct)
+        self._conducts = self._matrix.diagonal() > 0.0
+        self.exact = self._inverse.exact
+
+    def solve(self, inflow: Array) -> Array:
+        """Return the pressures that drive an inflow of each element, to the `DIGITS` of their energy."""
+        return self._descended(inflow, lambda fallen: DIGITS * fallen)[0]
+
+    def correction(self, inflow: Array, dissipation: float, accuracy: float) -> tuple[Array, float]:
+        """Return the correction of pressures that leave an inflow, and the estimated error of the dissipation.
+
+        The dissipation is that of the uncorrected pressures. The error is over the dissipation of the corrected ones.
+        """
+        pressure, left, fallen = self._descended(inflow, lambda fallen: accuracy * (dissipation - fallen))
+        return pressure, left / (dissipation - fallen)
+
+    def _descended(self, inflow: Array, allowed: Callable[[float], float]) -> tuple[Array, float, float]:
+        """Return the pressures, by how much the dissipation may still fall, and by how much it fell.
+
+        ``allowed`` returns what may be left of the fall that was reached. More than `STEPS` steps are a
+        `ConvergenceError`.
+        """
+        left, pressure, direction = inflow.ravel().copy(), np.zeros(inflow.size), np.zeros(inflow.size)
+        if self.exact:
+            pressure = self._inverse(left)
+            return pressure.reshape(self._shape), 0.0, float(pressure @ left)
+        falls: list[float] = []
+        product = np.inf
+        for _ in range(STEPS):
+            towards = self._inverse(left)
+            before, product = product, float(left @ towards)
+            if product <= 0.0:  # nothing flows in, or nothing but rounding
+                return pressure.reshape(self._shape), 0.0, sum(falls)
+            direction *= product / before
+            direction += towards
+            outflow = self._matrix @ direction
+            step = product / float(direction @ outflow)
+            pressure += step * direction
+            left -= step * outflow
+            falls.append(step * product)
+            if to_come(falls) <= allowed(sum(falls)):
+                pressure *= self._conducts  # the others had any pressure
+                return pressure.reshape(self._shape), to_come(falls), sum(falls)
+        message = f"the flow through {inflow.size} elements did not converge in {STEPS} steps"
+        raise ConvergenceError(message, indentation=np.nan, iterations=STEPS, residual=to_come(falls))
+
+
+def to_come(falls: list[float]) -> float:
+    """Return the estimated sum of the falls of the dissipation that are still to come, from those of the last steps."""
+    if len(falls) < 2:
+        return np.inf
+    last = falls[-4:]
+    rate = min((last[-1] / last[0]) ** (1.0 / (len(last) - 1)), 0.95)
+    return falls[-1] * max(1.0, rate / (1.0 - rate))
 
 
 class Flow(NamedTuple):
@@ -97,69 +101,111 @@ class Flow(NamedTuple):
     Attributes
     ----------
     down : shape (rows + 1, columns), from the inlet to the outlet.
-    across : shape (rows, columns - 1), or one column more with the faces between the last and the first of a period.
+    east : shape (rows, columns), from column to column; the last one leads to the first of a period, or is 0.
     dissipation : power, which equals the flow.
-    pressure : shape (rows, columns), NaN where nothing flows.
+    error : estimated relative error of the dissipation.
+    pressure : shape (rows, columns), 0 where nothing flows.
     """
 
     down: Array
-    across: Array
+    east: Array
     dissipation: float
+    error: float
     pressure: Array
 
 
-def flow_through(down: Array, across: Array, flowing: Mask) -> Flow:
-    """Return the flow along axis 0 between P = 1 and P = 0 through the faces of connected elements.
+def flow_through(
+    down: Array, east: Array, accuracy: float = ACCURACY, start: Array | None = None, direct: int = DIRECT
+) -> Flow:
+    """Return the flow along axis 0 between P = 1 and P = 0 through the faces of elements.
 
-    Unknown is u = P - R with R = 0 or 1, whichever is nearer. Where P differs from a reservoir by less than rounding, u
-    and the flux it drives still have all their digits.
+    Unknown is u = P - R. After the first solve R = 0 or 1 is the nearer reservoir. Where P differs from a reservoir by
+    less than rounding, u and the flux it drives still have all their digits. More solves follow where the accuracy or
+    the contrast asks for them.
 
     Parameters
     ----------
     down : ndarray, shape (rows + 1, columns)
         Conductances ≥ 0 of the faces across axis 0, those to the reservoirs included.
-    across : ndarray, shape (rows, columns - 1) or (rows, columns)
-        Conductances ≥ 0 of the faces across axis 1; with as many columns as elements, opposite sides are joined.
-    flowing : ndarray of bool, shape (rows, columns)
-        Elements that conduct; no face of another one has a conductance.
+    east : ndarray, shape (rows, columns)
+        Conductances ≥ 0 of the faces across axis 1; the last column leads to the first one.
+    accuracy : float
+        Allowed relative error of the flow.
+    start : ndarray, shape (rows, columns), optional
+        Pressures to start from.
+    direct : int
+        Grids of up to so many elements are factorised.
 
     Returns
     -------
     Flow
         Fluxes, their dissipation, and pressures.
     """
-    size = int(np.count_nonzero(flowing))
-    rows, columns = flowing.shape
-    kind = np.int32 if size < 2**31 - 2 else np.int64
-    number = np.full((rows + 2, columns), size, dtype=kind)  # the inlet follows the elements, the outlet the inlet
-    number[-1] = size + 1
-    number[1:-1][flowing] = np.arange(size, dtype=kind)
-    beside = np.roll(number[1:-1], -1, axis=1)[:, : across.shape[1]]
-    joins_down, joins_across = down > 0.0, across > 0.0
-    tail = np.concatenate([number[:-1][joins_down], number[1:-1, : beside.shape[1]][joins_across]])
-    head = np.concatenate([number[1:][joins_down], beside[joins_across]])
-    w = np.concatenate([down[joins_down], across[joins_across]])
-    del number, beside
-    solve = inverse(tail, head, w, size + 2, size)
-    u, nearer = np.zeros(size + 2), np.zeros(size + 2)
-    nearer[size] = 1.0
+    south, own = down[1:].copy(), np.zeros(east.shape)
+    own[0], south[-1] = down[0], 0.0
+    own[-1] += down[-1]
+    network = Network(Conductances(south, east, own), direct)
+    del south, own
+    u = np.zeros(east.shape) if start is None else start.copy()
+    nearer = np.zeros(east.shape)
 
-    def drops() -> Array:
-        return (nearer[tail] - nearer[head]) + (u[tail] - u[head])
+    def fluxes() -> tuple[Array, Array, float]:
+        falls = differences(nearer, 1.0) + differences(u, 0.0)
+        across = u - np.roll(u, -1, axis=1)
+        if nearer.any():
+            across += nearer - np.roll(nearer, -1, axis=1)
+        through, aside = down * falls, east * across
+        return through, aside, float(np.vdot(through, falls) + np.vdot(aside, across))
 
+    through, aside, dissipation = fluxes()
     for attempt in range(SOLVES):
-        flux = w * drops()
-        surplus: Any = np.bincount(head, flux, size + 2) - np.bincount(tail, flux, size + 2)
-        u[:size] += solve(surplus)
+        before = dissipation
+        more, error = network.correction(surplus(through, aside), dissipation, accuracy)
+        u += more
+        through, aside, dissipation = fluxes()
+        if accuracy > REFINED and not network.exact and before < LOST * dissipation:
+            break
         if attempt == 0:
-            nearer[:size] = u[:size] > 0.5
-            u[:size] -= nearer[:size]
-    flux = w * drops()
-    through, aside = np.zeros(down.shape), np.zeros(across.shape)
-    through[joins_down], aside[joins_across] = np.split(flux, [np.count_nonzero(joins_down)])
-    pressure = np.full(flowing.shape, np.nan)
-    pressure[flowing] = nearer[:size] + u[:size]
-    return Flow(through, aside, float(flux @ drops()), pressure)
+            nearer[u > 0.5] = 1.0
+            u -= nearer
+            through, aside, dissipation = fluxes()
+    return Flow(through, aside, dissipation, error, nearer + u)
+
+
+def flow_around(conductances: Conductances, accuracy: float = ACCURACY, direct: int = DIRECT) -> float:
+    """Return the dissipation in one period, where P falls by one from row to row in the mean.
+
+    ``own`` holds the pressure of one element of each cluster. Where it is held makes no difference.
+    """
+    south, east, _ = conductances
+    network = Network(conductances, direct)
+    p = np.zeros(south.shape)
+
+    def fluxes() -> tuple[Array, Array, float]:
+        down, across = 1.0 + (p - np.roll(p, -1, axis=0)), p - np.roll(p, -1, axis=1)
+        through, aside = south * down, east * across
+        return through, aside, float(np.vdot(through, down) + np.vdot(aside, across))
+
+    through, aside, dissipation = fluxes()
+    for _ in range(SOLVES if accuracy <= REFINED or network.exact else 1):
+        surplus = np.roll(through, 1, axis=0) - through + np.roll(aside, 1, axis=1) - aside
+        more, _ = network.correction(surplus, dissipation, accuracy)
+        p += more
+        through, aside, dissipation = fluxes()
+    return dissipation
+
+
+def surplus(down: Array, east: Array) -> Array:
+    """Return the flow into each element, from fluxes of the shapes of `Flow`."""
+    return down[:-1] - down[1:] + np.roll(east, 1, axis=1) - east
+
+
+def differences(field: Array, inlet: float) -> Array:
+    """Return the differences from line to line, those from the inlet and to the outlet (0) included."""
+    falls = np.empty((field.shape[0] + 1, field.shape[1]))
+    falls[0], falls[-1] = inlet - field[0], field[-1]
+    np.subtract(field[:-1], field[1:], out=falls[1:-1])
+    return falls
 
 
 def harmonic(a: Array, b: Array) -> Array:
@@ -167,3 +213,11 @@ def harmonic(a: Array, b: Array) -> Array:
     both = (a > 0.0) & (b > 0.0)
     mean: Array = np.divide(2.0 * a * b, a + b, out=np.zeros(a.shape), where=both)
     return mean
+
+
+def joints(k: Array, axis: int, periodic: bool) -> Array:
+    """Return the conductances between successive lines, those of the last to the first line 0 or of a period."""
+    between = harmonic(k, np.roll(k, -1, axis=axis))
+    if not periodic:
+        np.moveaxis(between, axis, 0)[-1] = 0.0
+    return between

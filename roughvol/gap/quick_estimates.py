@@ -8,7 +8,7 @@ from scipy import optimize
 
 from roughvol.errors import ContactError
 from roughvol.gap.clusters import check_exponent, check_gap
-from roughvol.gap.transport import constriction
+from roughvol.gap.constriction import constriction
 from roughvol.typing import Array
 
 CLOSES_AT = 0.415  # A* at the closing of isotropic roughness (Wang & Müser 2020)

@@ -30,89 +30,96 @@ dissipation Σ k (δP)², because the error of P enters it squared. P is solved 
 two reservoirs. The flow in wide waters before and behind a constriction then keeps its digits.
 """
 
-import functools
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
-from roughvol.gap.clusters import SIDES, check_exponent, check_gap, endless, labelled, percolates, spanned
-from roughvol.gap.network import SOLVES, flow_through, harmonic, inverse
-from roughvol.typing import Array, Mask
+from roughvol.gap.clusters import SIDES, check_exponent, labelled, spanned
+from roughvol.gap.constriction import constriction, endless_constriction
+from roughvol.gap.multigrid import Conductances
+from roughvol.gap.network import ACCURACY, Flow, flow_around, flow_through, joints
+from roughvol.typing import Array
 
 _WINDOW = 1e7
 
 
-class Constriction(NamedTuple):
-    """The narrowest place of the widest way: its gap h_c (0 if there is no way) and its element, row and column."""
-
-    gap: float
-    element: tuple[int, int] | None
-
-
-class Conduction(NamedTuple):
+@dataclass(frozen=True)
+class Conduction:
     """A stationary flow along an axis.
 
     Attributes
     ----------
     coefficient : flow over that between two smooth plates at the mean gap.
-    conservation_error : the larger of |inflow - flow| and |outflow - flow| over the flow, which the dissipation gives.
-    flux : shape (2, rows, columns), flux along x and y in the middle of each element, over that between the plates.
+    error : estimated relative error of the coefficient, which is too large by it.
     """
 
     coefficient: float
-    conservation_error: float
-    flux: Array
+    error: float
+    _axis: int
+    _shape: tuple[int, int]
+    _over_plates: float = 0.0
+    _flow: Flow | None = None
+
+    @property
+    def conservation_error(self) -> float:
+        """The larger of |inflow - flow| and |outflow - flow| over the flow, which the dissipation gives."""
+        if self._flow is None:
+            return 0.0
+        ends, flow = (float(self._flow.down[line].sum()) for line in (0, -1)), self._flow.dissipation
+        return max(abs(end - flow) for end in ends) / flow
+
+    @property
+    def pressure(self) -> Array | None:
+        """Pressures from 1 to 0, shape (rows, columns), 0 where nothing flows; None without a flow."""
+        return None if self._flow is None else self._turned(self._flow.pressure)
+
+    @property
+    def flux(self) -> Array:
+        """Flux along x and y in the middle of each element, over that between the plates, shape (2, rows, columns)."""
+        if self._flow is None:
+            return np.zeros((2, *self._shape))
+        down, east = self._flow.down, self._flow.east
+        along, aside = 0.5 * (down[1:] + down[:-1]), 0.5 * (east + np.roll(east, 1, axis=1))
+        turned = [self._over_plates * self._turned(flux) for flux in (along, aside)]
+        return np.stack(turned if self._axis == 0 else turned[::-1])
+
+    def _turned(self, field: Array) -> Array:
+        return field if self._axis == 0 else field.T
 
 
-def constriction(gap: Array, axis: int, *, periodic: bool = False) -> Constriction:
-    """Return the critical constriction: the largest h_c such that the elements with g ≥ h_c still percolate.
-
-    Elements are taken in the order of falling gap, equal ones row by row. Bisection on this order finds the one that
-    completes the first path, exactly.
-
-    See Also
-    --------
-    conduction : Returns the flow through the gap.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from roughvol.gap.transport import constriction
-    >>> gap = np.ones((4, 6))
-    >>> gap[:, 2] = 0.5  # a throat across the flow along y
-    >>> constriction(gap, axis=1).gap
-    0.5
-    """
-    return _critical(gap, axis, functools.partial(percolates, axis=axis, periodic=periodic))
-
-
-def _critical(gap: Array, axis: int, connected: Callable[[Mask], bool]) -> Constriction:
-    """Return the largest gap at which the elements as wide as that are connected along an axis."""
-    check_gap(gap)
-    order = np.argsort(-gap, axis=None, kind="stable")
-    rank = np.empty(gap.size, dtype=np.intp)
-    rank[order] = np.arange(gap.size)
-    ranks = rank.reshape(gap.shape)
-    # a path takes at least one element of every line across it
-    low, high = int(ranks.min(axis=1 - axis).max()) - 1, int(np.count_nonzero(gap)) - 1
-    if high <= low or not connected(ranks <= high):
-        return Constriction(0.0, None)
-    while high - low > 1:
-        middle = (low + high) // 2
-        if connected(ranks <= middle):
-            high = middle
-        else:
-            low = middle
-    row, column = divmod(int(order[high]), gap.shape[1])
-    return Constriction(float(gap[row, column]), (row, column))
-
-
-def conduction(gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool = False) -> Conduction:
+def conduction(
+    gap: Array,
+    axis: int,
+    exponent: float = 3.0,
+    *,
+    periodic: bool = False,
+    accuracy: float = ACCURACY,
+    start: Array | None = None,
+) -> Conduction:
     """Return the flow of div(g^n grad P) = 0 along an axis over that of two smooth plates at the mean gap.
 
-    Solved by a sparse factorisation on the clusters that percolate; boundary values and normalisation as at the top of
-    this module. The two coefficients of Vallet et al. (2009): transmissivity with n = 3, diffusivity with n = 1.
+    Solved on the clusters that percolate, to the accuracy; boundary values and normalisation as at the top of this
+    module. The two coefficients of Vallet et al. (2009): transmissivity with n = 3, diffusivity with n = 1.
+
+    Parameters
+    ----------
+    gap : ndarray, shape (rows, columns)
+        Gap g ≥ 0 [any length].
+    axis : int
+        Direction of the flow, 0 for x, 1 for y.
+    exponent : float
+        n > 0.
+    periodic : bool
+        Whether the two other sides are joined.
+    accuracy : float
+        Allowed relative error of the coefficient, by the estimate of `network`.
+    start : ndarray, shape (rows, columns), optional
+        Pressures of a similar gap, to start from.
+
+    Returns
+    -------
+    Conduction
+        The coefficient, its error, and the fluxes.
 
     See Also
     --------
@@ -128,25 +135,21 @@ def conduction(gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool =
     check_exponent(exponent)
     critical = constriction(gap, axis, periodic=periodic).gap
     if critical == 0.0:
-        return Conduction(0.0, 0.0, np.zeros((2, *gap.shape)))
-    along = gap if axis == 0 else gap.T
-    flowing, k = _conductance(along, critical, exponent, functools.partial(spanned, periodic=periodic))
-    down = np.vstack([2.0 * k[:1], harmonic(k[:-1], k[1:]), 2.0 * k[-1:]])
-    across = harmonic(k, np.roll(k, -1, axis=1))[:, : k.shape[1] - (not periodic)]
-    flow = flow_through(down, across, flowing)
-    inflow, outflow = float(flow.down[0].sum()), float(flow.down[-1].sum())
+        return Conduction(0.0, 0.0, axis, gap.shape)
+    along = gap if axis == 0 else np.ascontiguousarray(gap.T)
+    k = _conductance(along, critical, exponent)
+    k[~spanned(k > 0.0, periodic)] = 0.0
+    south = joints(k, 0, periodic=False)
+    down = np.concatenate([2.0 * k[:1], south[:-1], 2.0 * k[-1:]])
+    begin = start if start is None or axis == 0 else start.T
+    flow = flow_through(down, joints(k, 1, periodic), accuracy, begin)
     # over the flux between the plates, as many elements apart, under the same drop of pressure
     over_plates = _over_plates(gap, critical, exponent) * along.shape[0]
-    aside = np.pad(flow.across, ((0, 0), (1, 0)), mode="wrap") if periodic else np.pad(flow.across, ((0, 0), (1, 1)))
-    flux = 0.5 * over_plates * np.stack([flow.down[1:] + flow.down[:-1], aside[:, 1:] + aside[:, :-1]])
-    return Conduction(
-        coefficient=flow.dissipation * over_plates / along.shape[1],
-        conservation_error=max(abs(inflow - flow.dissipation), abs(outflow - flow.dissipation)) / flow.dissipation,
-        flux=flux if axis == 0 else flux[::-1].transpose(0, 2, 1),
-    )
+    coefficient = flow.dissipation * over_plates / along.shape[1]
+    return Conduction(coefficient, flow.error, axis, gap.shape, over_plates, flow)
 
 
-def cell_conduction(gap: Array, axis: int, exponent: float = 3.0) -> float:
+def cell_conduction(gap: Array, axis: int, exponent: float = 3.0, *, accuracy: float = ACCURACY) -> float:
     """Return the flow through the endless plane of a periodic gap over that between two plates at the mean gap.
 
     The representative cell: div(g^n grad P) = 0, with P falling by the same mean gradient along the axis in every
@@ -154,46 +157,30 @@ def cell_conduction(gap: Array, axis: int, exponent: float = 3.0) -> float:
     gradient, over (mean g)^n. It is 0 where no void leads on from period to period without end.
     """
     check_exponent(exponent)
-    along = gap if axis == 0 else gap.T
-    critical = _critical(along, 0, endless).gap
+    along = gap if axis == 0 else np.ascontiguousarray(gap.T)
+    critical = endless_constriction(along)
     if critical == 0.0:
         return 0.0
-    flowing, k = _conductance(along, critical, exponent)
-    labels, _ = labelled(flowing, SIDES, (True, True))
-    size = int(flowing.sum())
-    first = np.zeros(along.shape, dtype=np.bool_)  # P is free to a constant in every cluster: its first element is held
-    first.ravel()[np.unique(labels, return_index=True)[1][int(not flowing.all()) :]] = True
-    number = np.full(along.shape, -1)
-    free = size - int(first.sum())
-    number[flowing & ~first], number[first] = np.arange(free), np.arange(free, size)
-    joints = []
-    for shift in (0, 1):
-        w = harmonic(k, np.roll(k, -1, axis=shift))
-        joins = w > 0.0
-        beside = np.roll(number, -1, axis=shift)
-        joints.append((number[joins], beside[joins], w[joins], np.full(np.count_nonzero(joins), 1.0 - shift)))
-    tail, head, w, drop = (np.concatenate(parts) for parts in zip(*joints, strict=True))
-    solve = inverse(tail, head, w, size, free)
-    p = np.zeros(size)
-    for _ in range(SOLVES):
-        flux = w * (drop + p[tail] - p[head])
-        surplus: Any = np.bincount(head, flux, size) - np.bincount(tail, flux, size)
-        p[:free] += solve(surplus)
-    drops = drop + p[tail] - p[head]
-    return float((w * drops) @ drops / gap.size * _over_plates(gap, critical, exponent))
+    k = _conductance(along, critical, exponent)
+    # P is free to a constant in every cluster: its first element is held by as much as it conducts
+    labels, _ = labelled(k > 0.0, SIDES, (True, True))
+    first = np.unique(labels, return_index=True)[1][int(not np.all(k > 0.0)) :]
+    own = np.zeros(k.shape)
+    own.ravel()[first] = k.ravel()[first]
+    drop = flow_around(Conductances(joints(k, 0, periodic=True), joints(k, 1, periodic=True), own), accuracy)
+    return drop / gap.size * _over_plates(gap, critical, exponent)
 
 
-def _conductance(
-    gap: Array, critical: float, exponent: float, connected: Callable[[Mask], Mask] = np.asarray
-) -> tuple[Mask, Array]:
-    """Return the connected elements of the window of conductances, and k over its critical value, 0 elsewhere.
+def _conductance(gap: Array, critical: float, exponent: float) -> Array:
+    """Return k over its critical value in the window of conductances, 0 elsewhere.
 
-    Logarithms: powers of a ratio of gaps can leave the range of doubles.
+    The ratio of gaps is cut before its power, which could leave the range of doubles.
     """
-    with np.errstate(divide="ignore"):
-        log_k = exponent * (np.log(gap) - np.log(critical))
-    flowing = connected(log_k >= -np.log(_WINDOW))
-    return flowing, np.where(flowing, np.exp(np.clip(log_k, -np.log(_WINDOW), np.log(_WINDOW))), 0.0)
+    widest = np.exp(min(np.log(_WINDOW) / exponent, 700.0))
+    ratio = np.minimum(gap / critical, widest)
+    k = np.minimum(ratio * ratio * ratio if exponent == 3.0 else ratio**exponent, _WINDOW)
+    k[ratio * widest < 1.0] = 0.0
+    return k
 
 
 def _over_plates(gap: Array, critical: float, exponent: float) -> float:

@@ -46,3 +46,25 @@ def floods(void: NDArray[np.bool_], axis: int, *, corners: bool = False) -> bool
                 wet.add(near)
                 queue.append(near)
     return False
+
+
+def any_gap(seed: int) -> tuple[Field, int, bool]:
+    """Return a random gap, an axis, and whether the gap is a period: kinds, sizes, closed shares and decades vary."""
+    random = np.random.default_rng(seed)
+    shape = tuple(int(n) for n in random.integers(73, 200, 2))
+    kind, periodic = seed % 5, bool(random.integers(2))
+    if kind == 0:
+        z = random_midpoint_displacement(random.uniform(2.05, 2.9), 7, seed=seed, periodic=periodic).heights
+    elif kind == 1:  # a spectrum, perhaps with a direction
+        k = np.hypot(*np.meshgrid(np.fft.fftfreq(shape[0]) * random.uniform(0.2, 1.0), np.fft.rfftfreq(shape[1]), indexing="ij"))
+        amplitude = np.maximum(k, random.uniform(0.01, 0.1)) ** -random.uniform(1.2, 2.0)
+        z = np.fft.irfft2(amplitude * np.exp(2j * np.pi * random.random(k.shape)), shape)
+    elif kind == 2:  # channels one element wide
+        z = ndimage.gaussian_filter(random.standard_normal(shape), random.uniform(1.0, 6.0), mode="wrap")
+        z = np.abs(z) + 0.02 * z.std() * random.random(shape)
+    elif kind == 3:  # islands
+        z = (ndimage.gaussian_filter(random.standard_normal(shape), random.uniform(0.5, 4.0), mode="wrap")) ** 3
+    else:  # decades
+        z = -np.exp(random.uniform(0.5, 2.3) * ndimage.zoom(random.standard_normal((12, 15)), 10, order=random.integers(2)))
+    closed = random.uniform(0.01, 0.6)
+    return np.maximum(np.quantile(z, 1.0 - closed) - z, 0.0), int(random.integers(2)), periodic

@@ -12,7 +12,8 @@ from numpy.testing import assert_allclose
 from roughvol.errors import ContactError
 from roughvol.gap import clusters, quick_estimates
 from roughvol.gap.quick_estimates import effective_medium, single_junction
-from roughvol.gap.transport import cell_conduction, conduction, constriction
+from roughvol.gap.constriction import constriction
+from roughvol.gap.transport import cell_conduction, conduction
 from tests.gap.kit import Field, drawn, floods, rough, smooth
 
 RANDOM = np.random.Generator(np.random.PCG64(11))

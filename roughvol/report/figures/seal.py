@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from xarray import Dataset
 
 from roughvol.analysis import leak
-from roughvol.gap.transport import constriction
+from roughvol.gap.constriction import constriction
 from roughvol.observables.variables import AXES
 from roughvol.report.figures import ways
 from roughvol.report.figures.cases import SHOWN_D, nearest
