@@ -49,7 +49,6 @@ LIBRARIES = {  # library -> rooms or modules that import it
     ),
     "lazy_loader": ("__init__", *(room for rooms in FLOORS[1:-4] for room in rooms)),
     "pyfftw": ("contact.convolution",),
-    "pyamg": ("gap.network",),
     "yaml": ("study",),
     "pydantic": ("study",),
     "pydantic_core": ("study",),

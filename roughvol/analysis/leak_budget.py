@@ -38,6 +38,7 @@ from roughvol.typing import Array
 
 SHRINKS = 0.9  # largest ratio of two steps of refinement that is extrapolated
 # standard error of the median of many normal numbers over that of their mean; of few numbers it is less
+EXACT = 1e-8  # accuracy of the flows whose ratios are the part of the solver
 OF_MEDIAN = math.sqrt(0.5 * math.pi)
 FLOW, SWEEP = "leak_rate", "the sweep"
 EACH = "root mean square of the surfaces' own factors"
@@ -313,7 +314,8 @@ def _flows(one: _Loaded, axis: str, *, lifted: bool) -> tuple[float, float, floa
 
 def _flow(gap: Array, axis: str, *, periodic: bool = False) -> float:
     """Return T* V*³ of a gap over σ."""
-    return float(conduction(gap, AXES.index(axis), periodic=periodic).coefficient * gap.mean() ** 3)
+    flow = conduction(gap, AXES.index(axis), periodic=periodic, accuracy=EXACT)
+    return flow.coefficient * float(gap.mean()) ** 3
 
 
 def _per_starred(one: _Loaded, axis: str) -> float:

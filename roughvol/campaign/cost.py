@@ -29,7 +29,6 @@ PROCESS_BYTES = 2e8  # of a process after its imports
 SURFACE_BYTES, NODE_BYTES = 50, 280  # per node: of a surface alone; of half space and solver
 SKEWED_BYTES = 25  # per node, in addition: while heights get their skewness
 CHANNEL_BYTES, FLOW_BYTES = 200, 1300  # per node, in addition: of a search for the last channel; of a flow
-LARGE_FLOW_BYTES = 650  # per node: of a flow by multigrid (python -m tests.bench.flow 12 0.1)
 GAS_BYTES = 150  # per node, in addition: conductances of a gas
 FIELD_BYTES = 16  # per node and stored field
 FILE_BYTES = 1.2e5  # of the file of a case without fields

@@ -20,9 +20,9 @@ import numpy as np
 
 from roughvol.errors import ConvergenceError
 from roughvol.gap.clusters import check_gap
+from roughvol.gap.constriction import constriction
 from roughvol.gap.multigrid import Conductances
 from roughvol.gap.network import Network, differences, joints, surplus
-from roughvol.gap.constriction import constriction
 from roughvol.typing import Array
 
 LEAST = 1e-8  # conductance of a closed element over that of the gap h

@@ -27,8 +27,8 @@ import numpy as np
 
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap.clusters import check_gap, spanned
-from roughvol.gap.network import ACCURACY, flow_through, harmonic
 from roughvol.gap.constriction import constriction
+from roughvol.gap.network import ACCURACY, flow_through, harmonic
 from roughvol.typing import Array
 
 LAWS = ("kinetic", "slip", "viscous")

@@ -59,6 +59,54 @@ class Conductances(NamedTuple):
         data, offsets = np.stack(list(diagonals.values())), list(diagonals)
         return sparse.dia_array((data, offsets), shape=(size, size))
 
+    def aggregates(self) -> Numbers:
+        """Return the number of the aggregate of each element in its block of 2 × 2, 0 without conductance."""
+        largest = self.own
+        for joints, axis in ((self.south, 0), (self.east, 1)):
+            largest = np.maximum(np.maximum(largest, joints), np.roll(joints, 1, axis))
+        inside = [np.zeros(largest.shape), np.zeros(largest.shape)]  # conductance to the partner in the block
+        for joints, axis in ((self.south, 0), (self.east, 1)):
+            for ends in _pairs(inside[axis], axis):
+                ends[...] = _pairs(joints, axis)[0]
+        chosen, alone = [], np.ones(largest.shape, dtype=np.bool_)
+        for axis in (0, 1):
+            strong = (inside[axis] >= STRONG * largest) & (inside[axis] > 0.0)
+            one, other = _pairs(strong, axis)
+            chosen.append(one & other)
+            for ends in _pairs(alone, axis):
+                ends &= ~chosen[axis]
+        best = inside[0] >= inside[1]  # one of equal ones: both might lead into two waters
+        for axis, better in ((0, best), (1, ~best)):
+            for ends in _pairs(alone & better & (inside[axis] >= STRONG * largest) & (inside[axis] > 0.0), axis):
+                chosen[axis] |= ends
+        own = np.arange(largest.size, dtype=np.int32).reshape(largest.shape)
+        label = own.copy()
+        for axis in (0, 1, 0, 1):  # around the four elements of a block
+            one, other = _pairs(label, axis)
+            np.minimum(one, other, out=one, where=chosen[axis])
+            np.copyto(other, one, where=chosen[axis])
+        conducts = largest > 0.0
+        number = np.cumsum(conducts & (label == own), dtype=np.int32) - 1
+        return np.where(conducts, number[label], 0).ravel()
+
+    def joined(self, aggregates: Numbers) -> "_Graph":
+        """Return the graph of the aggregates."""
+        field, parts = aggregates.reshape(self.own.shape), []
+        for joints, axis in ((self.south, 0), (self.east, 1)):
+            beyond = np.roll(field, -1, axis)
+            apart = (joints > 0.0) & (field != beyond)
+            parts.append((field[apart], beyond[apart], joints[apart]))
+        tails, heads, weight = (np.concatenate(both) for both in zip(*parts, strict=True))
+        row, column = np.divmod(np.arange(self.own.size, dtype=np.int32), self.own.shape[1])
+        ends = np.concatenate([tails, heads]), np.concatenate([heads, tails])
+        return _graph(aggregates, ends, np.concatenate([weight, weight]), self.own.ravel(), row, column)
+
+
+def _pairs(field: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return every second line, those with a partner behind them, and their partners."""
+    lines = np.moveaxis(field, axis, 0)
+    return lines[: lines.shape[0] // 2 * 2 : 2], lines[1::2]
+
 
 def _parts(joints: Field, axis: int, step: int) -> list[tuple[Field, int]]:
     """Return the joints inside, and those of the last line to the first, with the distances of the elements."""
@@ -84,16 +132,17 @@ class Multigrid:
         Of the elements.
     matrix : sparse array
         Of the network.
-    direct : int
-        Grids of up to so many elements are factorised.
+    direct : int, optional
+        Grids of up to so many elements are factorised, `DIRECT` by default.
     """
 
-    def __init__(self, network: Conductances, matrix: Any, direct: int = DIRECT) -> None:
+    def __init__(self, network: Conductances, matrix: Any, direct: int | None = None) -> None:
+        direct = DIRECT if direct is None else direct
         self.exact = matrix.shape[0] <= direct
         self._levels: list[_Level] = []
-        graph = None if self.exact else _graph_of(network)
+        graph: Conductances | _Graph = network
         for _ in range(max(network.own.shape).bit_length()):  # until a block is the whole grid
-            if graph is None or graph.own.size <= direct:
+            if matrix.shape[0] <= direct:
                 break
             aggregates = graph.aggregates()
             graph = graph.joined(aggregates)
@@ -150,7 +199,7 @@ class _Graph(NamedTuple):
     column: Numbers
 
     def aggregates(self) -> Numbers:
-        """Return the number of the aggregate of each element in its block of twice the size; 0 if it does not conduct."""
+        """Return the number of the aggregate of each element in its block of twice the size, 0 without conductance."""
         starts, heads, weight = self.joints.indptr, self.joints.indices, self.joints.data
         count = np.diff(starts)
         tails = np.repeat(np.arange(self.own.size, dtype=np.int32), count)
@@ -172,22 +221,27 @@ class _Graph(NamedTuple):
 
     def joined(self, aggregates: Numbers) -> "_Graph":
         """Return the graph of the aggregates."""
-        count = int(aggregates.max()) + 1
-        starts, heads, weight = self.joints.indptr, self.joints.indices, self.joints.data
-        tails = np.repeat(aggregates, np.diff(starts))
-        heads = aggregates[heads]
+        tails, heads = np.repeat(aggregates, np.diff(self.joints.indptr)), aggregates[self.joints.indices]
         apart = tails != heads
-        places = tails[apart], heads[apart]
-        joints = sparse.coo_array((STRETCHED * weight[apart], places), shape=(count, count)).tocsr()
-        row, column = np.zeros((2, count), dtype=np.int32)
-        # a 0 of an element that does not conduct is overwritten by that of the first aggregate
-        row[aggregates[::-1]], column[aggregates[::-1]] = self.row[::-1] // 2, self.column[::-1] // 2
-        return _Graph(joints, STRETCHED * np.bincount(aggregates, self.own, count), row, column)
+        ends, weight = (tails[apart], heads[apart]), self.joints.data[apart]
+        return _graph(aggregates, ends, weight, self.own, self.row, self.column)
 
     def matrix(self) -> Any:
         """Return the matrix from the pressures to the flow out of each element."""
         diagonal = self.own + self.joints.sum(axis=1)
         return sparse.csr_array(sparse.diags_array(diagonal, format="csr") - self.joints)
+
+
+def _graph(
+    aggregates: Numbers, ends: tuple[Numbers, Numbers], weight: Array, own: Array, row: Numbers, column: Numbers
+) -> _Graph:
+    """Return the graph of aggregates from the joints between their elements, which are given in both directions."""
+    count = int(aggregates.max()) + 1
+    joints = sparse.coo_array((STRETCHED * weight, ends), shape=(count, count)).tocsr()
+    blocks = np.zeros((2, count), dtype=np.int32)
+    # a 0 of an element that does not conduct is overwritten by that of the first element of the first aggregate
+    blocks[0, aggregates[::-1]], blocks[1, aggregates[::-1]] = row[::-1] // 2, column[::-1] // 2
+    return _Graph(joints, STRETCHED * np.bincount(aggregates, own, count), blocks[0], blocks[1])
 
 
 def _row_max(starts: Numbers, values: Array) -> Array:
@@ -197,18 +251,3 @@ def _row_max(starts: Numbers, values: Array) -> Array:
     if filled.any():
         largest[filled] = np.maximum.reduceat(values, starts[:-1][filled])
     return largest
-
-
-def _graph_of(network: Conductances) -> _Graph:
-    """Return the graph of the elements of a grid."""
-    south, east, own = network
-    rows, columns = shape = own.shape
-    number = np.arange(own.size, dtype=np.int32).reshape(shape)
-    neighbours = [(south, -1, 0), (east, -1, 1), (np.roll(east, 1, 1), 1, 1), (np.roll(south, 1, 0), 1, 0)]
-    weight = np.stack([joints for joints, _, _ in neighbours], axis=-1)
-    heads = np.stack([np.roll(number, shift, axis) for _, shift, axis in neighbours], axis=-1)
-    there = weight > 0.0
-    starts = np.concatenate([[0], np.cumsum(np.count_nonzero(there, axis=-1).ravel())]).astype(np.int32)
-    joints = sparse.csr_array((weight[there], heads[there], starts), shape=(own.size, own.size))
-    row, column = np.divmod(number.ravel(), columns)
-    return _Graph(joints, own.ravel(), row, column)

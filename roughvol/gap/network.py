@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roughvol.errors import ConvergenceError
-from roughvol.gap.multigrid import DIRECT, Conductances, Multigrid
+from roughvol.gap.multigrid import Conductances, Multigrid
 from roughvol.typing import Array
 
 ACCURACY = 1e-4  # of a flow, relative, unless a study asks for another
@@ -32,11 +32,11 @@ class Network:
     ----------
     conductances : Conductances
         Of shape (rows, columns).
-    direct : int
-        Grids of up to so many elements are factorised.
+    direct : int, optional
+        Grids of up to so many elements are factorised, `multigrid.DIRECT` by default.
     """
 
-    def __init__(self, conductances: Conductances, direct: int = DIRECT) -> None:
+    def __init__(self, conductances: Conductances, direct: int | None = None) -> None:
         self._shape = conductances.own.shape
         self._matrix = conductances.matrix()
         self._inverse = Multigrid(conductances, self._matrix, direct)
@@ -114,9 +114,7 @@ class Flow(NamedTuple):
     pressure: Array
 
 
-def flow_through(
-    down: Array, east: Array, accuracy: float = ACCURACY, start: Array | None = None, direct: int = DIRECT
-) -> Flow:
+def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Array | None = None) -> Flow:
     """Return the flow along axis 0 between P = 1 and P = 0 through the faces of elements.
 
     Unknown is u = P - R. After the first solve R = 0 or 1 is the nearer reservoir. Where P differs from a reservoir by
@@ -133,8 +131,6 @@ def flow_through(
         Allowed relative error of the flow.
     start : ndarray, shape (rows, columns), optional
         Pressures to start from.
-    direct : int
-        Grids of up to so many elements are factorised.
 
     Returns
     -------
@@ -144,7 +140,7 @@ def flow_through(
     south, own = down[1:].copy(), np.zeros(east.shape)
     own[0], south[-1] = down[0], 0.0
     own[-1] += down[-1]
-    network = Network(Conductances(south, east, own), direct)
+    network = Network(Conductances(south, east, own))
     del south, own
     u = np.zeros(east.shape) if start is None else start.copy()
     nearer = np.zeros(east.shape)
@@ -172,13 +168,13 @@ def flow_through(
     return Flow(through, aside, dissipation, error, nearer + u)
 
 
-def flow_around(conductances: Conductances, accuracy: float = ACCURACY, direct: int = DIRECT) -> float:
+def flow_around(conductances: Conductances, accuracy: float = ACCURACY) -> float:
     """Return the dissipation in one period, where P falls by one from row to row in the mean.
 
     ``own`` holds the pressure of one element of each cluster. Where it is held makes no difference.
     """
     south, east, _ = conductances
-    network = Network(conductances, direct)
+    network = Network(conductances)
     p = np.zeros(south.shape)
 
     def fluxes() -> tuple[Array, Array, float]:

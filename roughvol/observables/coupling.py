@@ -44,6 +44,7 @@ from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap.fluid_pressure import LEAST, FluidField
 from roughvol.gap.transport import conduction
 from roughvol.observables.regions import Values, View, window
+from roughvol.observables.requests import flow_accuracy
 from roughvol.observables.variables import AXES
 from roughvol.study import Scale
 from roughvol.surfaces.surface import Surface
@@ -100,7 +101,7 @@ def of_state(view: View) -> Values:
     area = surface.heights.size * surface.spacing**2
     scale = Scale(case.E_star, surface.side, case.height or surface.Sq, area, case.modulus_unit, case.length_unit)
     inlet, outlet = (scale.starred("pressure", value)[1] for value in (asked.inlet, asked.outlet))
-    inside = window(case, surface.shape)
+    inside, accuracy = window(case, surface.shape), flow_accuracy(case.record)
     periodic = view.periodic
     along = []
     for axis in range(len(AXES)):
@@ -108,7 +109,7 @@ def of_state(view: View) -> Values:
         last, values = None, {"fluid_leak_one_way": np.nan, "fluid_free_volume_one_way": np.nan}
         try:
             last = both.one_way(dry.mean_pressure, dry)
-            values["fluid_leak_one_way"] = _leak(last.gap[inside], axis, periodic)
+            values["fluid_leak_one_way"] = _leak(last.gap[inside], axis, periodic, accuracy)
             values["fluid_free_volume_one_way"] = float(last.gap[inside].mean())
         except Opening:  # to first order alone the fluid carries the load
             if asked.coupling == "one-way":
@@ -117,8 +118,8 @@ def of_state(view: View) -> Values:
             last = both.solve(dry.mean_pressure, dry)
         gap = last.gap[inside]
         values |= {
-            "fluid_leak_dry": _leak(dry.gap()[inside], axis, periodic),
-            "fluid_leak": _leak(gap, axis, periodic),
+            "fluid_leak_dry": _leak(dry.gap()[inside], axis, periodic, accuracy),
+            "fluid_leak": _leak(gap, axis, periodic, accuracy),
             "fluid_free_volume": float(gap.mean()),
             "fluid_contact_area": float(np.count_nonzero(gap == 0.0) / gap.size),
             "fluid_load_share": last.fluid_share,
@@ -129,9 +130,9 @@ def of_state(view: View) -> Values:
     return both_axes | {"fluid_at_inlet": inlet, "fluid_at_outlet": outlet}
 
 
-def _leak(gap: Array, axis: int, periodic: bool) -> float:
+def _leak(gap: Array, axis: int, periodic: bool, accuracy: float) -> float:
     """Return T* V*³."""
-    return float(conduction(gap, axis, periodic=periodic).coefficient * gap.mean() ** 3)
+    return conduction(gap, axis, periodic=periodic, accuracy=accuracy).coefficient * float(gap.mean()) ** 3
 
 
 class Opening(ContactError):

@@ -6,6 +6,7 @@ import numpy as np
 
 from roughvol.gap import box_counting, free_volume, transport
 from roughvol.observables.regions import Values, View, Window, central, window, window_of
+from roughvol.observables.requests import flow_accuracy
 from roughvol.observables.variables import AXES
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
@@ -81,6 +82,9 @@ def means(view: View) -> Values:
 def transmissivity_within(view: View) -> Values:
     """Return the flow with g³ through each square over that of plates."""
     gap = view.whole.gap()
-    axes = range(len(AXES))
-    flows = [[transport.conduction(gap[inside], axis).coefficient for axis in axes] for inside in _windows(view)]
+    axes, accuracy = range(len(AXES)), flow_accuracy(view.case.record)
+    flows = [
+        [transport.conduction(gap[inside], axis, accuracy=accuracy).coefficient for axis in axes]
+        for inside in _windows(view)
+    ]
     return {"transmissivity_within": flows}

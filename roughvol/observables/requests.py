@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from roughvol.contact.search import TARGETS
+from roughvol.gap.network import ACCURACY
 from roughvol.observables.variables import OBSERVABLES, Observable
 from roughvol.study import EVERY_STEP, Case, Level, Record, Select
 
@@ -48,6 +49,11 @@ def passes(row: Observable, record: Record) -> list[float]:
     inside = 1.0 if region is None else (region.x[1] - region.x[0]) * (region.y[1] - region.y[0])
     often = value_of(record, row.passes) if row.passes else (1,)
     return [inside] * (PASSES[often] if isinstance(often, str) else len(often))
+
+
+def flow_accuracy(record: Record) -> float:
+    """Return the allowed relative error of the flows."""
+    return value_of(record, "transport.accuracy") or ACCURACY
 
 
 def fields_of(record: Record) -> int:

@@ -12,6 +12,7 @@ from roughvol.gap import clusters, quick_estimates, transport
 from roughvol.gap.gas import conduction_of_gas
 from roughvol.gap.perimeter import contact_perimeter
 from roughvol.observables.regions import Values, View, window
+from roughvol.observables.requests import flow_accuracy
 from roughvol.observables.variables import AXES
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
@@ -19,6 +20,7 @@ from roughvol.typing import Array, Index
 
 Found = TypeVar("Found")
 
+SEARCHED = 1e-9  # accuracy of a flow whose value is searched for
 EXPONENTS = {"transmissivity": 3.0, "diffusivity": 1.0}
 
 
@@ -52,13 +54,13 @@ def leak_rates(state: Void) -> dict[str, float]:
     rows, columns = gap.shape
     widths = {"x": columns / rows, "y": rows / columns}
     plates = float(gap.mean()) ** 3
-    flows = dict(zip(AXES, _along(transport.conduction, gap, periodic=state.periodic), strict=True))
+    flows = dict(zip(AXES, _along(transport.conduction, gap, periodic=state.periodic, accuracy=SEARCHED), strict=True))
     return {axis: flow.coefficient * plates * widths[axis] for axis, flow in flows.items()}
 
 
-def _along(function: Callable[..., Found], gap: Array, *more: Any, periodic: bool) -> list[Found]:
+def _along(function: Callable[..., Found], gap: Array, *more: Any, **options: Any) -> list[Found]:
     """Return what a function of a gap and an axis gives along x and y."""
-    return [function(gap, axis, *more, periodic=periodic) for axis in range(len(AXES))]
+    return [function(gap, axis, *more, **options) for axis in range(len(AXES))]
 
 
 def size_classes(elements: int) -> Index:
@@ -124,14 +126,24 @@ def diffusivity(view: View) -> Values:
 
 
 def _conduction(name: str, view: View) -> Values:
-    flows = _along(transport.conduction, view.gap, EXPONENTS[name], periodic=view.periodic)
-    errors = [flow.conservation_error for flow in flows]
-    return {name: [flow.coefficient for flow in flows], f"{name}_conservation_error": max(errors)}
+    flows = _along(transport.conduction, view.gap, EXPONENTS[name], **_of_flow(view))
+    return {
+        name: [flow.coefficient for flow in flows],
+        f"{name}_error": max(flow.error for flow in flows),
+        f"{name}_conservation_error": max(flow.conservation_error for flow in flows),
+    }
+
+
+def _of_flow(view: View) -> dict[str, Any]:
+    """Return what a flow has to know of a state beside its gap."""
+    return {"periodic": view.periodic, "accuracy": flow_accuracy(view.case.record)}
 
 
 def cell_transmissivity(view: View) -> Values:
     """Return the flow with g³ through the endless plane."""
-    return {"cell_transmissivity": [transport.cell_conduction(view.gap, axis) for axis in range(len(AXES))]}
+    return {
+        "cell_transmissivity": _along(transport.cell_conduction, view.gap, accuracy=flow_accuracy(view.case.record))
+    }
 
 
 def gas_flow(view: View) -> Values:
@@ -139,7 +151,7 @@ def gas_flow(view: View) -> Values:
     assert view.case.gas is not None
     sigma = view.case.height or view.surface.unit
     gas = replace(view.case.gas, mean_free_path=view.case.gas.mean_free_path / sigma)
-    flows = _along(conduction_of_gas, view.gap, gas.law, gas.mean_free_path, gas.outlet, periodic=view.periodic)
+    flows = _along(conduction_of_gas, view.gap, gas.law, gas.mean_free_path, gas.outlet, **_of_flow(view))
     return {
         "gas_transmissivity": [flow.coefficient for flow in flows],
         "knudsen_number": [flow.knudsen for flow in flows],
@@ -161,7 +173,7 @@ def estimates(view: View) -> Values:
 
 def flux(view: View) -> Values:
     """Return the flux on the nodes of the whole surface, NaN outside the region, and the transmissivities."""
-    flows = _along(transport.conduction, view.gap, periodic=view.periodic)
+    flows = _along(transport.conduction, view.gap, **_of_flow(view))
     whole = np.full((len(AXES), *view.surface.shape), np.nan)
     whole[:, *window(view.case, view.surface.shape)] = [np.hypot(*flow.flux) for flow in flows]
     values: Values = {"flux": whole, "flux_at_transmissivity": [flow.coefficient for flow in flows]}

@@ -19,7 +19,7 @@ from roughvol.study.values.units import convert
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
 from roughvol.surfaces.power_law import Spectrum
 
-ANSWER_FORMAT = 4  # part of every case id: raise it when equal settings no longer give equal stored numbers
+ANSWER_FORMAT = 5  # part of every case id: raise it when equal settings no longer give equal stored numbers
 OF_SURFACE = ("L", "D", "m", "seed", "midpoint_law", "periodic")
 
 

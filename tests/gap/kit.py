@@ -56,7 +56,8 @@ def any_gap(seed: int) -> tuple[Field, int, bool]:
     if kind == 0:
         z = random_midpoint_displacement(random.uniform(2.05, 2.9), 7, seed=seed, periodic=periodic).heights
     elif kind == 1:  # a spectrum, perhaps with a direction
-        k = np.hypot(*np.meshgrid(np.fft.fftfreq(shape[0]) * random.uniform(0.2, 1.0), np.fft.rfftfreq(shape[1]), indexing="ij"))
+        along, across = np.fft.fftfreq(shape[0])[:, None] * random.uniform(0.2, 1.0), np.fft.rfftfreq(shape[1])
+        k = np.hypot(along, across)
         amplitude = np.maximum(k, random.uniform(0.01, 0.1)) ** -random.uniform(1.2, 2.0)
         z = np.fft.irfft2(amplitude * np.exp(2j * np.pi * random.random(k.shape)), shape)
     elif kind == 2:  # channels one element wide
@@ -65,6 +66,8 @@ def any_gap(seed: int) -> tuple[Field, int, bool]:
     elif kind == 3:  # islands
         z = (ndimage.gaussian_filter(random.standard_normal(shape), random.uniform(0.5, 4.0), mode="wrap")) ** 3
     else:  # decades
-        z = -np.exp(random.uniform(0.5, 2.3) * ndimage.zoom(random.standard_normal((12, 15)), 10, order=random.integers(2)))
+        z = -np.exp(
+            random.uniform(0.5, 2.3) * ndimage.zoom(random.standard_normal((12, 15)), 10, order=random.integers(2))
+        )
     closed = random.uniform(0.01, 0.6)
     return np.maximum(np.quantile(z, 1.0 - closed) - z, 0.0), int(random.integers(2)), periodic

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -10,14 +11,8 @@ from numpy.testing import assert_allclose
 from scipy import integrate
 
 from roughvol.errors import ContactError
-from roughvol.gap.gas import (
-    LAWS,
-    conduction_of_gas,
-    kinetic_flow_rate,
-    kinetic_integral,
-    local_flow,
-    plate_flow,
-)
+from roughvol.gap import gas
+from roughvol.gap.gas import LAWS, kinetic_flow_rate, kinetic_integral, local_flow, plate_flow
 from roughvol.gap.transport import conduction
 from tests.gap.kit import rough
 
@@ -25,6 +20,7 @@ PATHS = (1e-4, 1e-2, 1.0, 1e2, 1e4)  # mean free path at the inlet over the gap
 
 
 GAP = rough(0.2, 3)
+conduction_of_gas = partial(gas.conduction_of_gas, accuracy=1e-10)
 
 
 def flow(gap: np.ndarray, axis: int, law: str, path: float, outlet: float) -> float:

@@ -13,6 +13,7 @@ from pydantic import (
     Discriminator,
     Field,
     Tag,
+    WithJsonSchema,
     model_serializer,
     model_validator,
 )
@@ -24,6 +25,25 @@ from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
 from roughvol.study.values.types import AreaFraction, Fraction, Many, Switch, Whole, Word, refuse, two
 from roughvol.study.values.units import in_unit, unit_of
+
+
+def _share(value: Any) -> Any:
+    """Return the share of a text as 0.1 %, other values as they are."""
+    number = value.strip().removesuffix("%") if isinstance(value, str) and value.strip().endswith("%") else ""
+    try:
+        return round(float(number) / 100.0, 15)
+    except ValueError:
+        return value
+
+
+FlowAccuracy = Annotated[
+    float,
+    BeforeValidator(_share),
+    Field(ge=1e-12, le=0.1),
+    WithJsonSchema(
+        {"anyOf": [{"type": "number", "minimum": 1e-12, "maximum": 0.1}, {"type": "string", "pattern": "%"}]}
+    ),
+]
 
 
 class BoxCounting(Strict):
@@ -105,11 +125,15 @@ class Transport(Choice):
         default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
     )
     flux_at: Selector | None = Field(default=None, description=f"flux of div(g^3 grad P) = 0 as fields: {IN_WORDS}")
+    accuracy: FlowAccuracy | None = Field(
+        default=None, description="allowed relative error of a flow, 1e-12 to 0.1, or as 0.1 %; default: 1e-4"
+    )
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> Transport:
-        if not self.named:
-            refuse("must name at least one of {known}", known=", ".join(type(self).model_fields))
+        quantities = [name for name in type(self).model_fields if name != "accuracy"]
+        if not any(name in quantities for name in self.named):
+            refuse("must name at least one of {known}", known=", ".join(quantities))
         return self
 
 
