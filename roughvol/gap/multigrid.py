@@ -146,6 +146,8 @@ class Multigrid:
                 break
             aggregates = graph.aggregates()
             graph = graph.joined(aggregates)
+            # the grid is visited once, its digits do not add up: 32 bits do
+            matrix = matrix.astype(np.float32) if not self._levels else matrix
             self._levels.append(_level(matrix, aggregates, graph.own.size))
             matrix = graph.matrix()
         matrix = sparse.csc_array(matrix)
@@ -158,8 +160,9 @@ class Multigrid:
             direct: Array = self._factor.solve(inflow)
             return direct
         level = self._levels[depth]
-        pressure = level.sweep * inflow
-        left = np.bincount(level.aggregates, inflow - level.matrix @ pressure, level.coarse)
+        inflow = inflow.astype(level.sweep.dtype, copy=False)
+        pressure: Any = level.sweep * inflow
+        left: Any = np.bincount(level.aggregates, inflow - level.matrix @ pressure, level.coarse)
         coarse = self(left, depth + 1)
         if depth + 1 < len(self._levels):
             coarse += self(left - self._levels[depth + 1].matrix @ coarse, depth + 1)
@@ -179,7 +182,7 @@ class _Level(NamedTuple):
 
 def _level(matrix: Any, aggregates: Numbers, coarse: int) -> _Level:
     diagonal = matrix.diagonal()
-    sweep = np.divide(DAMPING, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0)
+    sweep = np.divide(diagonal.dtype.type(DAMPING), diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0)
     return _Level(matrix, sweep, aggregates, coarse)
 
 
@@ -241,7 +244,8 @@ def _graph(
     blocks = np.zeros((2, count), dtype=np.int32)
     # a 0 of an element that does not conduct is overwritten by that of the first element of the first aggregate
     blocks[0, aggregates[::-1]], blocks[1, aggregates[::-1]] = row[::-1] // 2, column[::-1] // 2
-    return _Graph(joints, STRETCHED * np.bincount(aggregates, own, count), blocks[0], blocks[1])
+    held: Any = np.bincount(aggregates, STRETCHED * own, count)
+    return _Graph(joints, held, blocks[0], blocks[1])
 
 
 def _row_max(starts: Numbers, values: Array) -> Array:

@@ -68,7 +68,7 @@ class Network:
         falls: list[float] = []
         product = np.inf
         for _ in range(STEPS):
-            towards = self._inverse(left)
+            towards = self._inverse(left).astype(np.float64, copy=False)
             before, product = product, float(left @ towards)
             if product <= 0.0:  # nothing flows in, or nothing but rounding
                 return pressure.reshape(self._shape), 0.0, sum(falls)

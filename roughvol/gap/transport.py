@@ -69,6 +69,11 @@ class Conduction:
         return max(abs(end - flow) for end in ends) / flow
 
     @property
+    def pressure(self) -> Array | None:
+        """Pressures from 1 to 0, shape (rows, columns), 0 where nothing flows; None without a flow."""
+        return None if self._flow is None else self._turned(self._flow.pressure)
+
+    @property
     def flux(self) -> Array:
         """Flux along x and y in the middle of each element, over that between the plates, shape (2, rows, columns)."""
         if self._flow is None:
@@ -89,6 +94,7 @@ def conduction(
     *,
     periodic: bool = False,
     accuracy: float = ACCURACY,
+    start: Array | None = None,
 ) -> Conduction:
     """Return the flow of div(g^n grad P) = 0 along an axis over that of two smooth plates at the mean gap.
 
@@ -107,6 +113,8 @@ def conduction(
         Whether the two other sides are joined.
     accuracy : float
         Allowed relative error of the coefficient, by the estimate of `network`.
+    start : ndarray, shape (rows, columns), optional
+        Pressures of a similar gap, to start from.
 
     Returns
     -------
@@ -131,9 +139,10 @@ def conduction(
     along = gap if axis == 0 else np.ascontiguousarray(gap.T)
     k = _conductance(along, critical, exponent)
     k[~spanned(k > 0.0, periodic)] = 0.0
-    south = joints(k, 0, periodic=False)
-    down = np.concatenate([2.0 * k[:1], south[:-1], 2.0 * k[-1:]])
-    flow = flow_through(down, joints(k, 1, periodic), accuracy)
+    down = np.concatenate([2.0 * k[:1], joints(k, 0, periodic=False)[:-1], 2.0 * k[-1:]])
+    east = joints(k, 1, periodic)
+    del k
+    flow = flow_through(down, east, accuracy, start if start is None or axis == 0 else start.T)
     # over the flux between the plates, as many elements apart, under the same drop of pressure
     over_plates = _over_plates(gap, critical, exponent) * along.shape[0]
     coefficient = flow.dissipation * over_plates / along.shape[1]

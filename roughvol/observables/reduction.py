@@ -20,10 +20,18 @@ from roughvol.observables.variables import AXES, OBSERVABLES, OF_STATE, VARIABLE
 from roughvol.study import Case, Legs, Level
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
+from roughvol.typing import Array
 
 OF_SOLVER = ("iterations", "convolutions", "convolutions_fp32", "residual", "mean_pressure_bound", "converged")
 PER_STEP = (*OF_STATE, *OF_SOLVER)
-CONTENT = ("steps", "_values", "_kept", "_seconds", "_convolutions")  # of a reduction, beside its last two states
+CONTENT = (
+    "steps",
+    "_values",
+    "_kept",
+    "_seconds",
+    "_convolutions",
+    "_pressures",
+)  # of a reduction, beside its last two states
 
 
 def numbers(view: View) -> Values:
@@ -62,6 +70,9 @@ class Reduction:
         self._kept: dict[str, dict[str, tuple[int, Values]]] = {name: {} for name in levels}  # by label; once reached
         self._seconds = {name: 0.0 for name in levels if OBSERVABLES[name].seconds}
         self._convolutions = 0.0
+        self._pressures: dict[
+            str, Array
+        ] = {}  # of the fluid at the last state; of a case, so that a resumed one has them
 
     @property
     def mean_pressure(self) -> float:
@@ -107,7 +118,7 @@ class Reduction:
         self.steps, self.states = step, [*self.states, whole.state()][-2:]
 
     def _view(self, whole: Contact) -> View:
-        return View(self._case, self._surface, whole, self._half_space)
+        return View(self._case, self._surface, whole, self._half_space, self._pressures)
 
     def _taken(self, name: str, view: View) -> Values:
         """Return the values of an observable, and count its seconds."""

@@ -7,7 +7,7 @@ out there. Lengths stay over the Sq of the whole surface, pressures over its E* 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -132,12 +132,14 @@ class View:
     surface : the whole surface; its Sq is the unit of lengths.
     whole : the state on the whole surface.
     half_space : on which the state was solved.
+    pressures : of the fluid at the last state that had a flow, by name and axis, for the next flow to start from.
     """
 
     case: Case
     surface: Surface
     whole: Contact
     half_space: Compliance
+    pressures: dict[str, Array] = field(default_factory=dict)
 
     @cached_property
     def state(self) -> State:

@@ -126,7 +126,13 @@ def diffusivity(view: View) -> Values:
 
 
 def _conduction(name: str, view: View) -> Values:
-    flows = _along(transport.conduction, view.gap, EXPONENTS[name], **_of_flow(view))
+    flows = []
+    for axis, place in enumerate(AXES):
+        start = view.pressures.get(f"{name}_{place}")
+        flow = transport.conduction(view.gap, axis, EXPONENTS[name], start=start, **_of_flow(view))
+        if flow.pressure is not None:
+            view.pressures[f"{name}_{place}"] = flow.pressure
+        flows.append(flow)
     return {
         name: [flow.coefficient for flow in flows],
         f"{name}_error": max(flow.error for flow in flows),

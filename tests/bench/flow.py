@@ -1,6 +1,9 @@
-"""Memory and time of one flow through the gap over a cut surface: ``python -m tests.bench.flow M CLOSED``.
+"""Time and memory of flows, one thread, by processor time.
 
-CLOSED is the share of closed elements. The gap is that of a cut, so nothing is solved but the flow.
+python -m tests.bench.flow states 9        16 states of D = 2.2 to A* = 0.15: contact against flows, x and y
+python -m tests.bench.flow direct 9        one flow in light and heavy contact: by gradients against factorised
+python -m tests.bench.flow peer 512        one flow against reynoldsflow, errors against the flow to 1e-11
+python -m tests.bench.flow large 12 0.1    memory and time of one flow through the gap over a cut surface
 """
 
 from __future__ import annotations
@@ -8,27 +11,115 @@ from __future__ import annotations
 import resource
 import sys
 import time
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from roughvol.gap.transport import conduction
-from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.contact import HalfSpace, sweep
+from roughvol.gap import multigrid
+from roughvol.gap.transport import Conduction, conduction
+from roughvol.surfaces import random_midpoint_displacement
+
+STATES, DEEPEST, ACCURACIES = 16, 1.9, (1e-2, 1e-3, 1e-4, 1e-6)
 
 
-def main(m: int, closed: float) -> None:
-    """Print the coefficient, its error of conservation, the growth of the resident set, and the seconds."""
+def timed(function: Callable[[], Any]) -> tuple[Any, float]:
+    """Return what a function returns, and the seconds of the processor."""
+    started = time.process_time()
+    result = function()
+    return result, time.process_time() - started
+
+
+def gaps(m: int) -> list[np.ndarray]:
+    """Return the gaps of the states, from first touch to 1.9 times the depth of the mean plane."""
+    surface = random_midpoint_displacement(2.2, m, side=100.0, seed=0)
+    end = DEEPEST * (surface.z_max - surface.mean_height) / surface.Sq
+    steps = np.linspace(0.0, end, STATES + 1)[1:]
+    half_space = HalfSpace(surface.shape)
+    return [np.array(state.gap()) for state in sweep(surface, half_space, steps)]
+
+
+def states(m: int) -> None:
+    """Print the seconds of a sweep, and of its flows at several accuracies with their errors."""
+    found, contact = timed(lambda: gaps(m))
+    print(f"{found[0].shape[0]}^2, {STATES} states to A* = {np.mean(found[-1] == 0.0):.3f}: contact {contact:.2f} s")
+    for accuracy in (1e-3, 1e-4):
+        _, seconds = timed(lambda at=accuracy: followed(found, at))
+        print(f"flows to {accuracy:.0e}: {seconds:.2f} s, {seconds / contact:.2f} of the contact")
+
+
+def followed(found: list[np.ndarray], accuracy: float) -> None:
+    """Solve the flows of successive states along both axes, each from the pressures of the last."""
+    for axis in (0, 1):
+        start = None
+        for gap in found:
+            start = conduction(gap, axis, accuracy=accuracy, start=start).pressure
+
+
+def factorised(gap: np.ndarray) -> Conduction:
+    """Return the flow by one factorisation."""
+    kept, multigrid.DIRECT = multigrid.DIRECT, gap.size
+    try:
+        return conduction(gap, 0)
+    finally:
+        multigrid.DIRECT = kept
+
+
+def direct(m: int) -> None:
+    """Print seconds and errors of flows at several accuracies, against the factorisation."""
+    for gap in gaps(m)[3::4]:
+        exact, seconds = timed(lambda gap=gap: factorised(gap))
+        print(f"A* = {np.mean(gap == 0.0):.3f}: factorised {seconds:.2f} s")
+        for accuracy in ACCURACIES:
+            flow, taken = timed(lambda gap=gap, at=accuracy: conduction(gap, 0, accuracy=at))
+            error = flow.coefficient / exact.coefficient - 1.0
+            print(
+                f"  {accuracy:.0e}: {taken:.3f} s, 1/{seconds / taken:.0f}, error {error:.1e}, stated {flow.error:.1e}"
+            )
+
+
+def peer(n: int) -> None:
+    """Print seconds and errors of reynoldsflow, and of the flow at an accuracy of its error."""
+    from reynoldsflow import transport as other
+
+    z = random_midpoint_displacement(2.2, int(np.log2(n)), seed=0).heights[:n, :n]
+    gap = np.maximum(np.quantile(z, 0.9) - z, 0.0)
+    gap[:, 0] = 0.0  # a wall: periodic sideways is then closed sideways
+    exact = conduction(gap, 0, accuracy=1e-11)
+    plates = gap.mean() ** 3 * gap.shape[1] / len(gap)
+
+    def theirs() -> float:
+        filtered, _, flux = other.solve_fluid_problem(gap)
+        return float(abs(np.atleast_1d(other.compute_total_flux(filtered, flux, len(gap)))[0]))
+
+    total, seconds = timed(theirs)
+    error = abs(total / (exact.coefficient * plates) - 1.0)
+    print(f"{n}^2: reynoldsflow {seconds:.2f} s, error {error:.1e}")
+    for accuracy in (*ACCURACIES, 1e-9):
+        flow, taken = timed(lambda at=accuracy: conduction(gap, 0, accuracy=at))
+        error = flow.coefficient / exact.coefficient - 1.0
+        print(f"  {accuracy:.0e}: {taken:.3f} s, 1/{seconds / taken:.0f}, error {error:.1e}")
+
+
+def large(m: int, closed: float) -> None:
+    """Print the coefficient, its error, the growth of the resident set, and the seconds."""
     heights = random_midpoint_displacement(2.3, m, seed=0).heights
     gap = np.maximum(np.quantile(heights, 1.0 - closed) - heights, 0.0)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    started = time.perf_counter()
-    flow = conduction(gap, 0)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    flow, seconds = timed(lambda: conduction(gap, 0))
+    grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     print(
-        f"{gap.shape[0]}^2 elements, {closed:.0%} closed: T* = {flow.coefficient!r}, conservation error "
-        f"{flow.conservation_error:.1e}, peak {peak / 2**20:.2f} GiB ({(peak - before) * 1024 / gap.size:.0f} bytes an "
-        f"element), {time.perf_counter() - started:.0f} s"
+        f"{gap.shape[0]}^2 elements, {closed:.0%} closed: T* = {flow.coefficient!r}, error {flow.error:.1e}, "
+        f"{grown / 2**20:.2f} GiB more ({grown * 1024 / gap.size:.0f} bytes an element), {seconds:.0f} s"
     )
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), float(sys.argv[2]))
+    what, *numbers = sys.argv[1:]
+    with threadpool_limits(1):
+        if what == "large":
+            large(int(numbers[0]), float(numbers[1]))
+        else:
+            {"states": states, "direct": direct, "peer": peer}[what](int(numbers[0]))
