@@ -28,7 +28,7 @@ from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
 PROCESS_BYTES = 2e8  # of a process after its imports
 SURFACE_BYTES, NODE_BYTES = 50, 280  # per node: of a surface alone; of half space and solver
 SKEWED_BYTES = 25  # per node, in addition: while heights get their skewness
-CHANNEL_BYTES, FLOW_BYTES = 200, 200  # per node, in addition: of a search for the last channel; of a flow
+CHANNEL_BYTES, FLOW_BYTES = 200, 260  # per node, in addition: of a search for the last channel; of a flow
 GAS_BYTES = 150  # per node, in addition: conductances of a gas
 FIELD_BYTES = 16  # per node and stored field
 FILE_BYTES = 1.2e5  # of the file of a case without fields
