@@ -7,11 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from roughvol.campaign import execution, workers
 from roughvol.report.figures.style import Drawing
 
 SAVED = Drawing.savefig
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_thread() -> Iterator[None]:
+    """Take one thread for linear algebra: with small matrices, several threads mostly wait for each other."""
+    with threadpool_limits(1):
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)
