@@ -60,7 +60,7 @@ class Conductances(NamedTuple):
         return sparse.dia_array((data, offsets), shape=(size, size))
 
     def aggregates(self) -> Numbers:
-        """Return the number of the aggregate of each element in its block of 2 × 2, 0 without conductance."""
+        """Return the number of the aggregate of each element in its block of 2 × 2; the last if it does not conduct."""
         largest = self.own
         for joints, axis in ((self.south, 0), (self.east, 1)):
             largest = np.maximum(np.maximum(largest, joints), np.roll(joints, 1, axis))
@@ -87,7 +87,7 @@ class Conductances(NamedTuple):
             np.copyto(other, one, where=chosen[axis])
         conducts = largest > 0.0
         number = np.cumsum(conducts & (label == own), dtype=np.int32) - 1
-        return np.where(conducts, number[label], 0).ravel()
+        return np.where(conducts, number[label], number[-1] + 1).ravel()
 
     def joined(self, aggregates: Numbers) -> "_Graph":
         """Return the graph of the aggregates."""
@@ -202,7 +202,7 @@ class _Graph(NamedTuple):
     column: Numbers
 
     def aggregates(self) -> Numbers:
-        """Return the number of the aggregate of each element in its block of twice the size, 0 without conductance."""
+        """Return the number of the aggregate of each element in its block of twice the size, as those of a grid."""
         starts, heads, weight = self.joints.indptr, self.joints.indices, self.joints.data
         count = np.diff(starts)
         tails = np.repeat(np.arange(self.own.size, dtype=np.int32), count)
@@ -220,7 +220,8 @@ class _Graph(NamedTuple):
         conducts = (self.own > 0.0) | (count > 0)
         used = np.zeros(self.own.size, dtype=np.bool_)
         used[found[conducts]] = True
-        return np.where(conducts, (np.cumsum(used, dtype=np.int32) - 1)[found], 0)
+        number = np.cumsum(used, dtype=np.int32) - 1
+        return np.where(conducts, number[found], number[-1] + 1)
 
     def joined(self, aggregates: Numbers) -> "_Graph":
         """Return the graph of the aggregates."""
@@ -242,8 +243,7 @@ def _graph(
     count = int(aggregates.max()) + 1
     joints = sparse.coo_array((STRETCHED * weight, ends), shape=(count, count)).tocsr()
     blocks = np.zeros((2, count), dtype=np.int32)
-    # a 0 of an element that does not conduct is overwritten by that of the first element of the first aggregate
-    blocks[0, aggregates[::-1]], blocks[1, aggregates[::-1]] = row[::-1] // 2, column[::-1] // 2
+    blocks[0, aggregates], blocks[1, aggregates] = row // 2, column // 2
     held: Any = np.bincount(aggregates, STRETCHED * own, count)
     return _Graph(joints, held, blocks[0], blocks[1])
 

@@ -40,7 +40,6 @@ class Network:
         self._shape = conductances.own.shape
         self._matrix = conductances.matrix()
         self._inverse = Multigrid(conductances, self._matrix, direct)
-        self._conducts = self._matrix.diagonal() > 0.0
         self.exact = self._inverse.exact
 
     def solve(self, inflow: Array) -> Array:
@@ -80,7 +79,6 @@ class Network:
             left -= step * outflow
             falls.append(step * product)
             if to_come(falls) <= allowed(sum(falls)):
-                pressure *= self._conducts  # the others had any pressure
                 return pressure.reshape(self._shape), to_come(falls), sum(falls)
         message = f"the flow through {inflow.size} elements did not converge in {STEPS} steps"
         raise ConvergenceError(message, indentation=np.nan, iterations=STEPS, residual=to_come(falls))
