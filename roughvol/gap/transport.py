@@ -95,6 +95,7 @@ def conduction(
     periodic: bool = False,
     accuracy: float = ACCURACY,
     start: Array | None = None,
+    critical: float | None = None,
 ) -> Conduction:
     """Return the flow of div(g^n grad P) = 0 along an axis over that of two smooth plates at the mean gap.
 
@@ -115,6 +116,8 @@ def conduction(
         Allowed relative error of the coefficient, by the estimate of `network`.
     start : ndarray, shape (rows, columns), optional
         Pressures of a similar gap, to start from.
+    critical : float, optional
+        The gap of `constriction`, if it is known.
 
     Returns
     -------
@@ -133,7 +136,7 @@ def conduction(
     1.0
     """
     check_exponent(exponent)
-    critical = constriction(gap, axis, periodic=periodic).gap
+    critical = constriction(gap, axis, periodic=periodic).gap if critical is None else critical
     if critical == 0.0:
         return Conduction(0.0, 0.0, axis, gap.shape)
     along = gap if axis == 0 else np.ascontiguousarray(gap.T)

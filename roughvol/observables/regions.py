@@ -13,6 +13,7 @@ from typing import Any
 
 from roughvol.contact.loading import Compliance, Contact
 from roughvol.errors import ContactError, Problem, StudyError
+from roughvol.gap.constriction import Constriction, constriction
 from roughvol.study import Case, Region
 from roughvol.surfaces.surface import Surface, intervals
 from roughvol.typing import Array, Mask
@@ -155,6 +156,11 @@ class View:
     def gap(self) -> Array:
         """Gap g/σ in the region, exactly 0 in contact."""
         return self.state.gap()
+
+    @cached_property
+    def narrowest(self) -> list[Constriction]:
+        """Critical constrictions along x and y."""
+        return [constriction(self.gap, axis, periodic=self.periodic) for axis in (0, 1)]
 
     @cached_property
     def contact(self) -> Mask:

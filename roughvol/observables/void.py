@@ -109,10 +109,9 @@ def percolation(view: View) -> Values:
 def constriction(view: View) -> Values:
     """Return the critical gap along x and y, and its position over L, NaN if there is no way."""
     origin = np.array([side.start for side in window(view.case, view.surface.shape)])
-    narrowest = _along(transport.constriction, view.gap, periodic=view.periodic)
-    elements = np.array([one.element or (np.nan, np.nan) for one in narrowest])
+    elements = np.array([one.element or (np.nan, np.nan) for one in view.narrowest])
     positions = (elements + origin) / view.surface.intervals[0]
-    return {"critical_gap": [one.gap for one in narrowest], "critical_position": positions}
+    return {"critical_gap": [one.gap for one in view.narrowest], "critical_position": positions}
 
 
 def transmissivity(view: View) -> Values:
@@ -129,7 +128,8 @@ def _conduction(name: str, view: View) -> Values:
     flows = []
     for axis, place in enumerate(AXES):
         start = view.pressures.get(f"{name}_{place}")
-        flow = transport.conduction(view.gap, axis, EXPONENTS[name], start=start, **_of_flow(view))
+        known: dict[str, Any] = {"start": start, "critical": view.narrowest[axis].gap}
+        flow = transport.conduction(view.gap, axis, EXPONENTS[name], **known, **_of_flow(view))
         if flow.pressure is not None:
             view.pressures[f"{name}_{place}"] = flow.pressure
         flows.append(flow)
@@ -172,7 +172,10 @@ def estimates(view: View) -> Values:
         values[f"estimate_corrected_{name}"] = quick_estimates.effective_medium(
             view.gap, exponent, closes_at=quick_estimates.CLOSES_AT
         )
-        junctions = _along(quick_estimates.single_junction, view.gap, exponent, periodic=view.periodic)
+        junctions = [
+            quick_estimates.single_junction(view.gap, axis, exponent, critical=narrowest.gap)
+            for axis, narrowest in enumerate(view.narrowest)
+        ]
         values[f"estimate_junction_{name}"] = junctions
     return values
 
