@@ -256,7 +256,7 @@ def _seconds(case: Case, shape: Shape) -> float:
 def seconds_per_convolution(shape: Shape, periodic: bool = False) -> float:
     """Return the seconds of one convolution, timed on this grid, or scaled from `TIMED_UP_TO`."""
     timed = (min(shape[0], TIMED_UP_TO), min(shape[1], TIMED_UP_TO))
-    half_space = HalfSpace(timed, periodic=periodic)
+    half_space = HalfSpace(timed, sides="periodic" if periodic else "free")
     pressure = np.ones(timed)
     half_space.displacement(pressure)  # plans
     times = []

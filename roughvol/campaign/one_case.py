@@ -31,8 +31,9 @@ from roughvol.surfaces import measured
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.spectrum import power_law_surface
 from roughvol.surfaces.surface import Surface
+from roughvol.typing import Sides
 
-HalfSpaces = MutableMapping[tuple[tuple[int, int], bool, Kernel, int], HalfSpace]
+HalfSpaces = MutableMapping[tuple[tuple[int, int], Sides, Kernel, int], HalfSpace]
 
 FFT = {"library": f"FFTW {convolution.FFTW_VERSION}", "planner": convolution.PLANNER}
 
@@ -235,7 +236,9 @@ def surface_of(case: Case) -> Surface:
     """
     if case.file is not None:
         with one_thread():  # levelling sums over all nodes
-            return measured.surface(case.bodies, case.treatment, case.L, case.length_unit, periodic=case.periodic)
+            return measured.surface(
+                case.bodies, case.treatment, case.L, case.length_unit, sides="periodic" if case.periodic else "free"
+            )
     assert case.D is not None
     assert case.m is not None
     assert case.seed is not None
@@ -260,7 +263,7 @@ def half_space_of(surface: Surface, kernel: Kernel, threads: int, held: HalfSpac
     Parameters
     ----------
     surface : Surface
-        Gives shape and period.
+        Gives shape and sides.
     kernel : Kernel
         Kernel of the study, with its parameters.
     threads : int
@@ -273,8 +276,8 @@ def half_space_of(surface: Surface, kernel: Kernel, threads: int, held: HalfSpac
     HalfSpace
         The half space.
     """
-    key = (surface.shape, surface.periodic, kernel, threads)
+    key = (surface.shape, surface.sides, kernel, threads)
     if key not in held:
         held.clear()  # one at a time: it is the largest thing in memory
-        held[key] = HalfSpace(surface.shape, kernel, threads, periodic=surface.periodic)
+        held[key] = HalfSpace(surface.shape, kernel, threads, sides=surface.sides)
     return held[key]

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from roughvol.contact.kernels import influence_matrix
 from roughvol.contact.preconditioner import Rates, approximate_inverse, weaker_inverses
 from roughvol.contact.problem import TENSILE, Problem
 from roughvol.contact.state import State
@@ -159,7 +158,7 @@ def _factorised(problem: Problem, indentation: float, start: Start) -> Array:
     are set to it, and freed where a gap opens.
     """
     elements, limit = start.candidates, problem.law.limit
-    matrix = influence_matrix(problem.half_space.influence, elements)
+    matrix = problem.half_space.between(elements)
     b = matrix @ start.q - start.w if start.held.size else problem.heights[elements] + indentation
     q = np.zeros(b.size)
     active, yielded = np.ones(b.size, dtype=bool), np.zeros(b.size, dtype=bool)

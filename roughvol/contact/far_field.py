@@ -36,7 +36,7 @@ from roughvol.contact.kernels import influence_matrix
 from roughvol.contact.near_field import dominant
 from roughvol.contact.options import TUNING, Tuning
 from roughvol.contact.state import Compliance
-from roughvol.typing import Array, Index, Map, Single
+from roughvol.typing import Array, Index, Map, Sides, Single
 
 _AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))  # offsets to the blocks around a block, and itself
 _CENTRE = _AROUND.index((0, 0))
@@ -152,8 +152,8 @@ class Tier:
         Blocks along each axis.
     influence : array
         Kernel between distant blocks, on the grid of all blocks.
-    periodic : bool
-        Whether the grid is one period of a plane.
+    sides : {"free", "mirrored", "periodic"}
+        Those of the half space. Blocks at mirrored sides do not see their images.
     numbers : array (blocks,)
         Flat indices of the blocks that hold elements.
     mass : array (blocks,)
@@ -168,8 +168,10 @@ class Tier:
 
     def __init__(self, grid: Compliance | Tier, elements: Index, t: NDArray[Any], tuning: Tuning = TUNING) -> None:
         side, influence = tuning.block_side, grid.influence
-        self.periodic: bool = grid.periodic
-        rows, columns = self.rows, self.columns = [cut(nodes, side, self.periodic) for nodes in influence.shape]
+        self.sides: Sides = grid.sides
+        rows, columns = self.rows, self.columns = [
+            cut(nodes, side, self.sides == "periodic") for nodes in influence.shape
+        ]
         self.influence: Array = influence[np.ix_(rows.distance, columns.distance)]
         row, column = np.divmod(elements.astype(np.int32), np.int32(influence.shape[1]))
         width = columns.blocks + 2

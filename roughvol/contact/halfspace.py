@@ -1,4 +1,4 @@
-"""The elastic half space: displacement of square elements under pressure, by FFT; a free rectangle, or one period.
+"""The elastic half space: displacement of square elements under pressure, by FFT; a patch, or a part of a plane.
 
 Conventions: every node (i, j) of the surface is the centre of a square element of side δ under uniform pressure
 p_ij ≥ 0 in compression. Displacements are positive into the half space. *Lattice units* are δ/(π E*) times the unit of
@@ -13,8 +13,13 @@ quadrant. If it is positive, the operator on the grid is positive definite, as a
 
 On a periodic surface n × n' elements are one period, without a repeated edge, so L = n δ. The transforms have the
 length of the grid, and the coefficients include all images (`kernels`).
+
+A mirrored surface of n × n' elements is repeated in its mirror images at the outer edges of its outer elements, to
+a plane with the period of 2n × 2n' elements. Pressures have the symmetry of the heights. With Kp of that period,
+K(i, k) = Kp(i - k) + Kp(i + k + 1) along each axis.
 """
 
+import itertools
 import math
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -24,12 +29,13 @@ from numpy.typing import NDArray
 from scipy import fft as scipy_fft
 
 from roughvol.contact.convolution import Convolution, Places
-from roughvol.contact.kernels import LOVE, Kernel, kernel_of, periodic_spectrum
+from roughvol.contact.kernels import LOVE, Kernel, influence_matrix, kernel_of, periodic_spectrum
 from roughvol.contact.options import TUNING, Tuning
 from roughvol.errors import ContactError
-from roughvol.typing import Array, Index, Shape
+from roughvol.typing import Array, Index, Shape, Sides
 
 LEAST_PERIOD = 5  # the neighbours of an element within two spacings are then five different ones along an axis
+_LEAST: dict[Sides, int] = {"free": 1, "mirrored": -(-LEAST_PERIOD // 2), "periodic": LEAST_PERIOD}
 # Transform lengths of a window, over a power of two: along the row index, and along the column index. Complex
 # transforms (the first) are fast for few factors, real ones for more.
 _FAST = ((4, 5), (4, 5, 6, 7))
@@ -63,7 +69,7 @@ class Window(NamedTuple):
 
 
 class HalfSpace:
-    """Displacement under pressure, u = K ∗ p, by convolutions, on a free patch or on one period of a plane.
+    """Displacement under pressure, u = K ∗ p, by convolutions, on a free patch or on a part of an endless plane.
 
     Buffers and FFTW plans are made once, for any number of surfaces of the shape. Not thread-safe. Displacements are in
     lattice units, see the conventions of `halfspace`. On large free patches only the rectangle of the elements under
@@ -79,13 +85,13 @@ class HalfSpace:
         Threads inside one convolution. Results do not depend on them.
     tuning : Tuning
         Constants.
-    periodic : bool
-        Whether the grid is one period of a pressure pattern repeated without end. Default: a free patch.
+    sides : {"free", "mirrored", "periodic"}
+        Whether the grid is a patch, or a part of an endless plane: repeated in its mirror images, or as a period.
 
     Attributes
     ----------
     influence : array (rows, columns)
-        K(i, j) of the non-negative offsets. On a periodic half space images are included.
+        K(i, j) of the non-negative offsets. Images of a period are included, mirror images are not.
     convolutions, convolutions_fp32 : float
         Convolutions so far, by precision. Unit: one on the full grid. A convolution over a window counts by its share
         of the points transformed.
@@ -117,20 +123,28 @@ class HalfSpace:
         threads: int = 1,
         tuning: Tuning = TUNING,
         *,
-        periodic: bool = False,
+        sides: Sides = "free",
     ) -> None:
-        self.shape, self.kernel, self.periodic = (int(shape[0]), int(shape[1])), kernel_of(kernel), periodic
+        self.shape, self.kernel, self.sides = (int(shape[0]), int(shape[1])), kernel_of(kernel), sides
         self.threads, self._tuning = threads, tuning
-        least = LEAST_PERIOD if periodic else 1
+        if sides not in _LEAST:
+            raise ContactError(f"sides is {sides!r}; allowed: {', '.join(_LEAST)}")
+        least = _LEAST[sides]
         if min(self.shape) < least:
             raise ContactError(f"shape is {shape}; allowed: at least {least} × {least} elements")
         self.convolutions = self.convolutions_fp32 = 0.0
-        if periodic:
+        if sides == "mirrored":
+            rows, columns = self.shape
+            self._period = HalfSpace((2 * rows, 2 * columns), kernel, threads, tuning, sides="periodic")
+            self._mean: float = self._period._mean
+            self.influence: Array = self._period.influence[:rows, :columns]
+            return
+        if sides == "periodic":
             self._lengths = self.shape
             waves = periodic_spectrum(self.shape, self.kernel)
             self._mean, self._spectrum = waves[0, 0], waves / math.prod(self.shape)
-            rows = np.arange(self.shape[0])  # the even extension of λ is real
-            self.influence: Array = np.fft.irfft2(waves[np.minimum(rows, self.shape[0] - rows)], s=self.shape)
+            row = np.arange(self.shape[0])  # the even extension of λ is real
+            self.influence = np.fft.irfft2(waves[np.minimum(row, self.shape[0] - row)], s=self.shape)
         else:
             self._lengths = transform_length(self.shape[0]), transform_length(self.shape[1])
             # Lags beyond the grid enter no result, but have the kernel as well. With zeros there, the spectrum of a
@@ -145,6 +159,23 @@ class HalfSpace:
         self._latest: dict[str, Window] = {}  # of each precision
         self._engines: dict[tuple[int, int, str], Convolution] = {}
 
+    @property
+    def endless(self) -> bool:
+        """Whether the grid is a part of an endless plane, where mean displacements only relabel the indentation."""
+        return self.sides != "free"
+
+    def between(self, elements: Index) -> Array:
+        """Return the matrix K (n, n) between elements, by their flat indices."""
+        if self.sides != "mirrored":
+            return influence_matrix(self.influence, elements)
+        rows, columns = self.shape
+        row, column = np.divmod(elements, columns)
+        matrix = np.zeros((elements.size, elements.size))
+        for image_row, image_column in itertools.product((row, 2 * rows - 1 - row), (column, 2 * columns - 1 - column)):
+            down, right = np.abs(row[:, None] - image_row), np.abs(column[:, None] - image_column)
+            matrix += self._period.influence[down, right]
+        return matrix
+
     def displacement(self, pressure: Array) -> Array:
         """Return u = K ∗ p (rows, columns) on every element, by one convolution."""
         if pressure.shape != self.shape:
@@ -155,12 +186,18 @@ class HalfSpace:
     def displacement_above(self, heights: Array, elements: Index, pressure: NDArray[Any]) -> Array:
         """Return u - heights on every element, flat, by one convolution; pressure (n,) on increasing elements."""
         self.convolutions += 1.0
+        if self.sides == "mirrored":
+            return self._mirrored(elements, pressure) - heights.ravel()
         engine = self._engine(self._lengths, "float64")
         places = engine.places(*np.divmod(elements.astype(np.int32), np.int32(self.shape[1])))
         return engine.convolve_above(heights.reshape(self.shape), places, pressure).ravel()
 
     def displacement_at(self, elements: Index, pressure: NDArray[Any], *, single: bool = False) -> NDArray[Any]:
         """Return u (n,) at the increasing elements that carry the pressure (n,), in 32 bits if `single`."""
+        if self.sides == "mirrored":
+            self.convolutions_fp32 += single
+            self.convolutions += not single
+            return self._mirrored(elements, pressure, single=single)[elements]
         precision = "float32" if single else "float64"
         window = self._latest.get(precision)
         if window is None or not np.array_equal(window.elements, elements):
@@ -173,11 +210,11 @@ class HalfSpace:
 
     @cached_property
     def total_compliance(self) -> Array:
-        """Displacement K ∗ 1 under unit pressure everywhere, array (rows, columns) [lattice units]; λ(0) on a period.
+        """Displacement K ∗ 1 under unit pressure everywhere, (rows, columns) [lattice units]; λ(0) on an endless plane.
 
         K is symmetric, so Σu = Σ (K ∗ 1) p. The mean displacement and the free volume are a dot product with it.
         """
-        if self.periodic:
+        if self.endless:
             return np.broadcast_to(self._mean, self.shape)
         size = math.prod(self.shape)
         window = self._window(np.arange(size), "float64")
@@ -190,11 +227,19 @@ class HalfSpace:
         """Points of the transforms kept for windows, at most those of the full grid."""
         return sum(engine.size for key, engine in self._engines.items() if key[:2] != self._lengths)
 
+    def _mirrored(self, elements: Index, pressure: NDArray[Any], *, single: bool = False) -> NDArray[Any]:
+        """Return u on every element, flat, by the period of a surface and its mirror images."""
+        field = np.zeros(self.shape)
+        field.flat[elements] = pressure
+        whole = np.pad(field, [(0, nodes) for nodes in self.shape], mode="symmetric")
+        displacement = self._period.displacement_at(np.arange(whole.size), whole.ravel(), single=single)
+        return displacement.reshape(whole.shape)[: self.shape[0], : self.shape[1]].ravel()
+
     def _window(self, elements: Index, precision: str) -> Window:
         """Return the convolution over the least window that holds the elements: the whole grid, unless it is large."""
         row, column = np.divmod(elements, self.shape[1])
         lengths, points = self._lengths, math.prod(self._lengths)
-        windowed = not self.periodic and points >= self._tuning.windows_from and elements.size > 0
+        windowed = not self.endless and points >= self._tuning.windows_from and elements.size > 0
         if windowed:
             low = int(row[0]), int(column.min())
             lengths = self._window_length(int(row[-1]) - low[0], 0), self._window_length(int(column.max()) - low[1], 1)

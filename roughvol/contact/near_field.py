@@ -35,7 +35,7 @@ def near_field(half_space: Compliance, elements: Index, tuning: Tuning = TUNING)
     ----------
     L. Yu. Kolotilina, A. Yu. Yeremin, SIAM J. Matrix Anal. Appl. 14 (1993) 45-58.
     """
-    influence, periodic, size = half_space.influence, half_space.periodic, elements.size
+    influence, periodic, size = half_space.influence, half_space.sides == "periodic", elements.size
     reach = tuning.near_reach_periodic if periodic else tuning.near_reach
     offsets, table = _rows(tuple(map(tuple, influence[:5, :5].tolist())), reach, periodic)
     row, column = np.divmod(elements.astype(np.int32), np.int32(influence.shape[1]))

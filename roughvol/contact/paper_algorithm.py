@@ -3,7 +3,6 @@
 import numpy as np
 from scipy import linalg
 
-from roughvol.contact.kernels import influence_matrix
 from roughvol.contact.problem import Problem
 from roughvol.contact.state import State
 from roughvol.errors import ContactError, ConvergenceError
@@ -25,7 +24,7 @@ def solve_paper(problem: Problem, indentation: float, latest: State, _previous: 
     elements = np.flatnonzero(problem.heights > -indentation)
     sweeps = 0
     while True:
-        matrix = influence_matrix(problem.half_space.influence, elements)
+        matrix = problem.half_space.between(elements)
         lower, upper = np.tril(matrix), np.triu(matrix, 1)
         b = problem.heights[elements] + indentation
         p = np.zeros(b.size)

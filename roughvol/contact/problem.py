@@ -9,6 +9,7 @@ Symbols and equations are those of docs/explanation/solver.md.
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -46,15 +47,17 @@ class Problem:
     def __init__(self, surface: Surface, half_space: Compliance, options: Options = DEFAULT) -> None:
         if surface.shape != half_space.shape:
             raise ContactError(f"the surface has shape {surface.shape}, the half space {half_space.shape}")
-        if surface.periodic != half_space.periodic:
-            one, other = ("periodic" if periodic else "free" for periodic in (surface.periodic, half_space.periodic))
-            raise ContactError(f"the surface is {one}, the half space {other}; allowed: both periodic, or none")
+        if surface.sides != half_space.sides:
+            message = f"the surface is {surface.sides}, the half space {half_space.sides}; allowed: the same sides"
+            raise ContactError(message)
         self.half_space, self.shape, self.options, self.tuning = half_space, surface.shape, options, options.tuning
-        self.intervals, self.periodic = surface.intervals[0], surface.periodic
+        self.intervals, self.sides = surface.intervals[0], surface.sides
         hardness = options.hardness
         self.law: RigidWall = ELASTIC if hardness is None else HardWall(hardness / (np.pi * self.intervals))
         self.leg = Leg(self.law)
-        self.superposition = Superposition(half_space.influence, self.tuning)
+        # A sum of coefficients of offsets has no mirror images.
+        terms = 0.0 if surface.sides == "mirrored" else self.tuning.sum_terms
+        self.superposition = Superposition(half_space.influence, replace(self.tuning, sum_terms=terms))
         self._position = np.full(surface.heights.size, -1, dtype=np.int32)  # restored by `positions`
         # The range first, then σ: the standard deviation of heights of 1e-250 underflows.
         heights = surface.heights - surface.heights.max()
@@ -180,7 +183,8 @@ class Problem:
 
     def least_pressure(self, indentation: float, latest: State) -> float:
         """Return a lower bound of p* at an indentation: that of the latest state, or of the highest element alone."""
-        alone = min((indentation - self.touch) / float(self.half_space.influence[0, 0]), self.law.limit)
+        largest = float(self.half_space.between(np.zeros(1, dtype=np.intp))[0, 0])  # at a corner, near its images
+        alone = min((indentation - self.touch) / largest, self.law.limit)
         rising = latest.pressure.size and indentation >= latest.indentation
         q = max(float(latest.pressure.sum()) if rising else 0.0, alone)
         # the pressure of the latest state has an error of up to a tenth, see `sweep`
@@ -232,7 +236,7 @@ class Problem:
         plastic_volume, plastic_area = self.leg.yielded(state)
         free_volume = 0.0 if full else max(separation + mean_displacement + plastic_volume, 0.0)
         indentation = state.indentation
-        if self.periodic and state.pressure.size:  # displacements have no mean there
+        if self.sides != "free" and state.pressure.size:  # displacements have no mean there
             separation = free_volume - plastic_volume
             indentation = -self.mean_height - separation
         return Contact(
@@ -255,5 +259,5 @@ class Problem:
             _state=state,
             _leg=self.leg,
             _intervals=self.intervals,
-            periodic=self.periodic,
+            sides=self.sides,
         )

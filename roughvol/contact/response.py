@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from roughvol.contact.kernels import influence_matrix
 from roughvol.contact.options import TUNING, Tuning
 from roughvol.contact.preconditioner import approximate_inverse
 from roughvol.contact.state import Compliance
@@ -45,7 +44,7 @@ class Response:
 
     @cached_property
     def _factor(self) -> tuple[Array, bool]:
-        matrix = influence_matrix(self._half_space.influence, self._elements)
+        matrix = self._half_space.between(self._elements)
         factor: tuple[Array, bool] = linalg.cho_factor(matrix, lower=True, check_finite=False)
         return factor
 

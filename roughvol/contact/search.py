@@ -69,7 +69,7 @@ def indentation_for(
     Returns
     -------
     float
-        Δ/σ, right to a relative 10⁻⁶ and to the residual. On a periodic surface the approach Δ'/σ, see `kernels`.
+        Δ/σ, right to a relative 10⁻⁶ and to the residual. On an endless surface the approach Δ'/σ, see `kernels`.
 
     Raises
     ------

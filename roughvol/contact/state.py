@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from roughvol.contact.kernels import Kernel
 from roughvol.contact.law import ELASTIC, RigidWall
-from roughvol.typing import Array, Index, Mask
+from roughvol.typing import Array, Index, Mask, Sides
 
 
 class Compliance(Protocol):
@@ -26,16 +26,21 @@ class Compliance(Protocol):
         K(i, j) of the non-negative offsets, in units δ/(π E*).
     convolutions, convolutions_fp32 : float
         Convolutions so far, by precision, in units of one on the full grid.
-    periodic : bool
-        Whether the grid is one period of a plane. Mean displacements only relabel the indentation there.
+    sides : {"free", "mirrored", "periodic"}
+        Whether the grid is a patch, or a part of an endless plane: repeated in its mirror images, or as a period. Mean
+        displacements only relabel the indentation of an endless plane.
     """
 
-    periodic: bool
+    sides: Sides
     shape: tuple[int, int]
     kernel: Kernel
     influence: Array
     convolutions: float
     convolutions_fp32: float
+
+    def between(self, elements: Index) -> Array:
+        """Return the matrix K (n, n) between elements, by their flat indices."""
+        ...
 
     def displacement_above(self, heights: Array, elements: Index, pressure: NDArray[Any]) -> Array:
         """Return u - heights on every element, flat, for pressure on some elements in increasing order."""
@@ -58,11 +63,11 @@ class Contact:
     Attributes
     ----------
     indentation : float
-        Δ/σ. On a periodic surface that of the mean planes, (z_max - mean(z) - d)/σ: at most z_max - mean(z).
+        Δ/σ. On an endless surface that of the mean planes, (z_max - mean(z) - d)/σ: at most z_max - mean(z).
     separation : float
-        d/σ = (z_max - mean(z) - Δ)/σ, rigid and far-field. On a periodic surface the mean gap, less the plastic volume.
+        d/σ = (z_max - mean(z) - Δ)/σ, rigid and far-field. On an endless surface the mean gap, less the plastic volume.
     approach : float
-        Δ'/σ, the number that `sweep` takes: Δ/σ. On a periodic surface (Δ + mean(u))/σ, see `kernels`.
+        Δ'/σ, the number that `sweep` takes: Δ/σ. On an endless surface (Δ + mean(u))/σ, see `kernels`.
     contact_area_fraction : float
         A*, elements with p > 0 over all elements.
     mean_pressure : float
@@ -86,8 +91,8 @@ class Contact:
         Mean plastic displacement over σ, ≥ 0; 0 in elastic contact.
     plastic_area_fraction : float
         Elements that have yielded, now or before, over all elements.
-    periodic : bool
-        Whether the surface is one period of a plane.
+    sides : {"free", "mirrored", "periodic"}
+        What follows beyond the sides of the surface.
 
     See Also
     --------
@@ -122,7 +127,17 @@ class Contact:
     _state: State = field(repr=False)
     _leg: Leg = field(repr=False)
     _intervals: int = field(repr=False)
-    periodic: bool = False
+    sides: Sides = "free"
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the surface is one period of a plane."""
+        return self.sides == "periodic"
+
+    @property
+    def endless(self) -> bool:
+        """Whether the surface goes on beyond its sides, as a period or mirrored."""
+        return self.sides != "free"
 
     @property
     def converged(self) -> bool:

@@ -186,9 +186,7 @@ class Coupling:
             raise Opening(message)
         surface, per_p = self.surface, 1.0 / (np.pi * self.surface.intervals[0])
         lift = self.displacement((fluid * per_p).ravel()).reshape(surface.shape)
-        lowered = Surface(
-            surface.heights - surface.unit * (lift - lift.mean()), surface.spacing, periodic=surface.periodic
-        )
+        lowered = Surface(surface.heights - surface.unit * (lift - lift.mean()), surface.spacing, sides=surface.sides)
         ratio = lowered.unit / surface.unit
         shift = (lowered.z_max - lowered.mean_height - surface.z_max + surface.mean_height) / surface.unit
         trials = Trials(lowered, self.half_space, rtol=self.rtol)

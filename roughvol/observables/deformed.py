@@ -122,7 +122,7 @@ def spectrum_under_load(view: View) -> Values:
 
 
 def _part(case: Case, surface: Surface, heights: Array) -> Surface:
-    return Surface(heights, surface.spacing, periodic=is_period(case))
+    return Surface(heights, surface.spacing, sides="periodic" if is_period(case) else "free")
 
 
 def _spectrum(surface: Surface) -> Values:

@@ -19,23 +19,24 @@ from roughvol.surfaces.body import Body, Treatment
 from roughvol.surfaces.files import reading
 from roughvol.surfaces.surface import Surface, intervals
 from roughvol.surfaces.treatment import block_means, fill, level, low_pass, outliers, squared
-from roughvol.typing import Array, Mask
+from roughvol.typing import Array, Mask, Sides
 
 _FLATTEST = 1e-7  # of the side: a nanometre on a centimetre
 _MIRRORS = {"none": np.s_[:, :], "x": np.s_[::-1, :], "y": np.s_[:, ::-1]}
 
 
 def surface(
-    bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | None, *, periodic: bool = False
+    bodies: Sequence[Body], treatment: Treatment, L: float, unit: str | None, *, sides: Sides = "free"
 ) -> Surface:
     """Return the surface whose heights come from files: one body, or the sum of two."""
+    periodic = sides == "periodic"
     measured = [_measured(body, treatment, unit) for body in bodies]
     total, filled, removed = _pressed(bodies, measured, treatment, L, periodic)
     peak_before = None
     if treatment.outliers is not None:
         before = _pressed(bodies, measured, replace(treatment, outliers=None), L, periodic)[0] if removed else total
         peak_before = Surface(before, 1.0).peak
-    return Surface(total, L / intervals(len(total), periodic), filled, removed, peak_before, periodic)
+    return Surface(total, L / intervals(len(total), periodic), filled, removed, peak_before, sides)
 
 
 def _pressed(

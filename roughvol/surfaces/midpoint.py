@@ -78,7 +78,7 @@ def random_midpoint_displacement(
     normal = np.random.Generator(np.random.PCG64(seed)).standard_normal
     nodes = 2**m
     if periodic:
-        return Surface(_periodic_heights(m, deviations, normal), side / nodes, periodic=True)
+        return Surface(_periodic_heights(m, deviations, normal), side / nodes, sides="periodic")
     heights = np.zeros((nodes + 1, nodes + 1))
     for level in range(m):
         step = nodes >> level

@@ -88,7 +88,7 @@ def power_law_surface(spectrum: Spectrum, hurst: float, n: int, *, side: float =
     heights = _on_grid(waves, n)
     if not spectrum.periodic:
         return Surface(np.pad(heights, (0, 1), mode="wrap"), side / n)
-    return Surface(heights, side / n, periodic=True)
+    return Surface(heights, side / n, sides="periodic")
 
 
 def gaussian_waves(spectrum: Spectrum, hurst: float, seed: int) -> Waves:

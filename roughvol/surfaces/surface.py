@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from roughvol.errors import SurfaceError
-from roughvol.typing import Array
+from roughvol.typing import Array, Sides
 
 SMALLEST_RANGE = 1e-290  # of heights that are not flat: below, their differences are denormal and Sq loses its digits
 
@@ -34,14 +35,15 @@ class Surface:
         How many measured heights were taken out as outliers.
     peak_before : float, optional
         `peak` of the surface with its outliers, where outliers were looked for.
-    periodic : bool
-        Whether the heights are one period, without a repeated edge.
+    sides : {"free", "mirrored", "periodic"}
+        Beyond the sides: nothing, the mirror image at the outer edges of the elements, or the next period, without a
+        repeated edge.
 
     Raises
     ------
     SurfaceError
         If the heights are not a real, finite 2-D array of at least 3 × 3 nodes. If their range is no float, or between
-        0 and `SMALLEST_RANGE`. If δ is not finite and positive.
+        0 and `SMALLEST_RANGE`. If δ is not finite and positive. If the sides are not known.
 
     See Also
     --------
@@ -51,7 +53,7 @@ class Surface:
     --------
     >>> import numpy as np
     >>> from roughvol.surfaces import Surface
-    >>> waves = Surface(np.cos(np.arange(8) * np.pi / 4) * np.ones((8, 1)), spacing=0.5, periodic=True)
+    >>> waves = Surface(np.cos(np.arange(8) * np.pi / 4) * np.ones((8, 1)), spacing=0.5, sides="periodic")
     >>> waves.side, round(waves.Sq, 4), round(waves.peak, 4)
     (4.0, 0.7071, 1.4142)
     """
@@ -61,15 +63,27 @@ class Surface:
     filled: int = 0
     outliers: int = 0
     peak_before: float | None = None
-    periodic: bool = False
+    sides: Sides = "free"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "heights", _checked_heights(self.heights))
         object.__setattr__(self, "spacing", positive("spacing", self.spacing))
+        if self.sides not in get_args(Sides):
+            raise SurfaceError(f"sides is {self.sides!r}; allowed: {', '.join(get_args(Sides))}")
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle through the constructor: a plain pickle would bring the heights back writable."""
-        return (Surface, (self.heights, self.spacing, self.filled, self.outliers, self.peak_before, self.periodic))
+        return (Surface, (self.heights, self.spacing, self.filled, self.outliers, self.peak_before, self.sides))
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the heights are one period: opposite sides are joined."""
+        return self.sides == "periodic"
+
+    @property
+    def endless(self) -> bool:
+        """Whether the surface goes on beyond its sides, as a period or mirrored: it has no rim."""
+        return self.sides != "free"
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -123,7 +137,7 @@ class Surface:
 
     def scaled(self, Sq: float) -> Surface:
         """Return the surface with its heights multiplied so that their root mean square is ``Sq`` [length]."""
-        return Surface(self.heights * (Sq / self.Sq), self.spacing, periodic=self.periodic)
+        return Surface(self.heights * (Sq / self.Sq), self.spacing, sides=self.sides)
 
     @property
     def peak(self) -> float:

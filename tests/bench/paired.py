@@ -48,10 +48,9 @@ else:
     from roughvol.contact.search import indentation_for
     surface = random_midpoint_displacement(D, m, **made, periodic=True)
     try:
+        half_space = HalfSpace(surface.shape, kernel, sides="periodic", **options)
+    except TypeError:  # up to 0.11.1
         half_space = HalfSpace(surface.shape, kernel, periodic=True, **options)
-    except TypeError:  # up to 0.13.0
-        from roughvol.contact.periodic import PeriodicHalfSpace
-        half_space = PeriodicHalfSpace(surface.shape, kernel, **options)
     end = round(indentation_for(surface, half_space, "contact_area", 0.5, rtol=1e-4), 2)
 seconds = []
 with threadpool_limits(1):

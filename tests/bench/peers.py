@@ -82,7 +82,9 @@ class Problem:
         options = {"side": 100.0, "seed": case["seed"], "periodic": self.periodic}
         self.surface = random_midpoint_displacement(case["D"], case["m"], **options)
         shape = self.surface.shape
-        self.half_space: Any = HalfSpace(shape, kernel if self.periodic else "love", periodic=self.periodic)
+        self.half_space: Any = HalfSpace(
+            shape, kernel if self.periodic else "love", sides="periodic" if self.periodic else "free"
+        )
         assert self.half_space.total_compliance.size  # belongs to the grid, not to the sweep
         self.nodes, self.intervals = shape[0], self.surface.intervals[0]
         heights = self.surface.heights - self.surface.z_max

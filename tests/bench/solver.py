@@ -103,7 +103,11 @@ def _surface(case: dict[str, Any]) -> Any:
 def _body(case: dict[str, Any]) -> dict[str, Any]:
     """Return the kernel of a half space, its period and its threads."""
     free = case["kernel"] == "free"
-    return {"kernel": "love" if free else case["kernel"], "threads": case["threads"], "periodic": not free}
+    return {
+        "kernel": "love" if free else case["kernel"],
+        "threads": case["threads"],
+        "sides": "free" if free else "periodic",
+    }
 
 
 def last_step(case: dict[str, Any]) -> float:

@@ -30,8 +30,8 @@ class Channel:
 
     def __init__(self, along: int, across: int) -> None:
         z = np.tile(np.cos(2 * np.pi * np.arange(across) / across), (along, 1))
-        self.surface = Surface(z, 1.0 / along, periodic=True)
-        self.half_space = HalfSpace(self.surface.shape, "fourier", periodic=True)
+        self.surface = Surface(z, 1.0 / along, sides="periodic")
+        self.half_space = HalfSpace(self.surface.shape, "fourier", sides="periodic")
         self.closed = np.pi * along / across / self.surface.unit
         self.near = state_under(Trials(self.surface, self.half_space, rtol=1e-9), 0.7 * self.closed, 1.0)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,27 +20,30 @@ from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 
 KERNELS = ("love", "punch")  # with coefficients, so that a free patch has them
-FREE = [(False, kernel) for kernel in KERNELS]
-PERIODIC = [(True, kernel) for kernel in ("love", "punch", "fourier")]
-BODIES = [*FREE, *PERIODIC]  # (periodic, kernel)
+FREE = [("free", kernel) for kernel in KERNELS]
+PLANES = [(sides, kernel) for sides in ("mirrored", "periodic") for kernel in ("love", "punch", "fourier")]
+BODIES = [*FREE, *PLANES]  # (sides, kernel)
+SIDES = ("free", "mirrored", "periodic")
 REFERENCE = Path(__file__).parents[3] / "shared" / "reference"  # solved cases of other codes
-every_body = pytest.mark.parametrize(("periodic", "kernel"), BODIES)
+every_body = pytest.mark.parametrize(("sides", "kernel"), BODIES)
+every_side = pytest.mark.parametrize("sides", SIDES)
 
 
 @lru_cache
-def half_space(shape, kernel="love", periodic=False):
-    return HalfSpace(shape, kernel, periodic=periodic)
+def half_space(shape, kernel="love", sides="free"):
+    return HalfSpace(shape, kernel, sides=sides)
 
 
 @lru_cache
-def fractal(m, D=2.3, seed=0, periodic=False):
-    return random_midpoint_displacement(D, m, seed=seed, periodic=periodic)
+def fractal(m, D=2.3, seed=0, sides="free"):
+    surface = random_midpoint_displacement(D, m, seed=seed, periodic=sides == "periodic")
+    return replace(surface, sides=sides)
 
 
 @lru_cache
 def swept(surface, indentations, kernel="love", **options):
     """States of a surface, solved once for all tests."""
-    space = half_space(surface.shape, kernel, surface.periodic)
+    space = half_space(surface.shape, kernel, surface.sides)
     return list(sweep(surface, space, indentations, **options))
 
 
@@ -71,9 +75,14 @@ def love_influence(shape):
 
 
 @lru_cache
-def dense(shape, kernel="love", periodic=False):
-    """The matrix K of a half space."""
-    return dense_matrix(half_space(shape, kernel, periodic).influence)
+def dense(shape, kernel="love", sides="free"):
+    """The matrix K of a half space. The rows of mirrored elements are sums over the images in the doubled period."""
+    if sides != "mirrored":
+        return dense_matrix(half_space(shape, kernel, sides).influence)
+    doubled = 2 * shape[0], 2 * shape[1]
+    image = np.pad(np.arange(math.prod(shape)).reshape(shape), [(0, n) for n in shape], mode="symmetric").ravel()
+    origin = np.arange(image.size).reshape(doubled)[: shape[0], : shape[1]].ravel()
+    return dense(doubled, kernel, "periodic")[origin] @ np.eye(origin.size)[image]
 
 
 def summed_displacement(pressure, kernel="love"):
@@ -87,13 +96,16 @@ def summed_displacement(pressure, kernel="love"):
 class DenseHalfSpace:
     """A matrix in place of the FFT, with the members that the contact solver needs."""
 
-    periodic = False
+    sides = "free"
 
     def __init__(self, shape, kernel="love"):
         self.shape, self.kernel = shape, kernel_of(kernel)
         self.influence = coefficients(shape, kernel)
         self.matrix = dense_matrix(self.influence)
         self.convolutions = self.convolutions_fp32 = 0
+
+    def between(self, elements):
+        return self.matrix[np.ix_(elements, elements)]
 
     def displacement_above(self, heights, elements, pressure):
         self.convolutions += 1

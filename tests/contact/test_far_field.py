@@ -15,6 +15,7 @@ from roughvol.contact.options import Tuning
 from tests.contact.kit import KERNELS, contact_set, half_space, of_units, random, spectrum_of
 
 SIZES = range(9, 301)
+FREE_OR_PERIODIC = ("free", "periodic")
 PERIODS = [(17, 17), (64, 40), (33, 70), (9, 150), (61, 16), (5, 129)]
 
 
@@ -39,9 +40,9 @@ def random_contact(shape, generator, wanted=120):
     return np.flatnonzero(field.ravel() >= np.quantile(field, 1.0 - share))
 
 
-def check_dense(shape, periodic, kernel, generator, tiers=(256, 16, 3)):
+def check_dense(shape, sides, kernel, generator, tiers=(256, 16, 3)):
     """All eigenvalues of M⁻¹ and of M⁻¹K, with one, two and three tiers of blocks."""
-    space = HalfSpace(shape, kernel, periodic=periodic)
+    space = HalfSpace(shape, kernel, sides=sides)
     elements = random_contact(shape, generator)
     matrix = influence_matrix(space.influence, elements)
     t = np.maximum(np.linalg.solve(matrix, np.ones(elements.size)), 0.0)
@@ -53,14 +54,16 @@ def check_dense(shape, periodic, kernel, generator, tiers=(256, 16, 3)):
             values = spectrum_of(found, matrix)
         except np.linalg.LinAlgError:
             values = np.array([0.0, 1.0])
-        assert values[-1] < 20.0 * values[0], f"{shape}, {periodic=}, {kernel}, {factorised_up_to=}"
+        assert values[-1] < 20.0 * values[0], f"{shape}, {sides=}, {kernel}, {factorised_up_to=}"
 
 
 def test_inverse_is_positive_definite_on_grids_of_any_size():
     generator = random(1)
     for number, rows in enumerate(range(9, 150, 3)):
         shape = (rows, rows if number % 3 else int(generator.choice(SIZES[:140])))
-        check_dense(shape, bool(number % 2), KERNELS[number // 2 % 2], generator, ((256, 16, 3)[number % 3],))
+        check_dense(
+            shape, FREE_OR_PERIODIC[number % 2], KERNELS[number // 2 % 2], generator, ((256, 16, 3)[number % 3],)
+        )
 
 
 @pytest.mark.slow
@@ -70,8 +73,8 @@ def test_inverse_is_positive_definite_on_grids_of_every_size_square_and_oblong(f
     generator = random([first, 1])
     for rows in range(first, min(first + 20, SIZES.stop)):
         for columns in (rows, *generator.choice(SIZES, 3).tolist()):
-            for periodic in (True,) if kernel == "fourier" else (False, True):
-                check_dense((rows, columns), periodic, kernel, generator)
+            for sides in ("periodic",) if kernel == "fourier" else FREE_OR_PERIODIC:
+                check_dense((rows, columns), sides, kernel, generator)
 
 
 def least_and_largest(inverse, size, generator, steps=8):
@@ -94,10 +97,10 @@ LARGER = [(n, n) for n in (130, 131, 139, 144, 145, 207, 215, 258, 272)]
 LARGER += [(117, 204), (174, 327), (250, 132), (268, 275), (328, 213), (17, 800)]
 
 
-@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("sides", FREE_OR_PERIODIC)
 @pytest.mark.parametrize("shape", LARGE + [pytest.param(shape, marks=pytest.mark.slow) for shape in LARGER])
-def test_inverse_is_positive_definite_on_large_contacts(shape, periodic):
-    generator, space = random(shape), HalfSpace(shape, periodic=periodic)
+def test_inverse_is_positive_definite_on_large_contacts(shape, sides):
+    generator, space = random(shape), HalfSpace(shape, sides=sides)
     smooth = sum(np.roll(generator.random(shape), (i, j), (0, 1)) for i in range(4) for j in range(4))
     for share in (0.1, 0.95):
         elements = np.flatnonzero(smooth.ravel() >= np.quantile(smooth, 1.0 - share))
@@ -145,15 +148,15 @@ def test_without_a_factorisation_the_near_field_does(monkeypatch):
 # ---- the parts of the proof
 
 
-@pytest.mark.parametrize("periodic", [False, True])
-def test_blocks_along_an_axis_hold_every_node_once(periodic):
+@pytest.mark.parametrize("sides", FREE_OR_PERIODIC)
+def test_blocks_along_an_axis_hold_every_node_once(sides):
     for nodes in range(1, 400):
-        axis = far_field.cut(nodes, 8, periodic)
+        axis = far_field.cut(nodes, 8, sides == "periodic")
         lengths = np.bincount(axis.block)
         assert lengths.size == axis.blocks == -(-nodes // 8)
         assert (np.diff(axis.block) >= 0).all()
         assert np.array_equal(axis.within, np.concatenate([np.arange(n) for n in lengths]))
-        if periodic:
+        if sides == "periodic":
             assert lengths.min() >= lengths.max() - 1
             assert lengths.max() <= 8
             assert np.array_equal(axis.spare, 8 - lengths[axis.block])
@@ -166,12 +169,12 @@ def test_blocks_along_an_axis_hold_every_node_once(periodic):
             assert not axis.spare.any()
 
 
-def scattered(shape, periodic, kernel="love", share=0.1):
+def scattered(shape, sides, kernel="love", share=0.1):
     """A half space and elements in contact: in clusters on a free patch, at random on a period; with their t."""
-    if not periodic:
+    if sides == "free":
         space, elements, matrix, t = contact_set(shape, kernel=kernel)
         return space, elements, matrix, np.maximum(t, 1e-3)
-    space, generator = half_space(shape, kernel, True), random(2)
+    space, generator = half_space(shape, kernel, sides), random(2)
     elements = np.flatnonzero(generator.random(math.prod(shape)) < min(share, 600 / math.prod(shape)))
     return space, elements, influence_matrix(space.influence, elements), generator.exponential(size=elements.size)
 
@@ -180,7 +183,7 @@ def between_blocks(tier, shape, elements, t):
     """P of the definition, and the number of the block of each element."""
     code = 0  # blocks of eight nodes and a shorter last one, or equal shares of a period
     for place, nodes, blocks in zip(np.divmod(elements, shape[1]), shape, tier.influence.shape, strict=True):
-        code = code * blocks + (place * -(-nodes // 8) // nodes if tier.periodic else place // 8)
+        code = code * blocks + (place * -(-nodes // 8) // nodes if (tier.sides == "periodic") else place // 8)
     assert np.array_equal(tier.numbers, np.unique(code))
     block = np.searchsorted(tier.numbers, code)
     spread = np.zeros((elements.size, tier.numbers.size))
@@ -196,7 +199,7 @@ def beside(tier):
     near = True
     for place, blocks in zip(np.divmod(tier.numbers, tier.influence.shape[1]), tier.influence.shape, strict=True):
         apart = np.abs(place[:, None] - place)
-        near &= (apart <= 1) | ((apart == blocks - 1) & (tier.periodic and blocks > 2))
+        near &= (apart <= 1) | ((apart == blocks - 1) & ((tier.sides == "periodic") and blocks > 2))
     return near
 
 
@@ -223,13 +226,13 @@ def check_tier(tier, shape, matrix, elements, t):
     return operator(tier), exact
 
 
-GRIDS = [(False, shape) for shape in ((65, 65), (50, 100), (3, 250))] + [(True, shape) for shape in PERIODS]
+GRIDS = [("free", shape) for shape in ((65, 65), (50, 100), (3, 250))] + [("periodic", shape) for shape in PERIODS]
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize(("periodic", "shape"), GRIDS)
-def test_operator_between_blocks_is_exact_nearby(periodic, shape, kernel):
-    space, elements, matrix, t = scattered(shape, periodic, kernel)
+@pytest.mark.parametrize(("sides", "shape"), GRIDS)
+def test_operator_between_blocks_is_exact_nearby(sides, shape, kernel):
+    space, elements, matrix, t = scattered(shape, sides, kernel)
     tier = far_field.Tier(space, elements, t)
     found, exact = check_tier(tier, shape, matrix, elements, t)
     near = np.zeros(exact.shape, dtype=bool)
@@ -239,28 +242,28 @@ def test_operator_between_blocks_is_exact_nearby(periodic, shape, kernel):
     assert np.abs(found / exact - 1.0).max() < 0.5  # points for blocks
 
 
-@pytest.mark.parametrize("periodic", [False, True])
-def test_operator_between_blocks_of_blocks_is_exact_nearby(periodic):
+@pytest.mark.parametrize("sides", FREE_OR_PERIODIC)
+def test_operator_between_blocks_of_blocks_is_exact_nearby(sides):
     shape, generator = (133, 133), random(3)
     elements = np.flatnonzero(generator.random(shape) < 0.01)
-    below = far_field.Tier(half_space(shape, periodic=periodic), elements, generator.exponential(size=elements.size))
+    below = far_field.Tier(half_space(shape, sides=sides), elements, generator.exponential(size=elements.size))
     tier = far_field.Tier(below, below.numbers, below.mass)
     check_tier(tier, below.influence.shape, operator(below), below.numbers, below.mass)
 
 
-@pytest.mark.parametrize(("periodic", "shape"), [(False, (65, 65)), *((True, shape) for shape in PERIODS)])
-def test_near_field_of_blocks_is_the_factor_of_its_definition(periodic, shape):
-    space, elements, _, t = scattered(shape, periodic)
+@pytest.mark.parametrize(("sides", "shape"), [("free", (65, 65)), *(("periodic", shape) for shape in PERIODS)])
+def test_near_field_of_blocks_is_the_factor_of_its_definition(sides, shape):
+    space, elements, _, t = scattered(shape, sides)
     tier = far_field.Tier(space, elements, t)
-    sides = tier.influence.shape
-    x, y = np.divmod(tier.numbers, sides[1])
+    blocks = tier.influence.shape
+    x, y = np.divmod(tier.numbers, blocks[1])
     number = {place: i for i, place in enumerate(zip(x.tolist(), y.tolist(), strict=True))}
     matrix = operator(tier)
     factor = np.zeros_like(matrix)
     for i in range(x.size):
         around = [(x[i] + a, y[i] + b) for a, b in ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 0))]
-        if periodic:
-            around = [tuple(p % n if n > 2 else p for p, n in zip(place, sides, strict=True)) for place in around]
+        if sides == "periodic":
+            around = [tuple(p % n if n > 2 else p for p, n in zip(place, blocks, strict=True)) for place in around]
         near = [number[place] for place in around if place in number]
         row = np.linalg.solve(matrix[np.ix_(near, near)], np.eye(len(near))[-1])
         factor[i, near] = row / np.sqrt(row[-1])

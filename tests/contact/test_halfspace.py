@@ -21,11 +21,11 @@ PERIODS = [(5, 5), (5, 8), (16, 16), (15, 22), (9, 31)]
 
 
 @pytest.mark.parametrize(
-    ("periodic", "kernel", "shape"), [(p, k, shape) for p, k in BODIES for shape in (PERIODS if p else SHAPES)]
+    ("sides", "kernel", "shape"), [(s, k, shape) for s, k in BODIES for shape in (SHAPES if s == "free" else PERIODS)]
 )
-def test_convolution_is_the_matrix_of_the_coefficients(periodic, kernel, shape):
-    space, matrix = HalfSpace(shape, kernel, periodic=periodic), dense(shape, kernel, periodic)
-    assert periodic or np.array_equal(space.influence, coefficients(shape, kernel))
+def test_convolution_is_the_matrix_of_the_coefficients(sides, kernel, shape):
+    space, matrix = HalfSpace(shape, kernel, sides=sides), dense(shape, kernel, sides)
+    assert sides != "free" or np.array_equal(space.influence, coefficients(shape, kernel))
     pressure, heights = random(1).random((2, math.prod(shape)))
     u = matrix @ pressure
     near = 1e-13 * np.abs(u).max()
@@ -153,10 +153,19 @@ def test_transform_length_is_even_long_enough_and_smooth():
         assert 2**60 * 3**40 * 5**30 % length == 0
 
 
-@pytest.mark.parametrize(("shape", "periodic"), [((0, 3), False), ((-1, 3), False), ((2, 8), True), ((8, 4), True)])
-def test_grids_that_are_too_small_are_refused(shape, periodic):
-    with pytest.raises(ContactError, match="at least 5 × 5" if periodic else "at least 1 × 1"):
-        HalfSpace(shape, periodic=periodic)
+@pytest.mark.parametrize(
+    ("shape", "sides", "least"),
+    [
+        ((0, 3), "free", 1),
+        ((-1, 3), "free", 1),
+        ((2, 8), "mirrored", 3),
+        ((2, 8), "periodic", 5),
+        ((8, 4), "periodic", 5),
+    ],
+)
+def test_grids_that_are_too_small_are_refused(shape, sides, least):
+    with pytest.raises(ContactError, match=f"at least {least} × {least}"):
+        HalfSpace(shape, sides=sides)
 
 
 @pytest.mark.parametrize("shape", [(5, 6), (6, 5), (30,), (1, 5, 6)])

@@ -14,7 +14,7 @@ from roughvol.contact.law import HardWall, RigidWall
 from roughvol.contact.loading import sweep
 from roughvol.contact.options import Tuning
 from roughvol.surfaces.surface import Surface
-from tests.contact.kit import REFERENCE, dense, every_body, fractal, half_space, random, swept
+from tests.contact.kit import REFERENCE, dense, every_body, every_side, fractal, half_space, random, swept
 
 RTOL = 1e-9
 LAWS = [RigidWall(), HardWall(1.5)]
@@ -42,8 +42,8 @@ def test_an_admitted_change_of_allowed_pressures_stays_allowed_at_first(law):
 
 @every_body
 @pytest.mark.parametrize("hardness", [None, 3.0])
-def test_a_solution_leaves_no_residual_on_the_free_elements(periodic, kernel, hardness):
-    surface = fractal(4, periodic=periodic)
+def test_a_solution_leaves_no_residual_on_the_free_elements(sides, kernel, hardness):
+    surface = fractal(4, sides=sides)
     (contact,) = swept(surface, (2.0,), kernel, rtol=1e-10, hardness=hardness)
     law, q, w = contact._leg.law, np.zeros(surface.heights.size), contact._state.gap()
     q[contact._state.elements] = contact._state.pressure
@@ -166,11 +166,11 @@ def test_without_hardness_the_contact_is_the_bearing_area():
         assert contact.mean_pressure == pytest.approx(1e-9 * contact.contact_area_fraction)
 
 
-@pytest.mark.parametrize("periodic", [False, True])
+@every_side
 @pytest.mark.parametrize("hardness", [None, 40.0, 8.0, 2.0])
-def test_elastic_contact_retraces_and_yielded_contact_unloads_below_and_returns(periodic, hardness):
+def test_elastic_contact_retraces_and_yielded_contact_unloads_below_and_returns(sides, hardness):
     turn = len(UP) - 1
-    surface = fractal(4, 2.3, 3, periodic)
+    surface = fractal(4, 2.3, 3, sides)
     contacts = swept(surface, (*UP, *DOWN, *UP[1:]), rtol=RTOL, hardness=hardness)
     top = contacts[turn]
     for up, down in zip(contacts[:turn][::-1], contacts[turn + 1 :], strict=False):
@@ -186,7 +186,7 @@ def test_elastic_contact_retraces_and_yielded_contact_unloads_below_and_returns(
     for contact in contacts:
         assert contact.pressure().max() <= (hardness or np.inf) + 1e-9
         assert contact.free_volume == pytest.approx(contact.gap().mean(), abs=1e-6)
-        if periodic:
+        if sides != "free":
             assert contact.free_volume == pytest.approx(contact.separation + contact.plastic_volume, abs=1e-12)
 
 

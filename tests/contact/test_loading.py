@@ -102,7 +102,7 @@ def check_conditions(contact, surface, kernel, rtol):
 def check_exact(contact, surface, kernel):
     """The state is that of the dense oracle. Return elements that are in contact or open beyond doubt."""
     b = scaled_overlap(surface, contact.approach).ravel()
-    matrix = dense(surface.shape, kernel, surface.periodic)
+    matrix = dense(surface.shape, kernel, surface.sides)
     q = exact_pressure(matrix, b)
     w = matrix @ q - b
     # |K⁻¹| < 4 for all kernels: the freedom within a residual of 1e-10
@@ -131,8 +131,8 @@ def test_sweep_is_the_exact_solution_on_any_surface(name, kernel):
 
 @every_body
 @pytest.mark.parametrize("iterated", [False, True])
-def test_sweep_is_the_exact_solution_for_any_body(periodic, kernel, iterated):
-    surface = fractal(4, 2.4, 0, periodic)
+def test_sweep_is_the_exact_solution_for_any_body(sides, kernel, iterated):
+    surface = fractal(4, 2.4, 0, sides)
     options = {"rtol": TIGHT, "tuning": Tuning(dense_up_to=0)} if iterated else {"rtol": TIGHT}
     for contact in swept(surface, (0.05, 0.8, 2.5, 20.0), kernel, **options):
         check_exact(contact, surface, kernel)
@@ -211,13 +211,13 @@ TURNS += [
     (SURFACES["white noise"], np.transpose),
     *((SURFACES[n], np.rot90) for n in ("pyramid", "four peaks", "flat")),
 ]
-TURNS += [(fractal(5, periodic=True), lambda field: np.roll(field, (11, 20), (0, 1)))]
+TURNS += [(fractal(5, sides="periodic"), lambda field: np.roll(field, (11, 20), (0, 1)))]
 
 
 @pytest.mark.parametrize(("surface", "turn"), TURNS)
 def test_turned_surface_has_the_turned_solution(surface, turn):
     """Surfaces that equal their turned selves have a symmetric solution; a period has no origin."""
-    turned = Surface(turn(surface.heights), 1.0, periodic=surface.periodic)
+    turned = Surface(turn(surface.heights), 1.0, sides=surface.sides)
     for a, b in zip(swept(turned, STEPS, rtol=TIGHT), swept(surface, STEPS, rtol=TIGHT), strict=True):
         assert np.array_equal(a.contact(), turn(b.contact()))
         expected = turn(lattice_pressure(b))  # p* is in units of the first axis, which turns too
@@ -280,9 +280,9 @@ def test_work_of_the_load_is_the_elastic_energy():
 
 
 @every_body
-def test_sweep_is_a_solve_at_each_step(periodic, kernel):
-    surface = fractal(5, 2.5, periodic=periodic)
-    space = half_space(surface.shape, kernel, periodic)
+def test_sweep_is_a_solve_at_each_step(sides, kernel):
+    surface = fractal(5, 2.5, sides=sides)
+    space = half_space(surface.shape, kernel, sides)
     for steps in ((0.3, 0.6, 1.2), (1e-12, 1e-6, 0.3, 0.3 + 1e-9, 2.0, 30.0)):
         for contact in swept(surface, steps, kernel, rtol=1e-11):
             alone = solve(surface, space, contact.approach, rtol=1e-11)
@@ -446,13 +446,13 @@ def test_full_contact_at_200_sigma_is_as_stiff_as_the_flat_surface(m):
     assert b.mean_pressure - a.mean_pressure == pytest.approx(punch.mean_pressure, rel=1e-9)
 
 
-# ---- periods of a plane
+# ---- parts of an endless plane
 
 
 @pytest.mark.parametrize("kernel", ["love", "punch", "fourier"])
 def test_mean_gap_is_the_separation_up_to_full_contact(kernel):
     """V* = d/σ exactly, Δ is that of the mean planes and ends at z_max, and the approach exceeds it by p*."""
-    surface = fractal(5, 2.4, periodic=True)
+    surface = fractal(5, 2.4, sides="periodic")
     contacts = swept(surface, (0.3, 1.0, 3.0, 10.0, 40.0, 1e3), kernel)
     for contact in contacts:
         assert contact.free_volume == contact.separation
@@ -465,10 +465,10 @@ def test_mean_gap_is_the_separation_up_to_full_contact(kernel):
 
 def test_answer_does_not_depend_on_the_constant_of_the_zero_mode(monkeypatch):
     """Another constant relabels the approach: the state at equal pressure is the same."""
-    surface = fractal(4, 2.4, periodic=True)
+    surface = fractal(4, 2.4, sides="periodic")
     (one,) = swept(surface, (2.0,), rtol=1e-11)
     monkeypatch.setattr("roughvol.contact.kernels.math.pi", 3.0 * math.pi)
-    other = HalfSpace(surface.shape, periodic=True)
+    other = HalfSpace(surface.shape, sides="periodic")
     monkeypatch.undo()
     same = solve(surface, other, one.indentation + 3.0 * one.mean_pressure, rtol=1e-11)
     assert same.pressure() == pytest.approx(one.pressure(), abs=1e-8)
@@ -476,13 +476,36 @@ def test_answer_does_not_depend_on_the_constant_of_the_zero_mode(monkeypatch):
 
 
 def test_two_periods_are_one_twice():
-    surface = fractal(4, 2.4, periodic=True)
-    double = Surface(np.tile(surface.heights, (2, 1)), surface.spacing, periodic=True)
+    surface = fractal(4, 2.4, sides="periodic")
+    double = Surface(np.tile(surface.heights, (2, 1)), surface.spacing, sides="periodic")
     (one,) = swept(surface, (1.5,), rtol=1e-11)
     # p* is over L, which is twice as long; the zero mode is that of the longer side
     (two,) = swept(double, (one.indentation + 2.0 * one.mean_pressure,), rtol=1e-11)
     assert two.pressure() == pytest.approx(2.0 * np.tile(one.pressure(), (2, 1)), abs=1e-8)
     assert two.free_volume == pytest.approx(one.free_volume, abs=1e-9)
+
+
+@pytest.mark.parametrize("kernel", ["love", "punch", "fourier"])
+@pytest.mark.parametrize("shape", [(17, 17), (14, 23)])
+@pytest.mark.parametrize("hardness", [None, 4.0])
+def test_a_mirrored_surface_is_a_quarter_of_its_period(kernel, shape, hardness):
+    """Up and down again: the period of a surface and its mirror images has the same gaps, contacts and pressures."""
+    patch = Surface(self_affine(shape), 1.0, sides="mirrored")
+    period = Surface(np.pad(patch.heights, [(0, n) for n in shape], mode="symmetric"), 1.0, sides="periodic")
+    longer = period.side / patch.side  # p* and the hardness are over L
+    approaches = (0.4, 1.5, 3.0, 6.0, 2.0)
+    states = swept(patch, approaches, kernel, rtol=1e-12, hardness=hardness)
+    whole = swept(period, approaches, kernel, rtol=1e-12, hardness=hardness and longer * hardness)
+    for one, two in zip(states, whole, strict=True):
+        assert (one.approach, one.contact_area_fraction) == (two.approach, two.contact_area_fraction)
+        assert np.array_equal(np.pad(one.contact(), [(0, n) for n in shape], mode="symmetric"), two.contact())
+        for name in ("indentation", "separation", "free_volume", "plastic_volume", "plastic_area_fraction"):
+            assert getattr(one, name) == pytest.approx(getattr(two, name), abs=1e-11)
+        assert longer * one.mean_pressure == pytest.approx(two.mean_pressure, rel=1e-10)
+        quarter = two.pressure()[: shape[0], : shape[1]]
+        assert longer * one.pressure() == pytest.approx(quarter, abs=1e-10 * quarter.max())
+        assert one.gap() == pytest.approx(two.gap()[: shape[0], : shape[1]], abs=1e-11)
+    assert hardness is None or states[-1].plastic_volume > 0.0
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (75, 50), (37, 96), (61, 17)])
@@ -492,7 +515,7 @@ def test_seams_take_no_more_iterations_than_the_middle(shape):
     top = np.unravel_index(heights.argmax(), shape)
     iterations = []
     for shift in (-top[0], -top[1]), (shape[0] // 2 - top[0], shape[1] // 2 - top[1]):
-        surface = Surface(np.roll(heights, shift, (0, 1)), 1.0, periodic=True)
+        surface = Surface(np.roll(heights, shift, (0, 1)), 1.0, sides="periodic")
         iterations.append(sum(contact.iterations for contact in swept(surface, tuple(0.8 * np.arange(1, 11)))))
     assert iterations[0] <= 1.3 * iterations[1] + 20
 
@@ -500,11 +523,11 @@ def test_seams_take_no_more_iterations_than_the_middle(shape):
 # 0.11.1 ended without convergence on all of these: one or two thousand iterations, or a residual that was no number
 @pytest.mark.parametrize(("shape", "kernel"), [((17, 17), "love"), ((74, 15), "fourier"), ((133, 133), "love")])
 def test_periods_of_any_sides_converge_wherever_they_begin(shape, kernel):
-    surface = Surface(self_affine(shape, longest=4.0, hurst=0.3, seed=1), 1.0, periodic=True)
-    rolled = Surface(np.roll(surface.heights, (5, 3), (0, 1)), 1.0, periodic=True)
+    surface = Surface(self_affine(shape, longest=4.0, hurst=0.3, seed=1), 1.0, sides="periodic")
+    rolled = Surface(np.roll(surface.heights, (5, 3), (0, 1)), 1.0, sides="periodic")
     ends = []
     for approach in (5.0, 60.0):
-        one, other = (solve(each, half_space(shape, kernel, True), approach) for each in (surface, rolled))
+        one, other = (solve(each, half_space(shape, kernel, "periodic"), approach) for each in (surface, rolled))
         assert max(one.residual, other.residual) <= 1e-6
         assert one.free_volume == pytest.approx(other.free_volume, abs=2e-6)
         assert max(one.iterations, other.iterations) < 60
@@ -524,7 +547,7 @@ FLAWED = [
     ({"pressure_error": 0.2}, r"pressure_error is 0.2.*<= 0.1"),
     *(({"at": at}, rf"indentation is {at}.*finite") for at in (math.nan, math.inf, -math.inf)),
     ({"space": (9, 10)}, r"\(9, 9\).*\(9, 10\)"),
-    ({"surface": fractal(3, periodic=True), "space": (8, 8)}, "the surface is periodic, the half space free"),
+    ({"surface": fractal(3, sides="periodic"), "space": (8, 8)}, "the surface is periodic, the half space free"),
     ({"surface": fractal(7), "space": (129, 129), "method": "paper"}, r"65.*\(129, 129\)"),
     ({"at": 3.0, "rtol": 1e-18}, "rtol is 1e-18 at the indentation 3; allowed: at least 1e-15"),
 ]

@@ -27,11 +27,11 @@ BEYOND = {"love": 1e-12, "fourier": 1e-12, "punch": 0.07}  # of the interval of 
 ITERATED = Tuning(dense_up_to=4)  # a factorisation would leave no residual
 
 
-def check_changes(periodic, kernel, generator, count, most):
+def check_changes(sides, kernel, generator, count, most):
     """Contacts from scattered to nearly full."""
     for _ in range(count):
         shape = tuple(int(side) for side in generator.integers(6, most, 2))
-        everywhere, field = dense(shape, kernel, periodic), generator.standard_normal(shape)
+        everywhere, field = dense(shape, kernel, sides), generator.standard_normal(shape)
         for _ in range(generator.integers(0, 4)):
             field = field + np.roll(field, 1, 0) + np.roll(field, 1, 1)
         for share in (0.05, 0.5, 0.95, 1.0):
@@ -44,23 +44,23 @@ def check_changes(periodic, kernel, generator, count, most):
 
 
 @every_body
-def test_changes_of_height_change_volume_and_load_by_no_more_than_their_largest(periodic, kernel):
+def test_changes_of_height_change_volume_and_load_by_no_more_than_their_largest(sides, kernel):
     """δV* = y·δ and δF = s·δ to first order, for heights of the contact changed by δ, |δ| ≤ η."""
-    check_changes(periodic, kernel, random(1), 8, 14)
+    check_changes(sides, kernel, random(1), 8, 14)
 
 
 @pytest.mark.slow
 @every_body
-def test_changes_of_height_on_larger_contacts(periodic, kernel):
-    check_changes(periodic, kernel, random(1), 40, 22)
+def test_changes_of_height_on_larger_contacts(sides, kernel):
+    check_changes(sides, kernel, random(1), 40, 22)
 
 
 @every_body
 @pytest.mark.parametrize("hardness", [None, 6.0])
-def test_errors_are_below_the_residual(periodic, kernel, hardness):
-    surface = fractal(4, 2.5, 4, periodic)
+def test_errors_are_below_the_residual(sides, kernel, hardness):
+    surface = fractal(4, 2.5, 4, sides)
     for indentation in (0.5, 1.5, 2.5):
-        space = half_space(surface.shape, kernel, periodic)
+        space = half_space(surface.shape, kernel, sides)
         exact = solve(surface, space, indentation, rtol=1e-13, hardness=hardness)
         for rtol in (1e-1, 1e-2, 1e-4):
             found = solve(surface, space, indentation, rtol=rtol, hardness=hardness, tuning=ITERATED)

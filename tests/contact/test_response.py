@@ -12,31 +12,31 @@ from roughvol.contact.options import TUNING, Tuning
 from roughvol.contact.response import Response
 from roughvol.errors import ConvergenceError
 from roughvol.surfaces.surface import Surface
-from tests.contact.kit import dense, every_body, half_space, random
+from tests.contact.kit import dense, every_body, every_side, half_space, random
 
 ITERATIVE = Tuning(dense_up_to=0)
 
 
 @every_body
 @pytest.mark.parametrize(("shape", "tuning"), [((16, 16), TUNING), ((12, 19), ITERATIVE), ((30, 8), ITERATIVE)])
-def test_pressures_displace_the_elements_as_asked(periodic, kernel, shape, tuning):
+def test_pressures_displace_the_elements_as_asked(sides, kernel, shape, tuning):
     generator = random(2)
     for count in (1, 2, 70):
         elements = np.sort(generator.choice(math.prod(shape), size=count, replace=False))
-        matrix, asked = dense(shape, kernel, periodic)[np.ix_(elements, elements)], generator.normal(size=count)
-        response = Response(half_space(shape, kernel, periodic), elements, tuning=tuning)
+        matrix, asked = dense(shape, kernel, sides)[np.ix_(elements, elements)], generator.normal(size=count)
+        response = Response(half_space(shape, kernel, sides), elements, tuning=tuning)
         exact = np.linalg.solve(matrix, asked)
         np.testing.assert_allclose(response.pressure(asked), exact, atol=1e-6 * np.abs(exact).max())
         stiffness = np.linalg.solve(matrix, np.ones(count)).sum()
         assert response.rates.sum() == pytest.approx(stiffness, rel=1e-7)
 
 
-@pytest.mark.parametrize("periodic", [False, True])
+@every_side
 @pytest.mark.parametrize("hardness", [None, 8.0])
-def test_the_response_is_the_change_of_a_solved_contact(periodic, hardness):
+def test_the_response_is_the_change_of_a_solved_contact(sides, hardness):
     """Elements at the hardness keep their pressure: the elements between 0 and the hardness respond alone."""
-    space = half_space((24, 20), periodic=periodic)
-    surface = Surface(np.random.default_rng(5).normal(size=(24, 20)), 1.0, periodic=periodic)
+    space = half_space((24, 20), sides=sides)
+    surface = Surface(np.random.default_rng(5).normal(size=(24, 20)), 1.0, sides=sides)
     factor, step = np.pi * surface.intervals[0], 1e-5
     below, here, above = (
         solve(surface, space, 1.6 + change, rtol=1e-12, hardness=hardness).pressure().ravel() / factor

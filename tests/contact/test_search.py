@@ -13,7 +13,17 @@ from roughvol.contact.loading import Trials, solve, sweep
 from roughvol.contact.search import first_indentation, indentation_for, state_crossing, state_reaching, state_under
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
-from tests.contact.kit import every_body, fractal, half_space, lattice_pressure, mean_plane, random, self_affine, swept
+from tests.contact.kit import (
+    every_body,
+    every_side,
+    fractal,
+    half_space,
+    lattice_pressure,
+    mean_plane,
+    random,
+    self_affine,
+    swept,
+)
 
 MEASURE = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure", "free_volume": "free_volume"}
 
@@ -47,10 +57,10 @@ def test_indentation_for_an_area_is_the_smallest(elements):
 
 @every_body
 @pytest.mark.parametrize("method", [None, "under"])
-def test_indentation_for_a_pressure_meets_it(periodic, kernel, method):
-    surface = fractal(4, periodic=periodic)
-    space = half_space(surface.shape, kernel, periodic)
-    for value in (1e-9, 0.7, 1e4):
+def test_indentation_for_a_pressure_meets_it(sides, kernel, method):
+    surface = fractal(4, sides=sides)
+    space = half_space(surface.shape, kernel, sides)
+    for value in (1e-9, 0.7, 5e3):
         if method is None:
             found = indentation_for(surface, space, "pressure", value, rtol=1e-10)
             assert solve(surface, space, found, rtol=1e-11).mean_pressure == pytest.approx(value, rel=2e-6)
@@ -60,20 +70,20 @@ def test_indentation_for_a_pressure_meets_it(periodic, kernel, method):
                 assert state.mean_pressure == pytest.approx(value, rel=1e-9)
 
 
-@pytest.mark.parametrize("periodic", [False, True])
-def test_search_for_a_free_volume(periodic):
-    surface = fractal(5, periodic=periodic)
-    space = half_space(surface.shape, periodic=periodic)
+@every_side
+def test_search_for_a_free_volume(sides):
+    surface = fractal(5, sides=sides)
+    space = half_space(surface.shape, sides=sides)
     for value in (0.5, 0.05):
         found = indentation_for(surface, space, "free_volume", value)
         assert solve(surface, space, found).free_volume == pytest.approx(value, abs=3e-6)
 
 
-@pytest.mark.parametrize("periodic", [False, True])
-def test_search_for_a_free_volume_next_to_that_of_the_first_touch(periodic):
+@every_side
+def test_search_for_a_free_volume_next_to_that_of_the_first_touch(sides):
     """0.11.1 went on to an indentation of 1e-322 where the difference was that of rounding."""
-    surface = Surface(self_affine((45, 31), 4.0, seed=0), 1.0, periodic=periodic)
-    space = half_space(surface.shape, periodic=periodic)
+    surface = Surface(self_affine((45, 31), 4.0, seed=0), 1.0, sides=sides)
+    space = half_space(surface.shape, sides=sides)
     most = Trials(surface, space).untouched.gap().mean()
     with pytest.raises(ContactError, match="that of the first touch"):
         indentation_for(surface, space, "free_volume", most)

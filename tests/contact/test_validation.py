@@ -170,9 +170,9 @@ def test_westergaards_mean_gap(ratio, mean_gap):
 def wave_errors(n, kernel, ratio=0.25):
     """Errors of p and of the mean gap of a wave of n elements under Westergaard's mean pressure."""
     x = np.arange(n) / n
-    surface = Surface(np.repeat(np.cos(2.0 * np.pi * x)[:, None], 5, axis=1), 1.0 / n, periodic=True)
+    surface = Surface(np.repeat(np.cos(2.0 * np.pi * x)[:, None], 5, axis=1), 1.0 / n, sides="periodic")
     exact = closed_forms.westergaard(x, ratio, 1.0, 1.0)
-    space = half_space(surface.shape, kernel, True)
+    space = half_space(surface.shape, kernel, "periodic")
     unit = surface.Sq
     approach = indentation_for(surface, space, "pressure", exact.mean_pressure / unit, rtol=1e-9)
     contact = solve(surface, space, approach, rtol=1e-9)
@@ -197,8 +197,8 @@ def test_wave_converges_to_westergaard(kernel, orders):
 def test_two_other_codes_find_the_same():
     """periodic_64.npz: Fourier kernel, mean pressure imposed. A* exact, mean gap and largest pressure to 1e-8."""
     with np.load(REFERENCE / "periodic_64.npz") as stored:
-        surface, rows = Surface(stored["z"], float(stored["L"]) / 64, periodic=True), stored["rows"]
-    space, unit = half_space((64, 64), "fourier", True), surface.Sq
+        surface, rows = Surface(stored["z"], float(stored["L"]) / 64, sides="periodic"), stored["rows"]
+    space, unit = half_space((64, 64), "fourier", "periodic"), surface.Sq
     for pressure, area, gap, largest in rows:
         # the pressure of a search has a relative error of 1e-6: two secant steps
         at = [indentation_for(surface, space, "pressure", pressure / unit, rtol=1e-11)]

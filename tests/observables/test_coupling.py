@@ -40,7 +40,7 @@ def surface() -> Surface:
 
 @pytest.fixture(scope="module")
 def half_space(surface: Surface) -> HalfSpace:
-    return HalfSpace(surface.shape, periodic=True)
+    return HalfSpace(surface.shape, sides="periodic")
 
 
 LOAD = 1.0
@@ -154,7 +154,7 @@ def test_a_fluid_that_carries_the_whole_load_is_refused(surface: Surface, half_s
 )
 def test_a_joint_pressed_first_and_pressurised_then_has_a_state(periodic: bool, seed: int, load: float) -> None:
     surface = random_midpoint_displacement(2.2, 4, seed=seed, periodic=periodic)
-    half_space = HalfSpace(surface.shape, periodic=periodic)
+    half_space = HalfSpace(surface.shape, sides="periodic" if periodic else "free")
     dry = state_under(Trials(surface, half_space, rtol=1e-9), load, 1.0)
     for axis, share in ((0, 0.5), (1, 0.8)):
         coupled = Coupling(surface, half_space, axis, share * load)
@@ -178,7 +178,7 @@ def test_an_inlet_above_the_load_may_leave_a_joint_in_contact() -> None:
 
 def test_what_does_not_settle_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     surface = random_midpoint_displacement(2.2, 3, seed=3, periodic=True)
-    half_space = HalfSpace(surface.shape, periodic=True)
+    half_space = HalfSpace(surface.shape, sides="periodic")
     monkeypatch.setattr(coupling, "ROUNDS", 2)
     dry = state_under(Trials(surface, half_space, rtol=1e-9), LOAD, 1.0)
     with pytest.raises(ConvergenceError, match="not shown that the joint opens"):

@@ -36,7 +36,7 @@ def heights() -> Heights:
 
 
 def _texture(z: Heights) -> dict[str, Any]:
-    surface = Surface(z, SPACING, periodic=True)
+    surface = Surface(z, SPACING, sides="periodic")
     found = psd.spectral(surface)
     curves = deformed.curves(z - z.mean(), periodic=True)
     return (
@@ -94,8 +94,8 @@ def test_a_contact_and_the_texture_under_load(heights: Heights, shift: tuple[int
     (case,) = loads("surface: {D: 2.3, m: 5, seeds: 1, periodic: true}\nrecord: {texture: true}").cases()
     found = []
     for z in (heights, np.roll(heights, shift, (0, 1))):
-        surface = Surface(z, SPACING, periodic=True)
-        half_space = HalfSpace(surface.shape, periodic=True)
+        surface = Surface(z, SPACING, sides="periodic")
+        half_space = HalfSpace(surface.shape, sides="periodic")
         (contact,) = sweep(surface, half_space, [1.0], rtol=1e-9)
         found.append(
             deformed.under_load(View(case, surface, contact, half_space)) | {"pressure": contact.mean_pressure}

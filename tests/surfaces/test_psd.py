@@ -16,7 +16,7 @@ from roughvol.surfaces.surface import Surface
 
 def test_a_single_wave_has_its_power_in_its_ring() -> None:
     x = 2.0 * math.pi * np.arange(32) / 32
-    surface = Surface(3.0 * np.cos(4.0 * x)[:, None] + np.zeros((32, 48)), 0.5, periodic=True)
+    surface = Surface(3.0 * np.cos(4.0 * x)[:, None] + np.zeros((32, 48)), 0.5, sides="periodic")
     found, q = spectral(surface), 2.0 * math.pi * 4.0 / 16.0
     assert found.rms_height == pytest.approx(3.0 / math.sqrt(2.0))
     assert found.rms_slope == pytest.approx(q * 3.0 / math.sqrt(2.0))
@@ -30,7 +30,7 @@ def test_a_single_wave_has_its_power_in_its_ring() -> None:
 @pytest.mark.parametrize("shape", [(15, 16), (16, 15), (9, 30)])
 def test_the_density_is_the_mean_over_directions_of_a_plain_sum(shape: tuple[int, int]) -> None:
     heights = np.random.default_rng(1).standard_normal(shape)
-    surface, spacing = Surface(heights, 0.25, periodic=True), 0.25
+    surface, spacing = Surface(heights, 0.25, sides="periodic"), 0.25
     rings: dict[int, list[float]] = {}
     area = heights.size * spacing**2
     for i in range(-(shape[0] // 2), (shape[0] + 1) // 2):
@@ -51,10 +51,12 @@ def test_the_density_is_the_mean_over_directions_of_a_plain_sum(shape: tuple[int
 def test_a_window_gives_the_density_of_a_patch() -> None:
     """White noise is flat, and of the same level, under a window; a tilt of the rim does not leak into short waves."""
     noise = np.random.default_rng(2).standard_normal((129, 129))
-    patch, period = Surface(noise, 1.0), Surface(noise, 1.0, periodic=True)
+    patch, period = Surface(noise, 1.0), Surface(noise, 1.0, sides="periodic")
     assert np.mean(spectral(patch).psd[8:]) == pytest.approx(np.mean(spectral(period).psd[8:]), rel=0.06)
     ramp = np.linspace(0.0, 1.0, 129)[:, None] + np.zeros((129, 129))
-    leaks = [spectral(Surface(ramp, 1.0, periodic=periodic)).psd[30] for periodic in (False, True)]
+    leaks = [
+        spectral(Surface(ramp, 1.0, sides="periodic" if periodic else "free")).psd[30] for periodic in (False, True)
+    ]
     assert leaks[0] < 1e-4 * leaks[1]
 
 
@@ -69,7 +71,7 @@ def test_a_patch_of_a_rolled_off_surface_has_about_its_numbers() -> None:
 @pytest.mark.parametrize("scale", [1e-200, 1e140])
 def test_heights_of_any_scale_have_a_spectrum(scale: float) -> None:
     surface = power_law_surface(Spectrum(rolloff=4.0, cut=32.0), 0.8, 64)
-    other = Surface(surface.heights * scale, surface.spacing, periodic=True)
+    other = Surface(surface.heights * scale, surface.spacing, sides="periodic")
     assert spectral(other).rms_slope == pytest.approx(scale * spectral(surface).rms_slope, rel=1e-12)
     assert spectral(other).nayak == pytest.approx(spectral(surface).nayak, rel=1e-12)
 

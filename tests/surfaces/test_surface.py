@@ -86,7 +86,7 @@ def test_a_flat_surface_has_no_roughness(level: float) -> None:
 
 def test_a_period_counts_every_element_and_has_neighbours() -> None:
     heights = np.random.default_rng(0).random((8, 6))
-    free, periodic = Surface(heights, 0.5), Surface(heights, 0.5, periodic=True)
+    free, periodic = Surface(heights, 0.5), Surface(heights, 0.5, sides="periodic")
     assert (free.side, periodic.side) == (3.5, 4.0)
     assert (free.intervals, periodic.intervals) == ((7, 5), (8, 6))
     assert np.array_equal(periodic.with_neighbours[0, 1:-1], heights[-1])
