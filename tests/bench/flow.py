@@ -4,6 +4,7 @@ python -m tests.bench.flow states 9        16 states of D = 2.2 to A* = 0.15: co
 python -m tests.bench.flow direct 9        one flow in light and heavy contact: by gradients against factorised
 python -m tests.bench.flow peer 512        one flow against reynoldsflow, errors against the flow to 1e-11
 python -m tests.bench.flow large 12 0.1    memory and time of one flow through the gap over a cut surface
+python -m tests.bench.flow fewer 7         leaks read between fewer of 60 states of a sweep, D = 2.2, 2.5, 2.8
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 from threadpoolctl import threadpool_limits
 
 from roughvol.contact import HalfSpace, sweep
@@ -116,10 +118,38 @@ def large(m: int, closed: float) -> None:
     )
 
 
+def fewer(m: int) -> None:
+    """Print by what factor leaks differ that are read on the logarithm between every second, fourth, eighth state.
+
+    The median and the largest of 6 surfaces of each D, both axes, from the first to the last state with an open way.
+    """
+    for D in (2.2, 2.5, 2.8):
+        found: dict[int, list[np.ndarray]] = {2: [], 4: [], 8: []}
+        for seed in range(6):
+            surface = random_midpoint_displacement(D, m, seed=seed)
+            end = (surface.z_max - surface.mean_height) / surface.Sq
+            states = list(sweep(surface, HalfSpace(surface.shape), np.linspace(0.0, end, 61)[1:]))
+            loads = np.log([state.mean_pressure for state in states])
+            for axis in (0, 1):
+                flows = [conduction(state.gap(), axis).coefficient * state.free_volume**3 for state in states]
+                still = np.flatnonzero(np.array(flows) > 0.0)
+                for every, factors in found.items():
+                    kept = still[::every]
+                    between = np.setdiff1d(np.arange(kept[-1]), kept)
+                    read = PchipInterpolator(loads[kept], np.log(np.array(flows)[kept]))(loads[between])
+                    factors.append(np.exp(np.abs(read - np.log(np.array(flows)[between]))))
+        for every, factors in found.items():
+            all_of = np.concatenate(factors)
+            print(
+                f"D = {D}, every {every}: median {np.median(all_of):.4f}, 95 % {np.quantile(all_of, 0.95):.3f}, "
+                f"largest {all_of.max():.3f}"
+            )
+
+
 if __name__ == "__main__":
     what, *numbers = sys.argv[1:]
     with threadpool_limits(1):
         if what == "large":
             large(int(numbers[0]), float(numbers[1]))
         else:
-            {"states": states, "direct": direct, "peer": peer}[what](int(numbers[0]))
+            {"states": states, "direct": direct, "peer": peer, "fewer": fewer}[what](int(numbers[0]))
