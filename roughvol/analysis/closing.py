@@ -1,7 +1,7 @@
 """The load at which the last way along an axis closes, surface by surface.
 
-A way is known at its computed states alone. The last way closes between the last state with an open way and the
-next state. Both loads are given: the closing load lies between them.
+A study with ``record.transport.closing`` has the closing load solved. Elsewhere a way is known at its computed states
+alone. The last way then closes between the last state with an open way and the next state, and both loads are given.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from roughvol.analysis.leak import ways
 from roughvol.typing import Array
 
 LOADS = ("nominal_pressure", "mean_pressure")
+SOLVED = "closing_pressure"
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,8 @@ class Span:
     open_up_to : float
         Largest load of a state with an open way; 0 if no state has an open way.
     closed_from : float
-        Load of the next state; infinite if the way is open at the last state.
+        Load of the next state; infinite if the way is open at the last state. Where the closing is solved, both are
+        its load.
     """
 
     open_up_to: float
@@ -69,9 +71,19 @@ def spans(group: Dataset, axis: str, load: str = "") -> list[Span]:
     """
     if not (name := ways(group)):
         return []
-    along = (group[name].sel(axis=axis), group[load or load_of(group)])
-    rows, loads = (values.transpose("seed", "step").values for values in along)
-    return [found for way, at in zip(rows, loads, strict=True) if (found := span_of(way, at)) is not None]
+    along = (group[name].sel(axis=axis), group[load or load_of(group)], group["mean_pressure"])
+    rows, loads, starred = (values.transpose("seed", "step").values for values in along)
+    found = [span_of(way, at) for way, at in zip(rows, loads, strict=True)]
+    if SOLVED in group:
+        solved = group[SOLVED].sel(axis=axis).values * [_ratio(at, p) for at, p in zip(loads, starred, strict=True)]
+        found = [Span(at, at) if math.isfinite(at) else span for at, span in zip(solved.tolist(), found, strict=True)]
+    return [span for span in found if span is not None]
+
+
+def _ratio(loads: Array, starred: Array) -> float:
+    """Return a load over p*, from the largest."""
+    at = int(np.nanargmax(starred)) if np.isfinite(starred).any() else 0
+    return float(loads[at] / starred[at])
 
 
 def span_of(way: Array, loads: Array) -> Span | None:

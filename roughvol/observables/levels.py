@@ -23,6 +23,7 @@ from roughvol.surfaces.surface import Surface
 LAST = Level("last")
 CLOSED = 1e-3  # share of the leak rate of a level below which ways count as closed in a search
 ROUNDING = 1e-9  # relative; a state that misses a level by less reaches it
+CLOSING = 1e-4  # relative accuracy of the indentation at which a way closes
 
 
 def end_of(case: Case, target: Level | None = None) -> Callable[[Contact], bool] | None:
@@ -91,7 +92,7 @@ def searched(level: Level, surface: Surface) -> bool:
     """Return whether the indentation of a level is searched for. Indentation and separation follow on a free patch."""
     return (
         level.kind in TARGETS
-        or level.kind.startswith("leak_rate")
+        or level.kind.startswith(("leak_rate", "percolation"))
         or (surface.periodic and level.kind in ("indentation", "separation"))
     )
 
@@ -142,6 +143,7 @@ def at_level(
     """
     value = level.value or 0.0
     options = options_of(case, surface)
+    options = _coarse(options) if level.kind.startswith("percolation") else options
     if not earlier and level.kind in ("free_volume", "separation"):
         check_touch(level, case, surface, Trials(surface, half_space, options).untouched)
     falls = bool(earlier) and after.approach < earlier[-1]["indentation"]
@@ -161,6 +163,38 @@ def at_level(
     if abs(indentation - after.indentation) <= ROUNDING * after.indentation:
         return after
     return next(sweep(surface, half_space, [indentation], options, resume=earlier))
+
+
+def closing(
+    axis: str,
+    step: int,
+    case: Case,
+    surface: Surface,
+    half_space: Compliance,
+    earlier: list[Mapping[str, Any]],
+    residual: float,
+    after: Contact,
+) -> Contact | None:
+    """Return the state in which the last way along an axis closes; None where the way is open at a step.
+
+    The arguments are those of `at_level`. A way that is open at the last step of the first leg is pressed on until it
+    closes, and left open on a surface that yields: its pressures end at the hardness.
+    """
+    level = Level(f"percolation-{axis}")
+    if void.stops_percolating(level.kind, within(after, case)):
+        return (
+            after if is_end(level, step, case) else at_level(level, case, surface, half_space, earlier, residual, after)
+        )
+    if step < case.sweep.legs[0].steps or case.plastic:
+        return None
+    trials = Trials(surface, half_space, _coarse(options_of(case, surface)))
+    trials.least = trials.known(after.state(), after.residual)
+    return state_reaching(trials, target_of(level, case, surface), [trials.least], below=True)
+
+
+def _coarse(options: Options) -> Options:
+    """Return options that search for a closing."""
+    return replace(options, search=replace(options.search, accuracy=CLOSING))
 
 
 def check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) -> None:

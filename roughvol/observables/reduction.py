@@ -7,14 +7,15 @@ fields of gap and pressure, Sq and the separation are those of the whole surface
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact
-from roughvol.observables.levels import at_level, is_end, on_legs, reached
-from roughvol.observables.regions import Values, View
+from roughvol.observables.levels import at_level, closing, is_end, on_legs, reached
+from roughvol.observables.regions import Values, View, within
 from roughvol.observables.requests import asked, fields_of, value_of
 from roughvol.observables.variables import AXES, OBSERVABLES, OF_STATE, VARIABLES, function
 from roughvol.study import Case, Legs, Level
@@ -115,6 +116,8 @@ class Reduction:
                 dim = OBSERVABLES[name].dim
                 own = {f"{dim}_{number}": getattr(there.state, number) for number in OF_STATE}
                 self._kept[name][label] = step, own | self._taken(name, there)
+        if value_of(self._case.record, "transport.closing") and step <= self._case.sweep.legs[0].steps:
+            self._close(step, whole)
         self.steps, self.states = step, [*self.states, whole.state()][-2:]
 
     def _view(self, whole: Contact) -> View:
@@ -145,11 +148,26 @@ class Reduction:
         """Return the state at a level between this step and the step before."""
         if level.value is None or level.kind == "step" or is_end(level, step, self._case):
             return whole
+        with self._counted():
+            return at_level(level, self._case, self._surface, self._half_space, self.states, self.residual, whole)
+
+    def _close(self, step: int, whole: Contact) -> None:
+        """Store the load at which the last way along each axis closes, once it is known."""
+        loads = self._values.setdefault("closing_pressure", np.full(len(AXES), np.nan))
+        for axis in np.flatnonzero(np.isnan(loads)):
+            around = self._surface, self._half_space, self.states, self.residual, whole
+            with self._counted():
+                state = closing(AXES[axis], step, self._case, *around)
+            if state is not None:
+                loads[axis] = within(state, self._case).mean_pressure
+
+    @contextmanager
+    def _counted(self) -> Iterator[None]:
+        """Count the convolutions of states between two steps."""
         half_space = self._half_space
         before = half_space.convolutions + half_space.convolutions_fp32
-        state = at_level(level, self._case, self._surface, half_space, self.states, self.residual, whole)
+        yield
         self._convolutions += half_space.convolutions + half_space.convolutions_fp32 - before
-        return state
 
     def values(self) -> Values:
         """Return the values by stored name."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from roughvol.contact.search import TARGETS
 from roughvol.gap.network import ACCURACY
-from roughvol.observables.variables import OBSERVABLES, Observable
+from roughvol.observables.variables import AXES, OBSERVABLES, Observable
 from roughvol.study import EVERY_STEP, Case, Level, Record, Select
 
 PASSES = {"full": 8, "one-way": 1}
@@ -71,4 +71,5 @@ def searched_levels(case: Case) -> int:
     states = (levels for name, levels in asked(case.record).items() if OBSERVABLES[name].dim)
     levels = {level for by_label in states for level in (by_label or {}).values()}
     searched = (*TARGETS, "mean_gap", "load", *(("indentation", "separation") if case.periodic else ()))
-    return sum(level.kind in searched and level != case.sweep.target for level in levels)
+    closing = len(AXES) if value_of(case.record, "transport.closing") else 0
+    return closing + sum(level.kind in searched and level != case.sweep.target for level in levels)

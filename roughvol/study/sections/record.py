@@ -124,6 +124,11 @@ class Transport(Choice):
     estimates: States | None = Field(
         default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
     )
+    closing: bool = Field(
+        default=False,
+        description="load at which the last way along x and y closes on loading, solved between the steps or beyond: "
+        "true or false",
+    )
     flux_at: Selector | None = Field(default=None, description=f"flux of div(g^3 grad P) = 0 as fields: {IN_WORDS}")
     accuracy: FlowAccuracy | None = Field(
         default=None, description="allowed relative error of a flow, 1e-12 to 0.1, or as 0.1 %; default: 1e-4"

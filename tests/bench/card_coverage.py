@@ -1,0 +1,193 @@
+"""How often the intervals of a leak card hold leak and closing load of a finer surface: the parts grid and levelling.
+
+    python -m tests.bench.card_coverage --first 0 --surfaces 60
+
+A surface of 257 × 257 elements is the truth. Each fourth height, or means of 4 × 4 heights, are the scan. Seeds below
+`FRESH` were used to set the rules of `roughvol.analysis.leak_budget`, those from `FRESH` on were not. Solved numbers
+are kept in `--kept`, so that rules are tried again without new solves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from roughvol.contact import HalfSpace, first_indentation, indentation_for
+from roughvol.contact.loading import Contact, sweep
+from roughvol.gap import clusters, transport
+from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
+from roughvol.surfaces.treatment import block_means, fill, level
+from roughvol.typing import Array
+
+FRESH = 1000
+COARSER, NODES = 4, 256  # scan over truth, nodes of the truth along a side
+FRACTIONS = (0.25, 0.5, 0.75)  # of the indentation at which the truth closes
+CURVE = np.linspace(0.1, 0.99, 10)  # of that at which the scan closes
+FEWEST = 16  # nodes of a side of the coarsest grid
+RTOL, ACCURACY = 1e-5, 1e-3
+Numbers = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A random surface and its scan."""
+
+    seed: int
+    law: str  # midpoint or spectrum
+    D: float
+    rolloff: float
+    cut: float  # shortest wave in spacings of the truth
+    anisotropy: float
+    flaw: str
+    sampled: str
+
+
+def kind_of(seed: int) -> Kind:
+    """Return the kind of a seed, all kinds about as often."""
+    draw = np.random.default_rng([seed, 32]).choice
+    return Kind(
+        seed=seed,
+        law=("midpoint", "spectrum", "spectrum")[seed % 3],
+        D=float(draw([2.1, 2.3, 2.5, 2.7])),
+        rolloff=float(draw([4, 8, 16])),
+        cut=float(draw([2, 4, 8, 16])),
+        anisotropy=float(draw([1, 3])),
+        flaw=str(draw(["plain", "tilted", "noisy", "missing"])),
+        sampled=str(draw(["decimated", "averaged"])),
+    )
+
+
+def truth_of(kind: Kind, nodes: int = NODES) -> Surface:
+    """Return the fine surface of a kind, levelled, of side 1 and Sq 0.01."""
+    if kind.law == "midpoint":
+        heights = random_midpoint_displacement(kind.D, nodes.bit_length() - 1, seed=kind.seed).heights
+    else:
+        spectrum = Spectrum(
+            rolloff=min(kind.rolloff, 0.5 * nodes / kind.cut),
+            cut=nodes / kind.cut,
+            Sq=0.01,
+            anisotropy=kind.anisotropy,
+            periodic=False,
+        )
+        heights = power_law_surface(spectrum, min(3.0 - kind.D, 0.9), nodes, seed=kind.seed).heights
+    heights = level(heights, "tilt")
+    return Surface(0.01 * heights / heights.std(), 1.0 / nodes)
+
+
+def scan_of(kind: Kind, truth: Surface, coarser: int = COARSER) -> tuple[Array, float]:
+    """Return the heights of a scan, NaN where missing, and its side."""
+    rng = np.random.default_rng([kind.seed, 33])
+    heights = (
+        truth.heights[::coarser, ::coarser] if kind.sampled == "decimated" else block_means(truth.heights, coarser)
+    )
+    heights = heights.copy()
+    side = (len(heights) - 1) * coarser * truth.spacing
+    if kind.flaw == "tilted":
+        heights += 0.03 * np.linspace(0.0, 1.0, len(heights))[:, None]
+    if kind.flaw == "noisy":
+        heights += 0.03 * truth.Sq * rng.standard_normal(heights.shape)
+    if kind.flaw == "missing":
+        heights[rng.random(heights.shape) < 0.02] = np.nan
+    return heights, side
+
+
+def pressed_of(heights: Array, side: float, downsample: int = 1, degree: str = "tilt") -> Surface:
+    """Return a scan as a study presses it."""
+    heights = fill(level(block_means(heights, downsample), degree), "interpolate")
+    return Surface(heights, side / (len(heights) - 1))
+
+
+def load_of(surface: Surface, contact: Contact) -> float:
+    """Return the nominal pressure over E*."""
+    return contact.mean_pressure * surface.Sq / surface.side
+
+
+def leaks_of(surface: Surface, contact: Contact) -> list[float]:
+    """Return the leaks along x and y, T* V*³ Sq³."""
+    gap = surface.Sq * contact.gap()
+    flows = (transport.conduction(gap, axis, accuracy=ACCURACY).coefficient for axis in (0, 1))
+    return [float(flow * gap.mean() ** 3) for flow in flows]
+
+
+def closings_of(surface: Surface, half_space: HalfSpace) -> tuple[list[float], list[float]]:
+    """Return indentations and loads at which the last way along x and y closes."""
+    ends = [
+        first_indentation(
+            surface, half_space, lambda c, a=axis: not clusters.percolates(c.gap() > 0.0, a), accuracy=1e-3, rtol=RTOL
+        )
+        for axis in (0, 1)
+    ]
+    states = [next(sweep(surface, half_space, [end], rtol=RTOL)) for end in ends]
+    return ends, [load_of(surface, state) for state in states]
+
+
+def at_loads(surface: Surface, loads: list[float]) -> Numbers:
+    """Return closing loads, and leaks at nominal pressures."""
+    half_space = HalfSpace(surface.shape)
+    ends, closings = closings_of(surface, half_space)
+    unit = surface.Sq / surface.side
+    places = [indentation_for(surface, half_space, "pressure", load / unit, rtol=RTOL) for load in loads]
+    leaks = [leaks_of(surface, state) for state in sweep(surface, half_space, sorted(places), rtol=RTOL)]
+    return {"closing": closings, "leak": leaks, "ends": ends}
+
+
+def solved(kind: Kind, nodes: int = NODES) -> Numbers:
+    """Return the numbers of truth, scan, coarser grids and another levelling."""
+    truth = truth_of(kind, nodes)
+    half_space = HalfSpace(truth.shape)
+    ends, closings = closings_of(truth, half_space)
+    states = list(sweep(truth, half_space, [share * max(ends) for share in FRACTIONS], rtol=RTOL))
+    loads = [load_of(truth, state) for state in states]
+    leaks = [leaks_of(truth, state) for state in states]
+    found: Numbers = {"truth": {"closing": closings, "leak": leaks, "area": [s.contact_area_fraction for s in states]}}
+    del states, half_space
+    heights, side = scan_of(kind, truth)
+    for name, surface in (
+        ("scan", pressed_of(heights, side)),
+        ("twice", pressed_of(heights, side, 2)),
+        ("four", pressed_of(heights, side, 4) if len(heights) // 4 >= FEWEST else None),
+        ("level", pressed_of(heights, side, 1, "quadratic")),
+    ):
+        if surface is not None:
+            found[name] = at_loads(surface, loads)
+    scan = pressed_of(heights, side)
+    curve = sweep(scan, HalfSpace(scan.shape), CURVE * max(found["scan"]["ends"]), rtol=RTOL)
+    found["curve"] = [(load_of(scan, state), leaks_of(scan, state)) for state in curve]
+    return found | {"loads": loads}
+
+
+def every(seeds: range, kept: Path, nodes: int = NODES) -> Iterator[tuple[Kind, Numbers]]:
+    """Yield all kinds with their numbers, solved or read."""
+    kept.mkdir(parents=True, exist_ok=True)
+    for seed in seeds:
+        file = kept / f"{nodes}_{seed}.json"
+        if not file.exists():
+            with threadpool_limits(1):
+                started = time.process_time()
+                found = solved(kind_of(seed), nodes)
+            file.write_text(json.dumps(found | {"seconds": time.process_time() - started}))
+        yield kind_of(seed), json.loads(file.read_text())
+
+
+def main() -> None:
+    """Print the coverage."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--first", type=int, default=FRESH)
+    parser.add_argument("--surfaces", type=int, default=60)
+    parser.add_argument("--nodes", type=int, default=NODES)
+    parser.add_argument("--kept", type=Path, default=Path("/tmp/roughvol_coverage"))
+    given = parser.parse_args()
+    for kind, numbers in every(range(given.first, given.first + given.surfaces), given.kept, given.nodes):
+        print(kind, numbers["truth"]["closing"], numbers["scan"]["closing"], numbers["seconds"], flush=True)
+
+
+if __name__ == "__main__":
+    main()

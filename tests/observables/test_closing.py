@@ -1,0 +1,78 @@
+"""Closing loads that are solved: against the end of percolation of a sweep, between steps and beyond them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from xarray import Dataset
+
+from roughvol.analysis import derived, groups, spans
+from roughvol.campaign import execution, run_case
+from roughvol.study import loads
+
+SURFACES = {
+    "free": "{D: 2.2, m: 5, seeds: [3]}",
+    "periodic": "{H: 0.8, rolloff: 4, n: 32, seeds: [3], periodic: true}",
+}
+
+
+def _run(surface: str, sweep: str, more: str = "", record: str = "{transport: {closing: true}}") -> Dataset:
+    (case,) = loads(f"surface: {SURFACES[surface]}\nsweep: {sweep}\nrecord: {record}\n{more}").cases()
+    return run_case(case)
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+@pytest.mark.parametrize(
+    "end", ["{steps: 5, to: {pressure: 0.5}}", "{steps: 7, to: percolation}", "{pressures: [9.0]}"]
+)
+def test_a_closing_load_is_that_of_a_sweep_to_the_end_of_percolation(surface: str, end: str) -> None:
+    """The sweep ends before the closing, at the closing of both ways, and its first step is closed."""
+    solved = _run(surface, end)["closing_pressure"]
+    for axis in "xy":
+        ended = _run(surface, f"{{steps: 1, to: {{percolation: {axis}}}}}")
+        assert_allclose(solved.sel(axis=axis).item(), ended["mean_pressure"].values.ravel()[-1], rtol=2e-3)
+
+
+def test_a_closing_load_is_that_of_the_region() -> None:
+    record = "{region: interior, transport: {closing: true}}"
+    solved = _run("free", "{steps: 5, to: {pressure: 0.5}}", record=record)["closing_pressure"]
+    ended = _run("free", "{steps: 1, to: {percolation: x}}", record=record)
+    assert_allclose(solved.sel(axis="x").item(), ended["mean_pressure"].values.ravel()[-1], rtol=2e-3)
+
+
+YIELDS = "material: {E: 200 GPa, nu: 0.3, hardness: 5 GPa}"
+
+
+def test_of_a_surface_that_yields_the_closing_between_steps_is_solved_and_beyond_them_is_not_known() -> None:
+    text = "surface: {D: 2.2, m: 5, seeds: [3], L: 100 um, Sq: 1 um}\nsweep: {steps: 6, to: {pressure: %s}}\n" + YIELDS
+    text += "\nrecord: {transport: {percolation: every-step, closing: true}}"
+    early, late = (run_case(loads(text % end).cases()[0]) for end in ("0.2", "2.2"))
+    assert np.isnan(early["closing_pressure"]).all()
+    for axis in "xy":
+        open_ = late["percolates"].sel(axis=axis).values.ravel() > 0
+        pressures = late["mean_pressure"].values.ravel()
+        solved = late["closing_pressure"].sel(axis=axis).item()
+        if open_.all():
+            assert np.isnan(solved)
+        else:
+            assert pressures[open_][-1] < solved <= pressures[~open_][0]
+
+
+def test_the_span_of_a_solved_closing_is_its_load_in_units(tmp_path: Path) -> None:
+    text = "surface: {D: 2.2, m: 5, seeds: 2, L: 100 um, Sq: 1 um}\nmaterial: {E_star: 10 MPa}\n"
+    text += "sweep: {steps: 6, to: percolation}\nrecord: {transport: {percolation: every-step, closing: true}}"
+    study = loads(text)
+    ds = execution.run(study, jobs=1, out=tmp_path)
+    ((_, group),) = groups(derived(ds, study))
+    for axis in "xy":
+        found = spans(group, axis)
+        expected = group["closing_pressure"].sel(axis=axis).values * 1.0 * 10.0 / 100.0  # p* E* Sq/L
+        assert_allclose([span.middle for span in found], expected, rtol=1e-12)
+        bracket = spans(group.drop_vars("closing_pressure"), axis)
+        assert all(
+            one.open_up_to <= span.middle <= one.closed_from * (1 + 1e-3)
+            for one, span in zip(bracket, found, strict=True)
+        )
