@@ -18,6 +18,7 @@ is a `StudyError`. Functions name further errors alone.
 
 from __future__ import annotations
 
+import itertools
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -254,39 +255,47 @@ def creep(
 
 @dataclass(frozen=True, eq=False)
 class Cards:
-    """The leak cards of a study at one load.
+    """The leak cards of a study.
 
-    The runs behind the cards are named by combination of the lists of the study, then by height file. A study without
-    lists has the combination ``""``, generated surfaces have the file ``""``.
+    The runs behind the cards are named by load and by combination of the lists of the study, then by height file. A
+    study without lists has the combination ``""``, generated surfaces have the file ``""``.
     """
 
     study: Study
-    load: str  # in words
     varied: tuple[str, ...]  # changes of the study, but for its name
-    runs: Mapping[str, Mapping[str, CardRuns]]
+    runs: Mapping[tuple[str, str], Mapping[str, CardRuns]]
+
+    @cached_property
+    def loads(self) -> tuple[str, ...]:
+        """The loads in words."""
+        return tuple(dict.fromkeys(load for load, _ in self.runs))
 
     @cached_property
     def cards(self) -> dict[str, Card]:
-        """The card of each combination."""
+        """The card of each combination; of several loads, the load is behind the combination."""
         from roughvol.analysis.leak_budget import card_of
 
-        return {words: card_of(list(runs.values()), self.study.name, self.load) for words, runs in self.runs.items()}
+        found = {}
+        for (load, words), runs in self.runs.items():
+            key = ", ".join(filter(None, (words, load if len(self.loads) > 1 else "")))
+            found[key] = card_of(list(runs.values()), self.study.name, load)
+        return found
 
     def plain(self) -> dict[str, Any]:
         """Return the cards as ``card --json`` prints them."""
         data = {words: card.plain() for words, card in self.cards.items()}
-        return data if self.study.axes else data[""]
+        return data if self.study.axes or len(self.loads) > 1 else data[""]
 
 
 def card(
     study: Study | Mapping[str, Any] | str | Path,
-    at: str = "last",
+    at: str | Sequence[str] = "last",
     *,
     out: str | Path | None = None,
     jobs: int | None = None,
     changes: Sequence[str] = (),
 ) -> Cards:
-    """Return the leak along x and y at one load with its error, and where the ways close: `roughvol card`.
+    """Return the leak along x and y at a load with its error, and where the ways close: `roughvol card`.
 
     Coarser grids and another levelling are computed for the error; finished runs are read.
 
@@ -294,8 +303,8 @@ def card(
     ----------
     study : Study, mapping, path or name
         A study.
-    at : str
-        The load, as ``"pressure=0.5 MPa, leg 2"``. Default: the end of the sweep.
+    at : str or sequence of str
+        The load, as ``"pressure=0.5 MPa, leg 2"``, or several. Default: the end of the sweep.
     out : path, optional
         Folder of the runs. Default: ``runs/<name of the study>_card``.
     jobs, changes : int, sequence of str
@@ -304,7 +313,7 @@ def card(
     Returns
     -------
     Cards
-        ``cards[""]`` of a study without lists.
+        ``cards[""]`` of a study without lists at one load.
 
     Raises
     ------
@@ -330,19 +339,19 @@ def card(
     from roughvol.study import parse
 
     asked, _ = study_of(study, changes)
-    level = parse(at)
+    levels = [parse(text) for text in ((at,) if isinstance(at, str) else at)]
     folder = Path(out or Path("runs") / f"{asked.name}_card")
     varied = tuple(change for change in changes if not change.startswith("name="))
-    found: dict[str, dict[str, CardRuns]] = {}
-    for variant in asked.variants:
+    found: dict[tuple[str, str], dict[str, CardRuns]] = {}
+    for level, variant in itertools.product(levels, asked.variants):
         surfaces = computed.surfaces_of(variant.study)
         accept = check_reached if len(surfaces) == 1 else lambda fine: None
         inside = folder.joinpath("runs", *map(computed.slug, (*varied, variant.words)))
-        found[variant.words] = {
+        found[level.label, variant.words] = {
             name: computed.compute(one, level, inside / computed.slug(name), jobs=jobs, accept=accept)
             for name, one in surfaces.items()
         }
-    return Cards(asked, level.label, varied, found)
+    return Cards(asked, varied, found)
 
 
 def compare(runs: Sequence[Dataset | str | Path], at: Sequence[str] = (), *, changes: Sequence[str] = ()) -> Compared:

@@ -17,27 +17,30 @@ from roughvol.cli.output import say, say_json, say_table
         "roughvol card scan.yaml                                 at the end of its sweep",
         "roughvol card scan.yaml --at pressure=0.3               at p* = 0.3",
         'roughvol card scan.yaml --at "pressure=0.5 MPa"         at a nominal pressure; also load, mean_gap, …',
+        "roughvol card scan.yaml --at pressure=0.1MPa --at pressure=0.2MPa   a card at each load, and a table",
         'roughvol card metal.yaml --at "pressure=0.1 GPa, leg 2" on the second leg of a path',
         "roughvol card scan.yaml --at pressure=0.3 --json        numbers alone, for programs",
     )
 )
 @STUDY
-@at(several=False, default="last")
+@at(several=True, default="last")
 @out("runs/NAME_card")
 @JOBS
 @JSON
 @SET
-def card(study: Path, state: str, out: Path | None, jobs: int | None, as_json: bool, changes: tuple[str, ...]) -> None:
+def card(
+    study: Path, states: tuple[str, ...], out: Path | None, jobs: int | None, as_json: bool, changes: tuple[str, ...]
+) -> None:
     """Write the leak card of STUDY: one page in HTML and PDF.
 
-    The card has the leak along x and y at one load, with the error of solver, grid, window and levelling, and the
-    loads at which each way closes. Coarser grids and another levelling are computed for it. STUDY is a study file, or
-    the folder or name of a run.
+    The card has the leak along x and y at a load, with the error of solver, grid, window and levelling, and the loads
+    at which each way closes. Coarser grids and another levelling are computed for it. STUDY is a study file, or the
+    folder or name of a run.
 
-    Several height files have a card each and one together, and each combination of lists has its own; a table shows
-    all of them. The files of a card are named by its load.
+    Several height files have a card each and one together; each combination of lists and each load has its own. A table
+    shows all of them. The files of a card are named by its load.
     """
-    found = roughvol.card(given(study, changes), state, out=out, jobs=jobs, changes=changes)
+    found = roughvol.card(given(study, changes), states, out=out, jobs=jobs, changes=changes)
     if as_json:
         say_json(found.plain())
         return
@@ -46,24 +49,24 @@ def card(study: Path, state: str, out: Path | None, jobs: int | None, as_json: b
     from roughvol.report import card_page, terminal
     from roughvol.report.card_text import Identity
 
-    command = ["roughvol", "card", str(study), "--at", state]
-    origin = Identity(found.study, shlex.join([*command, *(word for change in changes for word in ("--set", change))]))
     folder, varied = out or Path("runs") / f"{found.study.name}_card", found.varied
+    changed = [word for change in changes for word in ("--set", change)]
     pages = []
-    for words, runs in found.runs.items():
+    for (load, words), runs in found.runs.items():
+        origin = Identity(found.study, shlex.join(["roughvol", "card", str(study), "--at", load, *changed]))
         single = {name: [one] for name, one in runs.items()} if len(runs) > 1 else {}
         for name, some in ({"": list(runs.values())} | single).items():
             title = ", ".join(filter(None, (found.study.name, *varied, words, name)))
-            stem = "_".join(filter(None, map(slug, ("card", found.load, *varied, words, name))))
+            stem = "_".join(filter(None, map(slug, ("card", load, *varied, words, name))))
             fine = tuple(one.fine.dataset for one in some)
-            pages.append(card_page.Page(card_of(some, title, found.load), fine, origin, stem))
+            pages.append(card_page.Page(card_of(some, title, load), fine, origin, stem))
     if len(found.runs) == 1:
         say("\n".join(terminal.lines(card_page.brief(pages[0]))))
     if len(pages) > 1:
         say_table(card_page.table_of(pages))
     paths = [card_page.write(page, folder) for page in pages]
     if len(pages) > 1:
-        stem = "_".join(map(slug, ("cards", found.load, *varied)))
+        stem = "_".join(map(slug, ("cards", *found.loads, *varied)))
         paths.append(card_page.write_table(pages, stem, found.study.name, folder))
     for path in paths:
         say(str(path))

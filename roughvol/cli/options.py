@@ -94,7 +94,7 @@ def at(*, several: bool, default: str | None = None) -> Callable[[Decorated], De
         "--at",
         "states" if several else "state",
         multiple=several,
-        default=() if several else default,
+        default=(default,) if several and default else default,
         show_default=default is not None,
         metavar=WHERE,
         shell_complete=completed_states,
