@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numpy.testing import assert_allclose
 
 from roughvol.report import card_text
@@ -66,7 +67,7 @@ def test_a_closed_joint_says_what_it_does_not_know() -> None:
     printed = _printed(_study(SEAL.replace("seeds: 3", "seeds: [1]").replace("m: 4", "m: 6")))
     for axis in "xy":
         line = next(line for line in printed.splitlines() if line.startswith(f"along {axis}: "))
-        assert "closed on this grid, 0 mm³/s; its error is not known" in line
+        assert "closed on this grid; its error is not known" in line
         assert "no leak" not in line
     assert "a bracket of two steps of the sweep, without the errors of grid and window" in printed
     assert "At twice the spacing: between " in printed
@@ -80,7 +81,7 @@ def test_a_closed_joint_says_what_it_does_not_know() -> None:
 
 def test_a_load_beyond_a_sweep_that_ended_closed_is_closed() -> None:
     printed = _printed(_study(SEAL.replace("seeds: 3", "seeds: [1]")), "--at", "pressure=2 MPa")
-    assert printed.count("closed on this grid, 0 mm³/s; its error is not known (grid, window)") == 2
+    assert printed.count("closed on this grid; its error is not known (grid, window)") == 2
     assert "closed before this load" in printed
 
 
@@ -173,6 +174,54 @@ def test_a_variation_of_a_study_has_a_card_of_its_own() -> None:
     assert "seal, material.E_star=20 MPa" in Path("runs/seal_card", f"{stems[0]}.html").read_text()
 
 
+def test_several_loads_have_a_card_each_and_a_table() -> None:
+    study = _study(SEAL.replace("seeds: 3", "seeds: [1]").replace("to: percolation", "to: {pressure: 0.1 MPa}"))
+    loads = ("--at", "pressure=0.02 MPa", "--at", "pressure=0.03 MPa")
+    cards = json.loads(_printed(study, *loads, "--json"))
+    assert list(cards) == ["pressure=0.02 MPa", "pressure=0.03 MPa"]
+    assert cards["pressure=0.02 MPa"] == json.loads(_printed(study, *loads[:2], "--json"))
+    light, heavy = (cards[load]["ways"][0]["leak"] for load in cards)
+    assert heavy < light
+    _printed(study, *loads)
+    folder = Path("runs/seal_card")
+    assert {path.name for path in folder.glob("*.pdf")} == {f"card_pressure=0.0{k}_MPa.pdf" for k in (2, 3)}
+    assert (folder / "cards_pressure=0.02_MPa_pressure=0.03_MPa.html").exists()
+
+
+def test_a_card_of_a_changed_study_leaves_the_first() -> None:
+    at = ("--at", "pressure=0.2")
+    text = SEAL.replace("seeds: 3", "seeds: [1]")
+    _printed(_study(text), *at)
+    page = Path("runs/seal_card/card_pressure=0.2.html")
+    first = page.read_text()
+    _printed(_study(text.replace("10 MPa", "20 MPa")), *at)
+    assert page.read_text() == first
+    assert len(list(page.parent.glob("card_pressure=0.2_*.html"))) == 1
+    assert len(list(page.parent.glob("*.pdf"))) == 2
+
+
+def test_the_print_keeps_its_text_on_the_page() -> None:
+    """Every text of the page of print lies inside the margins, measured as it is drawn."""
+    from roughvol.questions import card
+    from roughvol.report import card_page
+    from roughvol.report.card_text import Identity
+    from roughvol.report.figures import card_print
+    from roughvol.study import load
+
+    path = _study(SEAL.replace("to: percolation", "to: {pressure: 0.1 MPa}"))
+    found = card(path, jobs=1)
+    (runs,) = found.runs.values()
+    fine = tuple(one.fine.dataset for one in runs.values())
+    page = card_page.Page(found.cards[""], fine, Identity(load(Path(path)), f"roughvol card {'long/' * 60}"), "card")
+    fig = card_print.page_of(page.card, card_page.document(page))
+    renderer = FigureCanvasAgg(fig).get_renderer()
+    assert len(fig.texts) > 40
+    for text in fig.texts:
+        box = text.get_window_extent(renderer).transformed(fig.transFigure.inverted())
+        assert 0.0 < box.x0 <= box.x1 < 0.97, text.get_text()
+        assert 0.0 < box.y0 <= box.y1 < 1.0, text.get_text()
+
+
 def test_a_page_has_what_the_numbers_rest_on() -> None:
     _maps(0.4, m=5)
     text = SEAL.replace(
@@ -186,8 +235,8 @@ def test_a_page_has_what_the_numbers_rest_on() -> None:
     for words in (
         "E 10 MPa, nu 0.49",
         "pressure drop 5 mbar, viscosity 1 mPa*s",
-        "33 x 33, 3.125 um apart",
-        "100 by 100 um",
+        "33 x 33, 3.125 µm apart",
+        "100 by 100 µm",
         "tilt",
         "Missing heights",
         "File face0.txt",
@@ -262,17 +311,24 @@ def test_a_load_that_is_none_is_refused_by_name(at: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("value", "unit", "words"),
     [
-        (2.79e-4, "mm^3/s", "2.79e-4 mm³/s (0.279 mm³ in 1000 s)"),
-        (1e-5, "mm^3/s", "1.00e-5 mm³/s (0.864 mm³ in a day)"),
-        (4e-9, "mm^3/s", "4.00e-9 mm³/s (0.126 mm³ in a year)"),
+        (2.79e-4, "mm^3/s", "0.28 mm³ in 1000 s"),
+        (1e-5, "mm^3/s", "0.86 mm³ in a day"),
+        (4e-9, "mm^3/s", "0.13 mm³ in a year"),
+        (4e-12, "mm^3/s", "4 µm³ in 1000 s"),
         (1.5, "um^3/s", "1.5 µm³/s"),
-        (2e-4, "ml/min", "2.00e-4 ml/min"),
+        (2e-4, "ml/min", "0.29 ml in a day"),
+        (5e4, "mm^3/s", "50 ml/s"),
         (0.0, "mm^3/s", "0 mm³/s"),
-        (0.0123, "", "T* V*³ = 0.0123"),
+        (0.0123, "", "T* V*³ = 0.012"),
     ],
 )
 def test_a_leak_is_said_as_a_person_says_it(value: float, unit: str, words: str) -> None:
     assert card_text.amount(value, unit) == words
+
+
+def test_the_digits_of_a_leak_follow_its_interval() -> None:
+    assert card_text.amount(2.79e-4, "mm^3/s", (1.26e-4, 6.19e-4)) == "0.28 mm³ in 1000 s, between 0.13 and 0.62"
+    assert card_text.amount(2.79e-4, "mm^3/s", (2.77e-4, 2.81e-4)) == "0.279 mm³ in 1000 s, between 0.277 and 0.281"
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,11 +13,10 @@ from roughvol.analysis.tables import Table
 from roughvol.report import card_text, html
 from roughvol.report.card_text import Identity
 from roughvol.report.document import Document, Drawing, Section
-from roughvol.report.figures import leak_card
+from roughvol.report.figures import card_print, leak_card
 from roughvol.store import stamped_file
 
 NARROW = "\u00a0"  # keeps a factor on one line
-MOST = 6  # surfaces and limits that the page of print has; the page of HTML has all
 NONE_EXCEEDED = "No limit of the model is exceeded among those compared."
 
 
@@ -44,10 +43,13 @@ class Page:
 
 
 def write(page: Page, folder: Path) -> Path:
-    """Write a card as HTML and PDF, and return the path of the first."""
+    """Write a card as HTML and PDF, and return the path of the first; the card of another study is not overwritten."""
     path, shown = folder / f"{page.stem}.html", document(page)
+    study = card_text.digest(page.identity)
+    if path.exists() and study not in path.read_text(encoding="utf-8"):
+        path = path.with_name(f"{page.stem}_{study}.html")
     stamped_file.write(path, html.render(shown).encode())
-    leak_card.page_of(page.card, list(_print(shown))).savefig(folder / f"{page.stem}.pdf")
+    card_print.page_of(page.card, shown).savefig(path.with_name(f"{path.name.removesuffix('.html')}.pdf"))
     return path
 
 
@@ -64,7 +66,7 @@ def document(page: Page) -> Document:
     parts = [
         Section(kind="answer", notes=(f"At {card_text.load_of(card)}.",), facts=answers),
         Section(kind="card", notes=(card_text.patch(card),), drawings=drawn),
-        *(_way(card, way) for way in card.ways),
+        Section(kind="pair", sections=tuple(_way(card, way) for way in card.ways)),
         *([Section("Surfaces", tables=(card_text.surfaces(card),))] if len(card.surfaces) > 1 else []),
         Section("What the card rests on", facts=(*card_text.load_facts(card), *facts)),
         Section("Limits of the model, over the states of the sweep", sections=(limits, *held)),
@@ -75,38 +77,10 @@ def document(page: Page) -> Document:
 
 def _way(card: Card, way: Way) -> Section:
     """Return where a way closes, and the error of its leak."""
-    closes = tuple(line[:1].upper() + line[1:] + "." for line in card_text.closes(card, way))
+    words = (*card_text.details(way), *card_text.closes(card, way))
+    lines = tuple(line[:1].upper() + line[1:] + "." for line in words)
     rows = tuple((name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(way))
-    return Section(f"Along {way.axis}", notes=closes, tables=(Table("", card_text.HEAD, rows),))
-
-
-def _print(shown: Document) -> Iterator[tuple[str, list[str]]]:
-    """Yield headings and lines of the page of print: the answers first, then each titled section."""
-    yield shown.title, [line for part in shown.sections if not part.title for line in _lines(part)]
-    yield from ((part.title, list(_lines(part))) for part in shown.sections if part.title)
-
-
-def _lines(part: Section) -> Iterator[str]:
-    """Yield the lines of a section in print; facts go on one line, answers on one each."""
-    yield from part.notes
-    facts = [f"{name}: {value}" for name, value in part.facts]
-    yield from facts if part.kind == "answer" else filter(None, ["  ·  ".join(facts)])
-    for table in part.tables:
-        if table.head == card_text.HEAD:
-            yield from (f"{name}: {factor}; {words}" for name, factor, words in table.rows)
-        else:
-            cells = ([f"{name} {cell}" for name, cell in zip(table.head, row, strict=True)] for row in table.rows)
-            yield from _most([", ".join(row) for row in cells])
-    kept = f"{part.under} {'; '.join(part.items)}."
-    yield from [kept] if part.under else _most([f"•  {line}" for line in part.items])
-    for inner in part.sections:
-        yield from _lines(inner)
-
-
-def _most(lines: list[str]) -> list[str]:
-    """Return the lines that fit on the page of print."""
-    left = len(lines) - MOST
-    return [*lines[:MOST], f"and {left} more, on the page of HTML"] if left > 0 else lines
+    return Section(f"Along {way.axis}", notes=lines, tables=(Table("", card_text.HEAD, rows),))
 
 
 def brief(page: Page) -> Section:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -12,20 +13,21 @@ from xarray import Dataset
 from roughvol.analysis.at import legs_of
 from roughvol.analysis.leak_card import Card, Way
 from roughvol.analysis.stored_run import Run
-from roughvol.analysis.tables import Table, number
+from roughvol.analysis.tables import Table, number, rounded
 from roughvol.campaign import validity
 from roughvol.report.figures.style import unit_text
 from roughvol.report.run_facts import facts
 from roughvol.store.stamped_file import digest_of
-from roughvol.study import Study
+from roughvol.study import Study, convert
 
 HEAD = ("source of error", "factor", "how it was found")
 STEPS = "a bracket of two steps of the sweep, without the errors of grid and window"
-TIMES = ((1000.0, "1000 s"), (86400.0, "a day"), (31557600.0, "a year"))  # in which an amount is said
+TIMES = ((1.0, ""), (1000.0, "1000 s"), (86400.0, "a day"), (31557600.0, "a year"))  # in which an amount is said
+VOLUMES = ("um^3", "mm^3", "ml", "l", "m^3")
+LEAST, MOST = 0.1, 1000.0  # amounts that a person reads
 DIGITS = 16  # of a sha256 that are shown
 WHOLE = ("", "x/L_x 0 to 1, y/L_y 0 to 1")  # regions that leave nothing out
 SAME = 1e-3  # relative difference of loads that are shown as the same
-LEAST = 0.1  # amount that is said in figures a person reads
 NOT_OF_A_CARD = ("File", "States", "Comment")  # facts of a run that a card leaves out, or has elsewhere
 FLUID = ("Leak rate", "Fluid pressure", "Gas")  # facts of the flow, which a terminal shows too
 OF_EACH = ("Nodes", "Size", "Treatment", "Missing heights")  # facts of several files that stand beside each other
@@ -47,14 +49,34 @@ class Identity:
     command: str
 
 
-def amount(value: float, unit: str) -> str:
-    """Return a leak in words with an amount in a time, as ``2.79e-4 mm³/s (0.279 mm³ in 1000 s)``."""
-    text = f"{short(value)} {unit_text(unit)}" if unit else f"T* V*³ = {short(value)}"
-    whole = unit.removesuffix("/s")
-    if whole == unit or not 0.0 < value < LEAST:
-        return text
-    seconds, words = next(((s, words) for s, words in TIMES if value * s >= LEAST), TIMES[-1])
-    return f"{text} ({short(value * seconds)} {unit_text(whole)} in {words})"
+def amount(leak: float, unit: str, interval: tuple[float, float] = (math.nan, math.nan)) -> str:
+    """Return a leak as a person says it, as ``0.28 mm³ in 1000 s, between 0.13 and 0.62``; digits follow the interval.
+
+    Volume and time are such that the amount lies between 0.1 and 1000, the volume that of the study if possible.
+    """
+    factor, volume, time = _said(leak, unit)
+    value, *ends = (factor * number for number in (leak, *interval))
+    known = all(map(math.isfinite, ends))
+    words, *limits = (rounded(one, *ends) if known else number(one, 2) for one in (value, *ends))
+    between = f", between {limits[0]} and {limits[1]}" if known else ""
+    if not unit:
+        return f"T* V*³ = {words}{between}"
+    rate = f"{words} {unit_text(volume)}"
+    return f"{rate} in {time}{between}" if time else f"{rate}{between}"
+
+
+def _said(leak: float, unit: str) -> tuple[float, str, str]:
+    """Return the factor from a unit of flow to an amount, its unit, and its time in words."""
+    own, per, _ = unit.partition("/")
+    if not per or LEAST <= leak < MOST or not leak > 0.0:
+        return 1.0, unit, ""
+    sizes = [own, *VOLUMES] if leak >= MOST else [own, *reversed(VOLUMES)]
+    for volume in sizes:
+        a_second = convert(1.0, unit, f"{volume}/s")
+        for seconds, time in TIMES:
+            if LEAST <= leak * a_second * seconds < MOST:
+                return a_second * seconds, volume if time else f"{volume}/s", time
+    return 1.0, unit, ""
 
 
 def short(value: float) -> str:
@@ -68,26 +90,57 @@ def short(value: float) -> str:
 
 
 def answer(way: Way) -> str:
-    """Return the leak along an axis with its error in words."""
+    """Return the leak along an axis with its interval, and where the way closes, in words."""
     found = way.leak
     if not math.isfinite(found.value):
         return "not known: the sweep does not reach this load"
-    # a closed way is certified to be closed on its grid
-    unknown = [part.name for part in way.parts if not part.known and (found.value > 0.0 or part.name != "solver")]
-    error = f"its error is not known ({', '.join(unknown)})"
-    low, high = (short(end) for end in way.interval)
-    if found.surfaces == 1:
-        if found.value > 0.0:
-            return f"{amount(found.value, way.unit)}, {error if unknown else f'between {low} and {high}'}"
-        end = f"; {_printed(way.last_open, way.unit)}" if way.last_open else ""
-        return f"closed on this grid, {amount(0.0, way.unit)}; {error}{end}"
+    return "; ".join(filter(None, [_leaks(way), _counts(way), _unknown(way), tight(way)]))
+
+
+def _leaks(way: Way) -> str:
+    """Return the leak with its interval."""
+    if way.leak.value > 0.0:
+        middle = "median " if way.leak.surfaces > 1 else ""
+        return middle + amount(way.leak.value, way.unit, way.interval)
+    most = way.interval[1]
+    return "closed on this grid" + (f", at most {amount(most, way.unit)}" if math.isfinite(most) and most > 0.0 else "")
+
+
+def _counts(way: Way) -> str:
+    """Return how many of several surfaces are open."""
+    found = way.leak
     absent = found.surfaces - found.count
-    counts = f"{way.open} of {found.count} surfaces open" + (f", {absent} not pressed to this load" if absent else "")
-    if not way.open:
-        return f"closed on this grid, {amount(0.0, way.unit)}; {counts}; {error}"
-    spread = f"16-84 % of the surfaces {short(found.low)} to {short(found.high)}"
-    interval = error if unknown else f"the median lies between {low} and {high}"
-    return f"median {amount(found.value, way.unit)}; {counts}; {spread}; {interval}"
+    missed = f", {absent} not pressed to this load" if absent else ""
+    return f"{way.open} of {found.count} surfaces open{missed}" if found.surfaces > 1 else ""
+
+
+def _unknown(way: Way) -> str:
+    """Return the parts of the error that are not known; a closed way is certified to be closed on its grid."""
+    unknown = [part.name for part in way.parts if not part.known and (way.leak.value > 0.0 or part.name != "solver")]
+    return f"its error is not known ({', '.join(unknown)})" if unknown else ""
+
+
+def tight(way: Way) -> str:
+    """Return where a way closes in few words."""
+    closing = way.closing
+    if not closing.spans:
+        return ""
+    if not closing.closed:
+        return closing.words
+    return f"tight {closing.words}" if len(closing.spans) == 1 else f"tight from {closing.short}"
+
+
+def details(way: Way) -> list[str]:
+    """Return the leak in the unit of the study, with its range over several surfaces."""
+    found = way.leak
+    if not math.isfinite(found.value):
+        return []
+    ends = f", between {short(way.interval[0])} and {short(way.interval[1])}" if math.isfinite(way.factor) else ""
+    unit = f" {unit_text(way.unit)}" if way.unit else ""
+    words = f"leak: {short(found.value)}{unit or ', T* V*³'}{ends}"
+    if found.surfaces > 1 and way.open:
+        words += f"; 16-84 % of the surfaces {short(found.low)} to {short(found.high)}"
+    return [words, *([_printed(way.last_open, way.unit)] if way.last_open else [])]
 
 
 def closes(card: Card, way: Way) -> list[str]:
@@ -138,6 +191,8 @@ def in_brackets(unit: str) -> str:
 
 def load_of(card: Card) -> str:
     """Return the load of a card in words, as ``0.5 MPa (p* = 3)``; of surfaces with different loads their range."""
+    if not card.loads("mean_pressure"):
+        return f"{_words(card.load)}, beyond a closed end of the sweep"
     load = f"p* = {_range(card.loads('mean_pressure'))}"
     if card.pressure_unit:
         load = f"{_range(card.loads('nominal_pressure'))} {card.pressure_unit} ({load})"
@@ -157,15 +212,14 @@ def _leg(card: Card) -> str:
 
 
 def _range(loads: list[float]) -> str:
-    if not loads:
-        return "not reached"
     low, high = min(loads), max(loads)
     return number(low) if high - low <= SAME * high else f"{number(low)} to {number(high)}"
 
 
 def load_facts(card: Card) -> Iterator[tuple[str, str]]:
     """Yield the load of a card and the state there, in pairs of words."""
-    yield "Load", f"{load_of(card)}, at {_words(card.load)}"
+    at = f", at {_words(card.load)}" if card.loads("mean_pressure") else ""
+    yield "Load", f"{load_of(card)}{at}"
     mean = "mean " if len(card.surfaces) > 1 else ""
     yield "Contact area A*", f"{mean}{number(card.mean('contact_area'))}"
     gap = ""
@@ -214,7 +268,8 @@ def rests_on(fine: Sequence[Dataset]) -> tuple[list[tuple[str, str]], list[str],
         own = facts(run)
         for name, value in (*own.surface, *_material(run), *own.loading):
             if name not in NOT_OF_A_CARD:
-                found.setdefault(name, {})[value.replace(own.title, "the file")] = None
+                words = re.sub(r"\bum\b", "µm", value.replace(own.title, "the file"))
+                found.setdefault(name, {})[words] = None
         label = f"{own.title}: " if len(fine) > 1 else ""
         exceeded += [f"{label}{line}" for line in own.warnings]
         study = run.study
@@ -237,8 +292,13 @@ def identity(fine: Sequence[Dataset], origin: Identity) -> list[tuple[str, str]]
     files = [body for ds in fine for body in json.loads(str(ds.attrs.get("height_files", "[]")))]
     computed = {f"{str(ds.attrs.get('date', ''))[:10]}, roughvol {ds.attrs.get('roughvol_version', '')}" for ds in fine}
     return [
-        ("Study", f"{origin.study.name}, sha256 {digest_of(origin.study.stored())[:DIGITS]}"),
+        ("Study", f"{origin.study.name}, sha256 {digest(origin)}"),
         *((f"File {body['file']}", f"sha256 {body['sha256'][:DIGITS]}") for body in files),
         ("Computed", "; ".join(sorted(computed))),
         ("Command", origin.command),
     ]
+
+
+def digest(origin: Identity) -> str:
+    """Return the sha256 of a study as a card shows it."""
+    return digest_of(origin.study.stored())[:DIGITS]

@@ -222,8 +222,8 @@ def _loading(run: Run) -> Pairs:
             ("States", f"{int((ds['converged'] & solved).sum())} of {int(solved.sum())} converged"),
             ("Certified residual η/σ", f"{float(ds['residual'].max()):.1e} at most, which bounds the error of V*"),
         ]
-    if "mean_pressure_bound" in ds and bool((loaded := ds[P] > ROUNDING).any()):
-        bound = float(ds["mean_pressure_bound"].where(loaded).max())
+    bound = float(ds["mean_pressure_bound"].where(ds[P] > ROUNDING).max()) if "mean_pressure_bound" in ds else math.nan
+    if math.isfinite(bound):
         pairs.append(("Certified error of p*", f"{bound:.1e} at most, relative"))
     answers = (line.partition(": ") for line in str(ds.attrs.get("answer", "")).splitlines())
     pairs += [(name, text) for name, colon, text in answers if colon]

@@ -8,7 +8,8 @@
 `yielding`          paths of legs, and plastic displacement
 `content`           figures named by content, of one run or several overlaid
 `spectra`           power spectral density, and slope by scale
-`leak_card`         drawings and print of the leak card
+`leak_card`         drawings of the leak card
+`card_print`        its page of print
 `work_precision`    speed against accuracy of a trade-off
 `surface_picture`   one surface before it is pressed (``roughvol check --look``)
 `families`          curves, states and densities read from a dataset

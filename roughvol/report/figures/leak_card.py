@@ -1,38 +1,30 @@
-"""The drawings of a leak card: leak against load, map of the flux, error or closing loads; and a page of print."""
+"""The drawings of a leak card: leak against load, map of the flux, error or closing loads."""
 
 from __future__ import annotations
 
 import math
-import textwrap
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from xarray import Dataset, concat
 
 from roughvol.analysis.leak import STATE
-from roughvol.analysis.leak_card import Card, SurfaceAtLoad
+from roughvol.analysis.leak_card import Card, SurfaceAtLoad, Way
 from roughvol.analysis.legs import first_leg
 from roughvol.gap.transport import conduction
 from roughvol.observables.variables import AXES
 from roughvol.report.card_text import SAME, has_legs
 from roughvol.report.figures.families import Family
 from roughvol.report.figures.style import GREY, STYLE, Drawing, looks, plain_ticks, read_style, unit_text
-from roughvol.report.figures.ways import CLOSED, draw_flow, draw_flux, flow_axis, look_of, ways
+from roughvol.report.figures.ways import CLOSED, FAINT, draw_flow, draw_flux, flow_axis, look_of, ways
 
 SANS = read_style("card")
-SMALL = {"font.size": 8.0, "axes.labelsize": 8.0, "axes.titlesize": 8.0, "legend.fontsize": 7.0}  # of the print
 PANEL = (3.3, 3.1)  # inches, at the width of a figure on the page: its type has the size of the page's
-A4 = (8.27, 11.69)
-TEXT = (7.5, 7.25, 7.0, 6.75, 6.5, 6.25, 6.0, 5.75, 5.5, 5.25)  # sizes below the drawings: the largest that fits
-HEADING, BELOW = 1.55, 0.6  # lines that a heading takes, and that stay free below a part
-SPACING, FOOT = 1.38, 0.02  # of lines over their size; of the page
-CROWDED = 50.0  # largest factor from which on only its powers of ten are labelled
+CROWDED = 50.0  # factor from which on only its powers of ten are labelled, and no band is drawn
 LEGEND: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2, "borderaxespad": 0.1}
 LEGEND |= {"handlelength": 1.4, "columnspacing": 0.9, "handletextpad": 0.5}
 GRIDS = {"": "1", "twice the spacing": "2", "four times the spacing": "4"}
@@ -52,7 +44,9 @@ def panels(card: Card) -> list[Panel]:
     kind = "Median leak over surfaces" if several else "Leak"
     dry = " of the gap without fluid pressure, and the leak under it" if card.lifted else ""
     leg = " on leg 1" if has_legs(card) else ""
-    words = f"{kind}{dry} against load{leg}; bars are the error at the load of the card."
+    bars = ", horizontal bars where the ways close" if any(way.closing.closed for way in card.ways) else ""
+    band = "; the band has the same factor at every load" if any(map(_has_band, card.ways)) and not several else ""
+    words = f"{kind}{dry} against load{leg}; upright bars are the error at the load of the card{bars}{band}."
     found = [Panel("leak", words, _against_load)]
     if (shown := _shown(card)) is not None:
         name = f" on {shown.name}" if several else ""
@@ -75,59 +69,6 @@ def drawing_of(card: Card, panel: Panel) -> Drawing:
     return fig
 
 
-def page_of(card: Card, text: Sequence[tuple[str, Sequence[str]]]) -> Drawing:
-    """Return the card as one page of A4."""
-    with mpl.rc_context(STYLE | SANS | SMALL):
-        fig = Drawing(figsize=A4, dpi=150)
-        fig.style = SANS
-        (title, lead), *rest = text
-        fig.text(0.06, 0.965, title, fontsize=15, weight="bold", va="top")
-        place = _column(fig, [("", lead)], 0.06, 0.94, 112, 9.0)
-        shown = panels(card)
-        top = place - 0.02
-        grid = fig.add_gridspec(1, len(shown), left=0.09, right=0.95, top=top - 0.015, bottom=top - 0.19, wspace=0.62)
-        for column, panel in enumerate(shown):
-            panel.draw(fig.add_subplot(grid[0, column]), card)
-        place = top - 0.235
-        budgets, below = rest[: len(card.ways)], rest[len(card.ways) :]
-        ends = [_column(fig, [part], 0.06 + 0.46 * k, place, 66, TEXT[0]) for k, part in enumerate(budgets)]
-        place = min(ends) - 0.012
-        size = next((size for size in TEXT if place - _height(below, _width(size), size) > FOOT), TEXT[-1])
-        _column(fig, below, 0.06, place, _width(size), size)
-    return fig
-
-
-def _width(size: float) -> int:
-    """Return the characters of a line over the whole page in a size of type."""
-    return int(140 * TEXT[0] / size)
-
-
-def _rows(lines: Sequence[str], width: int) -> list[str]:
-    return [row for text in lines for row in textwrap.wrap(text, width, subsequent_indent="    ") or [""]]
-
-
-def _height(parts: Sequence[tuple[str, Sequence[str]]], width: int, size: float) -> float:
-    """Return the height of headings with their lines, as a share of the page."""
-    rows = sum(HEADING * bool(heading) + len(_rows(lines, width)) + BELOW for heading, lines in parts)
-    return rows * SPACING * size / 72.0 / A4[1]
-
-
-def _column(
-    fig: Figure, parts: Sequence[tuple[str, Sequence[str]]], x: float, top: float, width: int, size: float
-) -> float:
-    """Write headings with their lines from a height on, and return the height below them."""
-    line = SPACING * size / 72.0 / A4[1]
-    for heading, lines in parts:
-        if heading:
-            fig.text(x, top, heading, fontsize=size + 2.0, weight="bold", va="top")
-            top -= HEADING * line
-        for row in _rows(lines, width):
-            fig.text(x, top, row, fontsize=size, va="top")
-            top -= line
-        top -= BELOW * line
-    return top
-
-
 # leak against load
 
 
@@ -146,6 +87,13 @@ def _against_load(ax: Axes, card: Card) -> None:
         if members:
             draw_flow(ax, family, members, axis, alone=True)
         look = look_of(family, axis, alone=True)
+        if len(members) == 1 and _has_band(way):
+            ends = (members[0].value / way.factor, members[0].value * way.factor)
+            ax.fill_between(members[0].load, *ends, color=look["color"], alpha=FAINT, lw=0, zorder=2)
+        low, high = way.closing.bracket
+        if math.isfinite(high):
+            height = ax.get_ylim()[0] * (1.3 + 0.4 * order)
+            ax.plot([low, high], [height, height], color=look["color"], lw=2.5, solid_capstyle="butt", zorder=6)
         handles.append(Line2D([], [], label=f"along {axis}{dry}", color=look["color"], ls=look["ls"]))
         if way.leak.value > 0.0 and math.isfinite(at):
             low, high = way.interval if math.isfinite(way.factor) else (way.leak.value, way.leak.value)
@@ -164,6 +112,11 @@ def _against_load(ax: Axes, card: Card) -> None:
             handles.append(Line2D([], [], ls="", marker=CLOSED[axis], color=GREY, label=f"closed along {axis}{dry}"))
     ax.xaxis.set_major_locator(MaxNLocator(4))
     ax.legend(handles=handles, **LEGEND)
+
+
+def _has_band(way: Way) -> bool:
+    """Return whether the error of a leak is known and small enough to be seen as a band around the curve."""
+    return way.leak.value > 0.0 and way.factor < CROWDED
 
 
 def _family(card: Card) -> Family:
