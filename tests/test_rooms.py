@@ -48,7 +48,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
         "analysis.leak_budget",
     ),
     "lazy_loader": ("__init__", *(room for rooms in FLOORS[1:-4] for room in rooms)),
-    "pyfftw": ("contact.convolution",),
+    "pyfftw": ("contact.convolution", "contact.cosines"),
     "yaml": ("study",),
     "pydantic": ("study",),
     "pydantic_core": ("study",),

@@ -17,6 +17,7 @@ The room of the solver. It knows surfaces and arrays, no study and no results.
 `far_field`           correction of the inverse by blocks of elements
 `halfspace`           displacement under pressure, on a free patch or a period
 `convolution`         one convolution, by FFTW or as a sum over few loaded elements
+`cosines`             convolution of a mirrored patch, by cosine transforms
 `kernels`             influence coefficients, and displacement of waves
 `paper_algorithm`     the paper's Algorithm 1, as a reference
 ====================  ==============================================================

@@ -1,19 +1,38 @@
 """Displacement as a convolution by FFTW, or as a sum where few elements are loaded."""
 
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyfftw
 from numpy.typing import NDArray
 
+from roughvol.contact.kernels import short_way
 from roughvol.contact.options import TUNING, Tuning
 from roughvol.typing import Array, Index, Shape
 
-Places = tuple[list[int], NDArray[Any]]
-"""Elements under pressure: the number of the first one in each part of the rows, and n; positions in its buffer."""
+
+class Places(NamedTuple):
+    """Elements under pressure, by the parts of the rows.
+
+    Attributes
+    ----------
+    edges : list of int
+        Number of the first element in each part, and n.
+    positions : array (n,)
+        Positions in the buffer of the part.
+    order : array (n,), optional
+        Elements in the order of the parts. Default: that of the elements.
+    """
+
+    edges: list[int]
+    positions: NDArray[Any]
+    order: Index | None = None
+
+
 Task = Callable[[int, int], None]
 """A function of the number of the worker and of the part."""
 
@@ -71,9 +90,9 @@ class Convolution:
         column, row = length * complex_type.itemsize, width * complex_type.itemsize
         self._row_parts = parts(rows, row, tuning.cache)
         self._column_parts = parts(waves, column, tuning.cache, tuning.columns_together)
+        self._column_count = len(self._column_parts)
         self._bands = _pieces(rows, tuning.band)
-        workers = min(threads, len(self._column_parts))
-        self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
+        workers = self._started(threads)
         deepest = max(part.stop - part.start for part in self._row_parts)
         self._rows = [pyfftw.zeros_aligned((deepest, width), dtype=dtype) for _ in range(workers)]
         self._results = [pyfftw.zeros_aligned((deepest, width), dtype=dtype) for _ in range(workers)]
@@ -81,6 +100,7 @@ class Convolution:
         for k, part in enumerate(self._row_parts):
             source, target = (buffers[k % workers][: part.stop - part.start] for buffers in (self._rows, self._results))
             self._row_plans.append(_plans(source, self._waves[part], target))
+        self._waves_of = [self._waves[part] for part in self._row_parts]
         deepest = max(part.stop - part.start for part in self._column_parts)
         self._at_once = max(tuning.columns_together // 4, tuning.cache // column)
         sizes = (deepest, length), (self._at_once, length)
@@ -90,17 +110,23 @@ class Convolution:
             together = [before[first : first + self._at_once] for first in range(0, deepest, self._at_once)]
             self._block_plans.append([_plans(some, after[: len(some)], some) for some in together])
 
+    def _started(self, threads: int) -> int:
+        """Start threads, at most as many as there are blocks of columns, and return their number."""
+        workers = min(threads, self._column_count)
+        self._pool = ThreadPoolExecutor(workers) if workers > 1 else None
+        return workers
+
     def places(self, row: NDArray[Any], column: NDArray[Any]) -> Places:
         """Return the places of elements, which come by increasing row."""
         starts = np.array([part.start for part in self._row_parts] + [self.shape[0]])
         edges = np.searchsorted(row, starts)
         width = self._rows[0].shape[1]
         positions = row * width + column - np.repeat(starts[:-1] * width, np.diff(edges))
-        return edges.tolist(), positions
+        return Places(edges.tolist(), positions)
 
     def convolve_at(self, places: Places, pressure: NDArray[Any]) -> NDArray[Any]:
         """Return u (n,) on the elements that carry the pressure (n,)."""
-        edges, positions = places
+        edges, positions, _ = places
         result = np.empty(pressure.shape, dtype=self._dtype)
 
         def backward(worker: int, k: int) -> None:
@@ -128,12 +154,12 @@ class Convolution:
 
     def _convolve(self, places: Places, pressure: NDArray[Any], backward: Task) -> None:
         """Transform the rows under pressure, filter the columns, and let each part of the rows be transformed back."""
-        edges, positions = places
+        edges, positions, _ = places
 
         def forward(worker: int, k: int) -> None:
             some = slice(edges[k], edges[k + 1])
             if some.start == some.stop:
-                self._waves[self._row_parts[k]] = 0.0
+                self._waves_of[k][:] = 0.0
                 return
             buffer = self._rows[worker].reshape(-1)
             buffer[positions[some]] = pressure[some]
@@ -141,7 +167,7 @@ class Convolution:
             buffer[positions[some]] = 0.0
 
         self._share(forward, len(self._row_parts))
-        self._share(self._columns, len(self._column_parts))
+        self._share(self._columns, self._column_count)
         self._share(backward, len(self._row_parts))
 
     def _columns(self, worker: int, k: int) -> None:
@@ -162,7 +188,7 @@ class Convolution:
 
     def _share(self, task: Task, count: int) -> None:
         """Do all tasks; worker k does the numbers k, k + workers, k + 2 workers, …."""
-        workers = len(self._blocks)
+        workers = len(self._rows)
 
         def work(worker: int) -> None:
             for k in range(worker, count, workers):
@@ -195,9 +221,12 @@ def _pieces(count: int, length: int) -> list[slice]:
 class Superposition:
     """Displacement of many elements by few loaded ones, in lattice units; not thread-safe."""
 
-    def __init__(self, influence: Array, tuning: Tuning = TUNING) -> None:
-        self._influence, self._columns = influence, influence.shape[1]
-        self._terms, self._piece = tuning.sum_terms * influence.size, tuning.cache // 32
+    def __init__(self, influence: Array, tuning: Tuning = TUNING, *, mirrored: bool = False) -> None:
+        self._nodes = influence.shape[0] - mirrored, influence.shape[1] - mirrored
+        self._images, self._terms = mirrored, tuning.sum_terms * math.prod(self._nodes) / (4 if mirrored else 1)
+        if mirrored:  # as far as to the nearest image
+            influence = influence[np.ix_(*(short_way(np.arange(3 * n // 2 + 1), n) for n in self._nodes))]
+        self._influence, self._columns, self._piece = influence, influence.shape[1], tuning.cache // 32
         self._mirrored: NDArray[Any] = np.empty(0, dtype=bool)
         self._numbered: tuple[Index, NDArray[np.intp]] | None = None
 
@@ -211,7 +240,7 @@ class Superposition:
         table, number = self._table(single), self._numbers(elements)
         displacement: NDArray[Any] = np.zeros(elements.size, dtype=table.dtype)
         offset, term = np.empty(self._piece, dtype=np.intp), np.empty(self._piece, dtype=table.dtype)
-        sources = list(zip(number[loaded].tolist(), pressure.astype(table.dtype), strict=True))
+        sources = self._sources(elements[loaded], number[loaded], pressure.astype(table.dtype))
         for first in range(0, elements.size, self._piece):
             piece = slice(first, first + self._piece)
             target, total = number[piece], displacement[piece]
@@ -225,10 +254,23 @@ class Superposition:
     def _numbers(self, elements: Index) -> NDArray[np.intp]:
         """Return numbers whose differences are indices of the table, kept until other elements come."""
         if self._numbered is None or self._numbered[0] is not elements:
-            columns = np.int32(self._columns)
-            row, column = np.divmod(elements.astype(np.int32), columns)
-            self._numbered = elements, (row * (2 * columns - 1) + column).astype(np.intp)
+            row, column = np.divmod(elements.astype(np.int32), np.int32(self._nodes[1]))
+            self._numbered = elements, self._number(row, column)
         return self._numbered[1]
+
+    def _number(self, row: NDArray[Any], column: NDArray[Any]) -> NDArray[np.intp]:
+        return (row * np.int32(2 * self._columns - 1) + column).astype(np.intp)
+
+    def _sources(self, loaded: Index, number: NDArray[np.intp], pressure: NDArray[Any]) -> list[tuple[int, Any]]:
+        """Return the numbers of loaded elements and of their nearest mirror images, with the pressure."""
+        if not self._images:
+            return list(zip(number.tolist(), pressure, strict=True))
+        (row, up), (column, left) = (
+            (x, np.where(2 * x < n, -1 - x, 2 * n - 1 - x))
+            for x, n in zip(np.divmod(loaded, self._nodes[1]), self._nodes, strict=True)
+        )
+        numbers = [self._number(i, j) for i in (row, up) for j in (column, left)]
+        return list(zip(np.concatenate(numbers).tolist(), np.tile(pressure, 4), strict=True))
 
     def _table(self, single: bool) -> NDArray[Any]:
         """Return K at every offset, flat, from the origin on: rows ≥ 0 by columns of both signs.

@@ -17,14 +17,16 @@ M⁻¹ is symmetric and positive definite for any sides of the grid, any contact
   blocks on either grid, the rows of G are strictly dominant (`near_field.dominant`).
 
 Numbers have 32 bits, so the proof also needs a C that is not large. C becomes large if the matrix between blocks is
-nearly singular or indefinite. That happens where blocks that touch have the coefficient of two distant points. A period
-is therefore cut into blocks of equal length, up to one element, and blocks at the seam count as neighbours.
+nearly singular or indefinite. That happens where blocks that touch have the coefficient of two distant points. An
+endless plane is therefore cut into blocks of equal length, up to one element. Blocks at the seam of a period count as
+neighbours. At a mirrored side the image of a block beside it has an exact coefficient; images farther away are points.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -32,11 +34,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, sparse
 
-from roughvol.contact.kernels import influence_matrix
+from roughvol.contact.kernels import influence_matrix, short_way
 from roughvol.contact.near_field import dominant
 from roughvol.contact.options import TUNING, Tuning
 from roughvol.contact.state import Compliance
-from roughvol.typing import Array, Index, Map, Sides, Single
+from roughvol.typing import Array, Index, Map, Shape, Sides, Single
 
 _AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))  # offsets to the blocks around a block, and itself
 _CENTRE = _AROUND.index((0, 0))
@@ -80,11 +82,8 @@ def _between_blocks(blocks: Tier, tuning: Tuning) -> Map:
     if blocks.numbers.size > tuning.factorised_up_to:
         above = Tier(blocks, blocks.numbers, blocks.mass, tuning)
         return _corrected(near_field_of_blocks(blocks, tuning), above, tuning)
-    matrix = influence_matrix(blocks.influence, blocks.numbers)
-    here, k = np.nonzero(blocks.neighbours < blocks.numbers.size)
-    matrix[here, blocks.neighbours[here, k]] = blocks.near[here, k]
     try:
-        factor = linalg.cho_factor(matrix, lower=True, check_finite=False)
+        factor = linalg.cho_factor(blocks.matrix(), lower=True, check_finite=False)
     except linalg.LinAlgError:  # points in place of blocks are too rough
         return near_field_of_blocks(blocks, tuning)
     return lambda r: linalg.cho_solve(factor, r, check_finite=False).astype(np.float32)
@@ -106,7 +105,7 @@ class Cut:
     spare : array (nodes,)
         Side of the frame of a block beyond the length of the block.
     distance : array (blocks,)
-        Nodes between the starts of two blocks, from 0, 1, 2 … blocks apart.
+        Nodes between the starts of two blocks, from 0, 1, 2 … blocks apart; on a mirrored patch up to all blocks.
     """
 
     blocks: int
@@ -122,23 +121,24 @@ class Cut:
 
 
 @lru_cache(maxsize=16)
-def cut(nodes: int, side: int, periodic: bool) -> Cut:
-    """Cut an axis into blocks of a side. A free patch may have a shorter last block, a period has equal ones.
+def cut(nodes: int, side: int, sides: Sides) -> Cut:
+    """Cut an axis into blocks of a side. A free patch may have a shorter last block, an endless plane has equal ones.
 
-    The ends of a period are joined, and the lengths of its blocks differ by one node at most.
+    The ends of a period are joined. The lengths of equal blocks differ by one node at most.
     """
     blocks = -(-nodes // side)
-    node, apart = np.arange(nodes), np.arange(blocks)
-    if periodic:
+    node, apart = np.arange(nodes), np.arange(blocks + (sides == "mirrored"))
+    if sides != "free":
         block = node * blocks // nodes
         start = -(-np.arange(blocks + 1) * nodes // blocks)
         within, spare = node - start[block], side - np.diff(start)[block]
         distance = (2 * nodes * apart + blocks) // (2 * blocks)  # rounded, the same both ways around
-        distance = np.where(2 * apart > blocks, nodes - distance[-apart], distance)
+        if sides == "periodic":
+            distance = np.where(2 * apart > blocks, nodes - distance[-apart], distance)
     else:
         block, within, spare, distance = node // side, node % side, np.zeros_like(node), apart * side
     small = [array.astype(np.int32) for array in (block, within, spare)]
-    return Cut(blocks, periodic and blocks >= 3, small[0], small[1], small[2], distance)
+    return Cut(blocks, sides == "periodic" and blocks >= 3, small[0], small[1], small[2], distance)
 
 
 class Tier:
@@ -153,7 +153,9 @@ class Tier:
     influence : array
         Kernel between distant blocks, on the grid of all blocks.
     sides : {"free", "mirrored", "periodic"}
-        Those of the half space. Blocks at mirrored sides do not see their images.
+        Those of the half space.
+    shape : (int, int)
+        Blocks along each axis.
     numbers : array (blocks,)
         Flat indices of the blocks that hold elements.
     mass : array (blocks,)
@@ -161,7 +163,7 @@ class Tier:
     neighbours : array (blocks, 9)
         Positions in `numbers` of the blocks around each block; `numbers.size` where there is none.
     near : array (blocks, 9)
-        Exact coefficients between a block and its neighbours.
+        Exact coefficients between a block and its neighbours, with images that touch it.
     spread, moved : sparse arrays (n, blocks), (n, 2 blocks)
         P; N and E side by side.
     """
@@ -169,11 +171,10 @@ class Tier:
     def __init__(self, grid: Compliance | Tier, elements: Index, t: NDArray[Any], tuning: Tuning = TUNING) -> None:
         side, influence = tuning.block_side, grid.influence
         self.sides: Sides = grid.sides
-        rows, columns = self.rows, self.columns = [
-            cut(nodes, side, self.sides == "periodic") for nodes in influence.shape
-        ]
+        rows, columns = self.rows, self.columns = [cut(nodes, side, self.sides) for nodes in grid.shape]
+        self.shape: Shape = (rows.blocks, columns.blocks)
         self.influence: Array = influence[np.ix_(rows.distance, columns.distance)]
-        row, column = np.divmod(elements.astype(np.int32), np.int32(influence.shape[1]))
+        row, column = np.divmod(elements.astype(np.int32), np.int32(grid.shape[1]))
         width = columns.blocks + 2
         block_row = rows.block.take(row)
         block = (block_row + 1) * width + columns.block.take(column) + 1
@@ -186,9 +187,11 @@ class Tier:
             numbers[0], numbers[-1] = numbers[-2], numbers[1]
         if columns.closed:
             numbers[:, 0], numbers[:, -1] = numbers[:, -2], numbers[:, 1]
+        images = _images(numbers, count, side) if self.sides == "mirrored" else None
         x, y = np.divmod(occupied, width)
         self.numbers: Index = (x - 1) * columns.blocks + y - 1
-        self.neighbours: NDArray[np.int32] = number[occupied[:, None] + np.array([i * width + j for i, j in _AROUND])]
+        around = number[occupied[:, None] + np.array([i * width + j for i, j in _AROUND])]
+        self.neighbours: NDArray[np.int32] = np.minimum(around, count)
         of_element = number[block]
         position = of_element.astype(np.intp) * side**2 + rows.within.take(row) * side + columns.within.take(column)
         shapes = np.zeros((count + 1, side**2), dtype=np.float32)  # the last one: an absent block
@@ -213,8 +216,12 @@ class Tier:
             frames.append(np.zeros_like(shapes))
             frames[-1].ravel()[places(slice(None), *end)] = share
 
+        if images:
+            frames = [np.vstack((frame, images(frames, end))) for end, frame in enumerate(frames)]
         # Displacement of every element under a unit force on each of the blocks around. The last column is E.
         given = influence[: 2 * side, : 2 * side]
+        if images:
+            given = influence[np.ix_(*(short_way(np.arange(2 * min(side, nodes)), nodes) for nodes in grid.shape))]
         tables = _tables(given.tobytes(), given.shape[0], side)
         pieces = _whole_rows(block_row, x - 1, tuning.cache // 64)  # in cache
         data = np.empty((elements.size, len(_AROUND) + 1), dtype=np.float32)
@@ -224,13 +231,14 @@ class Tier:
             for j, (down, right) in enumerate(_AROUND):
                 acting = (2 * (down < 0) + (right < 0)) % len(ends)
                 moved = (2 * (down > 0) + (right > 0)) % len(ends)
-                field = frames[acting][self.neighbours[blocks, j]] @ tables[j]
+                field = frames[acting][around[blocks, j]] @ tables[j]
                 data[some, j] = field.ravel().take(at[moved])
+        if images:
+            self._fold(data, block_row, columns.block.take(column))
         if isinstance(grid, Tier):  # the elements are blocks: blocks around them act with their exact coefficients
-            points = [_at(influence, i, j) for i, j in _AROUND]
             target, k = np.nonzero(grid.neighbours < elements.size)
             source = grid.neighbours[target, k]
-            excess = (grid.near[target, k] - np.array(points)[k]) * share[source]
+            excess = (grid.near[target, k] - grid.points[target, k]) * share[source]
             place_row, place_column = np.divmod(block, width)
             rows_apart = rows.around(place_row[source] - place_row[target])
             columns_apart = columns.around(place_column[source] - place_column[target])
@@ -248,6 +256,66 @@ class Tier:
             of_block.take(of_element[some], axis=0, out=into[some], mode="clip")
         start = np.arange(0, data.size + 1, data.shape[1], dtype=np.int32)
         self.moved = sparse.csr_array((data.ravel(), into.ravel(), start), shape=(elements.size, 2 * count))
+
+    @cached_property
+    def points(self) -> Array:
+        """Coefficients between points in place of the blocks, for `near`."""
+        points = np.tile([_at(self.influence, i, j) for i, j in _AROUND], (self.numbers.size, 1))
+        if self.sides == "mirrored":
+            self._fold(points, *np.divmod(self.numbers, self.shape[1]))
+        return points
+
+    def matrix(self) -> Array:
+        """Return the operator between blocks, exact for blocks that touch."""
+        here, k = np.nonzero(self.neighbours < self.numbers.size)
+        there, mirrored = self.neighbours[here, k], self.sides == "mirrored"
+        matrix = influence_matrix(self.influence, self.numbers, mirrored=mirrored)
+        # Images that do not touch a block act on it as points.
+        matrix[here, there] = (
+            matrix[here, there] - self.points[here, k] + self.near[here, k] if mirrored else self.near[here, k]
+        )
+        return matrix
+
+    def _fold(self, values: NDArray[Any], row: NDArray[Any], column: NDArray[Any]) -> None:
+        """Add what comes from the images around a block (n, 9 …) to the blocks themselves, in place.
+
+        Row and column are those of the blocks that values belong to.
+        """
+        number = np.arange(len(_AROUND)).reshape(3, 3)
+        for place, blocks, lines in ((row, self.shape[0], number), (column, self.shape[1], number.T)):
+            for end, outer in ((0, lines[0]), (blocks - 1, lines[2]))[: min(blocks, 2)]:
+                some = np.flatnonzero(place == end)[:, None]
+                values[some, lines[1]] += values[some, outer]
+                values[some, outer] = 0.0
+
+
+def _images(numbers: NDArray[np.int32], absent: int, side: int) -> Callable[[list[Single], int], Single]:
+    """Return the shapes of the images of blocks along mirrored sides, as a function of those of the blocks.
+
+    The function takes the shapes by the ends of their frames, and the end at which an image lies. Images get numbers
+    from `absent` + 1 on in `numbers`, a grid with one line of absent blocks on each side.
+
+    A single block along an axis has an image on one side of it. The one on the other side belongs to the next period.
+    """
+    whole = np.pad(numbers[1:-1, 1:-1], 1, mode="symmetric")
+    flips = np.zeros((2, *numbers.shape), dtype=bool)
+    flips[0, [0, -1]] = flips[1, :, [0, -1]] = True
+    found = flips.any(axis=0) & (whole < absent)
+    found[-1] &= numbers.shape[0] > 3
+    found[:, -1] &= numbers.shape[1] > 3
+    numbers[found] = absent + 1 + np.arange(np.count_nonzero(found), dtype=np.int32)
+    source, (up, left) = whole[found], flips[:, found]
+
+    def shapes(frames: list[Single], end: int) -> Single:
+        images = np.empty((source.size, side, side), dtype=np.float32)
+        for down, right in ((0, 1), (1, 0), (1, 1)):
+            some = (up == down) & (left == right)
+            other = frames[(end ^ (2 * down + right)) % len(frames)]  # an image lies at the other end of its frame
+            block = other[source[some]].reshape(-1, side, side)
+            images[some] = block[:, :: 1 - 2 * down, :: 1 - 2 * right]
+        return images.reshape(source.size, -1)
+
+    return shapes
 
 
 @lru_cache(maxsize=16)

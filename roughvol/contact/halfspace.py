@@ -19,7 +19,6 @@ a plane with the period of 2n × 2n' elements. Pressures have the symmetry of th
 K(i, k) = Kp(i - k) + Kp(i + k + 1) along each axis.
 """
 
-import itertools
 import math
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -29,6 +28,7 @@ from numpy.typing import NDArray
 from scipy import fft as scipy_fft
 
 from roughvol.contact.convolution import Convolution, Places
+from roughvol.contact.cosines import MirroredConvolution
 from roughvol.contact.kernels import LOVE, Kernel, influence_matrix, kernel_of, periodic_spectrum
 from roughvol.contact.options import TUNING, Tuning
 from roughvol.errors import ContactError
@@ -91,7 +91,8 @@ class HalfSpace:
     Attributes
     ----------
     influence : array (rows, columns)
-        K(i, j) of the non-negative offsets. Images of a period are included, mirror images are not.
+        K(i, j) of the non-negative offsets, images of a period included. On a mirrored half space that of the doubled
+        period, (rows + 1, columns + 1): K between two elements is a sum over mirror images, see `between`.
     convolutions, convolutions_fp32 : float
         Convolutions so far, by precision. Unit: one on the full grid. A convolution over a window counts by its share
         of the points transformed.
@@ -133,31 +134,29 @@ class HalfSpace:
         if min(self.shape) < least:
             raise ContactError(f"shape is {shape}; allowed: at least {least} × {least} elements")
         self.convolutions = self.convolutions_fp32 = 0.0
+        self._lengths = rows, columns = self.shape
         if sides == "mirrored":
-            rows, columns = self.shape
-            self._period = HalfSpace((2 * rows, 2 * columns), kernel, threads, tuning, sides="periodic")
-            self._mean: float = self._period._mean
-            self.influence: Array = self._period.influence[:rows, :columns]
-            return
-        if sides == "periodic":
-            self._lengths = self.shape
+            self._spectrum = periodic_spectrum((2 * rows, 2 * columns), self.kernel)
+            self.influence: Array = scipy_fft.idctn(self._spectrum, type=1)  # half a period
+            self._mean: float = self._spectrum[0, 0]
+        elif sides == "periodic":
             waves = periodic_spectrum(self.shape, self.kernel)
             self._mean, self._spectrum = waves[0, 0], waves / math.prod(self.shape)
-            row = np.arange(self.shape[0])  # the even extension of λ is real
-            self.influence = np.fft.irfft2(waves[np.minimum(row, self.shape[0] - row)], s=self.shape)
+            row = np.arange(rows)  # the even extension of λ is real
+            self.influence = np.fft.irfft2(waves[np.minimum(row, rows - row)], s=self.shape)
         else:
-            self._lengths = transform_length(self.shape[0]), transform_length(self.shape[1])
+            self._lengths = transform_length(rows), transform_length(columns)
             # Lags beyond the grid enter no result, but have the kernel as well. With zeros there, the spectrum of a
             # positive operator would be negative in places.
             self._quadrant = self.kernel.quadrant((self._lengths[0] // 2 + 1, self._lengths[1] // 2 + 1))
             self._spectrum = _spectrum(self._quadrant)
-            self.influence = np.ascontiguousarray(self._quadrant[: self.shape[0], : self.shape[1]])
+            self.influence = np.ascontiguousarray(self._quadrant[:rows, :columns])
+        self.influence.flags.writeable = False
         if not self._spectrum.min() > 0.0:
             name = self.kernel.name
             raise ContactError(f"the {name} kernel is not positive definite on {self.shape}; no unique solution there")
-        self.influence.flags.writeable = False
         self._latest: dict[str, Window] = {}  # of each precision
-        self._engines: dict[tuple[int, int, str], Convolution] = {}
+        self._engines: dict[tuple[int, int, str], Convolution | MirroredConvolution] = {}
 
     @property
     def endless(self) -> bool:
@@ -166,15 +165,7 @@ class HalfSpace:
 
     def between(self, elements: Index) -> Array:
         """Return the matrix K (n, n) between elements, by their flat indices."""
-        if self.sides != "mirrored":
-            return influence_matrix(self.influence, elements)
-        rows, columns = self.shape
-        row, column = np.divmod(elements, columns)
-        matrix = np.zeros((elements.size, elements.size))
-        for image_row, image_column in itertools.product((row, 2 * rows - 1 - row), (column, 2 * columns - 1 - column)):
-            down, right = np.abs(row[:, None] - image_row), np.abs(column[:, None] - image_column)
-            matrix += self._period.influence[down, right]
-        return matrix
+        return influence_matrix(self.influence, elements, mirrored=self.sides == "mirrored")
 
     def displacement(self, pressure: Array) -> Array:
         """Return u = K ∗ p (rows, columns) on every element, by one convolution."""
@@ -186,18 +177,12 @@ class HalfSpace:
     def displacement_above(self, heights: Array, elements: Index, pressure: NDArray[Any]) -> Array:
         """Return u - heights on every element, flat, by one convolution; pressure (n,) on increasing elements."""
         self.convolutions += 1.0
-        if self.sides == "mirrored":
-            return self._mirrored(elements, pressure) - heights.ravel()
         engine = self._engine(self._lengths, "float64")
         places = engine.places(*np.divmod(elements.astype(np.int32), np.int32(self.shape[1])))
         return engine.convolve_above(heights.reshape(self.shape), places, pressure).ravel()
 
     def displacement_at(self, elements: Index, pressure: NDArray[Any], *, single: bool = False) -> NDArray[Any]:
         """Return u (n,) at the increasing elements that carry the pressure (n,), in 32 bits if `single`."""
-        if self.sides == "mirrored":
-            self.convolutions_fp32 += single
-            self.convolutions += not single
-            return self._mirrored(elements, pressure, single=single)[elements]
         precision = "float32" if single else "float64"
         window = self._latest.get(precision)
         if window is None or not np.array_equal(window.elements, elements):
@@ -226,14 +211,6 @@ class HalfSpace:
     def window_points(self) -> int:
         """Points of the transforms kept for windows, at most those of the full grid."""
         return sum(engine.size for key, engine in self._engines.items() if key[:2] != self._lengths)
-
-    def _mirrored(self, elements: Index, pressure: NDArray[Any], *, single: bool = False) -> NDArray[Any]:
-        """Return u on every element, flat, by the period of a surface and its mirror images."""
-        field = np.zeros(self.shape)
-        field.flat[elements] = pressure
-        whole = np.pad(field, [(0, nodes) for nodes in self.shape], mode="symmetric")
-        displacement = self._period.displacement_at(np.arange(whole.size), whole.ravel(), single=single)
-        return displacement.reshape(whole.shape)[: self.shape[0], : self.shape[1]].ravel()
 
     def _window(self, elements: Index, precision: str) -> Window:
         """Return the convolution over the least window that holds the elements: the whole grid, unless it is large."""
@@ -264,7 +241,9 @@ class HalfSpace:
         """Return the convolution of given transform lengths. Windows are kept up to the points of the grid."""
         key = (*lengths, precision)
         engine = self._engines.pop(key, None)
-        if engine is None:
+        if engine is None and self.sides == "mirrored":
+            engine = MirroredConvolution(self._spectrum, np.dtype(precision), self.threads, self._tuning)
+        elif engine is None:
             shape, spectrum = self.shape, self._spectrum
             if lengths != self._lengths:
                 halves = lengths[0] // 2 + 1, lengths[1] // 2 + 1

@@ -181,16 +181,36 @@ def kernel_of(kernel: Kernel | str, **made_of: float) -> Kernel:
     return KERNELS[kernel]
 
 
-def influence_matrix(influence: Array, elements: Index) -> Array:
-    """Return K (n, n) between elements, by their flat indices on the grid of the coefficients."""
-    columns = np.int32(influence.shape[1])
-    row, column = np.divmod(elements.astype(np.int32), columns)
+def influence_matrix(influence: Array, elements: Index, *, mirrored: bool = False) -> Array:
+    """Return K (n, n) between elements, by their flat indices on the grid of the coefficients.
+
+    If `mirrored`, the coefficients are those of the period of a patch of rows × columns elements and its images, at
+    the offsets 0 … rows and 0 … columns. Along each axis K(i, k) = Kp(i - k) + Kp(i + k + 1).
+    """
+    if mirrored:
+        nodes = influence.shape[0] - 1, influence.shape[1] - 1
+        rows, columns = (_mirrored_offsets(x, n) for x, n in zip(np.divmod(elements, nodes[1]), nodes, strict=True))
+        whole: Array = np.sum([influence[i, j] for i in rows for j in columns], axis=0)
+        return whole
+    width = np.int32(influence.shape[1])
+    row, column = np.divmod(elements.astype(np.int32), width)
     offset = np.abs(np.subtract.outer(row, row))
-    offset *= columns
+    offset *= width
     across = np.subtract.outer(column, column)
     offset += np.abs(across, out=across)
     matrix: Array = influence.ravel().take(offset)
     return matrix
+
+
+def _mirrored_offsets(place: Index, nodes: int) -> tuple[Index, Index]:
+    """Return the offsets between elements along an axis, and those to their nearest images."""
+    return np.abs(np.subtract.outer(place, place)), short_way(np.add.outer(place, place) + 1, nodes)
+
+
+def short_way(offset: Index, nodes: int) -> Index:
+    """Return offsets from 0 to 2n around the period of n elements and their images, the short way."""
+    short: Index = np.minimum(offset, 2 * nodes - offset)
+    return short
 
 
 def periodic_spectrum(shape: Shape, kernel: Kernel = LOVE) -> Array:

@@ -38,7 +38,7 @@ def near_field(half_space: Compliance, elements: Index, tuning: Tuning = TUNING)
     influence, periodic, size = half_space.influence, half_space.sides == "periodic", elements.size
     reach = tuning.near_reach_periodic if periodic else tuning.near_reach
     offsets, table = _rows(tuple(map(tuple, influence[:5, :5].tolist())), reach, periodic)
-    row, column = np.divmod(elements.astype(np.int32), np.int32(influence.shape[1]))
+    row, column = np.divmod(elements.astype(np.int32), np.int32(half_space.shape[1]))
     if not periodic:
         row -= row[0]
         column -= column.min()
@@ -107,7 +107,7 @@ def dominant(others: Single, diagonal: Single) -> None:
     others *= np.minimum(1.0, 0.999 / np.maximum(share, 0.999))
 
 
-def border(influence: Array, elements: Index, left_out: Mask, entered: Index) -> tuple[Index, Single]:
+def border(half_space: Compliance, elements: Index, left_out: Mask, entered: Index) -> tuple[Index, Single]:
     """Return the rows g by which elements that were left out take part in the inverse.
 
     With one more element x, the inverse of K is the one without it plus g gᵀ, g = y/√y_x, K y = e_x. Here K is taken on
@@ -116,7 +116,7 @@ def border(influence: Array, elements: Index, left_out: Mask, entered: Index) ->
     The results have shape (k, 25): positions of the elements around each of the k that entered, itself included, and g,
     zero where there is no element.
     """
-    columns = influence.shape[1]
+    columns, influence = half_space.shape[1], half_space.influence
     wanted = elements[entered, None] + _SQUARE @ (columns, 1)
     members = np.minimum(np.searchsorted(elements, wanted), elements.size - 1)
     column = elements[entered, None] % columns + _SQUARE[:, 1]

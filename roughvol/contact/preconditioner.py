@@ -1,5 +1,6 @@
 """The approximate inverse of K on the elements that are expected in contact."""
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -40,7 +41,7 @@ def approximate_inverse(
 
     kept = np.flatnonzero(free) if free.any() else np.arange(free.size)
     inverse = near = near_field(half_space, elements[kept], tuning)
-    searches = tuning.lifted_rounds if half_space.influence.size >= tuning.lifted_again_from else 1
+    searches = tuning.lifted_rounds if math.prod(half_space.shape) >= tuning.lifted_again_from else 1
     for _ in range(searches):
         lifted = (q[kept] <= 0.0) & (inverse(-w[kept]) <= 0.0)
         if not tuning.lifted_share * kept.size < np.count_nonzero(lifted) < kept.size:
@@ -62,7 +63,7 @@ def approximate_inverse(
         entered = np.flatnonzero(left_out & (r != 0.0))
         at_once = tuning.cache // 64  # small systems at a time
         for first in range(0, entered.size, at_once):
-            members, rows = border(half_space.influence, elements, left_out, entered[first : first + at_once])
+            members, rows = border(half_space, elements, left_out, entered[first : first + at_once])
             np.add.at(z, members, rows * (rows * r[members]).sum(axis=1, keepdims=True))
         return z
 

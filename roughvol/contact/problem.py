@@ -9,7 +9,6 @@ Symbols and equations are those of docs/explanation/solver.md.
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -55,9 +54,7 @@ class Problem:
         hardness = options.hardness
         self.law: RigidWall = ELASTIC if hardness is None else HardWall(hardness / (np.pi * self.intervals))
         self.leg = Leg(self.law)
-        # A sum of coefficients of offsets has no mirror images.
-        terms = 0.0 if surface.sides == "mirrored" else self.tuning.sum_terms
-        self.superposition = Superposition(half_space.influence, replace(self.tuning, sum_terms=terms))
+        self.superposition = Superposition(half_space.influence, self.tuning, mirrored=surface.sides == "mirrored")
         self._position = np.full(surface.heights.size, -1, dtype=np.int32)  # restored by `positions`
         # The range first, then σ: the standard deviation of heights of 1e-250 underflows.
         heights = surface.heights - surface.heights.max()

@@ -23,7 +23,8 @@ class Compliance(Protocol):
     kernel : Kernel
         Influence coefficients.
     influence : array (rows, columns)
-        K(i, j) of the non-negative offsets, in units δ/(π E*).
+        K(i, j) of the non-negative offsets, in units δ/(π E*). Those of a mirrored half space, (rows + 1, columns + 1),
+        hold no mirror images.
     convolutions, convolutions_fp32 : float
         Convolutions so far, by precision, in units of one on the full grid.
     sides : {"free", "mirrored", "periodic"}

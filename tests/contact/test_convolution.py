@@ -11,7 +11,7 @@ from roughvol.contact import convolution
 from roughvol.contact.convolution import Superposition
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.options import Tuning
-from tests.contact.kit import half_space, random
+from tests.contact.kit import SIDES, half_space, random
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -53,15 +53,17 @@ def loaded(shape, count):
 
 
 @pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize("sides", SIDES)
 @pytest.mark.parametrize(("shape", "kernel"), [((33, 65), "love"), ((129, 129), "punch"), ((7, 300), "love")])
-def test_sums_are_the_convolution(shape, kernel, single):
-    space = half_space(shape, kernel)
+def test_sums_are_the_convolution(shape, kernel, sides, single):
+    space = half_space(shape, kernel, sides)
     elements, some, pressure = loaded(shape, 20)
     whole = np.zeros(elements.size)
     whole[some] = pressure
     wanted = space.displacement_at(elements, whole)
     for cache in (2**18, 32 * 100):  # in pieces, too
-        sums = Superposition(space.influence, Tuning(sum_terms=np.inf, cache=cache))
+        tuning = Tuning(sum_terms=np.inf, cache=cache)
+        sums = Superposition(space.influence, tuning, mirrored=sides == "mirrored")
         got = sums.displacement(elements, some, pressure, single=single)
         assert got.dtype == (np.float32 if single else np.float64)
         np.testing.assert_allclose(got, wanted, rtol=3e-6 if single else 1e-12)

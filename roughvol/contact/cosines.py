@@ -1,0 +1,212 @@
+"""The convolution of a patch repeated in its mirror images, by cosine transforms of the patch alone.
+
+Pressures and displacements have the symmetry of the patch. The waves of the plane are then the cosines of the patch,
+cos(π k (2i + 1)/2n) along each axis with k = 0 … n - 1, and the kernel multiplies each by a real number.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pyfftw
+from numpy.typing import NDArray
+
+from roughvol.contact.convolution import PLANNER, Convolution, Places, parts
+from roughvol.contact.options import Tuning
+from roughvol.typing import Array, Index
+
+_LEAST_PART = 16  # a product with a matrix of this size takes no longer than the FFT that it spares
+_FAST_PRIMES = (2, 3, 5, 7, 11, 13)  # FFTW has code of its own for them
+
+
+class Cosines:
+    """Cosine transforms of n elements that are mirrored at their outer edges, X_k = Σ_j cos(π k (2j + 1)/2n) x_j.
+
+    The elements and their images have the period 2n. Every second element of a period is an element or the image of
+    one. With V, the Fourier transform of these n values, V_k e^(-iπk/2n) = X_k - i X_(n-k) (Makhoul). For odd n the
+    values are shifted by (a n - 1)/4, a = n mod 4. This multiplies V_k by i^(ak) e^(-iπk/2n): its real and imaginary
+    parts are X_k and X_(n-k) in some order, up to signs.
+
+    V is a product with real matrices and a complex FFT: n = p q, value number b + q a, wave number c + p d, c ≤ p/2.
+    The large prime factors are in p, as FFTW has no fast code for them. 1025 = 41 · 25.
+
+    Attributes
+    ----------
+    element : array (q, p)
+        Number of the element in each place of a buffer.
+    wave : array (q, p // 2 + 1, 2)
+        k of the real and the imaginary part of each wave; n where that is always zero.
+
+    References
+    ----------
+    J. Makhoul, IEEE Trans. Acoust. Speech Signal Process. 28 (1980) 27-34.
+    """
+
+    def __init__(self, nodes: int, dtype: np.dtype[Any]) -> None:
+        self._dtype, odd = dtype, nodes % 2
+        self.p = p = _matrix_size(nodes)
+        self.q = q = nodes // p
+        self.half = p // 2 + 1
+        self.size = q * self.half
+        number = np.arange(nodes).reshape(p, q).T
+        twice = 2 * ((number + odd * ((nodes * (nodes % 4) - 1) // 4)) % nodes)
+        self.element = np.where(twice < nodes, twice, 2 * nodes - 1 - twice)
+        c, d = np.arange(self.half), np.arange(q)[:, None]
+        wave = c + p * d
+        self.wave = np.stack((wave, nodes - wave), axis=-1)
+        if odd:
+            swapped = wave % 2 == 1
+            self.wave[swapped] = self.wave[swapped][:, ::-1]
+        turns = (number[:, :, None] * c % nodes + (0.0 if odd else 0.25 * c)) / nodes
+        factors = np.exp(-2j * np.pi * turns)
+        self._into = factors.view(float).astype(dtype)
+        factors *= np.where(2 * c % p == 0, 1.0, 2.0) / nodes  # waves c = 0 and p/2 come with their conjugates
+        self._back = np.ascontiguousarray(factors.view(float).transpose(0, 2, 1).astype(dtype))
+        phase = np.exp(-0.5j * np.pi * d[:, :, None] / q).astype(np.result_type(dtype, np.complex64))
+        self._phases = None if odd else (phase, phase.conj())
+
+    def plans(
+        self, source: Any, between: Any, waves: Any, target: Any
+    ) -> tuple[Callable[[], None], Callable[[], None]]:
+        """Return the transform of a source (q, count, p), and the inverse one of its waves (q, count, p // 2 + 1).
+
+        `between` has the shape of the waves. The inverse transform destroys the waves.
+        """
+        reals, flags = between.view(self._dtype), (PLANNER, "FFTW_DESTROY_INPUT")
+        fourier = pyfftw.FFTW(between, waves, axes=(0,), direction="FFTW_FORWARD", flags=flags)
+        inverse = pyfftw.FFTW(waves, between, axes=(0,), direction="FFTW_BACKWARD", flags=flags)
+
+        def forward() -> None:
+            np.matmul(source, self._into, out=reals)
+            fourier.execute()
+            if self._phases:
+                np.multiply(waves, self._phases[0], out=waves)
+
+        def backward() -> None:
+            if self._phases:
+                np.multiply(waves, self._phases[1], out=waves)
+            inverse.execute()
+            np.matmul(reals, self._back, out=target)
+
+        return forward, backward
+
+
+def _matrix_size(nodes: int) -> int:
+    """Return p of `Cosines`: the least divisor from 16 on that leaves fast primes in n/p, or n."""
+    for p in range(_LEAST_PART, nodes):
+        if nodes % p == 0 and _is_fast(nodes // p):
+            return p
+    return nodes
+
+
+def _is_fast(number: int) -> bool:
+    for prime in _FAST_PRIMES:
+        while number % prime == 0:
+            number //= prime
+    return number == 1
+
+
+class MirroredConvolution(Convolution):
+    """The convolution of a patch repeated in its mirror images, with the passes of `Convolution`.
+
+    Rows and columns lie in buffers in the places of `Cosines`. A part of the rows has consecutive places.
+
+    Parameters
+    ----------
+    spectrum : array (rows + 1, columns + 1)
+        Real spectrum of the plane, over the waves of k = 0 … n half periods in the patch along each axis.
+    dtype, threads, tuning
+        As in `Convolution`.
+    """
+
+    def __init__(self, spectrum: Array, dtype: np.dtype[Any], threads: int, tuning: Tuning) -> None:
+        self.shape = rows, columns = spectrum.shape[0] - 1, spectrum.shape[1] - 1
+        self.size, self._dtype, complex_type = rows * columns, dtype, np.result_type(dtype, np.complex64)
+        down, across = Cosines(rows, dtype), Cosines(columns, dtype)
+        self._row_order = down.element.ravel()
+        self._row_place, self._column_place = _inverse(self._row_order), _inverse(across.element.ravel())
+        self._p = across.p
+        self._row_parts = parts(rows, columns * complex_type.itemsize, tuning.cache)
+        pieces = parts(2 * across.half, rows * complex_type.itemsize, tuning.cache)
+        blocks = [(plane, piece) for plane in range(across.q) for piece in pieces]
+        self._column_count = len(blocks)
+        workers = self._started(threads)
+        deepest, widest = (max(part.stop - part.start for part in some) for some in (self._row_parts, pieces))
+        waves = pyfftw.zeros_aligned((across.q, rows, across.half), dtype=complex_type)
+
+        def buffers(size: int, kind: Any) -> list[NDArray[Any]]:
+            return [pyfftw.zeros_aligned(size, dtype=kind) for _ in range(workers)]
+
+        self._rows, self._results = buffers(deepest * columns, dtype), buffers(deepest * columns, dtype)
+        between = buffers(max(deepest * across.size, widest * down.size), complex_type)
+        self._waves_of = [waves[:, part] for part in self._row_parts]
+        self._row_plans, self._displacements = [], []
+        for k, field in enumerate(self._waves_of):
+            shape = across.q, field.shape[1], across.p
+            source, target = (_cut(some[k % workers], shape) for some in (self._rows, self._results))
+            self._row_plans.append(across.plans(source, _cut(between[k % workers], field.shape), field, target))
+            self._displacements.append(target.transpose(1, 0, 2))
+        # Real and imaginary parts of waves are columns of their own.
+        columns_of = waves.view(dtype).reshape(across.q, down.q, down.p, -1)
+        values, after = buffers(widest * rows, dtype), buffers(widest * down.size, complex_type)
+        self._column_passes = []
+        for k, (plane, piece) in enumerate(blocks):
+            count = piece.stop - piece.start
+            shape, wave = (down.q, count, down.half), across.wave[plane].ravel()[piece, None]
+            column, filtered = _cut(values[k % workers], (down.q, count, down.p)), _cut(after[k % workers], shape)
+            plans = down.plans(column, _cut(between[k % workers], shape), filtered, column)
+            factors = spectrum[down.wave.reshape(down.q, 1, -1), wave].astype(dtype)
+            place = columns_of[plane, :, :, piece].transpose(0, 2, 1)
+            self._column_passes.append((place, column, plans, filtered.view(dtype), factors))
+
+    def places(self, row: NDArray[Any], column: NDArray[Any]) -> Places:
+        """Return the places of elements, which come by increasing row."""
+        place = self._row_place[row]
+        order = np.argsort(place, kind="stable")
+        place, column = place[order], column[order]
+        starts = np.array([part.start for part in self._row_parts] + [self.shape[0]])
+        edges = np.searchsorted(place, starts)
+        count, first = (np.repeat(some, np.diff(edges)) for some in (np.diff(starts), starts[:-1]))
+        block, within = np.divmod(self._column_place[column], self._p)
+        return Places(edges.tolist(), (block * count + place - first) * self._p + within, order)
+
+    def convolve_at(self, places: Places, pressure: NDArray[Any]) -> NDArray[Any]:
+        """Return u (n,) on the elements that carry the pressure (n,)."""
+        result = np.empty(pressure.shape, dtype=self._dtype)
+        result[places.order] = super().convolve_at(places, pressure[places.order])
+        return result
+
+    def convolve_above(self, heights: NDArray[Any], places: Places, pressure: NDArray[Any]) -> NDArray[Any]:
+        """Return u - heights (rows, columns), for pressure (n,) on some elements."""
+        result = np.empty(self.shape, dtype=self._dtype)
+
+        def backward(_: int, k: int) -> None:
+            self._row_plans[k][1]()
+            rows = self._row_order[self._row_parts[k]]
+            displacement = self._displacements[k].reshape(rows.size, -1)
+            result[rows] = displacement.take(self._column_place, axis=1) - heights[rows]
+
+        self._convolve(places, pressure[places.order], backward)
+        return result
+
+    def _columns(self, worker: int, k: int) -> None:
+        """Filter a block of columns: forward, times spectrum, backward."""
+        place, column, (forward, backward), waves, spectrum = self._column_passes[k]
+        column[:] = place
+        forward()
+        waves *= spectrum
+        backward()
+        place[:] = column
+
+
+def _cut(buffer: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    """Return the start of a flat buffer in a shape."""
+    return buffer[: math.prod(shape)].reshape(shape)
+
+
+def _inverse(order: Index) -> Index:
+    """Return the inverse of a permutation."""
+    inverse = np.empty_like(order)
+    inverse[order] = np.arange(order.size)
+    return inverse

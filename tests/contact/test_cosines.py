@@ -1,0 +1,95 @@
+"""The mirrored convolution against cosine transforms of scipy, and the period of a patch and its images."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import fft
+
+from roughvol.contact.cosines import Cosines, MirroredConvolution
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.options import TUNING, Tuning
+from tests.contact.kit import half_space, random
+
+# small, even, odd, prime, with large prime factors, powers of two
+SHAPES = [
+    (1, 1),
+    (1, 9),
+    (3, 4),
+    (64, 1),
+    (5, 5),
+    (9, 16),
+    (17, 34),
+    (48, 51),
+    (129, 64),
+    (33, 257),
+    (100, 75),
+    (7, 300),
+]
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_waves_are_cosine_transforms_up_to_signs(dtype):
+    for nodes in [*range(1, 70), 128, 129, 257, 513, 1000]:
+        cosines = Cosines(nodes, np.dtype(dtype))
+        assert np.array_equal(np.sort(cosines.element, axis=None), np.arange(nodes))
+        assert np.array_equal(np.unique(cosines.wave), np.arange(nodes + 1))
+        x = random(nodes).standard_normal((3, nodes))
+        source = x.T[cosines.element].transpose(0, 2, 1).astype(dtype)  # (q, 3, p)
+        shape = cosines.q, 3, cosines.half
+        between, waves = (np.zeros(shape, dtype=np.result_type(dtype, np.complex64)) for _ in range(2))
+        target = np.empty_like(source)
+        forward, backward = cosines.plans(source, between, waves, target)
+        forward()
+        wanted = np.pad(0.5 * fft.dct(x, type=2), [(0, 0), (0, 1)]).T[cosines.wave]  # (q, half, 2, 3)
+        found = waves.view(dtype).reshape(cosines.q, 3, cosines.half, 2).transpose(0, 2, 3, 1)
+        near = math.sqrt(nodes) * (1e-13 if dtype == np.float64 else 1e-5)
+        assert np.abs(found) == pytest.approx(np.abs(wanted), abs=near)
+        backward()
+        assert target == pytest.approx(source, abs=near)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_convolution_is_that_of_cosine_transforms(shape):
+    spectrum, pressure = random(1).random((shape[0] + 1, shape[1] + 1)), random(2).standard_normal(shape)
+    elements = np.flatnonzero(pressure.ravel() > 0.3)
+    row, column = np.divmod(elements.astype(np.int32), np.int32(shape[1]))
+    field = np.where(pressure > 0.3, pressure, 0.0)
+    wanted = fft.idctn(fft.dctn(field) * spectrum[:-1, :-1])
+    for dtype, near in ((np.float64, 1e-13), (np.float32, 3e-6)):
+        engine = MirroredConvolution(spectrum, np.dtype(dtype), 1, TUNING)
+        places = engine.places(row, column)
+        above = engine.convolve_above(pressure, places, field.ravel()[elements])
+        assert above == pytest.approx(wanted - pressure, abs=near * np.abs(pressure).max())
+        at = engine.convolve_at(places, field.ravel()[elements].astype(dtype))
+        assert at == pytest.approx(wanted.ravel()[elements], abs=near * np.abs(pressure).max())
+        none = engine.places(row[:0], column[:0])
+        assert not engine.convolve_above(np.zeros(shape), none, np.zeros(0)).any()
+
+
+@pytest.mark.parametrize("kernel", ["love", "punch", "fourier"])
+@pytest.mark.parametrize("shape", [(5, 3), (12, 9), (17, 40), (65, 51)])
+def test_a_mirrored_patch_is_displaced_as_in_its_period(shape, kernel):
+    pressure = random(3).random(shape)
+    whole = np.pad(pressure, [(0, n) for n in shape], mode="symmetric")
+    wanted = half_space(whole.shape, kernel, "periodic").displacement(whole)[: shape[0], : shape[1]]
+    got = half_space(shape, kernel, "mirrored").displacement(pressure)
+    assert got == pytest.approx(wanted, abs=1e-13 * wanted.max())
+
+
+@pytest.mark.parametrize("cache", [2**18, 2**13])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_neither_threads_nor_parts_change_a_bit(threads, cache):
+    shape = (66, 133)
+    pressure = random(0).standard_normal(shape)
+    elements = np.flatnonzero(pressure > 0.5)
+
+    def displacements(threads, tuning):
+        space = HalfSpace(shape, threads=threads, tuning=tuning, sides="mirrored")
+        few = [space.displacement_at(elements, pressure.ravel()[elements], single=single) for single in (False, True)]
+        return np.concatenate((space.displacement(pressure).ravel(), *few))
+
+    tuning = Tuning(cache=cache)
+    assert np.array_equal(displacements(threads, tuning), displacements(1, tuning))
