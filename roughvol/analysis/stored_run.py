@@ -66,7 +66,7 @@ class Run:
     def origin(self) -> str:
         """Where the heights come from, empty of free patches by midpoint displacement."""
         if self.generated is not None:
-            return "periodic surfaces" if self.generated.periodic else ""
+            return "" if self.generated.sides == "free" else f"{self.generated.sides} surfaces"
         if self.spectral is not None:
             return "surfaces with a spectrum"
         return "heights from a file" if "case" in self.dataset.dims else "its study cannot be read again"

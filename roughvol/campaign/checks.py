@@ -69,7 +69,7 @@ def _check_shape(case: Case, shape: tuple[int, int]) -> None:
     """Refuse a height file with too few elements for a period, or for the regions of the study."""
     if case.periodic and min(shape) < LEAST_PERIOD:
         message = f"{case.label} has {shape[0]} x {shape[1]} heights; a period needs {LEAST_PERIOD} x {LEAST_PERIOD}"
-        raise StudyError([Problem(message, "surface.periodic")])
+        raise StudyError([Problem(message, "surface.sides")])
     regions.check(case, shape)
 
 

@@ -23,6 +23,7 @@ from roughvol.errors import CampaignError, ResourceError
 from roughvol.observables import requests
 from roughvol.observables.variables import OBSERVABLES
 from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
+from roughvol.typing import Shape, Sides
 
 # Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/how-to/cluster.md).
 PROCESS_BYTES = 2e8  # of a process after its imports
@@ -38,8 +39,6 @@ TIMED_UP_TO = 1025  # nodes a side; times of larger grids are scaled as N² log 
 START = 1.5  # seconds: processes start and import
 LONG = 30 * 86400.0  # seconds of a run that draws a warning
 ROUGH = 1e-7  # seconds a state and node at least, to skip the timing of short runs
-
-Shape = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -249,14 +248,14 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
 def _seconds(case: Case, shape: Shape) -> float:
     """Return the seconds of a case, with a convolution timed on its grid."""
     timed = case.sweep.steps > 0
-    return expected_seconds(case, shape, seconds_per_convolution(shape, case.periodic) if timed else 0.0)
+    return expected_seconds(case, shape, seconds_per_convolution(shape, case.sides) if timed else 0.0)
 
 
 @functools.cache
-def seconds_per_convolution(shape: Shape, periodic: bool = False) -> float:
+def seconds_per_convolution(shape: Shape, sides: Sides = "free") -> float:
     """Return the seconds of one convolution, timed on this grid, or scaled from `TIMED_UP_TO`."""
     timed = (min(shape[0], TIMED_UP_TO), min(shape[1], TIMED_UP_TO))
-    half_space = HalfSpace(timed, sides="periodic" if periodic else "free")
+    half_space = HalfSpace(timed, sides=sides)
     pressure = np.ones(timed)
     half_space.displacement(pressure)  # plans
     times = []

@@ -20,9 +20,15 @@ from roughvol.surfaces import length_units, measured, texture
 from roughvol.surfaces.body import Body
 from roughvol.surfaces.files import reading
 from roughvol.surfaces.surface import Surface
+from roughvol.typing import Sides
 
 LARGEST_M = 10  # of a generated surface made to show it: 2^20 nodes
 SOFT, HARD = 1e-4, 1.0  # hardness over E*: a tenth of that of the softest metals (`validity.SOFTEST`); of no solid
+BEYOND: dict[Sides, str] = {
+    "free": "nothing beyond them, so the rim carries more than the middle",
+    "mirrored": "the surface and its mirror images make an endless plane",
+    "periodic": "the periods of the surface make an endless plane",
+}
 SHOWN = 4  # values in a sentence
 SCATTER = 0.01  # relative difference of the largest and the smallest Sq from which both are shown
 
@@ -77,7 +83,8 @@ def text(surface: Surface, case: Case, cases: int = 1) -> str:
     period, width = "one period of " if surface.periodic else "", spacing * surface.intervals[1]
     lines = [
         f"surface {period}{rows} x {columns} nodes, L = {surface.side:.6g}{unit} by {width:.6g}{unit}, "
-        f"spacing {spacing:.6g}{unit}"
+        f"spacing {spacing:.6g}{unit}",
+        f"sides {surface.sides}: {BEYOND[surface.sides]}",
     ]
     if case.file is None:
         lines.append(case.label + f", the first of {cases} cases" * (cases > 1))

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, MutableMapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from threadpoolctl import ThreadpoolController
@@ -236,19 +236,19 @@ def surface_of(case: Case) -> Surface:
     """
     if case.file is not None:
         with one_thread():  # levelling sums over all nodes
-            return measured.surface(
-                case.bodies, case.treatment, case.L, case.length_unit, sides="periodic" if case.periodic else "free"
-            )
+            return measured.surface(case.bodies, case.treatment, case.L, case.length_unit, sides=case.sides)
     assert case.D is not None
     assert case.m is not None
     assert case.seed is not None
     if case.spectrum is not None:
         with one_thread():
-            return power_law_surface(case.spectrum, 3.0 - case.D, 2**case.m, side=case.L, seed=case.seed)
-    assert case.midpoint_law is not None
-    return random_midpoint_displacement(
-        case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law, periodic=case.periodic
-    )
+            made = power_law_surface(case.spectrum, 3.0 - case.D, 2**case.m, side=case.L, seed=case.seed)
+    else:
+        assert case.midpoint_law is not None
+        made = random_midpoint_displacement(
+            case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law, periodic=case.periodic
+        )
+    return made if made.sides == case.sides else replace(made, sides=case.sides)
 
 
 def kernel_on(surface: Surface, case: Case) -> Kernel:

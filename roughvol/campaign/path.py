@@ -66,7 +66,7 @@ def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
 class Path:
     """The path of a sweep, which has the indentation of each step once the state before is known.
 
-    On a periodic surface indentations are the approach Δ'/σ.
+    On an endless surface indentations are the approach Δ'/σ.
 
     Attributes
     ----------
@@ -196,16 +196,16 @@ def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
 
 
 def _level(target: Level, surface: Surface, *, plastic: bool = False) -> Level:
-    """Return the level of a target on a periodic surface, where no plane can pass the mean one unless it yields."""
-    if not surface.periodic or target.kind not in ("indentation", "separation", "mean-plane", "summit-plane"):
+    """Return the level of a target on an endless surface, where no plane can pass the mean one unless it yields."""
+    if not surface.endless or target.kind not in ("indentation", "separation", "mean-plane", "summit-plane"):
         return target
     indentation, deepest = _plane(target, surface), _plane(Level("mean-plane"), surface)
     if plastic:
         return Level("indentation", indentation)
     if indentation > deepest * (1.0 + 1e-12):
         message = (
-            f"a sweep to {target.label} would end at Δ/σ = {indentation:.6g}; allowed on a periodic surface: up to "
-            f"{deepest:.6g}, full contact"
+            f"a sweep to {target.label} would end at Δ/σ = {indentation:.6g}; allowed on a {surface.sides} surface: "
+            f"up to {deepest:.6g}, full contact"
         )
         raise ContactError(message)
     full = indentation >= deepest * (1.0 - 1e-12)

@@ -27,7 +27,7 @@ from roughvol.surfaces.files import memory
 INSIDE = (str(Path(__file__).parents[1]) + os.sep, contextlib.__file__)  # files that are not the caller's
 NU = 0.3  # taken by `press` for E without nu
 STEPS = 20  # of `press`
-PERIODIC = "surface.periodic is true for a period, or false for a patch"
+PERIODIC = "surface.sides is periodic for a period; mirrored or free for a part of a joint"
 OF_STUDY = {"": "study"}
 OF_PRESS = {
     "": "arguments",
@@ -285,8 +285,8 @@ def _written(study: Mapping[str, Any], names: Arguments) -> Iterator[tuple[Mappi
             said[path] = argument
             bodies[key] = {**{name: value for name, value in body.items() if name != "heights"}, "file": str(path)}
             names = Arguments(names.call, {**names.names, f"{key}.file": argument.partition(": ")[2]})
-            if getattr(body["heights"], "is_periodic", False) is True and "periodic" not in surface:
-                _warn([f"{argument} is a periodic Topography, pressed as a free patch: {PERIODIC}"])
+            if getattr(body["heights"], "is_periodic", False) is True and not {"periodic", "sides"} & surface.keys():
+                _warn([f"{argument} is a periodic Topography, pressed mirrored at its sides: {PERIODIC}"])
         files = {**bodies["surface"]}
         if "against" in files:
             files["against"] = bodies["surface.against"]

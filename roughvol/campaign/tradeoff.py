@@ -88,7 +88,7 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
     Raises
     ------
     ContactError
-        If the study has no sweep, or a periodic surface.
+        If the study has no sweep, or a surface with other sides than free ones.
     """
     cases = study.cases()
     finest = max((case.m or 0 for case in cases), default=0)
@@ -99,8 +99,10 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
     if cases[0].plastic or len(sweep.legs) > 1 or sweep.legs[0].listed or sweep.has_units:
         message = "a trade-off is measured on one elastic sweep; allowed: no list of legs or states, no hardness that "
         raise ContactError(f"{message}acts, an end without a unit")
-    if cases[0].periodic:
-        message = "the surface is periodic; allowed: a free one, its ladders of m and kernel are those of a free patch"
+    if cases[0].endless:
+        message = (
+            f"the surface is {cases[0].sides}; allowed: a free one, the ladders of m and kernel are of a free patch"
+        )
         raise ContactError(message)
     seeds, dimensions = dict.fromkeys(case.seed for case in cases), {case.D for case in cases}
     kept = list(seeds)[: max(1, SURFACES // len(dimensions))]

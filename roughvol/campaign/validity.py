@@ -128,7 +128,7 @@ def setting(study: Study) -> Setting:
         fluid_text=sides,
         lifted=record.fluid_pressure is not None,
         scaled=scaled,
-        patch=asks and whole and not surface.periodic,  # a period has no rim
+        patch=asks and whole and surface.sides == "free",  # others have no rim
         measured=not isinstance(surface, MadeSurface),
         cleaned=not isinstance(surface, MadeSurface) and surface.outliers is not None,
     )

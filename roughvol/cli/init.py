@@ -20,6 +20,7 @@ from roughvol.store import stamped_file
 
 SCAN = "scan.txt"
 TO_FILL_IN = {"L": "500 um", "unit": "um", "heights_unit": "um"}  # what a height map may lack, with an example
+SIDES = "# sides: mirrored, the map is a part of a joint; free, a block of its size; periodic, one period of a plane"
 HEAD = """# The height map {path}. Give material, end of the sweep and fluid; roughvol explain has all keys.
 #   roughvol check {name}.yaml --look
 #   roughvol run {name}.yaml
@@ -102,12 +103,13 @@ def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> Non
         raise click.UsageError(message)
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem).strip("_-")[:100] or "map"
     given = {key.removeprefix("surface."): value for key, _, value in (change.partition("=") for change in changes)}
-    surface = {"file": str(path), "level": "tilt"} | given
+    sides = {} if "periodic" in given else {"sides": "mirrored"}
+    surface = {"file": str(path), "level": "tilt"} | sides | given
     rest = [line for line in example.splitlines() if not line.startswith(("#", "name:", "surface:"))]
 
     def study(keys: Mapping[str, str]) -> str:
         section = ", ".join(f"{key}: {_quoted(value)}" for key, value in (surface | dict(keys)).items())
-        return "\n".join([f"name: {name}", f"surface: {{{section}}}", *rest]) + "\n"
+        return "\n".join([f"name: {name}", f"{SIDES}\nsurface: {{{section}}}", *rest]) + "\n"
 
     absent: dict[str, str] = {}
     while lacking := _lacking(study(absent), f"{name}.yaml", absent):

@@ -68,7 +68,7 @@ def searches(case: Case) -> int:
     """Return the number of states of the path that are searched for."""
     levels = [level for leg in case.sweep.legs for level in leg.listed or (leg.target,)]
     levels += [Level("pressure") for leg in case.sweep.legs if leg.equal != "indentation" for _ in range(leg.steps)]
-    return sum(case.periodic or level.searched for level in levels)
+    return sum(case.endless or level.searched for level in levels)
 
 
 def observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:

@@ -93,7 +93,7 @@ def searched(level: Level, surface: Surface) -> bool:
     return (
         level.kind in TARGETS
         or level.kind.startswith(("leak_rate", "percolation"))
-        or (surface.periodic and level.kind in ("indentation", "separation"))
+        or (surface.endless and level.kind in ("indentation", "separation"))
     )
 
 

@@ -70,6 +70,6 @@ def searched_levels(case: Case) -> int:
     """Return for how many levels a state is searched for, each once."""
     states = (levels for name, levels in asked(case.record).items() if OBSERVABLES[name].dim)
     levels = {level for by_label in states for level in (by_label or {}).values()}
-    searched = (*TARGETS, "mean_gap", "load", *(("indentation", "separation") if case.periodic else ()))
+    searched = (*TARGETS, "mean_gap", "load", *(("indentation", "separation") if case.endless else ()))
     closing = len(AXES) if value_of(case.record, "transport.closing") else 0
     return closing + sum(level.kind in searched and level != case.sweep.target for level in levels)

@@ -22,6 +22,7 @@ from roughvol.analysis.hysteresis import hysteresis
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number
+from roughvol.campaign.interpretation import BEYOND
 from roughvol.observables.variables import AXES
 from roughvol.report.document import Pairs
 from roughvol.report.states import ROUNDING, P, Row, States, every_step, head, sentences
@@ -111,10 +112,11 @@ def _map(run: Run) -> Pairs:
         made = f"random midpoint displacement, law {run.law or 'unknown'}"
         if run.spectral is not None:
             made = "random fields with a power-law spectrum"
-        return ("Surfaces", f"{made}, {_computed(run)} of each D and m"), ("L", length)
+        return _known(("Surfaces", f"{made}, {_computed(run)} of each D and m"), ("L", length), ("Sides", _sides(ds)))
     names = ", ".join(map(str, ds["case"].values.tolist()))
     if ds.sizes["case"] > 1:  # each has a row in the table of surfaces
-        return _known(("Files", names), ("Length of the first axis", length), ("Treatment", _treatment(run)))
+        of_all = ("Length of the first axis", length), ("Sides", _sides(ds)), ("Treatment", _treatment(run))
+        return _known(("Files", names), *of_all)
     size = {"Length of the first axis": length}
     if nodes := _nodes(run):
         periodic = "periodic" in ds.attrs
@@ -126,12 +128,19 @@ def _map(run: Run) -> Pairs:
     return _known(
         ("File", names),
         *size.items(),
+        ("Sides", _sides(ds)),
         ("Sq, root mean square height", Sq and f"{Sq}{unit}"),
         ("Sdq, root mean square slope", Sdq),
         ("Highest point above the mean plane over Sq", number(peak) if math.isfinite(peak) else ""),
         ("Treatment", _treatment(run)),
         ("Missing heights", _missing(ds, nodes)),
     )
+
+
+def _sides(ds: Dataset) -> str:
+    """Return what follows beyond the sides of a surface, in words; empty for a run of a version without the key."""
+    sides = next((sides for sides in BEYOND if sides == ds.attrs.get("sides")), None)
+    return "" if sides is None else f"{sides}: {BEYOND[sides]}"
 
 
 def _missing(ds: Dataset, nodes: tuple[int, int] | None) -> str:

@@ -20,6 +20,7 @@ import numpy as np
 from roughvol.analysis.stored_run import Run
 from roughvol.observables.variables import VARIABLES
 from roughvol.report.figures import cases
+from roughvol.typing import Sides
 
 SAME = 1e-9  # largest difference of two equal D, L or tolerances
 ROUND = 0.02  # relative difference between the A* of a step and that asked for
@@ -172,7 +173,7 @@ class Rolled(Needs):
         if run.spectral is None:
             yield "no surfaces with a spectrum"
         elif not run.spectral.periodic:
-            yield "free patches, needs periodic surfaces"
+            yield f"{run.spectral.sides} surfaces, needs periodic ones"
         elif run.spectral.Ssk is not None or run.spectral.anisotropy != 1.0:
             yield "skewed or anisotropic surfaces, needs Gaussian isotropic ones"
 
@@ -212,7 +213,7 @@ class Files(Needs):
 
     law: str = ""
     names: tuple[str, ...] = ()  # of files among the cases of the run
-    periodic: bool = True  # whether a file is one period
+    sides: Sides = "periodic"
     origin: str = ""  # where to find the files, in words
 
     def _of_others(self, run: Run) -> Iterable[str]:
@@ -224,8 +225,8 @@ class Files(Needs):
 
     def _unlike(self, run: Run) -> Iterable[str]:
         assert run.study is not None
-        if getattr(run.study.surface, "periodic", False) != self.periodic:
-            yield "a free patch, needs a period" if self.periodic else "a period, needs a free patch"
+        if run.study.surface.sides != self.sides:
+            yield f"sides {run.study.surface.sides}, needs {self.sides}"
         yield from self._of_solver(run)
 
     def _incomplete(self, run: Run) -> Iterable[str]:

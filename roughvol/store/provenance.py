@@ -15,6 +15,7 @@ import netCDF4
 from roughvol._version import __version__
 from roughvol.store.stamped_file import FORMAT
 from roughvol.study import Case, Region
+from roughvol.typing import Sides
 
 REFERENCE = (
     "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, "
@@ -27,11 +28,17 @@ CONVENTIONS = (
     "separation = (z_max - mean(z) - indentation)/Sq, the rigid far-field one; x and y over L; "
     "unit 'length' is that of L in the study, and arbitrary"
 )
-PERIODIC_CONVENTIONS = (
-    CONVENTIONS.replace("non-periodic elastic half space", "periodic elastic half space, one period without its edge")
-    .replace("spacing = L/(rows-1)", "spacing = L/rows")
-    .replace("the rigid far-field one", "the mean gap less the plastic volume, displacements having no mean")
+_FREE = "non-periodic elastic half space"
+_ENDLESS = CONVENTIONS.replace(
+    "the rigid far-field one", "the mean gap less the plastic volume, displacements having no mean"
 )
+CONVENTIONS_OF: dict[Sides, str] = {
+    "free": CONVENTIONS,
+    "mirrored": _ENDLESS.replace(_FREE, "elastic half space under the surface and its mirror images, endless"),
+    "periodic": _ENDLESS.replace(_FREE, "periodic elastic half space, one period without its edge").replace(
+        "spacing = L/(rows-1)", "spacing = L/rows"
+    ),
+}
 
 
 def provenance(
@@ -63,7 +70,7 @@ def provenance(
         "format": FORMAT,
         "roughvol_version": __version__,
         "study": study,
-        "conventions": PERIODIC_CONVENTIONS if case.periodic else CONVENTIONS,
+        "conventions": CONVENTIONS_OF[case.sides],
         "references": REFERENCE,
         "libraries": _libraries(),
         "fft": json.dumps(dict(fft)),
@@ -71,9 +78,10 @@ def provenance(
         "platform": platform.platform(),
         "cpu_count": str(os.cpu_count()),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "sides": case.sides,
         "region": (case.record.region or Region()).label,
     }
-    if case.periodic:
+    if case.periodic:  # what readers of other versions look for
         attributes["periodic"] = "true"
     if case.length_unit:
         attributes["length_unit"] = case.length_unit

@@ -18,6 +18,7 @@ from roughvol.study.sections.treatment import steps
 from roughvol.study.values.units import convert
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
 from roughvol.surfaces.power_law import Spectrum
+from roughvol.typing import Sides
 
 ANSWER_FORMAT = 5  # part of every case id: raise it when equal settings no longer give equal stored numbers
 OF_SURFACE = ("L", "D", "m", "seed", "midpoint_law", "periodic")
@@ -50,7 +51,7 @@ class Case:
     plastic: bool = False  # pressures end at the hardness
     height: float | None = None  # Sq of the heights, where the study gives it
     notes: tuple[str, ...] = ()  # on size and units of the files, for the user
-    periodic: bool = False  # one period of a plane
+    sides: Sides = "free"
     drive: float | None = None  # ΔP/μ of the fluid [1/s]
     gas: Gas | None = None  # whose flow is recorded
 
@@ -66,6 +67,8 @@ class Case:
         nothing is solved: sweep, kernel, solver and material change nothing.
         """
         surface: dict[str, Any] = {name: getattr(self, name) for name in OF_SURFACE}
+        if self.sides == "mirrored":
+            surface["sides"] = self.sides
         surface["spectrum"] = None if self.spectrum is None else self.spectrum.key
         surface["bodies"] = [body.key for body in self.bodies]
         surface["treatment"] = self.treatment.key
@@ -101,6 +104,16 @@ class Case:
     def file(self) -> Path | None:
         """The file of the first body, None for a generated surface."""
         return self.bodies[0].file if self.bodies else None
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the surface is one period of a plane."""
+        return self.sides == "periodic"
+
+    @property
+    def endless(self) -> bool:
+        """Whether the surface goes on beyond its sides, as a period or mirrored."""
+        return self.sides != "free"
 
     @property
     def nodes_per_side(self) -> int | None:

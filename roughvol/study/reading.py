@@ -29,6 +29,7 @@ from roughvol.study.plain_data import (
     show,
     write,
 )
+from roughvol.study.sections.surface import UNSAID
 from roughvol.study.study import Study
 from roughvol.study.validation import translated
 
@@ -192,7 +193,9 @@ def _study(
     problems = {**reading.problems, **(problems or {})}
     try:
         name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
-        study = Study.model_validate({"name": name, **data}, context={"folder": path.parent, "stored": stored})
+        context = {"folder": path.parent, "stored": stored}
+        context |= {UNSAID: {"sides": "free"}} if stored else {}  # versions without the key had free patches
+        study = Study.model_validate({"name": name, **data}, context=context)
     except ValidationError as error:
         for key, message in translated(error, data, Study):
             problems.setdefault(key, message)

@@ -40,7 +40,7 @@ _ELASTIC = "needs elastic contact: material.plastic is true and a hardness given
 _FLUID = "needs the section fluid, as fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}"
 _PERIOD = "changes or cuts the period of a periodic surface: treat the file beforehand, or omit it"
 _LENGTH = "needs the unit of length, as surface: {L: 100 um}"
-_PLANE = "needs surface.periodic: true and no record.region: a part of a plane is no period"
+_PLANE = "needs surface.sides: periodic and no record.region: a part of a plane is no period"
 _NO_DISPLACEMENT = "no plastic displacement: give material.hardness"
 NEEDS = (  # key, the key or property it needs, message
     ("record.transport.gas_flow", "fluid", _FLUID),
@@ -73,6 +73,7 @@ EXCLUDES = (  # key, the key or property that excludes it, message
     ("surface.low_pass", "surface.periodic", _PERIOD),
 )
 KEYS_OF = {  # of properties
+    "surface.periodic": ("surface.periodic", "surface.sides"),
     "surface.has_length": ("surface.L", "surface.unit"),
     "material.unit": ("material",),
     "material.yields": ("material",),
@@ -202,30 +203,38 @@ def _files(study: StudyFile) -> Problems:
         yield ("surface", "L"), f"missing, and the file has no size ({HeightFile.model_fields['L'].description})"
 
 
-@_rule("surface.periodic")
+@_rule("surface.periodic", "surface.sides")
 def _periodic(study: StudyFile) -> Problems:
     surface = study.surface
     own = study.material.kernel(None)
     kernel = own or NamedKernel(study.solver.kernel)
-    if not surface.periodic and kernel.name not in get_args(FreeKernel):
-        allowed = f"needs surface.periodic: true; allowed on a free patch: {', '.join(get_args(FreeKernel))}"
+    if surface.sides == "free" and kernel.name not in get_args(FreeKernel):
+        allowed = (
+            f"needs surface.sides: mirrored or periodic; allowed on a free patch: {', '.join(get_args(FreeKernel))}"
+        )
         yield ("material",) if own else ("solver", "kernel"), f"{kernel.name!r} {allowed}"
     if surface.periodic and isinstance(surface, GeneratedSurface):
         for path, m in _numbers(("surface", "m"), surface.m):
             if m < PERIODIC_LEAST_M:
                 yield path, f"a periodic surface takes m >= {PERIODIC_LEAST_M} (8 x 8 elements), given {number_text(m)}"
     if surface.periodic and isinstance(surface, HeightFile) and surface.level not in ("none", "mean"):
-        yield ("surface", "level"), "a tilted or curved surface is not periodic; allowed with periodic: none, mean"
+        yield (
+            ("surface", "level"),
+            "a tilted or curved surface is not periodic; allowed with sides: periodic are none, mean",
+        )
 
 
-@_rule("material")
+@_rule("material", "surface.periodic", "surface.sides")
 def _beyond_full_contact(study: StudyFile) -> Problems:
-    if not study.surface.periodic or study.material.yields:
+    if study.surface.sides == "free" or study.material.yields:
         return
     for path, level in study.sweep.states():
         if level.kind == "separation" and (value := level.value or 0.0) < 0.0:
             given = number_text(value) if unit_of(value) is None else value
-            yield path, f"must be >= 0, given {given}: d of a periodic surface is its mean gap, 0 at full contact"
+            yield (
+                path,
+                f"must be >= 0, given {given}: d of a {study.surface.sides} surface is its mean gap, 0 at full contact",
+            )
 
 
 @_rule(*(f"surface.{key}" for key in (*SPECTRAL, "D", "L", "unit")))

@@ -114,7 +114,7 @@ class Study(StudyFile):
             sweep=self.sweep,
             solver=self.solving,
             record=self.record,
-            periodic=surface.periodic,
+            sides=surface.sides,
             drive=None if leak is None else leak.rate,
         )
         if isinstance(surface, MadeSurface):

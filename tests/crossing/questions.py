@@ -769,9 +769,9 @@ def press(made: Made) -> int:
     study = yaml.safe_load(made.kind.study)
     options = {"L": study["surface"].get("L", 100.0), **study.get("material", {}), "jobs": 1}
     options |= {name: study[name] for name in ("sweep", "record", "solver", "fluid", "ensemble") if name in study}
-    further = {name: value for name, value in study["surface"].items() if name in ("periodic", "against")}
-    options |= {"surface": further} if further else {}
     ds = made.stored
+    further = {name: value for name, value in study["surface"].items() if name == "against"}
+    options |= {"surface": further | {"sides": ds.attrs["sides"]}}
     with python(made):
         if made.kind.name == "files":
             roughvol.press(study["surface"]["files"], **options)

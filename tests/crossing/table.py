@@ -15,8 +15,8 @@ from tests.crossing.questions import QUESTIONS
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "crossing.md"
 UNITS = (
-    "one seeds m files bodies spectrum materials regions legs one-way coupled gas lifted-gas region periodic closed "
-    "some-closed percolation to-pressure to-area force nominal gap records"
+    "one seeds m files bodies spectrum materials regions legs one-way coupled gas lifted-gas region mirrored periodic "
+    "closed some-closed percolation to-pressure to-area force nominal gap records"
 )
 PRESSED = f"{UNITS} D ensemble mean-plane"
 UNPRESSED = {"unpressed": "nothing was pressed"}
@@ -36,8 +36,8 @@ class Cells:
 
 NO_LEAK = dict.fromkeys(("D", "ensemble", "mean-plane", "unpressed"), "which the study did not record")
 PRESSED_AGAIN = (
-    "one bodies spectrum materials regions legs one-way coupled gas lifted-gas region periodic closed some-closed "
-    "percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed file-changed"
+    "one bodies spectrum materials regions legs one-way coupled gas lifted-gas region mirrored periodic closed "
+    "some-closed percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed file-changed"
 )
 ONE_MAP = {
     "seeds": "heights have shape (3, 17, 17); allowed: two axes",
@@ -47,8 +47,8 @@ ONE_MAP = {
     "ensemble": "unexpected keyword argument 'ensemble'",
 }
 ONE_KIND = (
-    "one seeds files bodies spectrum gas region periodic closed some-closed percolation to-pressure to-area force "
-    "nominal gap records"
+    "one seeds files bodies spectrum gas region mirrored periodic closed some-closed percolation to-pressure to-area "
+    "force nominal gap records"
 )
 SEVERAL = {
     "m": "the run has several m",

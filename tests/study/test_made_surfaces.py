@@ -222,7 +222,7 @@ def test_the_commands_work_with_a_spectrum(tmp_path: Any) -> None:
     assert "power-law spectrum" in (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
 
 
-# Periods
+# Sides
 
 GENERATED = "surface: {D: 2.3, m: 4, seeds: 1, periodic: true}\n"
 
@@ -240,10 +240,64 @@ def test_a_periodic_study_reads_back_equal() -> None:
     assert loads(study.to_yaml()) == study
 
 
+MADE = ("surface: {D: 2.3, m: 4, seeds: 1%s}", "surface: {H: 0.8, n: 16, seeds: 1%s}")
+FILE = "surface: {file: z.npy, L: 1%s}"
+
+
+@pytest.mark.parametrize("text", [*MADE, FILE])
+def test_sides_are_those_given_by_either_key(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`periodic` is a word for sides: periodic and free; files are mirrored and made surfaces free by default."""
+    monkeypatch.chdir(tmp_path)
+    np.save("z.npy", np.random.default_rng(0).random((12, 12)))
+    words = {"": "mirrored" if text == FILE else "free", ", periodic: false": "free", ", periodic: true": "periodic"}
+    words |= {f", sides: {sides}": sides for sides in ("free", "mirrored", "periodic")}
+    words |= {", periodic: false, sides: mirrored": "mirrored", ", periodic: true, sides: periodic": "periodic"}
+    for word, sides in words.items():
+        study = loads(text % word)
+        (case,) = study.cases()
+        surface = surface_of(case)
+        assert (study.surface.sides, case.sides, surface.sides) == (sides, sides, sides)
+        assert study.surface.periodic == case.periodic == surface.periodic == (sides == "periodic")
+        assert loads(study.to_yaml()) == study
+        assert loads(study.stored(), stored=True).surface.sides == sides
+        assert study.changed(**{"sweep.steps": 3}).surface.sides == sides
+    ids = {loads(text % f", sides: {sides}").cases()[0].id for sides in ("free", "mirrored", "periodic")}
+    assert len(ids) == 3
+    for contradiction in (
+        "periodic: true, sides: free",
+        "periodic: true, sides: mirrored",
+        "periodic: false, sides: periodic",
+    ):
+        assert "surface.sides: contradicts 'periodic'" in refused(text % f", {contradiction}", tmp_path / "study.yaml")
+
+
+def test_mirrored_and_periodic_surfaces_take_what_needs_an_endless_plane() -> None:
+    for sides in ("mirrored", "periodic"):
+        surface = f"surface: {{D: 2.3, m: 4, L: 100 um, seeds: 1, sides: {sides}}}\n"
+        loads(surface + "solver: {kernel: fourier}")
+        assert f"d of a {sides} surface is its mean gap" in refused(surface + "sweep: {to: {separation: -0.1}}")
+    assert "needs surface.sides: periodic" in refused(
+        MADE[0] % ", sides: mirrored" + "\nrecord: {transport: {cell_transmissivity: last}}"
+    )
+
+
+def test_a_mirrored_scan_may_be_treated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.save("z.npy", np.random.default_rng(0).random((12, 10)))
+    (case,) = loads(FILE % ", level: tilt, downsample: 2, low_pass: 0.5, crop: {x: [0, 1], y: [0, 0.9]}").cases()
+    surface = surface_of(case)
+    assert (surface.sides, surface.spacing) == ("mirrored", pytest.approx(case.L / (surface.shape[0] - 1)))
+
+
+def test_a_stored_study_without_sides_has_those_of_its_version() -> None:
+    for word, sides in (("", "free"), (", periodic: false", "free"), (", periodic: true", "periodic")):
+        assert loads(f"surface: {{file: z.npy, L: 1.0{word}}}", stored=True).surface.sides == sides
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("surface: {file: z.npy, L: 1, periodic: true, level: tilt}", "allowed with periodic: none, mean"),
+        ("surface: {file: z.npy, L: 1, periodic: true, level: tilt}", "allowed with sides: periodic are none, mean"),
         ("surface: {file: z.npy, L: 1, periodic: true, downsample: 2}", "surface.downsample: changes or cuts"),
         ("surface: {file: z.npy, L: 1, periodic: true, low_pass: 0.5}", "surface.low_pass: changes or cuts"),
         ("surface: {file: z.npy, L: 1, periodic: true, crop: {x: [0, 0.5]}}", "surface.crop: changes or cuts"),

@@ -217,7 +217,7 @@ def test_the_resolved_study_names_every_key() -> None:
     written = yaml.safe_load(loads(SURFACE).to_yaml())
     study = loads(SURFACE)
     for section in ("surface", "sweep", "solver", "record"):
-        assert written[section].keys() == type(getattr(study, section)).model_fields.keys() - LISTS.keys()
+        assert written[section].keys() == type(getattr(study, section)).model_fields.keys() - {*LISTS, "periodic"}
 
 
 def test_a_height_file_is_found_beside_the_study_and_written_absolute(
@@ -343,9 +343,10 @@ def test_keys_are_plain_data() -> None:
 
 def test_defaults_are_part_of_the_key_written_out_or_not(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", np.arange(12.0).reshape(3, 4))
-    one = "surface: {file: z.npy, L: 2}"
-    defaults = "surface: {file: z.npy, L: 2, unit: um, level: none, missing: refuse, low_pass: null, against: null}"
-    cases = [loads(text, tmp_path / "study.yaml").cases()[0] for text in (one, defaults)]
+    one = "surface: {file: z.npy, L: 2, sides: free}"
+    defaults = "level: none, missing: refuse, low_pass: null, against: null}"
+    texts = one, f"surface: {{file: z.npy, L: 2, periodic: false, unit: um, {defaults}"
+    cases = [loads(text, tmp_path / "study.yaml").cases()[0] for text in texts]
     assert [case.id for case in cases] == ["z-c0baff5c"] * 2  # pinned: a change outdates every stored case
     assert cases[0].key["surface"]["treatment"].keys() == {field.name for field in fields(UNTREATED)}
     generated = loads("surface: {D: 2.3, m: 4}").cases()[0].key

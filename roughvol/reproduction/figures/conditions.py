@@ -40,9 +40,7 @@ class PaperFigure(Figure):
         if self.by in ("recursion", "m") and "case" in ds.dims:
             return f"{self.name} needs surfaces made from D and m, and those of the dataset were read from files"
         study = study_of(ds) if self.by == "recursion" else None
-        if self.by == "recursion" and (
-            "periodic" in ds.attrs or (study and not isinstance(study.surface, GeneratedSurface))
-        ):
+        if self.by == "recursion" and (not is_free(ds) or (study and not isinstance(study.surface, GeneratedSurface))):
             return (
                 f"{self.name} shows midpoint displacement of a free patch, and the surfaces of the dataset are others"
             )
@@ -83,11 +81,16 @@ class PaperFigure(Figure):
         return differences
 
 
+def is_free(ds: Dataset) -> bool:
+    """Return whether the surfaces are free patches; versions without the attribute had periods beside them."""
+    return bool(ds.attrs.get("sides", "periodic" if "periodic" in ds.attrs else "free") == "free")
+
+
 def is_paper_surface(ds: Dataset) -> bool:
     """Return whether the surfaces have the paper's size and heights: free midpoint patches, L = 100 without a unit."""
     if "case" in ds.dims or abs(float(ds["L"]) - SIDE) > 1e-9 or unit_of(ds, "L") != "length":
         return False
-    if "periodic" in ds.attrs:
+    if not is_free(ds):
         return False
     study = study_of(ds)
     return study is None or (isinstance(study.surface, GeneratedSurface) and study.surface.height is None)

@@ -227,7 +227,7 @@ def _framework(name: str, published: Framework) -> None:
         (A, P, "indentation"),
         names=(published.file,),
         kernel=published.kernel,
-        periodic=False,
+        sides="free",
         rtol=1e-12,
         origin=published.origin,
     )

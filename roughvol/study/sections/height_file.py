@@ -25,10 +25,11 @@ from pydantic import (
 
 from roughvol.study.plain_data import number_text, printable
 from roughvol.study.sections.strict import Strict, refuse_at
-from roughvol.study.sections.surface import UNIT, Sized
+from roughvol.study.sections.surface import PERIODIC, SIDES, UNIT, Sized
 from roughvol.study.values.types import as_tuple, refuse, two
 from roughvol.study.values.units import HeightsUnit, In, Length, LengthUnit, unit_of
 from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, Resampling
+from roughvol.typing import Sides
 
 BARE_FORMATS = (".npy", ".npz")  # formats without size and unit
 HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".grd", ".tif", ".tiff")
@@ -254,11 +255,8 @@ class HeightFile(Sized):
         description="cut-off wavelength of a Gaussian low-pass filter (ISO 16610-61), with its unit or in that of L, "
         "from twice the spacing to the shorter side; default: no filter",
     )
-    periodic: bool = Field(
-        default=False,
-        description="true: the surface is one period of a plane, without a repeated edge, on a periodic half space; "
-        "L is the period, δ times the nodes of the first axis",
-    )
+    sides: Sides = Field(default="mirrored", description=SIDES)
+    periodic: bool = Field(default=False, exclude=True, description=PERIODIC)
     against: CounterBody | None = Field(
         default=None,
         description="{file, variable, mirror}: the second of two rough bodies; heights are added",

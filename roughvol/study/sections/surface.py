@@ -6,19 +6,27 @@ The spectrum has a roll-off and a cut-off wavelength.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_serializer
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_serializer, model_validator
 
 from roughvol.study.sections.ensemble import AUTO_FROM, AUTO_TO
-from roughvol.study.sections.strict import Strict, nearest
+from roughvol.study.sections.strict import Strict, nearest, refuse_at
 from roughvol.study.values.types import Auto, Dimension, Many, Positive, Refinement, Seed, Whole, refuse, whole
 from roughvol.study.values.units import Length, LengthUnit, unit_of
 from roughvol.surfaces.length_units import factor
 from roughvol.surfaces.power_law import Spectrum
+from roughvol.typing import Sides
 
 MAX_SEEDS = 10_000
 UNIT = "unit of L, of the heights and of stored lengths; default: none"
+SIDES = (
+    "'free': nothing follows beyond the sides; 'mirrored': the mirror images of the surface; 'periodic': its next "
+    "periods. Mirrored and periodic surfaces make an endless plane. A period has no repeated edge: L is δ times its "
+    "nodes"
+)
+UNSAID = "unsaid"  # key of a context with the sides of a surface that has none of both keys
+PERIODIC = "true: as sides: periodic; false: as sides: free, unless sides is given"
 SPECTRAL = ("H", "n", "rolloff", "cut", "shortest", "slope", "Ssk", "anisotropy", "phases")  # keys of no other surface
 FEWEST, MOST = 8, 8192  # nodes per side
 STEEPEST = 3.0  # skewness
@@ -63,11 +71,30 @@ Seeds = Annotated[
 
 
 class Sized(Strict):
-    """A surface with a length L, in a unit or none."""
+    """A surface with a length L, in a unit or none, and with sides."""
 
     if TYPE_CHECKING:  # fields, in the order of each section
         L: float | None
         unit: str | None
+        sides: Sides
+        periodic: bool
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_period(cls, data: Any, info: ValidationInfo) -> Any:
+        """Take ``periodic`` as a word for ``sides``; it is true of a period."""
+        if not isinstance(data, dict):
+            return data
+        word, sides = data.get("periodic"), data.get("sides")
+        if word is None:
+            known = {"periodic": True} if sides == "periodic" else {}
+            return {**known, **data} if sides is not None else {**data, **(info.context or {}).get(UNSAID, {})}
+        if not isinstance(word, bool):
+            return data
+        if sides in get_args(Sides) and word != (sides == "periodic"):
+            message = "contradicts 'periodic', which is another word for it: give one of them"
+            refuse_at(("sides",), sides, message)
+        return {"sides": "periodic" if word else "free", **data}
 
     @property
     def length_unit(self) -> str | None:
@@ -94,18 +121,15 @@ class GeneratedSurface(Sized):
 
     D: Many[Dimension] = Field(description="fractal dimension of the generated surface, 2 < D < 3; a number or a list")
     m: Annotated[Many[Refinement], Auto()] = Field(
-        description="2^m + 1 nodes per side, whole, 1 <= m <= 13; a number or a list; 'auto' for an ensemble"
+        description="2^m + 1 nodes per side, 2^m of a period; 1 <= m <= 13; a number or a list; 'auto' for an ensemble"
     )
     L: Length = Field(default=100.0, description="lateral size, L > 0, as 100 or 100 um")
     seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
     midpoint_law: Literal["std", "variance"] = Field(
         default="std", description="quantity divided by 2^((3-D)/2) in each half step: 'std' or 'variance'"
     )
-    periodic: bool = Field(
-        default=False,
-        description="true: the surface is one period of a plane, without a repeated edge, on a periodic half space; "
-        "L is the period; 2^m nodes per side",
-    )
+    sides: Sides = Field(default="free", description=SIDES)
+    periodic: bool = Field(default=False, exclude=True, description=PERIODIC)
     unit: LengthUnit | None = Field(default=None, description=UNIT)
     Sq: Length | None = Field(
         default=None,
@@ -135,8 +159,8 @@ class SpectralSurface(Sized):
     H: Many[Hurst] = Field(default=(), description="Hurst exponent, 0 < H < 1; a number or a list")
     D: Many[Dimension] = Field(default=(), description="fractal dimension instead of H, D = 3 - H, 2 < D < 3")
     n: Annotated[Many[Nodes], Auto()] = Field(
-        description=f"nodes per side of the period, a power of two, {FEWEST} to {MOST}; a number or a list; "
-        "'auto' for an ensemble, with cut or shortest"
+        description=f"nodes per side of the period, a power of two, {FEWEST} to {MOST}; n + 1 with the repeated edge "
+        "of free and mirrored surfaces; a number or a list; 'auto' for an ensemble, with cut or shortest"
     )
     rolloff: Annotated[float, Field(ge=1)] = Field(
         default=1.0, description="L over the roll-off wavelength λ_r, >= 1; 1: a power law up to L"
@@ -167,11 +191,8 @@ class SpectralSurface(Sized):
     L: Length = Field(default=100.0, description="length of the period, L > 0, as 100 or 100 um")
     seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
     unit: LengthUnit | None = Field(default=None, description=UNIT)
-    periodic: bool = Field(
-        default=False,
-        description="true: one period, n x n elements without an edge; false: a free patch, the period with its edge "
-        "repeated, (n + 1) x (n + 1) nodes",
-    )
+    sides: Sides = Field(default="free", description=SIDES)
+    periodic: bool = Field(default=False, exclude=True, description=PERIODIC)
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
