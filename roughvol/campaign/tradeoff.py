@@ -100,9 +100,7 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
         message = "a trade-off is measured on one elastic sweep; allowed: no list of legs or states, no hardness that "
         raise ContactError(f"{message}acts, an end without a unit")
     if cases[0].endless:
-        message = (
-            f"the surface is {cases[0].sides}; allowed: a free one, the ladders of m and kernel are of a free patch"
-        )
+        message = f"surface.sides is {cases[0].sides}; allowed: free, the ladders of m and kernel are of a free patch"
         raise ContactError(message)
     seeds, dimensions = dict.fromkeys(case.seed for case in cases), {case.D for case in cases}
     kept = list(seeds)[: max(1, SURFACES // len(dimensions))]

@@ -98,7 +98,7 @@ STRANGE = ("=cmd|calc.npy", "@SUM(A1).npy", "+1.npy", "<img src=x onerror=alert(
 def test_names_of_files_are_neither_formulas_nor_elements_of_pages() -> None:
     for number, name in enumerate(STRANGE):
         np.save(name, np.random.default_rng(number).random((9, 9)))
-    surface = f"{{files: {json.dumps(list(STRANGE))}, L: 100 um}}"
+    surface = f"{{files: {json.dumps(list(STRANGE))}, L: 100 um, sides: free}}"
     roughvol.run(loads(f"name: strange\nsurface: {surface}\nsweep: {{steps: 2}}\n", "strange.yaml"), jobs=1)
     rows = list(csv.DictReader(io.StringIO(_said("show", "strange", "--csv"))))
     assert {row["case"] for row in rows} == {f"'{name}" if name[0] in "=@+" else name for name in STRANGE}

@@ -25,7 +25,8 @@ PIXEL = 0.5
 MAP = 0.2 * random_midpoint_displacement(2.3, 4, seed=3).heights[:, :13]  # 17 nodes along x, 13 along y, in um
 X, Y = (PIXEL * np.arange(nodes) for nodes in MAP.shape)
 UNITS = pint.UnitRegistry()
-FLOW = {"transport": {"transmissivity": {"step": [2]}}}
+FLOW = {"transport": {"transmissivity": {"step": [1]}}}
+END = {"contact_area": 0.4}
 MATERIAL = {"E": "10 MPa", "nu": 0.5}
 NAMES = ("free_volume", "contact_area_fraction", "mean_pressure", "transmissivity", "Sq", "L")
 
@@ -37,7 +38,7 @@ def _grid(dims: tuple[str, str] = ("x", "y"), unit: str = "um", scale: float = 1
 
 
 def _pressed(heights: Any, **options: Any) -> Dataset:
-    return roughvol.press(heights, **{**MATERIAL, "steps": 4, "record": FLOW, **options})
+    return roughvol.press(heights, **{**MATERIAL, "steps": 4, "to": END, "record": FLOW, **options})
 
 
 def _same(one: Dataset, other: Dataset, rtol: float = 1e-9) -> None:
@@ -211,10 +212,12 @@ def test_a_line_is_no_map() -> None:
 
 
 def test_a_periodic_topography_is_pressed_as_the_surface_section_says() -> None:
-    with pytest.warns(roughvol.RoughvolWarning, match=r"is a periodic Topography.*surface\.periodic") as seen:
+    with pytest.warns(
+        roughvol.RoughvolWarning, match=r"is a periodic Topography, pressed mirrored.*surface\.sides"
+    ) as seen:
         _pressed(_topography(periodic=True))
     assert {one.filename for one in seen if issubclass(one.category, roughvol.RoughvolWarning)} == {__file__}
-    period = _pressed(_topography(periodic=True), surface={"periodic": True})
+    period = _pressed(_topography(periodic=True), surface={"sides": "periodic"})
     assert float(period.L) == 8.5
     assert_allclose(period.free_volume, _pressed(MAP, L="8.5 um", surface={"periodic": True}).free_volume)
 
@@ -224,7 +227,7 @@ def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results(plain: Da
         "name": "kept",
         "surface": {"heights": _grid(("y", "x"))},
         "material": MATERIAL,
-        "sweep": {"steps": 4},
+        "sweep": {"steps": 4, "to": END},
         "record": FLOW,
     }
     ds = roughvol.run(study, jobs=1).isel(case=0)
@@ -238,7 +241,9 @@ def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results(plain: Da
     assert Path("runs/kept/cases").stat().st_mtime_ns == before  # nothing is computed twice
     with pytest.raises(DatasetError, match="another study"):
         roughvol.run({**study, "surface": {"heights": 2.0 * _grid()}}, jobs=1)
-    _same(roughvol.press("runs/kept/heights.nc", **MATERIAL, steps=4, record=FLOW), plain)  # the first ones stay
+    _same(
+        roughvol.press("runs/kept/heights.nc", **MATERIAL, steps=4, to=END, record=FLOW), plain
+    )  # the first ones stay
     with pytest.raises(StudyError, match=r'^run: study\["surface"\]\["heights"\]: excluded by'):
         roughvol.run({"surface": {"heights": MAP, "file": "runs/kept/heights.nc"}})
     with pytest.raises(

@@ -616,7 +616,7 @@ def test_a_case_without_its_states_is_an_error(text: str, words: str) -> None:
     [
         (MEASURED + HALF + ENSEMBLE, "ensemble"),
         (MEASURED.replace("L: 1", "L: 1, low_pass: 0.3"), r"surface\.low_pass"),
-        ("surface: {file: few.npy, L: 1, periodic: true}", r"surface\.periodic: few\.npy has 4 x 9 heights"),
+        ("surface: {file: few.npy, L: 1, periodic: true}", r"surface\.sides: few\.npy has 4 x 9 heights"),
     ],
 )
 def test_a_period_of_a_file_that_cannot_be_is_refused(surface: str, words: str) -> None:

@@ -88,7 +88,7 @@ def test_figures_are_drawn(name: str, measured: dataset.Dataset, tmp_path: Path)
     [
         ("surface: {D: 2.3, m: 4}\nsweep: {steps: 0}", "the study has no sweep"),
         ("surface: {D: 2.3, m: 4}\nsweep: [{steps: 2}, {steps: 1, to: {pressure: 0.1}}]", "one elastic sweep"),
-        ("surface: {D: 2.3, m: 4, periodic: true}", "the surface is periodic"),
+        ("surface: {D: 2.3, m: 4, periodic: true}", "surface.sides is periodic; allowed: free"),
     ],
 )
 def test_a_study_without_ladders_is_refused(text: str, words: str) -> None:
@@ -98,7 +98,9 @@ def test_a_study_without_ladders_is_refused(text: str, words: str) -> None:
 
 def test_a_height_file_has_the_ladders_of_one_grid(tmp_path: Path) -> None:
     np.save(tmp_path / "map.npy", noise(1, 14, 11))
-    ds = tradeoff.measure(loads(f"surface: {{file: {tmp_path / 'map.npy'}, L: 1.0}}\nsweep: {{steps: 10}}"))
+    ds = tradeoff.measure(
+        loads(f"surface: {{file: {tmp_path / 'map.npy'}, L: 1.0, sides: free}}\nsweep: {{steps: 10}}")
+    )
     assert set(ds.ladder.values) == {"tolerance", "steps", "kernel"}
     assert convergence.convergence(ds) == []
 

@@ -119,7 +119,7 @@ def test_shares_of_a_scaled_surface_are_those_of_one_that_has_these_heights(tmp_
     text = ONE + METAL.replace("1 GPa", "8 GPa")
     scaled = _collected(text + "record: {heights: true}").isel(D=0, m=0, seed=0)
     np.save(tmp_path / "z.npy", scaled.heights.transpose("x", "y").values)
-    file = text.replace("D: 2.3, m: 4, seeds: [1],", "file: z.npy,").replace(", Sq: 0.5 um", "")
+    file = text.replace("D: 2.3, m: 4, seeds: [1],", "file: z.npy, sides: free,").replace(", Sq: 0.5 um", "")
     pressed = run_case(case_of(file, tmp_path / "s.yaml"))
     for name in HARD:
         assert_allclose(pressed[name].values.ravel(), scaled[name].values, rtol=1e-5)

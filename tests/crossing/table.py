@@ -37,7 +37,8 @@ class Cells:
 NO_LEAK = dict.fromkeys(("D", "ensemble", "mean-plane", "unpressed"), "which the study did not record")
 PRESSED_AGAIN = (
     "one bodies spectrum materials regions legs one-way coupled gas lifted-gas region mirrored periodic closed "
-    "some-closed percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed file-changed"
+    "some-closed percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed "
+    "file-changed"
 )
 ONE_MAP = {
     "seeds": "heights have shape (3, 17, 17); allowed: two axes",

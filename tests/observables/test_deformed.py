@@ -166,7 +166,7 @@ def test_without_contact_there_is_the_texture_before_load() -> None:
 
 def test_a_flat_surface_has_no_ratios(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", np.full((9, 9), 2.5))
-    text = "surface: {file: z.npy, L: 1}\nsweep: {steps: 2, to: {indentation: 1}}\nrecord: {texture: true}"
+    text = "surface: {file: z.npy, L: 1, sides: free}\nsweep: {steps: 2, to: {indentation: 1}}\nrecord: {texture: true}"
     result = run_case(loads(text, tmp_path / "a.yaml").cases()[0])
     for suffix in ("", "_loaded"):
         assert all(np.isnan(result[name + suffix]).all() for name in ("Ssk", "Sku", "Svi", "Sbi", "hurst_structure"))

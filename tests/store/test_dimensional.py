@@ -169,7 +169,7 @@ def test_scaled_heights_are_those_of_a_surface_that_is_rougher(
     scaled = _collected(plain[:1], loads((TEXT + WANTED).replace("L: ", "Sq: 0.7 um, L: ")))
     heights = scaled.heights.isel(D=0, m=0, seed=0).transpose("x", "y").values
     np.save(tmp_path / "z.npy", heights)
-    text = (TEXT + WANTED).replace("D: 2.3, m: 4, seeds: 2,", "file: z.npy,")
+    text = (TEXT + WANTED).replace("D: 2.3, m: 4, seeds: 2,", "file: z.npy, sides: free,")
     study = loads(text, tmp_path / "study.yaml")
     pressed = _collected([run_case(case) for case in study.cases()], study)
     assert_allclose(heights.std(), 0.7, rtol=1e-12)

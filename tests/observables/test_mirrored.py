@@ -1,0 +1,129 @@
+"""A mirrored surface is a quarter of the joint that it makes with its mirror images, in every number of a study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import roughvol
+from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import Trials
+from roughvol.contact.search import state_under
+from roughvol.gap.fluid_pressure import fluid_pressure
+from roughvol.observables.coupling import Coupling
+from roughvol.study import loads
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.surfaces.surface import Surface
+
+SPACING, SHAPE = 2.0, (17, 13)
+RECORD = """
+solver: {rtol: 1.0e-12}
+record:
+  transport:
+    {percolation: every-step, constriction: every-step, transmissivity: every-step, diffusivity: every-step,
+     accuracy: 1.0e-9}
+  dimensional: {pressure: MPa, mean_gap: um, critical_gap: um, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}}
+"""
+SWEEPS = {
+    "pressures": "{pressures: [0.01 MPa, 0.05 MPa, 0.2 MPa, 1 MPa]}",
+    "loads": "{loads: [LOAD]}",
+    "area": "{steps: 3, to: {contact_area: 0.3}}",
+    "mean plane": "{steps: 4, to: mean-plane}",
+    "closed": "{steps: 3, to: percolation}",
+    "separation": "{steps: 3, to: {separation: 0.8}}",
+    "indentation": "{steps: 3, to: {indentation: 1.2}}",
+    "gap": "{steps: 3, to: {mean_gap: 0.3 um}}",
+    "legs": "[{steps: 4, to: {pressure: 0.3 MPa}}, {steps: 3, to: {pressure: 0.02 MPa}}, {steps: 2, to: LAST}]".replace(
+        "LAST", "{pressure: 0.4 MPa}"
+    ),
+}
+EQUAL = [
+    "contact_area_fraction",
+    "free_volume",
+    "separation",
+    "indentation",
+    "plastic_volume",
+    "plastic_area_fraction",
+    "nominal_pressure",
+    "mean_gap",
+    "critical_gap",
+    "leak_rate",
+    "transmissivity",
+    "percolates",
+    "diffusivity",
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("mirrored")
+    z = random_midpoint_displacement(2.2, 4, seed=3).heights[: SHAPE[0], : SHAPE[1]]
+    z = 0.5 * (z - z.mean()) / z.std()
+    np.save(folder / "quarter.npy", z)
+    np.save(folder / "joint.npy", np.pad(z, [(0, n) for n in SHAPE], mode="symmetric"))
+    return folder
+
+
+def states(folder: Path, file: str, L: float, sides: str, sweep: str, material: str) -> Any:
+    text = f"surface: {{file: {file}.npy, L: {L} um, sides: {sides}}}\nmaterial: {material}\nsweep: {sweep}{RECORD}"
+    return roughvol.run(loads(text, folder / "study.yaml"), out=folder / "run", fresh=True, jobs=1).squeeze()
+
+
+@pytest.mark.parametrize("material", ["{E: 10 MPa, nu: 0.5}", "{E: 10 MPa, nu: 0.5, hardness: 1.5 MPa}"])
+@pytest.mark.parametrize("kind", SWEEPS)
+def test_every_number_is_that_of_the_joint(folder: Path, kind: str, material: str) -> None:
+    """Two patches in a row and two side by side leak as one. A force is that of four patches."""
+    area = SHAPE[0] * SHAPE[1] * SPACING**2  # um²; 1 MPa um² is 1e-6 N
+    sweep, of_all = (SWEEPS[kind].replace("LOAD", f"{share * 0.1e-6 * area!r} N") for share in (1, 4))
+    quarter = states(folder, "quarter", SPACING * (SHAPE[0] - 1), "mirrored", sweep, material)
+    joint = states(folder, "joint", SPACING * 2 * SHAPE[0], "periodic", of_all, material)
+    compared = [name for name in EQUAL if name in quarter]
+    assert set(compared) >= {*EQUAL} - {"plastic_volume", "plastic_area_fraction"}
+    for name in compared:
+        assert_allclose(quarter[name], joint[name], rtol=1e-4, atol=1e-7, err_msg=name)  # searches: 1e-6 of Δ
+    assert (quarter.attrs["sides"], joint.attrs["sides"]) == ("mirrored", "periodic")
+    assert "periodic" not in quarter.attrs
+
+
+@pytest.mark.parametrize(("axis", "seed"), [(0, 1), (1, 2)])
+def test_a_coupled_state_is_one_of_the_doubled_period(axis: int, seed: int) -> None:
+    """Total pressure and its mirror images displace the period; the fluid flows through the patch alone."""
+    z = random_midpoint_displacement(2.2, 4, seed=seed).heights[: SHAPE[0], : SHAPE[1]]
+    surface, space = Surface(z, 1.0, sides="mirrored"), HalfSpace(SHAPE, sides="mirrored")
+    load, inlet = 1.5, 0.8
+    dry = state_under(Trials(surface, space, rtol=1e-10), load, 1.0)
+    state = Coupling(surface, space, axis, inlet, rtol=1e-10).solve(load, dry)
+    total = np.pad(state.pressure, [(0, n) for n in SHAPE], mode="symmetric") / (np.pi * surface.intervals[0])
+    u = HalfSpace(total.shape, sides="periodic").displacement(total)[: SHAPE[0], : SHAPE[1]]
+    gap = u - surface.heights / surface.unit
+    touching = state.gap == 0.0
+    assert touching.any()
+    gap -= gap[touching].mean()
+    assert_allclose(state.gap, np.where(touching, 0.0, gap), atol=1e-7)
+    assert_allclose(gap[touching], 0.0, atol=1e-7)
+    assert_allclose(state.fluid, inlet * fluid_pressure(state.gap, axis), atol=2e-6)
+    assert state.pressure.mean() == pytest.approx(load, rel=1e-8)
+
+
+@pytest.mark.parametrize("made", ["{D: 2.2, m: 4", "{H: 0.8, n: 16, rolloff: 2"])
+def test_a_generated_surface_may_be_mirrored(made: str) -> None:
+    """It has the heights of the free patch, and every level searched for is met."""
+    text = f"""
+surface: {made}, L: 100 um, Sq: 0.5 um, seeds: 1, sides: SIDES}}
+material: {{E_star: 10 MPa}}
+sweep: {{steps: 3, to: {{contact_area: 0.3}}}}
+fluid: {{gas: helium, inlet: 1 bar, outlet: 0 bar}}
+record: {{fields_at: {{contact_area: [0.1], separation: [1.0]}}, transport: {{gas_flow: last}}}}
+"""
+    free, mirrored = (loads(text.replace("SIDES", sides)).cases()[0] for sides in ("free", "mirrored"))
+    assert np.array_equal(surface_of(free).heights, surface_of(mirrored).heights)
+    assert free.id != mirrored.id
+    ds = run_case(mirrored).squeeze()
+    assert_allclose(ds["contact_area_fraction"][-1], 0.3, atol=1.0 / 289)
+    assert_allclose(ds["field_at_contact_area_fraction"][0], 0.1, atol=1.0 / 289)
+    assert float(ds["field_at_free_volume"][1]) == pytest.approx(1.0, rel=1e-5)
