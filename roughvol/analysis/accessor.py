@@ -77,7 +77,7 @@ class Accessor:
         >>> import roughvol
         >>> heights = np.random.default_rng(0).normal(size=(8, 10))
         >>> ds = roughvol.press(heights, L=1.0, E_star=1.0, to={"contact_area": 0.3}, steps=4)
-        >>> bool(ds.roughvol.at(contact_area=0.1)["free_volume"] > ds["free_volume"].isel(step=-1))
+        >>> bool(ds.roughvol.at(contact_area=0.2)["free_volume"] > ds["free_volume"].isel(step=-1))
         True
         """
         wanted = parse(_text(state, level, leg))

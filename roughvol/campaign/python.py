@@ -163,7 +163,7 @@ def press(
     hardness : float, str or Quantity, optional
         Largest contact pressure. Default: elastic contact.
     to : str or mapping, optional
-        Last state, as ``{"pressure": "0.5 MPa"}``. Default: ``"mean-plane"``.
+        Last state, as ``{"pressure": "0.5 MPa"}``. Default: ``"mean-plane"``, full contact unless the sides are free.
     steps : int, optional
         Number of equal steps of indentation. Default: 20.
     sweep : mapping or list of mappings, optional
@@ -173,7 +173,8 @@ def press(
     fluid : mapping, optional
         Section ``fluid`` of a study: a gas, as ``{"gas": "helium", "inlet": "1 bar", "outlet": "0 bar"}``.
     surface : mapping, optional
-        Further keys of the section ``surface``, as ``{"level": "tilt", "missing": "interpolate"}``.
+        Further keys of the section ``surface``, as ``{"level": "tilt", "missing": "interpolate"}``. Default of ``sides``:
+        "mirrored", the heights are a piece of a larger joint; "free" is a block of their size.
     jobs : int, optional
         Number of threads. Default: all cores.
 

@@ -210,6 +210,8 @@ class Study(StudyFile):
             With all problems of the changed study.
         """
         data, problems = _given(self.model_dump(mode="json")), dict[KeyPath, str]()
+        if "surface.periodic" in keys:  # another word for the sides
+            data["surface"].pop("sides")
         for key, value in keys.items():
             path = key_path(key)
             try:

@@ -87,7 +87,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     paths = [folder / name for name in ("_turned $1.npy", "ground.npy")]
     for seed, path in enumerate(paths):
         np.save(path, random_midpoint_displacement(2.4, 4, seed=seed).heights[:, :11])
-    return _run(f"{{files: {json.dumps(list(map(str, paths)))}, L: {SIDE}}}")
+    return _run(f"{{files: {json.dumps(list(map(str, paths)))}, L: {SIDE}, sides: free}}")
 
 
 def _line(fig: Figure, label: str, axes: int = 0) -> np.ndarray:

@@ -261,6 +261,8 @@ def test_sides_are_those_given_by_either_key(text: str, tmp_path: Path, monkeypa
         assert loads(study.to_yaml()) == study
         assert loads(study.stored(), stored=True).surface.sides == sides
         assert study.changed(**{"sweep.steps": 3}).surface.sides == sides
+        assert study.changed(**{"surface.periodic": True}).surface.sides == "periodic"
+        assert study.changed(**{"surface.sides": "mirrored"}).surface.sides == "mirrored"
     ids = {loads(text % f", sides: {sides}").cases()[0].id for sides in ("free", "mirrored", "periodic")}
     assert len(ids) == 3
     for contradiction in (

@@ -41,7 +41,7 @@ class MaxError(Choice):
         return self
 
 
-FreeKernel = Literal["love", "punch"]  # with influence coefficients: on a free patch and on a periodic surface
+FreeKernel = Literal["love", "punch"]  # with influence coefficients: on surfaces with any sides
 PeriodicKernel = Literal["fourier"]
 
 
@@ -89,7 +89,7 @@ class Solver(Strict):
     kernel: Literal[FreeKernel, PeriodicKernel] = Field(
         default="love",
         description="influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch); 'fourier' "
-        "(waves of the grid alone) on a periodic surface",
+        "(waves of the grid alone) on mirrored and periodic surfaces",
     )
     method: Literal["fast", "paper"] = Field(
         default="fast", description=f"'fast', or 'paper': the paper's dense Algorithm 1, for m <= {PAPER_MAX_M}"
