@@ -14,7 +14,7 @@ LITERATURE := wave_love wave_fourier wave_punch two_codes area load closing stif
               mirco_sup2 mirco_supN6 mirco_sup5 mirco_sup7 challenge
 
 .DEFAULT_GOAL := setup
-.PHONY: help setup reproduce seal literature test bench bench-peers validation tradeoff extremes reference crossing docs coverage test-slow lint smoke clean
+.PHONY: help setup reproduce seal literature test bench bench-peers validation windows tradeoff extremes reference crossing docs coverage test-slow lint smoke clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
@@ -67,6 +67,10 @@ bench-peers: setup  ## compare with other contact codes, installed for this
 
 validation: setup  ## print errors against closed forms, by resolution
 	@$(BIN)/python -m tests.bench.validation
+
+windows: setup  ## leaks of windows of a known joint: free, interior, mirrored
+	@$(BIN)/python -m tests.bench.windows
+	@$(BIN)/python -m tests.bench.windows --hurst 0.5 --rolloff 8 --joints 4 --windows 4 --areas 0.05 0.15 0.3
 
 tradeoff: setup  ## measure speed against accuracy, to docs/explanation/notes/tradeoff.md
 	@$(BIN)/roughvol tradeoff configs/tradeoff.yaml

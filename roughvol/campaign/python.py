@@ -173,8 +173,8 @@ def press(
     fluid : mapping, optional
         Section ``fluid`` of a study: a gas, as ``{"gas": "helium", "inlet": "1 bar", "outlet": "0 bar"}``.
     surface : mapping, optional
-        Further keys of the section ``surface``, as ``{"level": "tilt", "missing": "interpolate"}``. Default of ``sides``:
-        "mirrored", the heights are a piece of a larger joint; "free" is a block of their size.
+        Further keys of the section ``surface``, as ``{"level": "tilt", "missing": "interpolate"}``. The default of
+        ``sides`` is "mirrored": the heights are a piece of a larger joint. "free" is a block of their size.
     jobs : int, optional
         Number of threads. Default: all cores.
 
