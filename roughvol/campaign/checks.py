@@ -7,13 +7,13 @@ from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 from roughvol.campaign import workers
-from roughvol.campaign.one_case import surface_of
+from roughvol.campaign.one_case import kernel_on, surface_of
 from roughvol.contact.halfspace import LEAST_PERIOD
-from roughvol.errors import DatasetError, Problem, StudyError
+from roughvol.errors import ContactError, DatasetError, Problem, StudyError
 from roughvol.observables import regions
 from roughvol.store import dimensional
 from roughvol.study import Case, MadeSurface, Study
-from roughvol.surfaces.surface import Surface
+from roughvol.surfaces.surface import Surface, intervals
 
 READ_HERE = (".npy", ".npz", ".txt", ".csv", ".xyz", ".asc")  # their readers do not crash
 READ_SECONDS, READ_RATE = 60.0, 1e6  # time allowed to read a file: seconds, and bytes per further second
@@ -50,7 +50,7 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
         with study.placing():
             dimensional.check(cases[0])
             for nodes, case in {case.nodes_per_side: case for case in cases}.items():
-                regions.check(case, (nodes or 0, nodes or 0))
+                _check_shape(case, (nodes or 0, nodes or 0))
         return None
     files = [Path(body.file) for one in given.each for body in one.bodies]
     here = all(file in made or file.suffix.lower() in READ_HERE for file in files)
@@ -66,10 +66,14 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
 
 
 def _check_shape(case: Case, shape: tuple[int, int]) -> None:
-    """Refuse a height file with too few elements for a period, or for the regions of the study."""
+    """Refuse a grid with too few elements for a period, for a layer, or for the regions of the study."""
     if case.periodic and min(shape) < LEAST_PERIOD:
         message = f"{case.label} has {shape[0]} x {shape[1]} heights; a period needs {LEAST_PERIOD} x {LEAST_PERIOD}"
         raise StudyError([Problem(message, "surface.sides")])
+    try:
+        kernel_on(case.L / intervals(shape[0], case.periodic), case)
+    except ContactError as error:
+        raise StudyError([Problem(str(error), "material.thickness")]) from error
     regions.check(case, shape)
 
 

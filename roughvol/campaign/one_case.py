@@ -140,7 +140,7 @@ def _recorded(case: Case, context: Context) -> Values:
         surface = context.surface or surface_of(case)
         values = undeformed(case, surface)
         if case.sweep.steps > 0:
-            half_space = half_space_of(surface, kernel_on(surface, case), context.threads, context.half_spaces)
+            half_space = half_space_of(surface, kernel_on(surface.spacing, case), context.threads, context.half_spaces)
             large = math.prod(surface.shape) >= checkpoints.NODES
             kept = Checkpoint(file, case, checkpoints.numerics()) if file is not None and large else None
             values |= _swept(path.starred(case, surface), surface, half_space, kept, context)
@@ -251,9 +251,9 @@ def surface_of(case: Case) -> Surface:
     return made if made.sides == case.sides else replace(made, sides=case.sides)
 
 
-def kernel_on(surface: Surface, case: Case) -> Kernel:
-    """Return the kernel of a case on the lattice of its surface."""
-    lengths = {name: length / surface.spacing for name, length in case.kernel.lengths}
+def kernel_on(spacing: float, case: Case) -> Kernel:
+    """Return the kernel of a case on a lattice."""
+    lengths = {name: length / spacing for name, length in case.kernel.lengths}
     return kernel_of(case.kernel.name, **lengths, **dict(case.kernel.numbers))
 
 

@@ -7,7 +7,7 @@ a period of n × n' elements in proportion, u(q) = λ(q) p(q)::
                      λ(f) = Σ_m sinc(f₁ + m₁) sinc(f₂ + m₂)/|f + m|        over all pairs m of whole numbers
     kernel punch:    the coefficients of the punch, summed in the same way
     kernel fourier:  λ(f) = 1/|f|, the half space 2/(E* q) itself, on the waves of the grid
-    kernel layer:    an elastic layer bonded to a rigid base, on the waves of the grid
+    kernel layer:    an elastic layer bonded to a rigid base. 1/|f + m| becomes its λ(|f + m|), on elements or on waves
 
 in units δ/(π E*). The displacement of a half space under a uniform pressure is infinite. It is replaced by λ(0) = π n,
 n being the larger number of elements: the mean displacement over σ is p*, on a square. This number has no effect on
@@ -15,8 +15,12 @@ pressures and gaps. It only relabels the indentation,
 
     Δ' = Δ + mean(u) = Δ + p*        over σ,
 
-where Δ is that of the mean planes, and Δ' is the approach at which the solver solves. With λ(0) the inverse of the Love
-operator is an M-matrix (test_kernels), and docs/explanation/solver.md applies as it stands.
+where Δ is that of the mean planes, and Δ' is the approach at which the solver solves. The mean displacement of a layer
+is finite, but Δ, d and Δ' have the same meaning: the rigid base comes nearer by Δ and by the compression of the layer
+under the nominal pressure, p h (1 + ν)(1 - 2ν)/(E (1 - ν)), which no pressure and no gap depends on.
+
+With λ(0) the inverse of the Love operator is an M-matrix (test_kernels), and docs/explanation/solver.md applies as it
+stands. The inverse of the operator of a layer is none: its surface bulges beside a pressed element.
 """
 
 import itertools
@@ -35,6 +39,8 @@ _SERIES_FROM = 64.0  # spacings; the two forms are equally exact there (test_ker
 # rest, erfc(2π|f|)/|f|, beyond |f| = 1.
 _WIDTH, _NEAR = 0.5, 13
 _POINTS = 16  # of the Gauss-Legendre rule over an element; the far part is smooth
+_DEEP = 4.0  # thicknesses in a wave from which on a layer is a half space: e^-50
+LEAST_LAYER = 0.25  # spacings, of a layer on elements; of a thinner one too many aliases differ from the half space
 _REACH = 200  # spacings; punch and Love differ by 0.02/r⁵ there
 
 
@@ -55,6 +61,11 @@ class Kernel:
     spectrum : callable, optional
         (f₁, f₂) ↦ displacement under a unit wave of f periods per spacing, on a periodic half space; any value at 0.
         Default: the coefficients summed over images. They then differ from Love's as 1/r⁵ at most.
+    waves : callable, optional
+        |f| ↦ displacement under a unit wave over 1/|f|, for elements under uniform pressure, on a periodic half space.
+        It differs from 1 below `reach` periods per spacing alone.
+    reach : float
+        See `waves`.
     m_matrix : bool
         Whether K⁻¹ is an M-matrix, see solver.md: overlaps at the hardness are never undone on a leg of a path.
     """
@@ -63,6 +74,8 @@ class Kernel:
     parameters: tuple[float, ...] = ()
     coefficients: Callable[[Array, Array], Array] | None = field(default=None, compare=False, repr=False)
     spectrum: Callable[[Array, Array], Array] | None = field(default=None, compare=False, repr=False)
+    waves: Callable[[Array], Array] | None = field(default=None, compare=False, repr=False)
+    reach: float = field(default=0.0, compare=False)
     m_matrix: bool = field(default=False, compare=False)
 
     def quadrant(self, shape: Shape) -> Array:
@@ -141,25 +154,59 @@ def _fourier(row: Array, column: Array) -> Array:
     return displacement
 
 
-def layer(thickness: float, nu: float) -> Kernel:
-    """Return the kernel of an elastic layer bonded to a rigid base, by its thickness in spacings and Poisson's ratio.
+def layer(thickness: float, nu: float, elements: bool = True) -> Kernel:
+    r"""Return the kernel of an elastic layer bonded to a rigid base.
 
-    Johnson, Contact Mechanics (1985), p. 139: λ = [κ sinh 2ζ - 2ζ]/[κ cosh 2ζ + 2ζ² + (1 + κ²)/2]/|f| with κ = 3 - 4ν
-    and ζ = 2π|f| h. Waves much shorter than the thickness see a half space.
+    .. math:: λ(f) = \frac{1}{f} \frac{κ \sinh 2ζ - 2ζ}{κ \cosh 2ζ + 2ζ^2 + (1 + κ^2)/2}, κ = 3 - 4ν, ζ = 2πfh
+
+    Waves much shorter than the thickness see a half space. Under much longer waves a compressible layer is a mattress
+    of springs, λ = π h (1 - 2ν)/(1 - ν)².
+
+    Parameters
+    ----------
+    thickness : float
+        h in spacings, > 0; at least `LEAST_LAYER` on elements.
+    nu : float
+        Poisson's ratio, -1 < ν ≤ 0.5.
+    elements : bool
+        Whether elements are under uniform pressure, as Love's; else the waves of the grid alone.
+
+    References
+    ----------
+    K. L. Johnson, Contact Mechanics (1985), p. 139.
     """
-    if not (thickness > 0.0 and 0.0 <= nu <= 0.5):
-        raise ContactError(f"thickness is {thickness} spacings, nu is {nu}; allowed: thickness > 0, 0 <= nu <= 0.5")
+    least = LEAST_LAYER if elements else 0.0
+    if not (thickness > 0.0 and thickness >= least and -1.0 < nu <= 0.5):
+        allowed = f"thickness {f'>= {least}' if elements else '> 0'}, -1 < nu <= 0.5"
+        raise ContactError(f"the layer has a thickness of {thickness:.6g} spacings, nu = {nu}; allowed: {allowed}")
+    k = 3.0 - 4.0 * nu
+
+    def waves(f: Array) -> Array:
+        x = 4.0 * np.pi * np.minimum(f, _DEEP / thickness) * thickness  # 2ζ; a half space from there on
+        x2 = x * x
+        # sinh x - x without the loss of digits of long waves
+        series = x * x2 / 6.0 * (1.0 + x2 / 20.0 * (1.0 + x2 / 42.0 * (1.0 + x2 / 72.0 * (1.0 + x2 / 110.0))))
+        rest = np.where(x < 0.5, series, np.sinh(x) - x)
+        ratio: Array = ((k - 1.0) * np.sinh(x) + rest) / (k * np.cosh(x) + 0.5 * x2 + 0.5 * (1.0 + k * k))
+        return ratio
+
+    parameters = (thickness, nu, float(elements))
+    if elements:
+        return Kernel("layer", parameters, waves=waves, reach=_DEEP / thickness)
 
     def spectrum(row: Array, column: Array) -> Array:
-        f = np.hypot(row, column)
-        f[f == 0.0] = np.inf
-        depth = 2.0 * np.pi * np.minimum(f, 50.0 / thickness) * thickness  # tanh is 1 from there on
-        k = 3.0 - 4.0 * nu
-        below = k * np.cosh(2.0 * depth) + 2.0 * depth**2 + 0.5 * (1.0 + k**2)
-        waves: Array = (k * np.sinh(2.0 * depth) - 2.0 * depth) / below / f
-        return waves
+        f = _frequency(row, column)
+        displacement: Array = waves(f) / f
+        return displacement
 
-    return Kernel("layer", (thickness, nu), spectrum=spectrum)
+    return Kernel("layer", parameters, spectrum=spectrum)
+
+
+def _frequency(row: Array, column: Array) -> Array:
+    """Return |f|, infinite for the mean."""
+    f: Array = np.hypot(row, column)
+    f[f == 0.0] = np.inf
+    return f
 
 
 LOVE = Kernel("love", coefficients=love_kernel, m_matrix=True)
@@ -227,21 +274,26 @@ def periodic_spectrum(shape: Shape, kernel: Kernel = LOVE) -> Array:
     if kernel.spectrum is not None:
         spectrum = kernel.spectrum(row[:, None], column)
     else:
-        spectrum = _far_part(row[:, None], column) + _wave_sums(_near_part(), shape)
-        if kernel != LOVE:  # images far away do not count in the difference
+        spectrum = _far_part(row[:, None], column, kernel) + _wave_sums(_near_part(), shape)
+        if kernel.coefficients is not None and kernel != LOVE:  # images far away do not count in the difference
             reach = (_REACH + 1, _REACH + 1)
             spectrum += _wave_sums(kernel.quadrant(reach) - LOVE.quadrant(reach), shape)
     spectrum[0, 0] = math.pi * max(shape)
     return spectrum
 
 
-def _far_part(row: Array, column: Array) -> Array:
-    """Return the sum over aliases of the waves of erf(r/2)/r, spread over elements; those beyond |f| = 1 vanish."""
+def _far_part(row: Array, column: Array, kernel: Kernel) -> Array:
+    """Return the sum over aliases of the waves of erf(r/2)/r, spread over elements; those beyond |f| = 1 vanish.
+
+    To those of another body than a half space λ - 1/|f| is added, in an order that loses no digit of a small λ.
+    """
     total = np.zeros(np.broadcast_shapes(row.shape, column.shape))
-    for i, j in itertools.product((0.0, -1.0), repeat=2):
-        f = np.hypot(row + i, column + j)
-        f[f == 0.0] = np.inf  # the mean
-        total += np.sinc(row + i) * np.sinc(column + j) * special.erfc(np.pi * f / _WIDTH) / f
+    aliases = sorted(range(-1 - math.ceil(kernel.reach), 1 + math.ceil(kernel.reach)), key=abs)
+    for i, j in itertools.product(aliases, repeat=2):
+        f = _frequency(row + i, column + j)
+        turn = np.pi * f / _WIDTH
+        waves = special.erfc(turn) if kernel.waves is None else kernel.waves(f) - special.erf(turn)
+        total += np.sinc(row + i) * np.sinc(column + j) * waves / f
     return total
 
 

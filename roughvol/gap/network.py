@@ -52,9 +52,7 @@ class Network:
         """Return the pressures that drive an inflow of each element, to the `DIGITS` of their energy."""
         return self._descended(inflow, lambda fallen: DIGITS * fallen)[0]
 
-    def correction(
-        self, inflow: Array, dissipation: float, accuracy: float, least: float = 0.0
-    ) -> tuple[Array, float]:
+    def correction(self, inflow: Array, dissipation: float, accuracy: float, least: float = 0.0) -> tuple[Array, float]:
         """Return the correction of pressures that leave an inflow, and the estimated error of the dissipation.
 
         The dissipation is that of the uncorrected pressures. The error is over the dissipation of the corrected ones.

@@ -206,7 +206,7 @@ def _files(study: StudyFile) -> Problems:
 @_rule("surface.periodic", "surface.sides")
 def _periodic(study: StudyFile) -> Problems:
     surface = study.surface
-    own = study.material.kernel(None)
+    own = study.material.kernel(study.solver.kernel, None)
     kernel = own or NamedKernel(study.solver.kernel)
     if surface.sides == "free" and kernel.name not in get_args(FreeKernel):
         allowed = (
@@ -222,6 +222,13 @@ def _periodic(study: StudyFile) -> Problems:
             ("surface", "level"),
             "a tilted or curved surface is not periodic; allowed with sides: periodic are none, mean",
         )
+
+
+@_rule("solver.kernel", "material.thickness")
+def _layer(study: StudyFile) -> Problems:
+    material, kernel = study.material, study.solver.kernel
+    if material.kernel(kernel, None) is not None and kernel == "punch":
+        yield ("solver", "kernel"), "'punch' has no layer; allowed with material.thickness: love, fourier"
 
 
 @_rule("material", "surface.periodic", "surface.sides")

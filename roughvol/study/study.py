@@ -162,7 +162,7 @@ class Study(StudyFile):
         NamedKernel
             Kernel of the material if it has a length, else that of the solver.
         """
-        return self.material.kernel(unit) or NamedKernel(self.solver.kernel)
+        return self.material.kernel(self.solver.kernel, unit) or NamedKernel(self.solver.kernel)
 
     @property
     def gas_flow(self) -> bool:

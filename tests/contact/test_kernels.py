@@ -11,8 +11,10 @@ import pytest
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import KERNELS, influence_matrix, kernel_of, layer, love_kernel, periodic_spectrum
 from roughvol.contact.kernels import punch_kernel as punch
+from roughvol.contact.loading import solve, sweep
+from roughvol.contact.search import indentation_for
 from roughvol.errors import ContactError
-from tests.contact.kit import coefficients, dense, dense_matrix, every_body, half_space, love_influence, random
+from tests.contact.kit import coefficients, dense, dense_matrix, every_body, fractal, half_space, love_influence, random
 
 EPS = np.finfo(float).eps
 
@@ -107,20 +109,66 @@ def test_long_waves_see_the_half_space():
     assert love[2, 3] == pytest.approx(fourier[2, 3], rel=1e-3)
 
 
-def test_a_thin_layer_is_stiffer_and_a_thick_one_is_the_half_space():
-    thin, thicker, thick, half = (
-        periodic_spectrum((16, 16), kernel)[1:, 1:]
-        for kernel in (layer(1.0, 0.5), layer(3.0, 0.5), layer(1e3, 0.5), KERNELS["fourier"])
-    )
-    assert (thin < thicker).all()
-    assert (thicker < half).all()
-    np.testing.assert_allclose(thick, half, rtol=1e-12)
+def aliases_of(thickness, nu, n, reach):
+    """Sum over aliases of the waves of a layer spread over elements, in extended precision, as a slow counterpart."""
+    k, m = 3.0 - 4.0 * nu, np.arange(-reach, reach + 1)
+    total = np.zeros((n // 2 + 1, n // 2 + 1), dtype=np.longdouble)
+    for i, j in np.ndindex(total.shape):
+        row, column = np.longdouble(i) / n + m[:, None], np.longdouble(j) / n + m
+        f = np.hypot(row, column)
+        f[f == 0.0] = np.inf
+        x = np.minimum(4.0 * np.pi * f * thickness, 100.0)
+        over_half_space = (k * np.sinh(x) - x) / (k * np.cosh(x) + x * x / 2.0 + (1.0 + k * k) / 2.0)
+        total[i, j] = (np.sinc(row) * np.sinc(column) * over_half_space / f).sum()
+    return total
+
+
+@pytest.mark.parametrize(("thickness", "nu"), [(0.25, 0.3), (0.25, 0.5), (1.0, 0.0), (3.0, 0.5), (20.0, -0.5)])
+def test_elements_on_a_layer_are_the_sum_over_its_aliases(thickness, nu):
+    spectrum, total = periodic_spectrum((8, 8), layer(thickness, nu)), aliases_of(thickness, nu, 8, 200)
+    np.testing.assert_allclose(spectrum.ravel()[1:], total.ravel()[1:], rtol=1e-6)
+
+
+@pytest.mark.parametrize("elements", [False, True])
+def test_a_thin_layer_is_stiffer_and_a_thick_one_is_the_half_space(elements):
+    half = periodic_spectrum((16, 16), KERNELS["love" if elements else "fourier"])[1:, 1:]
+    spectra = [periodic_spectrum((16, 16), layer(h, 0.5, elements))[1:, 1:] for h in (1.0, 3.0, 1e3)]
+    assert (np.diff([*spectra, half * (1.0 + 1e-12)], axis=0) > 0.0).all()
+    np.testing.assert_allclose(spectra[-1], half, rtol=1e-12)
+
+
+@pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3])
+def test_long_waves_press_a_layer_as_a_mattress_of_springs(nu):
+    thickness = 0.5
+    spectrum = periodic_spectrum((512, 512), layer(thickness, nu))
+    springs = np.pi * thickness * (1.0 - 2.0 * nu) / (1.0 - nu) ** 2
+    np.testing.assert_allclose(spectrum[[1, 0, 1], [0, 1, 1]], springs, rtol=1e-4)
+
+
+def test_long_waves_press_an_incompressible_layer_as_the_flow_in_it():
+    """λ → 2ζ³/(3 f): the layer is squeezed sideways, p - p₀ falls off with the square of the wave."""
+    thickness, f = 0.5, 1.0 / 512
+    zeta = 2.0 * np.pi * f * thickness
+    spectrum = periodic_spectrum((512, 512), layer(thickness, 0.5, elements=False))
+    assert spectrum[1, 0] == pytest.approx(2.0 * zeta**3 / 3.0 / f, rel=5.0 * zeta**2)
+
+
+@pytest.mark.parametrize("elements", [False, True])
+@pytest.mark.parametrize(("thickness", "nu"), [(0.5, 0.5), (0.5, 0.3), (5.0, 0.5)])
+def test_contact_of_a_layer_converges_up_to_full_contact(thickness, nu, elements):
+    surface = fractal(4, 2.3, sides="periodic")
+    space = HalfSpace(surface.shape, layer(thickness, nu, elements), sides="periodic")
+    states = list(sweep(surface, space, np.linspace(0.5, 4.0, 8), rtol=1e-9))
+    assert all(state.residual <= 1e-9 for state in states)
+    assert np.diff([state.free_volume for state in states]).max() <= 0.0
+    nearly = solve(surface, space, indentation_for(surface, space, "contact_area", 0.97, rtol=1e-9), rtol=1e-9)
+    assert nearly.contact_area_fraction >= 0.97 > states[-1].contact_area_fraction
 
 
 def test_a_kernel_carries_its_parameters():
-    assert layer(2.0, 0.5) == layer(2.0, 0.5) != layer(2.0 + 1e-12, 0.5) != layer(2.0, 0.4)
+    assert layer(2.0, 0.5) == layer(2.0, 0.5) != layer(2.0 + 1e-12, 0.5) != layer(2.0, 0.4) != layer(2.0, 0.4, False)
     assert hash(layer(2.0, 0.5)) == hash(layer(2.0, 0.5))
-    assert kernel_of(layer(2.0, 0.5)).parameters == (2.0, 0.5)
+    assert kernel_of(layer(2.0, 0.5)).parameters == (2.0, 0.5, 1.0)
     assert kernel_of("love") is KERNELS["love"]
 
 
@@ -163,8 +211,9 @@ def test_kernel_on_the_torus_is_positive_definite(kernel, nodes):
         (lambda: HalfSpace((8, 8), "hertz", sides="periodic"), r"'hertz'.*allowed: love, punch, fourier"),
         (lambda: HalfSpace((9, 9), "fourier"), "allowed on a free patch: love, punch"),
         (lambda: HalfSpace((9, 9), layer(2.0, 0.5)), "kernel is 'layer'; allowed on a free patch"),
-        (lambda: layer(0.0, 0.5), "thickness is 0.0"),
-        (lambda: layer(1.0, 0.6), "nu is 0.6"),
+        (lambda: layer(0.0, 0.5, False), "thickness of 0 spacings.*allowed: thickness > 0"),
+        (lambda: layer(0.2, 0.5), "thickness of 0.2 spacings.*allowed: thickness >= 0.25"),
+        (lambda: layer(1.0, 0.6), "nu = 0.6"),
     ],
 )
 def test_refused(call, words):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from roughvol.study.sections.solver import NamedKernel
 from roughvol.study.sections.strict import Strict
-from roughvol.study.values.units import Conductivity, Pressure, in_unit, unit_of
+from roughvol.study.values.types import refuse
+from roughvol.study.values.units import Conductivity, Length, Pressure, in_unit, unit_of
 
 PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
 _HARDNESS = "hardness, > 0, in the unit of the modulus, or as 2 GPa: the largest contact pressure; default: elastic"
@@ -40,8 +41,11 @@ class Material(Strict):
         """Whether pressures end at a hardness."""
         return self.hardness is not None and self.plastic
 
-    def kernel(self, length_unit: str | None) -> NamedKernel | None:
-        """Return the kernel of a material that has a length, this length in a unit; None for a half space."""
+    def kernel(self, solver: str, length_unit: str | None) -> NamedKernel | None:
+        """Return the kernel of a material that has a length, this length in a unit; None for a half space.
+
+        ``solver`` is the kernel of the half space that the material would be without the length.
+        """
         return None
 
 
@@ -79,6 +83,10 @@ class YoungPoisson(Material):
     against: CounterMaterial | None = Field(
         default=None, description="{E, nu} of the other body: 1/E* = (1-nu^2)/E + (1-nu2^2)/E2; default: rigid"
     )
+    thickness: Length | None = Field(
+        default=None,
+        description="thickness of an elastic layer bonded to a rigid base, > 0, as 50 um; default: a half space",
+    )
     hardness: Pressure | None = Field(default=None, description=_HARDNESS)
     plastic: bool = Field(default=True, description=_PLASTIC)
     conductivity: Conductivities | None = Field(default=None, description=_CONDUCTIVITY)
@@ -96,6 +104,19 @@ class YoungPoisson(Material):
     def unit(self) -> str | None:
         """Unit of the modulus, None for an arbitrary one."""
         return unit_of(self.E)
+
+    def kernel(self, solver: str, length_unit: str | None) -> NamedKernel | None:
+        """Return the kernel of a layer; None for a half space."""
+        if self.thickness is None:
+            return None
+        thickness = ("thickness", in_unit(self.thickness, length_unit))
+        return NamedKernel("layer", (thickness,), (("nu", self.nu), ("elements", float(solver == "love"))))
+
+    @model_validator(mode="after")
+    def _one_layer(self) -> YoungPoisson:
+        if self.thickness is not None and self.against is not None:
+            refuse("thickness: a layer is pressed by a rigid surface; allowed: thickness, or against")
+        return self
 
 
 def tag_material(value: Any) -> str:

@@ -1,0 +1,68 @@
+"""An elastic layer as the material of a study."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import roughvol
+from roughvol.errors import StudyError
+from roughvol.study import loads
+
+STUDY = """
+name: layer
+surface: {D: 2.3, m: 4, L: 160 um, Sq: 1 um, seeds: 1, periodic: true}
+material: {E: 10 MPa, nu: 0.3}
+sweep: {steps: 3, to: {pressure: 0.5 MPa}}
+"""
+
+
+def pressed(tmp_path, **keys):
+    """Return the run of the study with other keys, its lengths in mm."""
+    study = loads(STUDY).changed(**{key.replace("__", "."): value for key, value in keys.items()})
+    return roughvol.run(study, out=tmp_path / str(len(list(tmp_path.iterdir()))), jobs=1).squeeze()
+
+
+def test_a_thick_layer_is_the_half_space_and_a_thin_one_is_stiffer(tmp_path):
+    half, thick, thin = (pressed(tmp_path, material__thickness=thickness) for thickness in (None, "20 mm", "0.01 mm"))
+    np.testing.assert_allclose(thick.free_volume, half.free_volume, rtol=1e-6)
+    assert thin.free_volume[-1] > 1.1 * half.free_volume[-1]  # at one pressure
+    assert thin.contact_area_fraction[-1] < half.contact_area_fraction[-1]
+
+
+def test_units_of_the_thickness_do_not_matter(tmp_path):
+    one, other = (pressed(tmp_path, material__thickness=thickness) for thickness in ("20 um", "0.02 mm"))
+    assert one.attrs["case_ids"] == other.attrs["case_ids"]
+    ids = {loads(STUDY).changed(**{"material.thickness": h}).cases()[0].id for h in (None, "20 um", "21 um")}
+    assert len(ids) == 3
+
+
+def test_a_list_of_layers_is_refused():
+    with pytest.raises(StudyError, match="thickness: must be a number, given a list"):
+        loads(STUDY).changed(**{"material.thickness": ["20 um", "50 um"]})
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"surface.periodic": False}, "'layer' needs surface.sides: mirrored or periodic"),
+        ({"solver.kernel": "punch"}, "'punch' has no layer; allowed with material.thickness: love, fourier"),
+        ({"material.against": {"E": "1 GPa", "nu": 0.3}}, "a layer is pressed by a rigid surface"),
+        ({"material.thickness": "0 um"}, "must be > 0"),
+        ({"material.thickness": "1 MPa"}, "thickness"),
+        ({"material": {"E_star": "10 MPa", "thickness": "20 um"}}, "thickness"),
+        (
+            {"surface.L": 1.0, "surface.Sq": None, "sweep": {"steps": 3}, "record": {}},
+            "has a unit .20 um. and L has none",
+        ),
+    ],
+)
+def test_refused(keys, words):
+    with pytest.raises(StudyError, match=words):
+        loads(STUDY).changed(**({"material.thickness": "20 um"} | keys))
+
+
+def test_a_layer_thinner_than_a_quarter_of_the_spacing_is_refused_before_the_run(tmp_path):
+    with pytest.raises(StudyError, match=r"material.thickness: the layer has a thickness of 0.1 spacings.*>= 0.25"):
+        roughvol.check(loads(STUDY).changed(**{"material.thickness": "1 um"}))
+    assert pressed(tmp_path, **{"material.thickness": "1 um", "solver.kernel": "fourier"}).free_volume[-1] > 0.0
