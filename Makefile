@@ -69,7 +69,7 @@ validation: setup  ## print errors against closed forms, by resolution
 	@$(BIN)/python -m tests.bench.validation
 
 windows: setup  ## leaks of windows of a known joint: free, interior, mirrored
-	@$(BIN)/python -m tests.bench.windows
+	@$(BIN)/python -m tests.bench.windows --windows 9
 	@$(BIN)/python -m tests.bench.windows --hurst 0.5 --rolloff 8 --joints 4 --windows 4 --areas 0.05 0.15 0.3
 
 tradeoff: setup  ## measure speed against accuracy, to docs/explanation/notes/tradeoff.md

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from roughvol.observables.variables import VARIABLES
@@ -40,6 +41,29 @@ def test_init_writes_a_study_that_is_understood(example: str) -> None:
     assert study.name == example
     assert study.cases()
     assert f"roughvol run {example}.yaml" in written.stdout
+
+
+@pytest.mark.parametrize("example", ["seal", "scan", "metal"])
+def test_examples_with_units_run_without_a_warning(example: str) -> None:
+    assert call("init", example).exit_code == 0
+    done = call("run", f"{example}.yaml", "--jobs", "1")
+    assert done.exit_code == 0, done.output
+    assert "warning" not in done.output
+
+
+def test_the_study_of_a_height_map_says_its_sides() -> None:
+    np.savetxt("face.txt", np.random.default_rng(0).normal(size=(9, 9)))
+    given = ["--set", "surface.L=9 um", "--set", "surface.heights_unit=nm"]
+    for more, sides in (
+        ([], "mirrored"),
+        (["--set", "surface.sides=free"], "free"),
+        (["--set", "surface.periodic=true", "--set", "surface.level=none"], "periodic"),
+    ):
+        assert call("init", "face.txt", *given, *more).exit_code == 0
+        assert load("face.yaml").surface.sides == sides
+        assert f"sides {sides}: " in call("check", "face.yaml").output
+        assert "# sides: mirrored, the map is a part of a joint" in Path("face.yaml").read_text(encoding="utf-8")
+        Path("face.yaml").unlink()
 
 
 def test_init_overwrites_nothing() -> None:

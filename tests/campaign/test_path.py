@@ -406,13 +406,18 @@ def test_a_path_with_yield_and_without_is_reported_together() -> None:
 # Periodic surfaces
 
 
-def test_stored_indentation_and_separation_of_a_period_are_those_of_the_mean_planes() -> None:
-    text = PERIOD + "sweep: {steps: 5, to: {contact_area: 0.6}}\nsolver: {kernel: fourier}"
-    data, surface = solved(text), surface_of(case_of(text))
-    assert_array_equal(data.free_volume, data.separation)
-    assert_allclose(data.indentation + data.separation, surface.peak, rtol=1e-12)
-    assert "periodic elastic half space" in data.attrs["conventions"]
-    assert "L/rows" in data.attrs["conventions"]
+def test_stored_indentation_and_separation_of_an_endless_plane_are_those_of_the_mean_planes() -> None:
+    mirrored = "surface: {D: 2.3, m: 4, seeds: 1, sides: mirrored}\n"
+    for made, sides, conventions in (
+        (PERIOD, "periodic", ("periodic elastic half space", "spacing = L/rows", "the mean gap")),
+        (mirrored, "mirrored", ("mirror images", "spacing = L/(rows-1)", "the mean gap")),
+    ):
+        text = made + "sweep: {steps: 5, to: {contact_area: 0.6}}\nsolver: {kernel: fourier}"
+        data, surface = solved(text), surface_of(case_of(text))
+        assert_array_equal(data.free_volume, data.separation)
+        assert_allclose(data.indentation + data.separation, surface.peak, rtol=1e-12)
+        assert all(words in data.attrs["conventions"] for words in conventions)
+        assert (data.attrs["sides"], "periodic" in data.attrs) == (sides, sides == "periodic")
 
 
 def test_levels_between_steps_of_a_period_are_solved_for() -> None:

@@ -331,6 +331,7 @@ def test_a_rigid_square_carries_its_load_at_the_rim_and_a_dome_in_its_middle() -
         ("{D: 2.3, m: 4}", "record: {transport: {percolation: last}}", True),
         ("{D: 2.3, m: 4}", "material: {E_star: 3 MPa}", True),
         ("{D: 2.3, m: 4, periodic: true}", "material: {E_star: 3 MPa}", False),
+        ("{D: 2.3, m: 4, sides: mirrored}", "record: {transport: {percolation: last}}", False),
         ("{H: 0.8, n: 16, periodic: true}", "record: {transport: {percolation: last}}", False),
         ("{D: 2.3, m: 4}", "record: {transport: {percolation: last}, region: interior}", False),
         ("{D: 2.3, m: 4}", "record: {transport: {percolation: last}, region_widths: {}}", False),

@@ -36,6 +36,7 @@ def _run(surface: str, folder: Path) -> Run:
     ("surface", "origin"),
     [
         ("D: [2.3, 2.6], m: 3, seeds: 2, periodic: true", "periodic surfaces"),
+        ("D: [2.3, 2.6], m: 3, seeds: 2, sides: mirrored", "mirrored surfaces"),
         ("H: 0.7, n: 8, rolloff: 1, cut: 3, seeds: 2", "surfaces with a spectrum"),
     ],
 )
