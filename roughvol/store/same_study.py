@@ -12,7 +12,7 @@ from roughvol.store.run_folder import case_file, outdated, stored_study, strange
 from roughvol.study import Case, HeightFile, Study, loads
 
 AXES = ("surface.D", "surface.H", "surface.m", "surface.n", "surface.seeds")
-WORDS = ("name", "comment")  # keys that change no number
+WORDS = ("name", "comment", "seal")  # keys and sections that change no stored number
 UNASKED = (*AXES, *WORDS)  # keys without a line of their own among the differences
 
 
@@ -100,7 +100,8 @@ def _keys(study: Study) -> dict[str, Any]:
 
 def _changed(before: Mapping[str, Any], after: Mapping[str, Any], left_out: Collection[str]) -> list[str]:
     names = [name for name in dict.fromkeys([*before, *after]) if before.get(name) != after.get(name)]
-    return [f"{name}: {' → '.join(_shown(before, after, name))}" for name in names if name not in left_out]
+    names = [name for name in names if name not in left_out and name.partition(".")[0] not in left_out]
+    return [f"{name}: {' → '.join(_shown(before, after, name))}" for name in names]
 
 
 def _with_files_of(old: Study, new: Study) -> Study:

@@ -13,6 +13,7 @@ from roughvol.study.sections.fluid import Fluid
 from roughvol.study.sections.height_file import HeightFile
 from roughvol.study.sections.material import ContactModulus, YoungPoisson, tag_material
 from roughvol.study.sections.record import Record
+from roughvol.study.sections.seal import Seal
 from roughvol.study.sections.solver import Solver
 from roughvol.study.sections.strict import Strict
 from roughvol.study.sections.surface import GeneratedSurface, SpectralSurface
@@ -62,6 +63,10 @@ class StudyFile(Strict):
 
     fluid: Fluid | None = Field(
         default=None, description="{gas, inlet, outlet, temperature, law}: the gas of record.transport.gas_flow"
+    )
+
+    seal: Seal | None = Field(
+        default=None, description="{length, width, flow}: the seal that the surfaces are patches of"
     )
 
     comment: str | None = Field(default=None, description="any text for readers; it changes no answer")

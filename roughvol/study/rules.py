@@ -19,7 +19,7 @@ from roughvol.study.sections.dimensional import Dimensional
 from roughvol.study.sections.ensemble import AUTO_TO, CLOSING, FEWEST_LEVELS, RECORDED_BY
 from roughvol.study.sections.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.sections.material import YoungPoisson
-from roughvol.study.sections.record import EVERY_STEP, Record
+from roughvol.study.sections.record import EVERY_STEP, Record, Region
 from roughvol.study.sections.solver import PAPER_MAX_M, FreeKernel, NamedKernel
 from roughvol.study.sections.surface import FEWEST, SPECTRAL, GeneratedSurface, SpectralSurface
 from roughvol.study.sections.sweep import Legs, Sweep
@@ -283,6 +283,25 @@ def _units(study: StudyFile) -> Problems:
     for path, length in lengths:
         if unit_of(length) in METRES:
             yield path, f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
+
+
+@_rule("surface.L", "surface.unit", "record.region", "ensemble", "sweep")
+def _seal(study: StudyFile) -> Problems:
+    seal, surface = study.seal, study.surface
+    if seal is None:
+        return
+    if study.ensemble is not None:
+        yield ("seal",), "excluded by 'ensemble': patches of a seal are surfaces of one load, as surface.seeds: 10"
+    if study.sweep.steps == 0:
+        yield ("seal",), "needs contact: sweep.steps is 0"
+    if isinstance(surface, HeightFile):
+        return  # `campaign.card` knows the size of a file
+    for name in ("length", "width"):
+        if unit_of(length := getattr(seal, name)) and not surface.has_length:
+            yield ("seal", name), f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
+            return
+    sides = (study.record.region or Region()).sides(float(surface.L), float(surface.L))
+    yield from ((("seal", key), message) for key, message in seal.narrower(sides, surface.length_unit))
 
 
 @_rule("material")

@@ -166,6 +166,10 @@ class Region(Strict):
         """Region in words, for datasets."""
         return "x/L_x {} to {}, y/L_y {} to {}".format(*map(number_text, (*self.x, *self.y)))
 
+    def sides(self, along_x: float, along_y: float) -> tuple[float, float]:
+        """Return the sides of the rectangle on a surface of these sides."""
+        return along_x * (self.x[1] - self.x[0]), along_y * (self.y[1] - self.y[0])
+
 
 class RegionWidths(Strict):
     """A*, p*, V* and transmissivity inside central squares of several widths, from one solution."""

@@ -1,0 +1,55 @@
+"""The section ``seal``: the seal that the computed surfaces are patches of.
+
+    seal: {length: 120 mm, width: 2 mm}     # flow: x
+
+No case depends on it: a leak card, `ask` and `creep` make the leak of the seal from those of its patches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from pydantic import Field
+
+from roughvol.study.plain_data import number_text
+from roughvol.study.sections.strict import Strict
+from roughvol.study.values.units import Length, in_unit
+
+WHOLE = 0.02  # of a patch: a seal shorter by no more is as long as the patch
+
+
+class Seal(Strict):
+    """The seal that the surfaces are patches of: a strip, longer along its line than across it as a rule."""
+
+    length: Length = Field(description="length along the seal line, > 0: in the unit of L, or as 120 mm")
+    width: Length = Field(description="width across the seal line, along the flow, > 0: in the unit of L, or as 2 mm")
+    flow: Literal["x", "y"] = Field(default="x", description="axis of the surfaces along which the fluid flows: x or y")
+
+    @property
+    def label(self) -> str:
+        """The seal in words, as ``120 mm by 2 mm``."""
+        return f"{self.length} by {self.width}"
+
+    def patches(self, sides: tuple[float, float], unit: str | None) -> tuple[int, int]:
+        """Return the number of patches in a row along the flow, and side by side.
+
+        Parameters
+        ----------
+        sides : (float, float)
+            Sides of a patch along x and y in a unit of length; the unit of the seal where it is None.
+        """
+        along, across = sides if self.flow == "x" else sides[::-1]
+        return (
+            max(1, round(in_unit(self.width, unit) / along)),
+            max(1, round(in_unit(self.length, unit) / across)),
+        )
+
+    def narrower(self, sides: tuple[float, float], unit: str | None) -> Iterator[tuple[str, str]]:
+        """Yield each key of a seal that is smaller than a patch, with a message."""
+        along = {"width": sides["xy".index(self.flow)], "length": sides["yx".index(self.flow)]}
+        for (key, side), axis in zip(along.items(), (self.flow, "yx"["xy".index(self.flow)]), strict=True):
+            if in_unit(getattr(self, key), unit) < (1.0 - WHOLE) * side:
+                given, patch = getattr(self, key), f"{number_text(float(f'{side:.4g}'))} {unit or ''}".strip()
+                allowed = f"at least as much, or record.region as long along {axis} as the seal"
+                yield key, f"is {given}, and a patch is {patch} long along {axis}; allowed: {allowed}"
