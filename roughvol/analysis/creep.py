@@ -25,11 +25,10 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis.average import average
-from roughvol.analysis.leak_curve import Curve, curves, surfaces
+from roughvol.analysis.leak_curve import Curve, axes, curves, surfaces
 from roughvol.analysis.read_off import check, refuse
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.observables.at_state import at_state
-from roughvol.observables.variables import AXES
 from roughvol.store import stamped_file
 from roughvol.study import Creep, loads
 from roughvol.study.values.state_kinds import REACHED
@@ -131,7 +130,7 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
     material = loads(str(run.attrs["study"]), stored=True).material
     ratio = np.array([law.ratio(time, material) for time in seconds])
     equivalent = pressure * ratio
-    by_axis = {axis: curves(run, axis) for axis in AXES}
+    by_axis = {axis: curves(run, axis) for axis in axes(run)}
     unit = str(run["nominal_pressure"].attrs["units"])
     _within_reach([one for each in by_axis.values() for one in each], unit, equivalent, seconds, pressure)
     areas = [

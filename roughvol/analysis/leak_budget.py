@@ -18,13 +18,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from xarray import Dataset
 
+from roughvol.analysis import seal
 from roughvol.analysis.at import at
 from roughvol.analysis.average import Average, average
 from roughvol.analysis.closing import load_of, spans
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import STATE, is_lifted
-from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SurfaceAtLoad, Way
+from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SealLeak, SurfaceAtLoad, Way
 from roughvol.analysis.legs import first_leg
+from roughvol.analysis.seal import Patch
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.ensemble.multilevel import COVERAGE, half_width
@@ -179,7 +181,59 @@ def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
         beside=tuple(_beside(fine)),
         lifted=is_lifted(fine[0].table),
         warnings=tuple(dict.fromkeys(filter(None, warnings))),
+        seal=_seal(fine, ways),
     )
+
+
+def _seal(fine: Sequence[_Loaded], ways: Sequence[Way]) -> SealLeak | None:
+    """Return the leak of the seal of a study, and where it closes; None without the section ``seal``."""
+    patch = Patch.of(fine[0].run.study, fine[0].table)
+    if patch is None:
+        return None
+    reached = [one for one in fine if all(math.isfinite(one.leak(axis)) for axis in AXES)]
+    flow = next(way for way in ways if way.axis == patch.seal.flow)
+    units = bool(flow.unit)
+    isotropic = seal.is_isotropic([seal.ratios(one.table) for one in fine])
+    maps = patch.conductances(np.array([[one.leak(axis) for axis in AXES] for one in reached]), in_units=units)
+    quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
+    shared = [part for part in flow.parts if part.name != "window"]
+    below = [one.table["rms_height_below"].values[0] for one in fine if "rms_height_below" in one.table]
+    closings = [[one.closing(axis).spans for axis in patch.axes] for one in fine]
+    closing = seal.Estimate(math.nan, math.nan, math.nan)
+    if not is_lifted(fine[0].table) and all(len(found) == 1 and found[0].closes for row in closings for found in row):
+        loads = np.array([[[found[0].middle for found in row]] for row in closings])
+        closing = seal.closing_of(loads, patch.patches, isotropic=isotropic and len(fine) > 1)
+    leak, parts, words = seal.leak_of(
+        patch,
+        maps,
+        quadrants,
+        isotropic=isotropic,
+        representative=bool(below) and seal.is_representative(below),
+        shared=shared,
+    )
+    return SealLeak(
+        label=patch.seal.label,
+        flow=patch.seal.flow,
+        patches=patch.patches,
+        leak=leak.value,
+        interval=(leak.low, leak.high),
+        unit=flow.unit,
+        parts=parts,
+        closing=closing.value,
+        closing_interval=(closing.low, closing.high),
+        load_unit=flow.closing.unit,
+        words=words,
+    )
+
+
+def _of_quadrants(one: _Loaded) -> Array:
+    """Return the leaks that the quadrants of a map would have as the map, shape (4, 2)."""
+    leaks = []
+    for axis in AXES:
+        gap, _ = _gap(one, axis, lifted=is_lifted(one.table))
+        flows = [_flow(part, axis) for part in _quadrants(gap)] if gap.size else [0.0] * 4
+        leaks.append(np.array(flows) * _per_starred(one, axis) if any(flows) else np.zeros(4))
+    return np.stack(leaks, axis=1)
 
 
 def _surface(one: _Loaded) -> SurfaceAtLoad:
@@ -472,9 +526,7 @@ def _window(fine: Sequence[_Loaded], axis: str) -> Part:
     gap, _ = _gap(fine[0], axis, lifted=is_lifted(fine[0].table))
     if gap.size == 0:
         return Part("window", math.inf, "closed before this load: other windows of the joint may be open")
-    middle = [n // 2 for n in gap.shape]
-    quadrants = [gap[rows, columns] for rows in _halves(middle[0]) for columns in _halves(middle[1])]
-    flows = np.array([_flow(part, axis) for part in quadrants])
+    flows = np.array([_flow(part, axis) for part in _quadrants(gap)])
     logs = np.log(flows[flows > 0.0])
     if closed or logs.size < 2:
         count = f"{4 - logs.size} of 4 quadrants are closed"
@@ -484,8 +536,10 @@ def _window(fine: Sequence[_Loaded], axis: str) -> Part:
     return Part("window", math.exp(half_width(float(logs.std(ddof=1)), logs.size)), words)
 
 
-def _halves(middle: int) -> tuple[slice, slice]:
-    return slice(None, middle), slice(middle, None)
+def _quadrants(gap: Array) -> list[Array]:
+    """Return the quadrants of a field."""
+    rows, columns = ((slice(None, n // 2), slice(n // 2, None)) for n in gap.shape)
+    return [gap[row, column] for row in rows for column in columns]
 
 
 def _levelling(fine: Sequence[_Loaded], words: str, surfaces: Sequence[_Loaded], axis: str) -> Part:

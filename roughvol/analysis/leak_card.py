@@ -8,6 +8,7 @@ logarithms add in squares. If a part is not known, the whole error is not known.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,6 +43,24 @@ class Part:
     def known(self) -> bool:
         """Whether the factor is known."""
         return math.isfinite(self.factor)
+
+
+def together(parts: Sequence[Part]) -> float:
+    """Return all parts as a factor: the leak may be as many times larger or smaller. NaN if a part is not known.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+        Independent parts of an error.
+
+    Returns
+    -------
+    float
+        Their logarithms added in squares.
+    """
+    if not parts or not all(part.known for part in parts):
+        return math.nan
+    return math.exp(math.sqrt(sum(math.log(part.factor) ** 2 for part in parts)))
 
 
 @dataclass(frozen=True)
@@ -153,10 +172,8 @@ class Way:
 
     @property
     def factor(self) -> float:
-        """All parts together: the leak may be as many times larger or smaller. NaN if a part is not known."""
-        if not self.parts or not all(part.known for part in self.parts):
-            return math.nan
-        return math.exp(math.sqrt(sum(math.log(part.factor) ** 2 for part in self.parts)))
+        """All parts together, see `together`."""
+        return together(self.parts)
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -220,6 +237,70 @@ class SurfaceAtLoad:
     recorded: str
 
 
+@dataclass(frozen=True)
+class SealLeak:
+    """The leak of a seal made of patches, and the load that closes it.
+
+    Attributes
+    ----------
+    label : str
+        Length and width in words.
+    flow : str
+        Axis along which the fluid flows.
+    patches : (int, int)
+        Patches in a row along the flow, and side by side.
+    leak : float
+        Leak in `unit`; NaN where no surface is pressed to the load.
+    interval : (float, float)
+        Smallest and largest leak; NaN where it is not known. From 0 where a patch is closed.
+    unit : str
+        Unit of the study, or empty for T* V*³ times length over width.
+    parts : tuple of Part
+        Error budget.
+    closing : float
+        Load above which the seal is tight, in `load_unit`; NaN where a patch does not close within its sweep.
+    closing_interval : (float, float)
+        Its interval; NaN where it is not known.
+    load_unit : str
+        Unit of nominal pressure; empty for p*.
+    words : tuple of str
+        How it was found, and what is missing.
+    """
+
+    label: str
+    flow: str
+    patches: tuple[int, int]
+    leak: float
+    interval: tuple[float, float]
+    unit: str
+    parts: tuple[Part, ...]
+    closing: float
+    closing_interval: tuple[float, float]
+    load_unit: str
+    words: tuple[str, ...]
+
+    @property
+    def factor(self) -> float:
+        """All parts together, see `together`."""
+        return together(self.parts)
+
+    def plain(self) -> dict[str, Any]:
+        """Return the seal as plain data; pressures in MPa, None where a number is not known.
+
+        Returns
+        -------
+        dict
+            Keys ``leak``, ``tight_above`` and their intervals.
+        """
+        to_mpa = convert(1.0, self.load_unit, "MPa") if self.load_unit else math.nan
+        return {
+            "leak": _known(self.leak),
+            "leak_interval": _interval(self.interval),
+            "tight_above": _known(self.closing * to_mpa),
+            "tight_above_interval": _interval(tuple(end * to_mpa for end in self.closing_interval)),
+        }
+
+
 @dataclass(frozen=True, eq=False)
 class Card:
     """A leak card.
@@ -242,6 +323,8 @@ class Card:
         Whether fluid pressure lifts the gap.
     warnings : tuple of str
         Limits of the model that the runs exceed.
+    seal : SealLeak or None
+        The seal of the study.
     """
 
     title: str
@@ -253,6 +336,7 @@ class Card:
     beside: tuple[Beside, ...]
     lifted: bool
     warnings: tuple[str, ...]
+    seal: SealLeak | None = None
 
     def loads(self, name: str) -> list[float]:
         """Return a load of the surfaces that reach the load of the card.
@@ -293,7 +377,7 @@ class Card:
         Returns
         -------
         dict
-            Keys ``surfaces``, ``load`` and ``ways``.
+            Keys ``surfaces``, ``load``, ``ways``, and ``seal`` if the study has one.
         """
         to_mpa = convert(1.0, self.pressure_unit, "MPa") if self.pressure_unit else math.nan
         ways = []
@@ -316,6 +400,7 @@ class Card:
             "surfaces": [surface.name for surface in self.surfaces],
             "load": {name: _known(value) for name, value in load.items()},
             "ways": ways,
+            **({"seal": self.seal.plain()} if self.seal is not None else {}),
         }
 
 

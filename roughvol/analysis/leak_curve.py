@@ -24,13 +24,19 @@ import numpy as np
 from scipy import optimize
 from xarray import Dataset
 
-from roughvol.analysis.closing import Span, span_of
+from roughvol.analysis.closing import Span, span_of, spans
 from roughvol.analysis.derived import groups
 from roughvol.analysis.legs import first_leg
+from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of, is_isotropic, ratios
+from roughvol.errors import StudyError
 from roughvol.observables.at_state import at_state
-from roughvol.observables.variables import LISTED
+from roughvol.observables.variables import AXES, LISTED
+from roughvol.study import loads
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
+
+SEAL = "the seal"  # in the place of the name of a surface
+ENDLESS = 1e150  # load in the place of infinity
 
 
 @dataclass(frozen=True)
@@ -214,8 +220,61 @@ class Curve:
         return leaks.min(axis=0), leaks.max(axis=0)
 
 
+def axes(run: Dataset) -> tuple[str, ...]:
+    """Return the axes along which a run leaks: that of the seal of its study, or both.
+
+    Parameters
+    ----------
+    run : Dataset
+        A study.
+
+    Returns
+    -------
+    tuple of str
+        x, y, or both.
+    """
+    patch = patch_of(run)
+    return AXES if patch is None else (patch.seal.flow,)
+
+
+def patch_of(run: Dataset) -> Patch | None:
+    """Return the patch of a seal that a run observes; None for a study without a seal."""
+    try:
+        study = loads(str(run.attrs.get("study", "")), stored=True)
+    except StudyError:  # of another version
+        return None
+    return Patch.of(study, run)
+
+
+def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Dataset]]:
+    """Return where the last way of each surface closes, and the surface; of a seal, where the seal closes.
+
+    Parameters
+    ----------
+    run : Dataset
+        A study of surfaces of one kind, with the ways of `derived.derived`.
+    axis : str
+        x or y.
+    load : str
+        Variable of the load.
+    """
+    found = [[(name, one, spans(one.expand_dims("seed"), way, load)) for name, one in surfaces(run)] for way in AXES]
+    own = [(name, span, one) for name, one, some in found[AXES.index(axis)] for span in some]
+    patch = patch_of(run)
+    if patch is None or not own:
+        return own
+    isotropic = is_isotropic([ratios(one) for _, one in surfaces(run)])
+    ends = []
+    for end in ("open_up_to", "closed_from"):
+        loads_of = [[min(getattr(some[0], end), ENDLESS) for _, _, some in way] for way in found]
+        values = np.transpose(loads_of)[:, np.newaxis, :: 1 if axis == "x" else -1]
+        closes = closing_of(values, patch.patches, isotropic=isotropic).value
+        ends.append(closes if closes < ENDLESS else math.inf)
+    return [(SEAL, Span(*ends), max((one for _, _, one in own), key=lambda one: float(one[load].max())))]
+
+
 def curves(run: Dataset, axis: str) -> list[Curve]:
-    """Return the leak of each surface along the first leg, at the steps with a leak.
+    """Return the leak of each surface along the first leg, at the steps with a leak; of a seal, that of the seal.
 
     Parameters
     ----------
@@ -229,6 +288,12 @@ def curves(run: Dataset, axis: str) -> list[Curve]:
     list of Curve
         Surfaces in the order of the study, without those that have no stored step.
     """
+    patch = patch_of(run)
+    return [_of_seal(run, patch)] if patch is not None else _of_surfaces(run, axis)
+
+
+def _of_surfaces(run: Dataset, axis: str) -> list[Curve]:
+    """Return the leak of each surface."""
     made = []
     for name, surface in surfaces(run):
         pressure, starred = (surface[key].values for key in ("nominal_pressure", "mean_pressure"))
@@ -238,6 +303,25 @@ def curves(run: Dataset, axis: str) -> list[Curve]:
         if order.size:
             made.append(Curve(name, pressure[order], leak[order], starred[order], float(surface["Sq"])))
     return made
+
+
+def _of_seal(run: Dataset, patch: Patch) -> Curve:
+    """Return the leak of a seal over the nominal pressure, at the steps of one surface within the sweeps of all.
+
+    Each leak is the median over sheets of patches. The same patches are drawn at all steps.
+    """
+    ways = {axis: _of_surfaces(run, axis) for axis in AXES}
+    each = [one for some in ways.values() for one in some]
+    low, high = max(one.begins for one in each), min(one.ends for one in each)
+    longest = max(ways[patch.seal.flow], key=lambda one: one.pressure[-1])
+    kept = (longest.pressure >= low * (1.0 - REACHED)) & (longest.pressure <= high * (1.0 + REACHED))
+    pressure = longest.pressure[kept]
+    leaks = np.stack([[one.at(pressure).value for one in ways[axis]] for axis in AXES], axis=-1)
+    values = np.moveaxis(patch.conductances(leaks, in_units=True), 1, 0)[:, :, np.newaxis]
+    isotropic = is_isotropic([ratios(one) for _, one in surfaces(run)])
+    found = [conductance_of(some, patch.patches, isotropic=isotropic, draws=FEW_DRAWS).value for some in values]
+    Sq = float(np.mean([one.Sq for one in ways[patch.seal.flow]]))
+    return Curve(SEAL, pressure, np.array(found) * patch.squares, longest.starred[kept], Sq)
 
 
 def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:

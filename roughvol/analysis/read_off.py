@@ -22,13 +22,13 @@ from typing import Any, NoReturn
 import numpy as np
 from xarray import Dataset
 
-from roughvol.analysis import closing, leak
+from roughvol.analysis import closing, leak, leak_curve
 from roughvol.analysis.at import legs_of, scales
 from roughvol.analysis.derived import derived
-from roughvol.analysis.leak_curve import LoadReading, curves, surfaces
+from roughvol.analysis.leak_curve import LoadReading, axes, closings, curves, surfaces
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import Problem, StudyError
-from roughvol.observables.variables import AXES, LISTED
+from roughvol.observables.variables import LISTED
 from roughvol.study import Level, Quantity, Study, convert, loads
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
@@ -139,7 +139,7 @@ def ask(run: Dataset, largest: float, unknown: str, *, pressure: float | None = 
             unknown,
             at,
         )
-        for axis in AXES
+        for axis in axes(run)
     ]
 
 
@@ -171,7 +171,7 @@ def ask_closed(run: Dataset, unknown: str, *, pressure: float | None = None) -> 
     with_ways = derived(run, stored)
     if not leak.ways(with_ways):
         refuse("the run does not follow its ways: add record.transport: {percolation: every-step} to its study")
-    return [_answer(run, axis, _closing(with_ways, axis), unknown, pressure or 0.0) for axis in AXES]
+    return [_answer(run, axis, _closing(with_ways, axis), unknown, pressure or 0.0) for axis in axes(run)]
 
 
 def check(run: Dataset, *, leaks: bool = True) -> None:
@@ -260,6 +260,15 @@ def files_words(run: Dataset) -> str:
     """Return that several height files are taken as one joint; empty for other runs."""
     count = run.sizes.get("case", 1)
     return f"The {count} height files are taken as samples of one joint." if count > 1 else ""
+
+
+def seal_words(run: Dataset) -> str:
+    """Return of which seal the leak is; empty without a seal."""
+    patch = leak_curve.patch_of(run)
+    if patch is None:
+        return ""
+    n, m = patch.patches
+    return f"The leak is that of the seal of {patch.seal.label} along {patch.seal.flow}, {n} × {m} patches."
 
 
 def narrower(run: Dataset, answers: Sequence[Answer]) -> list[str]:
@@ -379,11 +388,10 @@ def _liquid(run: Dataset) -> bool:
 def _closing(run: Dataset, axis: str) -> list[_Needed]:
     """Return the loads between which the last way of each surface closes."""
     load, found = closing.load_of(run), []
-    for name, surface in surfaces(run):
-        for span in closing.spans(surface.expand_dims("seed"), axis, load):
-            known = np.isfinite(surface[load].values)
-            pressure, starred = (surface[key].values[known] for key in (load, "mean_pressure"))
-            found.append(_Needed(name, LoadReading.of(span), pressure, starred, float(surface["Sq"])))
+    for name, span, surface in closings(run, axis, load):
+        known = np.isfinite(surface[load].values)
+        pressure, starred = (surface[key].values[known] for key in (load, "mean_pressure"))
+        found.append(_Needed(name, LoadReading.of(span), pressure, starred, float(surface["Sq"])))
     return found
 
 

@@ -10,36 +10,47 @@ is the part ``window``. It has two sources, and their logarithms add in squares:
 the mean of their logarithms, Student's, with the scans less one as degrees of freedom. Windows of one scan, and x and y
 of one scan, are no further scans: their mean is one number.
 
-**Few scans.** With one scan its quadrants stand in. Waves longer than a quadrant are then missing, and the interval has
-them only where the surface has a roll-off.
+**One scan** is the seal repeated. Its quadrants stand in for scans in the interval, and waves longer than a quadrant
+are missing there. Without a roll-off the longest waves are the highest: no patch is representative, and the interval is
+not known (`is_representative`).
 
-**x and y.** Where the logarithms of x and y do not differ by more than Student's interval, a patch is turned as well as
-it lies: both numbers are drawn for both directions.
+**x and y.** Where the mean logarithm of x over y lies within two standard errors of 0, a patch is turned as well as it
+lies: both numbers are drawn for both directions. Two patches more are worth less than a bias, so this is no test at
+95 % for few scans.
 
 **Closed patches** conduct nothing in a draw. The interval then begins at 0. It ends at what follows if a closed patch
 conducts as much as the poorest open patch.
 
 **Long seals.** Columns of patches differ among each other, and a stream seldom drifts farther sideways than the seal is
-wide. More than 128 columns are taken as rings of 64 columns side by side, which have no ends: 300 rings are drawn. More
-than 16 patches in a row are taken in blocks, each a patch of its own sheet.
+wide. More than 128 columns are taken as rings of 64 columns side by side, which have no ends. More than 16 patches in a
+row are taken in blocks, each a patch of its own sheet.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from roughvol.analysis.leak_card import Part, together
+from roughvol.analysis.legs import first_leg
+from roughvol.analysis.tables import number
 from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.gap import sheet
+from roughvol.store.dataset import Dataset
+from roughvol.study import Region, Seal, Study
+from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array
 
-DRAWS = 300
+DRAWS, FEW_DRAWS = 300, 50
 ROW, RING = 16, 64  # most patches in a row, and columns of a ring
 SIDE_BY_SIDE = 4096  # rings whose mean is taken at most; a longer seal has the same mean
+ERRORS = 2.0  # standard errors within which x and y are alike
 ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
+LONGEST = 0.25  # largest share of the waves as long as the map, over the highest octave, of a map with a roll-off
+MOST = 700.0  # logarithm of a factor, so that its exponential is finite
 
 
 @dataclass(frozen=True)
@@ -51,30 +62,61 @@ class Estimate:
     value : float
         Median over draws.
     low, high : float
-        Interval of what averages out; infinite or NaN where it is not known.
+        Interval; from 0 where a patch is closed, NaN where it is not known.
     """
 
     value: float
     low: float
     high: float
 
+    def times(self, factor: float) -> Estimate:
+        """Return another unit of the number."""
+        return Estimate(self.value * factor, self.low * factor, self.high * factor)
 
-def is_isotropic(values: Array) -> bool:
-    """Return whether patches are alike along x and y: by Student's interval of the mean logarithm of their ratio.
+    def with_factor(self, factor: float) -> Estimate:
+        """Return the number with another error: it may be as many times larger or smaller."""
+        if not math.isfinite(factor):
+            return Estimate(self.value, math.nan, math.nan)
+        if self.value == 0.0 or self.low == 0.0:
+            return replace(self, high=self.high * factor)
+        logs = (math.hypot(math.log(factor), math.log(end / self.value)) for end in (self.low, self.high))
+        low, high = (math.exp(min(log, MOST)) for log in logs)
+        return Estimate(self.value, self.value / low, self.value * high)
+
+
+def is_isotropic(scans: Sequence[Array]) -> bool:
+    """Return whether patches are alike along x and y: the mean logarithm of their ratio within two standard errors.
 
     Parameters
     ----------
-    values : ndarray, shape (scans, windows, 2)
-        Numbers > 0 along two axes; scans with a number 0 are left out.
+    scans : sequence of ndarray, shape (numbers, 2)
+        Numbers of each scan along two axes, as at several loads. Closed ones (0) and NaN are left out.
     """
-    logs = np.log(values[(values > 0.0).all(axis=(1, 2))])
-    if len(logs) < 2:
-        return False
-    ratios = (logs[..., 0] - logs[..., 1]).mean(axis=1)
-    return bool(abs(ratios.mean()) <= half_width(float(ratios.std(ddof=1)), len(ratios)))
+    logs = (np.log(one[(one > 0.0).all(axis=1)]) for one in scans)
+    ratios = np.array([np.mean(one[:, 0] - one[:, 1]) for one in logs if len(one)])
+    return ratios.size > 1 and bool(abs(ratios.mean()) <= ERRORS * ratios.std(ddof=1) / math.sqrt(ratios.size))
 
 
-def conductance_of(values: Array, patches: tuple[int, int], *, isotropic: bool) -> Estimate:
+def is_representative(below: Sequence[Array]) -> bool:
+    """Return whether the heights have a roll-off: waves as long as the map hold less than those of other octaves.
+
+    On 1200 maps of 129² with a roll-off of L/4 or shorter the share was below 0.27, of 400 without a roll-off above
+    0.25 in nine of ten (``python -m tests.bench.seals --roll-off``).
+
+    Parameters
+    ----------
+    below : sequence of ndarray, shape (rings,)
+        For each surface the root mean square height of all waves up to each ring k = 1, 2, …
+    """
+    octaves = []
+    for one in below:
+        powers = np.diff(np.concatenate([[0.0], np.square(one)])) / one[-1] ** 2
+        octaves.append(np.bincount(np.log2(np.arange(1, powers.size + 1)).astype(int), powers))
+    mean = np.mean(octaves, axis=0)
+    return bool(mean[0] <= LONGEST * mean.max())
+
+
+def conductance_of(values: Array, patches: tuple[int, int], *, isotropic: bool, draws: int = DRAWS) -> Estimate:
     """Return the sheet conductance of a seal.
 
     Parameters
@@ -85,24 +127,27 @@ def conductance_of(values: Array, patches: tuple[int, int], *, isotropic: bool) 
         Patches in a row along the flow, and side by side.
     isotropic : bool
         Whether both numbers of a patch are drawn for both directions.
+    draws : int
+        Number of sheets.
     """
-    return _estimate(values, patches, isotropic, sheet.conductance, np.mean)
+    return _estimate(values, patches, isotropic, sheet.conductance, np.mean, draws)
 
 
 def closing_of(values: Array, patches: tuple[int, int], *, isotropic: bool) -> Estimate:
     """Return the load at which a seal closes, from those of its patches; arguments as for `conductance_of`."""
-    return _estimate(values, patches, isotropic, sheet.closing, np.max)
+    return _estimate(values, patches, isotropic, sheet.closing, np.max, DRAWS)
 
 
-def draws(
+def drawn(
     along: Array,
     across: Array,
     patches: tuple[int, int],
     of: Callable[..., float] = sheet.conductance,
     together: Callable[..., Array] = np.mean,
+    draws: int = DRAWS,
     seed: int = 0,
 ) -> Array:
-    """Return a number of many sheets whose patches are drawn from pools, shape (`DRAWS`,).
+    """Return a number of sheets whose patches are drawn from pools.
 
     Parameters
     ----------
@@ -112,26 +157,33 @@ def draws(
         Patches in a row, and side by side.
     of, together : callable
         Number of a sheet, as `sheet.closing`, and that of rings side by side, as `numpy.max`.
-    seed : int
-        Of the draws.
+    draws, seed : int
+        Number of sheets, and the start of their random numbers.
+
+    Returns
+    -------
+    ndarray, shape (draws,)
+        The number of each sheet.
     """
     n, m = patches
     if n > ROW:
         side = math.ceil(n / ROW)
-        blocks = [
-            draws(*pools, (side, side), of, together, seed + k)
-            for k, pools in enumerate(((along, across), (across, along)), 1)
-        ]
-        return draws(*blocks, (round(n / side), max(1, round(m / side))), of, together, seed)
+        one, other = (
+            drawn(*pools, (side, side), of, together, draws, seed + k)
+            for k, pools in ((1, (along, across)), (2, (across, along)))
+        )
+        return drawn(one, other, (round(n / side), max(1, round(m / side))), of, together, draws, seed)
+    if min(along.min(), across.min()) == max(along.max(), across.max()):
+        return np.full(draws, along[0])
     rng, ring = np.random.default_rng(seed), m > 2 * RING
-    shape = (n, RING if ring else m)
+    columns = RING if ring else m
     found = np.array(
-        [of(rng.choice(along, shape), rng.choice(across, (n - 1, shape[1])), ring=ring) for _ in range(DRAWS)]
+        [of(rng.choice(along, (n, columns)), rng.choice(across, (n - 1, columns)), ring=ring) for _ in range(draws)]
     )
     if not ring:
         return found
     rings = min(round(m / RING), SIDE_BY_SIDE)
-    return np.asarray(together(rng.choice(found, (DRAWS, rings)), axis=1))
+    return np.asarray(together(rng.choice(found, (draws, rings)), axis=1))
 
 
 def _estimate(
@@ -140,31 +192,146 @@ def _estimate(
     isotropic: bool,
     of: Callable[..., float],
     together: Callable[..., Array],
+    draws: int,
 ) -> Estimate:
     """Return a number of a seal with its interval."""
 
-    def drawn(some: Array) -> Array:
+    def sheets(some: Array) -> Array:
         pools = (some.ravel(), some.ravel()) if isotropic else (some[..., 0].ravel(), some[..., 1].ravel())
-        return draws(*pools, patches, of, together)
+        return drawn(*pools, patches, of, together, draws)
 
-    found, open_ = drawn(values), values > 0.0
+    found, open_ = sheets(values), values > 0.0
     value = float(np.median(found))
-    if open_.all():
-        few = _of_few(values, isotropic)
-        low, high = (
-            value * math.exp(sign * math.hypot(few, abs(math.log(end / value))))
-            for sign, end in zip((-1.0, 1.0), np.quantile(found, ENDS), strict=True)
-        )
-        return Estimate(value, low, high)
     if not open_.any():
         return Estimate(0.0, 0.0, math.inf)
+    if open_.all():
+        low, high = np.quantile(found, ENDS)
+        return Estimate(value, float(low), float(high)).with_factor(_of_few(values, isotropic))
     filled = np.where(open_, values, values[open_].min())
-    upper = drawn(filled)
+    upper = sheets(filled)
     middle, end = float(np.median(upper)), float(np.quantile(upper, ENDS[1]))
-    return Estimate(value, 0.0, middle * math.exp(math.hypot(_of_few(filled, isotropic), math.log(end / middle))))
+    return Estimate(value, 0.0, Estimate(middle, middle, end).with_factor(_of_few(filled, isotropic)).high)
 
 
 def _of_few(values: Array, isotropic: bool) -> float:
-    """Return the half-width of the mean logarithm over scans; infinite for one scan."""
+    """Return the factor of the mean logarithm over scans; infinite for one scan."""
     logs = np.log(values if isotropic else values[..., :1]).mean(axis=(1, 2))
-    return half_width(float(logs.std(ddof=1)), len(logs)) if len(logs) > 1 else math.inf
+    return math.exp(half_width(float(logs.std(ddof=1)), len(logs))) if len(logs) > 1 else math.inf
+
+
+@dataclass(frozen=True)
+class Patch:
+    """The patch that a run observes, as a part of the seal of its study.
+
+    Attributes
+    ----------
+    seal : Seal
+        The seal.
+    sides : (float, float)
+        Sides of the patch along x and y.
+    unit : str or None
+        Unit of the sides.
+    aspect : float
+        Width over length of the flow along x, as leaks have it.
+    """
+
+    seal: Seal
+    sides: tuple[float, float]
+    unit: str | None
+    aspect: float
+
+    @classmethod
+    def of(cls, study: Study | None, run: Dataset) -> Patch | None:
+        """Return the patch of a run; None for a study without a seal."""
+        if study is None or study.seal is None:
+            return None
+        periodic = "periodic" in run.attrs
+        rows, columns = (intervals(int(run[name].max()), periodic) for name in ("nodes_x", "nodes_y"))
+        along_x = float(run["L"])
+        sides = (study.record.region or Region()).sides(along_x, along_x * columns / rows)
+        unit = run.attrs.get("length_unit")
+        study.seal.check(sides, unit)
+        return cls(study.seal, sides, unit, float(run["region_aspect"].max()) if "region_aspect" in run else 1.0)
+
+    @property
+    def patches(self) -> tuple[int, int]:
+        """Patches in a row along the flow, and side by side."""
+        return self.seal.patches(self.sides, self.unit)
+
+    @property
+    def axes(self) -> tuple[str, str]:
+        """The axis of the flow, and the other."""
+        return ("x", "y") if self.seal.flow == "x" else ("y", "x")
+
+    @property
+    def squares(self) -> float:
+        """Length of the seal over its width."""
+        return self.seal.squares(self.unit)
+
+    def conductances(self, leaks: Array, *, in_units: bool) -> Array:
+        """Return sheet conductances along and across the flow, of leaks along x and y on the last axis."""
+        of_plates = np.array([1.0 / self.aspect, self.aspect]) if in_units else 1.0
+        found = np.asarray(leaks) * of_plates
+        return found if self.seal.flow == "x" else found[..., ::-1]
+
+
+def ratios(surface: Dataset) -> Array:
+    """Return the transmissivities of a surface along x and y at the steps of its first leg, shape (steps, 2)."""
+    name = next((name for name in ("transmissivity", "transmissivity_dry") if name in surface), "")
+    if not name:
+        return np.empty((0, 2))
+    return np.asarray(first_leg(surface)[name].transpose(..., "axis").values, dtype=float).reshape(-1, 2)
+
+
+def leak_of(
+    patch: Patch,
+    maps: Array,
+    quadrants: Array | None,
+    *,
+    isotropic: bool,
+    representative: bool,
+    shared: Sequence[Part],
+) -> tuple[Estimate, tuple[Part, ...], tuple[str, ...]]:
+    """Return the leak of a seal, the parts of its error, and how it was found in words.
+
+    Parameters
+    ----------
+    patch : Patch
+        Size of the maps, and the seal.
+    maps : ndarray, shape (scans, 2)
+        Conductances of the maps along and across the flow, in the unit of the leak.
+    quadrants : ndarray, shape (4, 2), optional
+        Conductances of the quadrants of the only map.
+    isotropic, representative : bool
+        As by `is_isotropic` and `is_representative`.
+    shared : sequence of Part
+        Errors that all patches share.
+    """
+    n, m = patch.patches
+    if not len(maps):
+        return Estimate(math.nan, math.nan, math.nan), (), ("no surface is pressed to this load",)
+    found = conductance_of(maps[:, None], (n, m), isotropic=isotropic and len(maps) > 1)
+    turned = ", each as it lies and turned" if isotropic else "; x and y differ"
+    words = [f"{DRAWS} sheets of {n} × {m} patches, drawn from {len(maps)} surfaces{turned}"]
+    if quadrants is not None:
+        inside = conductance_of(quadrants[:, None], (2 * n, 2 * m), isotropic=isotropic)
+        low, high = (found.value * end / inside.value if inside.value else end for end in (inside.low, inside.high))
+        found = Estimate(found.value, low, high if found.value else inside.high)
+        words = [
+            f"the map repeated, {n} × {m} times; its interval is that of its quadrants",
+            f"waves longer than a quadrant of the map are missing: {number(max(patch.sides) / 2)} {patch.unit or ''}",
+        ]
+    if not representative:
+        words.append(
+            "no roll-off is found: the longest waves of the patch are among the highest, longer waves are missing, and "
+            "no patch is representative of the seal"
+        )
+        found = Estimate(found.value, math.nan, math.nan)
+    if closed := int((maps[:, :1] == 0.0).sum()):
+        words.append(f"{closed} of {len(maps)} patches are closed along the flow")
+    factor = together(shared)
+    window = max(found.high / found.value, found.value / found.low) if found.low > 0.0 else math.nan
+    samples = f"{len(maps)} surfaces" if quadrants is None else "4 quadrants"
+    parts = (*shared, Part("window", window, f"95 % of the sheets, and of the mean of {samples}, of logarithms by t"))
+    found = found.with_factor(factor) if representative else found
+    return found.times(patch.squares), parts, tuple(words)

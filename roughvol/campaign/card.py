@@ -17,7 +17,7 @@ from roughvol.campaign.batch import OnEvent
 from roughvol.campaign.one_case import surface_of
 from roughvol.errors import Problem, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
-from roughvol.study import HeightFile, Level, Quantity, Study
+from roughvol.study import HeightFile, Level, Quantity, Region, Seal, Study
 
 FINE = "finest grid"
 COARSER = {2: "twice the spacing", 4: "four times the spacing"}
@@ -107,6 +107,8 @@ def plan(study: Study, at: Level) -> Plan:
         problems.append(Problem("a leak card is of one kind of surface; allowed: one D and one m", "surface"))
     if problems:
         raise StudyError(problems)
+    if study.seal is not None:
+        _check_seal(study, study.seal)
     level = _recordable(study, at)
     try:
         fine = Planned("", _changed(study, level, {}, fine=True), level)
@@ -126,6 +128,18 @@ def plan(study: Study, at: Level) -> Plan:
         other = OTHER_LEVEL[str(surface.level)]
         levelled = _at_equal_pressure(study, level, {"level": other}, f"level: {other}")
     return Plan(fine, tuple(coarser), levelled)
+
+
+def _check_seal(study: Study, seal: Seal) -> None:
+    """Refuse a seal smaller than its patches, and a fluid pressure that differs from patch to patch along the flow."""
+    case = study.cases()[0]
+    surface = surface_of(case)
+    (rows, columns), side = surface.intervals, surface.side
+    sides = (study.record.region or Region()).sides(side, side * columns / rows)
+    seal.check(sides, case.length_unit)
+    if study.record.fluid_pressure is not None and seal.patches(sides, case.length_unit)[0] > 1:
+        message = "record.fluid_pressure lifts each patch by another pressure; allowed: a patch as wide as the seal"
+        raise StudyError([Problem(f"is {seal.width}, several patches: {message}", "seal.width")])
 
 
 def _recordable(study: Study, at: Level) -> Level:
@@ -225,6 +239,8 @@ def _changed(
         scaled = {name: _times(fluid[name], pressures) for name in ("inlet", "outlet")}
         kept["fluid_pressure"] = {**fluid, **scaled, "at": wanted, "fields": fine}
     record = {**kept, "transport": transport, "fields_at": wanted}
+    if study.seal is not None and fine:
+        record["psd"] = True  # its roll-off, if it has one
     for leg in data["sweep"] if isinstance(data["sweep"], list) else [data["sweep"]]:
         if isinstance(leg.get("to"), dict) and "pressure" in leg["to"]:
             leg["to"]["pressure"] = _times(leg["to"]["pressure"], pressures)

@@ -81,7 +81,7 @@ def beyond(name: str, results: Dataset) -> str:
     from roughvol.analysis import read_off
 
     errors = f"Errors of the grid and of the window are not in these numbers; their factors: roughvol card {name}"
-    return "\n".join(filter(None, [read_off.files_words(results), errors]))
+    return "\n".join(filter(None, [read_off.files_words(results), read_off.seal_words(results), errors]))
 
 
 def _words(answer: Answer, unknown: str, *, closed: bool) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from xarray import Dataset
 
-from roughvol.analysis.leak_card import Card, Way
+from roughvol.analysis.leak_card import Card, SealLeak, Way
 from roughvol.analysis.tables import Table
 from roughvol.report import card_text, html
 from roughvol.report.card_text import Identity
@@ -61,12 +61,14 @@ def document(page: Page) -> Document:
         Drawing(panel.name, panel.caption, "", leak_card.drawing_of(card, panel)) for panel in leak_card.panels(card)
     )
     answers = tuple((f"Along {way.axis}", card_text.answer(way)) for way in card.ways)
+    seal = (card_text.seal(card),) if card.seal is not None else ()
     limits = Section(kind="warnings", items=tuple(exceeded)) if exceeded else Section(notes=(NONE_EXCEEDED,))
     held = (Section(kind="kept", under="Kept:", items=tuple(kept)),) if kept else ()
     parts = [
-        Section(kind="answer", notes=(f"At {card_text.load_of(card)}.",), facts=answers),
+        Section(kind="answer", notes=(*seal, f"At {card_text.load_of(card)}."), facts=answers),
         Section(kind="card", notes=(card_text.patch(card),), drawings=drawn),
         Section(kind="pair", sections=tuple(_way(card, way) for way in card.ways)),
+        *([_seal(card.seal)] if card.seal is not None else []),
         *([Section("Surfaces", tables=(card_text.surfaces(card),))] if len(card.surfaces) > 1 else []),
         Section("What the card rests on", facts=(*card_text.load_facts(card), *facts)),
         Section("Limits of the model, over the states of the sweep", sections=(limits, *held)),
@@ -83,6 +85,13 @@ def _way(card: Card, way: Way) -> Section:
     return Section(f"Along {way.axis}", notes=lines, tables=(Table("", card_text.HEAD, rows),))
 
 
+def _seal(seal: SealLeak) -> Section:
+    """Return how the leak of a seal was found, and its error."""
+    lines = tuple(line[:1].upper() + line[1:] + "." for line in seal.words)
+    rows = tuple((name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(seal))
+    return Section(f"The seal of {seal.label}", notes=lines, tables=(Table("", card_text.HEAD, rows),))
+
+
 def brief(page: Page) -> Section:
     """Return a card for a terminal: load, leaks with their errors, and warnings."""
     card = page.card
@@ -95,7 +104,8 @@ def brief(page: Page) -> Section:
     facts = (*surfaces, *card_text.load_facts(card), *(fact for fact in found if fact[0] in card_text.FLUID))
     ways = (replace(_way(card, way), title=f"along {way.axis}: {card_text.answer(way)}") for way in card.ways)
     warnings = tuple(f"warning: {line}" for line in exceeded)
-    return Section(facts=facts, sections=(*ways, Section(notes=(card_text.patch(card),), items=warnings)))
+    seal = (replace(_seal(card.seal), title=card_text.seal(card)),) if card.seal is not None else ()
+    return Section(facts=facts, sections=(*ways, *seal, Section(notes=(card_text.patch(card),), items=warnings)))
 
 
 def table_of(pages: Sequence[Page]) -> Table:

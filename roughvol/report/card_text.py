@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from xarray import Dataset
 
 from roughvol.analysis.at import legs_of
-from roughvol.analysis.leak_card import Card, Way
+from roughvol.analysis.leak_card import Card, SealLeak, Way
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.campaign import validity
@@ -159,8 +159,8 @@ def factor(value: float) -> str:
     return f"×÷ {number(value)}" if math.isfinite(value) else "unknown"
 
 
-def budget(way: Way) -> list[tuple[str, str, str]]:
-    """Return the error budget of a way."""
+def budget(way: Way | SealLeak) -> list[tuple[str, str, str]]:
+    """Return the error budget of a way or a seal."""
     rows = [(part.name, factor(part.factor), _printed(part.words, way.unit)) for part in way.parts]
     together = "logarithms added in squares" if math.isfinite(way.factor) else "a part of it is not known"
     return [*rows, ("together", factor(way.factor), together)]
@@ -240,6 +240,33 @@ def _words(load: str) -> str:
     return load.replace("last", "the end of the sweep", 1).replace("the end of the sweep, leg", "the end of leg", 1)
 
 
+def seal(card: Card) -> str:
+    """Return the leak of the seal and the load that closes it, in a sentence; empty without a seal."""
+    one = card.seal
+    if one is None:
+        return ""
+    if not math.isfinite(one.leak):
+        leaks = "has no known leak: no surface is pressed to this load"
+    elif one.leak > 0.0:
+        leaks = f"leaks {amount(one.leak, one.unit, one.interval)}"
+    else:
+        most = one.interval[1]
+        leaks = "is closed" + (f", and leaks at most {amount(most, one.unit)}" if math.isfinite(most) else "")
+    unknown = "" if all(map(math.isfinite, one.interval)) else "; its interval is not known"
+    return f"The seal of {one.label} {leaks}{unknown}; {_tight_above(one)}."
+
+
+def _tight_above(one: SealLeak) -> str:
+    """Return the load that closes a seal in words."""
+    if not math.isfinite(one.closing):
+        return "the load that closes it is not known"
+    load, *ends = (f"{number(value)} {one.load_unit}".strip() for value in (one.closing, *one.closing_interval))
+    name = "" if one.load_unit else "p* = "
+    if not all(map(math.isfinite, one.closing_interval)):
+        return f"tight above {name}{load}, with an unknown interval"
+    return f"tight above {name}{load}, between {ends[0].removesuffix(one.load_unit).strip()} and {ends[1]}"
+
+
 def patch(card: Card) -> str:
     """Return of which patch the leaks are, in a sentence."""
     sizes = {_size(one.table, card.length_unit) for one in card.surfaces}
@@ -247,7 +274,8 @@ def patch(card: Card) -> str:
     region = str(card.surfaces[0].table.attrs.get("region", ""))
     inside = f", observed in its region {region}" if region not in WHOLE else ""
     named = " or ".join(sorted(sizes))
-    return f"The leak is that of the patch, {each} of {named}{inside}, not that of a seal of many patches."
+    other = "" if card.seal is not None else ", not that of a seal of many patches"
+    return f"The leak along x and y is that of the patch, {each} of {named}{inside}{other}."
 
 
 def _size(table: Dataset, unit: str) -> str:

@@ -33,6 +33,7 @@ from .sections.record import RegionWidths as RegionWidths
 from .sections.record import Texture as Texture
 from .sections.record import Transport as Transport
 from .sections.record import VolumeDensity as VolumeDensity
+from .sections.seal import Seal as Seal
 from .sections.solver import ACCURACY as ACCURACY
 from .sections.solver import EXPECTED as EXPECTED
 from .sections.solver import NamedKernel as NamedKernel

@@ -296,12 +296,8 @@ def _seal(study: StudyFile) -> Problems:
         yield ("seal",), "needs contact: sweep.steps is 0"
     if isinstance(surface, HeightFile):
         return  # `campaign.card` knows the size of a file
-    for name in ("length", "width"):
-        if unit_of(length := getattr(seal, name)) and not surface.has_length:
-            yield ("seal", name), f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
-            return
     sides = (study.record.region or Region()).sides(float(surface.L), float(surface.L))
-    yield from ((("seal", key), message) for key, message in seal.narrower(sides, surface.length_unit))
+    yield from ((("seal", key), message) for key, message in seal.problems(sides, surface.length_unit))
 
 
 @_rule("material")

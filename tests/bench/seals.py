@@ -10,9 +10,6 @@ joint lies in the interval. Solved joints are kept in a file, a line each.
 
 from __future__ import annotations
 
-import argparse
-import json
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -21,7 +21,9 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
     with mpl.rc_context(STYLE):
         fig = canvas(COLUMN, 2.8)
         ax = fig.subplots()
-        for order, ((axis, leak), look) in enumerate(zip(over_time.leak.items(), looks(2), strict=True)):
+        for order, ((axis, leak), look) in enumerate(
+            zip(over_time.leak.items(), looks(len(over_time.leak)), strict=True)
+        ):
             median = np.where(leak.value > 0.0, leak.value, np.nan)
             ax.plot(over_time.seconds, median, ls=DASHES[order], color=look["color"], label=f"along ${axis}$")
             if several > 1:

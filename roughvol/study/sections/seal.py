@@ -12,9 +12,10 @@ from typing import Literal
 
 from pydantic import Field
 
+from roughvol.errors import Problem, StudyError
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections.strict import Strict
-from roughvol.study.values.units import Length, in_unit
+from roughvol.study.values.units import Length, in_unit, unit_of
 
 WHOLE = 0.02  # of a patch: a seal shorter by no more is as long as the patch
 
@@ -45,11 +46,36 @@ class Seal(Strict):
             max(1, round(in_unit(self.length, unit) / across)),
         )
 
-    def narrower(self, sides: tuple[float, float], unit: str | None) -> Iterator[tuple[str, str]]:
-        """Yield each key of a seal that is smaller than a patch, with a message."""
-        along = {"width": sides["xy".index(self.flow)], "length": sides["yx".index(self.flow)]}
-        for (key, side), axis in zip(along.items(), (self.flow, "yx"["xy".index(self.flow)]), strict=True):
-            if in_unit(getattr(self, key), unit) < (1.0 - WHOLE) * side:
-                given, patch = getattr(self, key), f"{number_text(float(f'{side:.4g}'))} {unit or ''}".strip()
+    def squares(self, unit: str | None) -> float:
+        """Return the length over the width; lengths without a unit are in this unit."""
+        return float(in_unit(self.length, unit)) / float(in_unit(self.width, unit))
+
+    def check(self, sides: tuple[float, float], unit: str | None) -> None:
+        """Refuse a seal that is smaller than its patches, or has a unit where they have none.
+
+        Parameters
+        ----------
+        sides : (float, float)
+            Sides of a patch along x and y.
+        unit : str or None
+            Their unit.
+
+        Raises
+        ------
+        StudyError
+            With the keys of the section.
+        """
+        if problems := [Problem(message, f"seal.{key}") for key, message in self.problems(sides, unit)]:
+            raise StudyError(problems)
+
+    def problems(self, sides: tuple[float, float], unit: str | None) -> Iterator[tuple[str, str]]:
+        """Yield each key that `check` refuses, with a message."""
+        at = "xy".index(self.flow)
+        for key, axis, side in (("width", "xy"[at], sides[at]), ("length", "yx"[at], sides[1 - at])):
+            given = getattr(self, key)
+            if unit is None and unit_of(given):
+                yield key, f"has a unit ({given}) and L has none: give L with its unit, as L: 100 um"
+            elif in_unit(given, unit) < (1.0 - WHOLE) * side:
+                patch = f"{number_text(float(f'{side:.4g}'))} {unit or ''}".strip()
                 allowed = f"at least as much, or record.region as long along {axis} as the seal"
                 yield key, f"is {given}, and a patch is {patch} long along {axis}; allowed: {allowed}"
