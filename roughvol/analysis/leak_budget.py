@@ -197,7 +197,7 @@ def _seal(fine: Sequence[_Loaded], ways: Sequence[Way]) -> SealLeak | None:
     maps = patch.conductances(np.array([[one.leak(axis) for axis in AXES] for one in reached]), in_units=units)
     quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
     shared = [part for part in flow.parts if part.name != "window"]
-    below = [one.table["rms_height_below"].values[0] for one in fine if "rms_height_below" in one.table]
+    heights = [surface for one in fine if (surface := seal.surface_of(one.fields)) is not None]
     closings = [[one.closing(axis).spans for axis in patch.axes] for one in fine]
     closing = seal.Estimate(math.nan, math.nan, math.nan)
     if not is_lifted(fine[0].table) and all(len(found) == 1 and found[0].closes for row in closings for found in row):
@@ -208,7 +208,7 @@ def _seal(fine: Sequence[_Loaded], ways: Sequence[Way]) -> SealLeak | None:
         maps,
         quadrants,
         isotropic=isotropic,
-        representative=bool(below) and seal.is_representative(below),
+        representative=bool(heights) and seal.is_representative(heights),
         shared=shared,
     )
     return SealLeak(

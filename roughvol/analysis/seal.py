@@ -41,7 +41,8 @@ from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.gap import sheet
 from roughvol.store.dataset import Dataset
 from roughvol.study import Region, Seal, Study
-from roughvol.surfaces.surface import intervals
+from roughvol.surfaces.psd import octaves
+from roughvol.surfaces.surface import Surface, intervals
 from roughvol.typing import Array
 
 DRAWS, FEW_DRAWS = 300, 50
@@ -49,7 +50,7 @@ ROW, RING = 16, 64  # most patches in a row, and columns of a ring
 SIDE_BY_SIDE = 4096  # rings whose mean is taken at most; a longer seal has the same mean
 ERRORS = 2.0  # standard errors within which x and y are alike
 ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
-LONGEST = 0.25  # largest share of the waves as long as the map, over the highest octave, of a map with a roll-off
+LONGEST = 0.25  # largest variance of the waves as long as the map over that of the highest octave
 MOST = 700.0  # logarithm of a factor, so that its exponential is finite
 
 
@@ -97,23 +98,15 @@ def is_isotropic(scans: Sequence[Array]) -> bool:
     return ratios.size > 1 and bool(abs(ratios.mean()) <= ERRORS * ratios.std(ddof=1) / math.sqrt(ratios.size))
 
 
-def is_representative(below: Sequence[Array]) -> bool:
-    """Return whether the heights have a roll-off: waves as long as the map hold less than those of other octaves.
+def is_representative(heights: Sequence[Surface]) -> bool:
+    """Return whether heights have a roll-off: waves as long as the map hold little, along x and along y.
 
-    On 1200 maps of 129² with a roll-off of L/4 or shorter the share was below 0.27, of 400 without a roll-off above
-    0.25 in nine of ten (``python -m tests.bench.seals --roll-off``).
-
-    Parameters
-    ----------
-    below : sequence of ndarray, shape (rings,)
-        For each surface the root mean square height of all waves up to each ring k = 1, 2, …
+    Their share of the variance, mean over the maps, is at most `LONGEST` times that of the highest octave.
+    docs/explanation/notes/seal.md has how often this is so, with a roll-off and without.
     """
-    octaves = []
-    for one in below:
-        powers = np.diff(np.concatenate([[0.0], np.square(one)])) / one[-1] ** 2
-        octaves.append(np.bincount(np.log2(np.arange(1, powers.size + 1)).astype(int), powers))
-    mean = np.mean(octaves, axis=0)
-    return bool(mean[0] <= LONGEST * mean.max())
+    found = [octaves(one) for one in heights]
+    mean = np.mean([one[:, : min(one.shape[1] for one in found)] for one in found], axis=0)
+    return bool(np.all(mean[:, 0] <= LONGEST * mean.max(axis=1)))
 
 
 def conductance_of(values: Array, patches: tuple[int, int], *, isotropic: bool, draws: int = DRAWS) -> Estimate:
@@ -335,3 +328,15 @@ def leak_of(
     parts = (*shared, Part("window", window, f"95 % of the sheets, and of the mean of {samples}, of logarithms by t"))
     found = found.with_factor(factor) if representative else found
     return found.times(patch.squares), parts, tuple(words)
+
+
+def surface_of(run: Dataset) -> Surface | None:
+    """Return the surface of a run with its heights; None where they are not stored."""
+    if "heights" not in run:
+        return None
+    z = run["heights"].transpose("x", "y").values
+    return Surface(
+        z,
+        float(run["L"]) / intervals(z.shape[0], periodic := "periodic" in run.attrs),
+        sides="periodic" if periodic else "free",
+    )

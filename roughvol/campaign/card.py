@@ -240,7 +240,7 @@ def _changed(
         kept["fluid_pressure"] = {**fluid, **scaled, "at": wanted, "fields": fine}
     record = {**kept, "transport": transport, "fields_at": wanted}
     if study.seal is not None and fine:
-        record["psd"] = True  # its roll-off, if it has one
+        record["heights"] = True  # they show a roll-off
     for leg in data["sweep"] if isinstance(data["sweep"], list) else [data["sweep"]]:
         if isinstance(leg.get("to"), dict) and "pressure" in leg["to"]:
             leg["to"]["pressure"] = _times(leg["to"]["pressure"], pressures)

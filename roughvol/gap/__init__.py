@@ -13,6 +13,7 @@ The room of the gap. It knows arrays alone: no study, no solver.
 `transport`        flow through the gap
 `gas`              flow of a gas, from viscous to free molecular
 `fluid_pressure`   pressure of a fluid in the gap
+`sheet`            patches side by side and in a row: what they conduct together, and the load that closes them
 `quick_estimates`  flow by effective medium and by a single junction
 =================  ===================================================================
 """

@@ -41,17 +41,7 @@ class Spectral:
 def spectral(surface: Surface) -> Spectral:
     """Return the radial power spectral density of a surface, its root mean squares by scale, and Nayak's parameter."""
     (rows, columns), spacing, unit = surface.shape, surface.spacing, surface.unit
-    z = (surface.heights - surface.mean_height) / unit  # of any scale, so that no square underflows
-    if not surface.periodic:
-        window = np.outer(_hann(rows), _hann(columns))
-        window /= math.sqrt(float(np.mean(window**2)))
-        z = window * (z - float((window * z).sum() / window.sum()))
-    power = np.abs(np.fft.rfft2(z, norm="forward")) ** 2
-    power[0, 0] = 0.0
-    conjugates = np.full(power.shape[1], 2.0)  # waves of the other half plane have the same power
-    conjugates[0] = 1.0
-    if columns % 2 == 0:
-        conjugates[-1] = 1.0
+    power, conjugates = _powers(surface)
     wave = np.hypot(np.fft.fftfreq(rows, spacing)[:, None], np.fft.rfftfreq(columns, spacing)[None, :])
     ring = np.rint(wave * surface.side).astype(np.int64).ravel()
     counts = np.broadcast_to(conjugates, power.shape)
@@ -76,6 +66,44 @@ def spectral(surface: Surface) -> Spectral:
         rms_curvature_below=below[2],
         nayak=1.5 * m0 * m4 / (m2 * m2) if m2 > 0.0 else math.nan,
     )
+
+
+def octaves(surface: Surface) -> Array:
+    """Return the share of the variance of the heights in each octave of waves, along x and along y.
+
+    The octave j has the rings k = 2^j to 2^(j+1) - 1, whole octaves up to the shortest wave along an axis. Waves that
+    run more along x than along y are in the first row, the others in the second. Waves in between are in both.
+    """
+    power, conjugates = _powers(surface)
+    along_x, along_y = np.meshgrid(
+        np.abs(np.fft.fftfreq(surface.shape[0], surface.spacing)),
+        np.fft.rfftfreq(surface.shape[1], surface.spacing),
+        indexing="ij",
+    )
+    ring = np.rint(np.hypot(along_x, along_y) * surface.side)
+    octave = np.floor(np.log2(np.maximum(ring, 1.0))).astype(np.int64)
+    inside = (ring > 0.0) & (2.0 ** (octave + 2) * surface.spacing <= surface.side)
+    shares = power * conjugates / float((power * conjugates).sum() or 1.0)
+    sides = (inside & (along_x >= along_y), inside & (along_y >= along_x))
+    count = int(octave[inside].max(initial=0)) + 1
+    return np.stack([np.bincount(octave[side], shares[side], count) for side in sides])
+
+
+def _powers(surface: Surface) -> tuple[Array, Array]:
+    """Return |z̃|² of the waves of one half plane over `Surface.unit`², and how often each column of them counts."""
+    (rows, columns), unit = surface.shape, surface.unit
+    z = (surface.heights - surface.mean_height) / unit  # of any scale, so that no square underflows
+    if not surface.periodic:
+        window = np.outer(_hann(rows), _hann(columns))
+        window /= math.sqrt(float(np.mean(window**2)))
+        z = window * (z - float((window * z).sum() / window.sum()))
+    power = np.abs(np.fft.rfft2(z, norm="forward")) ** 2
+    power[0, 0] = 0.0
+    conjugates = np.full(power.shape[1], 2.0)  # waves of the other half plane have the same power
+    conjugates[0] = 1.0
+    if columns % 2 == 0:
+        conjugates[-1] = 1.0
+    return power, conjugates
 
 
 def _hann(nodes: int) -> Array:
