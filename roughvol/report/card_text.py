@@ -274,8 +274,10 @@ def patch(card: Card) -> str:
     region = str(card.surfaces[0].table.attrs.get("region", ""))
     inside = f", observed in its region {region}" if region not in WHOLE else ""
     named = " or ".join(sorted(sizes))
-    other = "" if card.seal is not None else ", not that of a seal of many patches"
-    return f"The leak along x and y is that of the patch, {each} of {named}{inside}{other}."
+    leak, other = "The leak", ", not that of a seal of many patches"
+    if card.seal is not None:
+        leak, other = "The leak along x and along y", ""
+    return f"{leak} is that of the patch, {each} of {named}{inside}{other}."
 
 
 def _size(table: Dataset, unit: str) -> str:
