@@ -313,7 +313,7 @@ def _images(numbers: NDArray[np.int32], absent: int, side: int) -> Callable[[lis
             other = frames[(end ^ (2 * down + right)) % len(frames)]  # an image lies at the other end of its frame
             block = other[source[some]].reshape(-1, side, side)
             images[some] = block[:, :: 1 - 2 * down, :: 1 - 2 * right]
-        return images.reshape(source.size, -1)
+        return images.reshape(source.size, side**2)
 
     return shapes
 
