@@ -10,7 +10,9 @@ from scipy import fft
 
 from roughvol.contact.cosines import Cosines, MirroredConvolution
 from roughvol.contact.halfspace import HalfSpace
+from roughvol.contact.loading import solve
 from roughvol.contact.options import TUNING, Tuning
+from roughvol.surfaces.surface import Surface
 from tests.contact.kit import half_space, random
 
 # small, even, odd, prime, with large prime factors, powers of two
@@ -93,3 +95,11 @@ def test_neither_threads_nor_parts_change_a_bit(threads, cache):
 
     tuning = Tuning(cache=cache)
     assert np.array_equal(displacements(threads, tuning), displacements(1, tuning))
+
+
+def test_far_from_the_sides_no_block_has_an_image():
+    """A contact in the middle alone, with more elements than a factorisation takes."""
+    x = np.linspace(-1.0, 1.0, 120)
+    dome = Surface(-(x[:, None] ** 2) - x**2, 1.0, sides="mirrored")
+    contact = solve(dome, half_space(dome.shape, sides="mirrored"), 0.4)
+    assert contact.contact()[20:100, 20:100].sum() == contact.contact().sum() > 240
