@@ -26,7 +26,7 @@ SIDES = (
     "nodes"
 )
 UNSAID = "unsaid"  # key of a context with the sides of a surface that has none of both keys
-PERIODIC = "another word for sides: true is periodic; false, where it is written, is free"
+PERIODIC = "another word for sides: true is periodic; false, without sides, is free"
 SPECTRAL = ("H", "n", "rolloff", "cut", "shortest", "slope", "Ssk", "anisotropy", "phases")  # keys of no other surface
 FEWEST, MOST = 8, 8192  # nodes per side
 STEEPEST = 3.0  # skewness
