@@ -14,8 +14,12 @@ from roughvol.campaign.one_case import run_case, surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials
 from roughvol.contact.search import state_under
+from roughvol.gap.clusters import connectivity
 from roughvol.gap.fluid_pressure import fluid_pressure
+from roughvol.gap.gas import conduction_of_gas
+from roughvol.gap.transport import conduction
 from roughvol.observables.coupling import Coupling
+from roughvol.observables.regions import window
 from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
@@ -127,3 +131,25 @@ record: {{fields_at: {{contact_area: [0.1], separation: [1.0]}}, transport: {{ga
     assert_allclose(ds["contact_area_fraction"][-1], 0.3, atol=1.0 / 289)
     assert_allclose(ds["field_at_contact_area_fraction"][0], 0.1, atol=1.0 / 289)
     assert float(ds["field_at_free_volume"][1]) == pytest.approx(1.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("region", ["", ", region: interior"])
+def test_flows_and_regions_are_those_of_a_patch_with_closed_sides(region: str) -> None:
+    (case,) = loads(f"""
+surface: {{D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [2], sides: mirrored}}
+material: {{E_star: 10 MPa}}
+sweep: {{steps: 2, to: {{contact_area: 0.1}}}}
+fluid: {{gas: helium, inlet: 1 bar, outlet: 0 bar}}
+record: {{fields_at: last, transport: {{gas_flow: last, transmissivity: last, percolation: last}}{region}}}
+""").cases()
+    ds = run_case(case).squeeze()
+    gap = ds["gap"].values[window(case, (17, 17))]
+    assert gap.shape == ((9, 9) if region else (17, 17))
+    assert case.gas is not None
+    path = case.gas.mean_free_path / 0.5
+    for axis in (0, 1):
+        gas = conduction_of_gas(gap, axis, case.gas.law, path, case.gas.outlet)
+        assert float(ds["gas_transmissivity"][-1, axis]) == pytest.approx(gas.coefficient, rel=1e-3)
+        assert float(ds["transmissivity"][-1, axis]) == pytest.approx(conduction(gap, axis).coefficient, rel=1e-3)
+    connected = connectivity(gap, gap == 0.0)
+    assert float(ds["trapped_volume_fraction"][-1]) == pytest.approx(connected.trapped, rel=1e-6)
